@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.codegen.c99 import MEASUREMENT_H, CSource, write_c99
+from swimbladder.codegen.c99 import CSource, write_c99
 from swimbladder.codegen.c_places import c_law
+from swimbladder.codegen.library import render
 from swimbladder.codegen.subset import read_law
 from swimbladder.control.law import Law, Measurement
 from tests.codegen.laws import flat, laid_out, layout
@@ -55,7 +56,7 @@ def run(*words: Any, **how: Any) -> subprocess.CompletedProcess[Any]:
 def write(law: Law, folder: Path, seen: type[Any] = Measurement) -> CSource:
     """Write a law's C files into a folder; seen: what the law sees."""
     source = write_c99(read_law(law, seen))
-    (folder / "swb_measurement.h").write_text(MEASUREMENT_H)
+    (folder / "swb_measurement.h").write_text(render("swb_measurement.h", {}))
     (folder / source.header_name).write_text(source.header)
     (folder / source.source_name).write_text(source.source)
     return source

@@ -12,7 +12,7 @@ import re
 import textwrap
 from typing import NamedTuple
 
-from swimbladder.codegen.c_expressions import ARITHMETIC, CALLED, HELPERS, NEEDS
+from swimbladder.codegen.c_expressions import ARITHMETIC, CALLED, HELPERS
 from swimbladder.codegen.c_flow import calls_of, fields_read
 from swimbladder.codegen.c_functions import FunctionText, shortened
 from swimbladder.codegen.c_places import (
@@ -36,21 +36,6 @@ class CSource(NamedTuple):
     header: str
     source_name: str
     source: str
-
-
-MEASUREMENT_H = """\
-/* What a control law sees at a sample. Written by swimbladder. */
-#ifndef SWB_MEASUREMENT_H
-#define SWB_MEASUREMENT_H
-
-typedef struct {
-    float time;   /* s */
-    float depth;  /* m, of the pressure sensor, positive down */
-    float volume; /* m3, positive: lighter; 0 at mid-stroke */
-} swb_measurement;
-
-#endif
-"""
 
 
 def write_c99(program: Program, *, private: bool = False) -> CSource:
@@ -179,8 +164,7 @@ def _source(program: Program, private: bool) -> str:
         for c in program.constants
         if re.search(rf"\bSWB_{c.name}\b", functions)
     ]
-    wanted = {n for n in HELPERS if f"{n}(" in functions}
-    wanted |= {inner for n in wanted for inner in NEEDS.get(n, ())}
+    wanted = _used(functions, HELPERS)
     arithmetic = [HELPERS[n] for n in HELPERS if n in wanted]
     text = "\n".join([*structs, *arithmetic, functions])
     includes = {

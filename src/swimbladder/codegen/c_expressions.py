@@ -6,6 +6,7 @@ What C lacks stands here too: arithmetic held to one rounding, and small functio
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.resources import files
 
 from swimbladder.codegen.c_places import c_field, c_number, c_record
 from swimbladder.codegen.tree import (
@@ -30,106 +31,10 @@ from swimbladder.codegen.tree import (
     place_of,
 )
 
-ARITHMETIC = """\
-#if defined(__FAST_MATH__)
-#error "the law is to be compiled without -ffast-math or -Ofast: NaN has to stay NaN"
-#endif
-#if defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0 && __FLT_EVAL_METHOD__ != 16
-#error "float has to be calculated in float: on x86 with -msse2 -mfpmath=sse"
-#endif
-/* a * b + c stays two roundings, also where the processor could do it in one. */
-#if defined(__clang__)
-#pragma STDC FP_CONTRACT OFF
-#elif defined(__GNUC__) && !defined(__AVR__)
-#pragma GCC optimize("fp-contract=off")
-#endif
-"""
-
-CALLED = """\
-/* On an AVR copies of a function take more flash, and more stack, than calls of it. */
-#if defined(__AVR__)
-#define SWB_CALLED __attribute__((noinline))
-#else
-#define SWB_CALLED
-#endif
-"""
-
-HELPERS = {
-    "swb_bits": """\
-static uint32_t swb_bits(float x)
-{
-    uint32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    return bits;
-}
-""",
-    "swb_from_bits": """\
-static float swb_from_bits(uint32_t bits)
-{
-    float x;
-    memcpy(&x, &bits, sizeof x);
-    return x;
-}
-""",
-    "swb_isfinite": """\
-static bool swb_isfinite(float x)
-{
-    return (swb_bits(x) & 0x7f800000u) != 0x7f800000u;
-}
-""",
-    "swb_abs": """\
-static float swb_abs(float x)
-{
-    return swb_from_bits(swb_bits(x) & 0x7fffffffu);
-}
-""",
-    "swb_copysign": """\
-static float swb_copysign(float x, float sign)
-{
-    return swb_from_bits((swb_bits(x) & 0x7fffffffu) | (swb_bits(sign) & 0x80000000u));
-}
-""",
-    "swb_min": """\
-static float swb_min(float a, float b)
-{
-    return b < a ? b : a;
-}
-""",
-    "swb_max": """\
-static float swb_max(float a, float b)
-{
-    return b > a ? b : a;
-}
-""",
-    "swb_more": """\
-static uint16_t swb_more(uint16_t n, uint16_t by)
-{
-    const uint16_t sum = (uint16_t)(n + by);
-    return sum < n ? 65535u : sum;
-}
-""",
-    "swb_less": """\
-static uint16_t swb_less(uint16_t n, uint16_t by)
-{
-    return n > by ? (uint16_t)(n - by) : 0u;
-}
-""",
-    "swb_lesser": """\
-static uint16_t swb_lesser(uint16_t a, uint16_t b)
-{
-    return b < a ? b : a;
-}
-""",
-    "swb_greater": """\
-static uint16_t swb_greater(uint16_t a, uint16_t b)
-{
-    return b > a ? b : a;
-}
-""",
-}
-NEEDS = {"swb_isfinite": ("swb_bits",), "swb_abs": ("swb_bits", "swb_from_bits"),
-          "swb_copysign": ("swb_bits", "swb_from_bits")}  # fmt: skip
-
+_TEXT = files("swimbladder.codegen").joinpath("templates/arithmetic.h").read_text("utf-8")
+ARITHMETIC, CALLED, *_BLOCKS = (f"{block.strip()}\n" for block in _TEXT.split("\n\n"))
+HELPERS = {block.partition("(")[0].split()[-1]: block for block in _BLOCKS}
+"""What a law's file needs to compute as the twin does, and the functions that it may call."""
 
 _CHOICE, _LOGIC, _COMPARE, _SUM, _PRODUCT, _UNARY, _ATOM = range(7)
 _LEVEL = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT}

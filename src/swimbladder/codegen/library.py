@@ -13,18 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from swimbladder.codegen.c99 import MEASUREMENT_H, write_c99
+from swimbladder.codegen.c99 import write_c99
 from swimbladder.codegen.c_places import c_field, c_float, c_law, c_number
 from swimbladder.codegen.clock import MOST_TURNS, SOON
-from swimbladder.codegen.meanings import facts_of
-from swimbladder.codegen.pool import (
-    PoolDay,
-    PoolOptions,
-    plan_pool_day,
-    pool_facts,
-)
+from swimbladder.codegen.pool import PoolDay, PoolOptions, plan_pool_day
 from swimbladder.codegen.pump_valve import BoardLaw, board_law
-from swimbladder.codegen.safety import supervisor_parameters
+from swimbladder.codegen.safety import supervisor_parameters, time_limit
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT, Program
 from swimbladder.codegen.twin import (
@@ -176,12 +170,12 @@ def make_library(
         )  # fmt: skip
     day = None if pool is None else plan_pool_day(vehicle, pool, made.limits, seed=seed)
     facts = made.facts | {
-        "start": f"{start_depth:g}", "goal": f"{target:g}", "target": c_float(target),
-        "ticks": len(golden.depth), "pool": day is not None, "day": False,
-        "pushes": made.limits.proof.same_tried < NEVER,
+        "start": start_depth, "goal": target, "ticks": len(golden.depth), "pool": day,
+        "pool_units": POOL.units, "day": False, "pushes": made.limits.proof.same_tried < NEVER,
+        "positioner": made.limits.rate.positioner > 0.0, "drive": drive,
+        "time_limit": time_limit(made.limits), "launch_min": LAUNCH, "dive_min": UNDER_WATER,
+        "lined": getattr(vehicle.actuator, "line", None) is not None,
     }  # fmt: skip
-    if day is not None:
-        facts |= pool_facts(day) | {"pool_numbers": _numbers(day.parameters, POOL.units)}
     rows = [
         [f"0x{np.float32(x).view(np.uint32):08x}" for x in row]
         for row in zip(*(column[:_ON_BOARD] for column in golden[:4]), strict=True)
@@ -189,36 +183,34 @@ def make_library(
     facts["rows"] = len(rows)
     sketch = "Float.ino.j2" if drive is None else "PumpFloat.ino.j2"
     readme = "README.md.j2" if drive is None else "README_float.md.j2"
-    if drive is not None:
-        facts |= _drive_facts(vehicle, drive, tick_s)
     avr = facts | {"boards": "an AVR (Uno, Nano, Mega)", "avr": True, "wait": False, "pwm": _PWM}
     other = facts | {"boards": "an ESP32 or RP2040", "avr": False, "wait": True, "pwm": _PWM_12}
     files = {
-        "library.properties": _render("library.properties.j2", facts),
-        "README.md": _render(readme, facts),
+        "library.properties": render("library.properties.j2", facts),
+        "README.md": render(readme, facts),
         **{f"src/{name}": text for name, text in made.sources.items()},
-        "examples/FloatAVR/FloatAVR.ino": _render(sketch, avr),
-        "examples/FloatESP32RP2040/FloatESP32RP2040.ino": _render(sketch, other),
-        "examples/GoldenTrace/GoldenTrace.ino": _render("GoldenTrace.ino.j2", facts),
-        "examples/GoldenTrace/golden.h": _render("golden.h.j2", facts | {"rows": rows}),
-        "extras/check.c": _render("check.c.j2", facts),
-        "extras/golden.csv": _table(golden, tick_s, _COLUMN[law.command]),
+        "examples/FloatAVR/FloatAVR.ino": render(sketch, avr),
+        "examples/FloatESP32RP2040/FloatESP32RP2040.ino": render(sketch, other),
+        "examples/GoldenTrace/GoldenTrace.ino": render("GoldenTrace.ino.j2", facts),
+        "examples/GoldenTrace/golden.h": render("golden.h.j2", facts | {"rows": rows}),
+        "extras/check.c": render("check.c.j2", facts),
+        "extras/golden.csv": _table(golden, tick_s, made.facts["column"]),
     }
     if drive is not None:
         files |= {
-            "src/swb_drive.h": _render("swb_drive.h.j2", facts),
-            "src/swb_drive.c": _render("swb_drive.c.j2", facts),
-            "extras/board.c": _render("board.c.j2", facts),
+            "src/swb_drive.h": render("swb_drive.h.j2", facts),
+            "src/swb_drive.c": render("swb_drive.c.j2", facts),
+            "extras/board.c": render("board.c.j2", facts),
         }
     if day is not None:
         procedure = write_c99(read_law(POOL))
         files |= {
             f"src/{procedure.header_name}": procedure.header,
             f"src/{procedure.source_name}": procedure.source,
-            "src/swb_pool_day.h": _render("swb_pool_day.h.j2", facts),
-            "src/swb_pool_day.c": _render("swb_pool_day.c.j2", facts),
-            "examples/PoolDayAVR/PoolDayAVR.ino": _render("Float.ino.j2", avr | {"day": True}),
-            "examples/PoolDayESP32RP2040/PoolDayESP32RP2040.ino": _render(
+            "src/swb_pool_day.h": render("swb_pool_day.h.j2", facts),
+            "src/swb_pool_day.c": render("swb_pool_day.c.j2", facts),
+            "examples/PoolDayAVR/PoolDayAVR.ino": render("Float.ino.j2", avr | {"day": True}),
+            "examples/PoolDayESP32RP2040/PoolDayESP32RP2040.ino": render(
                 "Float.ino.j2", other | {"day": True}
             ),
         }
@@ -263,21 +255,29 @@ def make_program(
         check_sample_time(vehicle, law, parameters, tick_s, depths=list(depths))
     program = read_law(law)
     first = vehicle.stroke.maximum if law.command == "volume" else 0.0
-    facts = _facts(vehicle, law, parameters, tick_s, first, ends) | {
-        "reasons": list(Reason), "limits": _numbers(limits, SUPERVISOR.units), **facts_of(limits),
+    unit, said, digits, column = _COMMANDS[law.command]
+    plain = re.sub(r"[^\w .-]", "_", vehicle.name, flags=re.ASCII)
+    release = re.match(r"\d+\.\d+\.\d+", version("swimbladder"))
+    facts = {
+        "vehicle": plain, "library": f"Swimbladder {plain}", "law": law, "tick": tick_s,
+        "version": release.group() if release else "0.0.0", "low": ends[0], "high": ends[1],
+        "first": first, "soon": SOON, "most_turns": MOST_TURNS, "unit": unit, "ends": said,
+        "digits": digits, "column": column, "parameters": parameters, "reasons": Reason,
+        "header": f"time_s,depth_m,volume_m3,{column},reference_depth_m", "limits": limits,
+        "units": SUPERVISOR.units,
     }  # fmt: skip
     own = write_c99(program)
     supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
     sources = {
-        "swb_measurement.h": MEASUREMENT_H,
+        "swb_measurement.h": render("swb_measurement.h", {}),
         own.header_name: own.header,
         own.source_name: own.source,
-        "swb_controller.h": _render("swb_controller.h.j2", facts),
-        "swb_controller.c": _render("swb_controller.c.j2", facts),
+        "swb_controller.h": render("swb_controller.h.j2", facts),
+        "swb_controller.c": render("swb_controller.c.j2", facts),
         supervisor.header_name: supervisor.header,
         supervisor.source_name: supervisor.source,
-        "swb_vehicle.h": _render("swb_vehicle.h.j2", facts),
-        "swb_vehicle.c": _render("swb_vehicle.c.j2", facts),
+        "swb_vehicle.h": render("swb_vehicle.h.j2", facts),
+        "swb_vehicle.c": render("swb_vehicle.c.j2", facts),
     }
     return BoardProgram(
         law=law, parameters=parameters, tick_s=tick_s, first=first, ends=ends, limits=limits,
@@ -344,72 +344,13 @@ def _remove(path: Path) -> None:
         ) from error  # fmt: skip
 
 
-_COLUMN = {"voltage": "voltage_V", "volume": "reference_volume_m3", "volume change": "run_s"}
+_COMMANDS = {  # unit, what the limits are, digits in a log, column of a table
+    "voltage": ("V", "the supply's voltage", 3, "voltage_V"),
+    "volume": ("m3", "the ends of the stroke", 9, "reference_volume_m3"),
+    "volume change": ("s", "a whole tick of a valve or of the pump", 3, "run_s"),
+}
 _PWM = "analogWrite(PWM_PIN, 255.0f * fabsf(voltage) / BATTERY_VOLTS), and a pin for its sign"
 _PWM_12 = "a duty cycle of fabsf(voltage) / BATTERY_VOLTS, and a pin for its sign"
-
-
-def _facts(
-    vehicle: Vehicle,
-    law: Law,
-    parameters: Any,
-    tick_s: float,
-    first: float,
-    limits: tuple[float, float],
-) -> dict[str, Any]:
-    """Return what the templates are filled with."""
-    plain = re.sub(r"[^\w .-]", "_", vehicle.name, flags=re.ASCII)
-    low, high = limits
-    volts, floats = law.command == "voltage", law.command == "volume change"
-    columns = f"time_s,depth_m,volume_m3,{_COLUMN[law.command]},reference_depth_m"
-    release = re.match(r"\d+\.\d+\.\d+", version("swimbladder"))
-    return {
-        "vehicle": plain,
-        "library": f"Swimbladder {plain}",
-        "version": release.group() if release else "0.0.0",
-        "law": law.name,
-        "c_law": c_law(law.name),
-        "command": "seconds" if floats else law.command,
-        "unit": "V" if volts else ("s" if floats else "m3"),
-        "ends": "the supply's voltage"
-        if volts
-        else ("a whole tick of a valve or of the pump" if floats else "the ends of the stroke"),
-        "tick": c_float(tick_s),
-        "tick_text": f"{tick_s:.9g}",
-        "tick_us": round(tick_s * 1e6),
-        "low": c_float(low),
-        "high": c_float(high),
-        "low_text": f"{low:.6g}",
-        "high_text": f"{high:.6g}",
-        "first": c_float(first),
-        "soon": SOON,
-        "most_turns": MOST_TURNS,
-        "digits": 3 if volts or floats else 9,
-        "header": columns,
-        "drive": "put the voltage on the motor, positive: the volume grows"
-        if volts
-        else "send the actuator to the volume [m3]",
-        "bench": "a positive voltage must make it grow."
-        if volts
-        else "the actuator must go where it is sent.",
-        "parameters": _numbers(parameters, law.units),
-    }
-
-
-def _drive_facts(vehicle: Vehicle, drive: BoardLaw, tick_s: float) -> dict[str, Any]:
-    """Return what the templates of a float say beside that."""
-    p, top = drive.parameters.drive, drive.parameters.surface
-    ticks = [math.ceil(60.0 * minutes / tick_s) for minutes in (LAUNCH, LAUNCH + UNDER_WATER)]
-    return {
-        "grace_us": round(min(0.25 * tick_s, 0.5) * 1e6), "launch_ticks": ticks[0],
-        "up_ticks": ticks[1], "launch_min": LAUNCH, "dive_min": UNDER_WATER,
-        "shallow": f"{top.shallow:.3g}", "beyond": f"{p.beyond * 1e6:.3g}",
-        "longest": f"{p.longest:.4g}", "quantum": f"{p.quantum:.4g}",
-        "bypass": p.bypass_flow > 0.0, "fit_depth": f"{1.0 / p.per_depth:.4g}",
-        "rate_error": f"{max(100.0 * drive.rate_error, 1e-3):.2g} %",
-        "start_error": f"{drive.start_error * 1e6:.2g}",
-        "line": getattr(vehicle.actuator, "line", None) is not None,
-    }  # fmt: skip
 
 
 def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, str]]:
@@ -427,12 +368,22 @@ def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, 
     return list(of(parameters, ""))
 
 
-def _render(template: str, facts: Mapping[str, Any]) -> str:
+def render(template: str, facts: Mapping[str, Any]) -> str:
+    """Return a template of this package filled in."""
     environment = Environment(
         loader=PackageLoader("swimbladder.codegen", "templates"),
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
         keep_trailing_newline=True, autoescape=False,
     )  # fmt: skip
+    tick = facts.get("tick", 0.0)
+
+    def after(count: int) -> str:
+        return f"{count * tick:.3g} s" if count < NEVER else "never"
+
+    environment.filters |= {
+        "c": c_float, "c_law": c_law, "g": lambda x, digits: f"{x:.{digits}g}", "after": after,
+        "numbers": _numbers, "seconds": lambda count: f"{count * tick:.0f}",
+    }  # fmt: skip
     return environment.get_template(template).render(facts)
 
 

@@ -171,6 +171,12 @@ class PoolOptions(NamedTuple):
     last: float = 75e-6  # m3, in the last: the paper's largest
     rounds: int = 4  # as many as the paper's
 
+    @property
+    def volumes(self) -> str:
+        """The changes of volume as text."""
+        first, last = (f"{volume * 1e6:g}" for volume in (self.first, self.last))
+        return f"{first} cm3" if first == last else f"{first} to {last} cm3"
+
 
 class PoolDay(NamedTuple):
     """A pool day of a vehicle: what was asked for, the numbers, and how it went on the model."""
@@ -215,30 +221,11 @@ def plan_pool_day(
 
 def pool_summary(day: PoolDay) -> str:
     """Return what the command line says of a pool day, one line."""
-    facts = pool_facts(day)
+    options, p = day.options, day.parameters
     return (
-        f"pool day: {facts['rounds']} rounds of {facts['volumes']} between {facts['deep']} and "
-        f"{facts['shallow']} m; on the model it takes {facts['minutes']} min"
+        f"pool day: {options.rounds} rounds of {options.volumes} between {p.deep:.4g} and "
+        f"{p.shallow:.4g} m; on the model it takes {day.rehearsal.minutes:.0f} min"
     )
-
-
-def pool_facts(day: PoolDay) -> dict[str, Any]:
-    """Return what the templates say of a pool day."""
-    p, options = day.parameters, day.options
-    words = [
-        (f"{f.step.upper()}_{f.does.name}" if f.step else f.does.name, f.words) for f in p.phases
-    ]
-    first, last = (f"{volume * 1e6:g}" for volume in (options.first, options.last))
-    return {
-        "rounds": options.rounds, "phase_names": [name for name, _ in words],
-        "phase_words": words, "pool_depth": f"{options.depth:g}", "deep": f"{p.deep:.4g}",
-        "shallow": f"{p.shallow:.4g}", "bottom": f"{p.bottom:.4g}",
-        "volumes": f"{first} cm3" if first == last else f"{first} to {last} cm3",
-        "minutes": f"{day.rehearsal.minutes:.0f}", "trim": f"{day.neutral * 1e6:.3g}",
-        "end_volume": f"{p.end_volume * 1e6:.3g}", "patience": f"{p.patience:g}",
-        "blind": f"{p.blind:g}", "own_loop": day.own_loop,
-        "pool_header": "time_s,depth_m,volume_m3,voltage_V,phase",
-    }  # fmt: skip
 
 
 def board_procedure(

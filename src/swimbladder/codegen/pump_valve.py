@@ -31,12 +31,17 @@ class BoardLaw(NamedTuple):
     rate_error: float  # -, most by which the polynomial of the pump's rate is off
     start_error: float  # m3, most by which that of what a start falls short is off
 
+    @property
+    def rate_percent(self) -> str:
+        """The error of the rate as text."""
+        return f"{max(100.0 * self.rate_error, 1e-3):.2g} %"
+
     def summary(self) -> str:
         """Return what the command line says of the fit, one line."""
         return (
             f"drive: the pump's rate by a polynomial down to "
             f"{1.0 / self.parameters.drive.per_depth:.4g} m, off by "
-            f"{max(100.0 * self.rate_error, 1e-3):.2g} % at most; a start falls short by "
+            f"{self.rate_percent} at most; a start falls short by "
             f"{self.parameters.drive.short_0 * 1e6:.3g} cm3 at the surface"
         )
 

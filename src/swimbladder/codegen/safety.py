@@ -430,3 +430,23 @@ def _same_ticks(noise: float, quantum: float, tick: float) -> int:
     if samples * tick > _HIDDEN_S or samples > _COUNTED:
         return NEVER
     return max(ticks(_AT_LEAST_S, tick), math.ceil(samples))
+
+
+def summary(p: SupervisorParameters) -> str:
+    """Return what the command line says of the supervisor, one line."""
+    battery = f"below {p.board.battery_low:.3g} V" if p.board.battery_low > 0.0 else "not watched"
+    depth = f"{p.deep.depth_limit:.4g} m" if math.isfinite(p.deep.depth_limit) else "none"
+    frozen = f"after {p.same.same * p.S_p:.3g} s"
+    if p.same.same == NEVER:
+        frozen = "by the model only, as the noise of the sensor is not known or hidden"
+    time = time_limit(p) or "none"
+    return (
+        f"supervisor: depth limit {depth}, time limit {time}, battery {battery}, "
+        f"frozen depth {frozen}"
+    )
+
+
+def time_limit(p: SupervisorParameters) -> str:
+    """Return the time limit as text, empty where there is none."""
+    time = (p.time.time_blocks * 4096 + p.time.time_ticks) * p.S_p
+    return f"{time:.6g} s" if p.time.time_blocks < NEVER else ""

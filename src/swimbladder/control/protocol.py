@@ -60,6 +60,11 @@ class Phase(NamedTuple):
         what = self.does.name.lower().replace("_", " ")
         return f"({self.step}) {what}" if self.step else what
 
+    @property
+    def name(self) -> str:
+        """What the board's C calls it."""
+        return f"{self.step.upper()}_{self.does.name}" if self.step else self.does.name
+
 
 class PoolParameters(NamedTuple):
     """The procedure, the loop that holds a depth in it, and what it knows of the actuator."""

@@ -22,7 +22,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from swimbladder.codegen.c_places import c_float
+from swimbladder.codegen.library import render
 from swimbladder.errors import InputError
 from swimbladder.io.files import temporary_folder
 
@@ -130,48 +130,6 @@ class Board:
 UNSUPERVISED, SUPERVISED, IDEAL = "unsupervised", "supervised", "ideal"
 
 
-_BOARD = """
-int {name}_size(void)
-{{
-    return (int)sizeof({kind});
-}}
-
-void {name}_begin(void *memory, int after_reset)
-{{
-    {begin};
-}}
-
-float {name}_tick(void *memory, const float *seen, float *said)
-{{
-    {kind} *v = memory;
-{tick}
-    said[3] = {wide};
-    return command;
-}}
-"""
-_ALONE = """\
-    said[0] = said[1] = 0.0f;
-    said[2] = v->waiting == 0u ? 1.0f : 0.0f;
-    const float command = swb_controller_tick(v, seen[0], seen[2], seen[6]);"""
-_SEEN = """\
-    const swb_seen s = {.depth = seen[0], .depth_age = seen[1], .volume = seen[2],
-        .battery = seen[3], .leak = seen[4] > 0.5f, .lost_ticks = (uint32_t)seen[5]};
-"""
-_WATCHED = """\
-    const bool due = v->controller.waiting == 0u;
-    const uint32_t ticks = v->controller.ticks;
-    const float command = swb_vehicle_tick(v, &s, seen[6]);
-    said[0] = (float)v->reason;
-    said[1] = v->release ? 1.0f : 0.0f;
-    said[2] = due && v->controller.ticks != ticks ? 1.0f : 0.0f;"""
-_IGNORED = """\
-    said[0] = said[1] = 0.0f;
-    said[2] = v->controller.waiting == 0u ? 1.0f : 0.0f;
-    const float wanted = swb_controller_tick(&v->controller, seen[0], seen[2], seen[6]);
-    const float watched = swb_vehicle_watch(v, &s, wanted, v->controller.missed);
-    const float command = v->reason != 0u ? wanted : watched;"""
-
-
 def c_interface(first: float, *, floats: bool) -> str:
     """Return the C; first: the controller's command until there is one.
 
@@ -180,17 +138,4 @@ def c_interface(first: float, *, floats: bool) -> str:
     whether a command below 0 is for the bypass. That of
     ideal detection is supervised until there is a reason, which it ignores: its law goes on.
     """
-    alone = f"(void)after_reset;\n    swb_controller_begin(memory, {c_float(first)})"
-    begin = "swb_vehicle_begin(memory, after_reset != 0)"
-    boards = (
-        (UNSUPERVISED, "swb_controller", alone, _ALONE, "v->state"),
-        (SUPERVISED, "swb_vehicle", begin, _SEEN + _WATCHED, "v->controller.state"),
-        (IDEAL, "swb_vehicle", begin, _SEEN + _IGNORED, "v->controller.state"),
-    )
-    return '#include "swb_vehicle.h"\n' + "".join(
-        _BOARD.format(
-            name=name, kind=kind, begin=begins, tick=tick,
-            wide=f"{state}.drive.wide" if floats else "0.0f",
-        )
-        for name, kind, begins, tick, state in boards
-    )  # fmt: skip
+    return render("c_interface.c.j2", {"first": first, "floats": floats})
