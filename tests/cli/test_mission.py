@@ -150,16 +150,15 @@ depth = 2
 
 
 def test_a_hold_that_does_not_hold_is_exit_1(task, capsys, monkeypatch):
-    """A hull that gives way more than the water runs away between two looks."""
+    """The gain of the depth is a fifth of the vehicle's own."""
     task.write_text("""schema_version = 1
 [[phases]]
 kind = "hold"
 depth = "3 m"
 tolerance = "0.2 m"
 speed = "5 cm/s"
-check_interval = "30 s"
 duration = "10 min"
-law = "rate"
+parameters = { k_pz = "-0.02 dm3/m" }
 """)
     drawn = []
     monkeypatch.setattr("swimbladder.show.files.save", lambda figure, _: drawn.append(figure))
@@ -182,6 +181,28 @@ law = "rate"
     assert answer["held"]["hold"]["share"] == pytest.approx(share, abs=0.03)
     farthest = np.max(np.abs(table["depth_m"] - 3.0)[first:])
     assert answer["held"]["hold"]["farthest"] == pytest.approx(farthest, rel=1e-6)
+
+
+def test_a_hold_that_cannot_be_is_refused_and_leaves_nothing(task, capsys):
+    """A hull that gives way more than the water runs away between two samples."""
+    task.write_text("""schema_version = 1
+[[phases]]
+kind = "hold"
+depth = "30 m"
+tolerance = "1 m"
+check_interval = "60 s"
+duration = "1 h"
+law = "rate"
+[[phases]]
+kind = "surface"
+duration = "10 min"
+law = "rate"
+""")
+    assert main(["mission", "feup-em", str(task), "--out", "flown"]) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "sample every" in said
+    assert "is kept in" not in said
+    assert not os.path.exists("flown")
 
 
 def test_a_band_that_reaches_to_the_surface_is_said_to_say_nothing(task, capsys):

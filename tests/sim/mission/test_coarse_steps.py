@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
+from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.names import Account
 from swimbladder.sim.mission.core.names import Holding
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.holding import coarse_words
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.result import MissionResult
+from swimbladder.sim.mission.shortfall import coarse_words
 from swimbladder.vehicle import Vehicle
 
 HOLD = Mission(
@@ -46,7 +47,8 @@ def shares(vehicle: Vehicle, count: int) -> np.ndarray:
     column = uniform_column(vehicle.water, 1200.0)
     rng, found = np.random.default_rng(4), []
     for _ in range(count):
-        kept = fly_mission(alike(vehicle, rng), HOLD, column).accounts[int(Account.COUNT) :]
+        flown = fly_mission(alike(vehicle, rng), HOLD, column, checked=False)
+        kept = flown.accounts[int(Account.COUNT) :]
         found.append(kept[Holding.INSIDE] / kept[Holding.TIME])
     return np.array(found)
 
@@ -74,6 +76,8 @@ def test_what_a_band_holds_by_hand(step: str, said: bool) -> None:
 
 def test_a_hold_that_fails_names_the_step() -> None:
     vehicle = stepping(load_vehicle("example-float"), "3 cm3")
-    flown = fly_mission(vehicle, HOLD, uniform_column(vehicle.water, 1200.0))
-    reasons = MissionResult(flown, None).reasons
-    assert any("Lessen volume_step: its 3 cm3 move the depth of rest" in one for one in reasons)
+    column, due = uniform_column(vehicle.water, 1200.0), "its 3 cm3 move the depth of rest"
+    with pytest.raises(NoAnswerError, match=f"Lessen volume_step: {due}"):
+        fly_mission(vehicle, HOLD, column)
+    reasons = MissionResult(fly_mission(vehicle, HOLD, column, checked=False), None).reasons
+    assert any(due in one for one in reasons)

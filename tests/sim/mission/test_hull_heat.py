@@ -94,7 +94,7 @@ def test_a_dive_in_an_internal_wave_is_that_of_scipy(profiler, sea):
         ],
     )  # fmt: skip
     vehicle = heated(profiler)
-    flown = fly_mission(vehicle, task, sea, waves=table, accuracy=TIGHT)
+    flown = fly_mission(vehicle, task, sea, waves=table, accuracy=TIGHT, checked=False)
     states = Oracle(vehicle, sea, waves=lambda z, t: moved(table, z, t)).replay(flown)
     assert np.max(np.abs(states[:, 0] - flown.notes[:, Drive.Z])) < 1e-6
     assert close_books(flown).relative_residue < 1e-6

@@ -16,8 +16,8 @@ from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import Flight, fly_mission
+from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import Reckoning, first_state, make_plan
-from swimbladder.sim.mission.reach import reach_of
 from swimbladder.vehicle import DatasheetPump, Oil, PowerLawPump
 from tests.sim.mission.conftest import phases
 from tests.sim.mission.line_oracle import Line, runs_of, sea_of

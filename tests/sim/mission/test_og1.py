@@ -12,8 +12,8 @@ import pytest
 
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.og1 import og1_dataset, write_og1
+from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
-from swimbladder.sim.mission.reach import reach_of
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases
 

@@ -11,8 +11,8 @@ from swimbladder.sim.mission.books import close_books, consumer_energy, mean_pow
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.og1 import og1_dataset
+from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
-from swimbladder.sim.mission.reach import reach_of
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import trajectory_columns
 from swimbladder.vehicle import Load

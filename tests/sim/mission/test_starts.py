@@ -9,10 +9,11 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.sim.engine.rodas.names import Stop
 from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
-from swimbladder.sim.mission.reach import check_reach, reach_of
+from swimbladder.sim.mission.rescue import start_time
 from swimbladder.sim.mission.result import MissionResult
-from swimbladder.sim.mission.starts import runs_of, start_of, starts_words
+from swimbladder.sim.mission.shortfall import starts_words
 from swimbladder.vehicle import Oil
 from tests.quoted import numbers
 from tests.sim.mission.conftest import phases
@@ -26,64 +27,53 @@ def limited(profiler, longest, oil=AIRY, **more):
     return with_line(profiler, oil, longest_run=longest, **more)
 
 
-@pytest.mark.parametrize("pause", [20.0, 65.0, 3600.0])
-def test_a_start_is_that_of_the_lines_pressure(profiler, sea, pause):
-    """From the sea's pressure a pause ago: nothing before that time, a flow after it, by SciPy."""
-    vehicle = with_line(profiler, AIRY)
-    plan = make_plan(vehicle, phases(deep=DEEP), sea)
-    start = start_of(plan, DEEP, pause=pause)
-    assert start.running_up == 0.0
+def test_a_start_is_that_of_the_lines_pressure(profiler, sea):
+    """From the reservoir's pressure: nothing before that time, a flow after it, by SciPy."""
+    plan = make_plan(with_line(profiler, AIRY), phases(deep=DEEP), sea)
+    start = start_time(plan, DEEP)
     hand = by_hand(AIRY)
     p = 101325.0 + float(np.interp(DEEP, sea.depth, sea.pressure))
-    rested = hand.run([np.log(p), 0.0, 0.0], 0.0, pause, lambda _: p, pumps=False)
-    rested[1] = 0.0
+    begin = [np.log(RESERVOIR), 0.0, 0.0]
     before, after = (
-        hand.run(rested, 0.0, share * start.time, lambda _: p, pumps=True)[1]
-        for share in (0.98, 1.02)
+        hand.run(begin, 0.0, share * start, lambda _: p, pumps=True)[1] for share in (0.98, 1.02)
     )
-    late = 1e6 * 0.02 * start.time * (PUMP.delivery - PUMP.slip * (p - RESERVOIR))
-    assert before < 1e-3 * late
-    assert after == pytest.approx(late, rel=0.02)
-    assert start.time < start_of(plan, DEEP).time  # an empty line takes longer
+    late = 1e6 * 0.02 * start * (PUMP.delivery - PUMP.slip * (p - RESERVOIR))
+    assert before < 1e-2 * late
+    assert after == pytest.approx(late, rel=0.05)
 
 
 def test_what_a_start_falls_short_of_is_time_too(profiler, sea):
     vehicle = with_line(profiler, None, start_volume=3e-6)
     plan = make_plan(vehicle, phases(deep=DEEP), sea)
     head = float(np.interp(DEEP, sea.depth, sea.pressure)) + 101325.0 - RESERVOIR
-    start = start_of(plan, DEEP)
-    assert start.filling == 0.0
-    assert start.time == pytest.approx(3e-6 / (PUMP.delivery - PUMP.slip * head), rel=1e-9)
-    assert "s for actuator.start_volume)" in start.words()
+    due = 3e-6 / (PUMP.delivery - PUMP.slip * head)
+    assert start_time(plan, DEEP) == pytest.approx(due, rel=1e-3)
 
 
 @pytest.mark.parametrize("more", [{}, {"oil": None, "start_volume": 3e-6}])
-def test_runs_shorter_than_a_start_are_refused_before_flying(profiler, sea, more):
+def test_runs_shorter_than_a_start_are_refused(profiler, sea, more):
     task = phases(deep=DEEP)
-    pause = runs_of(make_plan(limited(profiler, 5.0, **more), task, sea), RISING).pause
-    begin = DEEP - task.phases[1].tolerance
-    start = start_of(make_plan(limited(profiler, 5.0, **more), task, sea), begin, pause=pause)
-    for share in (0.9, 1.1):
-        vehicle = limited(profiler, share * start.time, **more)
-        plan = make_plan(vehicle, task, sea)
-        if share > 1.0:
-            check_reach(vehicle, task, plan)
-            continue
-        with pytest.raises(NoAnswerError) as refused:
-            check_reach(vehicle, task, plan)
-        said = str(refused.value)
-        assert "'profile'" in said
-        assert "actuator.longest_run" in said
-        assert {150.0, float(f"{share * start.time:.3g}")} <= numbers(said)  # m, s
+    start = start_time(make_plan(limited(profiler, 5.0, **more), task, sea), DEEP)
+    vehicle = limited(profiler, 0.5, **more)
+    with pytest.raises(NoAnswerError) as refused:
+        fly_mission(vehicle, task, sea, cycles=1)
+    said = str(refused.value)
+    assert "'profile' does not come up" in said
+    assert "actuator.longest_run" in said
+    where = next(z for z in numbers(said) if abs(z - DEEP) <= task.phases[1].tolerance)
+    taken = float(re.search(r"a start of the pump takes (\S+) s", said)[1])
+    assert taken == pytest.approx(start, rel=0.1 * abs(where - DEEP) / DEEP + 0.03)
+    assert 0.5 in numbers(said)  # s, of a run
+    fly_mission(limited(profiler, 3.0 * start, **more), task, sea, cycles=1)
 
 
-def test_a_look_that_comes_before_a_start_is_over_is_what_limits(profiler, sea):
+def test_a_sample_that_comes_before_a_start_is_over_is_what_limits(profiler, sea):
     stages = [phase.model_dump(exclude_none=True) for phase in phases(deep=DEEP).phases]
     stages[RISING]["check_interval"] = 4.0  # 2 s of them to measure the speed
     task = Mission(phases=stages)
     vehicle = with_line(profiler, None, start_volume=3e-6)
     with pytest.raises(NoAnswerError, match="check_interval") as refused:
-        check_reach(vehicle, task, make_plan(vehicle, task, sea))
+        fly_mission(vehicle, task, sea, cycles=1)
     assert 2.0 in numbers(refused.value)  # s, the longest run
 
 

@@ -9,8 +9,8 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.names import Account, Drive, Now
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
-from swimbladder.sim.mission.reach import reach_of
 from swimbladder.vehicle import HullPart
 from tests.sim.mission.conftest import phases
 from tests.sim.mission.oracle import Oracle

@@ -35,10 +35,10 @@ from swimbladder.control.law import Law
 from swimbladder.control.rate import RateParameters
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.stability.cycles import Cycle, Predicted
+from swimbladder.design.tuning.margins import least_band
 from swimbladder.design.tuning.trial import Asked, Flights, fly_floats
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop import simulate_ensemble
-from swimbladder.sim.mission.holding import least_band
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -237,7 +237,7 @@ def on_the_way(p: Plant, q: RateParameters, *, down: bool) -> Predicted | None:
 def _at_rest(vehicle: Vehicle, p: Plant, q: RateParameters, depth: float) -> list[Predicted]:
     found: list[Predicted] = []
     if p.psi > 0.0:
-        most = q.tolerance + least_band(vehicle, p.psi, q, q.volume_step)[0]
+        most = q.tolerance + least_band(vehicle, p.psi, q, q.volume_step)
         found.append(_predicted("hull that gives way", (p.psi, "m3/m"), most, math.nan, None))
     elif p.psi < 0.0:
         apart = q.volume_step / -p.psi

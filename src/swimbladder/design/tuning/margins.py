@@ -29,9 +29,9 @@ from swimbladder.design.linear.pump_valve import (
 )
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
 from swimbladder.design.tuning.region import Member, member, unit_points, unknowns
-from swimbladder.physics.dynamics import Plant
+from swimbladder.physics.dynamics import Plant, drag_force
 from swimbladder.sim.closed_loop.water import Medium
-from swimbladder.sim.mission.holding import least_band
+from swimbladder.sim.mission.orders import runaway
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 
@@ -138,13 +138,38 @@ def rest_of(vehicle: Vehicle, law: Law, parameters: Any, rates: DriveRates, medi
     if isinstance(parameters, RateParameters):
         smallest = max(parameters.volume_step, shortest)
         softest = vehicle.model_copy(update={"hull": hull})
-        band = least_band(softest, p.psi, parameters, smallest)[0]
+        band = least_band(softest, p.psi, parameters, smallest)
     if p.psi > 0.0:
         return Rest(1.0 / sigma, math.inf, math.inf, band, tolerance, p.psi)
     if p.psi == 0.0:
         return Rest(math.inf, math.inf, math.inf, band, tolerance, p.psi)
     period = 2.0 * math.pi / sigma
     return Rest(math.inf, period, _halves(p, sigma, tolerance), band, tolerance, p.psi)
+
+
+def least_band(vehicle: Vehicle, psi: float, law: RateParameters, volume_step: float) -> float:
+    """Return the least tolerance [m] that the law `rate` keeps.
+
+    volume_step: the smallest change of volume [m3]; it makes a speed w by c w^2, or as slow a one
+    as is not seen, and between two samples, h apart, the vehicle goes w h. Where it runs away it
+    does so until one sees it and the next corrects it, e^(2 sigma h); where it is stable it rests
+    within volume_step/|psi|.
+    """
+    interval = law.dead + law.run
+    speed = max(0.5 * law.speed_step, math.sqrt(volume_step / law.coefficient))
+    if speed <= 0.0:
+        return 0.0
+    least = speed * interval * math.exp(2.0 * runaway(vehicle, psi, speed) * interval)
+    if psi < 0.0:
+        least = min(least, max(volume_step / -psi, _drift(vehicle, psi, 0.5 * law.speed_step)))
+    return least
+
+
+def _drift(vehicle: Vehicle, psi: float, speed: float) -> float:
+    """Return how far from rest a stable vehicle is that still moves at a speed [m/s], in metres."""
+    if speed <= 0.0:
+        return 0.0
+    return abs(drag_force(vehicle.drag, speed)) / (vehicle.water.specific_weight * abs(psi))
 
 
 def _halves(p: Plant, omega: float, amplitude: float) -> float:

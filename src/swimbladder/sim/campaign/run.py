@@ -22,9 +22,10 @@ from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
 from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Cycle, Holding, Stage
+from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import fly_by_laws
+from swimbladder.sim.mission.plan_check import check_flight
 from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
-from swimbladder.sim.mission.reach import check_flight, check_reach
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
 
@@ -83,9 +84,9 @@ class Floats:
             )  # fmt: skip
         for column in self.columns:
             check_flight(self.vehicle, self.mission, column, cycles=self.cycles, span=self.span)
-        for plan in self.plans:
-            check_reach(self.vehicle, self.mission, plan)
         self._most_cycles()
+        for column in self.columns:
+            fly_mission(self.vehicle, self.mission, column, cycles=1, span=self.span)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs: plans are made there again."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import Store
 from swimbladder.physics.seawater import Column
@@ -16,8 +18,14 @@ from swimbladder.sim.engine.rodas.names import At, Given, Now, Stop
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Row, Stage
+from swimbladder.sim.mission.plan_check import (
+    Reach,
+    check_cycle,
+    check_flight,
+    check_reach,
+    reach_of,
+)
 from swimbladder.sim.mission.prepare import Plan, Reckoning, first_state, make_plan
-from swimbladder.sim.mission.reach import Reach, check_flight, check_reach, reach_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -66,47 +74,62 @@ def fly_mission(
     waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's.
     seed: of the sensors' noise, None: they have neither noise nor quantum. reckoning: where the
     processor errs about its drive. start_volume [m3]: at a start_depth other than 0, in the place
-    of the neutral one. keep:
-    a folder for what is flown, so that a flight that was killed goes on there, to the same end bit
-    for bit. checked: refuse what physics tells cannot be done;
-    else it is flown to whatever end it has. advance: called with the share of the mission that was
-    flown.
+    of the neutral one. keep: a folder for what is flown, so that a flight that was killed goes on
+    there, to the same end bit for bit. checked: refuse what cannot be done, by stroke and depths or
+    by the first cycle flown; else it is flown to whatever end it has. advance: called with the
+    share of the mission that was flown.
 
     Raises InputError where vehicle, mission and water do not go together, NoAnswerError for a
     mission that cannot be done and as `buoyancy_engine.drive_map` does.
     """
     check_flight(vehicle, mission, column, cycles=cycles, span=span)
-    plan = make_plan(
-        vehicle, mission, column, waves=waves, cycles=cycles, span=span, accuracy=accuracy,
-        reckoning=reckoning,
-    )  # fmt: skip
+    how: dict[str, Any] = dict(waves=waves, span=span, accuracy=accuracy, reckoning=reckoning)
+    plan = make_plan(vehicle, mission, column, cycles=cycles, **how)
     reach = (check_reach if checked else reach_of)(vehicle, mission, plan)
     state = first_state(plan, mission, seed=seed, volume=start_volume)
     x, at, accounts = state
     begin = x.copy()
-    if plan.laws:
+
+    def flown(rows: Array, notes: Array, cycles: Array) -> Flight:
+        return Flight(
+            vehicle=vehicle, mission=mission, column=column, plan=plan, rows=rows, notes=notes,
+            cycles=cycles, begin=begin, end=x, whole=at, accounts=accounts,
+            stop=Stop(int(at[At.STOP])), reach=reach,
+        )  # fmt: skip
+
+    def first(mission: Mission) -> Flight:
+        asked = how | {"seed": seed, "start_volume": start_volume}
+        return fly_mission(vehicle, mission, column, cycles=1, checked=False, **asked)
+
+    def check(*parts: Array) -> None:
+        if checked:
+            check_cycle(flown(*parts), first)
+
+    try:
+        if not plan.laws:
+            return flown(*_by_rule(plan, state, keep, advance, check))
         from swimbladder.sim.mission.law_flight import fly_by_laws
 
         rows, notes, lines = fly_by_laws(
             vehicle, mission, column, plan, state, seed=seed, volume=start_volume,
             advance=advance, share=_whole(plan), keep=keep,
         )  # fmt: skip
-        begin[Now.V] = rows[0, Row.V]
-        rows = thinned(rows, _length(plan) / _MOST)
-    else:
-        rows, notes, lines = _by_rule(plan, state, keep, advance)
-    return Flight(
-        vehicle=vehicle, mission=mission, column=column, plan=plan, rows=rows, notes=notes,
-        cycles=lines, begin=begin, end=x, whole=at, accounts=accounts,
-        stop=Stop(int(at[At.STOP])), reach=reach,
-    )  # fmt: skip
+        check(rows, notes, lines)
+    except NoAnswerError:
+        Store(keep).forget()  # of a mission that cannot be done
+        raise
+    begin[Now.V] = rows[0, Row.V]
+    return flown(thinned(rows, _length(plan) / _MOST), notes, lines)
 
 
 def _by_rule(
     plan: Plan, state: tuple[Array, NDArray[np.int64], Array], keep: Path | None,
-    advance: Callable[[float], None],
+    advance: Callable[[float], None], check: Callable[..., None],
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Fly by the mission's own rule to the end; return rows, notes and cycles."""
+    """Fly by the mission's own rule to the end; return rows, notes and cycles.
+
+    check: called with them once the first cycle is over.
+    """
     x, at, accounts = state
     parts: list[tuple[Array, Array, Array]] = []
     store = Store(keep, plan.given, plan.table, plan.waves, plan.stages, x.copy(), at.copy())
@@ -114,22 +137,31 @@ def _by_rule(
         parts.append((kept["rows"], kept["notes"], kept["cycles"]))
         x[:], at[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
     whole, told, spacing = _whole(plan), 0.0, _length(plan) / _MOST
+    checked = at[At.CYCLE] > 0
     while at[At.STOP] == 0:
-        flown = plan.under_way(state, rows=_ROWS, notes=_NOTES, cycles=_CYCLES)
+        flown = plan.under_way(state, rows=_ROWS, notes=_NOTES, cycles=_CYCLES if checked else 1)
         counts, room = flown.counts, True
         while room and fly(flown) is Stop.GOES_ON:
             share = min(whole(x, at), 1.0)
             advance(share - told)
             told = share
-            room = counts[0] < _ROWS // 2 and counts[1] < _NOTES // 2 and counts[2] < _CYCLES
+            room = counts[0] < _ROWS // 2 and counts[1] < _NOTES // 2
+            room = room and counts[2] < len(flown.cycles)
         part = (
             thinned(flown.rows[: counts[0]], spacing),
             flown.notes[: counts[1]].copy(),
             flown.cycles[: counts[2]].copy(),
         )
         parts.append(part)
+        if not checked and counts[2] > 0:
+            checked = True
+            check(*_joined(parts))
         named = dict(zip(("rows", "notes", "cycles"), part, strict=True))
         store.write(named | {"x": x, "at": at, "accounts": accounts}, "part", len(parts) - 1)
+    return _joined(parts)
+
+
+def _joined(parts: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array]:
     rows, notes, cycles = (np.concatenate([part[n] for part in parts]) for n in range(3))
     return rows, notes, cycles
 

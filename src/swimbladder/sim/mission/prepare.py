@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,7 @@ class Plan:
     stages: Array
     energy_known: str  # why no electrical energy is known; "" where it is
     laws: tuple[PhaseLaw, ...] = ()  # of each phase; none: the mission's own rule flies
+    back: float = math.inf  # m, see `return_depth`
 
     def under_way(
         self, state: tuple[Array, NDArray[np.int64], Array], *, rows: int = 0, notes: int = 0,
@@ -88,12 +89,14 @@ def make_plan(
     if moving is None:
         check_motion(mission.water_motion, column)
         moving = waves_of(mission.water_motion, vehicle.hull.height, column.gravity)
-    given = _given(
-        vehicle, mission, column, table, accuracy or Accuracy(), cycles, span,
-        reckoning or Reckoning(),
-    )  # fmt: skip
+    of = reckoning or Reckoning()
+    given = _given(vehicle, mission, column, accuracy or Accuracy(), cycles, span, of)
     stages = _stages(vehicle, mission, table, column.step)
-    return Plan(given, table, moving, stages, why, laws)
+    plan = Plan(given, table, moving, stages, why, laws)
+    back = return_depth(vehicle, mission, column, plan)
+    limit = vehicle.hull.depth_limit or math.inf
+    given[Given.DEEPEST] = mission.safety.deepest or min(limit, back)
+    return replace(plan, back=back)
 
 
 def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:
@@ -118,17 +121,13 @@ def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
 
 
 def _given(
-    vehicle: Vehicle, mission: Mission, column: Column, table: Array, accuracy: Accuracy,
+    vehicle: Vehicle, mission: Mission, column: Column, accuracy: Accuracy,
     cycles: float | None, span: float | None, reckoning: Reckoning,
 ) -> Array:  # fmt: skip
-    deepest = mission.safety.deepest or min(
-        vehicle.hull.depth_limit or math.inf, return_depth(vehicle, mission, table, column.step)
-    )
     empty, reserve, charge = _battery(vehicle, mission, column)
     last_time = mission.span if span is None else span
     last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
     asked = {
-        Given.DEEPEST: deepest,
         Given.SHALLOW: shallow_depth(vehicle, mission),
         Given.EMPTY: empty,
         Given.RESERVE: reserve,

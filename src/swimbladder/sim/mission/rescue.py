@@ -1,90 +1,142 @@
-"""From how deep a vehicle still comes up once it presses out all it has."""
+"""A vehicle that presses out all it has, flown by the mission's own kernel from where it is.
+
+From how deep it still comes up, and how long a start of its pump takes there.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import drag_force
-from swimbladder.sim.engine.rodas.names import Table
-from swimbladder.sim.mission.orders import law_parameters
+from swimbladder.physics.seawater import Column, look_up
+from swimbladder.sim.closed_loop.block import work_space
+from swimbladder.sim.closed_loop.water import Medium
+from swimbladder.sim.engine.advance import DONE, advance, begin
+from swimbladder.sim.engine.chain import base_steps
+from swimbladder.sim.engine.modes import COUNT, Where
+from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop, Table
+from swimbladder.sim.engine.rodas.prepare import first_lane
+from swimbladder.sim.mission.core.hooks import fly
+from swimbladder.sim.mission.core.names import Holding, Row, Stage
 from swimbladder.vehicle import Vehicle
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from swimbladder.sim.mission.prepare import Plan
 
 _HASTE = 2.0  # times the speed that is asked for: so fast it may sink while nobody looks
-_LANES = 41  # depths that are tried between the surface and where it could not even rest
-_STEP = 0.5  # s
-_LONGEST = 7200.0  # s, after which a vehicle that still sinks counts as lost
-_RISES = 1.0  # m above where it was: it comes up
+_FINE = 0.005  # of the depth at which it could not even rest: so near the return depth is found
+_LONGEST = 86400.0  # s to come up in
+_HELD = 10.0  # s, of a step with a held input at the longest
+_GONE = 2.0  # times the depth at which it could not even rest: it is lost
+_START_ROWS = 200  # of a trajectory, in which a start is over
+_OUT = 1e-10  # m3: so much pressed out is no rounding
 
 
-def return_depth(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> float:
+def return_depth(vehicle: Vehicle, mission: Mission, column: Column, plan: Plan) -> float:
     """Return the depth below which a vehicle could not come up [m]; infinite where it always could.
 
     There its neutral volume is beyond the stroke less what safety.stroke keeps back, or the drive
     stalls; or, where such a depth is, it sinks through it before all is pressed out, from twice the
-    speed of the fastest phase.
+    speed of the fastest phase: it is flown from there.
     """
-    stroke = vehicle.stroke
-    most = stroke.maximum - mission.safety.stroke * (stroke.maximum - stroke.minimum)
-    lost = (table[:, Table.NEUTRAL] > most) | (table[:, Table.RATE_OUT] <= 0.0)
-    lost[: int(vehicle.hull.emergence_depth / step) + 1] = False
-    depth = np.arange(len(table)) * step
-    neutral = table[:, Table.NEUTRAL]
+    g, neutral = plan.given, plan.table[:, Table.NEUTRAL]
+    most = g[Given.V_MAX] - mission.safety.stroke * (g[Given.V_MAX] - g[Given.V_MIN])
+    lost = (neutral > most) | (plan.table[:, Table.RATE_OUT] <= 0.0)
+    lost[: int(g[Given.Z_SURFACE] / column.step) + 1] = False
+    slope = float(plan.table[-1, Table.NEUTRAL + 1])
     if lost.any():
-        limit = float(np.argmax(lost)) * step
+        limit = float(np.argmax(lost)) * column.step
+    elif slope > 0.0:  # beyond the table the neutral volume goes on straight
+        limit = float(column.deepest + (most - neutral[-1]) / slope)
     else:
-        # beyond the table the neutral volume goes on straight, and so may go out of reach
-        slope = float(table[-1, Table.NEUTRAL + 1])
-        if slope <= 0.0:
-            return math.inf
-        limit = float(depth[-1] + (most - neutral[-1]) / slope)
-    speed = _HASTE * max(law_parameters(vehicle, phase).far_speed for phase in mission.phases)
-    comes_up = _comes_up(vehicle, table, step, np.linspace(0.0, limit, _LANES), speed)
-    if comes_up.all():
+        return math.inf
+    speed = _HASTE * float(np.max(plan.stages[:, Stage.SPEED]))
+    held = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
+    comes_up = partial(_comes_up, plan, speed=speed, less=held)
+    if plan.laws:
+        from swimbladder.sim.mission.law_flight import medium_for
+
+        free = mission.model_copy(update={"bottom_depth": None})
+        medium = medium_for(vehicle, free, column)
+        comes_up = partial(_emerges, medium, speed=speed, less=held, gone=_GONE * limit)
+    low, high = 0.0, limit
+    if comes_up(limit):
         return limit
-    return float(limit / (_LANES - 1) * max(int(np.argmin(comes_up)) - 1, 0))
+    while high - low > _FINE * limit:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if comes_up(middle) else (low, middle)
+    return low
 
 
-def _comes_up(
-    vehicle: Vehicle, table: Array, step: float, starts: Array, speed: float
-) -> NDArray[np.bool_]:
-    """Return which of some vehicles come up that sink steadily [n], and then press out all.
+def _comes_up(plan: Plan, depth: float, *, speed: float, less: float) -> bool:
+    """Return whether a vehicle that sinks at a depth [m] by a speed [m/s] is afloat within a day.
 
-    Euler's rule, implicit in the drag: what is asked is told by metres.
+    less [m3]: below the neutral volume.
     """
-    m, top = vehicle.mass, vehicle.hull.emergence_depth
-    grid = np.arange(len(table)) * step
-    slope = float(table[-1, Table.NEUTRAL + 1])
-    weight = vehicle.water.specific_weight
+    plan, state, _ = _pressing(plan, depth, less)
+    x, at, _ = state
+    x[Now.W] = speed
+    fly(plan.under_way(state))
+    return Stop(int(at[At.STOP])) is Stop.PASSED_DEPTH
 
-    def neutral(z: Array) -> Array:
-        below = np.maximum(z - grid[-1], 0.0)
-        return np.asarray(np.interp(z, grid, table[:, Table.NEUTRAL]) + slope * below)
 
-    speeds = np.linspace(0.0, 20.0 * speed, 400)
-    drags = np.array([drag_force(vehicle.drag, w) for w in speeds])
-    z, w = starts.copy(), np.full(starts.shape, speed)
-    volume = np.maximum(
-        neutral(z) - drag_force(vehicle.drag, speed) / weight, vehicle.stroke.minimum
-    )
-    short = np.interp(z, grid, table[:, Table.START])
-    up = np.zeros(starts.shape, dtype=bool)
-    for _ in range(int(_LONGEST / _STEP)):
-        rate = np.interp(z, grid, table[:, Table.RATE_OUT]) * _STEP
-        primed = np.minimum(short, rate)
-        short -= primed
-        volume = np.minimum(volume + rate - primed, vehicle.stroke.maximum)
-        # drag over speed, taken at the end of the step: no step is too long for it
-        held = np.interp(np.abs(w), speeds, drags) / np.maximum(np.abs(w), 1e-6)
-        held *= np.where(w < 0.0, vehicle.drag.rising_ratio, 1.0)
-        w = (w + _STEP * weight * (neutral(z) - volume) / m) / (1.0 + _STEP * held / m)
-        z = np.maximum(z + _STEP * w, top)
-        up |= (z < starts - _RISES) | (z <= top)
-        if np.all(up | (z > 2.0 * starts[-1] + 100.0)):
-            break
-    return up
+def _emerges(medium: Medium, depth: float, *, speed: float, less: float, gone: float) -> bool:
+    """Return what `_comes_up` does of a vehicle that sampled laws fly, with its input held.
+
+    By the step that every law's kernel has in it, which need not be compiled for this. gone [m]: so
+    deep it is lost.
+    """
+    p, layers = medium.plant, medium.layers
+    volume = max(medium.neutral_volume(depth) - less, p.V_min)
+    h, t = _HELD / base_steps(p, _HELD, speed, layers), 0.0
+    numbers, chains, built = np.array(p), work_space(1)[0], np.zeros(COUNT, np.uint8)
+    state, full = np.array([0.0, volume, depth, speed, 0.0]), p.V_max if p.positioner else p.supply
+    mode, state[0] = begin(numbers, layers, 0.0, volume, depth, speed)
+    while t < _LONGEST and state[2] < gone:
+        mode, why = advance(
+            numbers, layers, True, mode, state, np.zeros(10), full, h, t, chains, built,
+            np.zeros(0), np.zeros((0, 3)), np.zeros(1, np.int64),
+        )  # fmt: skip
+        t += h
+        if why != DONE or mode // 20 == Where.EMERGING:
+            return bool(why == DONE)
+    return False
+
+
+def start_time(plan: Plan, depth: float) -> float:
+    """Return how long the pump runs at a depth [m] before anything is pressed out [s].
+
+    Its line is empty, and its runs have no end; infinite where nothing is pressed out in a day.
+    """
+    plan, state, volume = _pressing(plan, depth, 0.0)
+    plan.given[Given.LONGEST] = math.inf
+    flown = plan.under_way(state, rows=_START_ROWS)
+    fly(flown)
+    rows = flown.rows[: flown.counts[0]]
+    out = rows[:, Row.V] - volume
+    if not np.any(out > _OUT):
+        return math.inf
+    n = int(np.argmax(out > _OUT))
+    rate = look_up(plan.table, float(plan.given[Given.STEP]), Table.RATE_OUT, rows[n, Row.Z])[0]
+    return float(rows[n, Row.T] - out[n] / (rate * plan.given[Given.DELIVERY]))
+
+
+def _pressing(plan: Plan, depth: float, less: float) -> tuple[Plan, Any, float]:
+    """Return a plan without bottom, waves and battery, and a state in it that begins to press out.
+
+    depth [m]; less [m3]: below the neutral volume; the volume is the last that is returned.
+    """
+    given = plan.given.copy()
+    given[[Given.Z_BOTTOM, Given.DEEPEST]], given[Given.EMPTY] = math.inf, -math.inf
+    neutral = look_up(plan.table, float(given[Given.STEP]), Table.NEUTRAL, depth)[0]
+    volume = max(float(neutral) - less, float(given[Given.V_MIN]))
+    x, at = first_lane(given, plan.table, depth, volume=volume)
+    x[Now.T_END], at[At.ALARM] = _LONGEST, 1
+    accounts = np.zeros(int(Account.COUNT) + int(Holding.COUNT) * len(plan.stages))
+    return replace(plan, given=given, waves=plan.waves[:0]), (x, at, accounts), volume

@@ -15,7 +15,7 @@ from swimbladder.sim.mission.books import MissionBooks, close_books, drawn_energ
 from swimbladder.sim.mission.core.names import Cycle, Holding, Row
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.orders import law_facts
-from swimbladder.sim.mission.reach import Reach
+from swimbladder.sim.mission.plan_check import Reach
 from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
 
 Array = NDArray[np.float64]

@@ -10,10 +10,13 @@ import numpy as np
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Stop
 from swimbladder.sim.mission.core.names import Cycle, Stage
-from swimbladder.sim.mission.holding import coarse_words
 from swimbladder.sim.mission.prepare import HELD
-from swimbladder.sim.mission.shortfall import battery_words, timeout_words
-from swimbladder.sim.mission.starts import starts_words
+from swimbladder.sim.mission.shortfall import (
+    battery_words,
+    coarse_words,
+    starts_words,
+    timeout_words,
+)
 
 if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
