@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 import typing
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from types import MappingProxyType
@@ -18,6 +18,14 @@ from swimbladder.control.law import Count
 from swimbladder.errors import InputError
 
 Kind = TypeVar("Kind")
+Found = TypeVar("Found")
+
+
+def _once(find: Callable[[type[Any]], Found]) -> Callable[[type[Any]], Found]:
+    """Find something of a class of records once."""
+    remembered: Any = cache
+    found: Callable[[type[Any]], Found] = remembered(find)
+    return found
 
 
 def is_record(kind: type[Any]) -> bool:
@@ -30,18 +38,12 @@ def field_types(kind: type[Any]) -> Mapping[str, Any]:
 
     Without its unit: that of `Annotated[float, "m3"]` is float.
     """
-    known: Any = kind
-    return {name: written for name, (written, _) in _fields(known).items()}
+    return {name: written for name, (written, _) in _fields(kind).items()}
 
 
+@_once
 def units(kind: type[Any]) -> Mapping[str, str]:
     """Return the units of the fields and leaves of a record that are annotated with one."""
-    known: Any = kind
-    return _units(known)
-
-
-@cache
-def _units(kind: Any) -> Mapping[str, str]:
     found: dict[str, str] = {}
     for name, (written, unit) in _fields(kind).items():
         found |= units(written) if is_record(written) else {}
@@ -49,8 +51,8 @@ def _units(kind: Any) -> Mapping[str, str]:
     return MappingProxyType(found)
 
 
-@cache
-def _fields(kind: Any) -> Mapping[str, tuple[Any, str | None]]:
+@_once
+def _fields(kind: type[Any]) -> Mapping[str, tuple[Any, str | None]]:
     """Return type and unit of each field."""
     module, found = vars(sys.modules[kind.__module__]), {}
     for field in kind._fields:
@@ -70,17 +72,12 @@ def _fields(kind: Any) -> Mapping[str, tuple[Any, str | None]]:
     return found
 
 
+@_once
 def leaf_names(kind: type[Any]) -> tuple[str, ...]:
     """Return the names of a law's parameters, in their order.
 
     Raises InputError where two of them share a name.
     """
-    known: Any = kind
-    return _leaf_names(known)
-
-
-@cache
-def _leaf_names(kind: Any) -> tuple[str, ...]:
     found: list[str] = []
     for field, written in field_types(kind).items():
         found.extend(leaf_names(written) if is_record(written) else (field,))

@@ -206,21 +206,9 @@ def follow(  # type: ignore[no-untyped-def]
         u = 0.0 if ramps else max(-p[SUPPLY], min(p[SUPPLY], inputs[k]))
         record[5, k] = inputs[k] if ramps else u
         for n_part in range(parts[k]):
+            t = time[k] + n_part * h
             mode, why = advance(
-                p,
-                layers,
-                nonlinear,
-                mode,
-                x,
-                y,
-                u,
-                h,
-                time[k] + n_part * h,
-                chains,
-                built,
-                books,
-                log,
-                count,
+                p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count
             )
             if why != DONE:
                 return k + 1, why
