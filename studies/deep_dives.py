@@ -32,11 +32,12 @@ from swimbladder.estimation.motion.deep_model import (
     DEEP,
     DEFAULT,
     Body,
+    Replay,
     body_of,
     priors_of,
+    replay,
     run_volumes,
 )
-from swimbladder.estimation.motion.deep_replay import Replay, replay
 from swimbladder.io.config import load_vehicle
 from swimbladder.units import shown_unit, unit_factor
 from swimbladder.vehicle import Vehicle

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from string import Formatter
 from typing import Any, Literal, NamedTuple
 
 Origin = Literal["data", "prior", "set", "none"]
@@ -26,6 +29,30 @@ class Finding(NamedTuple):
     kind: str
     severity: Severity
     sentence: str
+
+
+_SENTENCES = tomllib.loads(Path(__file__).with_name("sentences.toml").read_text(encoding="utf-8"))
+_PER_SI = _SENTENCES.pop("per SI")
+
+
+class _Shown(Formatter):
+    """Writes {volume:.2g cm3}: an SI number in another unit, which is written after it."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        spec, _, unit = format_spec.partition(" ")
+        return f"{value * _PER_SI[unit]:{spec}} {unit}" if unit else format(value, spec)
+
+
+def sentence(room: str, key: str, text: str = "text", /, **values: Any) -> str:
+    """Return a text of sentences.toml with the values that it names."""
+    return _Shown().format(_SENTENCES[room][key][text], **values)
+
+
+def finding(room: str, key: str, severity: Severity | None = None, /, **values: Any) -> Finding:
+    """Return the finding whose text is at that place in sentences.toml."""
+    known = _SENTENCES[room][key]
+    kind = known.get("kind", key)
+    return Finding(kind, severity or known["severity"], sentence(room, key, **values))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 
 def rms(values: Array) -> float:
@@ -18,7 +20,7 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def stretches(mask: Mask) -> list[tuple[int, int]]:
     """Return (first, after) of the stretches where the mask holds."""
     turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int))).tolist()
     return list(zip(turns[::2], turns[1::2], strict=True))
@@ -45,7 +47,7 @@ class Autoregression(NamedTuple):
                 result[top:] -= factor * columns[top - lag : len(columns) - lag]
         return result
 
-    def matrix(self, lengths: NDArray[np.int64]) -> csr_array:
+    def matrix(self, lengths: Index) -> csr_array:
         """Return what whitens blocks of these lengths, one after the other, as a matrix."""
         total = int(lengths.sum())
         starts = np.cumsum(lengths) - lengths

@@ -6,8 +6,8 @@ from scipy import stats
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
+from swimbladder.estimation.actuator.bench import autoregression, changes, quantum, spikes
 from swimbladder.estimation.actuator.estimate import pool, shown, student
-from swimbladder.estimation.actuator.noise import autoregression, changes, quantum, spikes
 from swimbladder.estimation.estimates import bounded, estimate, given, not_identifiable
 from swimbladder.estimation.series import WHITE
 

@@ -11,7 +11,7 @@ from studies.benches import Motor, log_of, measured, random_bench, random_motor,
 from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.estimation.actuator import PARAMETERS, identify_actuator
 from swimbladder.estimation.actuator.bench import bench as make_bench
-from swimbladder.estimation.actuator.from_voltage import slewed
+from swimbladder.estimation.actuator.voltage import slewed
 from tests.quoted import numbers, refused
 
 LEVELS = [3.0, -3.0, 6.0, -6.0, 12.0, -12.0]

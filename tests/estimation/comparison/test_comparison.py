@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.estimation.comparison import DRIVES, FITTABLE, compare
-from swimbladder.estimation.comparison.predict import stages
+from swimbladder.estimation.comparison.fit import stages
 from swimbladder.estimation.comparison.record import record
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log, read_log

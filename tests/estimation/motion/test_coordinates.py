@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from swimbladder.estimation.comparison.record import record
-from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.fit import refine
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import Coordinates, Problem
+from swimbladder.estimation.motion.problem import Coordinates, Problem, experiment
 from swimbladder.io.config import load_vehicle
 from tests.estimation.motion.pool import G, campaign
 

@@ -19,9 +19,9 @@ from swimbladder.estimation.motion.deep_model import (
     body_of,
     hull_volume,
     priors_of,
+    replay,
     run_volumes,
 )
-from swimbladder.estimation.motion.deep_replay import replay
 from swimbladder.estimation.motion.deep_vehicle import identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import neutral_volume, weight_mass

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swimbladder.estimation.motion.deep_model import glide
+from swimbladder.estimation.motion.deep_filter import glide
 
 MASS = 28.0
 

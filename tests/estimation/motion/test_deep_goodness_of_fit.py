@@ -10,16 +10,15 @@ from scipy.stats import norm
 from studies.deep_drawn import drawn, known, the_vehicle
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep import identify_deep
-from swimbladder.estimation.motion.deep_fit import NOISES, balance
-from swimbladder.estimation.motion.deep_goodness_of_fit import (
+from swimbladder.estimation.motion.deep_findings import (
     Misfit,
     inconsistent,
     messages,
     misfit_of,
     water_messages,
 )
-from swimbladder.estimation.motion.deep_model import body_of
-from swimbladder.estimation.motion.deep_path import Noise
+from swimbladder.estimation.motion.deep_fit import NOISES, balance
+from swimbladder.estimation.motion.deep_model import Noise, body_of
 from swimbladder.physics.seawater import Cast, cast_column
 from tests.estimation.motion.deep import made_up_column, made_up_vehicle
 from tests.estimation.motion.test_deep import TRUTH, two_dives

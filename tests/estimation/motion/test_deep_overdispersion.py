@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.estimation.motion.deep_overdispersion import DiveScore, overdispersion
+from swimbladder.estimation.motion.deep_fit import DiveScore, overdispersion
 
 
 def dives_of(rng: np.random.Generator, wider: float, count: int = 6, size: int = 5):

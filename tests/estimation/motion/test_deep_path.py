@@ -5,8 +5,15 @@ import pytest
 
 from studies import deep_drawn as study
 from swimbladder.estimation.motion.deep_dive import deep_dive
-from swimbladder.estimation.motion.deep_model import body_of, priors_of, run_volumes
-from swimbladder.estimation.motion.deep_path import Noise, deep_path, drive_volume, filtered
+from swimbladder.estimation.motion.deep_model import (
+    Noise,
+    body_of,
+    deep_path,
+    drive_volume,
+    filtered,
+    priors_of,
+    run_volumes,
+)
 from tests.estimation.motion.deep import made_up_column, made_up_log, made_up_vehicle
 
 SHORT = 4.5e-6  # m3

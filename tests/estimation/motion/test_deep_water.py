@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from swimbladder.estimation.motion.deep_water import AWAY, displaced_variance, swing
+from swimbladder.estimation.motion.deep_filter import AWAY, displaced_variance, swing
 
 
 def motion(tau: float, back: float = 0.0) -> np.ndarray:

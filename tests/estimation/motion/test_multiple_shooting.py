@@ -6,10 +6,9 @@ import pytest
 import swimbladder
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion import identify
-from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.fit import Shooting, growth
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import Problem
+from swimbladder.estimation.motion.problem import Problem, experiment
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from tests.estimation.motion.pool import FEUP, trace

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from swimbladder.estimation.comparison.record import record
-from swimbladder.estimation.motion.experiment import experiment
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Problem
+from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Problem, experiment
 from swimbladder.io.config import load_vehicle
 from tests.estimation.motion.pool import FEUP, G, pool_log, trace
 

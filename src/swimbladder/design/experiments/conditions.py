@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.experiment import Experiment, Segment
 from swimbladder.estimation.motion.model import Model
-from swimbladder.estimation.motion.problem import VOLUME, Problem
+from swimbladder.estimation.motion.problem import VOLUME, Experiment, Problem, Segment
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.closed_loop.bundle import Course

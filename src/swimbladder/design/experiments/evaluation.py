@@ -27,8 +27,8 @@ from swimbladder.design.experiments.conditions import (
     problem_of,
 )
 from swimbladder.estimation.estimates import Estimate, Finding, estimate
+from swimbladder.estimation.motion.diagnose import not_identifiable
 from swimbladder.estimation.motion.fit import Fit, refine
-from swimbladder.estimation.motion.identifiability import not_identifiable
 from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.noise import ArNoise
 from swimbladder.estimation.motion.problem import VOLUME, Problem

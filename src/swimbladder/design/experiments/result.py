@@ -12,7 +12,7 @@ import numpy as np
 from swimbladder.design.experiments.conditions import Flight, Question, Release, Setting, Turn
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.estimation.estimates import Finding
-from swimbladder.estimation.motion.identifiability import LIMIT
+from swimbladder.estimation.motion.diagnose import LIMIT
 from swimbladder.io.answers import as_json
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.units import format_quantity

@@ -1,22 +1,81 @@
-"""A log as the identification needs it: position, what drove it, and what the sea did to it."""
+"""A log as the identification needs it: position, what drove it, and what the sea did to it.
+
+A position has a quantum and outliers. A voltage-driven log is cut into blocks, each from one rest
+to the next and with a start of its own.
+"""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.estimation.actuator.noise import changes, quantum
+from swimbladder.estimation.series import Array, Autoregression, Index, Mask, stretches
+from swimbladder.estimation.series import autoregression as of_blocks
 from swimbladder.io.logs import Log
 from swimbladder.physics.actuator import reduced
 from swimbladder.vehicle import Positioner, Vehicle
 
-Array = NDArray[np.float64]
+_FAR = 5.0  # robust standard deviations beyond which a sample is an outlier
+
+
+def quantum(position: Array) -> float:
+    """Return the step between two positions that the sensor resolves, 0 where it is not seen.
+
+    It is the smallest difference of neighbours, where at least nine tenths of all differences are
+    its multiples.
+    """
+    steps = np.abs(np.diff(position))
+    steps = np.sort(steps[steps > 1e-9 * max(float(np.ptp(position)), 1e-300)])
+    if len(steps) < 10:
+        return 0.0
+    found = float(np.median(steps[steps <= 1.5 * steps[0]]))
+    multiples = steps / found
+    off = np.abs(multiples - np.rint(multiples))
+    fits = off < np.maximum(0.02 * multiples, 0.2)
+    return found if fits[multiples < 10.0].mean() > 0.9 and (multiples < 10.0).any() else 0.0
+
+
+def scale(values: Array) -> float:
+    """Return the standard deviation of what is normal but for outliers, from the median."""
+    if not len(values):
+        return 0.0
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+def changes(time: Array, position: Array) -> float:
+    """Return the standard deviation of white noise on a smooth position, outliers aside.
+
+    From what a sample is off the line between its neighbours.
+    """
+    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    off = position[1:-1] - (1.0 - share) * position[:-2] - share * position[2:]
+    return scale(off / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2))
+
+
+def spikes(residual: Array, least: float) -> Mask:
+    """Return which samples stick out from their neighbours by more than `least` and by far."""
+    width = 7
+    if len(residual) < width:
+        return np.zeros(len(residual), bool)
+    windows = np.lib.stride_tricks.sliding_window_view(residual, width)
+    around, side = np.median(windows, axis=1), np.arange(1.0, 1.0 + width // 2)
+    first, last = (float(np.median(np.diff(w))) for w in (windows[0], windows[-1]))
+    around = np.concatenate([around[0] - first * side[::-1], around, around[-1] + last * side])
+    off = residual - around
+    far: Mask = np.abs(off) > max(_FAR * scale(off), least)
+    return far
+
+
+def autoregression(blocks: Sequence[Array]) -> Autoregression:
+    """Return the autoregression of residuals in independent blocks, each about its mean."""
+    return of_blocks([b - b.mean() for b in blocks if len(b) > 1], highest=4, samples=20)
+
+
 Quantity = Literal["piston", "volume"]
 Driven = Literal["voltage", "reference", "nothing"]
 
@@ -54,7 +113,7 @@ class Bench:
             return "voltage"
         return "nothing" if self.reference is None else "reference"
 
-    def only(self, kept: NDArray[np.bool_]) -> Bench:
+    def only(self, kept: Mask) -> Bench:
         """Return the bench with the samples that are `kept`."""
         before = np.concatenate(([0], np.cumsum(kept)))
         runs = [(int(before[first]), int(before[after])) for first, after in self.runs]
@@ -187,3 +246,73 @@ def _without_leakage(
     between = 0.5 * (depth[1:] + depth[:-1]) * np.diff(time)
     leaked: Array = k_l / area * np.concatenate(([0.0], np.cumsum(between)))
     return position + leaked
+
+
+IDLE = 0.02  # of the largest voltage: none
+_BEFORE = 8  # samples of rest that are kept before the voltage comes
+_AFTER = 1.0  # s after it went, by which the actuator stands
+_ROUND = 3.0  # times noise and quantum that it may seem to move while it stands
+
+
+class Block(NamedTuple):
+    """Samples of one run that share an unknown start."""
+
+    log: int  # which bench
+    run: int
+    samples: Index  # of the bench, increasing
+
+
+def cut(bench: Bench, log: int) -> list[Block]:
+    """Return the blocks of a voltage-driven bench.
+
+    A stretch without voltage in which the actuator stands ends a block; its samples but for the
+    first and the last few say nothing and are left out, as are readings that only repeat the one
+    before while it stands: they are one reading.
+    """
+    assert bench.voltage is not None
+    least = IDLE * float(np.abs(bench.voltage).max(initial=0.0))
+    blocks = []
+    for number, (first, after) in enumerate(bench.runs):
+        idle = np.abs(bench.voltage[first:after]) <= least
+        kept, ends = _rests(bench, first, idle)
+        edges = [0, *ends, after - first]
+        for low, high in itertools.pairwise(edges):
+            samples = first + low + np.flatnonzero(kept[low:high])
+            if len(samples) >= 3:
+                blocks.append(Block(log, number, samples.astype(np.int64)))
+    return blocks
+
+
+def _rests(bench: Bench, first: int, idle: Mask) -> tuple[Mask, list[int]]:
+    """Return which samples of a run are kept, and where it is cut."""
+    kept = np.ones(len(idle), bool)
+    ends: list[int] = []
+    for low, high in stretches(idle):
+        opens = low + (_standing(bench, first + low, first + high) if low else 0)
+        closes = max(high - (_BEFORE if high < len(idle) else 0), opens)
+        kept[opens:closes] = False
+        still = bench.position[first + opens : first + high]
+        if len(still) > 1:  # repeated readings are one
+            same = np.append(False, still[1:] == still[:-1])
+            same[2:] |= still[2:] == still[:-2]  # an outlier may stand between
+            kept[opens:high] &= ~same
+            if closes < high:
+                kept[closes] = True
+        if 0 < opens < high < len(idle):
+            ends.append(closes)
+    return kept, ends
+
+
+def _standing(bench: Bench, first: int, after: int) -> int:
+    """Return how many samples after `first` the actuator stands, as far as noise lets one see."""
+    x = bench.position[first:after]
+    latest = min(max(round(_AFTER / bench.step), _BEFORE), len(x))
+    last = min(_BEFORE, len(x) // 3)
+    if last < 2:
+        return latest
+    end = float(np.median(x[-last:]))
+    width = min(9, len(x) - 1 + len(x) % 2)
+    around = np.median(np.lib.stride_tricks.sliding_window_view(x, width), axis=1)
+    near = np.abs(around - end) <= _ROUND * (bench.noise + bench.quantum)
+    gone = np.flatnonzero(~near)
+    return min(int(gone[-1]) + width // 2 + 3 if len(gone) else width // 2, latest)

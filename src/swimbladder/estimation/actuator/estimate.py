@@ -15,15 +15,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swimbladder.errors import NoAnswerError
-from swimbladder.estimation.actuator.initial_guess import tolerance
-from swimbladder.estimation.actuator.model import Problem
+from swimbladder.estimation.actuator.model import Problem, tolerance
 from swimbladder.estimation.estimates import Estimate, estimate
+from swimbladder.estimation.series import Array
 from swimbladder.units import format_quantity
-
-Array = NDArray[np.float64]
 
 _DIFFER = 2.71  # deviance that differing gains have to gain: 5 % by chance
 _PRIOR, _PRIOR_DF = 0.015, 3.0  # scale and degrees of freedom of Student's half t

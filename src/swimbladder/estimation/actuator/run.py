@@ -3,35 +3,95 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator.bench import Bench, Driven, bench
-from swimbladder.estimation.actuator.findings import (
-    ASSUMPTIONS,
-    logs_differ,
-    not_identifiable_finding,
-    of_moves,
-    of_voltage,
-)
-from swimbladder.estimation.actuator.from_moves import MovesFit, fit_moves, together
-from swimbladder.estimation.actuator.from_voltage import (
+from swimbladder.estimation.actuator.estimate import shown
+from swimbladder.estimation.actuator.moves import MovesFit, fit_moves, together
+from swimbladder.estimation.actuator.result import ActuatorIdentification, LogFit, nine
+from swimbladder.estimation.actuator.voltage import (
+    SoftStart,
+    VoltageFit,
     by_direction,
     covariance_of,
+    fit_voltage,
     from_voltage,
     soft_start,
     steps_of,
 )
-from swimbladder.estimation.actuator.nine_parameters import nine
-from swimbladder.estimation.actuator.result import ActuatorIdentification, LogFit
-from swimbladder.estimation.actuator.voltage import fit_voltage
-from swimbladder.estimation.estimates import Estimate, Finding
+from swimbladder.estimation.estimates import Estimate, Finding, Severity, finding, sentence
 from swimbladder.io.logs import Log
 from swimbladder.vehicle import Positioner, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
+
+_WIDE = 1.5  # times, by which an interval is wider
+_SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
+
+
+def of_voltage(
+    fit: VoltageFit,
+    parameters: Mapping[str, Estimate],
+    benches: Sequence[Bench],
+    soft: SoftStart | None,
+) -> Iterator[Finding]:
+    """Yield what is to be said of a fit to voltage steps, and of its driver's soft start."""
+    problem, spread = fit.problem, fit.spread
+    out = int((~problem.used & ~problem.early).sum())
+    if out:
+        yield finding("actuator", "outliers", out=f"{out} of {len(problem.used)}")
+    if problem.early.any():
+        yield finding("actuator", "start", early=int(problem.early.sum()))
+    if spread.significant:
+        severity: Severity = "warning" if spread.likely > _SEVERAL else "note"
+        yield finding("actuator", "gains differ", severity, share=spread.likely)
+    elif fit.widened >= _WIDE:
+        few = "No step was" if fit.repeats < 1 else "Few steps were"
+        yield finding("actuator", "repeat", few=few, allowed=spread.typical, widened=fit.widened)
+    if soft is not None:
+        yield finding("actuator", "soft start", top=problem.top, soft=soft)
+    T1, step = parameters["T1"], min(b.step for b in benches)
+    if T1.origin == "data" and T1.value < step:
+        yield finding("actuator", "time constant", step=step)
+
+
+def of_moves(fits: Sequence[MovesFit]) -> Iterator[Finding]:
+    """Yield what is to be said of fits to moves at full speed."""
+    out = sum(fit.outliers for fit in fits)
+    if out:
+        yield finding("actuator", "outliers", out=out)
+    ramps = [(way, length) for fit in fits for way, length in fit.ramps.items()]
+    if ramps:
+        ways = " and ".join(sorted({way for way, _ in ramps}, reverse=True))
+        low, high = (shown(end([length for _, length in ramps]), "s", 3) for end in (min, max))
+        length = low if low == high else f"{low} to {high}"
+        yield finding("actuator", "ramp", ways=ways, length=length)
+    between = max(fit.between for fit in fits)
+    if between > 0.25 * _SEVERAL:
+        yield finding("actuator", "moves differ", between=between)
+    change = max((fit.trend * fit.lasting for fit in fits), key=abs)
+    if abs(change) > _SEVERAL:
+        word = "gains" if change > 0.0 else "loses"
+        yield finding("actuator", "load", word=word, change=abs(change))
+
+
+def logs_differ(
+    names: Sequence[str], per_log: Sequence[Mapping[str, Estimate]]
+) -> Iterator[Finding]:
+    """Yield the sentence on parameters that differ between logs by more than chance."""
+    ranges, most = [], 0.0
+    for name in names:
+        known = [f[name] for f in per_log if name in f and f[name].known]
+        low, high = min(e.value for e in known), max(e.value for e in known)
+        most = max(most, high / low - 1.0) if low > 0.0 else 1.0
+        ranges.append(f"{name} from {shown(low, known[0].unit)} to {shown(high, known[0].unit)}")
+    if ranges:
+        severity: Severity = "warning" if most > _SEVERAL else "note"
+        yield finding("actuator", "logs differ", severity, ranges=", ".join(ranges))
+
 
 PARAMETERS: Mapping[str, str] = {
     "K1": "m/s/V", "T1": "s", "dead_zone": "V", "load_voltage": "V", "asymmetry": "",
@@ -204,7 +264,10 @@ def _result(
 ) -> ActuatorIdentification:
     benches, vehicle, asked = question.benches, question.vehicle, question.asked
     missing = [n for n in asked if not parameters[n].known]
-    findings = [*findings, *(not_identifiable_finding(n, parameters[n]) for n in missing)]
+    findings = [
+        *findings,
+        *(finding("actuator", "not identifiable", name=n, why=parameters[n].why) for n in missing),
+    ]
     one = benches[0]
     names = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
 
@@ -231,7 +294,7 @@ def _result(
         covariance=covariance,
         nine=nine(shown, vehicle, names),
         findings=tuple(findings),
-        assumptions=ASSUMPTIONS[one.driven],
+        assumptions=tuple(sentence("actuator", one.driven).split("\n")),
         notes=tuple(dict.fromkeys(note for b in benches for note in b.notes)),
         given=vehicle,
         **fields,  # type: ignore[arg-type]

@@ -1,7 +1,7 @@
 """A model against a log: drive it with what was recorded, and see how far the depths part.
 
-`record` turns a log into what drives a vehicle, `predict` runs the model along it, `fit` adjusts
-what is asked to be adjusted, `run` puts them together, `picture` draws the outcome.
+`record` turns a log into what drives a vehicle, `fit` runs the model along it and adjusts what is
+asked to be adjusted, `run` puts them together; `ahead` predicts from each instant on.
 """
 
 from __future__ import annotations

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record, record
@@ -32,7 +31,7 @@ from swimbladder.estimation.kalman.depth_filter import (
     Start,
     filter_bank,
 )
-from swimbladder.estimation.series import rms
+from swimbladder.estimation.series import Array, Index, rms
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
@@ -133,14 +132,14 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
     ), origins  # fmt: skip
 
 
-def places(count: int) -> NDArray[np.float64]:
+def places(count: int) -> Array:
     """Return points [count, 7] that fill a standard normal distribution evenly (Sobol's)."""
     from scipy.special import ndtri
     from scipy.stats import qmc
 
     order = math.ceil(math.log2(count + 1))
     cube = qmc.Sobol(len(Unknowns._fields), scramble=False).random_base2(order)
-    result: NDArray[np.float64] = ndtri(cube[1 : count + 1])
+    result: Array = ndtri(cube[1 : count + 1])
     return result
 
 
@@ -188,10 +187,6 @@ def _with(p: Plant, *, psi: float, drag: float) -> Plant:
     return p._replace(
         psi=psi, d_l=p.d_l * drag, d_b=p.d_b * drag, d_0=p.d_0 * drag, d_t=p.d_t * drag
     )
-
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)

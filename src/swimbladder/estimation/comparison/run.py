@@ -8,19 +8,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import NoAnswerError
-from swimbladder.estimation.comparison.fit import Fitted, adjust, default_names
-from swimbladder.estimation.comparison.predict import run
+from swimbladder.estimation.comparison.fit import Fitted, adjust, default_names, run
 from swimbladder.estimation.comparison.record import Drive, Record, record
-from swimbladder.estimation.series import rms
+from swimbladder.estimation.series import Array, rms
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import Solution
 from swimbladder.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,17 +6,16 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.kalman.depth_filter import follow
+from swimbladder.estimation.series import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import Layers, layers_from
 from swimbladder.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 _QUICKEST = 5.0  # of a span between samples times the rate of the motion: a hundred steps
 _LOST = 50.0  # m off, where a search has lost the log
 

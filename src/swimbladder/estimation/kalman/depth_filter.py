@@ -25,10 +25,10 @@ from swimbladder.estimation.kalman.kernels import (
     predict_kernel,
     smooth_kernel,
 )
+from swimbladder.estimation.series import Array, Index
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 
-Array = NDArray[np.float64]
 GATE = 3.0  # standard deviations of an innovation beyond which it is not believed in full
 
 
@@ -86,7 +86,7 @@ class Filtered:
     fate: NDArray[np.int8]  # [n], UNSEEN ... RESTARTED of kernels
     slopes: Array  # [n, 3, 3], of each predicted state by the one before
 
-    def ahead(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> tuple[Array, Array]:
+    def ahead(self, first: Index, last: Index) -> tuple[Array, Array]:
         """Return depth [m] and its standard deviation [m] at samples `last`.
 
         Each from the state after the sample `first`, with the volume on the way known; the
@@ -150,8 +150,6 @@ def follow(
     )  # fmt: skip
     return depth
 
-
-Index = NDArray[np.int64]
 
 # Depths in contact are wrong by much the same from sample to sample: so many make one.
 _HELD_ALIKE = 3.0

@@ -1,4 +1,16 @@
-"""The compiled loops: along the samples of a log forward, back, and ahead from each sample."""
+"""The compiled loops: along the samples of a log forward, back, and ahead from each sample.
+
+One step carries depth, speed and neutral volume, their slopes and their noise under a volume that
+is known. The state is (z, w, V0) with ``dz/dt = w``, ``dw/dt = a_b (psi z + V0 - V(t)) - F_d(w)/m``
+plus the hull's stiffness where it emerges (eqs 13, 15, 16, 31), and ``dV0 = q dB``: the neutral
+volume at depth 0 is a random walk. V(t) is linear over a step. White acceleration may stand for
+what the model leaves out. Where the water is layered, what its layers add at z, known from a cast,
+goes beside psi z: mean and slopes take it as it is, not as a line.
+
+Under laminar drag, without layers, clear of surface and bottom, the step is exact: with G the
+velocity's impulse response, G'' = a_b psi G - d_l G', everything is made of G', G and its first two
+integrals. Else Runge-Kutta's fourth-order scheme carries the motion with its variational equations.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +18,273 @@ import math
 
 import numpy as np
 
-from swimbladder.estimation.kalman.motion import transition
 from swimbladder.sim.engine.cache import allocating, compiled
-from swimbladder.sim.engine.modes import DEEPEST, V_0, Z_AIR
+from swimbladder.sim.engine.layers import layered
+from swimbladder.sim.engine.modes import (
+    A_B,
+    A_S,
+    D_B,
+    D_L,
+    D_T,
+    DEEPEST,
+    EPSILON,
+    PSI,
+    V_0,
+    Z_AIR,
+    Z_BOTTOM,
+    Z_SURFACE,
+    drag,
+)
+
+# Damping of the emerging hull over critical damping [-]: waves carry its energy away, which the
+# plant leaves out; without it a filter would believe in minutes of bobbing.
+BOBBING_DAMPING = 0.5
+
+_REACH = 1.0  # step times rate up to which the series of G is summed at once
+_FINE = 0.05  # step times rate of the drag, for Runge-Kutta
+_FINE_BOBBING = 0.15  # step times frequency of the emerging hull
+_MOST = 20_000.0  # steps of Runge-Kutta between two samples
+# Gauss-Legendre points and weights on (0, 1), exact for polynomials of degree 9.
+_x, _c = np.polynomial.legendre.leggauss(5)
+_X0, _X1, _X2, _X3, _X4 = (0.5 * (_x + 1.0)).tolist()
+_C0, _C1, _C2, _C3, _C4 = (0.5 * _c).tolist()
+
+
+@allocating
+def _response(d, kappa, h):  # type: ignore[no-untyped-def]
+    """Return (G', G, I1, I2) at h [s] of G'' = kappa G - d G', G(0) = 0, G'(0) = 1.
+
+    I1 and I2 are the first and second integral of G. Meant for h (d + sqrt|kappa|) up to 1 or so.
+    """
+    before, here = 0.0, 1.0  # derivatives of G at 0, of order n - 1 and n
+    power = 1.0  # h^(n-1)/(n-1)!
+    slope, g, i1, i2 = 0.0, 0.0, 0.0, 0.0
+    for n in range(1, 60):
+        p1 = power * h / n
+        p2 = p1 * h / (n + 1)
+        p3 = p2 * h / (n + 2)
+        slope += here * power
+        g += here * p1
+        i1 += here * p2
+        i2 += here * p3
+        before, here = here, kappa * before - d * here
+        power = p1
+        if n > 3 and abs(here) * power <= 1e-17 and abs(before) * power <= 1e-17:
+            break
+    return slope, g, i1, i2
+
+
+@allocating
+def _add_noise(a, d, kappa, tau, weight, walk2, jolt2, Q):  # type: ignore[no-untyped-def]
+    """Add to Q what the noise of an instant does tau [s] later."""
+    slope, g, i1, _ = _response(d, kappa, tau)
+    vz, vw = a * i1, a * g
+    q, s = weight * walk2, weight * jolt2
+    Q[0, 0] += q * vz * vz + s * g * g
+    Q[0, 1] += q * vz * vw + s * g * slope
+    Q[1, 1] += q * vw * vw + s * slope * slope
+    Q[0, 2] += q * vz
+    Q[1, 2] += q * vw
+    Q[2, 2] += q
+
+
+@allocating
+def _spread(F, Q, f, q):  # type: ignore[no-untyped-def]
+    """Advance: F becomes f F, Q becomes f Q f' + q; third rows of f and F are (0, 0, 1)."""
+    a, b, c = f[0, 0], f[0, 1], f[0, 2]
+    d, e, g = f[1, 0], f[1, 1], f[1, 2]
+    for j in range(3):
+        F0, F1, F2 = F[0, j], F[1, j], F[2, j]
+        F[0, j] = a * F0 + b * F1 + c * F2
+        F[1, j] = d * F0 + e * F1 + g * F2
+    q00, q01, q02, q11, q12, q22 = Q[0, 0], Q[0, 1], Q[0, 2], Q[1, 1], Q[1, 2], Q[2, 2]
+    z0, z1, z2 = (
+        a * q00 + b * q01 + c * q02,
+        a * q01 + b * q11 + c * q12,
+        a * q02 + b * q12 + c * q22,
+    )
+    w0, w1, w2 = (
+        d * q00 + e * q01 + g * q02,
+        d * q01 + e * q11 + g * q12,
+        d * q02 + e * q12 + g * q22,
+    )
+    Q[0, 0] = a * z0 + b * z1 + c * z2 + q[0, 0]
+    Q[0, 1] = d * z0 + e * z1 + g * z2 + q[0, 1]
+    Q[0, 2] = z2 + q[0, 2]
+    Q[1, 1] = d * w0 + e * w1 + g * w2 + q[1, 1]
+    Q[1, 2] = w2 + q[1, 2]
+    Q[2, 2] = q22 + q[2, 2]
+
+
+@allocating
+def _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
+    """Advance over h [s] under laminar drag, clear of surface and bottom, exactly."""
+    a, d = p[A_B], p[D_L]
+    kappa = a * p[PSI]
+    n = max(math.ceil(h * (d + math.sqrt(abs(kappa))) / _REACH), 1)
+    s = h / n
+    slope, g, i1, i2 = _response(d, kappa, s)
+    f = np.zeros((3, 3))
+    q = np.zeros((3, 3))
+    f[0, 0], f[0, 1], f[0, 2] = 1.0 + kappa * i1, g, a * i1
+    f[1, 0], f[1, 1], f[1, 2] = kappa * g, slope, a * g
+    f[2, 2] = 1.0
+    if walk2 > 0.0 or jolt2 > 0.0:
+        _add_noise(a, d, kappa, _X0 * s, _C0 * s, walk2, jolt2, q)
+        _add_noise(a, d, kappa, _X1 * s, _C1 * s, walk2, jolt2, q)
+        _add_noise(a, d, kappa, _X2 * s, _C2 * s, walk2, jolt2, q)
+        _add_noise(a, d, kappa, _X3 * s, _C3 * s, walk2, jolt2, q)
+        _add_noise(a, d, kappa, _X4 * s, _C4 * s, walk2, jolt2, q)
+    rate = (Vb - Va) / h
+    for i in range(n):
+        _spread(F, Q, f, q)
+        V = Va + rate * (i * s)
+        # with the neutral volume taken off first: the difference is small, both are not
+        force = a * (V0 - V)
+        z, w = (
+            f[0, 0] * z + g * w + force * i1 - a * rate * i2,
+            kappa * g * z + slope * w + force * g - a * rate * i1,
+        )
+    return z, w
+
+
+@allocating
+def _slopes(p, layers, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped-def]
+    """Right-hand side of x: z, w, then F's columns (z and w rows of each), then Q's five parts.
+
+    V: volume less neutral volume [m3]; tau: time since the step began [s].
+    """
+    z, w = x[0], x[1]
+    taken, bends, _ = drag(p, w)
+    added, steeper = layered(layers, z)
+    force = p[A_B] * (p[PSI] * z + added - V) - taken
+    pull, damping = p[A_B] * (p[PSI] + steeper), bends
+    if z < p[Z_SURFACE]:
+        bobbing = 2.0 * BOBBING_DAMPING * math.sqrt(p[A_S])
+        force += p[A_S] * (p[Z_SURFACE] - z) - bobbing * w
+        pull -= p[A_S]
+        damping += bobbing
+    out[0], out[1] = w, force
+    for j in range(3):
+        out[2 + 2 * j] = x[3 + 2 * j]
+        out[3 + 2 * j] = pull * x[2 + 2 * j] - damping * x[3 + 2 * j]
+    a = p[A_B]
+    out[7] += a
+    zz, zw, ww, zV, wV = x[8], x[9], x[10], x[11], x[12]
+    out[8] = 2.0 * zw
+    out[9] = ww + pull * zz - damping * zw + a * zV
+    out[10] = 2.0 * (pull * zw - damping * ww + a * wV) + jolt2
+    out[11] = wV
+    out[12] = pull * zV - damping * wV + a * walk2 * tau
+
+
+@allocating
+def _cross(p, x, up):  # type: ignore[no-untyped-def]
+    """Change slopes and noise of x where the vehicle passes through the surface.
+
+    The damping begins or ends there at once, and a vehicle that is higher gets there earlier: by
+    the saltation matrix, dw gains -+ damping times dz.
+    """
+    jump = 2.0 * BOBBING_DAMPING * math.sqrt(p[A_S]) * (-1.0 if up else 1.0)
+    for j in range(3):
+        x[3 + 2 * j] += jump * x[2 + 2 * j]
+    x[10] += jump * (2.0 * x[9] + jump * x[8])
+    x[9] += jump * x[8]
+    x[12] += jump * x[11]
+
+
+@allocating
+def _substep(p, layers, x, V, rate, s, t, walk2, jolt2, k, y):  # type: ignore[no-untyped-def]
+    """Advance x by one step of s [s]; V: volume less neutral volume at its beginning [m3]."""
+    _slopes(p, layers, x, V, walk2, jolt2, t, k[0])
+    y[:] = x + 0.5 * s * k[0]
+    _slopes(p, layers, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[1])
+    y[:] = x + 0.5 * s * k[1]
+    _slopes(p, layers, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[2])
+    y[:] = x + s * k[2]
+    _slopes(p, layers, y, V + rate * s, walk2, jolt2, t + s, k[3])
+    y[:] = x + s / 6.0 * (k[0] + 2.0 * (k[1] + k[2]) + k[3])
+
+
+@allocating
+def _runge_kutta(p, layers, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
+    """Advance over h [s] in n steps; the bottom stops the vehicle. Return (z, w, aground)."""
+    x = np.zeros(13)
+    y = np.empty(13)
+    k = np.empty((4, 13))
+    x[0], x[1], x[2], x[5] = z, w, 1.0, 1.0
+    s = h / n
+    rate = (Vb - Va) / h
+    surface = p[Z_SURFACE]
+    aground = False
+    for i in range(n):
+        t = i * s
+        V = Va - V0 + rate * t
+        push = p[A_B] * (p[PSI] * x[0] + layered(layers, x[0])[0] - V)
+        aground = x[0] >= p[Z_BOTTOM] and x[1] >= 0.0 and push >= 0.0
+        if aground:
+            x[0], x[1] = p[Z_BOTTOM], 0.0
+            x[2:] = 0.0
+            continue
+        _substep(p, layers, x, V, rate, s, t, walk2, jolt2, k, y)
+        up = y[0] < surface
+        if up != (x[0] < surface):  # to the surface, through it, and on
+            share = (surface - x[0]) / (y[0] - x[0])
+            if share > 0.0:
+                _substep(p, layers, x, V, rate, share * s, t, walk2, jolt2, k, y)
+                x[:] = y
+            _cross(p, x, up)
+            left = (1.0 - share) * s
+            late = t + share * s
+            _substep(p, layers, x, V + rate * share * s, rate, left, late, walk2, jolt2, k, y)
+        x[:] = y
+        if x[0] > p[Z_BOTTOM]:
+            x[0], x[1] = p[Z_BOTTOM], min(x[1], 0.0)
+            x[2:] = 0.0
+            aground = True
+    F[0, 0], F[1, 0], F[2, 0] = x[2], x[3], 0.0
+    F[0, 1], F[1, 1], F[2, 1] = x[4], x[5], 0.0
+    F[0, 2], F[1, 2], F[2, 2] = x[6], x[7], 1.0
+    Q[0, 0], Q[0, 1], Q[1, 1] = x[8], x[9], x[10]
+    Q[0, 2], Q[1, 2], Q[2, 2] = x[11], x[12], walk2 * h
+    return x[0], x[1], aground
+
+
+@allocating
+def transition(p, layers, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
+    """Advance over h [s] while the volume goes from Va to Vb; return (z, w, whether aground).
+
+    layers: what the water adds to the neutral volume. Fills F [3, 3], the slope of the new state
+    by the old one, and Q [3, 3], upper triangle, the covariance that the noise of intensities walk2
+    [m6/s] and jolt2 [m2/s3] adds.
+    """
+    for i in range(3):
+        for j in range(3):
+            F[i, j] = 1.0 if i == j else 0.0
+            Q[i, j] = 0.0
+    taken = drag(p, w)[0]
+    steady = p[A_B] * (p[PSI] * z + layered(layers, z)[0] + V0)
+    pulls = (steady - p[A_B] * Va - taken, steady - p[A_B] * Vb - taken)
+    up = max(-w, 0.0) * h + 0.5 * max(-min(pulls[0], pulls[1]), 0.0) * h * h
+    down = max(w, 0.0) * h + 0.5 * max(pulls[0], pulls[1], 0.0) * h * h
+    rises = z - up <= p[Z_SURFACE]
+    plain = p[EPSILON] == math.inf and layers.table.shape[0] == 0
+    if plain and not rises and z + down < p[Z_BOTTOM]:
+        z, w = _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q)
+        return z, w, False
+    # as fast as it may become within the step, where drag does not hold it back
+    fastest = abs(w) + max(abs(pulls[0]), abs(pulls[1])) * h
+    if p[D_T] > 0.0:
+        net = max(abs(steady - p[A_B] * Va), abs(steady - p[A_B] * Vb))
+        fastest = min(fastest, max(abs(w), math.sqrt(net / p[D_T])))
+    rate = max(p[D_L], p[D_B] + 2.0 * p[D_T] * fastest)
+    rate += math.sqrt(p[A_B] * (abs(p[PSI]) + layers.steepest))
+    steps = h * rate / _FINE
+    if rises:
+        steps = max(steps, h * math.sqrt(p[A_S]) / _FINE_BOBBING)
+    n = int(min(math.ceil(steps), _MOST)) + 1
+    return _runge_kutta(p, layers, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q)
+
 
 # What became of a sample.
 UNSEEN, HELD, COUNTED, CLIPPED, REJECTED, RESTARTED = 0, 1, 2, 3, 4, 5

@@ -1,8 +1,8 @@
 """The vertical motion's parameters from measured logs, with what is known of their errors.
 
-`experiment` says which stretches of a log are informative, `problem` predicts them with their
-derivatives, `fit` finds the most probable parameters, `identifiability` says what the data leave
-open, `profiles`, `model_selection` and `diagnose` examine the answer, `run` puts them together.
+`problem` says which stretches of a log are informative, and predicts them with their derivatives;
+`fit` finds the most probable parameters, `fit_estimates` their intervals; `diagnose` says what the
+data leave open and examines the answer, as `model_selection` does; `run` puts them together.
 """
 
 from swimbladder.estimation.estimates import Estimate, Finding, Prior

@@ -8,31 +8,37 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import Estimate, Prior, estimate
-from swimbladder.estimation.motion import deep_goodness_of_fit as goodness
+from swimbladder.estimation.estimates import Estimate, Prior, estimate, sentence
 from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
-from swimbladder.estimation.motion.deep_findings import differences, effects_json, weakly_determined
+from swimbladder.estimation.motion.deep_findings import (
+    Misfit,
+    differences,
+    effects_json,
+    inconsistent,
+    messages,
+    misfit_of,
+    water_messages,
+    weakly_determined,
+)
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
 from swimbladder.estimation.motion.deep_model import (
     CAST,
     DEEP,
     DEFAULT,
     Body,
+    Replay,
     body_of,
     check_deep_request,
     priors_of,
+    replay,
 )
-from swimbladder.estimation.motion.deep_replay import Replay, replay
 from swimbladder.estimation.motion.deep_vehicle import identified_vehicle, out_of_place
-from swimbladder.estimation.series import rms
+from swimbladder.estimation.series import Array, rms
 from swimbladder.io.float_log import FloatLog
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
-
-Array = NDArray[np.float64]
 
 _FAR = 2.5  # deviations of a prior, one in eighty by chance
 
@@ -46,7 +52,7 @@ class DiveFit:
     imbalance: Array  # m3 [n], at each sample
     speed: Array  # m/s [n], measured less modelled
     replay: Replay
-    misfit: goodness.Misfit  # how far off that is, in times the noise
+    misfit: Misfit  # how far off that is, in times the noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +152,7 @@ def identify_deep(
     weak = [name for name in fit.names if not fit.identified(name)]
     missed = [name for name in weak if not fit.identified_singly(name)]
     asked = [name for name in missed if name in (free or ()) or len(missed) == len(fit.names)]
-    bad = goodness.inconsistent([one.misfit for one in fits], fit.tempering)
+    bad = inconsistent([one.misfit for one in fits], fit.tempering)
     # A compressibility that dives hardly determine is held at 0, as `identified_vehicle` does.
     placed = [n for n in fit.names if n not in asked and (n not in weak or n != "compressibility")]
     strange = out_of_place(vehicle, fit.values, placed)
@@ -186,7 +192,7 @@ def _dive_fit(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> DiveFit:
     return DiveFit(
         dive=dive, start=estimate(start, float(np.sqrt(fit.covariance[i, i])), "m3"),
         imbalance=balance(body, fit.values, start, dive), speed=fit.residuals[k],
-        replay=replay(body, fit.values, start, dive), misfit=goodness.misfit_of(body, fit, k, dive),
+        replay=replay(body, fit.values, start, dive), misfit=misfit_of(body, fit, k, dive),
     )  # fmt: skip
 
 
@@ -194,30 +200,24 @@ def _sentences(
     fit: DeepFit, fits: Sequence[DiveFit], weak: Sequence[str], missed: Sequence[str],
     strange: Sequence[str],
 ) -> tuple[str, ...]:  # fmt: skip
-    imbalance = rms(np.concatenate([one.imbalance for one in fits]))
-    count = len(fits)
-    found = [
-        f"With one set of parameters the volume balance of {count} dive{'s' if count > 1 else ''} "
-        f"closes to {1e6 * imbalance:.2g} mL rms, speeds from sample to sample to "
-        f"{1e3 * rms(np.concatenate([one.speed for one in fits])):.2g} mm/s rms."
-    ]
+    closes = rms(np.concatenate([one.imbalance for one in fits]))
+    speed = rms(np.concatenate([one.speed for one in fits]))
+    dives = f"{len(fits)} dive{'s' if len(fits) > 1 else ''}"
+    found = [sentence("deep", "balance", dives=dives, imbalance=closes, speed=speed)]
     off = [one.misfit for one in fits]
-    bad = goodness.messages(
+    bad = messages(
         [one.dive.name for one in fits], off, [rms(one.imbalance) for one in fits], fit.tempering
     )
-    if goodness.inconsistent(off, fit.tempering):
-        return (*bad, *found, *goodness.water_messages(fit.noise))
+    if inconsistent(off, fit.tempering):
+        return (*bad, *found, *water_messages(fit.noise))
     if missed:
-        found.insert(0, "Not identifiable from these dives: " + ", ".join(missed) + ".")
+        found.insert(0, sentence("deep", "not identifiable", names=", ".join(missed)))
     else:
         found += weakly_determined(fit, weak)
-    found = [*strange, *found, *bad, *goodness.water_messages(fit.noise), *contradictions(fit)]
+    found = [*strange, *found, *bad, *water_messages(fit.noise), *contradictions(fit)]
     anchors = [n for n in ("drag", "pump_delivery", "valve") if n in fit.names]
     if len(anchors) == 3 and not any(fit.identified(name) for name in anchors):
-        found.append(
-            "The absolute size of drag, pump and valve together rests on their priors; how they "
-            "compare is identified from the dives."
-        )
+        found.append(sentence("deep", "anchors"))
     found += differences(fit, [one.dive for one in fits])
     return tuple(found)
 
@@ -230,13 +230,7 @@ def contradictions(fit: DeepFit) -> list[str]:
         off = abs(fit.values[name] - prior.mean) / prior.std
         if off > _FAR:
             before = f"{prior.mean:.4g} +- {prior.std:.2g} {unit}".rstrip()
-            found.append(
-                f"{name} comes out {off:.1f} deviations from what was known before ({before}): one "
-                "of the two is wrong. A cast that is farther off than was assumed (--prior "
-                "cast_density, cast_heave), or a mass or hull that is not as in the file, moves "
-                "the size of drag, pump and valve together. Believe how they compare; hold the "
-                "size by what you measured, with --set."
-            )
+            found.append(sentence("deep", "contradicts", name=name, off=off, before=before))
     return found
 
 
@@ -252,36 +246,26 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> t
     if actuator.bypass is not None and "bypass" not in fit.names:
         share = fit.values["bypass"]
         said_of = "as in the vehicle's file" if share == 1.0 else f"{share:.4g} of its file's"
-        bypass = (f"the flow of the bypass is {said_of}: it is not identified",)
+        bypass = (sentence("deep", "bypass", share=said_of),)
     lost = [
         *([] if isinstance(actuator.pump, PowerLawPump) else ["pump_delivery"]),
         *(["a creep below 0"] if fit.values["creep"] < 0.0 else []),
     ]
     place = (f"{' and '.join(lost)} has no place in vehicle.toml",) if lost else ()
-    cast = ", ".join(f"{name} 0 +- {fit.priors[name].std:.2g} {x.unit}" for name, x in CAST.items())
-    return (
-        f"known before: {'; '.join(said)}",
-        f"the vehicle weighs {body.mass:.6g} kg and displaces {body.volume * 1e3:.6g} L without "
-        "trapped air, as in its file; trim_error is what makes vehicle.toml weigh that",
-        *bypass, *place, *_warmths(dives),
-        f"the cast errs by {cast}, 1 sigma; the water moves by {1e3 * fit.noise.water:.1f} mm/s "
-        f"for {fit.noise.lasts / 60.0:.0f} min at a time, estimated from the dives",
-    )  # fmt: skip
+    hull = sentence("deep", "hull", mass=body.mass, volume=body.volume)
+    off = ", ".join(f"{name} 0 +- {fit.priors[name].std:.2g} {x.unit}" for name, x in CAST.items())
+    cast = sentence("deep", "cast", cast=off, noise=fit.noise)
+    return (f"known before: {'; '.join(said)}", hull, *bypass, *place, *_warmths(dives), cast)
 
 
 def _warmths(dives: Sequence[DeepDive]) -> list[str]:
     """Say of hull temperatures that were not logged."""
     found = []
     for dive in dives:
-        if dive.unwarmed == len(dive.time):
-            found.append(
-                f"{dive.name} has no temperatures of the hull: it is as warm as the water of the "
-                "cast at each moment"
-            )
-        elif dive.unwarmed:
-            found.append(
-                f"{dive.name} lacks {dive.unwarmed} of {len(dive.time)} temperatures of the hull: "
-                "they are filled by time, between those before and after, with the water's of the "
-                "cast and the difference from it"
-            )
+        missing, samples = dive.unwarmed, len(dive.time)
+        if missing == samples:
+            found.append(sentence("deep", "not warmed", name=dive.name))
+        elif missing:
+            counts = {"missing": missing, "samples": samples}
+            found.append(sentence("deep", "half warmed", name=dive.name, **counts))
     return found

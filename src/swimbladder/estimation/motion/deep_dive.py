@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.series import Array, Index, Mask
 from swimbladder.io.float_log import FloatLog
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import layered_volume
@@ -21,8 +21,6 @@ from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.column import slopes
 from swimbladder.vehicle import PumpAndValve, Vehicle
-
-Array = NDArray[np.float64]
 
 SHORTEST = 50.0  # s between two samples for a speed: 10 mbar of resolution are 2 mm/s then
 LONGEST = 4000.0  # s, likewise; longer ones hide how it went
@@ -45,7 +43,7 @@ class Pieces:
     acceleration: Array  # m/s2, 0 where the neighbours are of other legs
     density: Array  # kg/m3, of the water
     temperature: Array  # degC, of the hull
-    before: NDArray[np.bool_]  # [n, m], which actions were before
+    before: Mask  # [n, m], which actions were before
     leaked: Array  # m3, as the vehicle's file has it, since the dive began
 
     def __len__(self) -> int:
@@ -64,8 +62,8 @@ class DeepDive:
     leaked: Array  # m3 [n], as the vehicle's file has it, since the dive began
     action_time: Array  # s [m], the beginning
     action_seconds: Array  # s [m]
-    action_pumps: NDArray[np.bool_]  # [m]
-    action_bypass: NDArray[np.bool_]  # [m]; what is neither is the valve's
+    action_pumps: Mask  # [m]
+    action_bypass: Mask  # [m]; what is neither is the valve's
     action_volume: Array  # m3 [m], nominal, positive: rate times seconds, mean on the way
     action_short: Array  # m3 [m], what the start falls short of it, nominal; 0 without a pump
     action_pressure: Array  # Pa [m], mean on the way
@@ -168,8 +166,8 @@ def _warmth(time: Array, logged: Array, water: Array) -> Array:
 class _Runs(NamedTuple):
     begun: Array  # s [m]
     seconds: Array  # s [m]
-    pumps: NDArray[np.bool_]  # [m]
-    bypass: NDArray[np.bool_]  # [m]
+    pumps: Mask  # [m]
+    bypass: Mask  # [m]
 
 
 def _pieces(
@@ -200,7 +198,7 @@ def _pieces(
     )  # fmt: skip
 
 
-def _acceleration(time: Array, speed: Array, leg: NDArray[np.int64]) -> Array:
+def _acceleration(time: Array, speed: Array, leg: Index) -> Array:
     """Return it [m/s2] [n], from both neighbours; 0 where one of them is of another leg."""
     found = np.zeros(len(time))
     inner = np.flatnonzero((leg[2:] == leg[1:-1]) & (leg[:-2] == leg[1:-1])) + 1
@@ -220,7 +218,7 @@ def _deepened(column: Column) -> tuple[Array, Array]:
     return np.append(p, more), np.append(rho, rho[-1] + slope * (more - p[-1]))
 
 
-def nodes(time: Array) -> NDArray[np.int64]:
+def nodes(time: Array) -> Index:
     """Return samples `SHORTEST` apart at least."""
     found, last = [0], time[0]
     for i, t in enumerate(time):

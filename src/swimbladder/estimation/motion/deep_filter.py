@@ -5,7 +5,7 @@ The state is pressure, speed, what is off, and what is not known::
     p' = rho g (w + u)
     m w' = rho g E - k w|w|                by `glide`
     u'' = -2 d u'/tau - u/tau^2 + noise    the water's speed, and
-    zeta' = u - zeta/AWAY                  how far the layers have been moved, by `deep_water`
+    zeta' = u - zeta/AWAY                  how far the layers have been moved, by `swing`
     E = N(p) - V(t) - V_0 - drift - G(p) zeta + sum c_j phi_j(p)
 
 N is the neutral volume that follows from cast and hull, V what the runs have added, V_0 the drive's
@@ -16,6 +16,25 @@ filter (e.g. Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Track
 whatever lasts between them, so that their likelihood gives intervals that allow for waves of an
 hour and with a cast that errs. A pressure that is off by more than `GATE` deviations counts as one
 that is off by so much (Huber).
+
+Internal waves move the water up and down. Their vertical speed is white up to the buoyancy
+frequency, above which nothing swings (Munk, in *Evolution of Physical Oceanography*, 1981, ch. 9:
+displacement falls as the square of frequency). White noise through the flattest filter of second
+order has that spectrum::
+
+    u'' = -2 d u'/tau - u/tau^2 + noise           d = 2^(-1/2)
+
+with `tau` near the inverse of the buoyancy frequency. Layers are displaced by the integral of u and
+come back within hours, so that their displacement is bounded: zeta' = u - zeta/`AWAY`.
+
+Under a constant force and quadratic drag speed and way have closed forms, with slopes:
+m w' = F - k w|w|. With v along the force, v_e = (F/k)^(1/2), a = (F k)^(1/2)/m and r = v/v_e::
+
+    v >= 0:  v(t) = v_e (r + tanh at)/(1 + r tanh at),   way = (m/k) ln(cosh at + r sinh at)
+    v < 0:   v(t) = v_e (r + tan at)/(1 - r tan at),     way = -(m/k) ln(cos at - r sin at)
+
+the second until it stops at t = atan(-r)/a (e.g. Lamb, *Dynamics*, 2nd ed. 1923, ch. 12, on motion
+against the square of the speed). Exact, so that steps may be longer than the vehicle's lag.
 """
 
 from __future__ import annotations
@@ -25,10 +44,100 @@ from pathlib import Path
 
 import numpy as np
 
-from swimbladder.estimation.motion.deep_model import glide
-from swimbladder.estimation.motion.deep_water import AWAY, swing
 from swimbladder.io.files import source_hash
-from swimbladder.sim.engine.cache import compiled
+from swimbladder.sim.engine.cache import compiled, part
+
+_LEAST = 1e-9  # N; some 1e-7 mL of volume
+
+
+@part
+def glide(w, force, mass, down, up, t):  # type: ignore[no-untyped-def]
+    """Return speed [m/s] and way [m] after t [s], both by w [-], [s] and by force, as six numbers.
+
+    They are: speed, way, speed by w, speed by force, way by w, way by force. w: speed at the
+    beginning [m/s], force [N], mass [kg]; down, up: drag k while sinking and rising [N s2/m2].
+    """
+    sign = 1.0 if force >= 0.0 else -1.0
+    f = max(abs(force), _LEAST)
+    v, way = sign * w, 0.0
+    if v < 0.0:
+        k = down if sign < 0.0 else up
+        a, steady = math.sqrt(f * k) / mass, math.sqrt(f / k)
+        r = v / steady
+        stop = math.atan(-r) / a
+        if stop >= t:
+            x = a * t
+            q = math.tan(x)
+            n = 1.0 / (1.0 - r * q)
+            speed, grows = steady * (r + q) * n, (1.0 + q * q) * n * n
+            by_f = (speed + steady * grows * ((1.0 + r * r) * x - r)) / (2.0 * f)
+            length = mass / k
+            return (
+                sign * speed, -sign * length * math.log(math.cos(x) - r * math.sin(x)),
+                grows, by_f, length / steady * q * n,
+                length * n * ((q + r) * x - r * q) / (2.0 * f),
+            )  # fmt: skip
+        one = 1.0 + r * r
+        way = -0.5 * mass / k * math.log(one)
+        way_v, way_f = -mass / k * r / one / steady, mass / k * r * r / one / (2.0 * f)
+        stop_v, stop_f = -1.0 / (steady * one * a), (r / (one * a) - stop) / (2.0 * f)
+        speed, on, grows, by_f, way_w, by_way = _along(0.0, f, mass, up if sign < 0.0 else down,
+                                                       t - stop)  # fmt: skip
+        gain = f / mass * grows
+        return (
+            sign * speed, sign * (way + on), -gain * stop_v, by_f - gain * stop_f,
+            way_v - speed * stop_v, way_f + by_way - speed * stop_f,
+        )  # fmt: skip
+    speed, on, grows, by_f, way_w, by_way = _along(v, f, mass, up if sign < 0.0 else down, t)
+    return sign * speed, sign * on, grows, by_f, way_w, by_way
+
+
+@part
+def _along(v, f, mass, k, t):  # type: ignore[no-untyped-def]
+    """Return what `glide` does, of motion along the force."""
+    a, steady, length = math.sqrt(f * k) / mass, math.sqrt(f / k), mass / k
+    r, x = v / steady, a * t
+    q = math.tanh(x)
+    n = 1.0 / (1.0 + r * q)
+    if x < 20.0:
+        way = length * math.log(math.cosh(x) + r * math.sinh(x))
+    else:  # cosh and sinh are e^x/2 to the last digit
+        way = length * (x + math.log(0.5 * (1.0 + r)))
+    speed, grows = steady * (r + q) * n, (1.0 - q * q) * n * n
+    return (
+        speed, way, grows, (speed + steady * grows * ((1.0 - r * r) * x - r)) / (2.0 * f),
+        length / steady * q * n, length * n * ((q + r) * x - r * q) / (2.0 * f),
+    )  # fmt: skip
+
+
+AWAY = 7200.0  # s; with tau of 300 s 1.9 km of displacement per m/s of speed: 6 m for 3 mm/s
+_D = math.sqrt(0.5)
+
+
+@part
+def swing(t, tau):  # type: ignore[no-untyped-def]
+    """Return what u and u' become after t [s] without noise, and the way, as six numbers.
+
+    They are: u by u, u by u' [s], u' by u [1/s], u' by u', the integral of u by u [s] and by u'
+    [s2].
+    """
+    rate = _D / tau  # of decay and of the swing: d = (1 - d^2)^(1/2)
+    decay = math.exp(-rate * t)
+    even, odd = decay * math.cos(rate * t), decay * math.sin(rate * t)
+    u_u, u_v = even + odd, odd / rate
+    v_u, v_v = -odd / (rate * tau * tau), even - odd
+    # u = -tau^2 u'' - 2 d tau u', integrated
+    way_u = tau * tau * -v_u + 2.0 * _D * tau * (1.0 - u_u)
+    way_v = tau * tau * (1.0 - v_v) - 2.0 * _D * tau * u_v
+    return u_u, u_v, v_u, v_v, way_u, way_v
+
+
+def displaced_variance(speed: float, tau: float) -> float:
+    """Return the variance of the layers' displacement [m2], for that of their speed [m2/s2]."""
+    # Of d/dt E[zeta u] and d/dt E[zeta u'], which are 0.
+    back, w = 1.0 / AWAY, 1.0 / tau
+    return speed / (back * (back + w * w / (2.0 * _D * w + back)))
+
 
 GATE = 4.0
 DYNAMIC = 7
@@ -133,6 +242,4 @@ def _filter(  # type: ignore[no-untyped-def]
     return 0
 
 
-filter_kernel = compiled(
-    _filter, under=f"deep-{source_hash(Path(__file__).parent.glob('deep*.py'))}"
-)
+filter_kernel = compiled(_filter, under=f"deep-{source_hash([Path(__file__)])}")

@@ -21,7 +21,8 @@ exactly, tau drawn by Gibbs on a grid (Ritter and Tanner, *J. Am. Stat. Assoc.* 
 One set x_0 that fits all samples best predicts dives best, and is no estimate of x where dives
 differ: it is pulled to where the misfit is small in mL, towards small volumes. Its mean square
 error about x is that of the random effects, and the square of how far they lie from it (Hausman,
-*Econometrica* 46, 1978, 1251, compares two such estimates).
+*Econometrica* 46, 1978, 1251, compares two such estimates). Where dives are overdispersed, their
+likelihood is tempered by it.
 """
 
 from __future__ import annotations
@@ -32,7 +33,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
@@ -40,11 +40,56 @@ from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_filter import GATE, V0
-from swimbladder.estimation.motion.deep_model import Body, check_deep_names, drag_volume, excess
-from swimbladder.estimation.motion.deep_overdispersion import DiveScore, distances, overdispersion
-from swimbladder.estimation.motion.deep_path import Filtered, Noise, Path, deep_path, filtered
+from swimbladder.estimation.motion.deep_model import (
+    Body,
+    Filtered,
+    Noise,
+    Path,
+    check_deep_names,
+    deep_path,
+    drag_volume,
+    excess,
+    filtered,
+)
+from swimbladder.estimation.series import Array, Index
 
-Array = NDArray[np.float64]
+
+class DiveScore(NamedTuple):
+    """A dive's score and information on parameters [k], in prior deviations, without the priors."""
+
+    gradient: Array  # of minus the log likelihood, at what fits all dives [k]
+    information: Array  # [k, k]
+
+
+def overdispersion(dives: Sequence[DiveScore]) -> float:
+    """Return the ratio of the observed scatter of dives to that which their information implies.
+
+    Each dive alone would have the parameters where I_d (x_d - x) = -g_d. The sum of the squares of
+    x_d - x, in its own deviations, over its mean where the information is right, is what Birge
+    (*Phys. Rev.* 40, 1932, 207) widens measurements of one quantity by that contradict each other;
+    here with priors, so that what a dive hardly determines hardly counts. 1 for a single dive.
+    """
+    each = sum(_count(dive.information) for dive in dives)
+    free = each - _count(np.sum([dive.information for dive in dives], axis=0))
+    if free < 0.5:  # no parameter is determined by two of them
+        return 1.0
+    return sum(_off(dive) for dive in dives) / free
+
+
+def distances(dives: Sequence[DiveScore]) -> tuple[float, ...]:
+    """Return how far each dive by itself is from what fits all, rms in its own deviations."""
+    return tuple(float(np.sqrt(_off(d) / max(_count(d.information), 1.0))) for d in dives)
+
+
+def _count(information: Array) -> float:
+    """Return the effective number of parameters that the data determine, without the priors."""
+    return float(np.trace(np.linalg.solve(information + np.eye(len(information)), information)))
+
+
+def _off(dive: DiveScore) -> float:
+    prior = np.eye(len(dive.gradient))
+    return float(dive.gradient @ np.linalg.solve(dive.information + prior, dive.gradient))
+
 
 TYPICAL = 0.3  # deviations of a prior by which dives differ; six real ones have 0.06 to 0.6
 _GRID = np.append(0.01, np.geomspace(0.03, 3.0, 11))  # of tau
@@ -319,7 +364,7 @@ class _Problem:
         return total if math.isfinite(total) else math.inf
 
     def slopes(
-        self, x: Array, free: NDArray[np.int64], information: Array | None = None,
+        self, x: Array, free: Index, information: Array | None = None,
         stride: float = _WHITE,
     ) -> _Slopes:  # fmt: skip
         """Return the likelihood at x with its slopes along the places `free` of x.
@@ -407,7 +452,7 @@ def _guess(problem: _Problem) -> Array:
     return np.where(held, 0.0, found)
 
 
-def _best(problem: _Problem, x: Array, free: NDArray[np.int64], stride: float) -> Array:
+def _best(problem: _Problem, x: Array, free: Index, stride: float) -> Array:
     """Return the x of least cost along the places `free`, by damped scoring.
 
     Parameters are chosen for the innovations alone, whose variances are held in each step: the size

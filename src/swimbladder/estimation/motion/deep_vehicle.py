@@ -8,16 +8,14 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from swimbladder.estimation.estimates import sentence
 from swimbladder.estimation.motion.deep_model import DEEP, body_of
 from swimbladder.physics.hull import weighing
 from swimbladder.vehicle import (
-    Drag,
-    Hull,
     HullPart,
     PhysicalMotion,
     PowerLawPump,
     PumpAndValve,
-    Valve,
     Vehicle,
     field_unit,
 )
@@ -29,19 +27,19 @@ _WARM = "temperature_degC of the log, its unit, and whether it is of the hull"
 _SECONDS = "the {0}'s seconds in the log, and its {1} in the vehicle's file"
 
 # Where a vehicle's file holds each, and what to check when it comes out strange.
-_PLACES: dict[str, tuple[type[BaseModel], str, str]] = {
-    "drag": (Drag, "k_dt", "the pressures and the mass in the vehicle's file"),
-    "drag_up": (Drag, "rising_ratio", "whether the water was that of the cast while it rose"),
-    "compressibility": (HullPart, "compressibility", _HULL),
-    "stiffening": (HullPart, "stiffening", _HULL),
-    "thermal_expansion": (HullPart, "thermal_expansion", _WARM),
-    "trapped_air": (Hull, "trapped_air", "the cast near the surface"),
-    "pump_delivery": (PowerLawPump, "delivery", _SECONDS.format("pump", "delivery")),
-    "pump_slip": (PowerLawPump, "slip", _SECONDS.format("pump", "slip")),
-    "pump_start": (PumpAndValve, "start_volume", "the pump's seconds in the log"),
-    "valve": (Valve, "flow", _SECONDS.format("valve", "flow")),
-    "bypass": (Valve, "flow", _SECONDS.format("bypass", "flow")),
-    "creep": (PumpAndValve, "creep", "the cast, and whether the log leaves out runs"),
+_PLACES: dict[str, tuple[str, str]] = {
+    "drag": ("motion.drag.k_dt", "the pressures and the mass in the vehicle's file"),
+    "drag_up": ("motion.drag.rising_ratio", "whether the water was that of the cast while it rose"),
+    "compressibility": ("hull.parts.0.compressibility", _HULL),
+    "stiffening": ("hull.parts.0.stiffening", _HULL),
+    "thermal_expansion": ("hull.parts.0.thermal_expansion", _WARM),
+    "trapped_air": ("hull.trapped_air", "the cast near the surface"),
+    "pump_delivery": ("actuator.pump.delivery", _SECONDS.format("pump", "delivery")),
+    "pump_slip": ("actuator.pump.slip", _SECONDS.format("pump", "slip")),
+    "pump_start": ("actuator.start_volume", "the pump's seconds in the log"),
+    "valve": ("actuator.valve.flow", _SECONDS.format("valve", "flow")),
+    "bypass": ("actuator.bypass.flow", _SECONDS.format("bypass", "flow")),
+    "creep": ("actuator.creep", "the cast, and whether the log leaves out runs"),
 }
 _BOUNDS = {
     "gt": (operator.gt, "more than {:g}"),
@@ -58,6 +56,11 @@ def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle
     are those of `body_of`, so trim_error moves with trapped air, and with the hull's warmth where
     [water] is not as warm as reference_temperature.
     """
+    return weighing(_filled(vehicle, values), body_of(vehicle).mass)
+
+
+def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle with these values, before its trim_error follows them."""
     body, hull, actuator = body_of(vehicle), vehicle.hull, vehicle.actuator
     assert isinstance(actuator, PumpAndValve)
     pump = actuator.pump
@@ -67,11 +70,11 @@ def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle
             "slip": pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"],
         })  # fmt: skip
     stiffening = values["stiffening"]
-    part = HullPart(
-        name="hull", volume=body.volume, compressibility=max(values["compressibility"], 0.0),
-        thermal_expansion=values["thermal_expansion"],
-        stiffening=stiffening if abs(stiffening) >= _STIFFENS else 0.0,
-    )  # fmt: skip
+    soft = max(values["compressibility"], 0.0)
+    part = HullPart(name="hull", volume=body.volume, compressibility=0.0).model_copy(update={
+        "compressibility": soft, "thermal_expansion": values["thermal_expansion"],
+        "stiffening": stiffening if abs(stiffening) >= _STIFFENS else 0.0,
+    })  # fmt: skip
     bypass = actuator.bypass
     if bypass is not None:
         bypass = bypass.model_copy(update={"flow": bypass.flow * values["bypass"]})
@@ -91,14 +94,13 @@ def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle
         more = (values["inertia"] - 1.0) * vehicle.mass
         motion["added_mass"] = max(vehicle.motion.added_mass + more, 0.0)
     air = values["trapped_air"]
-    found = vehicle.model_copy(update={
+    return vehicle.model_copy(update={
         "actuator": changed,
         "hull": hull.model_copy(update={
             "displaced_volume": body.volume + air, "parts": (part,), "trapped_air": air,
         }),
         "motion": vehicle.motion.model_copy(update=motion),
     })  # fmt: skip
-    return weighing(found, body.mass)
 
 
 def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[str]) -> list[str]:
@@ -106,46 +108,27 @@ def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[
 
     What `identified_vehicle` holds at 0 has a place, but a compressibility.
     """
-    found = []
+    file, found = _filled(vehicle, values), []
     for name in names:
-        written = _written(vehicle, values, name)
-        if written is None:
+        path, check = _PLACES.get(name, ("", ""))
+        *way, field = path.split(".")
+        holder: Any = file
+        for key in way:
+            holder = holder[int(key)] if key.isdigit() else getattr(holder, key)
+        model = type(holder)
+        if field not in getattr(model, "model_fields", {}):
             continue
-        model, field, check = _PLACES[name]
+        written = values[name] if name == "compressibility" else getattr(holder, field)
         bounds = _broken(model, field, written)
         if bounds:
-            unit = DEEP[name].unit
-            stands = ""
+            unit, stands = field_unit(model, field), ""
             if name in ("pump_delivery", "pump_slip", "valve", "bypass"):
-                stands = f"{field} would be {written:.4g} {field_unit(model, field)}, and "
-            found.append(
-                f"{name} comes out {values[name]:.4g} {unit}".rstrip()
-                + f", which vehicle.toml cannot hold: {stands}{field} has to be "
-                f"{' and '.join(bounds)} {field_unit(model, field)}".rstrip()
-                + f". Check {check}, or hold it by what you know with --set {name}=VALUE."
-            )
+                stands = f"{field} would be {written:.4g} {unit}, and "
+            texts = {"name": name, "field": field, "check": check, "stands": stands}
+            value = f"{values[name]:.4g} {DEEP[name].unit}".rstrip()
+            limits = f"{' and '.join(bounds)} {unit}".rstrip()
+            found.append(sentence("deep", "out of place", **texts, value=value, bounds=limits))
     return found
-
-
-def _written(vehicle: Vehicle, values: Mapping[str, float], name: str) -> float | None:
-    """Return what the vehicle's file gets for a parameter; None where it has no place for it."""
-    value, actuator = values[name], vehicle.actuator
-    assert isinstance(actuator, PumpAndValve)
-    if name in ("valve", "bypass"):
-        device = actuator.valve if name == "valve" else actuator.bypass
-        return None if device is None else device.flow * value
-    if name in ("pump_delivery", "pump_slip"):
-        pump = actuator.pump
-        if not isinstance(pump, PowerLawPump):
-            return None
-        if name == "pump_delivery":
-            return pump.delivery * value
-        return pump.slip * values["pump_delivery"] + pump.delivery * value
-    if name == "creep":
-        return max(value, 0.0)
-    if name == "pump_start":
-        return max(actuator.start_volume + value, 0.0)
-    return None if name == "inertia" else value
 
 
 def _broken(model: type[BaseModel], field: str, value: float) -> list[str]:

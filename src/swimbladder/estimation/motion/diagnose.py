@@ -1,21 +1,140 @@
-"""What the residuals say against the model, in sentences."""
+"""What the residuals say against the model, and which questions the data leave open, in sentences.
+
+A question is open along a direction of the parameters on which the data have too little
+information.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2, linregress
 
-from swimbladder.estimation.estimates import Estimate, Finding, estimate
+from swimbladder.estimation.estimates import (
+    Estimate,
+    Finding,
+    Severity,
+    estimate,
+    finding,
+    sentence,
+)
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.initial_guess import backwards
 from swimbladder.estimation.motion.problem import VOLUME, Problem
 from swimbladder.estimation.motion.result import ExperimentFit
+from swimbladder.estimation.series import Array, rms
 
-Array = NDArray[np.float64]
+LIMIT = 0.3  # of a parameter, or of what is large for one that may be 0: more is not known
+_PART = 0.35  # of a direction of length 1, at which a parameter takes part in it
+_KNOWN = 0.1
+
+
+class Direction(NamedTuple):
+    """A combination of the parameters, and how well the data alone determine it."""
+
+    parts: Array  # [p] of length 1
+    std: float  # in shares of the parameters, or of their scales
+
+
+def directions(problem: Problem, fit: Fit) -> list[Direction]:
+    """Return the directions of the vehicle's parameters, best known first.
+
+    From the singular values of the sensitivity, everything that belongs to single experiments
+    eliminated, with the priors of the neutral volumes and without those of the parameters.
+    """
+    p = problem.shared
+    _, P = problem.prior_rows(fit.x)
+    own = P[len(problem.priors) :]
+    D = fit.data + own.T @ own
+    size = np.sqrt(np.maximum(np.diag(D), 1e-300))
+    D = D / np.outer(size, size)
+    inner = D[p:, p:] + 1e-13 * np.eye(len(D) - p)
+    S = D[:p, :p] - D[:p, p:] @ np.linalg.solve(inner, D[p:, :p])
+    values, vectors = np.linalg.eigh(S * np.outer(size[:p], size[:p]))
+    floor = 1e-14 * max(float(values[-1]), 1e-300)
+    return [
+        Direction(vectors[:, i], float(1.0 / np.sqrt(max(values[i], floor))))
+        for i in range(p - 1, -1, -1)
+    ]
+
+
+def not_identifiable(problem: Problem, fit: Fit) -> Iterator[Finding]:
+    """Yield a finding of severity no for every question that data and priors leave open."""
+    p = problem.shared
+    std = np.sqrt(np.diag(fit.covariance)[:p])
+    limits = np.array([_limit(problem, fit, i) for i in range(p)])
+    left = {i for i in range(p) if std[i] > limits[i]}
+
+    def of(parts: list[int]) -> Finding:
+        names = [problem.names[i] for i in parts]
+        what = _what(names, float(std[parts[0]]), problem)
+        found = finding("motion", "not identifiable", what=what, remedy=_remedy(names, problem))
+        return found._replace(kind="trade-off") if len(names) > 1 else found
+
+    for direction in reversed(directions(problem, fit)) if left else ():
+        scaled = np.abs(direction.parts) / limits
+        parts = np.flatnonzero(scaled > _PART * scaled.max()).tolist()
+        if left.isdisjoint(parts) or direction.std * float(scaled.max()) < 0.5:
+            continue
+        left -= set(parts)
+        yield of(parts)
+    for i in sorted(left):
+        yield of([i])
+
+
+def _limit(problem: Problem, fit: Fit, i: int) -> float:
+    """Return how uncertain the i-th entry of x may be [in its own unit]."""
+    if problem.logarithmic[i]:
+        return LIMIT
+    if problem.names[i] == "psi":
+        return 10.0
+    # a turbulent drag that may be none: identified, where it is small against the drag there is
+    values = problem.named(fit.x)
+    k_dl = problem.model.specific_weight / values["K2"]
+    fastest = max(_fastest(problem), 1e-3)
+    return max(1.0, k_dl / fastest / problem.scale[i])
+
+
+def _fastest(problem: Problem) -> float:
+    """Return the largest speed of the experiments, by and large [m/s]."""
+    found = [0.0]
+    for e in problem.experiments:
+        for s in e.segments:
+            t, z = e.record.time[s.first : s.last + 1], e.record.depth[s.first : s.last + 1]
+            n = max(2, len(t) // 10)
+            found.append(float(np.abs((z[n:] - z[:-n]) / (t[n:] - t[:-n])).max()))
+    return max(found)
+
+
+def _what(names: list[str], std: float, problem: Problem) -> str:
+    """Say that a parameter, with its standard deviation, or several are not identifiable."""
+    *some, name = names
+    place = ("motion", "not identifiable")
+    if some:
+        return sentence(*place, "several", names=f"{', '.join(some)} and {name}")
+    if not problem.logarithmic[problem.names.index(name)]:
+        return sentence(*place, "one", name=name)
+    by = f"{100.0 * std:.0f} %" if std < 10.0 else "over 1000 %"
+    return sentence(*place, "one_by", name=name, by=by)
+
+
+def _remedy(names: list[str], problem: Problem) -> str:
+    known = "give psi a prior or a value (--prior, --set)"
+    if "psi" in names:
+        other = "run a longer dive, or several with volume changes of different size"
+        return f"G{known[1:]}, or {other}."
+    if "drag_quadratic" in names and problem.model.law == "blended":
+        return "Choose --drag linear or quadratic, or run at speeds that differ more."
+    if "drag_quadratic" in names or "K2" in names:
+        also = f", or {known}" if "psi" in problem.names else ""
+        return f"Run longer, so that the speed settles, and with larger changes of volume{also}."
+    if "mass" in names or "T2" in names:
+        return "Record how the speed builds up: more samples soon after a change of volume."
+    return "Give a value (--set) or a prior (--prior), or record steps that excite it."
+
 
 _SURE = 3.0  # standard deviations
 _GRAVITY = 9.80665  # m/s2; to within a percent everywhere
@@ -107,13 +226,7 @@ def _first(coefficients: tuple[float, ...]) -> float:
 def _autocorrelated(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
     bad = [e for e in experiments if e.whiteness_p < 1e-3 / len(experiments)]
     if bad:
-        yield Finding(
-            "autocorrelated",
-            "note",
-            f"In {len(bad)} of {len(experiments)} logs the residuals are autocorrelated: the model "
-            "is incomplete there, or the sensor is filtered. The intervals allow for it as "
-            "autocorrelated noise, not as a model error.",
-        )
+        yield finding("motion", "autocorrelated", bad=len(bad), logs=len(experiments))
 
 
 def _outliers(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
@@ -122,27 +235,17 @@ def _outliers(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
         if e.outliers > max(2, _MANY * used):
             away = e.residual[np.isfinite(e.residual) & (e.weight < 0.5)]
             largest = float(np.abs(away).max()) if away.size else 0.0
-            yield Finding(
-                "outliers",
-                "warning" if e.outliers > 0.1 * used else "note",
-                f"{e.source}: {e.outliers} of {used} samples, up to {largest:.3g} m off, are taken "
-                "as outliers and given less weight.",
-            )
+            severity: Severity = "warning" if e.outliers > 0.1 * used else "note"
+            counts = {"out": e.outliers, "used": used, "largest": largest}
+            yield finding("motion", "outliers", severity, log=e.source, **counts)
 
 
 def _drifts(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
     bound = math.sqrt(float(chi2.isf(0.003 / max(len(experiments), 1), 1)))
     for e in experiments:
         if abs(e.drift.value) > bound * e.drift.std:
-            span = float(np.ptp(e.record.time))
-            yield Finding(
-                "drift",
-                "warning",
-                f"{e.source}: the neutral volume drifts by {1e6 * e.drift.value * span:+.2g} cm3 "
-                f"over the log ({3.6e9 * e.drift.value:+.3g} cm3/h), so it seems: trapped air, a "
-                "leak, or a slip of the piston's sensor. The intervals of the other parameters do "
-                "not allow for it.",
-            )
+            over = e.drift.value * float(np.ptp(e.record.time))
+            yield finding("motion", "drift", log=e.source, over=over, drift=e.drift.value)
 
 
 def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:
@@ -159,18 +262,10 @@ def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:
         return
     low, high = sizes.min(), sizes.max()
     name = "K2" if "K2" in problem.names else "1/k_dt"
-    change = 100.0 * (math.exp(slope * math.log(high / low)) - 1.0)
-    why = "the mark of a psi set too large, or of dry friction"
-    if slope < 0.0:
-        why = (
-            "the mark of a psi that is left out or set too small, or of drag that grows faster "
-            "than the speed"
-        )
-    yield Finding(
-        "step-size trend",
-        "warning",
-        f"{name} changes by {change:+.0f} % from volume changes of {1e6 * low:.3g} cm3 to "
-        f"{1e6 * high:.3g} cm3: {why}.",
+    change = math.exp(slope * math.log(high / low)) - 1.0
+    why = sentence("motion", "step-size trend", "falls" if slope < 0.0 else "rises")
+    yield finding(
+        "motion", "step-size trend", name=name, change=change, low=low, high=high, why=why
     )
 
 
@@ -179,51 +274,27 @@ def _neutral(problem: Problem, fit: Fit) -> Iterator[Finding]:
         return
     e = fit.x[problem.shared : problem.first_start] * VOLUME / problem.neutral_std
     if float(chi2.sf(float((e**2).sum()), len(e))) <= 1e-3:
-        largest = float(np.abs(e).max() * problem.neutral_std)
-        rms = float(np.sqrt(np.mean(e**2)) * problem.neutral_std)
-        yield Finding(
-            "neutral prior",
-            "warning",
-            f"The neutral volumes are off by up to {1e6 * largest:.2g} cm3, {1e6 * rms:.2g} cm3 "
-            f"rms: more than the {1e6 * problem.neutral_std:.2g} cm3 that was assumed. Give "
-            "--neutral-std what the vehicle does, or none for no assumption.",
-        )
+        std = problem.neutral_std
+        off = {"largest": float(np.abs(e).max()) * std, "rms": rms(e) * std}
+        yield finding("motion", "neutral prior", **off, assumed=std)
 
 
 def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> Iterator[Finding]:
     m = problem.model.mass(problem.named(fit.x))
     of_water = problem.model.specific_weight / _GRAVITY * problem.model.displaced
     least, most = _NONE[0] * of_water, _NONE[1] * of_water
-    wrong = ""
+    wrong = "light" if m < _LIGHTEST * of_water else "heavy" if m > _HEAVIEST * of_water else ""
     if dry_mass is not None and m < 0.98 * dry_mass:
-        wrong = f"less than the vehicle's dry mass of {dry_mass:.3g} kg"
-    elif m < _LIGHTEST * of_water:
-        wrong = (
-            f"less than the {of_water:.3g} kg of water that the hull displaces, with which it "
-            "would be neutral"
-        )
-    elif m > _HEAVIEST * of_water:
-        wrong = (
-            f"{m / of_water:.2g} times the {of_water:.3g} kg of water that the hull displaces: "
-            "entrained and added mass hardly come to that"
-        )
+        wrong = "dry"
     if wrong:
-        yield Finding(
-            "mass",
-            "no" if not least < m < most else "warning",
-            f"The mass that follows, rho g T2/K2 = {m:.3g} kg, is {wrong}. Check the units of the "
-            "logged volume, depth and time, the piston's area and hull.displaced_volume.",
-        )
+        severity: Severity = "warning" if least < m < most else "no"
+        masses = {"dry": dry_mass, "water": of_water, "times": m / of_water}
+        why = sentence("motion", "mass", wrong, **masses)
+        yield finding("motion", "mass", severity, mass=m, wrong=why)
 
 
 def _backwards(problem: Problem, fit: Fit) -> Iterator[Finding]:
     total = float(np.std(problem.measured))
     left = float(np.sqrt(np.mean(fit.residual**2)))
     if left >= _FOLLOWED * total and backwards(problem.experiments):
-        yield Finding(
-            "backwards",
-            "no",
-            "The vehicle sinks as its volume grows: volume or depth is the wrong way round. Set "
-            'piston_positive = "in" or depth_positive = "up" in the [log] table, or turn the '
-            "column's sign.",
-        )
+        yield finding("motion", "backwards")

@@ -17,10 +17,8 @@ from dataclasses import dataclass
 from itertools import islice, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from swimbladder.estimation.motion.experiment import Segment
 from swimbladder.estimation.motion.initial_guess import regression
 from swimbladder.estimation.motion.noise import (
     ArNoise,
@@ -33,9 +31,8 @@ from swimbladder.estimation.motion.noise import (
     scale,
     weights,
 )
-from swimbladder.estimation.motion.problem import LOST, VOLUME, Coordinates, Problem
-
-Array = NDArray[np.float64]
+from swimbladder.estimation.motion.problem import LOST, VOLUME, Coordinates, Problem, Segment
+from swimbladder.estimation.series import Array
 
 GAPS = (1.0, 1e-2, 1e-4, 1e-6)  # of the noise: what a gap may be, one search after the other
 _MOST = 20.0  # of a logarithm: more stretches than for that help no more
@@ -390,7 +387,7 @@ def finish(problem: Problem, x: Array) -> Fit:
     )  # fmt: skip
 
 
-def inverse_of(M: NDArray[np.float64]) -> Array:
+def inverse_of(M: Array) -> Array:
     """Return the inverse of a symmetric matrix, through entries of one size each.
 
     Directions of which nothing is known get a variance that is huge, not infinite.

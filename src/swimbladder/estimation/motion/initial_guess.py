@@ -12,14 +12,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
 
-from swimbladder.estimation.motion.experiment import Experiment, Segment
 from swimbladder.estimation.motion.model import Model
-
-Array = NDArray[np.float64]
+from swimbladder.estimation.motion.problem import Experiment, Segment
+from swimbladder.estimation.series import Array
 
 _CLEARLY = 8.0  # standard deviations
 _WINDOW = 12.0  # s

@@ -7,17 +7,16 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from swimbladder.estimation.estimates import Finding
+from swimbladder.estimation.estimates import Finding, finding
 from swimbladder.estimation.motion.fit import Fit, refine
 from swimbladder.estimation.motion.model import LAWS, Model, default_names, model_of
 from swimbladder.estimation.motion.noise import autocovariance
 from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.motion.result import Choice
+from swimbladder.estimation.series import Array
 from swimbladder.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 Psi = Literal["free", "prior", "set", "zero"]
 
 _TRACE = 0.02  # of the drag, that a blended one begins with beside a law that was fitted
@@ -61,22 +60,11 @@ def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
         return
     best, reported = listed[0], next(c for c in listed if c.reported)
     gap = reported.bic - best.bic
-    if gap > _DECISIVE and reported.rms > _REFUSED * best.rms and reported.drag != best.drag:
-        yield Finding(
-            "refused",
-            "no",
-            f"The vehicle does not move as {_words(reported)} has it: {1e3 * reported.rms:.2f} mm "
-            f"rms, where {_words(best)} leaves {1e3 * best.rms:.2f} mm. Numbers of that model "
-            f"would mean nothing. {_remedy(best, reported)}",
-        )
-    elif gap > _DECISIVE:
-        yield Finding(
-            "model",
-            "warning",
-            f"The data speak for another model: {_words(best)} (rms {1e3 * best.rms:.2f} mm) over "
-            f"{_words(reported)} ({1e3 * reported.rms:.2f} mm), by {gap:.0f} in the Bayesian "
-            f"information criterion. {_remedy(best, reported)}",
-        )
+    if gap > _DECISIVE:
+        refused = reported.rms > _REFUSED * best.rms and reported.drag != best.drag
+        texts = {"reported": _words(reported), "best": _words(best), "least": best.rms}
+        texts |= {"gap": gap, "rms": reported.rms, "remedy": _remedy(best, reported)}
+        yield finding("motion", "refused" if refused else "model", **texts)
     same = [c for c in listed if c.drag == reported.drag]
     zero = next((c for c in same if c.psi == "zero"), None)
     if zero is not None and reported.psi != "zero" and zero.bic - reported.bic > _DECISIVE:
@@ -85,12 +73,8 @@ def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
             for name in reported.values
             if name in ("K2", "T2", "mass") and name in zero.values
         ]
-        yield Finding(
-            "psi",
-            "note",
-            f"Leaving psi out would shift {' and '.join(shifts)}, at {1e3 * zero.rms:.2f} mm rms "
-            f"instead of {1e3 * reported.rms:.2f} mm: the data see psi.",
-        )
+        shift = " and ".join(shifts)
+        yield finding("motion", "psi", shifts=shift, without=zero.rms, rms=reported.rms)
 
 
 def _words(c: Choice) -> str:

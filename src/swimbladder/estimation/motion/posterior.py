@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
-
-Array = NDArray[np.float64]
+from swimbladder.estimation.series import Array
 
 _WALKERS = 24
 _BURN = 6  # autocorrelation times that are thrown away

@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.ahead import (
@@ -27,9 +26,8 @@ from swimbladder.estimation.comparison.ahead import (
 )
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.kalman.depth_filter import log_likelihood
+from swimbladder.estimation.series import Array
 from swimbladder.vehicle import Between, Drag, Identified, IdentifiedMotion, Motion, Vehicle
-
-Array = NDArray[np.float64]
 
 FEWEST = 4  # logs
 _COUNT = 1023  # of filters for each log

@@ -5,19 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
+from swimbladder.estimation.series import Array
 from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from swimbladder.estimation.motion.posterior import Posterior
     from swimbladder.estimation.motion.random_walk import RandomWalkFit
-
-Array = NDArray[np.float64]
 
 
 class Profile(NamedTuple):

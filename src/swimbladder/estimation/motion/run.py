@@ -9,25 +9,25 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.comparison.record import Drive, Record, record
 from swimbladder.estimation.comparison.water import water_of_each
 from swimbladder.estimation.estimates import Finding, Prior
-from swimbladder.estimation.motion.diagnose import diagnose
-from swimbladder.estimation.motion.experiment import experiment
+from swimbladder.estimation.motion.diagnose import diagnose, not_identifiable
 from swimbladder.estimation.motion.fit import fit as solve
-from swimbladder.estimation.motion.fit_estimates import derived, parameters
-from swimbladder.estimation.motion.identifiability import not_identifiable
+from swimbladder.estimation.motion.fit_estimates import (
+    derived,
+    each_experiment,
+    parameters,
+    profile,
+)
 from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
 from swimbladder.estimation.motion.model_selection import choices as list_choices
 from swimbladder.estimation.motion.model_selection import judge, models_of
-from swimbladder.estimation.motion.per_log import each_experiment
 from swimbladder.estimation.motion.posterior import sample
-from swimbladder.estimation.motion.problem import Problem
-from swimbladder.estimation.motion.profiles import profile
+from swimbladder.estimation.motion.problem import Problem, experiment
 from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
 from swimbladder.estimation.motion.result import Identification, Profile
 from swimbladder.estimation.motion.vehicle_update import (
@@ -149,8 +149,6 @@ def assumptions(problem: Problem, records: Sequence[Record], vehicle: Vehicle) -
     said.append(f"water of {water.density:g} kg/m3, gravity {water.gravity:g} m/s2")
     return tuple(said)
 
-
-Array = NDArray[np.float64]
 
 NEUTRAL_STD = 0.5e-6  # m3
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.estimation.motion.model import Model
 from swimbladder.estimation.motion.result import ExperimentFit
+from swimbladder.estimation.series import Array
 from swimbladder.vehicle import (
     Drag,
     Identified,
@@ -53,7 +53,7 @@ def neutral_spread(each: Sequence[ExperimentFit], assumed: float, *, single: flo
 
 def identified_vehicle(
     vehicle: Vehicle, model: Model, values: Mapping[str, float], names: tuple[str, ...],
-    covariance: NDArray[np.float64], *, trim_error: float | None, depth_noise: float,
+    covariance: Array, *, trim_error: float | None, depth_noise: float,
     neutral_std: float, neutral_walk: float, acceleration_noise: float, logs: tuple[str, ...],
 ) -> Vehicle:  # fmt: skip
     """Return the vehicle with its motion, psi and, where known, trim as identified.

@@ -11,8 +11,7 @@ from swimbladder import __version__
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.estimate import shown_unit
-from swimbladder.estimation.actuator.nine_parameters import Known
-from swimbladder.estimation.actuator.result import LogFit, Step
+from swimbladder.estimation.actuator.result import Known, LogFit, Step
 from swimbladder.io.config import file_text
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.files import write_all

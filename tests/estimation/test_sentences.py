@@ -1,0 +1,74 @@
+"""Every sentence of an estimation is used, and gets the values that it names."""
+
+import ast
+from pathlib import Path
+from string import Formatter
+
+import pytest
+
+import swimbladder.estimation
+from swimbladder.estimation.estimates import _PER_SI, _SENTENCES, finding, sentence
+from swimbladder.units import unit_factor
+
+ROOM = Path(swimbladder.estimation.__file__).parent
+DRIVEN = {"voltage", "nothing", "reference"}  # keys by what drives an actuator
+SI = {"cm3": "m3", "cm3/m": "m3/m", "cm3/h": "m3/s", "mL": "m3", "L": "m3", "mm": "m",
+      "mm/s": "m/s", "min": "s", "%": "1"}  # fmt: skip
+
+
+def calls():
+    """Yield the literal places that the code names, and the names of values given there."""
+    for path in ROOM.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            named = isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+            if named and node.func.id in ("finding", "sentence"):
+                words = [a.value for a in node.args if isinstance(a, ast.Constant)]
+                given = {k.arg for k in node.keywords}
+                yield path.name, node.func.id, words, given, len(node.args)
+
+
+def fields(text):
+    return {name.split(".")[0] for _, name, _, _ in Formatter().parse(text) if name}
+
+
+def test_every_call_gives_the_values_that_its_sentence_names():
+    checked = 0
+    for file, function, words, given, count in calls():
+        # a key or values that the code makes up are tried by the tests of that code
+        if len(words) < 2 or None in given:
+            continue
+        room, key, *other = words
+        text = "text" if function == "finding" or not other else other[0]
+        if function == "sentence" and count != len(words):
+            continue
+        assert fields(_SENTENCES[room][key][text]) == given, (file, room, key)
+        checked += 1
+    assert checked > 30
+
+
+def test_every_sentence_is_used():
+    source = "".join(path.read_text(encoding="utf-8") for path in ROOM.rglob("*.py"))
+    for room, keys in _SENTENCES.items():
+        for key, known in keys.items():
+            assert f'"{key}"' in source or key in DRIVEN, (room, key)
+            assert known["text"].strip() == known["text"]
+
+
+@pytest.mark.parametrize("unit", sorted(_PER_SI))
+def test_a_unit_is_worth_what_units_say(unit):
+    if unit == "%":
+        assert _PER_SI[unit] == 100.0
+    else:
+        assert _PER_SI[unit] * unit_factor(unit, SI[unit]) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_number_is_written_in_the_unit_of_the_sentence():
+    said = sentence("motion", "logs differ", psi=2.5e-8, drag=0.123, drift="1", means="none")
+    assert "2.5" not in said.split("drag")[1]
+    assert "psi differs by 0.025 cm3/m and drag by 12 %" in said
+
+
+def test_a_finding_has_the_kind_and_severity_of_its_table_unless_another_is_given():
+    assert finding("motion", "adds little", name="psi")[:2] == ("prior", "note")
+    values = {"log": "a.csv", "out": 3, "used": 9, "largest": 0.5}
+    assert finding("motion", "outliers", "warning", **values)[:2] == ("outliers", "warning")
