@@ -22,7 +22,7 @@ from studies.fjord_line import columns, line_table
 from studies.tank import HORIZONS
 from swimbladder.estimation.comparison import compare, record
 from swimbladder.estimation.comparison.ahead import predict_ahead
-from swimbladder.estimation.motion.model import model_of
+from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle
 from swimbladder.io.casts import read_cast
@@ -114,8 +114,8 @@ def teach(idea: Idea, numbers: tuple[int, ...]) -> tuple[Vehicle, RandomWalkFit]
     logs = [idea.logs[n] for n in numbers]
     records = [record(log, base, drive="volume", column=idea.water) for log in logs]
     fixed = {} if idea.psi is None else {"psi": idea.psi}
-    found = fit_random_walk(records, base, drag=idea.drag, fixed=fixed)
-    model = model_of(base, law=idea.drag, bottom_depth=float("inf"))
+    problem = posed(records, base, Assumed(fixed), drag=idea.drag)
+    found, model = fit_random_walk(problem, base), problem.model
     taught = identified_vehicle(
         base, model, found.values, found.names, found.covariance, trim_error=None,
         depth_noise=found.noise.depth, neutral_std=BETWEEN, neutral_walk=found.noise.random_walk,

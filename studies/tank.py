@@ -24,7 +24,7 @@ from studies.tank_table import Row, parameters, table
 from swimbladder.estimation.comparison import Record, compare, record
 from swimbladder.estimation.comparison.ahead import Ahead, predict_ahead
 from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, filter_depth
-from swimbladder.estimation.motion.model import model_of
+from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.random_effects import between_logs
 from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle
@@ -111,8 +111,8 @@ def _record(log: Log, vehicle: Vehicle) -> Record:
 def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, RandomWalkFit]:
     """Return the vehicle as identified from these logs, and the fit that they have in common."""
     records = [_record(log, vehicle) for log in logs.values()]
-    found = fit_random_walk(records, vehicle, drag="blended")
-    model = model_of(vehicle, law="blended", bottom_depth=float("inf"))
+    problem = posed(records, vehicle, Assumed(), drag="blended")
+    found, model = fit_random_walk(problem, vehicle), problem.model
     fitted = identified_vehicle(
         vehicle, model, found.values, found.names, found.covariance, trim_error=None,
         depth_noise=found.noise.depth, neutral_std=0.0, neutral_walk=found.noise.random_walk,

@@ -8,7 +8,7 @@ import pytest
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion.fit import refine
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import Coordinates, Problem, experiment
+from swimbladder.estimation.motion.problem import Assumed, Coordinates, Problem, experiment
 from swimbladder.io.config import load_vehicle
 from tests.estimation.motion.pool import G, campaign
 
@@ -22,7 +22,7 @@ def _problem(names, law):
     experiments = [experiment(log.source, record(log, vehicle), vehicle) for log in logs]
     return Problem(
         experiments, model_of(vehicle, law=law, bottom_depth=math.inf), names,
-        fixed={"psi": BLENDED["psi"]}, priors={}, neutral_std=0.5e-6, speed_std=math.inf,
+        Assumed({"psi": BLENDED["psi"]}, neutral_std=0.5e-6),
     )  # fmt: skip
 
 

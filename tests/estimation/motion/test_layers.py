@@ -5,6 +5,7 @@ import pytest
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion import identify
+from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.random_walk import fit_random_walk
 from tests.layered import SEA, G, column, sailed, vehicle
 from tests.quoted import refused
@@ -48,7 +49,12 @@ def test_the_innovations_say_so_too(logs):
     """One likelihood of all depths, with the cast and without: e^100 of evidence."""
     fits = [
         fit_random_walk(
-            [record(log, VEHICLE, drive="volume", column=water) for log in logs], VEHICLE
+            posed(
+                [record(log, VEHICLE, drive="volume", column=water) for log in logs],
+                VEHICLE,
+                Assumed(),
+            ),
+            VEHICLE,
         )
         for water in (COLUMN, None)
     ]

@@ -8,7 +8,7 @@ from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion import identify
 from swimbladder.estimation.motion.fit import Shooting, growth
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import Problem, experiment
+from swimbladder.estimation.motion.problem import Assumed, Problem, experiment
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from tests.estimation.motion.pool import FEUP, trace
@@ -73,8 +73,8 @@ def test_the_search_does_not_need_good_first_values(vehicle, dive):
 def problem_of(vehicle, log):
     return Problem(
         [experiment("dive", record(log, vehicle, drive="volume"), vehicle)],
-        model_of(vehicle, law=None, bottom_depth=np.inf), ("K2", "T2", "psi"), fixed={}, priors={},
-        neutral_std=0.5e-6, speed_std=np.inf,
+        model_of(vehicle, law=None, bottom_depth=np.inf), ("K2", "T2", "psi"),
+        Assumed(neutral_std=0.5e-6),
     )  # fmt: skip
 
 

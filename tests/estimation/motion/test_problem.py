@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Problem, experiment
+from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Assumed, Problem, experiment
 from swimbladder.io.config import load_vehicle
 from tests.estimation.motion.pool import FEUP, G, pool_log, trace
 
@@ -16,9 +16,8 @@ FEUP_EM = load_vehicle("feup-em")
 
 def problem_of(logs, names, *, law="linear", vehicle=FEUP_EM, **options):
     experiments = [experiment(log.source, record(log, vehicle), vehicle) for log in logs]
-    options = {"fixed": {}, "priors": {}, "neutral_std": 0.5e-6, "speed_std": math.inf} | options
     model = model_of(vehicle, law=law, bottom_depth=math.inf)
-    return Problem(experiments, model, names, **options)
+    return Problem(experiments, model, names, Assumed(**{"neutral_std": 0.5e-6} | options))
 
 
 def scipy_depths(problem, x):

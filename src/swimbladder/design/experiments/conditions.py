@@ -20,7 +20,7 @@ from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.model import Model
-from swimbladder.estimation.motion.problem import VOLUME, Experiment, Problem, Segment
+from swimbladder.estimation.motion.problem import VOLUME, Assumed, Experiment, Problem, Segment
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.closed_loop.bundle import Course
@@ -311,12 +311,13 @@ def problem_of(
     """Return the fit that `identify` would make of these records; `fixed` instead of estimated."""
     held = {**question.fixed, **(fixed or {})}
     names = tuple(name for name in question.names if name not in held)
+    priors = {name: p for name, p in question.priors.items() if name in names}
     return Problem(
         [experiment_of(flight, f"release {k}") for k, flight in enumerate(flights, start=1)],
-        question.model, names, fixed=held,
-        priors={name: p for name, p in question.priors.items() if name in names},
-        neutral_std=setting.neutral_std, speed_std=math.inf,
-    )  # fmt: skip
+        question.model,
+        names,
+        Assumed(held, priors, setting.neutral_std),
+    )
 
 
 def fisher_information(

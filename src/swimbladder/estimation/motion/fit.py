@@ -70,11 +70,8 @@ class Shooting(Problem):
     def __init__(self, whole: Problem, grown: float) -> None:
         """Cut a problem whose errors grow so much in all into stretches that let them grow by e."""
         length = longest(whole) / max(2.0, math.log(grown))
-        super().__init__(
-            [e.tiles(length) for e in whole.experiments], whole.model, whole.names,
-            fixed=whole.held,
-            priors=whole.priors, neutral_std=whole.neutral_std, speed_std=whole.speed_std,
-        )  # fmt: skip
+        tiles = [e.tiles(length) for e in whole.experiments]
+        super().__init__(tiles, whole.model, whole.names, whole.assumed)
         self.gap = 1.0  # m, 1 sigma
         self._joints: list[tuple[int, int, Segment]] = []  # experiment, stretch, its overlap
         for j, (own, long) in enumerate(zip(self.experiments, whole.experiments, strict=True)):

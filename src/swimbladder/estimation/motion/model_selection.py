@@ -114,11 +114,9 @@ def _problem(problem: Problem, model: Model, law: str, psi: Psi) -> Problem:
     if psi in ("zero", "set"):
         fixed["psi"] = 0.0 if psi == "zero" else problem.values["psi"]
     names = [*default_names(law, list(fixed)), *actuator]
-    return Problem(
-        problem.experiments, model, names, fixed=fixed,
-        priors={n: p for n, p in problem.priors.items() if n in names},
-        neutral_std=problem.neutral_std, speed_std=problem.speed_std,
-    )  # fmt: skip
+    priors = {n: p for n, p in problem.priors.items() if n in names}
+    assumed = problem.assumed._replace(fixed=fixed, priors=priors)
+    return Problem(problem.experiments, model, names, assumed)
 
 
 def _begin(other: Problem, problem: Problem, fit: Fit) -> Array:

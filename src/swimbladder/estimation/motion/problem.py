@@ -19,16 +19,17 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import median_filter
 
-from swimbladder.errors import LogError
+from swimbladder.errors import InputError, LogError, check_number
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.comparison.water import follow_in
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.model import Model
+from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
 from swimbladder.estimation.series import Array, Mask
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.bundle import Course
@@ -189,18 +190,32 @@ _LIMITS = {  # of the logarithmic ones, in SI units
 }  # fmt: skip
 
 
+class Assumed(NamedTuple):
+    """What is known before the logs: values in SI that are fixed, and priors, both by name.
+
+    neutral_std: 1 sigma [m3] of what is known of a log's neutral volume; speed_std: of its speed at
+    the start about 0 [m/s]; infinite: nothing is known.
+    """
+
+    fixed: Mapping[str, float] = MappingProxyType({})
+    priors: Mapping[str, Prior] = MappingProxyType({})
+    neutral_std: float = math.inf
+    speed_std: float = math.inf
+
+
 class Problem:
     """Everything a fit needs: residuals, derivatives, priors and bounds."""
 
     def __init__(
-        self, experiments: Sequence[Experiment], model: Model, names: Sequence[str], *,
-        fixed: Mapping[str, float], priors: Mapping[str, Prior], neutral_std: float,
-        speed_std: float,
-    ) -> None:  # fmt: skip
+        self,
+        experiments: Sequence[Experiment],
+        model: Model,
+        names: Sequence[str],
+        assumed: Assumed,
+    ) -> None:
         self.experiments, self.model, self.names = tuple(experiments), model, tuple(names)
-        self.values = {**model.values, **fixed}
-        self.priors = dict(priors)
-        self.neutral_std, self.speed_std = neutral_std, speed_std
+        self.assumed, self.values = assumed, {**model.values, **assumed.fixed}
+        self.priors, self.neutral_std, self.speed_std = assumed[1:]
         self.shared = len(self.names)
         self.first_start = self.shared + len(self.experiments)
         counts = [len(e.segments) for e in self.experiments]
@@ -216,18 +231,10 @@ class Problem:
         self.courses = [[self._course(e, s) for s in e.segments] for e in self.experiments]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
-    @property
-    def held(self) -> dict[str, float]:
-        """The values that are not fitted, in SI units."""
-        return {name: v for name, v in self.values.items() if name not in self.names}
-
     def tiled(self, length: float) -> Problem:
         """Return the same problem with the records cut into stretches of about `length` [s]."""
-        return Problem(
-            [e.tiles(length) for e in self.experiments], self.model, self.names,
-            fixed=self.held,
-            priors=self.priors, neutral_std=self.neutral_std, speed_std=math.inf,
-        )  # fmt: skip
+        tiles = [e.tiles(length) for e in self.experiments]
+        return Problem(tiles, self.model, self.names, self.assumed._replace(speed_std=math.inf))
 
     def begin(self, values: Mapping[str, float] | None = None) -> Array:
         """Return x at the values given, where none are at the model's, with measured starts."""
@@ -403,6 +410,59 @@ class Problem:
         values = self.named(x)
         neutral = e.neutral + x[own] * VOLUME - values["psi"] * e.reference - e.added
         return self.model.plant(values, neutral)
+
+
+def posed(
+    records: Sequence[Record], vehicle: Vehicle, assumed: Assumed, *, sources: Sequence[str] = (),
+    free: Sequence[str] | None = None, drag: str | None = None, bottom_depth: float = math.inf,
+) -> Problem:  # fmt: skip
+    """Return the problem of records of a vehicle.
+
+    sources: what the records are called; free: names of NAMES that are fitted, those of the drag
+    law and psi where not given; drag: linear, quadratic or blended, the vehicle's own where not
+    given. Raises InputError where names, records and vehicle do not go together.
+    """
+    model = model_of(vehicle, law=drag, bottom_depth=bottom_depth)
+    names = tuple(free) if free is not None else default_names(model.law, list(assumed.fixed))
+    voltage = any(r.drive == "voltage" for r in records)
+    check_parameters(names, assumed.fixed, assumed.priors, model, voltage=voltage)
+    called = sources or ["the log"] * len(records)
+    experiments = [experiment(n, r, vehicle) for n, r in zip(called, records, strict=True)]
+    return Problem(experiments, model, names, assumed)
+
+
+def check_parameters(
+    names: Sequence[str], fixed: Mapping[str, float], priors: Mapping[str, Prior],
+    model: Model, *, voltage: bool,
+) -> None:  # fmt: skip
+    """Raise InputError where names, values and priors do not go together."""
+    check_names(names, model, voltage=voltage, option="--free")
+    check_names(list(fixed), model, voltage=voltage, option="--set")
+    check_names(list(priors), model, voltage=voltage, option="--prior")
+    if not names:
+        raise InputError("nothing is left to identify", field="--free", remedy="Free a parameter")
+    for name in names:
+        if name in fixed:
+            raise InputError(
+                "it is both set and to be identified", field="--set", value=name,
+                remedy="Leave it out of --free or of --set",
+            )  # fmt: skip
+    for name, value in fixed.items():
+        if NAMES[name].logarithmic:
+            check_number(value, "--set", NAMES[name].unit, above=0.0, finite=False)
+    for name, prior in priors.items():
+        if name not in names:
+            raise InputError(
+                "it has a prior, but is not identified", field="--prior", value=name,
+                remedy=f"Name it in --free, which has {', '.join(names)}",
+            )  # fmt: skip
+        if not prior.std > 0.0 or (NAMES[name].logarithmic and not prior.mean > 0.0):
+            raise InputError(
+                "no such prior: the deviation has to be above 0, and the mean of a positive "
+                "quantity too",
+                field="--prior", value=f"{name}={prior.mean:g} +- {prior.std:g}",
+                unit=NAMES[name].unit, remedy="What is known exactly is fixed: `fixed`",
+            )  # fmt: skip
 
 
 def _moved(x: Array, i: int) -> Array:

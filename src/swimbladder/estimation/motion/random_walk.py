@@ -15,18 +15,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import (
     Z95,
     Estimate,
     Finding,
-    Prior,
     crossing,
     estimate,
     finding,
@@ -42,8 +41,8 @@ from swimbladder.estimation.kalman.depth_filter import (
     filter_depth,
 )
 from swimbladder.estimation.motion.diagnose import LIMIT
-from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
-from swimbladder.estimation.motion.problem import experiment
+from swimbladder.estimation.motion.model import NAMES, Model
+from swimbladder.estimation.motion.problem import Experiment, Problem
 from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
 from swimbladder.estimation.motion.result import Identification
 from swimbladder.estimation.motion.vehicle_update import identified_vehicle, neutral_spread, trim_of
@@ -91,18 +90,17 @@ class Likelihood:
     """
 
     def __init__(
-        self, records: Sequence[Record], model: Model, quantities: Sequence[Quantity],
-        *, values: Mapping[str, float], priors: Mapping[str, Prior], neutral_std: float,
-        vehicle: Vehicle, gate: float,
+        self, problem: Problem, vehicle: Vehicle, quantities: Sequence[Quantity],
+        values: Mapping[str, float],
     ) -> None:  # fmt: skip
-        self.model, self.quantities, self.values = model, tuple(quantities), dict(values)
-        self.priors, self.gate = dict(priors), gate
-        self.quantum = vehicle.sensors.depth_quantum
-        self.known = math.isfinite(neutral_std)
-        stroke = vehicle.stroke
-        self.neutral_std = neutral_std if self.known else _SHARE * (stroke.maximum - stroke.minimum)
-        self.records = tuple(records)
-        parts = [(i, s) for i, record in enumerate(records) for s in _samples(record, vehicle)]
+        self.model, self.priors = problem.model, problem.priors
+        self.quantities, self.values = tuple(quantities), dict(values)
+        self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
+        self.known = math.isfinite(problem.neutral_std)
+        nothing = _SHARE * (stroke.maximum - stroke.minimum)
+        self.neutral_std = problem.neutral_std if self.known else nothing
+        self.records = tuple(e.record for e in problem.experiments)
+        parts = [(i, s) for i, e in enumerate(problem.experiments) for s in _samples(e)]
         self.record = np.array([i for i, _ in parts])  # of each stretch
         self.samples = tuple(s for _, s in parts)
         self.ends = np.cumsum([0, *(len(s.time) for s in self.samples)])
@@ -129,7 +127,7 @@ class Likelihood:
         clear = clear._replace(z_surface=-math.inf, z_bottom=math.inf)
         noise = self.noise(values)
         return [
-            filter_depth(clear, s, noise=noise, start=self._start(i, values, noise), gate=self.gate)
+            filter_depth(clear, s, noise=noise, start=self._start(i, values, noise))
             for i, s in enumerate(self.samples)
         ]
 
@@ -185,22 +183,23 @@ class Likelihood:
             part = np.stack([a.contribution - b.contribution for a, b in pairs], axis=1)
             scores[at : at + n] = part / (2.0 * _STEP)
             S = pairs[0][0].variance[:, None]
-            believed = np.abs(pairs[0][0].innovation[:, None]) <= self.gate * np.sqrt(S)
+            believed = np.abs(pairs[0][0].innovation[:, None]) <= GATE * np.sqrt(S)
             de, dS = de * believed / np.sqrt(S), dS * believed / S
             information += de.T @ de + 0.5 * dS.T @ dS
             at += n
         return scores, information
 
 
-def _samples(record: Record, vehicle: Vehicle) -> list[Samples]:
+def _samples(e: Experiment) -> list[Samples]:
     """Return what the filter takes of a record: its stretches clear of contact."""
+    record = e.record
     if record.volume is None or record.drive != "volume":
         raise InputError(
             "a random walk of the neutral volume is seen where only the logged volume drives it",
             field="--drive", value=record.drive, remedy="Drive it with volume",
         )  # fmt: skip
     found = []
-    for segment in experiment("the log", record, vehicle).segments:
+    for segment in e.segments:
         part = slice(segment.first, segment.last + 1)
         arrays = (record.time[part], record.volume[part], record.depth[part])
         time, volume, depth = (np.ascontiguousarray(a) for a in arrays)
@@ -208,7 +207,7 @@ def _samples(record: Record, vehicle: Vehicle) -> list[Samples]:
     return found
 
 
-Maker = Callable[[Sequence[Quantity], Mapping[str, float]], Likelihood]
+Maker = Callable[[Sequence[Quantity], Mapping[str, float]], Likelihood]  # of other quantities
 
 _BLOCK = 20.0  # s, of samples that may depend on each other
 _ENOUGH = 4  # blocks a quantity, for a covariance from their scatter
@@ -341,39 +340,22 @@ class RandomWalkFit:
 
 
 def fit_random_walk(
-    records: Sequence[Record], vehicle: Vehicle, *, free: Sequence[str] | None = None,
-    fixed: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
-    drag: str | None = None, neutral_std: float = math.inf, bottom_depth: float = math.inf,
-    acceleration: bool = True, gate: float = GATE,
-) -> RandomWalkFit:  # fmt: skip
+    problem: Problem, vehicle: Vehicle, *, acceleration: bool = True
+) -> RandomWalkFit:
     """Return the parameters, noise and random walk that maximise the likelihood of all innovations.
 
-    free: names of NAMES that are estimated, those of the drag law and psi where not given; fixed:
-    values in SI that are held; priors: by name, log-normal for positive quantities. drag: linear,
-    quadratic or blended, the vehicle's own where not given. neutral_std: of every record's neutral
-    volume about the vehicle's at its start [m3]; inf: nothing is known. acceleration: whether white
-    acceleration may stand for what the model leaves out.
+    Priors are log-normal for positive quantities; `neutral_std` is that of every record's neutral
+    volume about the vehicle's at its start. acceleration: whether white acceleration may stand for
+    what the model leaves out.
 
-    Raises InputError where names, records and vehicle do not go together, NoAnswerError where the
-    likelihood has no maximum that can be found.
+    Raises InputError where the volume does not drive a record, NoAnswerError where the likelihood
+    has no maximum that can be found.
     """
-    fixed, priors = dict(fixed or {}), dict(priors or {})
-    if not records:
-        raise InputError("no record is given", field="LOG", remedy="Give at least one log")
-    model = model_of(vehicle, law=drag, bottom_depth=bottom_depth)
-    names = tuple(free) if free is not None else default_names(model.law, list(fixed))
-    for named, option in ((names, "--free"), (list(fixed), "--set"), (list(priors), "--prior")):
-        check_names(named, model, voltage=False, option=option)
-    held = {**model.values, **fixed, **({} if acceleration else {"acceleration": 0.0})}
+    names = problem.names
+    held = problem.values | ({} if acceleration else {"acceleration": 0.0})
     noises = [q for q in NOISES if q.name not in held]
-
-    def likelihood(quantities: Sequence[Quantity], values: Mapping[str, float]) -> Likelihood:
-        return Likelihood(
-            records, model, quantities, values=values, priors=priors, neutral_std=neutral_std,
-            vehicle=vehicle, gate=gate,
-        )  # fmt: skip
-
-    own = [_quantity(name, model, held, priors) for name in names]
+    likelihood = partial(Likelihood, problem, vehicle)
+    own = [_quantity(name, problem) for name in names]
     full = likelihood([*own, *noises], held)
     x, best = _highest(full)
     still = [q for q in noises if q.name != "random_walk"]
@@ -383,13 +365,35 @@ def fit_random_walk(
     ratio = max(2.0 * (best - least), 0.0)
     full, x = without_trace(full, x, likelihood, held)
     C, robust = covariance(full, x)
-    return _outcome(full, x, best, C, robust, names, model, likelihood, ratio)
+    per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
+    std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
+    estimates: dict[str, Estimate] = {}
+    for i, q in enumerate(full.quantities):
+        unit = NAMES[q.name].unit if q.name in NAMES else _UNITS[q.name]
+        estimates[q.name] = estimate(
+            q.value(float(x[i])), float(std[i]), unit, logarithmic=q.logarithmic
+        )
+    p, values = len(names), full.named(x)
+    walk = _interval(full, x, best, ratio, estimates["random_walk"], likelihood)
+    paths = [f.smoothed()[0][:, 2] for f in full.filtered(x)]
+    of_each: list[list[Array]] = [[] for _ in full.records]
+    for j, path in zip(full.record, paths, strict=True):
+        of_each[j].append(path)
+    travelled = tuple(float(np.ptp(np.concatenate(each))) for each in of_each)
+    nothing = given(0.0, _UNITS["acceleration"])
+    return RandomWalkFit(
+        names=names, law=problem.model.law, estimates={name: estimates[name] for name in names},
+        covariance=C[:p, :p] * np.outer(per[:p], per[:p]), random_walk=walk,
+        depth_noise=estimates["depth_noise"], acceleration=estimates.get("acceleration", nothing),
+        noise=full.noise(values), values=values, log_likelihood=best, likelihood_ratio=ratio,
+        p_value=0.5 * float(chi2.sf(ratio, 1)) if ratio > 0.0 else 1.0, travelled=travelled,
+        robust=robust,
+    )  # fmt: skip
 
 
-def _quantity(
-    name: str, model: Model, held: Mapping[str, float], priors: Mapping[str, Prior]
-) -> Quantity:
-    begin = priors[name].mean if name in priors else held[name]
+def _quantity(name: str, problem: Problem) -> Quantity:
+    model, priors = problem.model, problem.priors
+    begin = priors[name].mean if name in priors else problem.values[name]
     logarithmic = model.logarithmic(name) or name == "drag_quadratic"
     return Quantity(name, logarithmic, 1.0 if logarithmic else model.scale(name), begin)
 
@@ -443,38 +447,6 @@ def _noisier(likelihood: Likelihood, x: Array) -> Array:
     return y
 
 
-def _outcome(
-    full: Likelihood, x: Array, best: float, C: Array, robust: bool, names: tuple[str, ...],
-    model: Model, likelihood: Maker, ratio: float,
-) -> RandomWalkFit:  # fmt: skip
-    per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
-    std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
-    estimates: dict[str, Estimate] = {}
-    for i, q in enumerate(full.quantities):
-        unit = NAMES[q.name].unit if q.name in NAMES else _UNITS[q.name]
-        estimates[q.name] = estimate(
-            q.value(float(x[i])), float(std[i]), unit, logarithmic=q.logarithmic
-        )
-    p = len(names)
-    values = full.named(x)
-    walk = _interval(full, x, best, ratio, estimates["random_walk"], likelihood)
-    paths = [f.smoothed()[0][:, 2] for f in full.filtered(x)]
-    travelled = tuple(
-        float(np.ptp(np.concatenate([path for i, path in zip(full.record, paths, strict=True)
-                                     if i == j])))
-        for j in range(len(full.records))
-    )  # fmt: skip
-    nothing = given(0.0, _UNITS["acceleration"])
-    return RandomWalkFit(
-        names=names, law=model.law, estimates={name: estimates[name] for name in names},
-        covariance=C[:p, :p] * np.outer(per[:p], per[:p]), random_walk=walk,
-        depth_noise=estimates["depth_noise"], acceleration=estimates.get("acceleration", nothing),
-        noise=full.noise(values), values=values, log_likelihood=best, likelihood_ratio=ratio,
-        p_value=0.5 * float(chi2.sf(ratio, 1)) if ratio > 0.0 else 1.0, travelled=travelled,
-        robust=robust,
-    )  # fmt: skip
-
-
 def _interval(
     full: Likelihood, x: Array, best: float, ratio: float, found: Estimate, likelihood: Maker
 ) -> Estimate:
@@ -510,24 +482,22 @@ _CONSTANT = (
 
 
 def with_random_walk(
-    found: Identification, fit: RandomWalkFit, vehicle: Vehicle, model: Model,
-    records: Sequence[Record],
-) -> Identification:  # fmt: skip
+    found: Identification, fit: RandomWalkFit, vehicle: Vehicle, problem: Problem
+) -> Identification:
     """Return the identification with the random walk's parameters, not the output error's.
 
     With enough records the vehicle has their random effects too, and is that of the means over
     them. Results of single logs stay those of constant neutral volumes. Findings on these are
     dropped; parameters that are not identifiable with random walks are reported.
     """
-    values = fit.values
-    C = fit.covariance
+    C, model, records = fit.covariance, problem.model, [e.record for e in problem.experiments]
     findings = [f for f in found.findings if f.kind not in _CONSTANT]
     findings += [*_not_identifiable(fit, model), _summary(fit)]
     identified = all(f.severity != "no" for f in findings)
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
     noise = fit.noise
     new = found.result_vehicle if not identified else identified_vehicle(
-        vehicle, model, values, fit.names, C, trim_error=trim_of(found.experiments, vehicle),
+        vehicle, model, fit.values, fit.names, C, trim_error=trim_of(found.experiments, vehicle),
         depth_noise=noise.depth, neutral_walk=noise.random_walk,
         neutral_std=neutral_spread(found.experiments, found.neutral_std, single=0.0),
         acceleration_noise=noise.acceleration, logs=tuple(e.source for e in found.experiments),

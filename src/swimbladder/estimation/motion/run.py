@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from swimbladder.errors import InputError, NoAnswerError, check_number
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import Drive, Record, record
 from swimbladder.estimation.comparison.water import water_of_each
 from swimbladder.estimation.estimates import Finding, Prior
@@ -23,11 +23,11 @@ from swimbladder.estimation.motion.fit_estimates import (
     parameters,
     profile,
 )
-from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
+from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.model_selection import choices as list_choices
 from swimbladder.estimation.motion.model_selection import judge, models_of
 from swimbladder.estimation.motion.posterior import sample
-from swimbladder.estimation.motion.problem import Problem, experiment
+from swimbladder.estimation.motion.problem import Assumed, Problem, posed
 from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
 from swimbladder.estimation.motion.result import Identification, Profile
 from swimbladder.estimation.motion.vehicle_update import (
@@ -84,40 +84,6 @@ def driven_by(log: Log, vehicle: Vehicle) -> Drive:
     if log.volume is not None or log.piston is not None or log.voltage is None:
         return "volume"
     return "voltage" if vehicle.voltage_driven else "volume"
-
-
-def check_parameters(
-    names: Sequence[str], fixed: Mapping[str, float], priors: Mapping[str, Prior],
-    model: Model, *, voltage: bool,
-) -> None:  # fmt: skip
-    """Raise InputError where names, values and priors do not go together."""
-    check_names(names, model, voltage=voltage, option="--free")
-    check_names(list(fixed), model, voltage=voltage, option="--set")
-    check_names(list(priors), model, voltage=voltage, option="--prior")
-    if not names:
-        raise InputError("nothing is left to identify", field="--free", remedy="Free a parameter")
-    for name in names:
-        if name in fixed:
-            raise InputError(
-                "it is both set and to be identified", field="--set", value=name,
-                remedy="Leave it out of --free or of --set",
-            )  # fmt: skip
-    for name, value in fixed.items():
-        if NAMES[name].logarithmic:
-            check_number(value, "--set", NAMES[name].unit, above=0.0, finite=False)
-    for name, prior in priors.items():
-        if name not in names:
-            raise InputError(
-                "it has a prior, but is not identified", field="--prior", value=name,
-                remedy=f"Name it in --free, which has {', '.join(names)}",
-            )  # fmt: skip
-        if not prior.std > 0.0 or (NAMES[name].logarithmic and not prior.mean > 0.0):
-            raise InputError(
-                "no such prior: the deviation has to be above 0, and the mean of a positive "
-                "quantity too",
-                field="--prior", value=f"{name}={prior.mean:g} +- {prior.std:g}",
-                unit=NAMES[name].unit, remedy="What is known exactly is fixed: `fixed`",
-            )  # fmt: skip
 
 
 def assumptions(problem: Problem, records: Sequence[Record], vehicle: Vehicle) -> tuple[str, ...]:
@@ -178,7 +144,6 @@ def identify(
     Raises InputError where logs, names and vehicle do not go together. What is not identifiable
     is among the findings, and Identification.vehicle raises NoAnswerError then.
     """
-    fixed, priors = dict(fixed or {}), dict(priors or {})
     report = advance or (lambda _: None)
     check_logs(logs, neutral_std, speed_std, drive)
     waters = water_of_each(len(logs), columns)
@@ -188,14 +153,10 @@ def identify(
         for log, water in zip(logs, waters, strict=True)
     ]  # fmt: skip
     check_motion(records)
-    model = model_of(vehicle, law=drag, bottom_depth=bottom_depth)
-    names = tuple(free) if free is not None else default_names(model.law, list(fixed))
-    voltage = any(r.drive == "voltage" for r in records)
-    check_parameters(names, fixed, priors, model, voltage=voltage)
-    experiments = [experiment(log.source, r, vehicle) for log, r in zip(logs, records, strict=True)]
-    problem = Problem(
-        experiments, model, names, fixed=fixed, priors=priors, neutral_std=neutral_std,
-        speed_std=speed_std,
+    assumed = Assumed(dict(fixed or {}), dict(priors or {}), neutral_std, speed_std)
+    problem = posed(
+        records, vehicle, assumed, sources=[log.source for log in logs], free=free, drag=drag,
+        bottom_depth=bottom_depth,
     )  # fmt: skip
     report(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
@@ -207,12 +168,9 @@ def identify(
         )  # fmt: skip
         if not random_walk:
             return found
-        walked = fit_random_walk(
-            records, vehicle, free=names, fixed=fixed, priors=priors, drag=model.law,
-            neutral_std=neutral_std, bottom_depth=bottom_depth,
-        )  # fmt: skip
+        walked = fit_random_walk(problem, vehicle)
         report(0.6)
-        return with_random_walk(found, walked, vehicle, model, records)
+        return with_random_walk(found, walked, vehicle, problem)
 
 
 def _answer(
@@ -255,7 +213,7 @@ def _answer(
         derived=derived(problem, found), covariance=covariance,
         correlation=covariance / np.outer(size, size), experiments=each,
         findings=tuple(findings), choices=listed, profiles=drawn,
-        assumptions=assumptions(problem, records, vehicle), priors=problem.priors,
+        assumptions=assumptions(problem, records, vehicle), priors=dict(problem.priors),
         neutral_std=problem.neutral_std,
         notes=tuple(dict.fromkeys(note for r in records for note in r.notes)),
         depth_noise=noise, posterior=drawn_points,
@@ -266,7 +224,6 @@ def _answer(
                 vehicle, model, values, names, covariance,
                 trim_error=trim_of(each, vehicle), depth_noise=noise,
                 neutral_std=neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD),
-                neutral_walk=0.0, acceleration_noise=0.0,
                 logs=tuple(e.source for e in problem.experiments),
             )
         ),

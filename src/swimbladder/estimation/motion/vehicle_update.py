@@ -53,14 +53,13 @@ def neutral_spread(each: Sequence[ExperimentFit], assumed: float, *, single: flo
 
 def identified_vehicle(
     vehicle: Vehicle, model: Model, values: Mapping[str, float], names: tuple[str, ...],
-    covariance: Array, *, trim_error: float | None, depth_noise: float,
-    neutral_std: float, neutral_walk: float, acceleration_noise: float, logs: tuple[str, ...],
+    covariance: Array, *, trim_error: float | None, logs: tuple[str, ...], **noise: float,
 ) -> Vehicle:  # fmt: skip
     """Return the vehicle with its motion, psi and, where known, trim as identified.
 
     A vehicle given by K2 and T2 stays one where its drag is laminar. Where masses are stated, the
     added mass takes up what was identified; where that would leave less than they are, all of it
-    stands as the dry mass.
+    stands as the dry mass. noise: of the filter and between logs, by the names of `Identified`.
     """
     changes: dict[str, Any] = {
         "hull": vehicle.hull.model_copy(update={"psi": values["psi"]}),
@@ -77,11 +76,8 @@ def identified_vehicle(
             "names": names,
             "values": tuple(float(values[name]) for name in names),
             "covariance": tuple(tuple(map(float, row)) for row in covariance),
-            "depth_noise": depth_noise,
-            "neutral_std": neutral_std,
-            "neutral_walk": neutral_walk,
-            "acceleration_noise": acceleration_noise,
             "logs": logs,
+            **noise,
         }
     )
     return vehicle.model_copy(update=changes)
