@@ -23,8 +23,8 @@ import numpy as np
 from studies.deep_data import dives_of
 from studies.deep_dives import float_vehicle
 from swimbladder.estimation.estimates import Prior
+from swimbladder.estimation.motion.deep import effects_json
 from swimbladder.estimation.motion.deep_dive import DeepDive
-from swimbladder.estimation.motion.deep_findings import effects_json
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
 from swimbladder.estimation.motion.deep_model import (
     CAST,

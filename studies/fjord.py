@@ -24,7 +24,7 @@ from swimbladder.estimation.comparison import compare, record
 from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
-from swimbladder.estimation.motion.vehicle_update import identified_vehicle
+from swimbladder.estimation.motion.result import identified_vehicle
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.log_format import log_format

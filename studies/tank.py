@@ -27,7 +27,7 @@ from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, fi
 from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.random_effects import between_logs
 from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
-from swimbladder.estimation.motion.vehicle_update import identified_vehicle
+from swimbladder.estimation.motion.result import identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log

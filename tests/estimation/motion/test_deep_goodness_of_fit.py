@@ -9,9 +9,9 @@ from scipy.stats import norm
 
 from studies.deep_drawn import drawn, known, the_vehicle
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.deep import identify_deep
-from swimbladder.estimation.motion.deep_findings import (
+from swimbladder.estimation.motion.deep import (
     Misfit,
+    identify_deep,
     inconsistent,
     messages,
     misfit_of,

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from swimbladder.estimation.motion.deep_findings import weakly_determined
+from swimbladder.estimation.motion.deep import weakly_determined
 from swimbladder.estimation.motion.deep_fit import (
     _LEAST,
     TYPICAL,

@@ -8,8 +8,7 @@ from scipy.linalg import toeplitz
 from scipy.optimize import least_squares
 
 from swimbladder.estimation.motion import fit as module
-from swimbladder.estimation.motion.fit import fit
-from swimbladder.estimation.motion.initial_guess import regression
+from swimbladder.estimation.motion.fit import fit, regression
 from swimbladder.estimation.motion.noise import autocovariance
 from tests.estimation.motion.pool import FEUP, campaign, pool_log
 from tests.estimation.motion.test_problem import problem_of, scipy_depths

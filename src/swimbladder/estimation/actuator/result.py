@@ -316,11 +316,7 @@ class ActuatorIdentification:
             "correlation": self.correlation,
             "nine": [known._asdict() for known in self.nine],
             "logs": [
-                {
-                    "log": fit.source,
-                    "parameters": _json(fit.parameters),
-                    "refusal": fit.refusal,
-                }
+                {"log": fit.source, "parameters": _json(fit.parameters), "refusal": fit.refusal}
                 for fit in self.logs
             ],
             "steps": [

@@ -24,13 +24,7 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record, record
 from swimbladder.estimation.estimates import Z95
-from swimbladder.estimation.kalman.depth_filter import (
-    Bank,
-    Member,
-    Noise,
-    Start,
-    filter_bank,
-)
+from swimbladder.estimation.kalman.depth_filter import Bank, Member, Noise, Start, filter_bank
 from swimbladder.estimation.series import Array, Index, rms
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant

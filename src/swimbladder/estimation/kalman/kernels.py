@@ -46,8 +46,7 @@ _FINE_BOBBING = 0.15  # step times frequency of the emerging hull
 _MOST = 20_000.0  # steps of Runge-Kutta between two samples
 # Gauss-Legendre points and weights on (0, 1), exact for polynomials of degree 9.
 _x, _c = np.polynomial.legendre.leggauss(5)
-_X0, _X1, _X2, _X3, _X4 = (0.5 * (_x + 1.0)).tolist()
-_C0, _C1, _C2, _C3, _C4 = (0.5 * _c).tolist()
+_POINTS, _WEIGHTS = tuple((0.5 * (_x + 1.0)).tolist()), tuple((0.5 * _c).tolist())
 
 
 @allocating
@@ -89,31 +88,27 @@ def _add_noise(a, d, kappa, tau, weight, walk2, jolt2, Q):  # type: ignore[no-un
 
 
 @allocating
+def _propagate(P, F, Q):  # type: ignore[no-untyped-def]
+    """Replace P [3, 3] by F P F' + Q, symmetric; Q holds its upper triangle."""
+    T = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            T[i, j] = F[i, 0] * P[0, j] + F[i, 1] * P[1, j] + F[i, 2] * P[2, j]
+    for i in range(3):
+        for j in range(i, 3):
+            value = T[i, 0] * F[j, 0] + T[i, 1] * F[j, 1] + T[i, 2] * F[j, 2] + Q[i, j]
+            P[i, j] = value
+            P[j, i] = value
+
+
+@allocating
 def _spread(F, Q, f, q):  # type: ignore[no-untyped-def]
-    """Advance: F becomes f F, Q becomes f Q f' + q; third rows of f and F are (0, 0, 1)."""
-    a, b, c = f[0, 0], f[0, 1], f[0, 2]
-    d, e, g = f[1, 0], f[1, 1], f[1, 2]
+    """Advance: F becomes f F, Q becomes f Q f' + q, of which the upper triangle is read."""
     for j in range(3):
-        F0, F1, F2 = F[0, j], F[1, j], F[2, j]
-        F[0, j] = a * F0 + b * F1 + c * F2
-        F[1, j] = d * F0 + e * F1 + g * F2
-    q00, q01, q02, q11, q12, q22 = Q[0, 0], Q[0, 1], Q[0, 2], Q[1, 1], Q[1, 2], Q[2, 2]
-    z0, z1, z2 = (
-        a * q00 + b * q01 + c * q02,
-        a * q01 + b * q11 + c * q12,
-        a * q02 + b * q12 + c * q22,
-    )
-    w0, w1, w2 = (
-        d * q00 + e * q01 + g * q02,
-        d * q01 + e * q11 + g * q12,
-        d * q02 + e * q12 + g * q22,
-    )
-    Q[0, 0] = a * z0 + b * z1 + c * z2 + q[0, 0]
-    Q[0, 1] = d * z0 + e * z1 + g * z2 + q[0, 1]
-    Q[0, 2] = z2 + q[0, 2]
-    Q[1, 1] = d * w0 + e * w1 + g * w2 + q[1, 1]
-    Q[1, 2] = w2 + q[1, 2]
-    Q[2, 2] = q22 + q[2, 2]
+        a, b, c = F[0, j], F[1, j], F[2, j]
+        for i in range(3):
+            F[i, j] = f[i, 0] * a + f[i, 1] * b + f[i, 2] * c
+    _propagate(Q, f, q)
 
 
 @allocating
@@ -130,11 +125,8 @@ def _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-unt
     f[1, 0], f[1, 1], f[1, 2] = kappa * g, slope, a * g
     f[2, 2] = 1.0
     if walk2 > 0.0 or jolt2 > 0.0:
-        _add_noise(a, d, kappa, _X0 * s, _C0 * s, walk2, jolt2, q)
-        _add_noise(a, d, kappa, _X1 * s, _C1 * s, walk2, jolt2, q)
-        _add_noise(a, d, kappa, _X2 * s, _C2 * s, walk2, jolt2, q)
-        _add_noise(a, d, kappa, _X3 * s, _C3 * s, walk2, jolt2, q)
-        _add_noise(a, d, kappa, _X4 * s, _C4 * s, walk2, jolt2, q)
+        for i in range(5):
+            _add_noise(a, d, kappa, _POINTS[i] * s, _WEIGHTS[i] * s, walk2, jolt2, q)
     rate = (Vb - Va) / h
     for i in range(n):
         _spread(F, Q, f, q)
@@ -289,20 +281,6 @@ def transition(p, layers, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ign
 # What became of a sample.
 UNSEEN, HELD, COUNTED, CLIPPED, REJECTED, RESTARTED = 0, 1, 2, 3, 4, 5
 _IN_A_ROW = 4  # samples beyond the gate to one side: not outliers, the state is wrong
-
-
-@allocating
-def _propagate(P, F, Q):  # type: ignore[no-untyped-def]
-    """Replace P [3, 3] by F P F' + Q, symmetric; Q holds its upper triangle."""
-    T = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            T[i, j] = F[i, 0] * P[0, j] + F[i, 1] * P[1, j] + F[i, 2] * P[2, j]
-    for i in range(3):
-        for j in range(i, 3):
-            value = T[i, 0] * F[j, 0] + T[i, 1] * F[j, 1] + T[i, 2] * F[j, 2] + Q[i, j]
-            P[i, j] = value
-            P[j, i] = value
 
 
 @allocating
@@ -462,21 +440,11 @@ def follow_kernel(plants, layers, time, volume, starts, depth):  # type: ignore[
 @compiled
 def smooth_kernel(before, spread, F, mean, P):  # type: ignore[no-untyped-def]
     """Replace mean and P by those given all samples (Rauch, Tung and Striebel)."""
-    scale = np.ones(3)
     for k in range(mean.shape[0] - 2, -1, -1):
-        for i in range(3):
-            scale[i] = math.sqrt(max(spread[k + 1, i, i], 1e-300))
-        A = np.empty((3, 3))
-        for i in range(3):
-            for j in range(3):
-                A[i, j] = spread[k + 1, i, j] / (scale[i] * scale[j])
-            A[i, i] += 1e-12  # aground no depth is uncertain
-        cross = F[k + 1] @ P[k]  # [new, old]
-        for i in range(3):
-            cross[i] /= scale[i]
-        G = np.linalg.solve(A, cross)
-        for i in range(3):
-            G[i] /= scale[i]
+        scale = np.sqrt(np.maximum(np.diag(spread[k + 1]), 1e-300))
+        A = spread[k + 1] / np.outer(scale, scale) + 1e-12 * np.eye(3)  # aground no depth errs
+        cross = (F[k + 1] @ P[k]) / scale.reshape(3, 1)  # [new, old]
+        G = np.linalg.solve(A, cross) / scale.reshape(3, 1)
         gain = np.ascontiguousarray(G.T)
         mean[k] += gain @ (mean[k + 1] - before[k + 1])
         P[k] += gain @ (P[k + 1] - spread[k + 1]) @ np.ascontiguousarray(gain.T)

@@ -16,14 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.comparison.ahead import (
-    Normal,
-    Tuning,
-    Unknowns,
-    draw,
-    places,
-    unknowns,
-)
+from swimbladder.estimation.comparison.ahead import Normal, Tuning, Unknowns, draw, places, unknowns
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.kalman.depth_filter import log_likelihood
 from swimbladder.estimation.series import Array

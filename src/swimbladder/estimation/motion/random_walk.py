@@ -44,8 +44,12 @@ from swimbladder.estimation.motion.diagnose import LIMIT
 from swimbladder.estimation.motion.model import NAMES, Model
 from swimbladder.estimation.motion.problem import Experiment, Problem
 from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
-from swimbladder.estimation.motion.result import Identification
-from swimbladder.estimation.motion.vehicle_update import identified_vehicle, neutral_spread, trim_of
+from swimbladder.estimation.motion.result import (
+    Identification,
+    identified_vehicle,
+    neutral_spread,
+    trim_of,
+)
 from swimbladder.estimation.series import Array, Index
 from swimbladder.vehicle import Vehicle
 

@@ -15,7 +15,8 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import Drive, Record, record
 from swimbladder.estimation.comparison.water import water_of_each
 from swimbladder.estimation.estimates import Finding, Prior
-from swimbladder.estimation.motion.diagnose import diagnose, not_identifiable
+from swimbladder.estimation.motion.diagnose import choices as list_choices
+from swimbladder.estimation.motion.diagnose import diagnose, judge, models_of, not_identifiable
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.fit_estimates import (
     derived,
@@ -24,13 +25,12 @@ from swimbladder.estimation.motion.fit_estimates import (
     profile,
 )
 from swimbladder.estimation.motion.model import NAMES
-from swimbladder.estimation.motion.model_selection import choices as list_choices
-from swimbladder.estimation.motion.model_selection import judge, models_of
 from swimbladder.estimation.motion.posterior import sample
 from swimbladder.estimation.motion.problem import Assumed, Problem, posed
 from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
-from swimbladder.estimation.motion.result import Identification, Profile
-from swimbladder.estimation.motion.vehicle_update import (
+from swimbladder.estimation.motion.result import (
+    Identification,
+    Profile,
     dry_mass,
     identified_vehicle,
     neutral_spread,
