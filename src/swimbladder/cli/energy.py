@@ -28,7 +28,7 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
     table_form, asked = reading.read(), runs.read()
     with progress("reading and fitting"), runs.said_as_typed():
         from swimbladder.design.energy import PumpRuns, fit_pump, fitted_vehicle
-        from swimbladder.design.energy.fitted_pump import pump_and_valve
+        from swimbladder.design.energy.fit import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
         from swimbladder.io.pump_runs import read_pump_runs
         from swimbladder.show.report.energy import fit_json, write_fit

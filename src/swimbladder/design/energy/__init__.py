@@ -2,17 +2,19 @@
 
 energy_per_volume: with rate, power and efficiencies over depth. thruster_comparison: the same task
 by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a pump's
-power law and delivery, with uncertainty, from runs that a vehicle logged. fitted_pump: a vehicle
-with that pump, each of the runs, and efficiency over pressure.
+power law and delivery, with uncertainty, from runs that a vehicle logged, a vehicle with that pump,
+each of the runs, and efficiency over pressure.
 """
 
 from __future__ import annotations
 
 from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy, sea
-from swimbladder.design.energy.fit import PumpFit, PumpRuns, fit_pump
-from swimbladder.design.energy.fitted_pump import (
+from swimbladder.design.energy.fit import (
     Band,
+    PumpFit,
+    PumpRuns,
     efficiency_bands,
+    fit_pump,
     fitted_vehicle,
     run_columns,
 )

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from swimbladder.design.energy.energy_per_volume import DriveEnergy
-from swimbladder.design.energy.fit import PumpFit
-from swimbladder.design.energy.fitted_pump import voltage_factor
+from swimbladder.design.energy.fit import PumpFit, voltage_factor
 from swimbladder.design.energy.thruster_comparison import Hovering, Profiling, Thruster
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.units import rounded

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from swimbladder.design.sizing.parts import Parts, load_parts
+from swimbladder.design.sizing.candidates import Parts, load_parts
 from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
 from swimbladder.design.sizing.run import Sizing, columns, sentences, size, sized_vehicle, to_json
 

@@ -1,4 +1,8 @@
-"""Every combination of parts that makes a drive, as arrays of the unified actuator's constants."""
+"""The parts that a buoyancy engine can be made of, and every drive that they make.
+
+Parts are as catalogues describe them; `combinations` returns the drives as arrays of the unified
+actuator's constants.
+"""
 
 from __future__ import annotations
 
@@ -6,31 +10,255 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
+from importlib import resources
 from itertools import product
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from swimbladder.design.sizing.parts import (
-    Amplifier,
-    BatteryKind,
-    Gear,
-    MotorPart,
-    Parts,
-    Piston,
-    Pump,
-    Screw,
-)
+from swimbladder.errors import InputError
+from swimbladder.io.config import file_text, read_model
 from swimbladder.physics.actuator import unified
 from swimbladder.vehicle import (
     Driver,
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
     HydraulicDrive,
+    Motor,
+    Parameters,
     ScrewDrive,
+    Unit,
     Water,
 )
+
+_Name = Annotated[str, Field(min_length=1)]
+_Positive = Field(gt=0.0)
+_Mass = Annotated[float, Unit("kg"), Field(ge=0.0)]
+_Share = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
+_Speed = Annotated[float, Unit("rad/s"), _Positive]
+_Torque = Annotated[float, Unit("N m"), _Positive]
+_Inertia = Annotated[float, Unit("kg m2"), Field(ge=0.0)]
+_Volts = Annotated[float, Unit("V"), _Positive]
+_Leakage = Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)]
+_Pascal = Annotated[float, Unit("Pa"), _Positive]
+_Friction = Annotated[float, Unit("N m"), Field(ge=0.0)]
+_PerAmpere = Annotated[float, Unit("N m/A"), _Positive]
+_SpecificEnergy = Annotated[float, Unit("J/kg"), _Positive]
+_Resistance = Annotated[float, Unit("ohm/V"), Field(ge=0.0)]
+_Loss = Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)]
+_Viscous = Annotated[float, Unit("N m s/rad"), Field(ge=0.0)]
+
+
+class MotorPart(Parameters):
+    """A DC motor as its data sheet lists it for one winding."""
+
+    name: _Name
+    """what it is called"""
+    voltage: _Volts
+    """nominal voltage of the winding that the numbers are for"""
+    resistance: Annotated[float, Unit("ohm"), _Positive]
+    """of that winding"""
+    torque_constant: _PerAmpere
+    """of that winding"""
+    rotor_inertia: Annotated[float, Unit("kg m2"), _Positive]
+    """of the rotor"""
+    viscous_friction: _Viscous = 0.0
+    """loss in proportion to speed"""
+    friction_torque: _Friction = 0.0
+    """dry friction"""
+    rated_torque: _Torque
+    """torque that it stands for hours"""
+    largest_speed: _Speed
+    """speed that it may turn at"""
+    mass: _Mass
+    """its mass"""
+
+    def wound(self, voltage: float) -> Motor:
+        """Return the motor with a winding for another nominal voltage [V].
+
+        The same copper in more, thinner turns: the torque constant goes with the voltage, the
+        resistance with its square, and the losses at a torque stay what they are.
+        """
+        scale = voltage / self.voltage
+        return Motor(
+            resistance=self.resistance * scale * scale,
+            torque_constant=self.torque_constant * scale,
+            rotor_inertia=self.rotor_inertia,
+            viscous_friction=self.viscous_friction,
+            friction_torque=self.friction_torque,
+        )
+
+
+class Pump(Parameters):
+    """A pump of constant displacement."""
+
+    name: _Name
+    """what it is called"""
+    displacement: Annotated[float, Unit("m3/rev"), _Positive]
+    """D_p"""
+    efficiency: _Share
+    """mechanical efficiency eta_p"""
+    leakage: _Leakage = 0.0
+    """k_pl"""
+    resting_leakage: _Leakage | None = None
+    """leakage while it rests, behind its check valve; not given: as while it runs"""
+    reflected_inertia: _Inertia = 0.0
+    """of the pump at its shaft"""
+    viscous_friction: _Viscous = 0.0
+    """loss in proportion to speed"""
+    largest_pressure: _Pascal
+    """pressure it may work against"""
+    largest_speed: _Speed
+    """speed that it may turn at"""
+    mass: _Mass
+    """its mass"""
+
+    @property
+    def at_rest(self) -> float:
+        """Leakage while it rests [m3/s/Pa]."""
+        return self.leakage if self.resting_leakage is None else self.resting_leakage
+
+
+class Amplifier(Parameters):
+    """Two pistons on a rod between pump and water; area ratio 1 and no mass: none at all."""
+
+    name: _Name
+    """what it is called"""
+    area_ratio: Annotated[float, Unit(""), _Positive]
+    """n_h = A1/A2"""
+    efficiency: _Share
+    """share of the work that its seals let through"""
+    mass: _Mass
+    """its mass"""
+
+
+class Gear(Parameters):
+    """A reduction gear between motor and screw."""
+
+    name: _Name
+    """what it is called"""
+    ratio: Annotated[float, Unit(""), Field(ge=1.0)]
+    """motor turns per turn"""
+    efficiency: _Share
+    """its efficiency"""
+    rated_torque: _Torque
+    """torque that its output stands"""
+    mass: _Mass
+    """its mass"""
+
+
+class Screw(Parameters):
+    """A spindle with its nut."""
+
+    name: _Name
+    """what it is called"""
+    lead: Annotated[float, Unit("m/rev"), _Positive]
+    """travel per turn"""
+    efficiency: _Share
+    """from turning to travel"""
+    largest_force: Annotated[float, Unit("N"), _Positive]
+    """axial load"""
+    mass: _Mass
+    """its mass"""
+
+
+class Piston(Parameters):
+    """A piston in contact with the water."""
+
+    name: _Name
+    """what it is called"""
+    area: Annotated[float, Unit("m2"), _Positive]
+    """area in the water"""
+    mass: _Mass
+    """its mass, with its cylinder"""
+
+
+class BatteryKind(Parameters):
+    """Cells of one chemistry, as a pack."""
+
+    name: _Name
+    """what it is called"""
+    specific_energy: _SpecificEnergy
+    """energy per mass of the pack"""
+    usable: _Share
+    """share of it that can be taken out at 20 degC"""
+    resistance: _Resistance = 0.0
+    """internal resistance per open-circuit voltage"""
+    cold_share: _Share = 1.0
+    """share of what can be taken out at 20 degC that 0 degC leaves"""
+    self_discharge: _Loss = 0.0
+    """share of what is in it that is lost per time"""
+
+
+class Parts(Parameters):
+    """A list of parts; a vehicle is sized from what is in it and nothing else."""
+
+    schema_version: Literal[1] = 1
+    """version of this file's format"""
+    provenance: dict[str, str] = Field(default_factory=dict)
+    '''where the numbers come from: table = "source"'''
+    supplies: Annotated[tuple[_Volts, ...], Field(min_length=1)]
+    """battery voltages to try"""
+    windings: Annotated[tuple[Annotated[float, Unit(""), _Positive], ...], Field(min_length=1)] = (
+        1.0,
+    )
+    """windings to try, by their nominal voltage over the supply's"""
+    motors: Annotated[tuple[MotorPart, ...], Field(min_length=1)]
+    """motors"""
+    pumps: tuple[Pump, ...] = ()
+    """pumps"""
+    amplifiers: tuple[Amplifier, ...] = ()
+    """pressure amplifiers, or none"""
+    gears: tuple[Gear, ...] = ()
+    """gears"""
+    screws: tuple[Screw, ...] = ()
+    """screws"""
+    pistons: tuple[Piston, ...] = ()
+    """pistons"""
+    batteries: Annotated[tuple[BatteryKind, ...], Field(min_length=1)]
+    """kinds of batteries"""
+    driver: Driver = Driver()
+    """the motor's driver; not given: it loses nothing"""
+
+    def with_driver(
+        self, efficiency: float | None = None, standby_power: float | None = None
+    ) -> Parts:
+        """Return the list with another driver, or some of its numbers; raises InputError."""
+        asked = {"efficiency": efficiency, "standby_power": standby_power}
+        given = {name: value for name, value in asked.items() if value is not None}
+        if not given:
+            return self
+        options = {"efficiency": "--driver-efficiency", "standby_power": "--driver-standby"}
+        source = "asked for: " + " and ".join(options[name] for name in given)
+        if len(given) < len(asked):
+            source += "; the rest " + self.provenance.get("driver", "as in the list of parts")
+        driver = Driver(**{**self.driver.model_dump(), **given})
+        provenance = {**self.provenance, "driver": source}
+        return self.model_copy(update={"driver": driver, "provenance": provenance})
+
+
+def load_parts(path: str | Path | None = None) -> Parts:
+    """Return the list of parts of a TOML file; of the one that comes with swimbladder when None.
+
+    Raises InputError with file, line, field, value, unit and remedy, and where neither a pump nor a
+    whole screw drive is in it.
+    """
+    if path is None:
+        text = resources.files(__package__).joinpath("parts.toml").read_text(encoding="utf-8")
+        return read_model(Parts, text, "parts.toml of swimbladder")
+    parts = read_model(Parts, file_text(Path(path)), path)
+    if not parts.pumps and not (parts.gears and parts.screws and parts.pistons):
+        raise InputError(
+            "neither a pump nor a whole screw drive (gear, screw and piston) is in the list",
+            file=path,
+            field="pumps",
+            remedy="Add [[pumps]] (and [[amplifiers]]), or [[gears]], [[screws]] and [[pistons]]",
+        )
+    return parts
+
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,15 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.sizing.candidates import PARTS, Batch, Combination, combinations
+from swimbladder.design.sizing.candidates import (
+    PARTS,
+    Batch,
+    Combination,
+    Parts,
+    combinations,
+    load_parts,
+)
 from swimbladder.design.sizing.evaluation import REQUIREMENTS, Budget, Evaluation, evaluate
-from swimbladder.design.sizing.parts import Parts, load_parts
 from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import as_json
