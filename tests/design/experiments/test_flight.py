@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import swimbladder as sb
-from swimbladder.design.experiments.conditions import Passing, Ramps, Release, Turn, follow, ramps
+from swimbladder.design.experiments.conditions import Ramps, Release, follow, ramps
 from swimbladder.errors import InputError
+from swimbladder.io.plan import Move
 from swimbladder.sim.pool import timed_travel
 from tests.design.experiments.truth import Vehicle, depths
 from tests.quoted import refused
@@ -90,7 +91,7 @@ def test_a_move_that_comes_too_late_does_not_happen(question, limits, setting):
     release = Release.to_and_fro(3.75, [150 * CM3, -20 * CM3], [0.9])
     f = follow(release, question.model, question.values, limits, setting)
     assert len(f.moved) == 2
-    gone = release._replace(moves=(*release.moves, Turn(30 * CM3, Passing(3.0, False))))
+    gone = release._replace(moves=(*release.moves, Move(volume=30 * CM3, depth=3.0, going="down")))
     late = follow(gone, question.model, question.values, limits, setting)
     assert not late.complete
     assert late.ended == "shallowest"

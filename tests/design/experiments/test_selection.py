@@ -147,6 +147,6 @@ def test_the_library_has_steps_and_to_and_fro_that_the_stroke_allows(question, l
 def test_a_person_can_set_the_numbers(setting):
     found = rounded(Release.to_and_fro(3.75, [61.234e-6, -4.56e-6], [2.8412]), setting)
     assert [m.volume for m in found.moves] == [61e-6, -5e-6]
-    assert found.moves[1].when.depth == 2.85
+    assert found.moves[1].depth == 2.85
     edge = rounded(Release.to_and_fro(3.75, [1.26e-6, 0.0], [0.1]), setting)
-    assert (edge.moves[0].volume, edge.moves[1].when.depth) == (1.3e-6, 0.8)
+    assert (edge.moves[0].volume, edge.moves[1].depth) == (1.3e-6, 0.8)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.design.pool_day.growing_log import (
+from swimbladder.design.pool_day.segments import (
     Changed,
     End,
     Ended,
@@ -13,9 +13,9 @@ from swimbladder.design.pool_day.growing_log import (
     Refused,
     Rules,
     Sample,
+    Segmenter,
     Why,
 )
-from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim import pool
 from swimbladder.vehicle import Sensors

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swimbladder.design.pool_day.growing_log import quantum, steadied
+from swimbladder.design.pool_day.segments import quantum, steadied
 
 TIME = 0.3 * np.arange(140)
 

@@ -21,6 +21,7 @@ from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.model import Model
 from swimbladder.estimation.motion.problem import VOLUME, Assumed, Experiment, Problem, Segment
+from swimbladder.io.plan import Move
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.closed_loop.bundle import Course
@@ -62,38 +63,19 @@ class Setting:
         return math.hypot(self.noise, self.quantum / math.sqrt(12.0))
 
 
-class Passing(NamedTuple):
-    """When a move happens: as the depth passes a place, on the way up or down."""
-
-    depth: float  # m
-    up: bool
-
-    @property
-    def way(self) -> Literal["up", "down"]:
-        """The way, in a word."""
-        return "up" if self.up else "down"
-
-
-class Turn(NamedTuple):
-    """A move: the volume above the one at rest [m3], and when; None: at the release."""
-
-    volume: float
-    when: Passing | None = None
-
-
 class Release(NamedTuple):
     """An experiment: at rest at a depth [m], then its moves."""
 
     start: float
-    moves: tuple[Turn, ...]
+    moves: tuple[Move, ...]
 
     @classmethod
     def to_and_fro(cls, start: float, volumes: Sequence[float], depths: Sequence[float]) -> Release:
         """Return the release whose k-th later move happens at depths[k], each the other way."""
         up = volumes[0] > 0.0
-        moves = [Turn(volumes[0])]
+        moves = [Move(volume=volumes[0])]
         for volume, depth in zip(volumes[1:], depths, strict=True):
-            moves.append(Turn(volume, Passing(depth, up)))
+            moves.append(Move(volume=volume, depth=depth, going="up" if up else "down"))
             up = not up
         return cls(start, tuple(moves))
 
@@ -208,8 +190,8 @@ def follow(
         depth = _depths(p, time[:looked], volume[:looked], release.start)
         end, why = _end(depth, first, setting)
         following = release.moves[len(moved)] if len(moved) < len(release.moves) else None
-        if following is not None and following.when is not None:
-            k = _passed(depth, at, following.when)
+        if following is not None and following.depth is not None:
+            k = _passed(depth, at, following.depth, up=following.going == "up")
             if k is not None and k < end:
                 at = k
                 moved.append(k)
@@ -241,9 +223,9 @@ def _end(
     return end, "deepest" if low[end] else "shallowest"
 
 
-def _passed(depth: Array, since: int, when: Passing) -> int | None:
+def _passed(depth: Array, since: int, place: float, *, up: bool) -> int | None:
     """Return the first sample beyond the place, once the depth was on this side of it."""
-    beyond = depth[since:] < when.depth if when.up else depth[since:] > when.depth
+    beyond = depth[since:] < place if up else depth[since:] > place
     crossed = beyond & np.maximum.accumulate(~beyond)
     return since + int(np.argmax(crossed)) if crossed.any() else None
 
@@ -279,6 +261,10 @@ class Question(NamedTuple):
         value = abs(self.values[name])
         return value if self.model.logarithmic(name) else max(value, self.model.scale(name))
 
+    def sizes(self, names: Sequence[str]) -> Array:
+        """Return what counts as a whole of several parameters."""
+        return np.array([self.size(name) for name in names])
+
     @property
     def values(self) -> dict[str, float]:
         """The assumed vehicle."""
@@ -287,11 +273,8 @@ class Question(NamedTuple):
 
     def prior(self) -> Array:
         """Return what is known beforehand, as information about shares [p, p]."""
-        known = [
-            (self.size(name) / self.priors[name].std) ** 2 if name in self.priors else 0.0
-            for name in self.names
-        ]
-        return np.diag(known)
+        std = [self.priors[name].std if name in self.priors else math.inf for name in self.names]
+        return np.diag((self.sizes(self.names) / std) ** 2)
 
 
 class Information(NamedTuple):
@@ -358,13 +341,13 @@ def covariance_of(question: Question, vehicle: Vehicle, uncertainty: float | Non
     """
     names, values = question.names, question.values
     each = 0.3 if uncertainty is None else uncertainty
-    spread = np.array([each * abs(values[n]) / question.size(n) for n in names])
+    spread = each * np.array([abs(values[n]) for n in names]) / question.sizes(names)
     S = np.diag(spread**2)
     known = vehicle.identified
     if uncertainty is None and known is not None:
         both = [n for n in names if n in known.names]
         at, there = [names.index(n) for n in both], [known.names.index(n) for n in both]
-        size = np.array([question.size(n) for n in both])
+        size = question.sizes(both)
         C = np.array(known.covariance)
         S[np.ix_(at, at)] = C[np.ix_(there, there)] / np.outer(size, size)
     for i, name in enumerate(names):

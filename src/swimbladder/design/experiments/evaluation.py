@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 
 from swimbladder.design.experiments.conditions import (
     Flight,
-    Passing,
     Question,
     Ramps,
     Release,
     Setting,
-    Turn,
     fisher_information,
     follow,
     problem_of,
@@ -43,8 +41,8 @@ class OmittedVariable(NamedTuple):
     """
 
     linear: dict[str, float]
-    refit: dict[str, float]
-    rms: float
+    refit: Mapping[str, float] = {}
+    rms: float = math.nan
 
 
 def without_psi(
@@ -55,25 +53,20 @@ def without_psi(
     The linearised bias is J^+ times what psi does to the depths; the refit is the fit of
     `identify`, of records with noise.
     """
-    others = [name for name in question.names if name != "psi"]
-    if question.values["psi"] == 0.0 or not others:
+    if question.values["psi"] == 0.0 or set(question.names) <= {"psi"}:
         return None
     problem, x = _at_the_truth(flights, question, setting, fixed={"psi": 0.0})
     effect = problem.residual(x)
-    step = _pseudo_inverse(problem, x, setting) @ effect
+    linear = _linear(problem, x, effect, question, setting)
     noise = np.random.default_rng(1).normal(scale=setting.depth_noise, size=len(effect))
     problem.measured = problem.measured + noise
     found = refine(problem, x)
-    size = np.array([question.size(name) for name in others])
-    true = np.array([question.values[name] for name in others])
-    p = problem.shared
-    moved = step[:p] * problem.per_entry(x) / size
-    refitted = (np.array([problem.value(found.x, i) for i in range(p)]) - true) / size
-    return OmittedVariable(
-        linear=dict(zip(others, moved.tolist(), strict=True)),
-        refit=dict(zip(others, refitted.tolist(), strict=True)),
-        rms=math.sqrt(float(np.average(found.residual**2, weights=found.weight))),
-    )
+    refit = {
+        name: (problem.value(found.x, i) - question.values[name]) / question.size(name)
+        for i, name in enumerate(problem.names)
+    }
+    rms = math.sqrt(float(np.average(found.residual**2, weights=found.weight)))
+    return OmittedVariable(linear, refit, rms)
 
 
 def without_trim(
@@ -87,8 +80,8 @@ def without_trim(
         return None
     problem, x = _at_the_truth(flights, question, setting)
     effect = problem.slope(x)[:, problem.shared : problem.first_start].sum(axis=1)
-    step = _pseudo_inverse(problem, x, setting) @ effect * setting.neutral_std / VOLUME
-    return _linear(problem, x, step, question)
+    off = setting.neutral_std / VOLUME
+    return OmittedVariable(_linear(problem, x, effect * off, question, setting))
 
 
 def without_drift(
@@ -103,8 +96,7 @@ def without_drift(
         middle = float(flight.time.mean() - flight.time[flight.moved[0]])
         shift = J[rows, problem.shared + j] / VOLUME * middle
         effect[rows] = problem.drift_slope(x, j) + shift
-    step = _pseudo_inverse(problem, x, setting) @ effect * setting.drift_std
-    return _linear(problem, x, step, question)
+    return OmittedVariable(_linear(problem, x, effect * setting.drift_std, question, setting))
 
 
 def _at_the_truth(
@@ -127,10 +119,13 @@ def _pseudo_inverse(problem: Problem, x: Array, setting: Setting) -> Array:
     return inverse[:, : len(J)]
 
 
-def _linear(problem: Problem, x: Array, step: Array, question: Question) -> OmittedVariable:
-    size = np.array([question.size(name) for name in problem.names])
-    moved = step[: problem.shared] * problem.per_entry(x) / size
-    return OmittedVariable(dict(zip(problem.names, moved.tolist(), strict=True)), {}, math.nan)
+def _linear(
+    problem: Problem, x: Array, effect: Array, question: Question, setting: Setting
+) -> dict[str, float]:
+    """Return by how much a change of the depths [m] moves each parameter, in shares."""
+    step = _pseudo_inverse(problem, x, setting) @ effect
+    moved = step[: problem.shared] * problem.per_entry(x) / question.sizes(problem.names)
+    return dict(zip(problem.names, moved.tolist(), strict=True))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,11 +155,8 @@ class Prediction:
 
 def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> Prediction:
     """Return the predicted errors of the records of these flights, all fitted together."""
-    problem = problem_of(flights, question, setting)
+    problem, x = _at_the_truth(flights, question, setting)
     values, p = question.values, problem.shared
-    x = problem.begin(values)
-    for at in problem.starts_at[:-1]:
-        x[at + 1] = 0.0
     J = problem.slope(x) / setting.depth_noise
     data, P = J.T @ J, problem.prior_rows(x)[1]
     C = _inverse(data + P.T @ P)
@@ -215,7 +207,7 @@ def _drifted(
 ) -> dict[str, dict[str, float]]:  # fmt: skip
     """Return what drifts add to the error [unit], and the shares of it all."""
     p = problem.shared
-    size = np.array([question.size(name) for name in problem.names])
+    size = question.sizes(problem.names)
     shares = C[:p, :p] * np.outer(per / size, per / size)
     moved = shares @ np.stack(drifts, axis=1) * setting.drift_std
     off = np.sqrt((moved**2).sum(axis=1))
@@ -314,14 +306,15 @@ def _after(
 ) -> list[Array]:
     """Return the shares of all parameters after each of the records."""
     known = [fisher_information(flight, question, values, setting) for flight in flights]
-    gain, found = question.prior() + 1e-9 * np.eye(len(question.names)), []
-    drift = np.zeros_like(gain)
-    for information in known:
-        gain = gain + information.gain
-        drift = drift + setting.drift_std**2 * np.outer(information.drift, information.drift)
-        C = np.linalg.inv(gain)
-        found.append(np.sqrt(np.diag(C + C @ drift @ C)))
-    return found
+    gain = np.cumsum([one.gain for one in known], axis=0)
+    drift = np.cumsum([np.outer(one.drift, one.drift) for one in known], axis=0)
+    return [_shares(*both, question, setting) for both in zip(gain, drift, strict=True)]
+
+
+def _shares(gain: Array, drift: Array, question: Question, setting: Setting) -> Array:
+    """Return the shares of the parameters with what records say, and what a drift does to them."""
+    C = np.linalg.inv(gain + question.prior() + 1e-9 * np.eye(len(gain)))
+    return np.sqrt(np.diag(C + setting.drift_std**2 * C @ drift @ C))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -366,10 +359,9 @@ def _repeated(
     flights = [follow(r, question.model, values, ramps, setting) for r in pair]
     known = [fisher_information(f, question, values, setting) for f in flights]
     times = time / sum(f.duration + setting.settling for f in flights)
-    gain = times * sum(k.gain for k in known) + question.prior()
-    drift = times * sum(np.outer(k.drift, k.drift) for k in known) * setting.drift_std**2
-    C = np.linalg.inv(gain + 1e-9 * np.eye(len(gain)))
-    return math.sqrt(float(np.diag(C + C @ drift @ C).max()))
+    gain = times * np.sum([k.gain for k in known], axis=0)
+    drift = times * np.sum([np.outer(k.drift, k.drift) for k in known], axis=0)
+    return float(_shares(gain, drift, question, setting).max())
 
 
 def deeper(
@@ -386,7 +378,7 @@ def deeper(
         Release(
             to(r.start),
             tuple(
-                Turn(m.volume, None if m.when is None else Passing(to(m.when.depth), m.when.up))
+                m if m.depth is None else m.model_copy(update={"depth": to(m.depth)})
                 for m in r.moves
             ),
         )

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.experiments.conditions import Flight, Question, Release, Setting, Turn
+from swimbladder.design.experiments.conditions import Flight, Question, Release, Setting
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.diagnose import LIMIT
 from swimbladder.io.answers import as_json
-from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
+from swimbladder.io.plan import Expected, Plan, PlannedExperiment, Trace
 from swimbladder.units import format_quantity
 
 _SEEN = 1.5  # of the noise: a residual that is larger shows that something is left out
@@ -297,16 +297,12 @@ class Design:
 def _set(w: EvaluatedSet) -> dict[str, Any]:
     prediction = w.prediction
 
-    def move(one: Turn) -> dict[str, Any]:
-        place = one.when and {"depth_m": one.when.depth, "going": one.when.way}
-        return {"volume_m3": one.volume, **(place or {"depth_m": None, "going": None})}
-
     return {
         "time_s": w.time,
         "experiments": [
             {
                 "start_depth_m": r.start,
-                "moves": [move(m) for m in r.moves],
+                "moves": [as_json(m, "volume_m3 depth_m going") for m in r.moves],
                 **as_json(f, "duration_s ended"),
                 "share_after": after,
             }
@@ -344,12 +340,7 @@ def _planned(release: Release, flight: Flight, s: Setting) -> PlannedExperiment:
     return PlannedExperiment(
         start_depth=release.start, longest=s.longest, settling=round(s.settling, 1),
         duration=round(flight.duration, 1),
-        moves=tuple(
-            Move(volume=m.volume)
-            if m.when is None
-            else Move(volume=m.volume, depth=m.when.depth, going=m.when.way)
-            for m in release.moves
-        ),
+        moves=release.moves,
         trace=Trace(
             time=rounded(time, 3), depth=rounded(flight.depth[first:], 4),
             volume=rounded(flight.volume[first:], 8),

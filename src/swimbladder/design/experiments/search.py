@@ -22,11 +22,11 @@ from swimbladder.design.experiments.conditions import (
     Ramps,
     Release,
     Setting,
-    Turn,
     fisher_information,
     follow,
 )
 from swimbladder.errors import InputError
+from swimbladder.io.plan import Move
 
 _SIZES = 7
 _SECOND = (1.0, 0.5, 0.0)  # of the first volume, with the other sign; 0: coasting
@@ -98,12 +98,13 @@ def rounded(release: Release, setting: Setting) -> Release:
     first = abs(release.moves[0].volume)
     step = 10.0 ** (math.floor(math.log10(first)) - 1)  # two digits of the first volume
     moves = []
-    for volume, when in release.moves:
-        place = when
-        if when is not None:
-            inside = min(max(when.depth, setting.shallowest + grid), setting.deepest - grid)
-            place = when._replace(depth=round(grid * round(inside / grid), 6))
-        moves.append(Turn(float(f"{step * round(volume / step):.6g}"), place))
+    for move in release.moves:
+        place = move.depth
+        if place is not None:
+            inside = min(max(place, setting.shallowest + grid), setting.deepest - grid)
+            place = round(grid * round(inside / grid), 6)
+        volume = float(f"{step * round(move.volume / step):.6g}")
+        moves.append(Move(volume=volume, depth=place, going=move.going))
     return release._replace(moves=tuple(moves))
 
 
@@ -412,7 +413,7 @@ def _refined(
 def _numbers(kind: Release) -> list[float]:
     """Return the volumes and depths that make a release of this kind."""
     volumes = [move.volume for move in kind.moves[:2]]
-    depths = [move.when.depth for move in kind.moves[1:3] if move.when is not None]
+    depths = [move.depth for move in kind.moves[1:3] if move.depth is not None]
     return volumes + depths
 
 

@@ -8,9 +8,9 @@ simulates.
 
 from swimbladder.design.pool_day.day import Asked, News, PoolDay
 from swimbladder.design.pool_day.follow import finished, follow, rehearse
-from swimbladder.design.pool_day.growing_log import GrowingLog, Rules, Sample
+from swimbladder.design.pool_day.growing_log import GrowingLog
 from swimbladder.design.pool_day.rehearsal import Operator
-from swimbladder.design.pool_day.segments import Segmenter
+from swimbladder.design.pool_day.segments import Rules, Sample, Segmenter
 from swimbladder.design.pool_day.tasks import Task, paper_tasks, plan_tasks
 from swimbladder.design.pool_day.verdict import Target, Verdict
 

@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from swimbladder.design.pool_day.files import STATE, Kept, keep, same_start, set_aside, write_state
-from swimbladder.design.pool_day.growing_log import (
+from swimbladder.design.pool_day.segments import (
     Changed,
     Cut,
     End,
@@ -25,10 +25,10 @@ from swimbladder.design.pool_day.growing_log import (
     Refused,
     Rules,
     Sample,
+    Segmenter,
     Turned,
     Why,
 )
-from swimbladder.design.pool_day.segments import Segmenter
 from swimbladder.design.pool_day.tasks import Task, next_task, undone
 from swimbladder.design.pool_day.verdict import LEAST, Target, Verdict, judge
 from swimbladder.errors import InputError, LogError

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.pool_day.growing_log import FEWEST, Cut
+from swimbladder.design.pool_day.segments import FEWEST, Cut
 from swimbladder.errors import InputError
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log

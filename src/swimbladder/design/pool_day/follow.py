@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from swimbladder.design.pool_day.day import News, PoolDay
-from swimbladder.design.pool_day.growing_log import GrowingLog, Sample, samples_of
+from swimbladder.design.pool_day.growing_log import GrowingLog, samples_of
 from swimbladder.design.pool_day.rehearsal import Operator
+from swimbladder.design.pool_day.segments import Sample
 from swimbladder.design.pool_day.verdict import State
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.logs import read_log

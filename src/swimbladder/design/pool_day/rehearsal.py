@@ -20,9 +20,10 @@ from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import timed_voltage
 from swimbladder.control.registry import bind
-from swimbladder.design.pool_day.growing_log import Rules
-from swimbladder.design.pool_day.tasks import Task, Turn
+from swimbladder.design.pool_day.segments import Rules
+from swimbladder.design.pool_day.tasks import Task
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.plan import Move
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
@@ -220,7 +221,7 @@ class _Work:
         self._step: Callable[..., Any] = law.step
         self._drive: ManualDrive = manual_drive_of(vehicle)
         self._task, self._start = task, task.start
-        self._turns = [Turn(task.change, math.nan, task.change > 0.0), *task.turns]
+        self._turns = [Move(volume=task.change), *task.turns]
         self._rules = Rules()
         self._does: Does = "hold"
         self._state: Any = None
@@ -278,12 +279,13 @@ class _Work:
         depth = sorted(self._seen)[len(self._seen) // 2]
         self._deepest, self._shallowest = max(self._deepest, depth), min(self._shallowest, depth)
         if self._turns:
-            turn = self._turns[0]
-            passed = (
-                depth <= turn.depth < self._deepest if turn.up
+            turn, up = self._turns[0], self._turns[0].going == "up"
+            assert turn.depth is not None  # of the first alone, which is the release
+            if (
+                depth <= turn.depth < self._deepest
+                if up
                 else depth >= turn.depth > self._shallowest
-            )  # fmt: skip
-            if passed:
+            ):
                 self._move(seen)
                 return
         rising, sinking = depth < self._deepest - 0.02, depth > self._shallowest + 0.02

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from swimbladder.io.plan import Plan
+from swimbladder.io.plan import Move, Plan
 from swimbladder.vehicle import Vehicle
 
 PAPER = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, each up and down
@@ -15,20 +15,12 @@ _ALIKE = 1.25  # factor between two changes of volume that count as the same
 _MARGIN = 0.05  # m, of surface and bottom that counts as arrived
 
 
-class Turn(NamedTuple):
-    """A change of volume under way, when the depth passes a place."""
-
-    volume: float  # m3, above the one at rest
-    depth: float  # m
-    up: bool  # on the way up
-
-
 class Task(NamedTuple):
     """An experiment to do: from rest, changes of volume, until the depth leaves a range."""
 
     change: float  # m3, positive: it rises
     start: float | None  # m, depth of rest; None: not known
-    turns: tuple[Turn, ...] = ()
+    turns: tuple[Move, ...] = ()  # changes of volume under way
     shallowest: float = 0.0  # m
     deepest: float = math.inf  # m
     longest: float = 1200.0  # s
@@ -55,7 +47,7 @@ class Task(NamedTuple):
         if not self.turns:
             return f"{first}, and let it {'rise' if up else 'sink'} without moving the piston"
         then = "; ".join(
-            f"when it passes {turn.depth:g} m on its way {'up' if turn.up else 'down'}, go to "
+            f"when it passes {turn.depth:g} m on its way {turn.going}, go to "
             f"{1e6 * turn.volume:+.3g} cm3 of that mean"
             for turn in self.turns
         )
@@ -93,11 +85,7 @@ def plan_tasks(plan: Plan) -> tuple[Task, ...]:
     """Return the experiments of a plan."""
     return tuple(
         Task(
-            one.moves[0].volume, one.start_depth,
-            tuple(
-                Turn(move.volume, move.depth, move.going == "up")
-                for move in one.moves[1:] if move.depth is not None
-            ),
+            one.moves[0].volume, one.start_depth, one.moves[1:],
             plan.shallowest, plan.deepest, one.longest,
         )
         for one in plan.experiments

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from swimbladder.design.experiments import Design, plan_file
-from swimbladder.design.experiments.conditions import Release, Turn
+from swimbladder.design.experiments.conditions import Release
 from swimbladder.design.experiments.result import percent
+from swimbladder.io.plan import Move
 from swimbladder.show.files import write_all
 from swimbladder.show.plots.design import draw_design, draw_plan
 from swimbladder.show.plots.style import png
@@ -30,11 +31,11 @@ def moves(release: Release, area: float | None) -> str:
     return ", ".join(_move(move, area) for move in release.moves)
 
 
-def _move(move: Turn, area: float | None) -> str:
+def _move(move: Move, area: float | None) -> str:
     what = volume(move.volume, area)
-    if move.when is None:
+    if move.depth is None:
         return what
-    return f"at {move.when.depth:g} m going {'up' if move.when.up else 'down'} {what}"
+    return f"at {move.depth:g} m going {move.going} {what}"
 
 
 def instruction(design: Design, k: int) -> str:
@@ -43,8 +44,8 @@ def instruction(design: Design, k: int) -> str:
     release, flight = w.releases[k], w.flights[k]
     said = [f"Come to rest at {release.start:g} m."]
     for move in release.moves:
-        where = "" if move.when is None else (
-            f"When it passes {move.when.depth:g} m on its way {'up' if move.when.up else 'down'}: "
+        where = "" if move.depth is None else (
+            f"When it passes {move.depth:g} m on its way {move.going}: "
         )  # fmt: skip
         to = f"volume to {volume(move.volume, area)} against the one at rest."
         said.append(f"{where}{to if where else to.capitalize()}")
