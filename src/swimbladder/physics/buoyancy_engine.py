@@ -126,6 +126,39 @@ def check_power_known(vehicle: Vehicle) -> None:
         raise NoAnswerError(f"the electrical power is not known: {missing}")
 
 
+class Winding(NamedTuple):
+    """A motor as its supply sees it."""
+
+    R: float  # ohm
+    kappa: float  # V s/m3, back electromotive force per volume rate
+
+
+def winding(vehicle: Vehicle) -> Winding | None:
+    """Return the winding of a vehicle's motor, None where R or k_T are not known."""
+    if isinstance(vehicle.actuator, Positioner):
+        return None
+    a = reduced(vehicle.actuator, vehicle.water)
+    return None if a.resistance is None or a.kappa is None else Winding(a.resistance, a.kappa)
+
+
+def known_winding(vehicle: Vehicle, *, instead: str) -> Winding:
+    """Return the winding of a vehicle's motor; instead: what else can be asked for.
+
+    Raises NoAnswerError where R or k_T are not known apart from the gains they are part of.
+    """
+    found = winding(vehicle)
+    if found is None:
+        raise NoAnswerError(
+            f"the energy that {vehicle.name!r} takes is not known: its actuator of the kind "
+            f"{vehicle.actuator.kind!r} has no winding resistance R and no torque constant k_T "
+            "(k_emf), and an identified K1 does not determine them. Give the motor's data "
+            "(actuator.motor.resistance and torque_constant of an electromechanical or "
+            "electrohydraulic actuator, resistance and emf_constant of a unified one), or "
+            f"{instead}"
+        )
+    return found
+
+
 def oil_note(vehicle: Vehicle) -> str | None:
     """Return what an oil that is given, and compresses nothing here, would take; None: nothing."""
     a = vehicle.actuator

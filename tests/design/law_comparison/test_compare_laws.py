@@ -47,13 +47,13 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
     flown[0].unlink()
     flown[1].write_text("{", encoding="utf-8")
     calls = []
-    fly = running.fly
+    fly = running.fly_scenario
 
     def counted(*args, **settings):
         calls.append(args[2].scenario.name)
         return fly(*args, **settings)
 
-    monkeypatch.setattr(running, "fly", counted)
+    monkeypatch.setattr(running, "fly_scenario", counted)
     monkeypatch.setattr(running, "least_times", lambda *_, **__: pytest.fail("done already"))
     again = compared(FEUP, laws=["position-pid"], parts=tmp_path)
     assert len(calls) == 2
@@ -104,7 +104,7 @@ def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
     assert settled.overshoot_95 < 0.03
     assert planned.results["step-uncertain"].settle_95 < 21.6
     assert paper.results["step-down"].settle_median > 15.0 * bound
-    assert paper.results["hold"].volume_rate > planned.results["hold"].volume_rate
+    assert paper.results["hold"].rate > planned.results["hold"].rate
     assert paper.results["hold-drift"].rms > planned.results["hold-drift"].rms
     assert b.sentences[0].startswith("planned, fast settles soonest")
     # and again, from what was kept

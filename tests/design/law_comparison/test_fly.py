@@ -14,15 +14,9 @@ from swimbladder.design.law_comparison.contenders import (
     place,
     places,
 )
-from swimbladder.design.law_comparison.fly import (
-    Flown,
-    depth_error,
-    fly,
-    measure,
-    no_energy,
-    summarise,
-)
+from swimbladder.design.law_comparison.fly import depth_error, fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import Measured, Runs, measure, summarise
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.function import as_law
@@ -37,20 +31,19 @@ def noisy(vehicle=FEUP, noise=2e-3):
 
 def flown(vehicle, placed, *, runs=2, seed=3):
     who = own(vehicle)[0]
-    return fly(vehicle, who, placed, region=region(vehicle), runs=runs, seed=seed)
+    return fly_scenario(vehicle, who, placed, region=region(vehicle), runs=runs, seed=seed)
 
 
 def named(name):
     return next(s for s in SCENARIOS if s.name == name)
 
 
-def measured(time, depth, volume, **given):
-    two = np.stack([depth, depth], axis=1), np.stack([volume, volume], axis=1)
+def measured(time, depth, volume, *, target=0.0, since=0.0):
+    two = [np.stack([values, values], axis=1) for values in (depth, 0.0 * depth, volume, volume)]
     nothing = np.full(2, np.nan)
-    settings = {"settle": nothing, "overshoot": nothing, "target": 0.0, "counted": 0.0}
-    return measure(
-        time=time, depth=two[0], volume=two[1], energy=np.array([5.0, 7.0]), **(settings | given)
-    )
+    energy, stopped = np.array([5.0, 7.0]), np.zeros(2, bool)
+    target = np.full(2, target)
+    return measure(Runs(time, *two, target, nothing, nothing, energy, nothing, stopped), since)
 
 
 def test_a_sine_has_the_rms_and_the_travel_of_a_sine():
@@ -59,7 +52,7 @@ def test_a_sine_has_the_rms_and_the_travel_of_a_sine():
     m = measured(time, 0.02 * wave + 3.0, 5e-6 * wave, target=3.0)
     assert np.sqrt(m.square) == pytest.approx(0.02 / math.sqrt(2.0), rel=1e-4)
     assert m.farthest == pytest.approx(0.02, rel=1e-6)
-    assert m.volume_rate == pytest.approx(4.0 * 5e-6 / 100.0, rel=1e-6)
+    assert m.rate == pytest.approx(4.0 * 5e-6 / 100.0, rel=1e-6)
     assert m.power == pytest.approx([5.0 / 1000.0, 7.0 / 1000.0])
 
 
@@ -71,34 +64,30 @@ def test_starts_and_turns_are_those_of_a_motor_that_is_switched():
     m = measured(time, np.zeros(1201), volume)
     assert m.turns * 1200.0 == pytest.approx([20.0, 20.0])
     assert m.starts * 1200.0 == pytest.approx([19.0, 19.0])  # the first is not seen to begin
-    late = measured(time, np.zeros(1201), volume, counted=600.0)
+    late = measured(time, np.zeros(1201), volume, since=600.0)
     assert late.turns * 600.0 == pytest.approx([10.0, 10.0])
-    assert late.volume_rate == pytest.approx(m.volume_rate)
+    assert late.rate == pytest.approx(m.rate)
 
 
 def test_only_what_counts_is_counted():
     time = np.arange(0, 1001) * 1.0
-    m = measured(time, np.where(time < 500.0, 9.0, 1.0), np.zeros(1001), counted=500.0)
+    m = measured(time, np.where(time < 500.0, 9.0, 1.0), np.zeros(1001), since=500.0)
     assert m.farthest == pytest.approx([1.0, 1.0])
 
 
 def test_runs_are_summed_up_as_the_words_say():
     nothing = np.zeros(4)
-    f = Flown(
+    f = Measured(
         settle=np.array([10.0, np.nan, 30.0, 20.0]), overshoot=np.array([0.0, 0.3, 0.1, np.nan]),
         square=np.array([1.0, 4.0, 4.0, 7.0]), farthest=np.array([1.0, 2.0, 5.0, 3.0]),
-        volume_rate=np.array([1.0, 2.0, 3.0, 6.0]), starts=nothing + 2.0, turns=nothing + 1.0,
-        power=nothing + 9.0, stopped=np.array([0.0, 1.0, 0.0, 0.0]),
+        rate=np.array([1.0, 2.0, 3.0, 6.0]), starts=nothing + 2.0, turns=nothing + 1.0,
+        energy=nothing, power=nothing + 9.0, lost=np.array([0.0, 1.0, 0.0, 0.0]),
     )  # fmt: skip
-    r = summarise(f, is_step=True)
+    r = summarise(f)
     assert (r.settled, r.settle_median, r.lost) == (0.75, 20.0, 0.25)
     assert math.isnan(r.settle_95)  # one of four never settles
-    assert (r.rms, r.farthest, r.volume_rate, r.starts_and_turns) == (2.0, 5.0, 3.0, 3.0)
+    assert (r.rms, r.farthest, r.rate, r.starts_and_turns) == (2.0, 5.0, 3.0, 3.0)
     assert r.overshoot_median == pytest.approx(0.05)
-    held = summarise(f, is_step=False)
-    assert math.isnan(held.settled)
-    assert math.isnan(held.overshoot_95)
-    assert held.rms == 2.0
 
 
 def test_the_papers_cascade_settles_after_338_seconds():
@@ -132,7 +121,7 @@ def test_a_step_is_measured_as_on_a_single_run(name):
     past = np.max(-error * np.sign(placed.start - placed.target)) / size
     assert found.overshoot[0] == pytest.approx(max(past, 0.0), abs=1e-9)
     moves = np.diff(alone.volume)
-    assert found.volume_rate[0] == pytest.approx(np.abs(moves).sum() / alone.time[-1], rel=1e-6)
+    assert found.rate[0] == pytest.approx(np.abs(moves).sum() / alone.time[-1], rel=1e-6)
     assert found.square[0] == pytest.approx(np.mean(error**2), rel=1e-9)
     if no_energy(vehicle) is None:
         energy = alone.books.energy["source"]
@@ -194,7 +183,7 @@ def test_a_trim_that_walks_makes_the_vehicle_move():
     assert some.farthest.min() > 20.0 * none.farthest.max()
     assert len(set(some.farthest.tolist())) == 8
     # at least the way that the trim went, in an hour about 1 cm3
-    assert some.volume_rate.mean() * 3000.0 > 0.1e-6
+    assert some.rate.mean() * 3000.0 > 0.1e-6
     assert walks.walk * math.sqrt(3600.0) == pytest.approx(1e-6)
 
 
@@ -210,8 +199,8 @@ def test_who_leaves_the_rated_depths_is_lost():
     hull = vehicle.hull.model_copy(update={"depth_limit": 3.1})  # the paper's cascade overshoots
     shallow = vehicle.model_copy(update={"hull": hull})
     step = Placed(named("step-down"), 1.5, 3.0, 300.0)
-    assert flown(shallow, step)[0].stopped.tolist() == [1.0, 1.0]
-    assert flown(vehicle, step)[0].stopped.tolist() == [0.0, 0.0]
+    assert flown(shallow, step)[0].lost.tolist() == [1.0, 1.0]
+    assert flown(vehicle, step)[0].lost.tolist() == [0.0, 0.0]
 
 
 def test_the_papers_own_is_known_by_its_numbers():

@@ -16,7 +16,7 @@ from swimbladder.design.linear.pump_valve import (
     moved_by_volume,
     smooth,
 )
-from swimbladder.design.tuning.trial import Asked, fly_floats
+from swimbladder.design.tuning.trial import fly
 from swimbladder.physics.dynamics import drag_per_mass, plant
 
 FLOAT = load_vehicle("example-float")
@@ -78,17 +78,15 @@ def test_the_map_is_that_of_flights_that_differ_a_little(name, down, psi, drive)
     off_speed = np.array([0.0, 1e-4 * sign, 0.0])
     off_volume = np.array([0.0, 0.0, 1e-8])
     finely = FLOAT.actuator.model_copy(update={"quantum": 0.0})  # else small changes are cut
-    flown = fly_floats(
+    flown = fly(
         FLOAT.model_copy(update={"actuator": finely}),
         LAW,
         numbers,
-        Asked(
-            targets=begin + sign * (way.distance + way.speed * 90.0),
-            depths=begin,
-            duration=90.0,
-            speeds=slow + off_speed,
-            volumes=steady + off_volume,
-        ),
+        target=begin + sign * (way.distance + way.speed * 90.0),
+        start_depth=begin,
+        duration=90.0,
+        start_speed=slow + off_speed,
+        start_volume=steady + off_volume,
         vary={"psi": psi, "pump": drive[0], "valve": drive[1]},
     )
     first, second = int(OWN.run), int(OWN.run + OWN.dead + OWN.run)

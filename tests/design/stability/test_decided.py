@@ -14,7 +14,7 @@ from swimbladder.design.stability.around import around_decisions
 from swimbladder.design.stability.confirm import hunting
 from swimbladder.design.tuning.margins import decisions_of, radius_of, rest_of
 from swimbladder.design.tuning.region import member
-from swimbladder.design.tuning.trial import Asked, fly_floats
+from swimbladder.design.tuning.trial import fly
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import acceleration, plant
 from swimbladder.sim.closed_loop.water import medium_of
@@ -61,10 +61,9 @@ def test_flights_grow_from_decision_to_decision_where_the_map_says_so(share, gro
     p = plant(moved_by_volume(FLOAT))
     speed = -0.98 * OWN.ascent_speed
     heavy = -p.d_t / p.a_b * speed * speed
-    flown = fly_floats(
-        FLOAT, LAW, smooth(LAW, numbers),
-        Asked(targets=0.0, depths=1500.0, duration=1100.0, speeds=speed,
-              volumes=FLOAT.neutral_volume(1500.0) - heavy),
+    flown = fly(
+        FLOAT, LAW, smooth(LAW, numbers), target=0.0, start_depth=1500.0, duration=1100.0,
+        start_speed=speed, start_volume=FLOAT.neutral_volume(1500.0) - heavy,
     )  # fmt: skip
     changes = np.abs(flown.actions[0][:, 1])
     # The nominal way needs a change each time (the neutral volume falls): growth stands out of it.

@@ -59,7 +59,7 @@ def test_the_table_has_a_line_for_each_run(maps):
 
 
 def test_a_run_that_was_killed_goes_on(tmp_path, monkeypatch, maps):
-    real, calls = recover.simulate_ensemble, []
+    real, calls = recover.fly, []
 
     def killed(*args, **options):
         calls.append(1)
@@ -67,7 +67,7 @@ def test_a_run_that_was_killed_goes_on(tmp_path, monkeypatch, maps):
             raise KeyboardInterrupt
         return real(*args, **options)
 
-    monkeypatch.setattr(recover, "simulate_ensemble", killed)
+    monkeypatch.setattr(recover, "fly", killed)
     parts = Store(tmp_path / "parts", "this vehicle")
     with pytest.raises(KeyboardInterrupt):
         recovery_maps(FEUP, LAW, NUMBERS, parts=parts, **OPTIONS)

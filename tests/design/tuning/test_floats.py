@@ -14,16 +14,7 @@ from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.gains import float_score, setting_of
 from swimbladder.design.tuning.margins import in_water
 from swimbladder.design.tuning.region import FLOATS, member, region
-from swimbladder.design.tuning.trial import (
-    Asked,
-    Drawn,
-    Step,
-    Trial,
-    draw_floats,
-    energy_of,
-    fly_floats,
-    trial,
-)
+from swimbladder.design.tuning.trial import Drawn, Step, Trial, draw, energy_of, fly, trial
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle as load_file
@@ -114,8 +105,8 @@ def test_the_energy_of_actions_is_that_of_the_ledger():
     """Rates and powers at the depth of each action, against the loop's own integral."""
     step = Step(*DEPTHS, 14400.0)
     drawn = Drawn(4, None)
-    asked = Asked(targets=[300.0, 100.0], depths=[100.0, 300.0], duration=step.duration)
-    flown = fly_floats(FLOAT, LAW, OWN, asked)
+    asked = {"target": [300.0, 100.0], "start_depth": [100.0, 300.0], "duration": step.duration}
+    flown = fly(FLOAT, LAW, OWN, **asked)
     for lane in range(2):
         assert energy_of(FLOAT, flown, lane).sum() == pytest.approx(flown.energy[lane], rel=0.02)
     found = trial(FLOAT, LAW, OWN, step, drawn)
@@ -124,16 +115,18 @@ def test_the_energy_of_actions_is_that_of_the_ledger():
 
 def test_a_pump_that_gives_less_moves_less():
     still = OWN._replace(speed_step=0.0, volume_step=0.0)
-    asked = Asked(targets=1500.0, depths=500.0, duration=60.0, tick=1.0)
+    asked = {"target": 1500.0, "start_depth": 500.0, "duration": 60.0, "sample_time": 1.0}
     whole, part = (
-        fly_floats(FLOAT, LAW, still, asked, vary={"valve": x}).volume[-1, 0] for x in (1.0, 0.6)
+        fly(FLOAT, LAW, still, vary={"valve": x}, **asked).volume[-1, 0] for x in (1.0, 0.6)
     )
     begin = FLOAT.neutral_volume(500.0)
     assert (part - begin) / (whole - begin) == pytest.approx(0.6, rel=0.02)
 
 
 def test_floats_are_drawn_from_the_region():
-    drawn = draw_floats(FLOAT, Drawn(4000, AROUND))
+    medium = medium_of(FLOAT, None, reach=300.0)
+    drawn = draw(AROUND, runs=4000, seed=1, medium=medium)
+    drawn["drag"] = drawn["d_t"] / AROUND.plants[0].d_t
     usual = Spread()
     far = math.sqrt(9.4877)  # 95 % of chi-square with 4 degrees of freedom
     sigma = {"drag": usual.drag, "psi": usual.psi, "pump": usual.pump, "valve": usual.pump}

@@ -25,10 +25,10 @@ from swimbladder.design.tuning.trial import (
     motor_starts,
     motor_turns,
     trial,
-    winding,
 )
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
+from swimbladder.physics.buoyancy_engine import winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.show.report.tune import write_tuning

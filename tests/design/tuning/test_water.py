@@ -9,7 +9,7 @@ import swimbladder as sb
 from swimbladder.cli import main
 from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison.contenders import SCENARIOS, Placed, own
-from swimbladder.design.law_comparison.fly import fly
+from swimbladder.design.law_comparison.fly import fly_scenario
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, draw, traces, trial
@@ -60,7 +60,7 @@ def test_a_trial_is_flown_in_it_as_simulate_does(column, simulated):
 def test_a_contender_is_flown_in_it_as_simulate_does(column, simulated):
     placed = Placed(SCENARIOS[0], 1.5, 6.0, 120.0)
     for water, run in zip((column, None), simulated, strict=True):
-        _, time, depth = fly(
+        _, time, depth = fly_scenario(
             FEUP, own(FEUP)[0], placed, region=region(FEUP), runs=2, seed=1, column=water
         )
         assert depth == pytest.approx(run.depth[: len(time)], abs=1e-9)

@@ -18,26 +18,25 @@ in swell are depths in the water: below the surface that goes with it.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from swimbladder.design.law_comparison.contenders import BAND, Contender, Placed, Swell
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import (
+    Measured,
+    arrivals,
     draw,
-    motor_starts,
-    motor_turns,
-    percentile,
+    fly,
+    measure,
     random_walk,
-    winding,
 )
 from swimbladder.errors import NoAnswerError
-from swimbladder.physics.buoyancy_engine import check_power_known
+from swimbladder.physics.buoyancy_engine import check_power_known, winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Positioner, Vehicle
@@ -81,43 +80,6 @@ def depth_error(
 _SHOWN = 900.0  # s of the first run of a hold that are kept to be drawn; of a step all of it
 
 
-class Flown(NamedTuple):
-    """What was measured in each run [runs]."""
-
-    settle: Array  # s, to 2 % for good, a float within `BAND`; nan: never
-    overshoot: Array  # -, of the step
-    square: Array  # m2, mean squared depth error while it counts
-    farthest: Array  # m, largest depth error while it counts
-    volume_rate: Array  # m3/s, moved to and fro while it counts
-    starts: Array  # 1/s, of the motor from rest while it counts; of a float all runs of the drive
-    turns: Array  # 1/s, of the motor, from one direction into the other
-    power: Array  # W, electrical, mean of the whole run; nan where it is not known
-    stopped: Array  # 1: the run ended before its time, or left the hull's rated depths
-
-
-class Result(NamedTuple):
-    """A law on a scenario, over all runs; nan where it has no meaning or is not known."""
-
-    runs: int
-    settled: float  # share of the runs
-    settle_median: float  # s
-    settle_95: float  # s
-    overshoot_median: float  # -
-    overshoot_95: float  # -
-    rms: float  # m, of the depth error
-    farthest: float  # m
-    volume_rate: float  # m3/s
-    starts: float  # 1/s
-    turns: float  # 1/s
-    power: float  # W
-    lost: float  # share of the runs
-
-    @property
-    def starts_and_turns(self) -> float:
-        """How often the motor begins to turn, from rest or from the other direction [1/s]."""
-        return self.starts + self.turns
-
-
 def no_energy(vehicle: Vehicle) -> str | None:
     """Return why the electrical energy is not known; None where it is."""
     if vehicle.command == "volume change":
@@ -133,7 +95,7 @@ def no_energy(vehicle: Vehicle) -> str | None:
     return "R and k_T of the motor are not known"
 
 
-def fly(
+def fly_scenario(
     vehicle: Vehicle,
     who: Contender,
     placed: Placed,
@@ -142,115 +104,44 @@ def fly(
     runs: int,
     seed: int,
     column: Column | None = None,
-) -> tuple[Flown, Array, Array]:
+) -> tuple[Measured, Array, Array]:
     """Return what was measured, and time [s] and depth [m] of the first run, to be looked at.
 
-    column: the water, the vehicle's own where not given.
-    Every law meets the same noise, waves, drift and vehicles: those of the seed.
+    column: the water, the vehicle's own where not given. Every law meets the same noise, waves,
+    drift and vehicles: those of the seed. Of a float `starts` are all runs of its drive.
     """
-    data, time = _flown(vehicle, who, placed, region, column, runs=runs, seed=seed)
-    flown = measure(
-        time=time, depth=data["depth"].to_numpy(), volume=data["volume"].to_numpy(),
-        settle=data["settle2"].to_numpy(), overshoot=data["overshoot"].to_numpy() / 100.0,
-        target=placed.target, counted=placed.scenario.counted,
-        energy=data["energy"].to_numpy() if "energy" in data else np.full(runs, np.nan),
-    )  # fmt: skip
-    if vehicle.command == "volume change":
-        runs_of_drive = data["pump_runs"].to_numpy() + data["valve_runs"].to_numpy()
-        outside = np.abs(data["depth"].to_numpy() - placed.target) > BAND
-        last = len(time) - 1 - np.argmax(outside[::-1], axis=0)
-        settle = np.where(outside.any(axis=0), time[last], 0.0)
-        flown = flown._replace(
-            settle=np.where(outside[-1], np.nan, settle), starts=runs_of_drive / float(time[-1]),
-            turns=np.zeros(runs),
-        )  # fmt: skip
-    rating = vehicle.hull.depth_limit
-    crushed = data["greatest_depth"].to_numpy() > (math.inf if rating is None else rating)
-    lost = (data["stop"].to_numpy() != 0) | crushed
-    kept = time <= (placed.duration if placed.is_step else _SHOWN)
-    first: Array = data["depth"].to_numpy()[kept, 0]
-    return flown._replace(stopped=lost.astype(float)), time[kept], first
-
-
-def _flown(
-    vehicle: Vehicle,
-    who: Contender,
-    placed: Placed,
-    region: Region,
-    column: Column | None,
-    *,
-    runs: int,
-    seed: int,
-) -> tuple[Any, Array]:
-    """Return the ensemble and its time [s]."""
     s, h = placed.scenario, who.sample_time
-    clock = schedule([0.0], placed.duration, h)
-    time: Array = h * np.arange(clock.ticks + 1, dtype=np.float64)
     medium = medium_of(vehicle, column, reach=max(placed.start, placed.target))
-    vary: dict[str, ArrayLike] = {}
+    given: dict[str, Any] = {"vary": {}}
     if s.drawn:
-        vary |= draw(region, runs=runs, seed=seed, medium=medium)
+        given["vary"] = draw(region, runs=runs, seed=seed, medium=medium)
     if vehicle.voltage_driven:
-        vary["supply"] = s.supply * plant(vehicle).supply
-    error: Array | None = None
-    walk: Array | None = None
+        given["vary"]["supply"] = s.supply * plant(vehicle).supply
     if s.swell is not None:
-        error = depth_error(
+        time = h * np.arange(schedule([0.0], placed.duration, h).ticks + 1, dtype=np.float64)
+        given["depth_error"] = depth_error(
             s.swell, vehicle, time, depth=placed.target, runs=runs, seed=seed
-        )  # fmt: skip
+        )
     if s.walk > 0.0:
-        walk = random_walk(s.walk, placed.duration, sample_time=h, runs=runs, seed=seed)
-    pumped = vehicle.command == "volume change"  # neutral is then what its stepper makes of it
-    neutral = None if pumped else medium.neutral_volume(placed.start)
-    data = simulate_ensemble(
-        vehicle, count=runs, setpoints=[(0.0, placed.target)], duration=placed.duration,
-        start_depth=placed.start, start_volume=neutral, vary=vary,
-        seed=seed, law=who.law, parameters=who.parameters, sample_time=h, depth_error=error,
-        neutral_change=walk, column=column, keep="trajectory", books=no_energy(vehicle) is None,
-        workers=1,
+        given["neutral_change"] = random_walk(
+            s.walk, placed.duration, sample_time=h, runs=runs, seed=seed
+        )
+    pumped = vehicle.command == "volume change"
+    if not pumped:  # neutral is otherwise what its stepper makes of it
+        given["start_volume"] = medium.neutral_volume(placed.start)
+    flown = fly(
+        vehicle, who.law, who.parameters, target=placed.target, duration=placed.duration,
+        sample_time=h, count=runs, start_depth=placed.start, seed=seed, column=column,
+        books=no_energy(vehicle) is None, workers=1, **given,
     )  # fmt: skip
-    return data, time
-
-
-def measure(
-    *, time: Array, depth: Array, volume: Array, settle: Array, overshoot: Array, target: float,
-    counted: float, energy: Array,
-) -> Flown:  # fmt: skip
-    """Return what is told of runs: time [samples] in s, depth [samples, runs] in m, volume in m3.
-
-    settle [s], overshoot [-] and energy [J] of each run are those of the simulation. counted [s]:
-    from when on errors, volumes and starts count.
-    """
-    late = time >= counted
-    seconds = float(time[-1] - time[late][0])
-    error = depth[late] - target
-    moved = np.abs(np.diff(volume[late], axis=0)).sum(axis=0)
-    return Flown(
-        settle=settle, overshoot=overshoot, square=np.mean(error**2, axis=0),
-        farthest=np.abs(error).max(axis=0), volume_rate=moved / seconds,
-        starts=motor_starts(volume[late]) / seconds, turns=motor_turns(volume[late]) / seconds,
-        power=energy / float(time[-1]),
-        stopped=np.zeros(depth.shape[1]),
-    )  # fmt: skip
-
-
-def summarise(flown: Flown, *, is_step: bool) -> Result:
-    """Return medians, percentiles, means and worst cases over the runs."""
-    nan = math.nan
-    never = np.where(np.isfinite(flown.settle), flown.settle, math.inf)
-    over = np.nan_to_num(flown.overshoot, nan=0.0)
-    return Result(
-        runs=len(flown.square),
-        settled=float(np.isfinite(flown.settle).mean()) if is_step else nan,
-        settle_median=percentile(never, 50.0) if is_step else nan,
-        settle_95=percentile(never, 95.0) if is_step else nan,
-        overshoot_median=float(np.percentile(over, 50.0)) if is_step else nan,
-        overshoot_95=float(np.percentile(over, 95.0)) if is_step else nan,
-        rms=math.sqrt(float(flown.square.mean())),
-        farthest=float(flown.farthest.max()),
-        volume_rate=float(flown.volume_rate.mean()),
-        starts=float(flown.starts.mean()),
-        turns=float(flown.turns.mean()),
-        power=float(flown.power.mean()),
-        lost=float(flown.stopped.mean()),
-    )
+    time, depth = flown.time, flown.depth
+    rating = math.inf if vehicle.hull.depth_limit is None else vehicle.hull.depth_limit
+    found = measure(flown, s.counted)
+    found = found._replace(lost=np.maximum(found.lost, np.nanmax(depth, axis=0) > rating))
+    if pumped:
+        found = found._replace(
+            settle=np.maximum(arrivals(time, ~(np.abs(depth - placed.target) <= BAND)) - h, 0.0),
+            starts=flown.drive_runs / float(time[-1]), turns=np.zeros(runs),
+        )  # fmt: skip
+    kept = time <= (placed.duration if placed.is_step else _SHOWN)
+    return found, time[kept], depth[kept, 0]

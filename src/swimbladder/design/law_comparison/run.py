@@ -35,9 +35,10 @@ from swimbladder.design.law_comparison.contenders import (
     scenarios_of,
     tuned,
 )
-from swimbladder.design.law_comparison.fly import Result, fly, no_energy, summarise
+from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
+from swimbladder.design.tuning.trial import Trial, summarise
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import as_json
 from swimbladder.jobs import Store, each
@@ -63,12 +64,12 @@ def front(costs: ArrayLike) -> NDArray[np.bool_]:
 
 Array = NDArray[np.float64]
 
-# What a law is judged by: name, unit, scenario, and the number of a Result that is to be small.
+# What a law is judged by: name, unit, scenario, and the number of a Trial that is to be small.
 COSTS = (
     ("settling", "s", "step-down", "settle_median"),
     ("hold", "m", "hold", "rms"),
     ("drift", "m", "hold-drift", "rms"),
-    ("travel", "m3/s", "hold", "volume_rate"),
+    ("travel", "m3/s", "hold", "rate"),
     ("starts", "1/s", "hold", "starts_and_turns"),
 )
 
@@ -86,7 +87,7 @@ class Row:
     """A contender with its result on every scenario, by name."""
 
     who: Contender
-    results: Mapping[str, Result]
+    results: Mapping[str, Trial]
     traces: Mapping[str, Trace]
 
     def cost(self, scenario: str, field: str) -> float:
@@ -152,7 +153,7 @@ class LawComparison:
              "step-down", "settle_95", _seconds),
             (f"holds{'' if alone else ' best'} while the trim drifts", "hold-drift", "rms",
              _millimetres),
-            (f"moves{'' if alone else ' least'} while holding", "hold", "volume_rate", _litres),
+            (f"moves{'' if alone else ' least'} while holding", "hold", "rate", _litres),
         ):  # fmt: skip
             ranked = sorted(
                 (row for row in self.rows if math.isfinite(row.cost(scenario, field))),
@@ -206,7 +207,7 @@ class LawComparison:
 
 RESULT = (
     "settled settle2_median_s=settle_median settle2_95_s=settle_95 overshoot_median overshoot_95 "
-    "rms_m farthest_m volume_rate_m3_s starts_1_s turns_1_s power_W lost"
+    "rms_m farthest_m volume_rate_m3_s=rate starts_1_s turns_1_s power_W lost"
 )
 """Numbers of a result, as `io.answers.as_json` takes them."""
 
@@ -269,6 +270,7 @@ def answer() -> None:
 _TUNING, _FLYING = 0.7, 0.3  # shares of the work
 _PATIENCE = 180.0  # s, with the linear programs of the least times
 _FEWEST = 2
+_NOT_A_STEP = dict.fromkeys(Trial._fields[1:6], math.nan)  # settling and overshoot of a hold
 
 
 def compare_laws(
@@ -378,7 +380,7 @@ def _fly_all(
 ) -> list[Row]:  # fmt: skip
     """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
 
-    def one(job: tuple[Contender, Placed]) -> tuple[Result, Trace]:
+    def one(job: tuple[Contender, Placed]) -> tuple[Trial, Trace]:
         who, p = job
         inputs = (
             "flown", vehicle, who.law.name, source_of(who.law), who.parameters, who.sample_time,
@@ -386,16 +388,16 @@ def _fly_all(
         )  # fmt: skip
 
         def flight() -> dict[str, Any]:
-            flown, time, depth = fly(
+            flown, time, depth = fly_scenario(
                 vehicle, who, p, region=around, runs=runs, seed=seed, column=column
             )
-            result = summarise(flown, is_step=p.is_step)
-            return {"result": result._asdict(), "time": time.tolist(), "depth": depth.tolist()}
+            result = summarise(flown)._asdict() | ({} if p.is_step else _NOT_A_STEP)
+            return {"result": result, "time": time.tolist(), "depth": depth.tolist()}
 
         return _read(store.get(flight, *inputs))
 
     jobs = [(who, p) for who in contenders for p in placed]
-    found: dict[int, tuple[Result, Trace]] = {}
+    found: dict[int, tuple[Trial, Trace]] = {}
     for n, answer in each(lambda n: one(jobs[n]), range(len(jobs))):
         found[n] = answer
         advance(1.0 / len(jobs))
@@ -414,9 +416,9 @@ def _fly_all(
     return rows
 
 
-def _read(kept: dict[str, Any]) -> tuple[Result, Trace]:
+def _read(kept: dict[str, Any]) -> tuple[Trial, Trace]:
     trace = Trace(time=np.array(kept["time"]), depth=np.array(kept["depth"]))
-    return Result(**kept["result"]), trace
+    return Trial(**kept["result"]), trace
 
 
 def _assumptions(

@@ -100,6 +100,11 @@ def drive_rates(vehicle: Vehicle, depths: Sequence[float]) -> DriveRates:
     return DriveRates(*(tuple(map(float, c)) for c in (z, *columns)))
 
 
+def with_drag(p: Plant, share: float) -> Plant:
+    """Return a plant with so many times its drag."""
+    return p._replace(d_l=share * p.d_l, d_b=share * p.d_b, d_0=share * p.d_0, d_t=share * p.d_t)
+
+
 def drag_slope(p: Plant, speed: float) -> float:
     """Return the slope of the drag over mass d(w) [1/s] at a speed [m/s]."""
     return drag_law(speed, p.d_l, p.d_b, p.d_0, p.d_t, p.epsilon)[1]

@@ -275,6 +275,11 @@ class Mode(NamedTuple):
     damping: float  # -, of a pair; 1 for a decay without oscillation
     time_constant: float  # s, of the decay; inf where it does not decay
 
+    @property
+    def frequency(self) -> float:
+        """Frequency of a pair [rad/s], 0 where it does not oscillate."""
+        return abs(self.s.imag)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoop:
@@ -331,7 +336,7 @@ def close(p: Plant, law: LinearLaw, *, name: str, depth: float) -> ClosedLoop:
         law=name,
         loop=loop,
         sample_time=h,
-        modes=_modes(loop.broken_at_command(), h),
+        modes=modes(matrix, h),
         spectral_radius=radius,
         spectral_radius_back_driven=radius if p.positioner else spectral_radius(back.closed()),
         at_command=at_command,
@@ -359,13 +364,13 @@ def _delay(closed: Callable[[float], Array], h: float, found: Margins | None) ->
     return largest_delay(closed, step=max(h / 16.0, horizon / 200.0), horizon=horizon)
 
 
-def _modes(loop: StateSpace, h: float) -> tuple[Mode, ...]:
-    z = np.linalg.eigvals(loop.A - loop.B @ loop.C)
+def modes(matrix: Array, h: float) -> tuple[Mode, ...]:
+    """Return the modes of a closed loop's matrix sampled every h [s], slowest first."""
+    z = np.linalg.eigvals(matrix)
     z = z[np.lexsort((-z.imag, -np.abs(z)))]
     found = []
-    for pole, s in zip(z, equivalent_poles(z, h), strict=True):
-        decay = -float(s.real)
-        damping = 1.0 if math.isinf(decay) else decay / abs(complex(s)) if s else 0.0
-        time_constant = 1.0 / decay if decay > 0.0 else math.inf
-        found.append(Mode(complex(pole), complex(s), damping, time_constant))
+    for pole, s in zip(z.astype(complex).tolist(), equivalent_poles(z, h).tolist(), strict=True):
+        decay = -s.real
+        damping = 1.0 if math.isinf(decay) else decay / abs(s) if s else 0.0
+        found.append(Mode(pole, s, damping, 1.0 / decay if decay > 0.0 else math.inf))
     return tuple(found)

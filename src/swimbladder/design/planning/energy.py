@@ -36,9 +36,7 @@ from swimbladder.design.planning.linear_program import (
     scale_of,
 )
 from swimbladder.design.planning.task import STATES, Steps, Task
-from swimbladder.errors import NoAnswerError
-from swimbladder.physics.actuator import reduced
-from swimbladder.vehicle import Positioner
+from swimbladder.physics.buoyancy_engine import Winding, known_winding
 
 _CONVEX = 1e-9  # a curvature below this share of the largest is none
 _AT_REST = (0.0, 1.0, 1e2, 1e4, 1e6)  # multiples of the distance from rest at the end
@@ -57,26 +55,9 @@ class Form(NamedTuple):
     t: Array  # [n]
 
 
-def winding(task: Task) -> tuple[float, float]:
-    """Return R [ohm] and kappa [V s/m3] of the motor.
-
-    Raises NoAnswerError where they are not known apart from the gains they are part of.
-    """
-    actuator = task.vehicle.actuator
-    if isinstance(actuator, Positioner):
-        raise NoAnswerError(
-            "the energy of a positioner is not known: nothing says what its motor draws. "
-            "Plan for --goal effort, the least volume moved"
-        )
-    found = reduced(actuator, task.vehicle.water)
-    if found.resistance is None or found.kappa is None:
-        raise NoAnswerError(
-            "the energy is not known: the motor's resistance R and torque constant k_T (k_emf) are "
-            "not given, and an identified K1 does not determine them. Describe the actuator as "
-            "kind electromechanical, electrohydraulic or unified with resistance and emf_constant, "
-            "or plan for --goal effort, the least volume moved"
-        )
-    return found.resistance, found.kappa
+def winding(task: Task) -> Winding:
+    """Return the winding of the motor; raises NoAnswerError where it is not known."""
+    return known_winding(task.vehicle, instead="plan for --goal effort, the least volume moved")
 
 
 def electrical(task: Task, answer: Answer) -> float:

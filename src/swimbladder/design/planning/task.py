@@ -20,6 +20,7 @@ from scipy.linalg import expm
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.models import Array, linearise, operating_point
+from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.physics.dynamics import Plant, drag_law, plant
 from swimbladder.vehicle import Vehicle
@@ -226,6 +227,4 @@ def _with_supply(vehicle: Vehicle, supply: float) -> Vehicle:
             remedy="Leave the supply out",
         )  # fmt: skip
     check_number(supply, "--supply", "V", above=0.0)
-    return vehicle.model_copy(
-        update={"supply": vehicle.supply.model_copy(update={"voltage": supply})}
-    )
+    return with_supply(vehicle, supply)

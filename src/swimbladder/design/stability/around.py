@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from swimbladder.control.law import Law
-from swimbladder.design.linear.margins import equivalent_poles, spectral_radius
+from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.pump_valve import Decision, DriveRates, drag_slope, drive_rates
-from swimbladder.design.linear.sampled import LinearLaw, SampledLoop
+from swimbladder.design.linear.sampled import LinearLaw, Mode, SampledLoop, modes
 from swimbladder.design.tuning.margins import (
     Rest,
     Worst,
@@ -53,6 +53,7 @@ Array = NDArray[np.float64]
 
 _STARTS = 3  # of the search
 _CALLS = 60  # of a search, for each unknown
+_GONE = 1e-6  # modulus of an eigenvalue: what it is of is over within a sample
 
 
 class Point(NamedTuple):
@@ -291,14 +292,6 @@ MEASURES: Mapping[str, Callable[[Worst, float], float]] = {
 }
 
 
-class Mode(NamedTuple):
-    """A pair of poles of the closed loop, as they would be in continuous time."""
-
-    frequency: float  # rad/s, 0 where it does not oscillate
-    damping: float  # -, 1 where it does not oscillate
-    time_constant: float  # s; negative where it grows
-
-
 class Spot(NamedTuple):
     """A vehicle of the region, at a depth."""
 
@@ -348,24 +341,6 @@ class Around(NamedTuple):
         return next(f.spot for f in self.found if f.measure == "spectral radius")
 
 
-def modes(matrix: Array, h: float) -> tuple[Mode, ...]:
-    """Return the modes of a closed loop's matrix sampled every h [s], slowest first."""
-    z = np.linalg.eigvals(matrix)
-    s = equivalent_poles(z[(np.abs(z) > 1e-6) & (z.imag >= 0.0)], h)
-    found = []
-    for pole in sorted(s, key=lambda pole: -pole.real):
-        size = abs(pole)
-        decay = -float(pole.real)
-        found.append(
-            Mode(
-                float(pole.imag),
-                decay / size if pole.imag > 1e-12 and size > 0.0 else math.copysign(1.0, decay),
-                1.0 / decay if decay else math.inf,
-            )
-        )
-    return tuple(found)
-
-
 def look_around(
     vehicle: Vehicle, law: Law, parameters: Any, *, depths: Sequence[float], sample_time: float,
     delay: float, advance: Callable[[float], None] = lambda _: None,
@@ -407,6 +382,7 @@ def look_around(
         (mode, spot)
         for p, z, back, spot in spots
         for mode in modes(_loop(p, laws[z], z, back).closed(command_delay=delay), sample_time)
+        if abs(mode.z) > _GONE and mode.s.imag >= 0.0
     ]
     advance(0.1)
     first = depths[0]
@@ -415,7 +391,7 @@ def look_around(
         radius=found[0].searched,
         margins=reduce(least, [m for pair in every for m in pair]),
         nominal=least(*_exact(nominal, laws[first], first, False, delay)),
-        slowest=max(here, key=lambda m: 1e18 if m[0].time_constant < 0 else m[0].time_constant),
+        slowest=max(here, key=lambda m: m[0].time_constant),
         least_damped=min(here, key=lambda m: m[0].damping),
         found=tuple(found), looked=len(grid), searched=calls,
         same_at_all_depths=bool(np.all(np.ptp(radii, axis=1) < 1e-6)),

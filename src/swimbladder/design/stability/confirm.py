@@ -36,9 +36,8 @@ from swimbladder.control.rate import RateParameters
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.stability.cycles import Cycle, Predicted
 from swimbladder.design.tuning.margins import least_band
-from swimbladder.design.tuning.trial import Asked, Flights, fly_floats
+from swimbladder.design.tuning.trial import Runs, fly
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
-from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -122,30 +121,26 @@ def hold(
     period [s]: expected, which decides how long is simulated. quantised: whether the sensors round.
     vary: fields of the plant that differ. at_rest: whether it starts without speed.
     """
-    time, depths = _fly(
+    runs = _fly(
         vehicle, law, parameters, [disturbance], sample_time=sample_time, depth=depth,
         duration=_PERIODS * period, quantised=quantised, vary=vary or {},
         kick=0.0 if at_rest else _KICK,
     )  # fmt: skip
-    late = time >= (1.0 - _LOOKED) * time[-1]
-    return measure(time[late], depths[late, 0], depth)
+    late = runs.time >= (1.0 - _LOOKED) * runs.time[-1]
+    return measure(runs.time[late], runs.depth[late, 0], depth)
 
 
 def _fly(
     vehicle: Vehicle, law: Law, parameters: Any, disturbances: Any, *, sample_time: float,
     depth: float, duration: float, quantised: bool, vary: Mapping[str, float], kick: float = 0.0,
-) -> tuple[Array, Array]:  # fmt: skip
+) -> Runs:  # fmt: skip
     quiet = vehicle.sensors.model_copy(update={"depth_noise": 0.0, "volume_noise": 0.0})
     off = np.asarray(disturbances, float)
-    data = simulate_ensemble(
-        vehicle.model_copy(update={"sensors": quiet}), count=len(off),
-        setpoints=[(0.0, depth)], duration=duration, start_depth=depth + off,
-        start_speed=kick * off,
-        vary={name: np.full(len(off), value) for name, value in vary.items()},
-        seed=0 if quantised else None, law=law, parameters=parameters, sample_time=sample_time,
-        keep="trajectory",
+    return fly(
+        vehicle.model_copy(update={"sensors": quiet}), law, parameters, target=depth,
+        duration=duration, sample_time=sample_time, start_depth=depth + off,
+        start_speed=kick * off, vary=vary, seed=0 if quantised else None,
     )  # fmt: skip
-    return data["time"].to_numpy(), data["depth"].to_numpy()
 
 
 def edge(
@@ -161,7 +156,7 @@ def edge(
     time, depths = np.empty(0), np.empty((0, 0))
     for k in range(_ROUNDS):
         off = np.geomspace(low, high, _LANES) if k == 0 else np.linspace(low, high, _LANES)
-        time, depths = _fly(
+        time, depths, *_ = _fly(
             vehicle, law, parameters, off, sample_time=sample_time, depth=depth,
             duration=duration, quantised=False, vary=vary,
         )  # fmt: skip
@@ -280,8 +275,7 @@ def _flown_way(
     if until < 3.0 * one.cycle.period:
         return None
     # Up it is asked to come to the surface: so it keeps its speed to the end.
-    asked = Asked(targets=target if down else 0.0, depths=begin, duration=until)
-    flown = fly_floats(vehicle, law, q, asked)
+    flown = fly(vehicle, law, q, target=target if down else 0.0, duration=until, start_depth=begin)
     times = flown.actions[0][:, 0]
     times = times[times > 0.5 * one.cycle.period]
     if len(times) < 3:
@@ -311,12 +305,14 @@ def _flown_rest(
     # Where no whole number of steps takes it to the middle of the band, on its way out of it.
     apart = q.volume_step / abs(vehicle.hull.psi) if vehicle.hull.psi else 0.0
     begin = depth + max(0.5 * apart, 1.5 * q.tolerance)
-    asked = Asked(targets=depth, depths=begin, duration=duration, speeds=_DISTURBED)
-    flown = fly_floats(alone, law, q, asked, seed=0 if quantised else None)
+    flown = fly(
+        alone, law, q, target=depth, duration=duration, start_depth=begin,
+        start_speed=_DISTURBED, seed=0 if quantised else None,
+    )  # fmt: skip
     return _remains(flown, depth, min(_FIRST * period, 0.3 * duration))
 
 
-def _remains(flown: Flights, depth: float, since: float) -> Seen:
+def _remains(flown: Runs, depth: float, since: float) -> Seen:
     kept = (flown.time >= max(since, 0.3 * float(flown.time[-1]))) & np.isfinite(flown.depth[:, 0])
     z = flown.depth[kept, 0]
     if len(z) < 8:

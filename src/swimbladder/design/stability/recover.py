@@ -43,10 +43,9 @@ from scipy.optimize import brentq
 
 from swimbladder.control.law import Law
 from swimbladder.design.linear.pump_valve import moved_by_volume
-from swimbladder.design.tuning.trial import Asked, fly_floats
+from swimbladder.design.tuning.trial import arrivals, fly
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import Plant, acceleration, plant
-from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
@@ -298,42 +297,22 @@ class _Runs:
         self, depth: Array, target: Array, speed: Array, volume: Array
     ) -> dict[str, list[Any]]:
         p = plant(moved_by_volume(self.vehicle))
-        time, depths, ends, stopped = self._flown(depth, target, speed, volume)
-        outside = ~(np.abs(depths - target) <= self.band)
-        after = len(time) - np.argmax(outside[::-1], axis=0)
-        after[~outside.any(axis=0)] = 0
+        runs = fly(
+            self.vehicle, self.law, self.parameters, target=target,
+            duration=_WATCHED * self.within, start_depth=depth, start_speed=speed,
+            sample_time=self.sample_time if self.law.ways is None else None, start_volume=volume,
+        )  # fmt: skip
+        deep = np.nan_to_num(runs.depth, nan=math.inf).max(axis=0) > self.deepest
+        since = arrivals(runs.time, ~(np.abs(runs.depth - target) <= self.band))
         verdicts, seconds = [], []
-        for k, z, w, V, out in zip(after, *ends, stopped, strict=True):
-            settled = k < len(time) and not out
-            seconds.append(float(time[k]) if settled else None)
+        ends = (runs.depth[-1], runs.speed[-1], runs.volume[-1], deep | runs.stopped)
+        for t, z, w, V, out in zip(since.tolist(), *ends, strict=True):
+            settled = math.isfinite(t) and not out
+            seconds.append(t if settled else None)
             if settled:
-                late = time[k] > self.within
-                verdicts.append(int(Verdict.SLOW if late else Verdict.RECOVERED))
+                verdicts.append(int(Verdict.SLOW if t > self.within else Verdict.RECOVERED))
             elif out or falls(p, depth=float(z), speed=float(w), volume=float(V)):
                 verdicts.append(int(Verdict.LOST))
             else:
                 verdicts.append(int(Verdict.UNSETTLED))
         return {"verdicts": verdicts, "seconds": seconds}
-
-    def _flown(
-        self, depth: Array, target: Array, speed: Array, volume: Array
-    ) -> tuple[Array, Array, tuple[Array, ...], NDArray[np.bool_]]:
-        """Return times, depths [n, runs], the last depth, speed and volume, and what is lost."""
-        duration = _WATCHED * self.within
-        if self.law.ways is not None:
-            asked = Asked(
-                targets=target, depths=depth, duration=duration, speeds=speed, volumes=volume
-            )
-            f = fly_floats(self.vehicle, self.law, self.parameters, asked)
-            deep = np.nan_to_num(f.depth, nan=math.inf).max(axis=0) > self.deepest
-            last = (f.depth[-1], f.speed[-1], f.volume[-1])
-            return f.time, f.depth, last, deep | f.stopped
-        data = simulate_ensemble(
-            self.vehicle, count=len(depth), setpoints=[(0.0, target)], duration=duration,
-            start_depth=depth, start_volume=volume, start_speed=speed, law=self.law,
-            parameters=self.parameters, sample_time=self.sample_time, keep="trajectory",
-        )  # fmt: skip
-        names = ("final_depth", "final_speed", "final_volume")
-        ends = tuple(data[name].to_numpy() for name in names)
-        stopped = data["stop"].to_numpy() != 0
-        return data["time"].to_numpy(), data["depth"].to_numpy(), ends, stopped

@@ -19,7 +19,8 @@ from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaves, numbers
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
-from swimbladder.design.stability.around import Around, Decided, Mode, around_decisions, look_around
+from swimbladder.design.linear.sampled import Mode
+from swimbladder.design.stability.around import Around, Decided, around_decisions, look_around
 from swimbladder.design.stability.confirm import Confirmed, edge, hold, hunting
 from swimbladder.design.stability.cycles import Predicted, predict, without_rest
 from swimbladder.design.stability.recover import Map, Verdict, recovery_maps

@@ -1,7 +1,7 @@
 """Gains for a vehicle: margins over what is not known of it, then trials with noise.
 
-`gains` makes a law's parameters of what is tried, `region` says which vehicles are possible,
-`margins` and `trial` judge, `search` finds, `run` puts them together.
+`gains` makes a law's parameters of what is tried and searches the best, `region` says which
+vehicles are possible, `margins` and `trial` judge, `run` puts them together.
 """
 
 from __future__ import annotations

@@ -5,23 +5,42 @@ in which a held volume lets the vehicle run away, holds of the one in which a ne
 walks takes it off.
 
 `setting_of` is what they need to know of a vehicle.
+
+`search` finds knobs whose margins hold over the region, then the best of them in trials. Margins
+are cheap and trials are dear: so the knobs are laid out on a grid, kept where the nominal vehicle
+has the margins, ordered by what the goal wants of them, kept where the whole region has the
+margins, and the first few of these are tried, with few runs while they are compared.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 from swimbladder.control.law import Drive, Knobs, Law, Recipe, Setting
 from swimbladder.control.motion import off_in, runaway
 from swimbladder.control.registry import LAWS
+from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
-from swimbladder.design.tuning.region import neutral_walk
-from swimbladder.design.tuning.trial import Trial
-from swimbladder.errors import InputError
+from swimbladder.design.tuning.margins import (
+    WANTED,
+    Worst,
+    exactly,
+    falls_short,
+    lacking,
+    largest_radius,
+    rest_of,
+    roughly,
+    worst,
+)
+from swimbladder.design.tuning.region import Member, Region, neutral_walk
+from swimbladder.design.tuning.trial import Drawn, Step, Trial, trial
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
@@ -217,3 +236,253 @@ def recipe_of(name: str) -> Recipe:
 def gains(name: str, setting: Setting, knobs: Any) -> Any:
     """Return the parameters of the law of that name."""
     return recipe_of(name).gains(setting, knobs)
+
+
+_TRIED = 4
+_TRIED_QUIET = 8
+_TRIED_ENERGY = 5
+_TRIED_RESTING = 3  # of a law that rests near the set-point, by gains of its own
+_FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
+_FINAL = 3  # options of a law that rests, whose band is fitted to the error that is allowed
+_FITTED = 3  # times, each with as many runs as are told of
+_SLACK = 0.97  # of the margins: the linear form is that of differences
+_AWAY = 0.3  # of a step, off which its end counts as not brought there
+_FLIGHTS = {"fast": 20, "quiet": 40, "energy": 20}  # of floats while they are compared
+_AGAIN = 4  # best of them, compared with all flights: what happens while they hold is rare
+_ARRIVE = 0.8  # share of flights that have to arrive and stay
+_LOST = 2.0  # times the error allowed, that is no holding any more
+
+
+class Found(NamedTuple):
+    """Knobs with what they give; margins: None for a law that has none.
+
+    radius: largest eigenvalue's modulus over the region from decision to decision; nan: has none.
+    """
+
+    knobs: Any
+    parameters: Any
+    margins: Worst | None
+    nominal: Trial
+    region: Trial
+    radius: float = math.nan
+
+
+class _Search:
+    """What is looked for, and how near anything came."""
+
+    def __init__(
+        self, name: str, setting: Setting, region: Region, depths: Sequence[float],
+        delay: float, report: Callable[[float], None],
+    ) -> None:  # fmt: skip
+        self.name, self.setting, self.region = name, setting, region
+        self.law, self.recipe = tunable(name), recipe_of(name)
+        self.depths, self.delay, self.report = depths, delay, report
+        self.near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
+
+    def over(
+        self, knobs: Knobs, wanted: Worst, look: Callable[[StateSpace], Worst], *, nominal: bool
+    ) -> Worst | None:
+        """Return the margins where they are what is wanted, else None.
+
+        Dead zone and pauses are none of the loop's around rest: margins are of its linear part.
+        """
+        parameters = gains(self.name, self.setting, knobs._replace(dead=0.0, pause=0.0))
+        m = worst(
+            self.law, parameters, self.region.plants[: 1 if nominal else None],
+            depths=self.depths[: 1 if nominal else None], sample_time=self.setting.sample_time,
+            delay=self.delay, look=look, wanted=None if nominal else wanted,
+        )  # fmt: skip
+        short = falls_short(m, wanted)
+        if not short:
+            return m
+        rank = (nominal, not m.stable, lacking(m, wanted))
+        if self.near is None or rank < self.near[0]:
+            self.near = (rank, short)
+        return None
+
+    def candidates(self, goal: str, held: float, most: int, wanted: Worst) -> list[Knobs]:
+        """Return the first knobs that have the margins, by what the goal prefers."""
+        every = list(grid(self.recipe, goal, self.setting, held))
+        if not self.recipe.linear:
+            return every
+        kept = []
+        for knobs in every:
+            self.report(0.3 / len(every))
+            if self.over(knobs, wanted, roughly, nominal=True) is not None:
+                kept.append((preference(goal, knobs), knobs))
+        kept.sort(key=lambda pair: pair[0])
+        if goal != "fast":
+            kept = _spread(kept)
+        found: list[Knobs] = []
+        for _, knobs in kept:
+            if len(found) == most:
+                break
+            if self.over(knobs, wanted, roughly, nominal=False) is not None:
+                found.append(knobs)
+                self.report(0.1 / most)
+        return found
+
+
+class Goal(NamedTuple):
+    """What is asked of a law, and of which vehicles."""
+
+    name: str  # fast, quiet or energy
+    held: float  # m rms, that a depth is to be held to
+    depths: tuple[float, ...]  # m, where margins are checked
+    step: Step
+    drawn: Drawn
+
+
+def search(
+    name: str, vehicle: Vehicle, setting: Setting, asked: Goal, *, delay: float,
+    wanted: Worst = WANTED, advance: Callable[[float], None] | None = None,
+) -> Found:  # fmt: skip
+    """Return the best knobs found for a goal; delay [s]: from sample to command.
+
+    Raises NoAnswerError where no knobs have the margins, with the one that is farthest from them,
+    or where none holds the vehicle.
+    """
+    report = advance or (lambda _: None)
+    law, recipe, h = tunable(name), recipe_of(name), setting.sample_time
+    if recipe.candidates is not None:
+        return _search_floats(name, vehicle, setting, asked, report)
+    goal, held, depths, step, drawn = asked
+    runs, region = drawn.runs, drawn.region
+    assert region is not None
+    look = _Search(name, setting, region, depths, delay, report)
+    most = {"fast": _TRIED, "quiet": _TRIED_QUIET, "energy": _TRIED_ENERGY}[goal]
+    if recipe.holds and goal != "fast":
+        most = _TRIED_RESTING
+    every = [
+        option
+        for knobs in look.candidates(goal, held, most, _tightened(wanted))
+        for option in options(recipe, goal, knobs, setting, held=held, deepest=max(depths))
+    ]
+
+    def tried(knobs: Knobs, drawn: Drawn) -> Trial:
+        return trial(vehicle, law, gains(name, setting, knobs), step, drawn)
+
+    scored: list[tuple[tuple[float, ...], Knobs, Trial]] = []
+    for knobs in every:
+        few = tried(knobs, drawn._replace(runs=min(runs, _FEW[goal])))
+        scored.append((score(goal, few, held), knobs, few))
+        report(0.45 / len(every))
+    scored.sort(key=lambda one: one[0])
+    if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
+        final = []
+        for _, knobs, few in scored[:_FINAL]:
+            rms = few.rms
+            for _ in range(_FITTED):
+                knobs = knobs._replace(band=knobs.band * max(held / rms, 0.5))
+                over = tried(knobs, drawn)
+                rms = over.rms
+                final.append((score(goal, over, held), knobs, over))
+        scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
+    better = [n for n in tunable_names(law.command) if recipe_of(n).holds_best]
+    other = "" if recipe.holds_best or not better else f"the law {better[0]} or "
+    if goal != "fast" and scored and not scored[0][2].rms <= _LOST * held:
+        raise NoAnswerError(
+            f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm rms "
+            f"over the region: the best has {1e3 * scored[0][2].rms:.3g} mm. A greater error "
+            f"allowed, a better depth sensor, {other}parameters known better would help"
+        )
+    span = abs(step.target - step.start)
+    if goal == "fast" and scored and not scored[0][2].rms <= _AWAY * span:
+        raise NoAnswerError(
+            f"no gains of the law {name!r} that were tried bring the vehicle through the step over "
+            f"the region: at its end the best is off by {scored[0][2].rms:.3g} m rms, with a depth "
+            f"noise of {1e3 * setting.noise:.3g} mm assumed. Another law, a better depth "
+            "sensor, a goal of quiet, a larger supply or parameters known better would help"
+        )
+    for _, knobs, few in scored:
+        m = look.over(knobs, wanted, exactly, nominal=False) if recipe.linear else None
+        report(0.15 / len(scored))
+        if m is not None or not recipe.linear:
+            over = few if few.runs == runs else tried(knobs, drawn)
+            parameters = gains(name, setting, knobs)
+            return Found(knobs, parameters, m, tried(knobs, drawn.nominal), over)
+    assert look.near is not None  # something was computed
+    (_, unstable, _), short = look.near
+    nearest = "none makes a loop that is stable over it" if unstable else (
+        f"the nearest has {'; '.join(short)}"
+    )  # fmt: skip
+    raise NoAnswerError(
+        f"no gains of the law {name!r} have the margins over the region at a sample time of "
+        f"{h:g} s: {nearest}. A shorter sample time, a faster motor or parameters known better "
+        "would help"
+    )
+
+
+def _search_floats(
+    name: str, vehicle: Vehicle, setting: Setting, asked: Goal, advance: Callable[[float], None]
+) -> Found:
+    """Return the best setting of a law of volume changes: stable over the region, then flown."""
+    law, recipe = tunable(name), recipe_of(name)
+    goal, held, depths, step, drawn = asked
+    region = drawn.region
+    assert region is not None  # search
+    assert recipe.candidates is not None
+    rates = drive_rates(with_supply(vehicle, setting.limit), depths)
+    members = [Member(p, {}, drive) for p, drive in zip(region.plants, region.drives, strict=True)]
+    medium = medium_of(vehicle, drawn.column, reach=max(depths))
+    kept: list[tuple[float, Any, Any]] = []
+    least, unheld = math.inf, ""
+    every = recipe.candidates(setting, goal, held)
+    for chosen in every:
+        numbers = recipe.gains(setting, chosen)
+        radius = largest_radius(vehicle, law, numbers, members, rates, medium)
+        rest = rest_of(vehicle, law, numbers, rates, medium)
+        if not rest.held:
+            unheld = f"at rest the best goes {rest.band:.3g} m between two decisions"
+        elif radius < 1.0:
+            kept.append((radius, chosen, numbers))
+        least = min(least, radius)
+        advance(0.2 / len(every))
+    if not kept:
+        why = unheld if least < 1.0 else f"the smallest eigenvalue has the modulus {least:.3g}"
+        raise NoAnswerError(
+            f"no setting of the law {name!r} is stable from decision to decision over the region: "
+            f"{why}. Parameters known better, a wider band (--hold) or a faster pump would help"
+        )
+
+    tried = partial(trial, vehicle, law)
+    few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
+
+    scored = []
+    for radius, chosen, numbers in kept:
+        seen = tried(numbers, step, few)
+        scored.append((float_score(goal, seen, held), radius, chosen, numbers))
+        advance(0.5 / len(kept))
+    scored.sort(key=lambda one: one[0])
+    final = []
+    for _, radius, chosen, numbers in scored[: 1 if goal == "fast" else _AGAIN]:
+        over = tried(numbers, step, drawn)
+        final.append((float_score(goal, over, held), radius, chosen, numbers, over))
+    _, radius, chosen, numbers, over = min(final, key=lambda one: one[0])
+    span = abs(step.target - step.start)
+    if over.settled < _ARRIVE or not over.rms <= _LOST * held:
+        raise NoAnswerError(
+            f"no setting of the law {name!r} brings the float over {span:g} m and keeps it within "
+            f"{held:g} m over the region: of the best {100.0 * over.settled:.0f} % of {over.runs} "
+            f"flights arrive and stay in {step.duration / 3600.0:.3g} h, {over.rms:.3g} m rms. A "
+            "wider band (--hold), a faster pump, more stroke or parameters known better would help"
+        )
+    advance(0.3)
+    nominal = tried(numbers, step, drawn.nominal)
+    return Found(chosen, numbers, None, nominal, over, radius)
+
+
+def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:
+    """Return the first of every frequency and damping: how slow is too slow only a trial tells."""
+    first: dict[tuple[float, float], tuple[float, Knobs]] = {}
+    for pair in kept:
+        knobs = pair[1]
+        first.setdefault((round(knobs.frequency / knobs.inner, 6), knobs.damping), pair)
+    return list(first.values())
+
+
+def _tightened(m: Worst) -> Worst:
+    return m._replace(
+        gain_up=m.gain_up / _SLACK, gain_down=m.gain_down * _SLACK, phase=m.phase / _SLACK,
+        peak_sensitivity=1.0 + (m.peak_sensitivity - 1.0) * _SLACK, disk=m.disk / _SLACK,
+    )  # fmt: skip

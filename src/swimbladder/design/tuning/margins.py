@@ -26,6 +26,7 @@ from swimbladder.design.linear.pump_valve import (
     DriveRates,
     decision_map,
     decision_of,
+    with_drag,
 )
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
 from swimbladder.design.tuning.region import Member, member, unit_points, unknowns
@@ -86,8 +87,7 @@ def deliveries(
 
 def going(vehicle: Vehicle, p: Plant, speed: float) -> Plant:
     """Return a plant with the drag of the way it goes at a speed [m/s, positive down]."""
-    share = vehicle.drag.rising_ratio if speed < 0.0 else 1.0
-    return p._replace(d_l=share * p.d_l, d_b=share * p.d_b, d_0=share * p.d_0, d_t=share * p.d_t)
+    return with_drag(p, vehicle.drag.rising_ratio if speed < 0.0 else 1.0)
 
 
 def radius_of(vehicle: Vehicle, one: Member, d: Decision, rates: DriveRates, k: int) -> float:
@@ -289,20 +289,12 @@ def roughly(loop: StateSpace) -> Worst:
     if spectral_radius(loop.A - loop.B @ loop.C) >= 1.0:
         return _LOST
     assert loop.sample_time is not None  # a loop that was sampled
-    angle = math.pi * np.logspace(-_DECADES, 0.0, _POINTS)
-    z = np.exp(1j * angle)
-    n = len(loop.A)
-    inside = z[:, None, None] * np.eye(n) - loop.A
-    L = (loop.C @ np.linalg.solve(inside, np.broadcast_to(loop.B, (len(z), n, 1))))[:, 0, 0]
+    L = loop.at(np.exp(1j * math.pi * np.logspace(-_DECADES, 0.0, _POINTS)))[:, 0, 0]
     size = np.log(np.abs(L))
     phase = np.abs(np.angle(-L))
     crossing = np.flatnonzero(size[:-1] * size[1:] <= 0.0)
-    least = [
-        float(
-            np.interp(0.0, np.sort(size[k : k + 2]), phase[k : k + 2][np.argsort(size[k : k + 2])])
-        )
-        for k in crossing
-    ]
+    order = [k + np.argsort(size[k : k + 2]) for k in crossing]
+    least = [float(np.interp(0.0, size[pair], phase[pair])) for pair in order]
     turned = np.flatnonzero((L.imag[:-1] * L.imag[1:] <= 0.0) & (L.real[:-1] < 0.0))
     gains = []
     for k in turned:
@@ -321,34 +313,32 @@ def roughly(loop: StateSpace) -> Worst:
     )
 
 
+# Of each margin the worse of two, and for a person its name, factor, digits and unit.
+_KINDS: dict[str, tuple[Callable[[float, float], float], str, float, str, str]] = {
+    "gain_up": (min, "gain up", 1.0, ".2f", ""),
+    "gain_down": (max, "gain down", 1.0, ".2f", ""),
+    "phase": (min, "phase", math.degrees(1.0), ".0f", " degrees"),
+    "peak_sensitivity": (max, "peak sensitivity", 1.0, ".2f", ""),
+    "disk": (min, "disk margin", 1.0, ".2f", ""),
+}
+
+
 def least(a: Worst, b: Worst) -> Worst:
     """Return the worse of each margin."""
-    return Worst(
-        a.stable and b.stable, min(a.gain_up, b.gain_up), max(a.gain_down, b.gain_down),
-        min(a.phase, b.phase), min(a.delay, b.delay),
-        max(a.peak_sensitivity, b.peak_sensitivity), min(a.disk, b.disk),
-    )  # fmt: skip
+    worse = {name: kind[0](getattr(a, name), getattr(b, name)) for name, kind in _KINDS.items()}
+    return Worst(stable=a.stable and b.stable, delay=min(a.delay, b.delay), **worse)
 
 
 def falls_short(m: Worst, wanted: Worst = WANTED) -> tuple[str, ...]:
     """Return in words which margins are less than wanted, worst named with both numbers."""
     if not m.stable:
         return ("the loop is not stable over the whole region",)
-    degrees = math.degrees
-    checks = (
-        (m.gain_up < wanted.gain_up, f"gain up {m.gain_up:.2f} of {wanted.gain_up:.2f}"),
-        (m.gain_down > wanted.gain_down, f"gain down {m.gain_down:.2f} of {wanted.gain_down:.2f}"),
-        (
-            m.phase < wanted.phase,
-            f"phase {degrees(m.phase):.0f} of {degrees(wanted.phase):.0f} degrees",
-        ),
-        (
-            m.peak_sensitivity > wanted.peak_sensitivity,
-            f"peak sensitivity {m.peak_sensitivity:.2f} of {wanted.peak_sensitivity:.2f}",
-        ),
-        (m.disk < wanted.disk, f"disk margin {m.disk:.2f} of {wanted.disk:.2f}"),
-    )
-    return tuple(words for short, words in checks if short)
+    found = []
+    for name, (worse, words, factor, digits, unit) in _KINDS.items():
+        has, asked = getattr(m, name), getattr(wanted, name)
+        if has != asked and worse(has, asked) == has:
+            found.append(f"{words} {factor * has:{digits}} of {factor * asked:{digits}}{unit}")
+    return tuple(found)
 
 
 def lacking(m: Worst, wanted: Worst = WANTED) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from swimbladder.design.linear.pump_valve import moved_by_volume
+from swimbladder.design.linear.pump_valve import moved_by_volume, with_drag
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import PumpAndValve, Vehicle
 from swimbladder.vehicle.spread import INPUTS, Spread
@@ -141,12 +141,9 @@ def _float(vehicle: Vehicle, p: Plant, s: Array, level: float) -> Member:
         np.array([1.0, p.psi, 1.0, 1.0]) + _radius(sigma[:, None] * together * sigma, level) @ s
     )
     drag, pump, valve = (max(float(x), 0.05) for x in (drag, pump, valve))
-    moved = p._replace(
-        psi=float(psi), d_l=p.d_l * drag, d_b=p.d_b * drag, d_0=p.d_0 * drag, d_t=p.d_t * drag
-    )
     ratio = float(psi / p.psi) if p.psi else math.nan
     shares = dict(zip(FLOATS, (drag, ratio, pump, valve), strict=True))
-    return Member(moved, shares, (pump, valve))
+    return Member(with_drag(p, drag)._replace(psi=float(psi)), shares, (pump, valve))
 
 
 def _box(n: int, drawn: int, seed: int) -> Array:

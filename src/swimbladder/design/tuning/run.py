@@ -23,28 +23,29 @@ from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, wi
 from swimbladder.design.tuning.gains import (
     GOALS,
     HELD,
+    Goal,
     check_depths,
     gains,
     goals_of,
     recipe_of,
+    search,
     setting_of,
     tunable,
     tunable_names,
 )
 from swimbladder.design.tuning.margins import MARGINS, Loop, Worst, decibels, loops
 from swimbladder.design.tuning.region import Region, region
-from swimbladder.design.tuning.search import Goal, search
 from swimbladder.design.tuning.trial import (
     Drawn,
+    Runs,
     Step,
-    Traces,
     Trial,
     arrival_band,
     traces,
-    winding,
 )
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
+from swimbladder.physics.buoyancy_engine import known_winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
@@ -74,7 +75,7 @@ class Tuning:
     margins: Worst | None  # None: a law without a linear form around rest
     nominal: Trial
     region: Trial
-    shown: tuple[Traces, Traces]  # a few runs: nominal, and over the region
+    shown: tuple[Runs, Runs]  # a few runs: nominal, and over the region
     step: Step
     sample_time: float  # s
     delay: float  # s
@@ -360,13 +361,8 @@ def _check(
             "an error that is allowed is above 0, and for quiet and energy", field="--hold",
             value=hold, unit="m", remedy='Give something like "1 cm" with --goal quiet',
         )  # fmt: skip
-    if goal == "energy" and not pumped and winding(vehicle) is None:
-        raise NoAnswerError(
-            f"the energy that {vehicle.name!r} takes is not known: its actuator of the kind "
-            f"{vehicle.actuator.kind!r} has no winding resistance R and no torque constant k_T. "
-            "Give the motor's data (actuator.motor.resistance and torque_constant of an "
-            "electromechanical or electrohydraulic actuator), or tune for quiet, which moves least"
-        )
+    if goal == "energy" and not pumped:
+        known_winding(vehicle, instead="tune for quiet, which moves least")
     check_depths(depths)
     if not 0.0 <= delay < 1.0:
         raise InputError(

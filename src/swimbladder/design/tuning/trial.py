@@ -12,9 +12,7 @@ Energy is that of pump and valve from the battery's cells.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,39 +21,16 @@ from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
 from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.design.tuning.region import Region
-from swimbladder.physics.actuator import reduced
-from swimbladder.physics.buoyancy_engine import drive_map
-from swimbladder.physics.dynamics import Plant, body_plant, plant
+from swimbladder.physics.buoyancy_engine import Winding, drive_map, winding
+from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.electric import electrical_power, largest_voltage, winding_current
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
 from swimbladder.sim.closed_loop.water import Medium, medium_of
-from swimbladder.vehicle import Positioner, Vehicle
-
-if TYPE_CHECKING:
-    import xarray
-
-    from swimbladder.physics.seawater import Column
+from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-
-
-class Winding(NamedTuple):
-    """A motor as its supply sees it."""
-
-    R: float  # ohm
-    kappa: float  # V s/m3, back electromotive force per volume rate
-
-
-def winding(vehicle: Vehicle) -> Winding | None:
-    """Return the winding of a vehicle's motor, None where R or k_T are not known."""
-    if isinstance(vehicle.actuator, Positioner):
-        return None
-    a = reduced(vehicle.actuator, vehicle.water)
-    if a.resistance is None or a.kappa is None:
-        return None
-    return Winding(a.resistance, a.kappa)
 
 
 def electrical_energy(
@@ -78,7 +53,10 @@ def electrical_energy(
 
 _WALK_EVERY = 10.0  # s, between two steps of a neutral volume that walks
 _STILL = 1e-8  # m3, that a motor at rest may creep in a sample
-_FIELDS = ("a_b", "a_s", "d_l", "d_b", "d_t", "psi", "gain", "T1")
+_FIELDS = ("a_b", "a_s", "d_l", "d_b", "d_0", "d_t", "psi", "gain", "T1")
+_FINEST = 1e-3  # s, of the times between a law's samples
+_LONGEST = 30.0  # s, of a tick: runs of the drive that last longer than a sleep end at one
+_SHARE = 0.02  # of the step
 
 
 class Step(NamedTuple):
@@ -105,108 +83,89 @@ class Drawn(NamedTuple):
         return self._replace(region=None, supply=math.inf)
 
 
-class Trial(NamedTuple):
-    """Percentiles over vehicles and noise; times in s, nan where more than so many never settle."""
-
-    runs: int
-    settled: float  # share of the runs that settled within 2 %
-    settle_median: float  # s
-    settle_95: float  # s
-    overshoot_median: float  # -
-    overshoot_95: float  # -
-    rms: float  # m, of the depth error over the last third
-    rate: float  # m3/s, of volume moved over the last third
-    starts: float  # 1/s, of the motor from rest, over the last third
-    turns: float  # 1/s, of the motor, from one direction into the other, likewise
-    energy: float  # J, of the motor in the whole run; nan where its R or k_T is not known
-    power: float  # W, of the motor over the last third, likewise
-
-
-class Traces(NamedTuple):
-    """Some runs, to look at: [samples, runs]."""
+class Runs(NamedTuple):
+    """Runs as they went [samples, runs], and what the simulation says of each [runs]."""
 
     time: Array  # s [samples]
     depth: Array  # m
+    speed: Array  # m/s, positive down
     volume: Array  # m3
-    command: Array  # V
+    command: Array  # V, m3; of a law of volume changes the change that it asks for there
+    target: Array  # m
+    settle: Array  # s, to 2 % for good; nan: never
+    overshoot: Array  # -, of the step
+    energy: Array  # J; work on the water of a float of unknown power; nan where not asked for
+    drive_runs: Array  # of pump and valve; nan of a motor
+    stopped: NDArray[np.bool_]  # ended early: out of the water, or far too deep
+
+    @property
+    def actions(self) -> list[Array]:
+        """Times [s] of changes of volume and how much they ask for [m3], each [actions, 2]."""
+        acts = [(own != 0.0, own) for own in self.command.T]
+        return [np.stack([self.time[some], own[some]], axis=1) for some, own in acts]
 
 
-def trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
-    """Return what comes of steps of depth, each with noise of its own."""
-    fly = _sampled_trial if law.ways is None else _float_trial
-    return fly(vehicle, law, parameters, step, drawn)
+def fly(
+    vehicle: Vehicle, law: Law, parameters: Any, *, target: ArrayLike, duration: float,
+    sample_time: float | None = None, count: int = 1, **given: Any,
+) -> Runs:  # fmt: skip
+    """Return runs to a depth `target` [m] under a law with these parameters.
+
+    target: of a float 0 is the surface. duration [s]. sample_time [s]: where not given, of a law of
+    volume changes, what its times are made of; the vehicle's own water then acts by psi alone.
+    count: runs, or as many as one of the numbers has. given: arguments of `simulate_ensemble`.
+    """
+    many = (target, *given.get("vary", {}).values())
+    many += tuple(given[name] for name in given if name.startswith("start_"))
+    if sample_time is None and given.get("column") is None:
+        plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
+        vehicle = vehicle.model_copy(update={"hull": plain})
+    data = simulate_ensemble(
+        vehicle, count=max(count, *map(np.size, many)), setpoints=[(0.0, target)],
+        duration=duration, law=law, parameters=parameters, keep="trajectory",
+        sample_time=_tick(parameters) if sample_time is None else sample_time, **given,
+    )  # fmt: skip
+    known = {str(name): values.to_numpy() for name, values in data.variables.items()}
+    unknown = np.full(data.sizes["lane"], math.nan)
+    drive_runs = known["pump_runs"] + known["valve_runs"] if "pump_runs" in known else unknown
+    return Runs(
+        known["time"], known["depth"], known["speed"], known["volume"], known["command"],
+        np.broadcast_to(np.asarray(target, float), unknown.shape), known["settle2"],
+        known["overshoot"] / 100.0, known.get("energy", unknown), drive_runs, known["stop"] != 0,
+    )  # fmt: skip
 
 
-def traces(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Traces:
-    """Return the first runs of a trial as they went."""
-    if law.ways is None:
-        data = _runs(vehicle, law, parameters, step, drawn)
-        return Traces(*(data[name].to_numpy() for name in Traces._fields))
-    flown, _ = _flights(vehicle, law, parameters, step, drawn)
-    command = np.zeros_like(flown.depth)
-    for lane, acts in enumerate(flown.actions):
-        at = np.minimum(np.searchsorted(flown.time, acts[:, 0]), len(flown.time) - 1)
-        np.add.at(command[:, lane], at, acts[:, 1])
-    return Traces(flown.time, flown.depth, flown.volume, command)
+def _tick(parameters: Any) -> float:
+    """Return the longest tick [s] that the times of a law are whole multiples of."""
+    times = [round(getattr(parameters, name) / _FINEST) for name in ("dead", "run")]
+    whole = math.gcd(*times)
+    return _FINEST * whole / math.ceil(whole * _FINEST / _LONGEST)
 
 
-def _trial(settle: Array, over: Array, error: Array, **rates: float) -> Trial:
-    """Return a trial; settle [runs] in s, inf where never; error [samples, runs] in m, late."""
-    return Trial(
-        runs=len(settle),
-        settled=float(np.isfinite(settle).mean()),
-        settle_median=percentile(settle, 50.0),
-        settle_95=percentile(settle, 95.0),
-        overshoot_median=float(np.percentile(over, 50.0)),
-        overshoot_95=float(np.percentile(over, 95.0)),
-        rms=float(np.sqrt(np.mean(error**2))),
-        **rates,
-    )
-
-
-def _sampled_trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
-    data, h = _runs(vehicle, law, parameters, step, drawn), drawn.sample_time
-    time, depth, volume, command = (data[name].to_numpy() for name in Traces._fields)
-    settle = data["settle2"].to_numpy()
-    late = time >= time[-1] * 2.0 / 3.0
-    motor, energy, power = winding(vehicle), math.nan, math.nan
-    if motor is not None:
-        p = plant(vehicle)
-        joules = electrical_energy(
-            motor, p._replace(supply=min(p.supply, drawn.supply)), sample_time=h, command=command,
-            volume=volume, depth=depth,
-        )  # fmt: skip
-        energy = float(joules.sum(axis=0).mean())
-        power = float(joules[late[:-1]].mean()) / h
-    seconds = float(time[late][-1] - time[late][0])
-    return _trial(
-        np.where(np.isfinite(settle), settle, np.inf),
-        np.nan_to_num(data["overshoot"].to_numpy(), nan=0.0) / 100.0,
-        depth[late] - step.target,
-        rate=float(np.abs(np.diff(volume[late], axis=0)).sum(axis=0).mean()) / seconds,
-        starts=float(motor_starts(volume[late]).mean()) / seconds,
-        turns=float(motor_turns(volume[late]).mean()) / seconds,
-        energy=energy,
-        power=power,
-    )
-
-
-def _runs(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> xarray.Dataset:
+def traces(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Runs:
+    """Return the runs of a trial as they went."""
     runs, region, supply, column, seed, h = drawn
-    vary: dict[str, Array] = {}
-    start_volume = walked = None
+    medium = medium_of(vehicle, column, reach=max(step.start, step.target))
+    drawn_from = {} if region is None else draw(region, runs=runs, seed=seed, medium=medium)
+    given: dict[str, Any] = {"vary": drawn_from, "seed": seed, "column": column}
+    if law.ways is not None:
+        down = np.arange(runs) % 2 == 0
+        targets, depths = np.where([down, ~down], step.target, step.start)
+        neutral = [medium.neutral_volume(z) for z in (step.start, step.target)]
+        return fly(
+            with_supply(vehicle, supply), law, parameters, target=targets, duration=step.duration,
+            start_depth=depths, start_volume=np.where(down, *neutral), **given,
+        )  # fmt: skip
     if region is not None:
-        walked = random_walk(region.walk, step.duration, sample_time=h, runs=runs, seed=seed)
-        medium = medium_of(vehicle, column, reach=max(step.start, step.target))
-        vary |= draw(region, runs=runs, seed=seed, medium=medium)
-        start_volume = np.full(runs, medium.neutral_volume(step.start))
+        given["neutral_change"] = random_walk(
+            region.walk, step.duration, sample_time=h, runs=runs, seed=seed
+        )
+        given["start_volume"] = medium.neutral_volume(step.start)
     if math.isfinite(supply):
-        vary["supply"] = np.full(runs, supply)
-    return simulate_ensemble(
-        vehicle, count=runs, setpoints=[(0.0, step.target)], duration=step.duration,
-        start_depth=step.start, start_volume=start_volume, vary=vary, seed=seed, law=law,
-        parameters=parameters, sample_time=h, neutral_change=walked, keep="trajectory",
-        column=column,
+        drawn_from["supply"] = np.full(runs, supply)
+    return fly(
+        vehicle, law, parameters, target=step.target, duration=step.duration, sample_time=h,
+        count=runs, start_depth=step.start, **given,
     )  # fmt: skip
 
 
@@ -239,12 +198,10 @@ def draw(region: Region, *, runs: int, seed: int, medium: Medium | None = None) 
     for name in _FIELDS:
         if np.isnan(getattr(own, name)):  # of a motor that a pump and valve has not
             continue
-        at = Plant._fields.index(name)
-        nominal = region.plants[0][at]
-        edge = np.array([region.plants[i][at] for i in chosen])
-        vary[name] = nominal + inside * (edge - nominal)
-        if medium is not None and nominal != 0.0:  # what goes with the density
-            vary[name] *= medium.plant[at] / nominal
+        edge = np.array([getattr(p, name) for p in region.plants])
+        vary[name] = edge[0] + inside * (edge[chosen] - edge[0])
+        if medium is not None and edge[0] != 0.0:  # what goes with the density
+            vary[name] *= getattr(own, name) / edge[0]
     for n, name in enumerate(("pump", "valve") if region.drives else ()):
         vary[name] = 1.0 + inside * (np.array([region.drives[i][n] for i in chosen]) - 1.0)
     vary["V_0"] = region.plants[0].V_0 + rng.uniform(-region.neutral, region.neutral, runs)
@@ -276,106 +233,83 @@ def percentile(values: Array, share: float) -> float:
     return found if np.isfinite(found) else float("nan")
 
 
-VARIED = ("drag", "psi", "pump", "valve", "V_0")
-"""What may differ from flight to flight: factors, but psi [m3/m] and V_0 [m3]."""
-
-_DRAG = ("d_l", "d_b", "d_0", "d_t")
-_FINEST = 1e-3  # s, of the times between a law's samples
-_LONGEST = 30.0  # s, of a tick: runs of the drive that last longer than a sleep end at one
-
-
-@dataclass(frozen=True, kw_only=True)
-class Asked:
-    """Where flights begin, where they are to go, and for how long; numbers or [flights]."""
-
-    targets: ArrayLike  # m; 0: to the surface
-    depths: ArrayLike  # m, at the start
-    duration: float  # s
-    speeds: ArrayLike = 0.0  # m/s, positive down
-    volumes: ArrayLike | None = None  # m3, neutral where not given
-    tick: float | None = None  # s, of the trajectories; None: what the law's times are made of
+def arrivals(time: Array, outside: NDArray[np.bool_]) -> Array:
+    """Return since when runs stay inside [s], inf where never; outside [samples, runs]."""
+    last = len(time) - np.argmax(outside[::-1], axis=0)
+    last[~outside.any(axis=0)] = 0
+    return np.asarray(np.append(time, np.inf)[last])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Flights:
-    """Trajectories on common times [n, flights], and the actions of each flight."""
+class Measured(NamedTuple):
+    """What was measured in each run [runs]."""
 
-    time: Array  # s [n]
-    depth: Array  # m
-    speed: Array  # m/s, positive down
-    volume: Array  # m3
-    energy: Array  # J of pump and valve [flights]; where it is not known, work on the water
-    stopped: NDArray[np.bool_]  # flights that ended early: out of the water, or far too deep
-    actions: tuple[Array, ...]  # [actions, 2]: time [s], change asked for [m3]; positive: pumped
+    settle: Array  # s, to stay; not finite: never
+    overshoot: Array  # -, of the step
+    square: Array  # m2, mean squared depth error while it counts
+    farthest: Array  # m, largest depth error while it counts
+    rate: Array  # m3/s, of volume moved to and fro while it counts
+    starts: Array  # 1/s, of the motor from rest while it counts
+    turns: Array  # 1/s, of the motor, from one direction into the other
+    energy: Array  # J, electrical, of the whole run; nan where it is not known
+    power: Array  # W, electrical, mean of the whole run, likewise
+    lost: Array  # the run ended before its time
 
 
-def fly_floats(
-    vehicle: Vehicle,
-    law: Law,
-    parameters: Any,
-    asked: Asked,
-    *,
-    vary: Mapping[str, ArrayLike] | None = None,
-    column: Column | None = None,
-    seed: int | None = None,
-) -> Flights:
-    """Return the flights that are asked for, under the law with these parameters.
+def measure(runs: Runs, since: float) -> Measured:
+    """Return what is told of runs; since [s]: from when on errors, volumes and starts count."""
+    late = runs.time >= since
+    error, volume = runs.depth[late] - runs.target, runs.volume[late]
+    seconds = float(np.ptp(runs.time[late]))
+    return Measured(
+        settle=runs.settle, overshoot=runs.overshoot, square=np.mean(error**2, axis=0),
+        farthest=np.abs(error).max(axis=0),
+        rate=np.abs(np.diff(volume, axis=0)).sum(axis=0) / seconds,
+        starts=motor_starts(volume) / seconds, turns=motor_turns(volume) / seconds,
+        energy=runs.energy, power=runs.energy / float(runs.time[-1]),
+        lost=runs.stopped.astype(float),
+    )  # fmt: skip
 
-    vary: of `VARIED`. column: the water, the vehicle's own, psi z + trim_error, where not given.
-    seed: of the sensors' noise; None: none.
-    """
-    inputs = (asked.targets, asked.depths, asked.speeds, *(vary or {}).values())
-    every = np.broadcast_arrays(*(np.atleast_1d(np.asarray(x, float)) for x in inputs))
-    if asked.volumes is not None:
-        every = np.broadcast_arrays(*every, np.asarray(asked.volumes, float))
-    targets, depths, speeds = every[:3]
-    drawn = dict(zip(vary or {}, every[3:], strict=False))
-    drag = drawn.pop("drag", None)
-    if drag is not None:
-        body = body_plant(vehicle)
-        drawn |= {name: getattr(body, name) * drag for name in _DRAG}
-    if column is None:  # parts of the hull are for the water of a cast
-        plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
-        vehicle = vehicle.model_copy(update={"hull": plain})
-    data = simulate_ensemble(
-        vehicle,
-        count=len(targets),
-        setpoints=[(0.0, targets)],
-        duration=asked.duration,
-        start_depth=depths,
-        start_speed=speeds,
-        start_volume=None if asked.volumes is None else every[-1],
-        vary=drawn,
-        seed=seed,
-        law=law,
-        parameters=parameters,
-        sample_time=asked.tick or _tick(parameters),
-        keep="trajectory",
-        column=column,
+
+class Trial(NamedTuple):
+    """Percentiles and means over runs; times in s, nan where more than so many never settle."""
+
+    runs: int
+    settled: float  # share of the runs that settled within 2 %
+    settle_median: float  # s
+    settle_95: float  # s
+    overshoot_median: float  # -
+    overshoot_95: float  # -
+    rms: float  # m, of the depth error while it counts
+    rate: float  # m3/s, of volume moved, likewise
+    starts: float  # 1/s, of the motor from rest, likewise; of a float those of the pump
+    turns: float  # 1/s, of the motor, from one direction into the other; of a float of the valve
+    energy: float  # J, of the motor in the whole run; nan where its R or k_T is not known
+    power: float  # W, of the motor, likewise
+    farthest: float = math.nan  # m, largest depth error of any run
+    lost: float = math.nan  # share of the runs
+
+    @property
+    def starts_and_turns(self) -> float:
+        """How often the motor begins to turn, from rest or from the other direction [1/s]."""
+        return self.starts + self.turns
+
+
+def summarise(m: Measured) -> Trial:
+    """Return medians, percentiles, means and worst cases over the runs."""
+    settle = np.where(np.isfinite(m.settle), m.settle, np.inf)
+    over = np.nan_to_num(m.overshoot, nan=0.0)
+    mean = {name: float(getattr(m, name).mean()) for name in Measured._fields[4:]}
+    return Trial(
+        runs=len(settle),
+        settled=float(np.isfinite(settle).mean()),
+        settle_median=percentile(settle, 50.0),
+        settle_95=percentile(settle, 95.0),
+        overshoot_median=float(np.percentile(over, 50.0)),
+        overshoot_95=float(np.percentile(over, 95.0)),
+        rms=math.sqrt(float(m.square.mean())),
+        farthest=float(m.farthest.max()),
+        **mean,
     )
-    time, command = data["time"].to_numpy(), data["command"].to_numpy()
-    stopped = data["stop"].to_numpy() != 0
-    actions = tuple(np.stack([time[own != 0.0], own[own != 0.0]], axis=1) for own in command.T)
-    depth, speed, volume = (data[name].to_numpy() for name in ("depth", "speed", "volume"))
-    return Flights(
-        time=time,
-        depth=depth,
-        speed=speed,
-        volume=volume,
-        energy=data["energy"].to_numpy(),
-        stopped=stopped,
-        actions=actions,
-    )
-
-
-def _tick(parameters: Any) -> float:
-    """Return the longest tick [s] that the times of a law are whole multiples of."""
-    times = [round(getattr(parameters, name) / _FINEST) for name in ("dead", "run")]
-    whole = math.gcd(*times)
-    return _FINEST * whole / math.ceil(whole * _FINEST / _LONGEST)
-
-
-_SHARE = 0.02  # of the step
 
 
 def arrival_band(law: Law, parameters: Any, step: Step) -> float:
@@ -383,83 +317,55 @@ def arrival_band(law: Law, parameters: Any, step: Step) -> float:
     return max(_SHARE * abs(step.target - step.start), float(leaves(parameters)[law.band]))
 
 
-def draw_floats(vehicle: Vehicle, drawn: Drawn) -> dict[str, Array]:
-    """Return floats drawn evenly from among a region's members, as `fly_floats` varies them."""
-    region, runs = drawn.region, drawn.runs
-    if region is None:
-        return {}
-    rng = np.random.default_rng(drawn.seed)
-    chosen = rng.integers(0, len(region.plants), runs)
-    inside = np.sqrt(rng.uniform(size=runs))  # from the middle towards the boundary
-    nominal = region.plants[0]
-    drags = np.array([_drag(p) / _drag(nominal) for p in region.plants])
-    psi = np.array([p.psi for p in region.plants])
-    pump, valve = np.array(region.drives).T
-    edges = {"drag": drags, "psi": psi, "pump": pump, "valve": valve}
-    found = {n: x[0] + inside * (x[chosen] - x[0]) for n, x in edges.items()}
-    off = rng.uniform(-region.neutral, region.neutral, runs)
-    return found | {"V_0": vehicle.trim_error + off}
+def trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
+    """Return what comes of steps of depth, each with noise of its own; its last third counts."""
+    runs = traces(vehicle, law, parameters, step, drawn)
+    time, since = runs.time, float(runs.time[-1]) * 2.0 / 3.0
+    found = measure(runs, since)
+    if law.ways is not None:
+        band = arrival_band(law, parameters, step)
+        return summarise(_of_floats(vehicle, found, runs, step, since, band))
+    motor, h = winding(vehicle), drawn.sample_time
+    if motor is not None:
+        p = plant(vehicle)
+        joules = electrical_energy(
+            motor, p._replace(supply=min(p.supply, drawn.supply)), sample_time=h,
+            command=runs.command, volume=runs.volume, depth=runs.depth,
+        )  # fmt: skip
+        late = joules[(time >= since)[:-1]]
+        found = found._replace(energy=joules.sum(axis=0), power=late.mean(axis=0) / h)
+    return summarise(found)
 
 
-def _drag(p: Any) -> float:
-    return float(p.d_t if p.d_t > 0.0 else p.d_l)
+def _of_floats(
+    vehicle: Vehicle, found: Measured, runs: Runs, step: Step, since: float, band: float
+) -> Measured:
+    """Return what was measured with settling into the band [m], and with what the drive did."""
+    error = runs.depth - runs.target
+    beyond = np.where(runs.target == step.target, 1.0, -1.0) * np.sign(step.target - step.start)
+    seconds = float(np.ptp(runs.time[runs.time >= since]))
+    counts = np.zeros((4, len(runs.target)))  # volume, pumped, let in, share of the energy
+    for k, acts in enumerate(runs.actions):
+        late, spent = acts[:, 0] >= since, energy_of(vehicle, runs, k)
+        changes = acts[late, 1]
+        share = spent[late].sum() / max(spent.sum(), 1e-12)
+        counts[:, k] = np.abs(changes).sum(), np.sum(changes > 0.0), np.sum(changes < 0.0), share
+    rate, starts, turns, share = counts / seconds
+    return found._replace(
+        settle=arrivals(runs.time, ~(np.abs(error) <= band) | runs.stopped),
+        overshoot=np.maximum(
+            np.nanmax(beyond * error, axis=0) / abs(step.target - step.start), 0.0
+        ),
+        rate=rate, starts=starts, turns=turns, power=runs.energy * share,
+    )  # fmt: skip
 
 
-def _float_trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
-    """Return what comes of the flights, with settling into the tolerance."""
-    flown, targets = _flights(vehicle, law, parameters, step, drawn)
-    time, span = flown.time, abs(step.target - step.start)
-    error = flown.depth - targets
-    band = arrival_band(law, parameters, step)
-    outside = ~(np.abs(error) <= band) | flown.stopped
-    last = len(time) - np.argmax(outside[::-1], axis=0)
-    last[~outside.any(axis=0)] = 0
-    settle = np.where(last < len(time), time[np.minimum(last, len(time) - 1)], np.inf)
-    beyond = np.where(targets == step.target, 1.0, -1.0) * np.sign(step.target - step.start)
-    over = np.maximum(np.nanmax(beyond * error, axis=0) / span, 0.0)
-    late = time >= time[-1] * 2.0 / 3.0
-    seconds = float(time[late][-1] - time[late][0])
-    begin = float(time[late][0])
-    since = [a[a[:, 0] >= begin, 1] for a in flown.actions]
-    spent = [energy_of(vehicle, flown, lane) for lane in range(drawn.runs)]
-    pairs = zip(flown.actions, spent, strict=True)
-    shares = np.array([e[a[:, 0] >= begin].sum() / max(e.sum(), 1e-12) for a, e in pairs])
-    return _trial(
-        settle,
-        over,
-        error[late],
-        rate=float(np.mean([np.abs(a).sum() for a in since])) / seconds,
-        starts=float(np.mean([np.sum(a > 0.0) for a in since])) / seconds,
-        turns=float(np.mean([np.sum(a < 0.0) for a in since])) / seconds,
-        energy=float(np.mean(flown.energy)),
-        power=float(np.mean(flown.energy * shares)) / seconds,
-    )
-
-
-def energy_of(vehicle: Vehicle, flown: Flights, lane: int) -> Array:
+def energy_of(vehicle: Vehicle, runs: Runs, lane: int) -> Array:
     """Return the energy of each action of a flight [J], by the drive at the depth of its begin."""
-    times, changes = flown.actions[lane].T
-    depth = np.interp(times, flown.time, flown.depth[:, lane])
+    times, changes = runs.actions[lane].T
+    depth = np.interp(times, runs.time, runs.depth[:, lane])
     d = drive_map(vehicle, vehicle.water.specific_weight * np.maximum(depth, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         pumped = (changes + d.start_volume) / d.rate_out * d.power_out
         let_in = -changes / d.rate_in * d.power_in
     return np.asarray(np.nan_to_num(np.where(changes > 0.0, pumped, let_in)))
-
-
-def _flights(
-    vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn
-) -> tuple[Flights, Array]:
-    column = drawn.column
-    down = np.arange(drawn.runs) % 2 == 0
-    targets, depths = np.where([down, ~down], step.target, step.start)
-    medium = medium_of(vehicle, column, reach=max(step.start, step.target))
-    ballasted = np.where(
-        down, medium.neutral_volume(step.start), medium.neutral_volume(step.target)
-    )
-    asked = Asked(targets=targets, depths=depths, duration=step.duration, volumes=ballasted)
-    vary = draw_floats(vehicle, drawn)
-    low = with_supply(vehicle, drawn.supply)
-    return fly_floats(
-        low, law, parameters, asked, vary=vary, column=column, seed=drawn.seed
-    ), targets

@@ -33,12 +33,12 @@ def draw_pareto(comparison: LawComparison) -> Figure:
     settled = f"within {BAND:g} m" if floats else "to 2 % of the step"
     _pareto(
         left, comparison, ("step-down", "settle_median", 1.0, f"settling {settled} [s]"),
-        ("hold", "volume_rate", 3.6e6, "moved while holding [L/h]"),
+        ("hold", "rate", 3.6e6, "moved while holding [L/h]"),
         bound=comparison.bounds.get("step-down"),
     )  # fmt: skip
     _pareto(
         right, comparison, ("hold-drift", "rms", 1e3, "depth error while the trim drifts [mm rms]"),
-        ("hold-drift", "volume_rate", 3.6e6, "moved meanwhile [L/h]"), bound=None,
+        ("hold-drift", "rate", 3.6e6, "moved meanwhile [L/h]"), bound=None,
     )  # fmt: skip
     figure.legend(
         handles=_keys(comparison, lines=False), loc="outside lower center", ncols=4, fontsize=8.5

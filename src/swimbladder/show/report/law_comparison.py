@@ -91,7 +91,7 @@ def steps(comparison: LawComparison, scenario: str) -> list[tuple[str, ...]]:
             _number(r.settle_median, 1.0, "{:.1f}"), _number(r.settle_95, 1.0, "{:.1f}"),
             _number(r.settle_median, 1.0 / bound, "{:.2f}"),
             _percent(r.overshoot_median), _percent(r.overshoot_95),
-            _number(r.volume_rate, 3.6e6, "{:.3g}"), _share(r.lost),
+            _number(r.rate, 3.6e6, "{:.3g}"), _share(r.lost),
         )
         for row in comparison.rows
         for r in (row.results[scenario],)
@@ -113,7 +113,7 @@ def holds(comparison: LawComparison, scenario: str) -> list[tuple[str, ...]]:
 def _moved(row: Row, scenario: str, comparison: LawComparison) -> tuple[str, ...]:
     """Return L/h, starts/h, turns/h and J/h."""
     return (
-        _number(row.cost(scenario, "volume_rate"), 3.6e6, "{:.3g}"),
+        _number(row.cost(scenario, "rate"), 3.6e6, "{:.3g}"),
         _number(row.cost(scenario, "starts"), 3600.0, "{:.0f}"),
         _number(row.cost(scenario, "turns"), 3600.0, "{:.0f}"),
         "unknown"
