@@ -27,7 +27,7 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
     """Find a pump in a CSV of its runs, print what it is and write the files."""
     table_form, asked = reading.read(), runs.read()
     with progress("reading and fitting"), runs.said_as_typed():
-        from swimbladder.design.energy import PumpRuns, fit_pump, fitted_vehicle
+        from swimbladder.design.energy import fit_pump, fitted_vehicle
         from swimbladder.design.energy.fit import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
         from swimbladder.io.pump_runs import read_pump_runs
@@ -40,7 +40,7 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
         )
         limit = None if v is None else v.hull.depth_limit
         try:
-            found = fit_pump(PumpRuns(**runs_read._asdict()), depth_limit=limit, **asked)
+            found = fit_pump(runs_read, depth_limit=limit, **asked)
         except InputError as error:
             raise (error if error.field in asked else error.at(file=path)) from None
         fitted = None if v is None else fitted_vehicle(v, found)

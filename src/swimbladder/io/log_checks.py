@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.io.log_table import Table
 from swimbladder.io.log_text import LogFile, counted
 
 Array = NDArray[np.float64]
@@ -26,52 +27,48 @@ _SHOWN = 3  # places that a report names
 _COARSE = {"depth_m": 0.025, "piston_m": 2e-4, "volume_m3": 5e-7}
 
 
-def in_order(
-    data: dict[str, Array], line: NDArray[np.int64], file: LogFile, several: str
-) -> tuple[dict[str, Array], NDArray[np.int64]]:
+def in_order(table: Table, file: LogFile, several: str) -> Table:
     """Return the rows with time increasing; those that repeat a time are dropped.
 
     several: what to do where the file holds several logs. Raises LogError where time goes back.
     """
-    time, report = data["time_s"], file.report
+    time, report = table.values["time_s"], file.report
     back = np.flatnonzero(np.diff(time) < 0.0)
     if len(back) and file.form.rows == "sort":
         report.append(f"rows sorted by time: it went back {counted(len(back), 'time')}")
-        order = np.argsort(time, kind="stable")
-        data, line = {name: values[order] for name, values in data.items()}, line[order]
+        table = table.only(np.argsort(time, kind="stable"))
     elif len(back):
         at = int(back[0]) + 1
         raise file.refused(
             f"time goes back, {counted(len(back), 'time')} in the log",
-            line=line[at],
+            line=table.line[at],
             field="time_s",
             value=float(time[at]),
             unit="s",
             remedy=f'If the file is in disorder, {several}or set rows = "sort" in its [log] table',
         )
-    again = np.append(False, np.diff(data["time_s"]) <= 0.0)
-    if again.any():
-        kept = np.flatnonzero(~again)
-        first = kept[np.searchsorted(kept, np.flatnonzero(again)) - 1]
-        others = np.zeros(len(first), dtype=bool)
-        for values in data.values():
-            a, b = values[again], values[first]
-            others |= (a != b) & (np.isfinite(a) | np.isfinite(b))
-        unlike = f", {int(others.sum())} of them with other values" if others.any() else ""
-        repeats = counted(int(again.sum()), "row")
-        report.append(f"{repeats} with the time of the row before dropped{unlike}")
-        data, line = {name: values[~again] for name, values in data.items()}, line[~again]
-    return data, line
+    again = np.append(False, np.diff(table.values["time_s"]) <= 0.0)
+    if not again.any():
+        return table
+    kept = np.flatnonzero(~again)
+    first = kept[np.searchsorted(kept, np.flatnonzero(again)) - 1]
+    others = np.zeros(len(first), dtype=bool)
+    for values in table.values.values():
+        a, b = values[again], values[first]
+        others |= (a != b) & (np.isfinite(a) | np.isfinite(b))
+    unlike = f", {int(others.sum())} of them with other values" if others.any() else ""
+    repeats = counted(int(again.sum()), "row")
+    report.append(f"{repeats} with the time of the row before dropped{unlike}")
+    return table.only(~again)
 
 
-def find_gaps(
-    time: Array, line: NDArray[np.int64], file: LogFile
-) -> tuple[tuple[float, float], ...]:
+def find_gaps(table: Table, file: LogFile) -> tuple[tuple[float, float], ...]:
     """Return (time before, time after) [s] of every gap: a longer step than the format says.
 
     Where it says none, than five times the median step.
     """
-    steps, longest = np.diff(time), file.form.gap
+    time, line, longest = table.values["time_s"], table.line, file.form.gap
+    steps = np.diff(time)
     limit = _GAP * float(np.median(steps)) if longest is None else longest
     at = np.flatnonzero(steps > limit * (1.0 + 1e-9))
     if len(at):
@@ -84,14 +81,10 @@ def find_gaps(
     return tuple((float(time[k]), float(time[k + 1])) for k in at)
 
 
-def suspects(
-    data: dict[str, Array],
-    line: NDArray[np.int64],
-    gaps: Sequence[tuple[float, float]],
-    file: LogFile,
-) -> Mask:
+def suspects(table: Table, gaps: Sequence[tuple[float, float]], file: LogFile) -> Mask:
     """Return which samples have a spike in depth, volume, piston or voltage."""
-    found = np.zeros(len(line), dtype=bool)
+    data, found = table.values, np.zeros(len(table.line), dtype=bool)
+    done = "dropped" if file.form.spikes == "drop" else 'kept; spikes = "drop" would leave them out'
     for name in ("depth_m", "volume_m3", "piston_m", "voltage_V"):
         if name not in data:
             continue
@@ -99,13 +92,8 @@ def suspects(
         if not spiky.any():
             continue
         found |= spiky
-        lines = [str(number) for number in line[spiky][:_SHOWN]]
+        lines = [str(number) for number in table.line[spiky][:_SHOWN]]
         more = ", ..." if spiky.sum() > _SHOWN else ""
-        done = (
-            "dropped"
-            if file.form.spikes == "drop"
-            else 'kept; spikes = "drop" would leave them out'
-        )
         file.report.append(
             f"{counted(int(spiky.sum()), 'single sample')} of {name} far off the others, on line "
             f"{', '.join(lines)}{more}: {done}"

@@ -365,20 +365,19 @@ class ColumnReader:
         values[wild] = np.nan
         return values
 
-    def without_bad(self, values: dict[str, Array]) -> tuple[dict[str, Array], NDArray[np.int64]]:
-        """Return the columns and lines without bad rows; raises LogError unless they may go."""
+    def good_rows(self) -> NDArray[np.bool_]:
+        """Return which rows hold numbers; raises LogError unless the others may go."""
         self.refuse_bad()
-        if not self._bad:
-            return values, self.line
-        row = min(self._bad)
-        first = self._bad[row]
-        self.file.report.append(
-            f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first on "
-            f"line {self.line[row]} ({first.field}: {str(first.value)[:40]!r})"
-        )
         kept = np.ones(len(self.line), dtype=bool)
-        kept[list(self._bad)] = False
-        return {name: column[kept] for name, column in values.items()}, self.line[kept]
+        if self._bad:
+            row = min(self._bad)
+            first = self._bad[row]
+            self.file.report.append(
+                f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first "
+                f"on line {self.line[row]} ({first.field}: {str(first.value)[:40]!r})"
+            )
+            kept[list(self._bad)] = False
+        return kept
 
     def _times(self, column: LogColumn) -> Array:
         """Return times that are text, in seconds from the first."""

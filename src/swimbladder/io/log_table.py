@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,6 +198,11 @@ class Table:
     parts: int
     times: TimeColumn
 
+    def only(self, kept: NDArray[np.bool_] | NDArray[np.int64]) -> Table:
+        """Return the table with the rows `kept`, a mask or an order."""
+        values = {name: column[kept] for name, column in self.values.items()}
+        return replace(self, values=values, line=self.line[kept])
+
 
 def read_table(
     file: LogFile,
@@ -241,14 +246,15 @@ def read_table(
     written = {name: reader.read(name, column) for name, column in sources.items()}
     reader.refuse_bad()  # first: it may be why the rest makes no sense
     values = {name: reader.in_unit(name, sources[name], written[name]) for name in sources}
-    values, line = reader.without_bad(values)
+    table = Table(values=values, line=line, parts=sheet.parts, times=reader.times)
+    table = table.only(reader.good_rows())
     used = {column.name for column in sources.values()} | dates | set(where)
     unused = [name for name in sheet.header if name and name not in used]
     if unused:
         more = ", ..." if len(unused) > 12 else ""
         report.append(f"columns not used: {', '.join(name[:40] for name in unused[:12])}{more}")
     report += reader.conversions
-    return Table(values=values, line=line, parts=sheet.parts, times=reader.times)
+    return table
 
 
 def open_sheet(file: LogFile, wanted: Sequence[Collection[str]] = ()) -> Sheet:

@@ -235,18 +235,17 @@ def header_names(path: str | Path) -> list[str]:
 
 def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Sequence[str]) -> Log:
     """Return the log of a table: rows without numbers dropped, ordered, turned, checked."""
-    form, report = file.form, file.report
-    data, line = dict(table.values), table.line
-    source = next((name for name in ("depth_m", "pressure_Pa") if name in data), None)
-    data, line = _complete(data, line, source, needed, file)
+    form, report, read = file.form, file.report, len(table.line)
+    source = next((name for name in ("depth_m", "pressure_Pa") if name in table.values), None)
     several = "" if where else "choose one of several logs in the file with --where COLUMN=VALUE, "
     if table.parts > 1 and form.part is None:
         several += "choose a part of it with part = 1 in its [log] table, "
-    data, line = in_order(data, line, file, several)
+    table = in_order(_complete(table, source, needed, file), file, several)
+    data, line = table.values, table.line
     if len(line) < 2:
         dropped = "".join(f"; {note}" for note in report if "dropped" in note)
         raise file.refused(
-            f"{counted(len(line), 'usable sample')} of {len(table.line)} are too few{dropped}",
+            f"{counted(len(line), 'usable sample')} of {read} are too few{dropped}",
             field="rows",
             remedy="Give a log with a row per sample, each with its time",
         )
@@ -257,8 +256,8 @@ def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Seque
     if source in data:
         data["depth_m"] = to_depth(data, source, file)
     _turn(data, form, report)
-    gaps = find_gaps(data["time_s"], line, file)
-    suspect = suspects(data, line, gaps, file)
+    gaps = find_gaps(table, file)
+    suspect = suspects(table, gaps, file)
     chosen = ", ".join(f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
                        for name, value in where.items())  # fmt: skip
     others: dict[str, Any] = {field: data[n] for n, field in _FIELDS.items() if n in data}
@@ -278,18 +277,13 @@ def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Seque
     return log.only(~suspect) if form.spikes == "drop" else log
 
 
-def _complete(
-    data: dict[str, Array],
-    line: NDArray[np.int64],
-    source: str | None,
-    needed: Sequence[str],
-    file: LogFile,
-) -> tuple[dict[str, Array], NDArray[np.int64]]:
+def _complete(table: Table, source: str | None, needed: Sequence[str], file: LogFile) -> Table:
     """Return the rows with numbers where they are needed; raises LogError where half have none."""
-    found = {name: data[source if name == "depth_m" and source else name] for name in needed}
+    depth = source or "depth_m"
+    found = {name: table.values[depth if name == "depth_m" else name] for name in needed}
     keep = np.logical_and.reduce([np.isfinite(values) for values in found.values()])
     if keep.all():
-        return data, line
+        return table
     gone = int((~keep).sum())
     words = [name.split("_")[0] if name.count("_") == 1 else name for name in needed]
     file.report.append(f"{gone} of {len(keep)} rows without {' or '.join(words)} dropped")
@@ -297,11 +291,11 @@ def _complete(
         holes = {name: int((~np.isfinite(values)).sum()) for name, values in found.items()}
         raise file.refused(
             f"{gone} of {len(keep)} rows have no {' or no '.join(words)}",
-            line=line[~keep][0],
+            line=table.line[~keep][0],
             field=max(holes, key=lambda name: holes[name]),
             remedy="Check that the right columns are mapped",
         )
-    return {name: values[keep] for name, values in data.items()}, line[keep]
+    return table.only(keep)
 
 
 def _turn(data: dict[str, Array], form: LogFormat, report: list[str]) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,18 +38,19 @@ _HIGHEST = 1000.0  # V: a battery's voltage above is in the wrong unit
 _LONGEST = 86400.0  # s: a run of more than a day is a duration in the wrong unit
 
 
-class RunTable(NamedTuple):
-    """The columns of a table of runs [n]; None where there is none, NaN where a cell is empty."""
+@dataclass(frozen=True, kw_only=True)
+class PumpRuns:
+    """Runs of a pump, one a row [n]; NaN in what was not logged."""
 
     duration: Array  # s
     pressure: Array  # Pa above the atmosphere
-    power: Array  # W
-    volume: Array | None  # m3
-    temperature: Array | None  # degC
-    dive: Array | None  # -
-    voltage: Array | None  # V
-    time: Array | None  # s, when a run begins
-    report: tuple[str, ...]
+    power: Array  # W, mean over the run or read at its end
+    volume: Array | None = None  # m3 pressed out
+    temperature: Array | None = None  # degC
+    dive: Array | None = None  # number of the dive
+    voltage: Array | None = None  # V at the battery while the pump runs
+    time: Array | None = None  # s, when it begins
+    report: tuple[str, ...] = ()
 
 
 def read_pump_runs(
@@ -58,7 +59,7 @@ def read_pump_runs(
     columns: Mapping[str, str] | None = None,
     where: Mapping[str, str | float] | None = None,
     form: LogFormat | str | Path | None = None,
-) -> RunTable:
+) -> PumpRuns:
     """Return the runs in a CSV or Parquet file.
 
     columns: {"pressure_Pa": "P@dbar"}, names of RUN_COLUMNS. where: {"device": "pump"} keeps the
@@ -80,11 +81,9 @@ def read_pump_runs(
         power = values["voltage_V"] * values["current_A"]
     _check(values, found.line, file)
     _check_power(power, "power_W" if "power_W" in values else "current_A", file)
-    return RunTable(
-        values["duration_s"], values["pressure_Pa"], power, values.get("volume_m3"),
-        values.get("temperature_degC"), values.get("dive"), values.get("voltage_V"),
-        values.get("time_s"), tuple(file.report),
-    )  # fmt: skip
+    fields = {name.rpartition("_")[0] or name: column for name, column in values.items()}
+    fields.pop("current", None)
+    return PumpRuns(**{**fields, "power": power}, report=tuple(file.report))
 
 
 def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:

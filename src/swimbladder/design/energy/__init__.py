@@ -12,7 +12,6 @@ from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energ
 from swimbladder.design.energy.fit import (
     Band,
     PumpFit,
-    PumpRuns,
     efficiency_bands,
     fit_pump,
     fitted_vehicle,
@@ -25,6 +24,7 @@ from swimbladder.design.energy.thruster_comparison import (
     hovering,
     profiling,
 )
+from swimbladder.io.pump_runs import PumpRuns
 
 __all__ = [
     "Band",

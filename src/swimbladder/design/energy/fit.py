@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.pump_runs import PumpRuns
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Supply, Vehicle
@@ -44,21 +45,6 @@ from swimbladder.vehicle import PowerLawPump, PumpAndValve, Supply, Vehicle
 Array = NDArray[np.float64]
 FEWEST = 3  # dives, or runs without dives: fewer leave no spread to be known
 _DEEP = 2e5  # Pa: nearer to the surface the hydraulic work is next to none
-
-
-@dataclass(frozen=True, kw_only=True)
-class PumpRuns:
-    """Runs of a pump, one a row [n]; NaN in what was not logged."""
-
-    duration: Array  # s
-    pressure: Array  # Pa above the atmosphere
-    power: Array  # W, mean over the run or read at its end
-    volume: Array | None = None  # m3 pressed out
-    temperature: Array | None = None  # degC
-    dive: Array | None = None  # number of the dive
-    voltage: Array | None = None  # V at the battery while the pump runs
-    time: Array | None = None  # s, when it begins
-    report: tuple[str, ...] = ()
 
 
 def usable_runs(runs: PumpRuns, shortest: float = 0.0) -> NDArray[np.bool_]:
