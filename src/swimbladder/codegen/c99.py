@@ -4,29 +4,434 @@ Counts are uint16_t, and helpers keep every sum and difference of them within it
 Each operation is one rounding in the order of the Python source. C may contract ``a * b + c`` into
 one rounding where a processor can; the file forbids it and refuses to be compiled where the
 arithmetic would not be that of float32.
+
+`FunctionText` writes a function, `ExpressionText` its expressions. What C lacks, arithmetic held to
+one rounding and small functions to the bit, stands in ``templates/arithmetic.h``.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import re
 import textwrap
+from collections.abc import Callable, Collection, Iterator
+from importlib.resources import files
 from typing import NamedTuple
 
-from swimbladder.codegen.c_expressions import ARITHMETIC, CALLED, HELPERS
-from swimbladder.codegen.c_flow import calls_of, fields_read
-from swimbladder.codegen.c_functions import FunctionText, shortened
+from swimbladder.codegen import tree
 from swimbladder.codegen.c_places import (
     Home,
+    alive,
+    assigned,
     c_field,
     c_float,
     c_law,
+    c_local,
+    c_number,
     c_record,
     c_type,
+    calls_of,
+    fields_read,
     home_of,
     in_place,
+    inner_home,
+    mentioned,
     remarks,
+    wrapped,
 )
-from swimbladder.codegen.tree import BOOL, COUNT, Function, Program, Record
+
+_TEXT = files("swimbladder.codegen").joinpath("templates/arithmetic.h").read_text("utf-8")
+ARITHMETIC, CALLED, *_BLOCKS = (f"{block.strip()}\n" for block in _TEXT.split("\n\n"))
+HELPERS = {block.partition("(")[0].split()[-1]: block for block in _BLOCKS}
+"""What a law's file needs to compute as the twin does, and the functions that it may call."""
+
+_CHOICE, _LOGIC, _COMPARE, _SUM, _PRODUCT, _UNARY, _ATOM = range(7)
+_LEVEL = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT}
+_FUNCTIONS = {
+    "min": "swb_min", "max": "swb_max", "abs": "swb_abs", "sqrt": "sqrtf",
+    "isfinite": "swb_isfinite", "copysign": "swb_copysign",
+}  # fmt: skip
+_ON_COUNTS = {"min": "swb_lesser", "max": "swb_greater", "more": "swb_more", "less": "swb_less"}
+
+
+class ExpressionText:
+    """Expressions of one function: `names` of its variables, which of them are `pointers`.
+
+    fields: those of each record that anything reads; keep: writes a record into a variable of its
+    own before the statement, and returns its name.
+    """
+
+    def __init__(
+        self, law: str, functions: dict[tree.Function, str], names: dict[str, str],
+        pointers: set[str], fields: dict[str, set[str]], keep: Callable[[str, tree.Record], str],
+    ) -> None:  # fmt: skip
+        self.law, self.functions = law, functions
+        self.names, self.pointers, self.fields, self.keep = names, pointers, fields, keep
+
+    def value(self, e: tree.Expression) -> str:
+        """Return an expression as a value."""
+        return self._text(e)[0]
+
+    def address(self, e: tree.Expression) -> str:
+        """Return where a record stands: a pointer's name, or ``&`` and a place."""
+        if isinstance(e, tree.Name):
+            return self.names[e.name] if e.name in self.pointers else f"&{self.names[e.name]}"
+        if isinstance(e, tree.Field) and isinstance(tree.place_of(e)[0], tree.Name):
+            return f"&{self.value(e)}"
+        assert isinstance(e.type, tree.Record)
+        text = self.braces(e) if isinstance(e, tree.Make) else self.value(e)
+        return f"&{self.keep(text, e.type)}"
+
+    def braces(self, e: tree.Make) -> str:
+        """Return a new record's values as an initialiser."""
+        read = self.fields[e.type.name]
+        pairs = [p for p in zip(e.type.fields, e.values, strict=True) if p[0][0] in read]
+        return "{" + ", ".join(f".{c_field(n)} = {self.value(v)}" for (n, _), v in pairs) + "}"
+
+    def _at(self, e: tree.Expression, level: int) -> str:
+        """Return an expression, in brackets where it binds less than `level`."""
+        text, own = self._text(e)
+        return text if own >= level else f"({text})"
+
+    def _text(self, e: tree.Expression) -> tuple[str, int]:
+        """Return (text, how strongly it binds)."""
+        if isinstance(e, tree.Number):
+            return c_number(e.value, e.type), _ATOM if e.value >= 0.0 else _UNARY
+        if isinstance(e, tree.Constant):
+            return f"SWB_{e.name}", _ATOM
+        if isinstance(e, tree.Name):
+            name = self.names[e.name]
+            if e.type == tree.INT:
+                return f"(float){name}", _UNARY
+            return (f"*{name}", _UNARY) if e.name in self.pointers else (name, _ATOM)
+        if isinstance(e, tree.Field):
+            if isinstance(e.of, tree.Name) and e.of.name in self.pointers:
+                return f"{self.names[e.of.name]}->{c_field(e.name)}", _ATOM
+            return f"{self._at(e.of, _ATOM)}.{c_field(e.name)}", _ATOM
+        if isinstance(e, tree.Minus):
+            return f"-{self._at(e.of, _ATOM)}", _UNARY
+        if isinstance(e, tree.Binary) and e.type == tree.COUNT:
+            bits = f"{self._at(e.left, _ATOM)} {e.operator} {self._at(e.right, _ATOM)}"
+            return f"(uint16_t)({bits})", _UNARY
+        if isinstance(e, tree.Binary):
+            level = _LEVEL[e.operator]
+            return f"{self._at(e.left, level)} {e.operator} {self._at(e.right, level + 1)}", level
+        if isinstance(e, tree.Compare):
+            return f"{self._at(e.left, _SUM)} {e.operator} {self._at(e.right, _SUM)}", _COMPARE
+        if isinstance(e, tree.Logic):
+            operator = "&&" if e.operator == "and" else "||"
+            return f" {operator} ".join(self._at(o, _COMPARE) for o in e.of), _LOGIC
+        if isinstance(e, tree.Not):
+            return f"!{self._at(e.of, _ATOM)}", _UNARY
+        if isinstance(e, tree.Choice):
+            parts = [self._at(x, _LOGIC if x is e.condition else _SUM)
+                     for x in (e.condition, e.yes, e.no)]  # fmt: skip
+            return f"{parts[0]} ? {parts[1]} : {parts[2]}", _CHOICE
+        if isinstance(e, tree.Builtin) and e.name == "float":
+            return f"(float){self._at(e.arguments[0], _UNARY)}", _UNARY
+        if isinstance(e, tree.Builtin) and e.name == "count":
+            (counter,) = e.arguments
+            assert isinstance(counter, tree.Name)
+            return f"(uint16_t){self.names[counter.name]}", _UNARY
+        if isinstance(e, tree.Builtin) and e.type == tree.COUNT:
+            return f"{_ON_COUNTS[e.name]}({', '.join(map(self.value, e.arguments))})", _ATOM
+        if isinstance(e, tree.Builtin):
+            return f"{_FUNCTIONS[e.name]}({', '.join(map(self.value, e.arguments))})", _ATOM
+        if isinstance(e, tree.Call):
+            given = [
+                self.address(a) if isinstance(a.type, tree.Record) else self.value(a)
+                for a in e.arguments
+            ]
+            return f"{self.functions[e.function]}({', '.join(given)})", _ATOM
+        return f"({c_record(self.law, e.type)}){self.braces(e)}", _ATOM
+
+
+Path = tuple[str, ...]  # names of fields that lead to a place in the state
+
+_COPIES = 6  # of a function of numbers; calls of it take less than more of them
+_ZEROS = 4  # fields; from more than these on memset is shorter
+
+
+def shortened(words: str) -> str:
+    """Return a docstring's sentence as the text of a comment."""
+    return words.replace("*/", "* /").replace("``", "").rstrip(".")
+
+
+class FunctionText:
+    """A function being written: names of its variables, declared or not yet, and its lines."""
+
+    def __init__(
+        self, law: str, function: tree.Function, names: dict[tree.Function, str],
+        fields: dict[str, set[str]], home: Home | None = None,
+        placed: Collection[tree.Function] = (),
+    ) -> None:  # fmt: skip
+        self.law, self.function, self.placed = law, function, placed
+        self.home = {name for name in home or () if name is not None}
+        self.body = alive(function.body)
+        self.taken: set[str] = set()
+        self.names: dict[str, str] = {}
+        self.pointers: set[str] = set(self.home)
+        self.expressions = ExpressionText(law, names, self.names, self.pointers, fields, self._keep)
+        self.lines: list[str] = []
+        self.indent = "    "
+        self._counts = assigned(self.body)
+        self._ends = "value"
+
+    def helper(self, name: str, calls: int) -> str:
+        """Return the text of a function that others of the law call, so many times."""
+        given = []
+        for python, kind in self.function.parameters:
+            c = self._name(python)
+            if isinstance(kind, tree.Record):
+                self.pointers.add(python)
+                constant = "" if python in self.home else "const "
+                given.append(f"{constant}{c_type(self.law, kind)} *{c}")
+            else:
+                given.append(f"{c_type(self.law, kind)} {c}")
+        returns = c_type(self.law, self.function.returns)
+        if self.home:
+            self._ends, returns = "place", "void"
+        plain = not any(isinstance(kind, tree.Record) for _, kind in self.function.parameters)
+        called = "SWB_CALLED " if plain and calls > _COPIES else ""
+        head = f"static {called}{returns} {name}({', '.join(given)})"
+        return self._written(head, [self.names[p] for p, _ in self.function.parameters])
+
+    def step(self, head: str) -> str:
+        """Return the text of the law's step."""
+        self._ends = "step"
+        self._entry(("p", "state", "m", "reference"), ("next_s",))
+        return self._written(head, ["p", "state", "m", "reference"])
+
+    def initial(self, head: str) -> str:
+        """Return the text of the law's first state."""
+        self._ends = "initial"
+        self._entry(("p", "m", "reference"), ("state",))
+        return self._written(head, ["p", "m", "reference"])
+
+    def _entry(self, given: tuple[str, ...], more: tuple[str, ...]) -> None:
+        self.taken |= {*given, *more}
+        for (python, kind), c in zip(self.function.parameters, given, strict=True):
+            self.names[python] = c
+            if isinstance(kind, tree.Record):
+                self.pointers.add(python)
+
+    def _name(self, python: str) -> str:
+        if python not in self.names:
+            self.names[python] = c_local(python, self.taken)
+        return self.names[python]
+
+    def _written(self, head: str, parameters: list[str]) -> str:
+        given = dict(self.function.parameters)
+        for own in self.home - set(given):  # it lives where the state stands
+            self.names[own] = next(self.names[n] for n in self.home & set(given))
+        variables = [n for n, _ in self.function.variables if n in self._counts and n not in given]
+        variables = [n for n in variables if n not in self.home]
+        self._block(self.body, variables)
+        written = "\n".join(self.lines)
+        unused = [f"    (void){c};" for c in parameters if not _mentions(written, c)]
+        words = f"/* {shortened(self.function.words)}. */\n" if self.function.words else ""
+        if self._ends in ("step", "initial"):
+            words = ""
+        text = "\n".join(
+            [*map(wrapped, head.splitlines()), "{", *unused, *map(wrapped, self.lines), "}", ""]
+        )
+        return words + text
+
+    def _line(self, text: str) -> None:
+        self.lines.append(self.indent + text)
+
+    def _keep(self, value: str, kind: tree.Record) -> str:
+        """Write a record into a variable of its own, and return its name."""
+        name = c_local("kept", self.taken)
+        self._line(f"const {c_type(self.law, kind)} {name} = {value};")
+        return name
+
+    def _block(self, statements: tuple[tree.Statement, ...], variables: list[str]) -> None:
+        """Write statements; the variables are declared where they first stand, or further in."""
+        homes: dict[int, list[str]] = {}  # of variables that live in one branch or loop only
+        first: dict[int, list[str]] = {}
+        for name in variables:
+            where = [n for n, s in enumerate(statements) if name in mentioned(s)]
+            inner = len(where) == 1 and inner_home(statements[where[0]], name) is not None
+            (homes if inner else first).setdefault(where[0], []).append(name)
+        for n, s in enumerate(statements):
+            born = first.get(n, [])
+            if isinstance(s, tree.Assign):
+                self._assign(s, declare=s.name in born)
+                continue
+            for name in born:
+                self._line(f"{self._type_of(name)} {self._name(name)};")
+            within = homes.get(n, [])
+            if isinstance(s, tree.If):
+                self._if(s, within)
+            elif isinstance(s, tree.For):
+                counter = self._name(s.counter)
+                self._line(f"for (int {counter} = 0; {counter} < {s.count}; ++{counter}) {{")
+                self._inner(s.body, within)
+                self._line("}")
+            else:
+                self._return(s.value)
+
+    def _type_of(self, name: str) -> str:
+        return c_type(self.law, dict(self.function.variables)[name])
+
+    def _inner(self, statements: tuple[tree.Statement, ...], variables: list[str]) -> None:
+        self.indent += "    "
+        self._block(statements, variables)
+        self.indent = self.indent[:-4]
+
+    def _assign(self, s: tree.Assign, *, declare: bool) -> None:
+        if s.name in self.home:
+            self._change(s.value)
+            return
+        if isinstance(s.value, tree.Make) and declare:  # an initialiser needs no name of the type
+            value = self.expressions.braces(s.value)
+        else:
+            value = self.expressions.value(s.value)
+        name = self._name(s.name)
+        if declare:
+            constant = "const " if self._counts[s.name] == 1 else ""
+            name = f"{constant}{self._type_of(s.name)} {name}"
+        self._line(f"{name} = {value};")
+
+    def _change(self, value: tree.Expression) -> None:
+        """Change the state where it stands."""
+        if isinstance(value, tree.Make):
+            self._write_state(value)
+        elif not isinstance(value, tree.Name):
+            self._line(f"{self.expressions.value(value)};")
+
+    def _if(self, s: tree.If, variables: list[str], word: str = "if") -> None:
+        yes = [name for name in variables if inner_home(s, name) is s.yes]
+        self._line(f"{word} ({self.expressions.value(s.condition)}) {{")
+        self._inner(s.yes, yes)
+        no = [name for name in variables if name not in yes]
+        if len(s.no) == 1 and self._else_if(s.no[0], no):
+            return
+        if s.no:
+            self._line("} else {")
+            self._inner(s.no, no)
+        self._line("}")
+
+    def _else_if(self, s: tree.Statement, variables: list[str]) -> bool:
+        """Write ``else if`` where the second condition needs nothing that stands before it."""
+        if not isinstance(s, tree.If) or any(inner_home(s, name) is None for name in variables):
+            return False
+        before = len(self.lines)
+        self.expressions.value(s.condition)
+        alone = len(self.lines) == before
+        del self.lines[before:]
+        if alone:
+            self._if(s, variables, "} else if")
+        return alone
+
+    def _return(self, value: tree.Expression) -> None:
+        if self._ends == "value":
+            self._line(f"return {self.expressions.value(value)};")
+        elif self._ends == "place":
+            self._change(value)
+            if len(self.indent) > 4:
+                self._line("return;")
+        elif self._ends == "initial":
+            self._write_state(value)
+            if len(self.indent) > 4:
+                self._line("return;")
+        elif isinstance(value, tree.Make):
+            command = self._scalar("command", value.values[0])
+            following = self._scalar("following", value.values[2])
+            self._write_state(value.values[1])
+            self._line(f"*next_s = {following};")
+            self._line(f"return {command};")
+        else:  # what another step returned
+            whole = self.expressions.address(value)
+            at = f"{whole}->" if not whole.startswith("&") else f"{whole[1:]}."
+            names = (
+                [name for name, _ in value.type.fields]
+                if isinstance(value.type, tree.Record)
+                else []
+            )
+            self._line(f"*state = {at}{names[1]};")
+            self._line(f"*next_s = {at}{names[2]};")
+            self._line(f"return {at}{names[0]};")
+
+    def _scalar(self, name: str, value: tree.Expression) -> str:
+        """Return a number that stays what it is while the state is written."""
+        text = self.expressions.value(value)
+        if isinstance(value, tree.Number | tree.Name):
+            return text
+        kept = c_local(name, self.taken)
+        self._line(f"const {c_type(self.law, value.type)} {kept} = {text};")
+        return kept
+
+    def _write_state(self, value: tree.Expression) -> None:
+        """Write the new state, every value calculated before the first is written."""
+        if not isinstance(value, tree.Make):
+            text = self.expressions.value(value)
+            if text != "*state":
+                self._line(f"*state = {text};")
+            return
+        kept = list(self._new(value))
+        zeros = [e for _, e in kept if _is_zero(e)]
+        if self._ends == "initial" and len(zeros) > _ZEROS:
+            self._line("memset(state, 0, sizeof *state);")
+            kept = [(path, e) for path, e in kept if not _is_zero(e)]
+        pairs: list[tuple[Path, str]] = []
+        for path, e in kept:
+            if isinstance(e, tree.Call) and e.function in self.placed:
+                self._line(f"{self.expressions.value(e)};")
+                continue
+            text = self.expressions.value(e)
+            if any(_meet(read, before) for read in self._reads(e) for before, _ in pairs):
+                after = c_local(f"new_{path[-1]}", self.taken)
+                self._line(f"const {c_type(self.law, e.type)} {after} = {text};")
+                text = after
+            pairs.append((path, text))
+        at = self._state()
+        for path, text in pairs:
+            self._line(f"{at}->{'.'.join(map(c_field, path))} = {text};")
+
+    def _state(self) -> str:
+        return next((self.names[name] for name in self.home), "state")
+
+    def _old(self) -> set[str]:
+        """Return the names of the state as it was."""
+        own = {self.function.parameters[1][0]} if self._ends == "step" else set()
+        return self.home | own
+
+    def _new(self, value: tree.Make, path: Path = ()) -> Iterator[tuple[Path, tree.Expression]]:
+        """Yield the place in the state of each number that changes, and its value."""
+        old = self._old()
+        for (name, _), e in zip(value.type.fields, value.values, strict=True):
+            root, names = tree.place_of(e)
+            if isinstance(e, tree.Make):
+                yield from self._new(e, (*path, name))
+            elif not (isinstance(root, tree.Name) and root.name in old and names == (*path, name)):
+                yield (*path, name), e
+
+    def _reads(self, e: tree.Expression) -> list[Path]:
+        """Return the places in the old state that an expression reads."""
+        old = self._old()
+        if isinstance(e, tree.Name | tree.Field):
+            root, names = tree.place_of(e)
+            if isinstance(root, tree.Name):
+                return [names] if root.name in old else []
+        inner = (getattr(e, f.name) for f in dataclasses.fields(e) if f.name != "type")
+        flat = (x for part in inner for x in (part if isinstance(part, tuple) else (part,)))
+        return [p for x in flat if isinstance(x, tree.Expression) for p in self._reads(x)]
+
+
+def _meet(a: Path, b: Path) -> bool:
+    """Return whether two places in a record are the same, or one within the other."""
+    return all(x == y for x, y in zip(a, b, strict=False))
+
+
+def _is_zero(e: tree.Expression) -> bool:
+    return isinstance(e, tree.Number) and e.value == 0.0 and math.copysign(1.0, e.value) > 0.0
+
+
+def _mentions(text: str, name: str) -> bool:
+    return re.search(rf"(?<![\w.>]){re.escape(name)}\b", text) is not None
 
 
 class CSource(NamedTuple):
@@ -38,7 +443,7 @@ class CSource(NamedTuple):
     source: str
 
 
-def write_c99(program: Program, *, private: bool = False) -> CSource:
+def write_c99(program: tree.Program, *, private: bool = False) -> CSource:
     """Return the C of a law.
 
     private: its functions are static, in a header for the one file that calls them.
@@ -48,7 +453,7 @@ def write_c99(program: Program, *, private: bool = False) -> CSource:
     return CSource(f"{stem}.h", _header(program, private), source_name, _source(program, private))
 
 
-def _header(program: Program, private: bool) -> str:
+def _header(program: tree.Program, private: bool) -> str:
     law = c_law(program.name)
     guard = f"SWB_{law.upper()}_H"
     parts = [
@@ -64,7 +469,7 @@ def _header(program: Program, private: bool) -> str:
     return "\n".join(parts)
 
 
-def _prototypes(program: Program) -> list[str]:
+def _prototypes(program: tree.Program) -> list[str]:
     return [
         "/* The state to begin with. */",
         f"void {_initial(program)};", "",
@@ -81,26 +486,26 @@ def _remark(text: str) -> str:
     return "/* " + "\n * ".join(textwrap.wrap(text, 94)) + " */"
 
 
-def _included(program: Program) -> list[str]:
+def _included(program: tree.Program) -> list[str]:
     return ['#include "swb_measurement.h"', ""] if program.measurement.name == "measurement" else []
 
 
-def _standard(program: Program) -> list[str]:
+def _standard(program: tree.Program) -> list[str]:
     """Return the headers of the types that the law's own records have."""
     kinds = {kind for record in program.own() for _, kind in record.fields}
-    wanted = {BOOL: "#include <stdbool.h>", COUNT: "#include <stdint.h>"}
+    wanted = {tree.BOOL: "#include <stdbool.h>", tree.COUNT: "#include <stdint.h>"}
     found = [line for kind, line in wanted.items() if kind in kinds]
     return [*found, ""] if found else []
 
 
-def _structs(program: Program) -> list[str]:
+def _structs(program: tree.Program) -> list[str]:
     """Return the law's own records, save what it sees where every law sees that."""
     return [
         _struct(program.name, record) for record in program.own() if record.name != "measurement"
     ]
 
 
-def _initial(program: Program) -> str:
+def _initial(program: tree.Program) -> str:
     law, seen = c_law(program.name), c_record(program.name, program.measurement)
     return (
         f"swb_{law}_initial(const swb_{law}_parameters *p, const {seen} *m,\n"
@@ -108,7 +513,7 @@ def _initial(program: Program) -> str:
     )
 
 
-def _step(program: Program) -> str:
+def _step(program: tree.Program) -> str:
     law, seen = c_law(program.name), c_record(program.name, program.measurement)
     return (
         f"swb_{law}_step(const swb_{law}_parameters *p, swb_{law}_state *state,\n"
@@ -116,7 +521,7 @@ def _step(program: Program) -> str:
     )
 
 
-def _struct(law: str, record: Record, read: dict[str, set[str]] | None = None) -> str:
+def _struct(law: str, record: tree.Record, read: dict[str, set[str]] | None = None) -> str:
     said = remarks(record.kind)
     lines = ["typedef struct {"]
     for name, kind in record.fields:
@@ -127,14 +532,14 @@ def _struct(law: str, record: Record, read: dict[str, set[str]] | None = None) -
     return "\n".join([*lines, f"}} {c_record(law, record)};", ""])
 
 
-def _source(program: Program, private: bool) -> str:
+def _source(program: tree.Program, private: bool) -> str:
     law = c_law(program.name)
     types = {c_record(program.name, r) for r in program.records}
     names = {f: _helper(f"swb_{law}_{f.name}", types) for f in program.helpers}
     fields = fields_read(program)
     placed = in_place(program)
 
-    def text_of(f: Function, home: Home | None = None) -> FunctionText:
+    def text_of(f: tree.Function, home: Home | None = None) -> FunctionText:
         return FunctionText(program.name, f, names, fields, home, placed)
 
     calls = calls_of(program)

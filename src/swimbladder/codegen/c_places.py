@@ -1,35 +1,153 @@
-"""Which functions of a law change its state where it stands, in place of returning a copy.
+"""What flows where in a law's functions, and its names, numbers and types as C99 has them.
 
-Names, numbers and types as C99 has them stand here too.
+Which variables and fields are read and where they live follows from what statements assign, hold
+and end with; so does which functions change the state where it stands and return no copy of it.
 """
 
 from __future__ import annotations
 
+import ast
+import dataclasses
 import inspect
 import math
 import re
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
-from swimbladder.codegen.c_flow import alive, mentioned, names_read, parts
-from swimbladder.codegen.tree import (
-    BOOL,
-    COUNT,
-    Assign,
-    Call,
-    Expression,
-    Function,
-    Make,
-    Name,
-    Program,
-    Record,
-    Return,
-    Statement,
-    Type,
-    place_of,
-)
+from swimbladder.codegen import tree
 from swimbladder.control.records import units
+
+
+def is_docstring(node: ast.stmt) -> bool:
+    """Say whether a statement is a text by itself."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def stores(of: ast.AST) -> dict[str, int]:
+    """Return how often each name is assigned to."""
+    found: dict[str, int] = {}
+    for node in ast.walk(of):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            found[node.id] = found.get(node.id, 0) + 1
+    return found
+
+
+def inside(statements: Sequence[tree.Statement]) -> list[tree.Statement]:
+    """Return the statements and those that they hold, however deep."""
+    found: list[tree.Statement] = []
+    for s in statements:
+        found.append(s)
+        if isinstance(s, tree.If):
+            found += inside(s.yes) + inside(s.no)
+        elif isinstance(s, tree.For):
+            found += inside(s.body)
+    return found
+
+
+def always_returns(statements: Sequence[tree.Statement]) -> bool:
+    """Say whether every way through the statements ends in a return."""
+    last = statements[-1] if statements else None
+    if isinstance(last, tree.If):
+        return always_returns(last.yes) and always_returns(last.no)
+    return isinstance(last, tree.Return)
+
+
+def parts(node: object) -> Iterator[object]:
+    """Yield a statement or expression and all that is in it, but no function that it calls."""
+    if isinstance(node, tuple):
+        for part in node:
+            yield from parts(part)
+    elif dataclasses.is_dataclass(node) and not isinstance(node, tree.Function):
+        yield node
+        for f in dataclasses.fields(node):
+            if f.name != "type":
+                yield from parts(getattr(node, f.name))
+
+
+def names_read(node: object) -> set[str]:
+    """Return the variables that statements or expressions read."""
+    return {part.name for part in parts(node) if isinstance(part, tree.Name)}
+
+
+def calls_of(program: tree.Program) -> Counter[tree.Function]:
+    """Return at how many places each function of a law is called."""
+    functions = {*program.helpers, program.step, program.initial}
+    found = [
+        part for f in functions for part in parts(alive(f.body)) if isinstance(part, tree.Call)
+    ]
+    return Counter(call.function for call in found)
+
+
+def assigned(node: object) -> dict[str, int]:
+    """Return how often each variable is assigned."""
+    found: dict[str, int] = {}
+    for part in parts(node):
+        if isinstance(part, tree.Assign):
+            found[part.name] = found.get(part.name, 0) + 1
+    return found
+
+
+def mentioned(node: object) -> set[str]:
+    """Return the variables that are read or assigned."""
+    return names_read(node) | set(assigned(node))
+
+
+def inner_home(statement: tree.Statement, name: str) -> tuple[tree.Statement, ...] | None:
+    """Return the one branch or loop of a statement that mentions a variable; None: not just one."""
+    if isinstance(statement, tree.For):
+        return statement.body
+    if not isinstance(statement, tree.If) or name in names_read(statement.condition):
+        return None
+    branches = [b for b in (statement.yes, statement.no) if name in mentioned(b)]
+    return branches[0] if len(branches) == 1 else None
+
+
+def alive(body: tuple[tree.Statement, ...]) -> tuple[tree.Statement, ...]:
+    """Return the statements without variables that nothing reads: they have no other effect."""
+    while True:
+        kept = _without(body, names_read(body))
+        if kept == body:
+            return body
+        body = kept
+
+
+def _without(body: tuple[tree.Statement, ...], read: set[str]) -> tuple[tree.Statement, ...]:
+    kept: list[tree.Statement] = []
+    for s in body:
+        one: tree.Statement = s
+        if isinstance(s, tree.Assign) and s.name not in read:
+            continue
+        if isinstance(s, tree.If):
+            one = tree.If(s.condition, _without(s.yes, read), _without(s.no, read))
+            if not one.yes and not one.no:
+                continue
+        elif isinstance(s, tree.For):
+            one = tree.For(s.counter, s.count, _without(s.body, read))
+            if not one.body:
+                continue
+        kept.append(one)
+    return tuple(kept)
+
+
+def fields_read(program: tree.Program) -> dict[str, set[str]]:
+    """Return the fields of each record that are needed: all of the law's own, else those read."""
+    read: dict[str, set[str]] = {record.name: set() for record in program.records}
+    for function in (*program.helpers, program.step, program.initial):
+        for part in parts(alive(function.body)):
+            if isinstance(part, tree.Field):
+                read[part.of.type.name].add(part.name)
+    own = {record.name for record in program.own()}
+    for record in program.records:
+        if record.name in own or record.kind is None or not read[record.name]:
+            read[record.name] = {name for name, _ in record.fields}
+    return read
+
 
 # Words of C and C++, and macros of <math.h>, <stdbool.h> and Arduino that a field might meet.
 _WORDS = """
@@ -67,25 +185,25 @@ def c_local(name: str, taken: set[str]) -> str:
     return plain
 
 
-def c_record(law: str, record: Record) -> str:
+def c_record(law: str, record: tree.Record) -> str:
     """Return the type of a record: ``swb_measurement``, ``swb_cascade_state``."""
     if record.name == "measurement":
         return "swb_measurement"
     return f"swb_{c_law(law)}_{record.name}"
 
 
-def c_type(law: str, kind: Type) -> str:
+def c_type(law: str, kind: tree.Type) -> str:
     """Return a type."""
-    if isinstance(kind, Record):
+    if isinstance(kind, tree.Record):
         return c_record(law, kind)
-    return "uint16_t" if kind == COUNT else kind.name
+    return "uint16_t" if kind == tree.COUNT else kind.name
 
 
-def c_number(value: float, kind: Type) -> str:
+def c_number(value: float, kind: tree.Type) -> str:
     """Return the literal of a number, a count or a truth."""
-    if kind == COUNT:
+    if kind == tree.COUNT:
         return f"{int(value)}u"
-    if kind == BOOL:
+    if kind == tree.BOOL:
         return "true" if value else "false"
     return c_float(value)
 
@@ -139,7 +257,7 @@ def _break(line: str, start: int, end: int) -> int:
 Home = tuple[str, str | None]  # the parameter that is the state, and the variable that lives there
 
 
-def in_place(program: Program) -> frozenset[Function]:
+def in_place(program: tree.Program) -> frozenset[tree.Function]:
     """Return the functions that can be given the state, or a record in it, to change.
 
     Each takes one such record and returns one, and wherever it is called its result takes the place
@@ -162,7 +280,9 @@ def in_place(program: Program) -> frozenset[Function]:
         found = left
 
 
-def home_of(function: Function, state: Type, placed: Collection[Function]) -> Home | None:
+def home_of(
+    function: tree.Function, state: tree.Type, placed: Collection[tree.Function]
+) -> Home | None:
     """Return the state that a function can change where it stands, None where it cannot."""
     given = _given(function, state)
     body = alive(function.body)
@@ -174,71 +294,77 @@ def home_of(function: Function, state: Type, placed: Collection[Function]) -> Ho
     (own,) = variables
     first = next(n for n, s in enumerate(body) if own in mentioned(s))
     begin = body[first]
-    if not (isinstance(begin, Assign) and begin.name == own and own not in names_read(begin)):
+    if not (isinstance(begin, tree.Assign) and begin.name == own and own not in names_read(begin)):
         return None
     if given in mentioned(body[first + 1 :]):
         return None
     return (given, own) if _ends_well(body, {given, own}, placed) else None
 
 
-def _given(function: Function, state: Type) -> str | None:
+def _given(function: tree.Function, state: tree.Type) -> str | None:
     """Return the one parameter that is a state."""
     found = [name for name, kind in function.parameters if kind == state]
     return found[0] if len(found) == 1 else None
 
 
-def _ends_well(body: tuple[Statement, ...], names: set[str], placed: Collection[Function]) -> bool:
+def _ends_well(
+    body: tuple[tree.Statement, ...], names: set[str], placed: Collection[tree.Function]
+) -> bool:
     """Return whether every new state takes the place of the old one."""
     expected = 0
     for s in parts(body):
-        new: Expression | None = None
-        if isinstance(s, Assign) and s.name in names:
+        new: tree.Expression | None = None
+        if isinstance(s, tree.Assign) and s.name in names:
             new = s.value
-        elif isinstance(s, Return):
+        elif isinstance(s, tree.Return):
             new = s.value
-            if isinstance(new, Make) and new.type.kind is None:  # of a step
+            if isinstance(new, tree.Make) and new.type.kind is None:  # of a step
                 new = new.values[1]
         if new is None:
             continue
-        if isinstance(new, Call) and new.function in placed and isinstance(s, Assign):
+        if isinstance(new, tree.Call) and new.function in placed and isinstance(s, tree.Assign):
             expected += _in_its_place(new, names, ())
-        elif isinstance(new, Make):
+        elif isinstance(new, tree.Make):
             expected += _only_change(new, names, placed)
-        elif not (isinstance(new, Name) and new.name in names):
+        elif not (isinstance(new, tree.Name) and new.name in names):
             return False
     return expected == sum(f in placed for f in _called(body))
 
 
 def _only_change(
-    new: Make, names: set[str], placed: Collection[Function], path: tuple[str, ...] = ()
+    new: tree.Make, names: set[str], placed: Collection[tree.Function], path: tuple[str, ...] = ()
 ) -> bool:
     """Return whether all that is new is what one function makes of a record in its place."""
     changed = []
     for (name, _), e in zip(new.type.fields, new.values, strict=True):
-        root, at = place_of(e)
-        if not (isinstance(root, Name) and root.name in names and at == (*path, name)):
+        root, at = tree.place_of(e)
+        if not (isinstance(root, tree.Name) and root.name in names and at == (*path, name)):
             changed.append((name, e))
     if len(changed) != 1:
         return False
     ((name, e),) = changed
-    if isinstance(e, Make):
+    if isinstance(e, tree.Make):
         return _only_change(e, names, placed, (*path, name))
-    if not (isinstance(e, Call) and e.function in placed):
+    if not (isinstance(e, tree.Call) and e.function in placed):
         return False
     return _in_its_place(e, names, (*path, name))
 
 
-def _in_its_place(call: Call, names: set[str], path: tuple[str, ...]) -> bool:
+def _in_its_place(call: tree.Call, names: set[str], path: tuple[str, ...]) -> bool:
     """Return whether a call is given the record at a place of the state, and nothing around it."""
     here = 0
     for argument in call.arguments:
-        root, place = place_of(argument)
-        if isinstance(argument.type, Record) and isinstance(root, Name) and root.name in names:
+        root, place = tree.place_of(argument)
+        if (
+            isinstance(argument.type, tree.Record)
+            and isinstance(root, tree.Name)
+            and root.name in names
+        ):
             if place != path and all(a == b for a, b in zip(place, path, strict=False)):
                 return False
             here += place == path
     return here == 1
 
 
-def _called(body: tuple[Statement, ...]) -> list[Function]:
-    return [part.function for part in parts(body) if isinstance(part, Call)]
+def _called(body: tuple[tree.Statement, ...]) -> list[tree.Function]:
+    return [part.function for part in parts(body) if isinstance(part, tree.Call)]

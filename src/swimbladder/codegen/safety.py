@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import Any, TypeVar
 
 import numpy as np
 
-from swimbladder.control.law import NEVER
-from swimbladder.control.records import leaves
+from swimbladder.control.law import NEVER, Count
+from swimbladder.control.records import field_types, leaves
 from swimbladder.control.registry import bind
 from swimbladder.control.supervisor_records import (
     BoardLimits,
@@ -84,6 +85,8 @@ _DEEPEST = 12000.0  # m, deeper than any sea
 _SPEED, _HASTE = 0.1, 2.0  # m/s, that of Argo floats; times it, so fast it may sink at most
 _AFLOAT_REST_S = 600.0  # between pushes of a pump that has pumped all out: it may run dry
 _NO_USE = {"neutral_range", "neutral_change", "model_error", "prove_after", "hold_voltage"}
+
+_Limits = TypeVar("_Limits")
 
 
 def supervisor_parameters(
@@ -288,41 +291,35 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
     lacks = drag / vehicle.water.specific_weight + start
     light = vehicle.drag.rising_ratio
     fastest = p.depth.fastest / math.sqrt(min(light, 1.0))
+    again = ticks(_LEAST_PUSH_S + start * deep.per_turn_rate, tick)
+    push = _off(p.push, "grown", "away", "astray")._replace(
+        surface_command=tick, hold_command=0.0, away_command=0.0, away_hold=0.0, again=again,
+        rest=ticks(_AFLOAT_REST_S, tick),
+    )  # fmt: skip
+    motion = _off(p.motion, "neutral_change", "known", "epsilon", "wrong")
     return p._replace(
-        push=p.push._replace(
-            surface_command=tick,
-            hold_command=0.0,
-            away_command=0.0,
-            away_hold=0.0,
-            again=ticks(_LEAST_PUSH_S + start * deep.per_turn_rate, tick),
-            rest=ticks(_AFLOAT_REST_S, tick),
-            grown=math.inf,
-            away=math.inf,
-            astray=NEVER,
-        ),
+        push=push,
         depth=p.depth._replace(fastest=fastest, step=p.depth.step + fastest - p.depth.fastest),
-        volume=VolumeLimits(
-            blind=NEVER, volume_least=-1.0, volume_most=1.0, volume_low=-1.0, volume_high=1.0
-        ),
-        rate=p.rate._replace(rate=0.0, rate_least=math.inf, stop_rate=math.inf, following=NEVER),
-        same=p.same._replace(same_moved=NEVER, moved=math.inf),
-        proof=ProofLimits(same_tried=NEVER, unproven=NEVER, sinks=math.inf, reach=math.inf),
+        volume=VolumeLimits(NEVER, -1.0, 1.0, -1.0, 1.0),
+        rate=_off(p.rate, "rate_least", "stop_rate", "following")._replace(rate=0.0),
+        same=_off(p.same, "same_moved", "moved"),
+        proof=_off(p.proof, *p.proof._fields),
         neutral=NeutralLimits(psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf),
-        motion=p.motion._replace(
-            neutral_change=math.inf,
-            known=NEVER,
-            calm=0.0,
-            model_error=0.0,
-            inertia=0.0,
-            drag_linear=0.0,
-            epsilon=math.inf,
-            drag_blunt=0.0,
-            drag_0=0.0,
+        motion=motion._replace(
+            calm=0.0, model_error=0.0, inertia=0.0, drag_linear=0.0, drag_blunt=0.0, drag_0=0.0,
             drag_square=0.0,
-            wrong=NEVER,
         ),
         deep=deep._replace(neutral_deepest=lacks, coast=min(vehicle.mass * fast / drag, _COAST_S)),
-    )
+    )  # fmt: skip
+
+
+def _off(limits: _Limits, *names: str) -> _Limits:
+    """Return limits with some of them off: infinite, or in ticks NEVER."""
+    known: Any = limits
+    kinds = field_types(type(known))
+    changed = {name: NEVER if kinds[name] == Count else math.inf for name in names}
+    off: _Limits = known._replace(**changed)
+    return off
 
 
 def cruising_speed(vehicle: Vehicle) -> float:

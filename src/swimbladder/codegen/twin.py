@@ -17,38 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.codegen import tree
 from swimbladder.codegen.clock import ControllerTwin
 from swimbladder.codegen.float_flight import fly_float
 from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.tree import (
-    BOOL,
-    COUNT,
-    FLOAT,
-    INT,
-    Assign,
-    Binary,
-    Builtin,
-    Call,
-    Choice,
-    Compare,
-    Constant,
-    Expression,
-    Field,
-    For,
-    Function,
-    If,
-    Logic,
-    Make,
-    Minus,
-    Name,
-    Not,
-    Number,
-    Program,
-    Record,
-    Return,
-    Statement,
-    Type,
-)
 from swimbladder.control.law import NEVER, Law, Measurement, less, more
 from swimbladder.errors import NoAnswerError
 from swimbladder.sim.closed_loop import simulate
@@ -175,43 +147,43 @@ def fly(
     return Golden(depth, volume, reference, command, difference)
 
 
-def twin(law: Law, program: Program | None = None) -> Law:
+def twin(law: Law, program: tree.Program | None = None) -> Law:
     """Return the law in float32: `step` and `initial` take any numbers, and round them first.
 
     Raises InputError, as `read_law`, where the law cannot be translated.
     """
-    tree = read_law(law) if program is None else program
-    text = _Text(tree)
+    made = read_law(law) if program is None else program
+    text = _Text(made)
     space = text.space
     exec(compile(text.source, f"<float32 twin of {law.name}>", "exec"), space)
-    step, initial = space[text.names[tree.step]], space[text.names[tree.initial]]
+    step, initial = space[text.names[made.step]], space[text.names[made.initial]]
 
     def float32_step(parameters: Any, state: Any, measurement: Any, reference: float) -> Any:
         with np.errstate(all="ignore"):
             command, after, next_s = step(
-                rounded(tree.parameters, parameters), rounded(tree.state, state),
-                rounded(tree.measurement, measurement), np.float32(reference),
+                rounded(made.parameters, parameters), rounded(made.state, state),
+                rounded(made.measurement, measurement), np.float32(reference),
             )  # fmt: skip
         return command, after, next_s
 
     def float32_initial(parameters: Any, measurement: Any, reference: float) -> Any:
         with np.errstate(all="ignore"):
             return initial(
-                rounded(tree.parameters, parameters), rounded(tree.measurement, measurement),
+                rounded(made.parameters, parameters), rounded(made.measurement, measurement),
                 np.float32(reference),
             )  # fmt: skip
 
     return dataclasses.replace(law, step=float32_step, initial=float32_initial)
 
 
-def rounded(kind: Type, value: Any) -> Any:
+def rounded(kind: tree.Type, value: Any) -> Any:
     """Return a number, or a named tuple of numbers, as float32, or as the count or truth it is."""
-    if isinstance(kind, Record):
+    if isinstance(kind, tree.Record):
         make: Callable[..., Any] = kind.kind or tuple
         return make(*(rounded(k, v) for (_, k), v in zip(kind.fields, value, strict=True)))
-    if kind == COUNT:
+    if kind == tree.COUNT:
         return min(max(int(value), 0), NEVER)
-    return bool(value) if kind == BOOL else np.float32(value)
+    return bool(value) if kind == tree.BOOL else np.float32(value)
 
 
 def _least(a: Any, b: Any) -> Any:
@@ -230,7 +202,7 @@ _FUNCTIONS = {"min": "least_", "max": "most_", "abs": "abs", "sqrt": "sqrt_",
 class _Text:
     """A program as Python source, and the names that it needs."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: tree.Program) -> None:
         self.space: dict[str, Any] = {
             "least_": _least, "most_": _most, "sqrt_": np.sqrt, "isfinite_": np.isfinite,
             "copysign_": np.copysign, "float32_": np.float32, "more_": more, "less_": less,
@@ -243,24 +215,24 @@ class _Text:
         self.names = {f: f"function{n}_{f.name}" for n, f in enumerate(functions)}
         self.source = "\n\n".join(self._function(f) for f in functions) + "\n"
 
-    def _function(self, function: Function) -> str:
+    def _function(self, function: tree.Function) -> str:
         given = ", ".join(name for name, _ in function.parameters)
         lines = [f"def {self.names[function]}({given}):"]
         self._block(lines, function.body, "    ")
         return "\n".join(lines)
 
-    def _block(self, lines: list[str], statements: tuple[Statement, ...], indent: str) -> None:
+    def _block(self, lines: list[str], statements: tuple[tree.Statement, ...], indent: str) -> None:
         if not statements:
             lines.append(f"{indent}pass")
         for s in statements:
-            if isinstance(s, Assign):
+            if isinstance(s, tree.Assign):
                 lines.append(f"{indent}{s.name} = {self._value(s.value)}")
-            elif isinstance(s, Return):
+            elif isinstance(s, tree.Return):
                 lines.append(f"{indent}return {self._value(s.value)}")
-            elif isinstance(s, For):
+            elif isinstance(s, tree.For):
                 lines.append(f"{indent}for {s.counter} in range({s.count}):")
                 self._block(lines, s.body, indent + "    ")
-            elif isinstance(s, If):
+            elif isinstance(s, tree.If):
                 lines.append(f"{indent}if {self._value(s.condition)}:")
                 self._block(lines, s.yes, indent + "    ")
                 lines.append(f"{indent}else:")
@@ -273,34 +245,34 @@ class _Text:
         self.space[name] = number
         return name
 
-    def _value(self, e: Expression) -> str:
+    def _value(self, e: tree.Expression) -> str:
         """Return an expression, in brackets wherever one might ask."""
         of = self._value
-        if isinstance(e, Number) and e.type != FLOAT:
-            return str(int(e.value) if e.type == COUNT else bool(e.value))
-        if isinstance(e, Number | Constant):
+        if isinstance(e, tree.Number) and e.type != tree.FLOAT:
+            return str(int(e.value) if e.type == tree.COUNT else bool(e.value))
+        if isinstance(e, tree.Number | tree.Constant):
             return self._number(e.value)
-        if isinstance(e, Name):
-            return f"float32_({e.name})" if e.type == INT else e.name
-        if isinstance(e, Field):
+        if isinstance(e, tree.Name):
+            return f"float32_({e.name})" if e.type == tree.INT else e.name
+        if isinstance(e, tree.Field):
             return f"{of(e.of)}.{e.name}"
-        if isinstance(e, Minus):
+        if isinstance(e, tree.Minus):
             return f"(-{of(e.of)})"
-        if isinstance(e, Binary | Compare):
+        if isinstance(e, tree.Binary | tree.Compare):
             return f"({of(e.left)} {e.operator} {of(e.right)})"
-        if isinstance(e, Logic):
+        if isinstance(e, tree.Logic):
             return f"({f' {e.operator} '.join(map(of, e.of))})"
-        if isinstance(e, Not):
+        if isinstance(e, tree.Not):
             return f"(not {of(e.of)})"
-        if isinstance(e, Choice):
+        if isinstance(e, tree.Choice):
             return f"({of(e.yes)} if {of(e.condition)} else {of(e.no)})"
-        if isinstance(e, Builtin) and e.name == "count":
+        if isinstance(e, tree.Builtin) and e.name == "count":
             (counter,) = e.arguments
-            assert isinstance(counter, Name)
+            assert isinstance(counter, tree.Name)
             return counter.name
-        if isinstance(e, Builtin):
+        if isinstance(e, tree.Builtin):
             return f"{_FUNCTIONS[e.name]}({', '.join(map(of, e.arguments))})"
-        if isinstance(e, Call):
+        if isinstance(e, tree.Call):
             return f"{self.names[e.function]}({', '.join(map(of, e.arguments))})"
-        assert isinstance(e, Make)
+        assert isinstance(e, tree.Make)
         return f"{e.type.name}__({', '.join(map(of, e.values))})"
