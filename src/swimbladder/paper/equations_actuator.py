@@ -20,7 +20,7 @@ from swimbladder.design.linear.transfer import (
     volume_per_voltage_identified,
 )
 from swimbladder.paper.evidence import Evidence
-from swimbladder.paper.verdict import EquationCheck, check, deviation, scaled
+from swimbladder.paper.verdict import EquationCheck, check, scaled
 from swimbladder.physics import actuator as act
 from swimbladder.physics import oil
 from swimbladder.physics.dynamics import State, motor_rhs, plant
@@ -49,8 +49,8 @@ def _oil() -> list[EquationCheck]:
     p = solve_ivp(pressure_rate, (0.0, span), [0.0], rtol=1e-10, atol=1e-3).y[0, -1]
     change = oil.relative_volume_change(dp=10e6, beta_e=1.5e9)
     return [
-        check(1, deviation(p, beta * math.log(V0 / (V0 - rate * span)))),
-        check(2, deviation(change, math.expm1(-10e6 / 1.5e9)), change=100 * change),
+        check(1, (p, beta * math.log(V0 / (V0 - rate * span)))),
+        check(2, (change, math.expm1(-10e6 / 1.5e9)), change=100 * change),
     ]
 
 
@@ -74,12 +74,12 @@ def _hydraulic(vehicle: Vehicle) -> list[EquationCheck]:
     k_q = act.hydraulic_volume_per_angle(D_p=d.pump_displacement, n_h=n_h)
     turns = 1000
     return [
-        check(3, deviation(lost * p_sea, leak * p_oil)),
-        check(4, deviation(leak, d.pump_leakage * p_oil)),
-        check(5, deviation(by_5, lost)),
-        check(6, deviation(k_l, np.polyfit(z, lost, 1)[0])),
-        check(7, deviation(k_z * 2 * math.pi * d.pump_efficiency, w * d.pump_displacement / n_h)),
-        check(8, deviation(k_q * turns * 2 * math.pi, turns * d.pump_displacement / n_h)),
+        check(3, (lost * p_sea, leak * p_oil)),
+        check(4, (leak, d.pump_leakage * p_oil)),
+        check(5, (by_5, lost)),
+        check(6, (k_l, np.polyfit(z, lost, 1)[0])),
+        check(7, (k_z * 2 * math.pi * d.pump_efficiency, w * d.pump_displacement / n_h)),
+        check(8, (k_q * turns * 2 * math.pi, turns * d.pump_displacement / n_h)),
     ]
 
 
@@ -124,7 +124,7 @@ def _eq9(vehicle: Vehicle) -> EquationCheck:
     by_u, by_z = _driven(vehicle)
     formula_u = at(volume_per_voltage(inertia=u.inertia, k_u=u.k_u, k_q=u.k_q, k_v=u.k_v))
     formula_z = at(volume_per_depth(inertia=u.inertia, k_v=u.k_v, k_q=u.k_q, k_z=u.k_z, k_l=u.k_l))
-    return check(9, max(deviation(by_u, formula_u), deviation(by_z, formula_z)))
+    return check(9, (by_u, formula_u), (by_z, formula_z))
 
 
 def _motor(vehicle: Vehicle) -> list[EquationCheck]:
@@ -178,7 +178,7 @@ def _linear(vehicle: Vehicle) -> list[EquationCheck]:
     )
     return [
         check(17, float(np.max(np.abs(left - right)) / terms)),
-        check(19, deviation(formula, V)),
+        check(19, (formula, V)),
     ]
 
 
@@ -201,8 +201,8 @@ def _shallow(e: Evidence) -> list[EquationCheck]:
     missing = 1.0 - float(loaded[-1] / formula[-1])
     back = a.K1 * a.piston_area * a.depth_voltage * 3.75
     return [
-        check(21, deviation(rate(free, 3.75), formula), lost=100 * missing, pushed=back * 1e6),
-        check(22, max(deviation(e.identified.K1, a.K1), deviation(e.identified.T1, a.T1))),
+        check(21, (rate(free, 3.75), formula), lost=100 * missing, pushed=back * 1e6),
+        check(22, (e.identified.K1, a.K1), (e.identified.T1, a.T1)),
     ]
 
 
@@ -231,9 +231,7 @@ def _identified(e: Evidence) -> list[EquationCheck]:
         )
     )
     return [
-        check(
-            23, max(deviation(found.K1 * d.piston_area, by_hand), deviation(steady / 6.0, by_hand))
-        ),
-        check(24, max(deviation(found.T1, T1), deviation(rate / steady, 1.0 - math.exp(-1.0)))),
-        check(33, max(deviation(by_u, formula_u), deviation(by_z, formula_z))),
+        check(23, (found.K1 * d.piston_area, by_hand), (steady / 6.0, by_hand)),
+        check(24, (found.T1, T1), (rate / steady, 1.0 - math.exp(-1.0))),
+        check(33, (by_u, formula_u), (by_z, formula_z)),
     ]

@@ -23,7 +23,7 @@ from swimbladder.design.linear.transfer import (
 )
 from swimbladder.paper.equations_actuator import FREQUENCIES, at
 from swimbladder.paper.evidence import Evidence
-from swimbladder.paper.verdict import EquationCheck, check, deviation, scaled
+from swimbladder.paper.verdict import EquationCheck, check, scaled
 from swimbladder.physics.dynamics import acceleration, drag_per_mass, plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.pool import fit_depth, fit_speed, still_starts
@@ -97,13 +97,7 @@ def _eq16(vehicle: Vehicle) -> EquationCheck:
     )
     rising = 0.2
     literal, right = drag.k_dl * rising, drag.k_dt * rising**2
-    return check(
-        16,
-        scaled(ours, other),
-        rising=rising,
-        literal=literal,
-        right=right,
-    )
+    return check(16, scaled(ours, other), rising=rising, literal=literal, right=right)
 
 
 def _small(vehicle: Vehicle) -> list[EquationCheck]:
@@ -117,7 +111,7 @@ def _small(vehicle: Vehicle) -> list[EquationCheck]:
     formula = at(depth_per_volume_physical(k_b=k_b, k_def=k_def, k_dl=k_dl, m=m))
     return [
         check(18, float(np.max(np.abs(left - right) / np.abs(k_b * V / m)))),
-        check(20, deviation(Z / V, formula)),
+        check(20, (Z / V, formula)),
     ]
 
 
@@ -135,17 +129,11 @@ def _shallow(e: Evidence) -> list[EquationCheck]:
     record = still_starts(free, dVs=[dV], sample_time=0.05)[0]
     by_depth, by_speed = fit_depth(record), fit_speed(record)
     return [
-        check(25, deviation(speed, (-k_b / k_dl) / (free.mass / k_dl * FREQUENCIES + 1.0))),
-        check(26, max(deviation(by_speed.K2, K2), deviation(by_speed.T2, T2))),
-        check(27, max(deviation(by_depth.K2, K2), deviation(by_depth.T2, T2))),
-        check(28, max(deviation(-final / dV, k_b / k_dl), deviation(k_b / k_dl, K2))),
-        check(
-            29,
-            max(
-                deviation(float(s.speed[1]) / final, 1.0 - math.exp(-1.0)),
-                deviation(free.mass / k_dl, T2),
-            ),
-        ),
+        check(25, (speed, (-k_b / k_dl) / (free.mass / k_dl * FREQUENCIES + 1.0))),
+        check(26, (by_speed.K2, K2), (by_speed.T2, T2)),
+        check(27, (by_depth.K2, K2), (by_depth.T2, T2)),
+        check(28, (-final / dV, k_b / k_dl), (k_b / k_dl, K2)),
+        check(29, (float(s.speed[1]) / final, 1.0 - math.exp(-1.0)), (free.mass / k_dl, T2)),
     ]
 
 
@@ -160,9 +148,9 @@ def _any_depth(e: Evidence) -> list[EquationCheck]:
     numeric = linearise(p._replace(positioner=1.0)).at(FREQUENCIES)[:, 0, 0]
     lift = [m * acceleration(0.0, z, 0.0, p) for z in (10.0, 90.0)]
     return [
-        check(30, deviation(by_30, physical)),
-        check(31, deviation((lift[1] - lift[0]) / 80.0, k_b * psi)),
-        check(32, deviation(at(depth_per_volume(K2=K2, T2=T2, psi=psi)), numeric)),
+        check(30, (by_30, physical)),
+        check(31, ((lift[1] - lift[0]) / 80.0, k_b * psi)),
+        check(32, (at(depth_per_volume(K2=K2, T2=T2, psi=psi)), numeric)),
     ]
 
 
@@ -180,15 +168,11 @@ def _open_loop(e: Evidence) -> list[EquationCheck]:
     return [
         check(
             34,
-            deviation(open_loop.denominator, by_34[1]),
+            (open_loop.denominator, by_34[1]),
             routh=open_loop.routh.sentence,
             poles=", ".join(map(_complex, open_loop.poles)),
         ),
-        check(
-            35,
-            deviation(at(depth_per_voltage_without_loads(**main)), free),
-            margin=math.degrees(margin),
-        ),
+        check(35, (at(depth_per_voltage_without_loads(**main)), free), margin=math.degrees(margin)),
     ]
 
 

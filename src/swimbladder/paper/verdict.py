@@ -180,11 +180,13 @@ def judged(
     return claim(holds=holds, accounted_for=accounted_for, value=value, **about)
 
 
-def check(number: int, value: float, **numbers: object) -> EquationCheck:
+def check(number: int, *off: float | tuple[Any, Any], **numbers: object) -> EquationCheck:
     """Return how far an equation is off, as equations.toml describes its check.
 
-    numbers: those in its note.
+    off: how far, or (ours, the other) of a deviation, the largest counts; numbers: those in the
+    note.
     """
+    value = max(deviation(*one) if isinstance(one, tuple) else one for one in off)
     about = _CHECKS[str(number)]
     note = about.get("note", "").format(**numbers)
     return EquationCheck(number=number, value=value, **{**about, "note": note})
