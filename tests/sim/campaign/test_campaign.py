@@ -145,7 +145,8 @@ def test_a_float_under_a_sampled_law_is_a_vehicle_with_the_numbers_drawn(monkeyp
     other = fly_mission(file.model_copy(update=changed), task, sea, seed=2_000_000, checked=False)
     plain = fly_mission(file, task, sea, seed=2_000_000)
     assert float(found.duration) == pytest.approx(other.duration, rel=1e-9)
-    assert abs(other.duration - plain.duration) > 1.0
+    deepest = other.cycles[:, Cycle.DEEPEST] - plain.cycles[:, Cycle.DEEPEST]
+    assert np.abs(deepest).max() > 1e-3
     for column, name in ((Cycle.DEEPEST, "deepest"), (Cycle.ARRIVAL, "arrival")):
         assert found[name].values == pytest.approx(other.cycles[:, column], rel=1e-6)
 

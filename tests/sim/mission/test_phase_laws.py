@@ -16,9 +16,11 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Note, Now, Stop
 from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.phase_laws import phase_laws
 from swimbladder.sim.mission.result import MissionResult
@@ -40,6 +42,12 @@ def steps(*phases, start=2.0, **more):
 
 HOLD = {"kind": "hold", "depth": 3.0, "tolerance": 1.2, "duration": 60.0}
 PARK = {"kind": "park", "depth": 1.5, "tolerance": 1.2, "duration": 90.0}
+DIVE = (
+    {"kind": "descend", "depth": 8.0, "speed": 0.05, "tolerance": 1.0},
+    {"kind": "park", "depth": 8.0, "tolerance": 2.0, "duration": 300.0},
+    {"kind": "profile", "depth": 3.0, "tolerance": 1.0, "speed": 0.05},
+    {"kind": "surface", "duration": 120.0},
+)
 
 
 def simulated(vehicle, flight, **more):
@@ -173,16 +181,7 @@ def test_the_battery_ends_the_mission():
 @pytest.mark.parametrize("name", ["feup-em", "ntnu-bv"])
 def test_it_dives_and_comes_up(name):
     vehicle = load_vehicle(name)
-    mission = Mission(
-        cycles=2,
-        phases=[
-            {"kind": "descend", "depth": 8.0, "speed": 0.05, "tolerance": 1.0},
-            {"kind": "park", "depth": 8.0, "tolerance": 2.0, "duration": 300.0},
-            {"kind": "profile", "depth": 3.0, "tolerance": 1.0, "speed": 0.05},
-            {"kind": "surface", "duration": 120.0},
-        ],
-    )
-    flight = flown(vehicle, mission)
+    flight = flown(vehicle, Mission(cycles=2, phases=DIVE))
     assert flight.stop is Stop.FINISHED
     assert len(flight.cycles) == 2
     assert MissionResult(flight, flight.reach).completed
@@ -204,6 +203,33 @@ def test_too_deep_it_presses_all_out_and_comes_up():
     assert flight.stop is Stop.PASSED_DEPTH
     assert np.any(flight.notes[:, Drive.WHAT] == Note.TOO_DEEP)
     assert flight.end[Now.V] == pytest.approx(vehicle.stroke.maximum, rel=1e-3)
+
+
+def test_a_limit_switch_ends_what_is_pressed_out():
+    """It is afloat with the volume at which the switch cuts its motor, which coasts a little."""
+    own = load_vehicle("feup-em")
+    stroke = own.stroke.model_copy(update={"switch_margin": 40e-6})
+    phases = [
+        {"kind": "descend", "depth": 4.0, "tolerance": 0.5},
+        {"kind": "surface", "duration": 30.0},
+    ]
+    flight = flown(own.model_copy(update={"stroke": stroke}), Mission(phases=phases))
+    assert flight.stop is Stop.FINISHED
+    assert flight.rows[0, Row.V] == stroke.highest
+    nearly = FULL * (stroke.highest - stroke.lowest)
+    assert stroke.highest - nearly <= flight.end[Now.V] < stroke.maximum
+
+
+def test_what_happens_is_known_at_a_sample():
+    """Phases begin and end, and a vehicle is afloat, at whole samples."""
+    vehicle = load_vehicle("feup-em")
+    flight = flown(vehicle, Mission(cycles=2, phases=DIVE))
+    of_phases = np.isin(
+        flight.notes[:, Drive.WHAT], [Note.PHASE, Note.ARRIVED, Note.AFLOAT, Note.CYCLE]
+    )
+    samples = flight.notes[of_phases, Drive.T] / vehicle.controller.sample_time
+    np.testing.assert_allclose(samples, np.round(samples), atol=1e-6)
+    assert flight.whole[At.STEPS] == round(flight.duration / vehicle.controller.sample_time)
 
 
 class TestRest:
@@ -291,8 +317,8 @@ class TestPhases:
             flown(load_vehicle("feup-em"), steps(HOLD, water_motion=waves))
 
     def test_a_law_that_would_be_called_too_often(self):
-        phase = {**PARK, "duration": 400 * 86400.0}
-        with refused(NoAnswerError, holds={115.0, 100.0, 0.3}):
+        phase = {**PARK, "duration": 4000 * 86400.0}
+        with refused(NoAnswerError, holds={1152.0, 1000.0, 0.3}):
             flown(load_vehicle("feup-em"), steps(phase), checked=False)
 
 
@@ -345,7 +371,8 @@ def test_a_vehicle_without_a_controller_takes_the_law_of_its_phases():
         flown(bare, steps(HOLD, {**PARK, "parameters": {"k_pz": 1.0}}))
 
 
-def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path):
+@pytest.mark.parametrize("parts", [2, 10])
+def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path, monkeypatch, parts):
     """Noise, a law of its own in each phase and one that rests: all of it is there again."""
     own = load_vehicle("feup-em")
     noisy = own.sensors.model_copy(update={"depth_noise": 0.002, "depth_quantum": 0.001})
@@ -355,9 +382,10 @@ def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path):
         {**HOLD, "duration": 1300.0, "parameters": {"k_dz": "-2 dm3 s/m"}},
         {**PARK, "duration": 900.0, "rest_band": 0.5},
     )
+    monkeypatch.setattr(ByLaws, "rows", 500)
 
     def kill(_):
-        if len(list(tmp_path.iterdir())) == 2:
+        if len(list(tmp_path.iterdir())) == parts:
             raise KeyboardInterrupt
 
     def fly(**options):
@@ -367,6 +395,6 @@ def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path):
         fly(keep=tmp_path, advance=kill)
     left, spans = [], []
     again, whole = fly(keep=tmp_path, advance=left.append), fly(advance=spans.append)
-    assert len(left) == len(spans) - 4000 + 1, "it goes on after two parts of 2,000 rows"
+    assert 0 < len(left) <= len(spans) - parts, "it goes on after the parts that were kept"
     for name in ("rows", "notes", "cycles", "end", "whole", "accounts"):
         assert np.array_equal(getattr(again, name), getattr(whole, name), equal_nan=True), name

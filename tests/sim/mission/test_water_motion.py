@@ -12,7 +12,7 @@ from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Now
 from swimbladder.sim.engine.rodas.sensing import measured
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
-from swimbladder.sim.mission.swell import seen_share, waves_of
+from swimbladder.sim.mission.water import seen_share, waves_of
 from tests.quoted import refused
 from tests.sim.mission.conftest import phases
 

@@ -20,10 +20,9 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
 from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop
-from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Cycle, Holding, Stage
-from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.law_flight import fly_by_laws
+from swimbladder.sim.mission.flight import ByRule, fly_mission
+from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.plan_check import check_flight
 from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
 from swimbladder.vehicle import Vehicle
@@ -189,13 +188,12 @@ class Floats:
             drawn, noise = self.design.drawn(number)
         plan = varied(self.plans[int(drawn[Drawn.CAST])], drawn)
         seed = self.seed * MOST + noise
-        x, at, accounts = first_state(plan, self.mission, seed=seed)
+        x, at, accounts = state = first_state(plan, self.mission, seed=seed)
+        pilot: ByLaws | ByRule = ByRule()
         if plan.laws:
             column = self.columns[int(drawn[Drawn.CAST])]
-            state = x, at, accounts
-            flown = [*fly_by_laws(self.vehicle, self.mission, column, plan, state, seed=seed)[2]]
-        else:
-            flown = _by_rule(plan, (x, at, accounts))
+            pilot = ByLaws(self.vehicle, self.mission, column, plan, state, seed=seed)
+        flown = _cycles(plan, state, pilot)
         before, rows = np.zeros(int(Account.COUNT)), list[list[float]]()
         low, high = math.inf, -math.inf
         for cycle in flown:
@@ -225,13 +223,15 @@ class Floats:
 _MADE = ("plans", "design", "layout")
 
 
-def _by_rule(plan: Plan, state: tuple[Array, NDArray[np.int64], Array]) -> list[Array]:
-    """Fly a float by the mission's own rule from a state, which is changed; return its cycles."""
+def _cycles(
+    plan: Plan, state: tuple[Array, NDArray[np.int64], Array], pilot: ByLaws | ByRule
+) -> list[Array]:
+    """Fly a float from a state, which is changed; return its cycles."""
     flown, found = plan.under_way(state), list[Array]()
     stop = Stop.GOES_ON
     while stop is Stop.GOES_ON:
         flown.counts[:] = 0
-        stop = fly(flown)
+        stop = pilot.fly(flown)
         found.extend(flown.cycles[: flown.counts[2]].copy())
     return found
 

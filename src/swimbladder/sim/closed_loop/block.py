@@ -235,7 +235,7 @@ class Running:
         self._state = from_numbers(block.law.state, [0.0] * len(fields))
         self._row = fields.index("volume_reference") if "volume_reference" in fields else -1
         self.built = np.zeros((block.lanes, COUNT), np.uint8)
-        self._kernel = kernel_of(block.law, pumped=block.stepper is not None)
+        self._kernel = kernel_of(block.law, pumped=block.stepper is not None, hooks=block.hooks)
         self.restart()
 
     def restart(self) -> None:

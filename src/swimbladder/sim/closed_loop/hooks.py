@@ -68,6 +68,7 @@ class Hooks(NamedTuple):
     sense: Callable[..., Any]  # (hooks, S, k): writes what the sensors give
     ask: Callable[..., Any]  # (hooks, S, k) -> whether the law is called
     drive: Callable[..., Any]  # (hooks, S, k, command) -> what the driver gives the actuator
+    starts: Callable[..., Any] | None = None  # (hooks, k) -> whether the law begins anew
     # of a lane with pump and valve
     bound: Callable[..., Any] | None = None  # (hooks, until) -> s that the lane goes to in a tick
     set_off: Callable[..., Any] | None = None  # (hooks) -> loads [W], level [m] of `drive.move`
@@ -112,6 +113,12 @@ def begin(hooks: Any, S: Any, k: int, built: Any) -> bool:  # noqa: ARG001
 @_chosen
 def sense(hooks: Any, S: Any, k: int) -> None:
     """Write what the sensors give."""
+
+
+@_chosen
+def starts(hooks: Any, k: int) -> bool:  # noqa: ARG001
+    """Return whether the law begins at this tick, after the sensors have measured."""
+    return k == 0
 
 
 @_chosen

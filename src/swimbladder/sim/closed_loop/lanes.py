@@ -13,7 +13,7 @@ import numpy as np
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
-from swimbladder.sim.closed_loop.hooks import begin, lose, sense
+from swimbladder.sim.closed_loop.hooks import begin, lose, sense, starts
 from swimbladder.sim.closed_loop.lane import commit, decide, judge, leap_lane, set_mode
 from swimbladder.sim.closed_loop.pumped import LAW_NOT_FINITE, decide_lanes, move_lanes
 from swimbladder.sim.closed_loop.rows import N_PLANT, Row
@@ -130,7 +130,7 @@ def run_block(  # type: ignore[no-untyped-def]
         if noise.shape[0] > 0:
             measure_block(S, token, noise, k - first)
         sense(hooks, S, k)
-        if k == 0:
+        if starts(hooks, k):
             _start_laws(S, token, like, t)
         # what tests an argument for None is pruned before types are inferred where it is None
         if stepper is not None:

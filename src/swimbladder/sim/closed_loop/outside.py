@@ -25,22 +25,25 @@ from swimbladder.sim.engine.cache import compiled
 from swimbladder.sim.engine.rodas import NAME
 
 _OWN = ("swimbladder.control.", "swimbladder.sim.closed_loop.")  # of `engine.cache`'s sources
+_PACKED = "swimbladder.sim."  # in its packages there are laws and hooks that change together
 _PLAIN = (bool, int, float, complex, str, bytes, type(None))
 
 
-def kernel_of(law: Law, *, pumped: bool = False) -> Callable[..., Any]:
+def kernel_of(law: Law, *, pumped: bool = False, hooks: Any = ()) -> Callable[..., Any]:
     """Return the compiled `run_block` for a law; one of its own for a law from outside.
 
-    pumped: the one whose lanes `engine.rodas` moves, kept under the name of that source.
+    pumped: the one whose lanes `engine.rodas` moves, kept under the name of that source; hooks:
+    likewise under that of theirs.
     """
     enroll(law)
-    module = law.step.__module__
-    stepper = NAME if pumped else ""
-    if _is_own(law):
-        return _kernel(stepper) if pumped else run_block
-    if module == law.initial.__module__ and module.startswith("swimbladder.sim."):
-        return _kernel(_package(module.rpartition(".")[0]) + stepper)
-    return _kernel(fingerprint(law.step, law.initial) + stepper)
+    modules = {law.step.__module__, law.initial.__module__}
+    packed = {m for m in modules if m.startswith(_PACKED) and not m.startswith(_OWN)}
+    name = "" if _is_own(law) or packed == modules else fingerprint(law.step, law.initial)
+    if hooks:
+        packed.add(type(hooks).__module__)
+    names = sorted({_package(module.rpartition(".")[0]) for module in packed})
+    name += "".join(names) + (NAME if pumped or hooks else "")
+    return _kernel(name) if name else run_block
 
 
 def source_of(law: Law) -> str:

@@ -16,7 +16,7 @@ from swimbladder.sim.engine.rodas.ledger import HOLDING, balance, stored_energy
 from swimbladder.sim.engine.rodas.names import Account, At, Given, Now
 from swimbladder.sim.mission.core.names import Kind, Row
 from swimbladder.sim.mission.flight import Flight
-from swimbladder.sim.mission.law_flight import medium_for
+from swimbladder.sim.mission.water import medium_for
 from swimbladder.vehicle import Load
 
 Array = NDArray[np.float64]

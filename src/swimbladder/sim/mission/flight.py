@@ -10,14 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.records import leaves
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import Store
 from swimbladder.physics.seawater import Column
+from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.engine.rodas.names import At, Given, Now, Stop
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.core.names import Row, Stage
+from swimbladder.sim.mission.core.names import Row
+from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.plan_check import (
     Reach,
     check_cycle,
@@ -30,7 +33,21 @@ from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 _MOST = 1e6  # rows of steps that are kept in all; those where something changes come on top
-_ROWS, _NOTES, _CYCLES = 40_000, 8_000, 8
+_NOTES, _CYCLES = 8_000, 8
+
+
+class ByRule:
+    """A mission by its own rule: all that is remembered stands in the arrays of the phases."""
+
+    rows = 40_000  # of a part
+    fly = staticmethod(fly)
+
+    def kept(self) -> dict[str, NDArray[Any]]:
+        """Return what `resume` needs beside the phases."""
+        return {}
+
+    def resume(self, kept: dict[str, NDArray[Any]]) -> None:
+        """Go on from what was kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +105,13 @@ def fly_mission(
     reach = (check_reach if checked else reach_of)(vehicle, mission, plan)
     state = first_state(plan, mission, seed=seed, volume=start_volume)
     x, at, accounts = state
+    laws = [(source_of(n.law), n.law.name, n.sample_time, leaves(n.parameters)) for n in plan.laws]
+    about = (vehicle, mission, column, laws, seed, start_volume)
+    pilot: ByRule | ByLaws = ByRule()
+    if plan.laws:
+        pilot = ByLaws(vehicle, mission, column, plan, state, seed=seed, volume=start_volume)
     begin = x.copy()
+    store = Store(keep, *about, plan.given, plan.table, plan.waves, plan.stages, begin, at.copy())
 
     def flown(rows: Array, notes: Array, cycles: Array) -> Flight:
         return Flight(
@@ -106,47 +129,41 @@ def fly_mission(
             check_cycle(flown(*parts), first)
 
     try:
-        if not plan.laws:
-            return flown(*_by_rule(plan, state, keep, advance, check))
-        from swimbladder.sim.mission.law_flight import fly_by_laws
-
-        rows, notes, lines = fly_by_laws(
-            vehicle, mission, column, plan, state, seed=seed, volume=start_volume,
-            advance=advance, share=_whole(plan), keep=keep,
-        )  # fmt: skip
-        check(rows, notes, lines)
+        return flown(*_fly(plan, state, pilot, store, advance, check))
     except NoAnswerError:
-        Store(keep).forget()  # of a mission that cannot be done
+        store.forget()  # of a mission that cannot be done
         raise
-    begin[Now.V] = rows[0, Row.V]
-    return flown(thinned(rows, _length(plan) / _MOST), notes, lines)
 
 
-def _by_rule(
-    plan: Plan, state: tuple[Array, NDArray[np.int64], Array], keep: Path | None,
-    advance: Callable[[float], None], check: Callable[..., None],
+def _fly(
+    plan: Plan, state: tuple[Array, NDArray[np.int64], Array], pilot: ByRule | ByLaws,
+    store: Store, advance: Callable[[float], None], check: Callable[..., None],
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Fly by the mission's own rule to the end; return rows, notes and cycles.
+    """Fly to the end, part by part; return rows, notes and cycles.
 
     check: called with them once the first cycle is over.
     """
     x, at, accounts = state
     parts: list[tuple[Array, Array, Array]] = []
-    store = Store(keep, plan.given, plan.table, plan.waves, plan.stages, x.copy(), at.copy())
-    while (kept := store.read("part", len(parts))) is not None:
+    kept: dict[str, Any] | None = None
+    while (found := store.read("part", len(parts))) is not None:
+        kept = found
         parts.append((kept["rows"], kept["notes"], kept["cycles"]))
+    if kept is not None:
         x[:], at[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
-    whole, told, spacing = _whole(plan), 0.0, _length(plan) / _MOST
+        pilot.resume(kept)
+    whole, told, spacing = _whole(plan), 0.0, plan.longest / _MOST
     checked = at[At.CYCLE] > 0
     while at[At.STOP] == 0:
-        flown = plan.under_way(state, rows=_ROWS, notes=_NOTES, cycles=_CYCLES if checked else 1)
+        cycles = _CYCLES if checked else 1
+        flown = plan.under_way(state, rows=pilot.rows, notes=_NOTES, cycles=cycles)
         counts, room = flown.counts, True
-        while room and fly(flown) is Stop.GOES_ON:
+        while room and pilot.fly(flown) is Stop.GOES_ON:
             share = min(whole(x, at), 1.0)
             advance(share - told)
             told = share
-            room = counts[0] < _ROWS // 2 and counts[1] < _NOTES // 2
-            room = room and counts[2] < len(flown.cycles)
+            room = counts[0] < pilot.rows // 2 and counts[1] < _NOTES // 2
+            room = room and counts[2] < cycles
         part = (
             thinned(flown.rows[: counts[0]], spacing),
             flown.notes[: counts[1]].copy(),
@@ -156,7 +173,7 @@ def _by_rule(
         if not checked and counts[2] > 0:
             checked = True
             check(*_joined(parts))
-        named = dict(zip(("rows", "notes", "cycles"), part, strict=True))
+        named = dict(zip(("rows", "notes", "cycles"), part, strict=True)) | pilot.kept()
         store.write(named | {"x": x, "at": at, "accounts": accounts}, "part", len(parts) - 1)
     return _joined(parts)
 
@@ -179,13 +196,6 @@ def thinned(rows: Array, spacing: float) -> Array:
     keep = np.ones(len(rows), dtype=bool)
     keep[1:-1] = changes[:-1] | changes[1:] | ticks[:-1]
     return np.asarray(rows[keep])
-
-
-def _length(plan: Plan) -> float:
-    """Return how long a mission lasts at most [s]."""
-    stages = plan.stages
-    cycle = float(np.sum(stages[:, Stage.DURATION] + stages[:, Stage.TIMEOUT]))
-    return min(float(plan.given[Given.LAST_TIME]), cycle * float(plan.given[Given.LAST_CYCLE]))
 
 
 def _whole(plan: Plan) -> Callable[[Array, NDArray[np.int64]], float]:

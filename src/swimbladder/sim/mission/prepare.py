@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import hotel_power, surfacing_energy, usable_charge
 from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column, check_motion, look_up
 from swimbladder.sim.closed_loop.pumped import BOARD
+from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Table
 from swimbladder.sim.engine.rodas.prepare import (
     Accuracy,
@@ -25,11 +26,12 @@ from swimbladder.sim.mission.core.names import Cycle, Holding, Kind, Phases, Row
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
 from swimbladder.sim.mission.rescue import return_depth
-from swimbladder.sim.mission.swell import waves_of
+from swimbladder.sim.mission.water import medium_for, waves_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
+_MOST = 10**9  # samples of a phase: minutes
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
@@ -58,6 +60,25 @@ class Plan:
     laws: tuple[PhaseLaw, ...] = ()  # of each phase; none: the mission's own rule flies
     back: float = math.inf  # m, see `return_depth`
 
+    @property
+    def longest(self) -> float:
+        """How long the mission lasts at most [s]."""
+        cycle = float(np.sum(self.stages[:, Stage.DURATION] + self.stages[:, Stage.TIMEOUT]))
+        return min(float(self.given[Given.LAST_TIME]), cycle * float(self.given[Given.LAST_CYCLE]))
+
+    def medium(self, vehicle: Vehicle, mission: Mission, column: Column) -> Medium:
+        """Return the vehicle in its water: a float of this plan may differ from its file."""
+        medium, g = medium_for(vehicle, mission, column), self.given
+        p, delivery = medium.plant, float(g[Given.DELIVERY])
+        mass = float(g[Given.MASS]) / vehicle.mass
+        own = p._replace(
+            V_0=p.V_0 + float(g[Given.TRIM]), psi=p.psi + float(g[Given.GIVE]),
+            gain=p.gain * delivery, rate=p.rate * delivery, kappa=p.kappa / delivery,
+            a_b=p.a_b / mass, a_s=p.a_s / mass, d_l=float(g[Given.D_L]), d_b=float(g[Given.D_B]),
+            d_0=float(g[Given.D_0]), d_t=float(g[Given.D_T]),
+        )  # fmt: skip
+        return replace(medium, plant=own)
+
     def under_way(
         self, state: tuple[Array, NDArray[np.int64], Array], *, rows: int = 0, notes: int = 0,
         cycles: int = 1,
@@ -71,6 +92,19 @@ class Plan:
         )  # fmt: skip
 
 
+def check_samples(mission: Mission, plan: Plan) -> None:
+    """Raise NoAnswerError where a law would be called too often, with what that costs."""
+    for phase, stage, law in zip(mission.phases, plan.stages, plan.laws, strict=True):
+        samples = float(stage[Stage.DURATION]) / law.sample_time
+        if samples > _MOST:
+            raise NoAnswerError(
+                f"the law {law.law.name!r} samples {samples / 1e6:.4g} million times in the phase "
+                f"{phase.title!r}, every {law.sample_time:g} s: more than the {_MOST / 1e6:g} "
+                'million that are flown. Take a longer sample_time, or write law = "rate" in every '
+                "phase, which looks seldom"
+            )
+
+
 def make_plan(
     vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
     cycles: float | None = None, span: float | None = None, accuracy: Accuracy | None = None,
@@ -78,7 +112,7 @@ def make_plan(
 ) -> Plan:  # fmt: skip
     """Return a mission as the kernel takes it.
 
-    waves: of `mission.swell.waves_of`; waves, cycles, span [s]: in the place of the
+    waves: of `mission.water.waves_of`; waves, cycles, span [s]: in the place of the
     reckoning: where the processor errs about its drive. Raises InputError for a temperature at the
     start of a hull that has the water's.
     """
@@ -128,6 +162,8 @@ def _given(
     last_time = mission.span if span is None else span
     last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
     asked = {
+        Given.V_MIN: vehicle.stroke.lowest,  # a limit switch ends what the drive can do
+        Given.V_MAX: vehicle.stroke.highest,
         Given.SHALLOW: shallow_depth(vehicle, mission),
         Given.EMPTY: empty,
         Given.RESERVE: reserve,

@@ -24,6 +24,7 @@ from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop, Ta
 from swimbladder.sim.engine.rodas.prepare import first_lane
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.names import Holding, Row, Stage
+from swimbladder.sim.mission.water import medium_for
 from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -60,8 +61,6 @@ def return_depth(vehicle: Vehicle, mission: Mission, column: Column, plan: Plan)
     held = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
     comes_up = partial(_comes_up, plan, speed=speed, less=held)
     if plan.laws:
-        from swimbladder.sim.mission.law_flight import medium_for
-
         free = mission.model_copy(update={"bottom_depth": None})
         medium = medium_for(vehicle, free, column)
         comes_up = partial(_emerges, medium, speed=speed, less=held, gone=_GONE * limit)

@@ -8,31 +8,27 @@ motion lets.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.rate import RateParameters
-from swimbladder.io.files import source_hash
 from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import DIVES, FLOATS, PAUSE, one_lane
 from swimbladder.sim.closed_loop.rows import Row, rows
-from swimbladder.sim.engine.cache import compiled, inlined, part
+from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.sim.engine.modes import V_0
-from swimbladder.sim.engine.rodas import NAME
 from swimbladder.sim.engine.rodas.drive import FULL, STAYED, end_run, note, press_out
-from swimbladder.sim.engine.rodas.entries import enter_energy
 from swimbladder.sim.engine.rodas.leap import LEVEL, TOO_DEEP
 from swimbladder.sim.engine.rodas.line import empty_line
+from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
 from swimbladder.sim.engine.rodas.sensing import measured, measured_volume
 from swimbladder.sim.mission.core.names import Kind, Phases, Stage
 from swimbladder.sim.mission.core.phases import (
-    afloat,
     arrive,
     awaited_level,
     begin_phase,
@@ -41,6 +37,7 @@ from swimbladder.sim.mission.core.phases import (
     enter_hold,
     next_phase,
     row,
+    settle,
 )
 from swimbladder.sim.mission.core.rule import RULE, Nothing, Rule
 
@@ -60,16 +57,16 @@ DEEPEST, LOST, STOP_EMPTY = int(Given.DEEPEST), int(Stop.LOST), int(Stop.BATTERY
 _ROOM = 8  # rows or notes that a step may add
 RESCUE = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
 _IDLE = 200  # ticks without time passing: a fault of the model
-_MANY = np.broadcast_to(np.int64(0), (10**15,))  # ticks of one set-point: the hooks say which
+MANY = np.broadcast_to(np.int64(0), (10**15,))  # ticks of one set-point: the hooks say which
 
 Array = NDArray[np.float64]
 
 
 @inlined
-def _full(f: Phases) -> bool:
-    """Return whether a buffer may not have the room that another step needs."""
-    rows_full = 0 < f.rows.shape[0] < f.counts[0] + _ROOM
-    notes_full = 0 < f.notes.shape[0] < f.counts[1] + _ROOM
+def full(f: Phases, room: int) -> bool:
+    """Return whether a buffer may lack room for so many rows or notes, or for a cycle."""
+    rows_full = 0 < f.rows.shape[0] < f.counts[0] + room
+    notes_full = 0 < f.notes.shape[0] < f.counts[1] + room
     return bool(rows_full or notes_full or 0 < f.cycles.shape[0] <= f.counts[2])
 
 
@@ -86,8 +83,6 @@ def turn(f: Phases) -> bool:
     if at[STOP] == 0 and x[CHARGE] <= p[EMPTY]:
         at[STOP] = STOP_EMPTY
     if at[STOP] != 0:
-        if p[LINE] > 0.0 and at[DOING] != PUMPING and at[DOING] != PRIMING:
-            empty_line(p, f.table, x)
         row(f)
         if not over:
             close_cycle(f)
@@ -103,7 +98,10 @@ def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
     at[IDLE] += 1
     if at[STOP] == 0 and (S[Row.STOPPED] != 0.0 or at[IDLE] > _IDLE):
         at[STOP] = STUCK
-    if turn(f) or _full(f):
+    over = turn(f)
+    if at[STOP] != 0 and f.given[LINE] > 0.0 and at[DOING] != PUMPING and at[DOING] != PRIMING:
+        empty_line(f.given, f.table, x)
+    if over or full(f, _ROOM):
         return True
     if x[T] == x[T_PHASE] and x[T] >= x[T_LOOK]:
         settled(f)
@@ -152,7 +150,7 @@ def _drive(f: Phases, S: Array, k: int, command: float) -> float:  # noqa: ARG00
 def _bound(f: Phases, until: float) -> float:  # noqa: ARG001
     """Return when somebody has to decide [s]: now, where a buffer is full or the battery empty."""
     x = f.x
-    if _full(f) or x[CHARGE] <= f.given[EMPTY]:
+    if full(f, _ROOM) or x[CHARGE] <= f.given[EMPTY]:
         return float(x[T])
     return float(max(x[T], min(x[T_LOOK], x[T_END])))
 
@@ -174,13 +172,13 @@ def _moved(f: Phases, event: int, time: float, depth: float) -> None:
         _alarm(f)
     if event != STAYED or at[PLACE] == 2 or at[DOING] != NOTHING:
         row(f)
-    _enter_time(f, depth, x[T] - time, arrived)
+    enter_time(f, depth, x[T] - time, arrived)
     if x[T] > time:
         at[IDLE] = 0
 
 
 @inlined
-def _enter_time(f: Phases, depth: float, h: float, arrived: bool) -> None:
+def enter_time(f: Phases, depth: float, h: float, arrived: bool) -> None:
     """Enter h [s] in the time of the phase, and in what it holds where it had arrived."""
     f.accounts[T_KIND + int(f.stages[f.at[PHASE], KIND])] += h
     if arrived and f.at[ALARM] == 0:
@@ -188,7 +186,7 @@ def _enter_time(f: Phases, depth: float, h: float, arrived: bool) -> None:
 
 
 @inlined
-def _raise_alarm(f: Phases) -> None:
+def raise_alarm(f: Phases) -> None:
     """Note that the vehicle is too deep: it comes up, or is lost."""
     note(f.notes, f.counts, f.x, NOTE_DEEP, f.x[W])
     f.at[ALARM] = 1
@@ -199,7 +197,7 @@ def _raise_alarm(f: Phases) -> None:
 def _alarm(f: Phases) -> None:
     """Move the volume to its upper limit, in runs as long as the pump stands."""
     x, at, notes, counts = f.x, f.at, f.notes, f.counts
-    _raise_alarm(f)
+    raise_alarm(f)
     if at[DOING] != NOTHING:
         end_run(x, at, notes, counts)
     press_out(f.given, f.table, x, at, f.accounts, notes, counts)
@@ -208,17 +206,19 @@ def _alarm(f: Phases) -> None:
 
 @inlined
 def settled(f: Phases) -> None:
-    """See whether it floats, or has come to the depth of its phase."""
-    x, at = f.x, f.at
-    if at[STOP] == 0 and at[PLACE] == 1:
-        afloat(f)
-    if at[STOP] == 0 and at[ARRIVED] == 0 and at[ALARM] == 0:
-        stage = f.stages[at[PHASE]]
-        if stage[KIND] != TO_SURFACE and abs(x[Z] - stage[DEPTH]) <= stage[TOLERANCE]:
-            arrive(f)
+    """See what `settle` does; afloat the processor decides again only if oil comes in by itself."""
+    p, x = f.given, f.x
+    if settle(f):
+        comes = rate_of(p, f.table, NOTHING, True, x[Z], x[V], 0.0)[0]
+        x[T_LOOK] = math.inf if comes == 0.0 else x[T] + f.stages[f.at[PHASE], DEAD]
 
 
-hook_in(Phases, Hooks(_begin, _sense, _ask, _drive, _bound, _set_off, _moved, settled))
+hook_in(
+    Phases,
+    Hooks(
+        _begin, _sense, _ask, _drive, bound=_bound, set_off=_set_off, moved=_moved, settled=settled
+    ),
+)
 
 
 def fly(phases: Phases) -> Stop:
@@ -233,31 +233,8 @@ def fly(phases: Phases) -> Stop:
     lane[Row.PLANT + V_0] = f.given[Given.NEUTRAL_TOP] + f.given[Given.TRIM]
     kernel_of(RULE, pumped=True)(
         lane, (0.0,), (), (), f, stepper,
-        Rule(f.stages, f.x, f.at), Nothing(0.0), 1, len(_MANY) - 1, 0.0, 1, _MANY,
+        Rule(f.stages, f.x, f.at), Nothing(0.0), 1, len(MANY) - 1, 0.0, 1, MANY,
         np.zeros(1, np.int64), np.zeros((1, 1)), none, none, -1, None,
         np.zeros((1, 1), np.uint8), np.zeros((1, 0)), none, np.zeros((1, 1), np.int64), NO_LAYERS,
     )  # fmt: skip
     return Stop(int(f.at[STOP]))
-
-
-def _phase_step(f: Phases, z: float, h: float, energy: float) -> None:
-    """Enter h [s] of motion that led from depth z [m] to the state x, and see what it means.
-
-    energy [J]: what the drive drew in it, entered in the accounts of the drive already. With h = 0
-    a phase begins, where one is to.
-    """
-    p, x, at = f.given, f.x, f.at
-    if h > 0.0:
-        stage = f.stages[at[PHASE]]
-        enter_energy(p, x, f.accounts, energy, stage[LOADS], h)
-        _enter_time(f, z, h, bool(at[ARRIVED] == 1))
-        row(f)
-        settled(f)
-        if at[STOP] == 0 and at[ALARM] == 0 and x[Z] > p[DEEPEST]:
-            _raise_alarm(f)
-    if turn(f) and at[STOP] == 0:
-        turn(f)
-
-
-_UNDER = f"mission-{source_hash(Path(__file__).parent.glob('*.py'))}-{NAME}"
-phase_step = compiled(_phase_step, under=_UNDER, allocates=False)

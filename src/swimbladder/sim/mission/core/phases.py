@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-from swimbladder.control.rate import RateParameters
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
-from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
 from swimbladder.sim.mission.core.names import Cycle, Holding, Kind, Phases, Row, Stage
 
@@ -23,7 +21,7 @@ NEW_PHASE, V_MAX, V_MIN = int(At.NEW_PHASE), int(Given.V_MAX), int(Given.V_MIN)
 RESERVE, LAST_TIME, LAST_CYCLE = int(Given.RESERVE), int(Given.LAST_TIME), int(Given.LAST_CYCLE)
 SURFACING, KIND, DEPTH = int(Given.SURFACING), int(Stage.KIND), int(Stage.DEPTH)
 TOLERANCE, DURATION, TIMEOUT = int(Stage.TOLERANCE), int(Stage.DURATION), int(Stage.TIMEOUT)
-DEAD, TO_SURFACE = int(Stage.LAW) + RateParameters._fields.index("dead"), int(Kind.SURFACE)
+TO_SURFACE = int(Kind.SURFACE)
 PARK, HOLD, NOTHING = int(Kind.PARK), int(Kind.HOLD), int(Doing.NOTHING)
 SURFACING_ENERGY, ACCOUNTS = int(Account.SURFACING_ENERGY), int(Account.COUNT)
 C_BEGIN, C_END, C_DEEPEST = int(Cycle.T_BEGIN), int(Cycle.T_END), int(Cycle.DEEPEST)
@@ -139,11 +137,11 @@ def arrive(f: Phases) -> None:
 
 
 @part
-def afloat(f: Phases) -> None:
-    """Say so where the vehicle floats with all its volume out, and what that means."""
+def afloat(f: Phases) -> bool:
+    """Say so where the vehicle floats with all its volume out; return whether it is afloat now."""
     x, at = f.x, f.at
     if at[PLACE] != 1 or x[V] < f.given[V_MAX] - FULL * (f.given[V_MAX] - f.given[V_MIN]):
-        return
+        return False
     if at[ALARM] == 1:
         at[STOP] = PASSED
     elif at[ARRIVED] == 0 and f.stages[at[PHASE], KIND] == TO_SURFACE:
@@ -152,9 +150,20 @@ def afloat(f: Phases) -> None:
         f.accounts[SURFACING_ENERGY] += f.given[SURFACING]
         x[CHARGE] -= f.given[SURFACING]
         arrive(f)
-        x[T_LOOK] = math.inf
-        if rate_of(f.given, f.table, NOTHING, True, x[Z], x[V], 0.0)[0] != 0.0:
-            x[T_LOOK] = x[T] + f.stages[at[PHASE], DEAD]
+        return True
+    return False
+
+
+@inlined
+def settle(f: Phases) -> bool:
+    """See whether it floats, which is returned, or has come to the depth of its phase."""
+    x, at = f.x, f.at
+    floats = bool(at[STOP] == 0 and at[PLACE] == 1 and afloat(f))
+    if at[STOP] == 0 and at[ARRIVED] == 0 and at[ALARM] == 0:
+        stage = f.stages[at[PHASE]]
+        if stage[KIND] != TO_SURFACE and abs(x[Z] - stage[DEPTH]) <= stage[TOLERANCE]:
+            arrive(f)
+    return floats
 
 
 @part

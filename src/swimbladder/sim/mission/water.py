@@ -1,4 +1,6 @@
-"""Swell as a free vehicle meets it: it goes up and down with the water, and so does the surface.
+"""The water of a mission: what a vehicle is in it, and its swell as a free vehicle meets it.
+
+A free vehicle goes up and down with the water, and so does the surface.
 
 Depths of a mission are those of pressure, which under waves over deep water stays the same along
 the path of a parcel of water (linear theory: the pressure of the wave and that of the way up and
@@ -17,9 +19,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.physics.seawater import WaterMotion, motion_table
+from swimbladder.io.mission import Mission
+from swimbladder.physics.seawater import Column, WaterMotion, motion_table
+from swimbladder.sim.closed_loop.water import Medium, medium_of
+from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+
+_NO_LAYER = 1e-12  # m3: what rounding makes of even water
 
 
 def seen_share(wavenumber: float, height: float) -> float:
@@ -43,3 +50,13 @@ def waves_of(motion: WaterMotion, height: float, gravity: float) -> Array:
             row[0] *= seen_share(float(row[4]), height)
             row[5] = -math.inf
     return table
+
+
+def medium_for(vehicle: Vehicle, mission: Mission, column: Column) -> Medium:
+    """Return the vehicle in the water of a mission; in even water as in its own."""
+    depths = [phase.depth for phase in mission.phases if phase.depth is not None]
+    reach = max([mission.start_depth, *depths])
+    found = medium_of(vehicle, column, reach=reach, bottom_depth=mission.bottom)
+    own = medium_of(vehicle, None, reach=reach, bottom_depth=mission.bottom)
+    even = found.layers.largest <= _NO_LAYER
+    return own if even and math.isclose(found.plant.a_b, own.plant.a_b, rel_tol=1e-9) else found

@@ -1,0 +1,372 @@
+"""The phases of a mission by laws that sample, as hooks of the closed loop: `closed_loop.hooks`.
+
+At each sample the last one is entered in the accounts of the mission, the phases go on, and it is
+decided whether the law is called. Where it is not, an input is held instead: all volume out to
+surface or after the alarm, at rest within a `rest_band`, and to dive from afloat, until the vehicle
+has no more volume than makes it neutral at the surface: a law takes the volume that it begins with
+for the neutral one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
+from swimbladder.sim.closed_loop.rows import Row as Lane
+from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
+from swimbladder.sim.engine.books import Account as Sums
+from swimbladder.sim.engine.cache import inlined, part
+from swimbladder.sim.engine.modes import (
+    BOTTOM,
+    EMERGING,
+    FRICTION,
+    GAIN,
+    LOAD_BACK,
+    LOWER,
+    LOWER_SPINNING,
+    POSITIONER,
+    SUBMERGED,
+    SUPPLY,
+    UPPER,
+    Z_SURFACE,
+)
+from swimbladder.sim.engine.rodas.drive import FULL, note
+from swimbladder.sim.engine.rodas.entries import enter, enter_energy
+from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Given, Note, Now, Stop
+from swimbladder.sim.mission.core.hooks import enter_time, full, raise_alarm, turn
+from swimbladder.sim.mission.core.names import Kind, Phases, Row, Stage
+from swimbladder.sim.mission.core.phases import row, settle
+
+T, Z, W, V, T_END = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_END)
+T_PHASE, CHARGE, Z_MOST = int(Now.T_PHASE), int(Now.CHARGE), int(Now.Z_MOST)
+V_LEAST, V_MOST, PHASE, DOING = int(Now.V_LEAST), int(Now.V_MOST), int(At.PHASE), int(At.DOING)
+PLACE, ARRIVED, ALARM, STOP = int(At.PLACE), int(At.ARRIVED), int(At.ALARM), int(At.STOP)
+STEPS, CALLS, MASS, EMPTY = int(At.STEPS), int(At.LOOKS), int(Given.MASS), int(Given.EMPTY)
+V_MIN, V_MAX, SHALLOW = int(Given.V_MIN), int(Given.V_MAX), int(Given.SHALLOW)
+DEEPEST, KIND, DEPTH, LOADS = (
+    int(Given.DEEPEST),
+    int(Stage.KIND),
+    int(Stage.DEPTH),
+    int(Stage.LOADS),
+)
+TO_SURFACE, NOTHING, PUMPING = int(Kind.SURFACE), int(Doing.NOTHING), int(Doing.PUMPING)
+LETTING_IN, R_DOING, LOADS = int(Doing.LETTING_IN), int(Row.DOING), int(Stage.LOADS)
+PUMPED, LET_IN, LEAKED = int(Account.PUMPED), int(Account.LET_IN), int(Account.LEAKED)
+PUMP_RUNS, VALVE_RUNS = int(Account.PUMP_RUNS), int(Account.VALVE_RUNS)
+LEAK_WORK, DRAG, IMPACTS = int(Account.LEAK_WORK), int(Account.DRAG), int(Account.BLOWS)
+OF_PUMPED, OF_LEAKED, OF_TRAVEL = int(Sums.PUMPED), int(Sums.LEAKED), int(Sums.TRAVEL)
+OF_U_Q, OF_U_U, OF_Z_Q, OF_LEAK_Z = int(Sums.U_Q), int(Sums.U_U), int(Sums.Z_Q), int(Sums.LEAK_Z)
+OF_DRAG, OF_BOTTOM, OF_MOTOR = int(Sums.DRAG), int(Sums.BOTTOM_W), int(Sums.MOTOR_ON)
+N_T, N_Z = int(Drive.T), int(Drive.Z)
+NOTE_BOTTOM, LEFT_BOTTOM = int(Note.BOTTOM), int(Note.LEFT_BOTTOM)
+EMERGED, SUBMERGES = int(Note.EMERGED), int(Note.SUBMERGED)
+UPPER_STOP, LOWER_STOP = int(Note.UPPER_STOP), int(Note.LOWER_STOP)
+STOP_LEFT, LOST, STUCK = int(Stop.LEFT_WATER), int(Stop.LOST), int(Stop.STUCK)
+CHECK = 10.0  # s between two checks of the depth where a law may rest, at least
+_STILL = 0.01  # share of its band that a vehicle may drift between two of them, to be let rest
+_LAW, _BAND, _SPEED = range(3)  # columns of `Sampled.tasks`
+_ROOM = 64  # rows or notes that a sample may add
+_SAME = 1e-6  # of a sample: time that rounding makes
+
+Array = NDArray[np.float64]
+
+
+class Numbers(NamedTuple):
+    """What does not change while one law flies."""
+
+    tick: float  # s, of a sample
+    weight: float  # N/m3, rho g
+    neutral_top: float  # m3, neutral volume where the hull begins to emerge
+    row_samples: float  # from row to row of the trajectory
+    longest: float  # s between two checks of a law that rests
+    unseen: float  # m that the depth seems to change by the sensor's noise
+    moving: float = 0.0  # W from the cells, of a positioner; 0 where it is not known, as below
+    holding: float = 0.0  # W
+    conductance: float = 0.0  # 1/ohm, of a motor's winding
+    kappa: float = 0.0  # V s/m3, of the motor
+    given: float = 1.0  # -, power at the terminals over that into the motor
+    back: float = 1.0  # -, likewise where the motor gives it back
+    emf: float = 1.0  # V, of the battery
+    resistance: float = 0.0  # ohm, of the battery
+
+
+class Way(NamedTuple):
+    """What is remembered from sample to sample, beside the phases and the rows of the lane."""
+
+    law: float = -1.0  # which law flies; as in `Sampled.tasks`
+    begun: float = 0.0  # s, when it was laid out
+    parts: float = 0.0  # steps of a sample
+    tick: float = 0.0  # sample that is due
+    flew: float = 0.0  # 1: a sample was flown that is not entered yet
+    drawn: float = 0.0  # samples whose noise is used up
+    called: float = 0.0  # 1: the law is called
+    begins: float = 0.0  # 1: it begins anew
+    held: float = 0.0  # V or m3 in its place
+    rests: float = 0.0  # 1: it rests
+    seen: float = math.nan  # m, depth at the last check, nan: there was none
+    check: float = 0.0  # s, time of the next
+    pause: float = CHECK  # s between the two
+    phase_begin: float = math.nan  # s, of the phase whose reference moves
+    phase_from: float = 0.0  # m, where that began
+    since: float = 0.0  # samples since the last row
+    row_out: float = 0.0  # m3 pumped up to it
+    row_in: float = 0.0  # m3 let in up to it
+
+
+WAY = np.dtype([(name, np.float64) for name in Way._fields])
+
+
+class Sampled(NamedTuple):
+    """A mission by sampled laws on its way, as the hooks take it."""
+
+    phases: Phases
+    own: Numbers
+    now: Any  # a record of WAY
+    tasks: Array  # [phases, 3]: number of its law, rest band [m] and speed [m/s], 0: none
+    sums: Array  # [1, Sums] of the block's lane, emptied at each sample
+    log: Array  # [1, n, 3], its passages from mode to mode, likewise
+    noted: NDArray[np.int64]  # [1, 1], how many
+
+
+@part
+def _begin(f: Sampled, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
+    """Enter the last sample, let the phases go on, and set what the law is to follow."""
+    g, now = f.phases, f.now
+    x, at = g.x, g.at
+    now.tick = k
+    if now.flew != 0.0:
+        now.flew = 0.0
+        _enter(f, S, k)
+    if S[Lane.STOPPED] != 0.0 and at[STOP] == 0:
+        at[STOP] = STUCK
+    if turn(g) and at[STOP] == 0:
+        turn(g)
+    if g.counts[0] == 0 and g.rows.shape[0] > 0:
+        row(g)
+    task = f.tasks[at[PHASE]]
+    if at[STOP] != 0 or task[_LAW] != now.law or full(g, _ROOM):
+        return True
+    end = g.stages[at[PHASE], DEPTH]
+    if task[_SPEED] > 0.0:
+        if now.phase_begin != x[T_PHASE]:
+            now.phase_begin, now.phase_from = x[T_PHASE], x[Z]
+        way = end - now.phase_from
+        end -= math.copysign(max(abs(way) - task[_SPEED] * (x[T] - x[T_PHASE]), 0.0), way)
+    S[Lane.REFERENCE] = end
+    now.flew, now.tick = 1.0, k + 1.0
+    return False
+
+
+@part
+def _enter(f: Sampled, S: Array, k: int) -> None:
+    """Enter the sample that led to the state S, and see what it means for the phase."""
+    g, now, sums, h = f.phases, f.now, f.sums[0], f.own.tick
+    x, at, a = g.x, g.at, g.accounts
+    z, arrived, alarm, place = x[Z], at[ARRIVED], at[ALARM], at[PLACE]
+    change = S[Lane.V] - x[V]
+    x[T] = now.begun + k * h
+    if abs(x[T_END] - x[T]) < _SAME * h:
+        x[T] = x[T_END]
+    x[V], x[Z], x[W] = S[Lane.V], S[Lane.Z], S[Lane.W]
+    at[PLACE] = int(S[Lane.MODE]) // 20
+    at[STEPS] += 1
+    if S[Lane.STOPPED] == LEFT_WATER:
+        at[STOP] = STOP_LEFT
+    elif S[Lane.STOPPED] == TOO_DEEP:
+        at[STOP] = LOST
+    x[Z_MOST], x[V_LEAST] = max(x[Z_MOST], x[Z]), min(x[V_LEAST], x[V])
+    if at[PLACE] == SUBMERGED:
+        x[V_MOST] = max(x[V_MOST], x[V])
+    energy = _energy(f.own, S, sums)
+    _enter_drive(f, sums, change, energy)
+    a[LEAKED] += sums[OF_LEAKED]
+    a[LEAK_WORK] += f.own.weight * sums[OF_LEAK_Z]
+    a[DRAG] += g.given[MASS] * sums[OF_DRAG]
+    a[IMPACTS] += g.given[MASS] * sums[OF_BOTTOM]
+    sums[:] = 0.0
+    _note_passages(f, S[Lane.PLANT + Z_SURFACE])
+    enter_energy(g.given, x, a, energy, g.stages[at[PHASE], LOADS], h)
+    enter_time(g, z, h, arrived == 1)
+    now.since += 1.0
+    checks, rests = _is_due(f), now.rests != 0.0
+    due = checks if rests else now.since >= f.own.row_samples
+    due = due or at[PLACE] != place or x[T] >= x[T_END] or x[CHARGE] <= g.given[EMPTY]
+    rows = g.counts[0]
+    row(g)
+    settle(g)
+    if at[STOP] == 0 and at[ALARM] == 0 and x[Z] > g.given[DEEPEST]:
+        raise_alarm(g)
+    if due or at[STOP] != 0 or at[ARRIVED] != arrived or at[ALARM] != alarm:
+        _close_row(f, rows - 1)
+    else:
+        g.counts[0] = rows
+
+
+@inlined
+def _enter_drive(f: Sampled, sums: Array, change: float, energy: float) -> None:
+    """Enter what the drive did in a sample that changed the volume by `change` [m3]."""
+    at, a = f.phases.at, f.phases.accounts
+    net = sums[OF_PUMPED]
+    out = max(0.5 * (sums[OF_TRAVEL] + change), net, 0.0)
+    doing = NOTHING
+    if out > 0.0 or out - net > 0.0:
+        doing = PUMPING if net >= 0.0 else LETTING_IN
+        if doing != at[DOING]:
+            a[PUMP_RUNS if doing == PUMPING else VALVE_RUNS] += 1.0
+    at[DOING] = doing
+    a[PUMPED] += out
+    a[LET_IN] += out - net
+    on, work = min(sums[OF_MOTOR], f.own.tick), f.own.weight * sums[OF_Z_Q]
+    enter(a, doing, 0.0, work, energy, on)  # the volumes stand there already
+
+
+@inlined
+def _energy(own: Numbers, S: Array, sums: Array) -> float:
+    """Return what the drive draws from the battery's cells in a sample [J]."""
+    h = own.tick
+    if S[Lane.PLANT + POSITIONER] != 0.0:
+        on = min(sums[OF_MOTOR], h)
+        return float(own.moving * on + own.holding * (h - on))
+    motor = own.conductance * (sums[OF_U_U] - own.kappa * sums[OF_U_Q]) / h
+    power = motor * (own.given if motor > 0.0 else own.back)
+    # `physics.electric.supply_current` times E; nan beyond what the battery can give
+    root = math.sqrt(own.emf * own.emf - 4.0 * own.resistance * power)
+    return float(own.emf * 2.0 * power / (own.emf + root) * h)
+
+
+@inlined
+def _close_row(f: Sampled, last: int) -> None:
+    """Let the row before the present one say what was done in between."""
+    g, now = f.phases, f.now
+    out, back = g.accounts[PUMPED] - now.row_out, g.accounts[LET_IN] - now.row_in
+    now.since, now.row_out, now.row_in = 0.0, g.accounts[PUMPED], g.accounts[LET_IN]
+    if 0 <= last < g.rows.shape[0]:
+        doing = PUMPING if out >= back else LETTING_IN
+        g.rows[last, R_DOING] = doing if out > 0.0 or back > 0.0 else NOTHING
+
+
+@part
+def _note_passages(f: Sampled, top: float) -> None:
+    """Note where the vehicle came to the surface [m], the bottom or an end stop."""
+    g, log = f.phases, f.log[0]
+    x, at = g.x, g.at
+    rocks = at[ARRIVED] == 1 and g.stages[at[PHASE], KIND] == TO_SURFACE
+    for n in range(min(f.noted[0, 0], log.shape[0])):
+        t, old, new = f.now.begun + log[n, 0], int(log[n, 1]), int(log[n, 2])
+        stop = _stop_of(new)
+        if stop >= 0 and stop != _stop_of(old) and not rocks:
+            _note(g, t, stop, x[Z])
+        where, was = new // 20, old // 20
+        if where != was:
+            if where == BOTTOM:
+                _note(g, t, NOTE_BOTTOM, x[Z])
+            elif was == BOTTOM:
+                _note(g, t, LEFT_BOTTOM, x[Z])
+            else:
+                _note(g, t, EMERGED if where == EMERGING else SUBMERGES, top)
+    f.noted[0, 0] = 0
+
+
+@inlined
+def _stop_of(mode: int) -> int:
+    """Return the note of an end stop that the drive stands at in a mode; -1: at none."""
+    act = mode % 10
+    if act == UPPER:
+        return UPPER_STOP
+    return LOWER_STOP if act in (LOWER, LOWER_SPINNING) else -1
+
+
+@part
+def _note(g: Phases, t: float, what: int, depth: float) -> None:
+    """Note a passage at a time [s] and depth [m]; without room nothing is kept."""
+    n = g.counts[1]
+    note(g.notes, g.counts, g.x, what, g.x[W])
+    if g.counts[1] > n:
+        g.notes[n, N_T], g.notes[n, N_Z] = t, depth
+
+
+@part
+def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
+    """See whether the law is called, or which input is held."""
+    g, now = f.phases, f.now
+    x, at, p = g.x, g.at, g.given
+    called, moves = now.called != 0.0, S[Lane.PLANT + POSITIONER] != 0.0
+    now.called, now.begins = 0.0, 0.0
+    surface, nearly = g.stages[at[PHASE], KIND] == TO_SURFACE, FULL * (p[V_MAX] - p[V_MIN])
+    more = x[V] - f.own.neutral_top
+    if at[ALARM] == 1 or (surface and (x[Z] <= p[SHALLOW] or at[ARRIVED] == 1)):
+        now.rests = 0.0
+        if moves:
+            now.held = p[V_MAX]
+        else:
+            now.held = _holding(S) if x[V] >= p[V_MAX] - nearly else S[Lane.PLANT + SUPPLY]
+    elif not called and at[PLACE] == EMERGING and more > nearly:
+        # all of it in a sample, but for what the supply lacks
+        u = S[Lane.PLANT + FRICTION] + more / (f.own.tick * S[Lane.PLANT + GAIN])
+        now.held = f.own.neutral_top if moves else -min(u, S[Lane.PLANT + SUPPLY])
+    elif _rests(f, S[Lane.SEEN_DEPTH]):
+        now.held = x[V] if moves else _holding(S)
+    else:
+        now.called, at[CALLS] = 1.0, at[CALLS] + 1
+        if not called:
+            now.begins, S[Lane.WAIT] = 1.0, 0.0
+
+
+@inlined
+def _holding(S: Array) -> float:
+    """Return the voltage that holds the volume against the sea [V]."""
+    load = S[Lane.PLANT + LOAD_BACK] * max(S[Lane.Z], 0.0)
+    return float(max(load - S[Lane.PLANT + FRICTION], 0.0))
+
+
+@inlined
+def _is_due(f: Sampled) -> bool:
+    """Return whether the next sample would be too late for the next check."""
+    return bool(f.phases.x[T] + (1.0 - _SAME) * f.own.tick > f.now.check)
+
+
+@inlined
+def _rests(f: Sampled, seen: float) -> bool:
+    """Return whether the law rests, the depth being seen [m] where a check is due."""
+    g, now, own = f.phases, f.now, f.own
+    x, at = g.x, g.at
+    band = f.tasks[at[PHASE], _BAND]
+    if band == 0.0 or at[ARRIVED] == 0:
+        now.rests, now.seen, now.check = 0.0, math.nan, x[T]
+        return False
+    if not _is_due(f):
+        return bool(now.rests != 0.0)
+    left = band - abs(seen - g.stages[at[PHASE], DEPTH])
+    drift = math.inf if math.isnan(now.seen) else abs(seen - now.seen)
+    rests = left >= 0.5 * band and drift <= max(_STILL * band, own.unseen)
+    if now.rests != 0.0:
+        rests = left >= 0.0
+    if rests:  # at constant acceleration from rest it is then at the edge of its band at most
+        speed = max(drift / now.pause, 1e-9)
+        now.pause = max(min(0.25 * left / speed, 2.0 * now.pause, own.longest), CHECK)
+    else:
+        now.pause = CHECK
+    now.rests, now.seen, now.check = 1.0 if rests else 0.0, seen, x[T] + now.pause
+    return bool(rests)
+
+
+@inlined
+def _starts(f: Sampled, k: int) -> bool:  # noqa: ARG001
+    return bool(f.now.begins != 0.0)
+
+
+@inlined
+def _ask(f: Sampled, S: Array, k: int) -> bool:  # noqa: ARG001
+    return bool(f.now.called != 0.0)
+
+
+@inlined
+def _drive(f: Sampled, S: Array, k: int, command: float) -> float:  # noqa: ARG001
+    return float(command if f.now.called != 0.0 else f.now.held)
+
+
+hook_in(Sampled, Hooks(_begin, _sense, _ask, _drive, starts=_starts))
