@@ -13,7 +13,7 @@ from studies.deep_readings import (
     rests,
     speed_scatter,
 )
-from swimbladder.estimation.motion.deep_dive import DeepDive, Pieces
+from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_model import Body
 from swimbladder.physics.seawater import Column
 
@@ -26,14 +26,13 @@ def dive(time, pressure, temperature, acts=(), pumps=()):
     """A dive with runs of a second at `acts` [s]."""
     acts, n = np.asarray(acts, dtype=float), len(time)
     density = 1028.0 + 4.5e-7 * LEVELS
-    bare = dict.fromkeys(Pieces.__dataclass_fields__, NONE)
     return DeepDive(
         name="made up", time=time, pressure=pressure, temperature=temperature,
         unwarmed=0, leaked=np.zeros(n), action_time=acts, action_seconds=np.ones(len(acts)),
         action_pumps=np.asarray(pumps, dtype=bool), action_bypass=np.zeros(len(acts), dtype=bool),
         action_volume=np.zeros(len(acts)), action_short=np.zeros(len(acts)),
         action_pressure=np.zeros(len(acts)), water_pressure=LEVELS, water_density=density,
-        water_layers=np.zeros(len(LEVELS)), gravity=9.8, stroke=6e-4, pieces=Pieces(**bare),
+        water_layers=np.zeros(len(LEVELS)), gravity=9.8, stroke=6e-4,
     )  # fmt: skip
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
 from typing import Any, Literal, NamedTuple
+
+from swimbladder.errors import InputError
+from swimbladder.vehicle.schema import did_you_mean
 
 Origin = Literal["data", "prior", "set", "none"]
 Severity = Literal["note", "warning", "no"]
@@ -53,6 +56,18 @@ def finding(room: str, key: str, severity: Severity | None = None, /, **values: 
     known = _SENTENCES[room][key]
     kind = known.get("kind", key)
     return Finding(kind, severity or known["severity"], sentence(room, key, **values))
+
+
+def check_names(
+    names: Sequence[str], known: Iterable[str], option: str, what: str, more: str = ""
+) -> None:
+    """Raise InputError for a name that is not known, saying `what`, or that is there twice."""
+    for name in names:
+        if name not in known:
+            remedy = f"{did_you_mean(name, known)}Choose from {', '.join(known)}{more}"
+            raise InputError(what, field=option, value=name, remedy=remedy)
+        if names.count(name) > 1:
+            raise InputError("named twice", field=option, value=name, remedy="Name it once")
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -35,16 +36,7 @@ class Autoregression(NamedTuple):
 
     def whiten(self, columns: Array) -> Array:
         """Return the columns [n, c] of a block, each row less its prediction, of equal variance."""
-        result = np.empty_like(columns)
-        top = len(self.coefficients)
-        for k in range(min(top, len(columns))):
-            ahead = np.array(self.predictors[k])
-            result[k] = columns[k] - ahead @ columns[:k][::-1]
-            result[k] /= math.sqrt(self.variances[k])
-        if len(columns) > top:
-            result[top:] = columns[top:]
-            for lag, factor in enumerate(self.coefficients, start=1):
-                result[top:] -= factor * columns[top - lag : len(columns) - lag]
+        result: Array = _whitener(self, len(columns)) @ columns
         return result
 
     def matrix(self, lengths: Index) -> csr_array:
@@ -66,6 +58,11 @@ class Autoregression(NamedTuple):
         joined = np.concatenate(rows)
         entries = np.concatenate(values) * scale[joined]
         return csr_array((entries, (joined, np.concatenate(columns))), shape=(total, total))
+
+
+@lru_cache(maxsize=256)
+def _whitener(noise: Autoregression, samples: int) -> csr_array:
+    return noise.matrix(np.array([samples]))
 
 
 WHITE = Autoregression((), ((),), (1.0,))

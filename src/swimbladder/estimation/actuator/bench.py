@@ -150,12 +150,9 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
         log, position = log.only(known), position[known]
         reference = None if reference is None else reference[known]
     if len(position) < _FEWEST:
-        raise LogError(
-            f"{len(position)} samples with a position are too few",
-            file=log.source,
-            field="piston_m",
-            remedy=f"Give a log of {_FEWEST} samples or more",
-        )
+        what = f"{len(position)} samples with a position are too few"
+        remedy = f"Give a log of {_FEWEST} samples or more"
+        raise LogError(what, file=log.source, field="piston_m", remedy=remedy)
     time = log.time - log.time[0]
     step = float(np.median(np.diff(time)))
     depth = float(np.nanmax(log.depth, initial=0.0)) if np.isfinite(log.depth).any() else 0.0
@@ -187,12 +184,9 @@ def _position(log: Log, area: float | None) -> tuple[Array, Array | None, Quanti
     if log.piston is not None and np.isfinite(log.piston).any():
         return log.piston, log.reference_piston, "piston"
     if log.volume is None or not np.isfinite(log.volume).any():
-        raise LogError(
-            "the log has no position of a piston and no volume",
-            file=log.source,
-            field="piston_m or volume_m3",
-            remedy="Map one with --column piston_m=NAME or --column volume_m3=NAME",
-        )
+        what = "the log has no position of a piston and no volume"
+        remedy = "Map one with --column piston_m=NAME or --column volume_m3=NAME"
+        raise LogError(what, file=log.source, field="piston_m or volume_m3", remedy=remedy)
     if area is None:
         return log.volume, log.reference_volume, "volume"
     reference = None if log.reference_volume is None else log.reference_volume / area
@@ -204,12 +198,9 @@ def _for_the_motor(
 ) -> Array:
     """Return the voltage cut to the supply's, less what holds the sea, k_z/k_u z of eq. (33)."""
     if vehicle is not None and isinstance(vehicle.actuator, Positioner):
-        raise InputError(
-            f"the vehicle {vehicle.name} is driven by positions, and the log has a voltage",
-            field="actuator.kind",
-            value=vehicle.actuator.kind,
-            remedy="Give the vehicle of this log, or leave the voltage's column out",
-        )
+        what = f"the vehicle {vehicle.name} is driven by positions, and the log has a voltage"
+        remedy = "Give the vehicle of this log, or leave the voltage's column out"
+        raise InputError(what, field="actuator.kind", value=vehicle.actuator.kind, remedy=remedy)
     if vehicle is not None and vehicle.supply is not None:
         limit = vehicle.supply.voltage
         beyond = np.abs(voltage) > limit * (1.0 + 1e-9)

@@ -348,12 +348,9 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
         )
     moving = driven & (np.abs(v) > 0.1 * size)
     if moving.any() and np.sum(n[moving] * np.sign(u[moving]) * v[moving]) < 0.0:
-        raise LogError(
-            "the piston moves against the voltage: positive volts should move it outward",
-            file=benches[0].source,
-            field="piston_m",
-            remedy='Set piston_positive = "in" in the [log] table, or turn the sign of the voltage',
-        )
+        what = "the piston moves against the voltage: positive volts should move it outward"
+        remedy = 'Set piston_positive = "in" in the [log] table, or turn the sign of the voltage'
+        raise LogError(what, file=benches[0].source, field="piston_m", remedy=remedy)
     return guess_from(rows, top, free)
 
 

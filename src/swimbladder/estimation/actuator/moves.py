@@ -43,14 +43,13 @@ class Move(NamedTuple):
     the acceleration), None where the log does not show it. direction: 1 outward, -1 inward.
     """
 
-    log: int
     direction: int
     begin: int | None
     first: int
     last: int
 
 
-def moves(bench: Bench, log: int) -> list[Move]:
+def moves(bench: Bench) -> list[Move]:
     """Return the moves at full speed of a bench, in order.
 
     Without a reference: where the speed, over a few samples, is near the largest that the log has
@@ -60,7 +59,7 @@ def moves(bench: Bench, log: int) -> list[Move]:
     for first, after in bench.runs:
         if after - first >= _FEWEST:
             part = _asked if bench.reference is not None else _seen
-            found += part(bench, log, first, after)
+            found += part(bench, first, after)
     return found
 
 
@@ -95,7 +94,7 @@ def _full(speed: Array) -> float:
     return float(np.median(fast[fast > 0.5 * top]))
 
 
-def _seen(bench: Bench, log: int, first: int, after: int) -> list[Move]:
+def _seen(bench: Bench, first: int, after: int) -> list[Move]:
     speed, width = _speed(bench, first, after)
     least = 4.0 * (bench.noise + bench.quantum)
     found = []
@@ -108,7 +107,8 @@ def _seen(bench: Bench, log: int, first: int, after: int) -> list[Move]:
             begin, start, end = move
             travel = bench.position[end + first] - bench.position[start + first]
             if direction * travel > least:
-                whole = Move(log, direction, _add(begin, first), start + first, end + first)
+                begin = None if begin is None else begin + first
+                whole = Move(direction, begin, start + first, end + first)
                 found.append(_from_rest(bench, whole))
     return sorted(found, key=lambda move: move.first)
 
@@ -121,10 +121,6 @@ def _from_rest(bench: Bench, move: Move) -> Move:
     gone = gone - gone[0]
     rests = -_RESTS * gone[-1] <= gone.min() and gone.max() <= (1.0 + _RESTS) * gone[-1]
     return move if rests else move._replace(begin=None)
-
-
-def _add(index: int | None, first: int) -> int | None:
-    return None if index is None else index + first
 
 
 def _one(
@@ -165,7 +161,7 @@ def _begin(speed: Array, low: int, own: float, width: int) -> int | None:
     return 0 if low <= _FEWEST // 2 + width else None  # it starts with the log
 
 
-def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
+def _asked(bench: Bench, first: int, after: int) -> list[Move]:
     assert bench.reference is not None
     speed, _ = _speed(bench, first, after, (1,))  # its moves may be few samples long
     ahead = bench.reference[first:after] - bench.position[first:after]
@@ -180,7 +176,7 @@ def _asked(bench: Bench, log: int, first: int, after: int) -> list[Move]:
         for low, high in stretches(far):
             start, end = low + 1, high - 1  # it may take up an order late
             if end - start + 1 >= _FEWEST_ASKED:
-                found.append(Move(log, direction, None, start + first, end + first))
+                found.append(Move(direction, None, start + first, end + first))
     return sorted(found, key=lambda move: move.first)
 
 
@@ -526,7 +522,7 @@ def fit_moves(bench: Bench) -> MovesFit:
     if bench.reference is None:  # a positioner turns within few samples, which look alike
         out = spikes(bench.position, 4.0 * (bench.noise + bench.quantum))
     bench = bench.only(~out)
-    found = moves(bench, 0)
+    found = moves(bench)
     unit = f"{bench.unit}/s"
     start = start_up(bench, found)
     rates = [rate_of(bench, move, start.T1.value if start.T1.known else 0.0) for move in found]

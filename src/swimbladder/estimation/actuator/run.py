@@ -23,10 +23,16 @@ from swimbladder.estimation.actuator.voltage import (
     soft_start,
     steps_of,
 )
-from swimbladder.estimation.estimates import Estimate, Finding, Severity, finding, sentence
+from swimbladder.estimation.estimates import (
+    Estimate,
+    Finding,
+    Severity,
+    check_names,
+    finding,
+    sentence,
+)
 from swimbladder.io.logs import Log
 from swimbladder.vehicle import Positioner, Vehicle
-from swimbladder.vehicle.schema import did_you_mean
 
 _WIDE = 1.5  # times, by which an interval is wider
 _SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
@@ -120,18 +126,16 @@ def identify_actuator(
     Raises LogError or InputError for logs that cannot be used, NoAnswerError where nothing moves.
     """
     fixed = dict(fixed or {})
-    _check_names((*fixed, *(asked or ())))
+    for names in (tuple(fixed), tuple(asked or ())):
+        check_names(names, PARAMETERS, "NAME", "the actuator has no such parameter")
     if not logs:
         raise InputError("there are no logs", field="LOG", remedy="Give one log or more")
     benches = [bench(log, vehicle) for log in logs]
     driven = _one_kind(benches)
     if driven != "voltage" and fixed:
-        raise InputError(
-            "nothing can be set where no voltage is logged",
-            field="--set",
-            value=", ".join(fixed),
-            remedy="Leave --set out, or map voltage_V with --column",
-        )
+        what = "nothing can be set where no voltage is logged"
+        remedy = "Leave --set out, or map voltage_V with --column"
+        raise InputError(what, field="--set", value=", ".join(fixed), remedy=remedy)
     if asked is None:
         asked = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}[driven]
         if vehicle is not None and isinstance(vehicle.actuator, Positioner):
@@ -150,17 +154,6 @@ class _Question(NamedTuple):
     fixed: dict[str, float]
     asked: tuple[str, ...]
     advance: Callable[[float], None]
-
-
-def _check_names(names: Sequence[str]) -> None:
-    for name in names:
-        if name not in PARAMETERS:
-            raise InputError(
-                "the actuator has no such parameter",
-                field="NAME",
-                value=name,
-                remedy=f"{did_you_mean(name, PARAMETERS)}Choose from {', '.join(PARAMETERS)}",
-            )
 
 
 def _one_kind(benches: Sequence[Bench]) -> Driven:

@@ -280,11 +280,10 @@ def predict_ahead(
     """
     report = advance or (lambda _: None)
     if not horizons or not min(horizons) > 0.0 or len(set(horizons)) < len(horizons):
-        raise InputError(
-            "these are no times ahead", field="horizons", unit="s",
-            value=",".join(f"{seconds:g}" for seconds in horizons),
-            remedy='Give one or several, above 0 and different, as "10 s,60 s"',
-        )  # fmt: skip
+        what = "these are no times ahead"
+        remedy = 'Give one or several, above 0 and different, as "10 s,60 s"'
+        value = ",".join(f"{seconds:g}" for seconds in horizons)
+        raise InputError(what, field="horizons", unit="s", value=value, remedy=remedy)
     rec = record(
         log, vehicle, drive="volume", bottom_depth=bottom_depth, surface_margin=surface_margin,
         column=column,

@@ -16,11 +16,11 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.comparison.water import follow_in
+from swimbladder.estimation.estimates import check_names
 from swimbladder.estimation.series import Array, Mask
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import Solution, drive, simulate
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
-from swimbladder.vehicle.schema import did_you_mean
 
 _SPAN = 3.0  # s to each side, for the depth and speed at which a window starts
 _WINDOWS = (10.0, 20.0, 40.0, 80.0, 160.0)  # s
@@ -398,14 +398,10 @@ def _apply(
 def _check(names: Sequence[str], vehicle: Vehicle, rec: Record) -> None:
     """Raise InputError for a name that cannot be fitted to this vehicle and record."""
     coefficients = {"drag": vehicle.drag.k_dl, "drag_quadratic": vehicle.drag.k_dt}
+    check_names(names, FITTABLE, "--fit", "this cannot be fitted", "; or none")
     for name in names:
         what = remedy = ""
-        if name not in FITTABLE:
-            what = "this cannot be fitted"
-            remedy = f"{did_you_mean(name, FITTABLE)}Choose from {', '.join(FITTABLE)}; or none"
-        elif names.count(name) > 1:
-            what, remedy = "named twice", "Name it once"
-        elif coefficients.get(name) == 0.0:
+        if coefficients.get(name) == 0.0:
             what = f"the vehicle's drag law, {vehicle.drag.law}, has no such term"
             remedy = 'Choose law = "blended" in [motion.drag], or fit the other term'
         elif name.startswith("start") and rec.afloat:

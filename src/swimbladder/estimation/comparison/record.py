@@ -220,10 +220,9 @@ def record(
         )
     for field, metres in (("bottom_depth", bottom_depth), ("surface_margin", surface_margin)):
         if not metres >= 0.0:
-            raise InputError(
-                "it must not be negative", field=field, value=metres, unit="m",
-                remedy="Check the number and its unit",
-            )  # fmt: skip
+            what = "it must not be negative"
+            remedy = "Check the number and its unit"
+            raise InputError(what, field=field, value=metres, unit="m", remedy=remedy)
     notes = list(log.report)
     chosen = drive or _first_drive(log, vehicle)
     series = _driving(log, vehicle, chosen)
@@ -235,12 +234,9 @@ def record(
     if submerged:
         log, series = _from_submergence(log, series, vehicle, surface_margin, notes)
     if len(log) < _FEWEST:
-        raise LogError(
-            f"{len(log)} samples with {chosen} are too few to compare",
-            file=log.source,
-            field=chosen,
-            remedy=f"Give a log of {_FEWEST} samples or more",
-        )
+        what = f"{len(log)} samples with {chosen} are too few to compare"
+        remedy = f"Give a log of {_FEWEST} samples or more"
+        raise LogError(what, file=log.source, field=chosen, remedy=remedy)
     volume, absolute = _volume(log, vehicle)
     if volume is not None and not absolute:
         volume = volume - volume[0] + vehicle.neutral_volume(float(log.depth[0]))
@@ -267,14 +263,10 @@ def record(
             )
     deepest = _deepest(log)
     if deepest > bottom_depth + _BELOW_BOTTOM:
-        raise LogError(
-            f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m",
-            file=log.source,
-            field="depth_m",
-            value=round(deepest, 3),
-            unit="m",
-            remedy="Check --bottom, and the unit of the logged depth",
-        )
+        what = f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m"
+        remedy = "Check --bottom, and the unit of the logged depth"
+        value = round(deepest, 3)
+        raise LogError(what, file=log.source, field="depth_m", value=value, unit="m", remedy=remedy)
     surface = vehicle.hull.emergence_depth
     under = log.depth >= surface + surface_margin
     clear = log.depth <= bottom_depth - _BOTTOM_MARGIN
@@ -286,17 +278,15 @@ def record(
     if not clear.all():
         notes.append(f"{int((~clear).sum())} samples at the bottom are simulated, not compared")
     if (under & clear).sum() < _FEWEST:
-        raise LogError(
-            f"{int((under & clear).sum())} samples are clear of surface and bottom, too few",
-            file=log.source,
-            field="depth_m",
-            value=float(log.depth.max()),
-            unit="m",
-            remedy='The depths are negative: where they count upward, say depth_positive = "up" in '
+        what = f"{int((under & clear).sum())} samples are clear of surface and bottom, too few"
+        remedy = (
+            'The depths are negative: where they count upward, say depth_positive = "up" in '
             "the [log] table of --log-format"
             if np.median(log.depth) < 0.0
-            else "Check the unit of the depth, or give another --surface-margin or --bottom",
+            else "Check the unit of the depth, or give another --surface-margin or --bottom"
         )
+        value = float(log.depth.max())
+        raise LogError(what, file=log.source, field="depth_m", value=value, unit="m", remedy=remedy)
     refuse_wrong_clock(
         log, vehicle, under & clear, volume=volume if chosen == "volume" else None,
         voltage=log.voltage if chosen == "voltage" else None,
@@ -324,10 +314,9 @@ def record(
 def _layers(log: Log, vehicle: Vehicle, column: Column, drive: Drive) -> Layers:
     """Return the layers of a cast; raises an error where they are no use to the log."""
     if drive != "volume":
-        raise InputError(
-            "a cast is of use only where the logged volume drives the vehicle", field="--cast",
-            value=column.source, remedy="Drive it with --drive volume, or leave the cast out",
-        )  # fmt: skip
+        what = "a cast is of use only where the logged volume drives the vehicle"
+        remedy = "Drive it with --drive volume, or leave the cast out"
+        raise InputError(what, field="--cast", value=column.source, remedy=remedy)
     deepest = _deepest(log)
     if deepest > column.deepest + column.step:
         raise LogError(
@@ -379,30 +368,25 @@ def _first_drive(log: Log, vehicle: Vehicle) -> Drive:
 
 def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
     """Return the series that drives, as logged; raises LogError where there is none."""
-    if drive == "volume":
-        if log.volume is None and log.piston is not None and vehicle.piston_area is None:
-            raise InputError(
-                f"the log has the position of a piston, and the vehicle {vehicle.name} has none",
-                field="actuator.kind",
-                value=vehicle.actuator.kind,
-                remedy="Choose a vehicle with a piston, or log its volume",
-            )
-        found = log.volume if log.volume is not None else log.piston
-    else:
-        if drive == "voltage" and not vehicle.voltage_driven:
-            raise InputError(
-                f"the vehicle {vehicle.name} is not driven by a voltage",
-                field="--drive",
-                value=drive,
-                remedy="Drive it with volume or setpoint",
-            )
-        if drive == "setpoint" and vehicle.controller is None:
-            raise InputError(
-                f"the vehicle {vehicle.name} has no controller to follow the set-point with",
-                field="controller",
-                remedy="Add a [controller] to the vehicle, or choose another --drive",
-            )
-        found = log.voltage if drive == "voltage" else log.reference_depth
+    piston, what, remedy = log.volume is None and log.piston is not None, "", ""
+    field: str = "--drive"
+    value: str | None = drive
+    if drive == "volume" and piston and vehicle.piston_area is None:
+        what = f"the log has the position of a piston, and the vehicle {vehicle.name} has none"
+        field, value = "actuator.kind", vehicle.actuator.kind
+        remedy = "Choose a vehicle with a piston, or log its volume"
+    elif drive == "voltage" and not vehicle.voltage_driven:
+        what = f"the vehicle {vehicle.name} is not driven by a voltage"
+        remedy = "Drive it with volume or setpoint"
+    elif drive == "setpoint" and vehicle.controller is None:
+        what = f"the vehicle {vehicle.name} has no controller to follow the set-point with"
+        field, value = "controller", None
+        remedy = "Add a [controller] to the vehicle, or choose another --drive"
+    if what:
+        raise InputError(what, field=field, value=value, remedy=remedy)
+    volume = log.piston if piston else log.volume
+    series = {"volume": volume, "voltage": log.voltage, "setpoint": log.reference_depth}
+    found = series[drive]
     if found is None:
         raise LogError(
             f"the log has no {drive}", file=log.source, field=drive, remedy=_REMEDIES[drive]

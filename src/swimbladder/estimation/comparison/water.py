@@ -28,10 +28,9 @@ def water_of_each(logs: int, columns: Sequence[Column]) -> tuple[Column | None, 
     if len(columns) <= 1:
         return (columns[0] if columns else None,) * logs
     if len(columns) != logs:
-        raise InputError(
-            f"{len(columns)} casts for {logs} log{'s' if logs > 1 else ''}", field="--cast",
-            remedy="Give one cast for all logs, or one for each in their order",
-        )  # fmt: skip
+        what = f"{len(columns)} casts for {logs} log{'s' if logs > 1 else ''}"
+        remedy = "Give one cast for all logs, or one for each in their order"
+        raise InputError(what, field="--cast", remedy=remedy)
     return tuple(columns)
 
 

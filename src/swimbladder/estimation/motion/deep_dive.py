@@ -8,7 +8,7 @@ into real ones. The volume at the beginning of a dive is unknown, and each dive 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 
@@ -72,7 +72,30 @@ class DeepDive:
     water_layers: Array  # m3/m [k], neutral volume over depth but for what pressure does to it
     gravity: float  # m/s2
     stroke: float  # m3
-    pieces: Pieces
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The parts between two samples, `SHORTEST` to `LONGEST` long, in which nothing runs."""
+        ends = nodes(self.time)
+        first, last = ends[:-1], ends[1:]
+        a, b = self.time[first], self.time[last]
+        over = self.action_time + self.action_seconds + _AFTER
+        busy = (self.action_time < b[:, None]) & (over > a[:, None] + SETTLING)
+        kept = (b - a <= LONGEST) & ~busy.any(axis=1)
+        first, last, a, b = first[kept], last[kept], a[kept], b[kept]
+        middle = 0.5 * (a + b)
+        p = 0.5 * (self.pressure[first] + self.pressure[last])
+        density = np.interp(p, self.water_pressure, self.water_density)
+        before = self.action_time < middle[:, None]
+        speed = (self.pressure[last] - self.pressure[first]) / (b - a) / (density * self.gravity)
+        elapsed = middle - self.time[0]
+        return Pieces(
+            time=middle, elapsed=elapsed, idle=elapsed - before @ self.action_seconds,
+            duration=b - a, pressure=p, density=density, speed=speed,
+            acceleration=_acceleration(middle, speed, before.sum(axis=1)),
+            temperature=0.5 * (self.temperature[first] + self.temperature[last]), before=before,
+            leaked=np.interp(middle, self.time, self.leaked),
+        )  # fmt: skip
 
 
 def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = "") -> DeepDive:
@@ -88,10 +111,8 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     used &= np.isfinite(log.pressure)
     deep = np.flatnonzero(used & (log.pressure > _LEAST))
     if len(deep) < 10:
-        raise InputError(
-            f"{len(deep)} samples below 10 m are no dive", file=log.source, field="log",
-            remedy="Give the log of a dive",
-        )  # fmt: skip
+        what = f"{len(deep)} samples below 10 m are no dive"
+        raise InputError(what, file=log.source, field="log", remedy="Give the log of a dive")
     used[: deep[0]] = False
     used[deep[-1] + 1 :] = False
     # The last row may stand twice, or out of order after a restart of the clock.
@@ -109,10 +130,9 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     temperature = _warmth(time, logged, np.interp(pressure, column.pressure, column.temperature))
     actions = [a for a in log.actions if time[0] - 1.0 <= a.time <= time[-1]]
     if not actions:
-        raise InputError(
-            "the log has no runs of pump or valve", file=log.source, field="log",
-            remedy="Give a log with pump_s and valve_s, or identify with a logged volume",
-        )  # fmt: skip
+        what = "the log has no runs of pump or valve"
+        remedy = "Give a log with pump_s and valve_s, or identify with a logged volume"
+        raise InputError(what, file=log.source, field="log", remedy=remedy)
     begun = np.array([a.time for a in actions])
     seconds = np.array([a.seconds for a in actions])
     pumps = np.array([a.device == "pump" for a in actions])
@@ -120,10 +140,9 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     actuator = vehicle.actuator
     assert isinstance(actuator, PumpAndValve)
     if bypass.any() and actuator.bypass is None:
-        raise InputError(
-            "the log has runs of a bypass, and the vehicle has none", file=log.source,
-            field="actuator.bypass", remedy="Describe the bypass in the vehicle's file",
-        )  # fmt: skip
+        what = "the log has runs of a bypass, and the vehicle has none"
+        remedy = "Describe the bypass in the vehicle's file"
+        raise InputError(what, file=log.source, field="actuator.bypass", remedy=remedy)
     # A run of minutes goes through some 30 dbar.
     within = begun[:, None] + _WITHIN * seconds[:, None]
     at = np.maximum(np.interp(within, time, pressure), 0.0)
@@ -137,7 +156,6 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     leaked = np.append(0.0, np.cumsum(0.5 * (leaks[1:] + leaks[:-1]) * np.diff(time)))
     levels, density = _deepened(column)
     layers = slopes(layered_volume(vehicle, column), column.step)
-    runs = _Runs(begun, seconds, pumps, bypass)
     return DeepDive(
         name=name or log.source, time=time, pressure=pressure, temperature=temperature,
         unwarmed=int(np.sum(~np.isfinite(logged))), leaked=leaked, action_time=begun,
@@ -147,7 +165,6 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
         action_pressure=at.mean(axis=1), water_pressure=levels, water_density=density,
         water_layers=np.interp(levels, column.pressure, layers), gravity=column.gravity,
         stroke=vehicle.stroke.maximum - vehicle.stroke.minimum,
-        pieces=_pieces(time, pressure, temperature, leaked, runs, levels, density, column.gravity),
     )  # fmt: skip
 
 
@@ -161,41 +178,6 @@ def _warmth(time: Array, logged: Array, water: Array) -> Array:
         return water
     apart = np.interp(time, time[known], (logged - water)[known])
     return np.where(known, logged, water + apart)
-
-
-class _Runs(NamedTuple):
-    begun: Array  # s [m]
-    seconds: Array  # s [m]
-    pumps: Mask  # [m]
-    bypass: Mask  # [m]
-
-
-def _pieces(
-    time: Array, pressure: Array, temperature: Array, leaked: Array, runs: _Runs, levels: Array,
-    water: Array, gravity: float,
-) -> Pieces:  # fmt: skip
-    """Return the parts between two samples, `SHORTEST` to `LONGEST` long, in which nothing runs."""
-    ends = nodes(time)
-    first, last = ends[:-1], ends[1:]
-    a, b = time[first], time[last]
-    busy = (runs.begun[None, :] < b[:, None]) & (
-        (runs.begun + runs.seconds)[None, :] + _AFTER > a[:, None] + SETTLING
-    )
-    kept = (b - a <= LONGEST) & ~busy.any(axis=1)
-    first, last, a, b = first[kept], last[kept], a[kept], b[kept]
-    middle = 0.5 * (a + b)
-    p = 0.5 * (pressure[first] + pressure[last])
-    density = np.interp(p, levels, water)
-    before = runs.begun[None, :] < middle[:, None]
-    speed = (pressure[last] - pressure[first]) / (b - a) / (density * gravity)
-    leg = before.sum(axis=1)
-    return Pieces(
-        time=middle, elapsed=middle - time[0], idle=middle - time[0] - before @ runs.seconds,
-        duration=b - a, pressure=p, density=density, speed=speed,
-        acceleration=_acceleration(middle, speed, leg),
-        temperature=0.5 * (temperature[first] + temperature[last]), before=before,
-        leaked=np.interp(middle, time, leaked),
-    )  # fmt: skip
 
 
 def _acceleration(time: Array, speed: Array, leg: Index) -> Array:

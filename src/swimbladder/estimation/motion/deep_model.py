@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import Prior
+from swimbladder.estimation.estimates import Prior, check_names
 from swimbladder.estimation.motion.deep_dive import DeepDive, nodes
 from swimbladder.estimation.motion.deep_filter import (
     DYNAMIC,
@@ -44,7 +44,6 @@ from swimbladder.estimation.series import Array, Index
 from swimbladder.physics.hull import hull_parts, weight_mass
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.vehicle import PumpAndValve, Vehicle
-from swimbladder.vehicle.schema import did_you_mean
 
 
 class DeepName(NamedTuple):
@@ -128,10 +127,9 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
         **dict.fromkeys(CAST, 0.0),
     }
     if not mean["drag"] > 0.0 and "drag" not in given:
-        raise InputError(
-            "deep dives identify quadratic drag, and the vehicle has none to begin with",
-            field="motion.drag.k_dt", remedy='Give --prior "drag=160 +- 30 N s2/m2", or k_dt',
-        )  # fmt: skip
+        what = "deep dives identify quadratic drag, and the vehicle has none to begin with"
+        remedy = 'Give --prior "drag=160 +- 30 N s2/m2", or k_dt'
+        raise InputError(what, field="motion.drag.k_dt", remedy=remedy)
     return {
         name: given.get(name, Prior(mean[name], about.relative * abs(mean[name]) + about.absolute))
         for name, about in (DEEP | CAST).items()
@@ -146,12 +144,7 @@ def cast_volume(body: Body, priors: Mapping[str, Prior], layers: Array) -> Array
 
 def check_deep_names(names: Sequence[str], option: str) -> None:
     """Raise InputError for a name that deep dives cannot identify."""
-    for name in names:
-        if name not in DEEP:
-            raise InputError(
-                "there is no such parameter of deep dives", field=option, value=name,
-                remedy=f"{did_you_mean(name, DEEP)}Choose from {', '.join(DEEP)}",
-            )  # fmt: skip
+    check_names(names, DEEP, option, "there is no such parameter of deep dives")
 
 
 def check_deep_request(
@@ -160,15 +153,12 @@ def check_deep_request(
 ) -> None:  # fmt: skip
     """Raise InputError for what cannot be identified, whatever the logs say."""
     if not isinstance(vehicle.actuator, PumpAndValve):
-        raise InputError(
-            "deep dives are identified for a pump and a valve", field="actuator.kind",
-            value=vehicle.actuator.kind, remedy="Describe the actuator as kind pump-valve",
-        )  # fmt: skip
+        what = "deep dives are identified for a pump and a valve"
+        remedy = "Describe the actuator as kind pump-valve"
+        raise InputError(what, field="actuator.kind", value=vehicle.actuator.kind, remedy=remedy)
     if casts not in (1, dives):
-        raise InputError(
-            f"{casts} casts for {dives} dives", field="--cast",
-            remedy="Give one cast for all dives, or one for each in their order",
-        )  # fmt: skip
+        remedy = "Give one cast for all dives, or one for each in their order"
+        raise InputError(f"{casts} casts for {dives} dives", field="--cast", remedy=remedy)
     check_deep_names(free or (), "--free")
     check_deep_names(fixed, "--set")
     check_deep_names([name for name in priors if name not in CAST], "--prior")
@@ -277,12 +267,11 @@ class Filtered(NamedTuple):
         return float(self.state[V0])
 
 
-def deep_path(
-    dive: DeepDive, body: Body, priors: Mapping[str, Prior], *, until: float = np.inf
-) -> Path:
-    """Return the samples and steps of a dive, as far as `until` [s] after it began."""
-    at = _samples(dive)
-    at = at[dive.time[at] - dive.time[0] <= until] if np.isfinite(until) else at
+def deep_path(dive: DeepDive, body: Body, priors: Mapping[str, Prior]) -> Path:
+    """Return the samples and steps of a dive."""
+    # samples that determine a speed, and the last before each run, perhaps its cause
+    before = np.searchsorted(dive.time, dive.action_time, side="right") - 1
+    at = np.union1d(nodes(dive.time), before[before >= 0])
     time, measured = dive.time[at], dive.pressure[at].astype(np.float64)
     begin, seconds = dive.action_time, np.maximum(dive.action_seconds, 1e-3)
     end = begin + seconds
@@ -309,12 +298,6 @@ def deep_path(
         width=cast_volume(body, priors, np.interp(knots, grid, layers)),
         speed=float((measured[1] - measured[0]) / (time[1] - time[0])) / weight,
     )  # fmt: skip
-
-
-def _samples(dive: DeepDive) -> Index:
-    """Return samples that determine a speed, and the last before each run, perhaps its cause."""
-    before = np.searchsorted(dive.time, dive.action_time, side="right") - 1
-    return np.union1d(nodes(dive.time), before[before >= 0])
 
 
 def _edges(time: Array, begin: Array, end: Array) -> tuple[Array, Index]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, Literal, NamedTuple
+from dataclasses import replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2, linregress
@@ -57,14 +58,11 @@ def choices(problem: Problem, fit: Fit, models: Mapping[str, Model]) -> tuple[Ch
             else:
                 other = _problem(problem, models[law], law, psi)
                 result = refine(other, _begin(other, problem, fit))
-            found.append(_choice(other, result, law, psi, worth, reported=same))
-    least = min(c[1] for c in found)
-    total = sum(math.exp(-0.5 * (bic - least)) for _, bic in found)
-    listed = [
-        Choice(**fields, bic=bic, weight=math.exp(-0.5 * (bic - least)) / total)
-        for fields, bic in found
-    ]
-    return tuple(sorted(listed, key=lambda c: c.bic))
+            found.append(_choice(other, result, psi, worth, reported=same))
+    found.sort(key=lambda c: c.bic)
+    weights = np.exp([-0.5 * (c.bic - found[0].bic) for c in found])
+    shares = (weights / weights.sum()).tolist()
+    return tuple(replace(c, weight=share) for c, share in zip(found, shares, strict=True))
 
 
 def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
@@ -170,20 +168,16 @@ def _worth(coefficients: tuple[float, ...], n: int) -> float:
     return float(1.0 / max(2.0 * gamma.sum() - 1.0, 1.0))
 
 
-def _choice(
-    problem: Problem, fit: Fit, law: str, psi: Psi, worth: float, *, reported: bool
-) -> tuple[dict[str, Any], float]:
-    counts = np.diff(problem.rows)
+def _choice(problem: Problem, fit: Fit, psi: Psi, worth: float, *, reported: bool) -> Choice:
     likelihood = -0.5 * worth * fit.objective
-    samples = worth * float(counts.sum())
-    bic = -2.0 * likelihood + problem.shared * math.log(max(samples, 2.0))
-    fields = {
-        "drag": law, "psi": psi, "parameters": problem.shared,
-        "rms": float(np.sqrt((fit.weight * fit.residual**2).sum() / fit.weight.sum())),
-        "log_likelihood": likelihood, "values": {n: problem.named(fit.x)[n] for n in problem.names},
-        "reported": reported,
-    }  # fmt: skip
-    return fields, bic
+    samples = max(worth * float(problem.rows[-1]), 2.0)
+    values = problem.named(fit.x)
+    return Choice(
+        drag=problem.model.law, psi=psi, parameters=problem.shared,
+        rms=float(np.sqrt((fit.weight * fit.residual**2).sum() / fit.weight.sum())),
+        log_likelihood=likelihood, bic=-2.0 * likelihood + problem.shared * math.log(samples),
+        weight=math.nan, values={n: values[n] for n in problem.names}, reported=reported,
+    )  # fmt: skip
 
 
 def models_of(vehicle: Vehicle, bottom_depth: float) -> dict[str, Model]:
@@ -377,14 +371,9 @@ def diagnose(
 
 def _inflation(coefficients: tuple[float, ...]) -> float:
     """Return the variance of a mean of such residuals, over that of white ones."""
-    return 1.0 if not coefficients else float(
-        max(1.0, (1.0 - _first(coefficients) ** 2) / max(1.0 - sum(coefficients), 1e-2) ** 2)
-    )  # fmt: skip
-
-
-def _first(coefficients: tuple[float, ...]) -> float:
-    """Return a first autocorrelation that gives the autoregression's variance, near enough."""
-    return min(abs(sum(coefficients)), 0.99)
+    total = sum(coefficients)
+    first = min(abs(total), 0.99)  # autocorrelation that gives the variance, near enough
+    return max(1.0, (1.0 - first**2) / max(1.0 - total, 1e-2) ** 2)
 
 
 def _autocorrelated(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:

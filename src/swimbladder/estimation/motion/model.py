@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from swimbladder.errors import InputError
+from swimbladder.estimation.estimates import check_names as check_known
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
-from swimbladder.vehicle.schema import did_you_mean
 
 LAWS = ("linear", "quadratic", "blended")
 
@@ -133,14 +133,10 @@ def default_names(law: str, given: Sequence[str]) -> tuple[str, ...]:
 
 def check_names(names: Sequence[str], model: Model, *, voltage: bool, option: str) -> None:
     """Raise InputError for a name that this vehicle and record do not have."""
+    check_known(names, NAMES, option, "there is no such parameter")
     for name in names:
         what = remedy = ""
-        if name not in NAMES:
-            what = "there is no such parameter"
-            remedy = f"{did_you_mean(name, NAMES)}Choose from {', '.join(NAMES)}"
-        elif list(names).count(name) > 1:
-            what, remedy = "named twice", "Name it once"
-        elif name in ("K1", "T1") and "K1" not in model.values:
+        if name in ("K1", "T1") and "K1" not in model.values:
             what, remedy = "the vehicle's actuator has none", "Choose a vehicle of kind identified"
         elif name in ("K1", "T1") and not voltage:
             what = "a logged volume does not identify the actuator"

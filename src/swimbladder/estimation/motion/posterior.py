@@ -64,11 +64,9 @@ def sample(
     try:
         import emcee
     except ImportError:
-        raise InputError(
-            "the sampler emcee is not installed",
-            field="--posterior",
-            remedy="Install it: pip install 'swimbladder[posterior]'",
-        ) from None
+        what = "the sampler emcee is not installed"
+        remedy = "Install it: pip install 'swimbladder[posterior]'"
+        raise InputError(what, field="--posterior", remedy=remedy) from None
     p = problem.shared
     density = _Density(problem, fit)
     rng = np.random.default_rng(seed)

@@ -115,11 +115,10 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
     ramps = record.drive == "volume"
     segments = _stretches(record) if ramps else _whole(record)
     if not segments:
-        raise LogError(
-            f"no stretch of {_SHORTEST:g} s or more is clear of surface and bottom",
-            file=source, field="depth_m", value=float(record.depth.max()), unit="m",
-            remedy="Check the unit of the depth, --bottom and --surface-margin",
-        )  # fmt: skip
+        what = f"no stretch of {_SHORTEST:g} s or more is clear of surface and bottom"
+        remedy = "Check the unit of the depth, --bottom and --surface-margin"
+        value = float(record.depth.max())
+        raise LogError(what, file=source, field="depth_m", value=value, unit="m", remedy=remedy)
     return Experiment(
         source=source, record=record, inputs=inputs, ramps=ramps, reference=reference,
         neutral=neutral, added=0.0 if absolute else record.layers.at(reference), segments=segments,
@@ -404,7 +403,8 @@ class Problem:
 
     def _plants(self, x: Array, e: Experiment, own: int, moved: Sequence[int]) -> list[Plant]:
         """Return the plant at x, and with each of the entries `moved` a little larger."""
-        return [self._plant(x, e, own), *(self._plant(_moved(x, i), e, own) for i in moved)]
+        steps = _STEP * np.eye(len(x))
+        return [self._plant(x, e, own), *(self._plant(x + steps[i], e, own) for i in moved)]
 
     def _plant(self, x: Array, e: Experiment, own: int) -> Plant:
         values = self.named(x)
@@ -443,19 +443,17 @@ def check_parameters(
         raise InputError("nothing is left to identify", field="--free", remedy="Free a parameter")
     for name in names:
         if name in fixed:
-            raise InputError(
-                "it is both set and to be identified", field="--set", value=name,
-                remedy="Leave it out of --free or of --set",
-            )  # fmt: skip
+            what = "it is both set and to be identified"
+            remedy = "Leave it out of --free or of --set"
+            raise InputError(what, field="--set", value=name, remedy=remedy)
     for name, value in fixed.items():
         if NAMES[name].logarithmic:
             check_number(value, "--set", NAMES[name].unit, above=0.0, finite=False)
     for name, prior in priors.items():
         if name not in names:
-            raise InputError(
-                "it has a prior, but is not identified", field="--prior", value=name,
-                remedy=f"Name it in --free, which has {', '.join(names)}",
-            )  # fmt: skip
+            what = "it has a prior, but is not identified"
+            remedy = f"Name it in --free, which has {', '.join(names)}"
+            raise InputError(what, field="--prior", value=name, remedy=remedy)
         if not prior.std > 0.0 or (NAMES[name].logarithmic and not prior.mean > 0.0):
             raise InputError(
                 "no such prior: the deviation has to be above 0, and the mean of a positive "
@@ -463,12 +461,6 @@ def check_parameters(
                 field="--prior", value=f"{name}={prior.mean:g} +- {prior.std:g}",
                 unit=NAMES[name].unit, remedy="What is known exactly is fixed: `fixed`",
             )  # fmt: skip
-
-
-def _moved(x: Array, i: int) -> Array:
-    moved = x.copy()
-    moved[i] += _STEP
-    return moved
 
 
 _SIZE = 30.0  # s, of the T2 whose rate is 1

@@ -47,10 +47,8 @@ def between_logs(
     """
     known = vehicle.identified
     if len(records) < FEWEST:
-        raise InputError(
-            f"the between-log variance is not identifiable from {len(records)} logs", field="LOG",
-            remedy=f"Give {FEWEST} or more",
-        )  # fmt: skip
+        what = f"the between-log variance is not identifiable from {len(records)} logs"
+        raise InputError(what, field="LOG", remedy=f"Give {FEWEST} or more")
     if known is None:
         raise InputError(
             "the vehicle was not identified", field="identified", remedy="Identify it first"

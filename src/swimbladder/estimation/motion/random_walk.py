@@ -198,10 +198,8 @@ def _samples(e: Experiment) -> list[Samples]:
     """Return what the filter takes of a record: its stretches clear of contact."""
     record = e.record
     if record.volume is None or record.drive != "volume":
-        raise InputError(
-            "a random walk of the neutral volume is seen where only the logged volume drives it",
-            field="--drive", value=record.drive, remedy="Drive it with volume",
-        )  # fmt: skip
+        what = "a random walk of the neutral volume is seen where only the logged volume drives it"
+        raise InputError(what, field="--drive", value=record.drive, remedy="Drive it with volume")
     found = []
     for segment in e.segments:
         part = slice(segment.first, segment.last + 1)

@@ -53,19 +53,15 @@ def check_logs(
     check_std("neutral_std", neutral_std, "m3")
     check_std("speed_std", speed_std, "m/s")
     if drive not in (None, "volume", "voltage"):
-        raise InputError(
-            "this does not drive the vehicle's model by itself", field="drive",
-            value=drive, remedy="Choose volume or voltage",
-        )  # fmt: skip
+        what = "this does not drive the vehicle's model by itself"
+        raise InputError(what, field="drive", value=drive, remedy="Choose volume or voltage")
 
 
 def check_std(field: str, value: float, unit: str) -> None:
     """Raise InputError for a standard deviation that is not above 0."""
     if not value > 0.0:
-        raise InputError(
-            "it must be above 0", field=field, value=value, unit=unit,
-            remedy="Give a standard deviation, or none for no assumption",
-        )  # fmt: skip
+        remedy = "Give a standard deviation, or none for no assumption"
+        raise InputError("it must be above 0", field=field, value=value, unit=unit, remedy=remedy)
 
 
 def check_motion(records: Sequence[Record]) -> None:
