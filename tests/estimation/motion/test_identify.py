@@ -11,7 +11,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.motion import Prior, identify
 from swimbladder.estimation.motion.diagnose import directions, single_gains
 from swimbladder.estimation.motion.fit import fit
-from swimbladder.estimation.motion.fit_estimates import profile
+from swimbladder.estimation.motion.run import profile
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from tests.estimation.motion.pool import FEUP, STEPS, campaign, pool_log, trace

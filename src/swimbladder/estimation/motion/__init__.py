@@ -1,8 +1,8 @@
 """The vertical motion's parameters from measured logs, with what is known of their errors.
 
 `problem` says which stretches of a log are informative, and predicts them with their derivatives;
-`fit` finds the most probable parameters, `fit_estimates` their intervals; `diagnose` says what the
-data leave open and examines the answer, as `model_selection` does; `run` puts them together.
+`fit` finds the most probable parameters; `diagnose` says what the data leave open, and compares
+other models; `run` finds intervals and puts all together, `result` holds it.
 """
 
 from swimbladder.estimation.estimates import Estimate, Finding, Prior

@@ -27,19 +27,9 @@ import numpy as np
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior, check_names
+from swimbladder.estimation.motion import deep_filter as of
 from swimbladder.estimation.motion.deep_dive import DeepDive, nodes
-from swimbladder.estimation.motion.deep_filter import (
-    DYNAMIC,
-    RATE,
-    V0,
-    D,
-    P,
-    U,
-    W,
-    Z,
-    displaced_variance,
-    filter_kernel,
-)
+from swimbladder.estimation.motion.deep_filter import displaced_variance, filter_kernel
 from swimbladder.estimation.series import Array, Index
 from swimbladder.physics.hull import hull_parts, weight_mass
 from swimbladder.physics.seawater.column import ATMOSPHERE
@@ -264,7 +254,7 @@ class Filtered(NamedTuple):
     @property
     def start(self) -> float:
         """The drive's volume when the dive began [m3]."""
-        return float(self.state[V0])
+        return float(self.state[of.V0])
 
 
 def deep_path(dive: DeepDive, body: Body, priors: Mapping[str, Prior]) -> Path:
@@ -390,17 +380,17 @@ def filtered(body: Body, values: Mapping[str, float], noise: Noise, path: Path) 
     volume = volume + body.volume * values["thermal_expansion"] * warm
     down = values["drag"]
     up = down * values["drag_up"]
-    x = np.zeros(DYNAMIC + len(path.knots))
+    x = np.zeros(of.DYNAMIC + len(path.knots))
     p, w = float(path.measured[0]), path.speed
     carried = (down if w > 0.0 else up) * w * abs(w) / float(np.interp(p, path.grid, water[:, 1]))
-    x[P], x[W] = p, w
-    x[V0] = float(np.interp(p, path.grid, water[:, 0])) - volume[0] - carried
+    x[of.P], x[of.W] = p, w
+    x[of.V0] = float(np.interp(p, path.grid, water[:, 0])) - volume[0] - carried
     variance = np.ones(len(x))
-    variance[P], variance[W], variance[U] = noise.pressure**2, _SPEED_STD**2, noise.water**2
-    variance[RATE] = variance[U] / noise.lasts**2
-    variance[Z] = displaced_variance(variance[U], noise.lasts)
-    variance[D] = 0.0
-    variance[V0] = (_START[0] * abs(carried) + _START[1]) ** 2
+    variance[of.P], variance[of.W] = noise.pressure**2, _SPEED_STD**2
+    variance[of.U], variance[of.RATE] = noise.water**2, noise.water**2 / noise.lasts**2
+    variance[of.Z] = displaced_variance(variance[of.U], noise.lasts)
+    variance[of.D] = 0.0
+    variance[of.V0] = (_START[0] * abs(carried) + _START[1]) ** 2
     covariance = np.diag(variance)
     n = len(path.measured)
     innovation, spread = np.zeros(n), np.ones(n)
