@@ -30,7 +30,7 @@ from concurrent.futures import (
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -294,23 +294,12 @@ def _by_threads(job: Job, chunks: list[int], workers: Workers, report: Callable[
 def _by_pool(job: Job, chunks: list[int], workers: Workers, report: Callable[[], None]) -> None:
     """Do chunks by processes; those of a pool that broke by another."""
     job.create()
-    name, source, tries = job.name, software(), 0
+    work, tries = partial(_do, job.name, software(), job), 0
     while chunks:
         before = len(chunks)
-        try:
-            with _processes(workers.local) as pool:
-                futures = [pool.submit(_do, name, source, job, chunk) for chunk in chunks]
-                try:
-                    left = set(futures)
-                    while left:
-                        finished, left = wait(left, _POLL, FIRST_COMPLETED)
-                        for future in finished:
-                            future.result()
-                        report()
-                finally:
-                    pool.shutdown(wait=False, cancel_futures=True)
-        except BrokenProcessPool:
-            pass
+        with contextlib.suppress(BrokenProcessPool):
+            for _ in each(work, chunks, workers=workers.local, processes=True):
+                report()
         done = job.done()
         chunks = [chunk for chunk in chunks if chunk not in done]
         tries = 0 if len(chunks) < before else tries + 1

@@ -201,9 +201,9 @@ def test_a_compressed_log(made_up: Path, tmp_path: Path) -> None:
 
 
 def test_what_is_no_such_log(tmp_path: Path, made_up: Path) -> None:
-    assert is_mermaid(made_up.read_text())
-    assert not is_mermaid("time_s,depth_m\n0,1\n")
-    assert not is_mermaid("2031-03-01T10:00:00:[OTHER ,0001]x\n")
+    assert is_mermaid(made_up.read_bytes())
+    assert not is_mermaid(b"time_s,depth_m\n0,1\n")
+    assert not is_mermaid(b"2031-03-01T10:00:00:[OTHER ,0001]x\n")
     other = tmp_path / "other.csv"
     other.write_text("time_s,depth_m\n0,1\n")
     with refused(LogError, field="[PRESS ,0038]"):

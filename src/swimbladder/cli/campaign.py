@@ -11,7 +11,7 @@ import typer
 
 from swimbladder.cli.casts import CastReading, warn_of_mass
 from swimbladder.cli.common import asked_of, compile_notice, emit_json, kept, progress, say, table
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,18 +53,24 @@ class Spreads(Options):
     drag: str | None = valued("SHARE", "1 sigma of the drag (10 %).", name="--drag-std")
     pump: str | None = valued("SHARE", "1 sigma of the pump's delivery (5 %).", name="--pump-std")
 
-    def of(self, vehicle: Vehicle, file: Path | None, identified: bool) -> Spread:
+    spread: Path | None = valued("FILE", "TOML file with all of these.")
+    identified: bool = flag("--identified", "Spread as identified of the vehicle, correlated.")
+    sensitivity: bool = flag("--sensitivity", "Sobol indices: what the outcome comes from.")
+
+    def of(self, vehicle: Vehicle) -> Spread:
         """Return the spread of a file, or the usual one; as identified; with what is stated."""
         from swimbladder.io.config import file_text, read_model
         from swimbladder.vehicle.spread import Spread
 
+        file = self.spread
         found = Spread() if file is None else read_model(Spread, file_text(file), file)
-        if identified:
+        if self.identified:
             try:
                 found = found.identified(vehicle)
             except InputError as error:
                 raise error.but(field="--identified") from None
-        given = {name: text for name, text in vars(self).items() if text is not None}
+        inputs = {name: getattr(self, name) for name in ("trim", "psi", "drag", "pump")}
+        given = {name: text for name, text in inputs.items() if text is not None}
         with self.said_as_typed():
             return Spread(**{**found.model_dump(), **given})
 
@@ -95,15 +101,6 @@ def campaign(
     *,
     how: Flown,
     stated: Spreads,
-    spread: Annotated[
-        Path | None, typer.Option("--spread", metavar="FILE", help="TOML file with all of these.")
-    ] = None,
-    identified: Annotated[
-        bool, typer.Option("--identified", help="Spread as identified of the vehicle, correlated.")
-    ] = False,
-    sensitivity: Annotated[
-        bool, typer.Option("--sensitivity", help="Sobol indices: what the outcome comes from.")
-    ] = False,
     work: Work,
     reading: CastReading,
     to: Files,
@@ -131,11 +128,11 @@ def campaign(
         from swimbladder.sim.campaign.run import Floats
 
     workers = Workers(**who)
-    drawn = stated.of(v, spread, identified)
+    drawn = stated.of(v)
     with asked_of(mission, task, duration=how.span):
         job = Floats(
             vehicle=v, mission=task, columns=columns, floats=floats, spread=drawn,
-            sensitivity=sensitivity, store=(to.out / "campaign.zarr").absolute(), **asked,
+            sensitivity=stated.sensitivity, store=(to.out / "campaign.zarr").absolute(), **asked,
         )  # fmt: skip
     layout = job.layout
     doing = f"flying {layout.floats} floats"

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.common import aside, progress, quantity
-from swimbladder.cli.logs import pairs, selections
-from swimbladder.cli.options import Options, valued
+from swimbladder.cli.logs import selections
+from swimbladder.cli.options import Options, pairs, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -87,11 +87,9 @@ class CastReading(Options):
     """How the casts of every command that takes some are read, and chosen in their files."""
 
     columns: list[str] | None = valued(
-        "NAME=COLUMN", "As for logs, NAME=COLUMN@UNIT too.", name="--column", read=pairs
+        "NAME=COLUMN", "As for logs, NAME=COLUMN@UNIT too.", name="--column"
     )
-    where: list[str] | None = valued(
-        "COLUMN=VALUE", "Only these rows of the file.", name="--where", read=pairs
-    )
+    where: list[str] | None = valued("COLUMN=VALUE", "Only these rows of the file.", name="--where")
     form: str | None = valued("FORMAT", r"TOML file with a \[log] table.", name="--log-format")
     profile: int | None = valued("N", "Which profile of the cast's file.", name="--profile", min=1)
     latitude: str | None = valued("DEGREES", "Of the cast.", name="--latitude", read=_degrees)

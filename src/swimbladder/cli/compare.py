@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -33,6 +33,7 @@ from swimbladder.units import format_quantity, shown_unit
 if TYPE_CHECKING:
     from swimbladder.estimation.comparison import Comparison
     from swimbladder.estimation.comparison.ahead import Ahead as Predicted
+    from swimbladder.io.logs import Log
     from swimbladder.physics.seawater import Column
     from swimbladder.vehicle import Vehicle
 
@@ -145,7 +146,7 @@ def compare(
     from swimbladder.io.config import load_vehicle
 
     v = load_vehicle(vehicle, sampled=True)
-    how = _How(v, reading, fit.given(), ahead.asked(), to.out, plot)
+    options, horizons = fit.given(), ahead.asked()
     tasks = [_Task(log) for log in reading.chosen(logs)]
     from swimbladder.estimation.comparison.water import water_of_each
 
@@ -154,7 +155,8 @@ def compare(
         task.name, task.water = name, water
         try:
             with fit.said_as_typed(), ahead.said_as_typed():
-                _compare(task, how)
+                _compare(task, v, reading.log(task.log, v), options, horizons)
+            task.files = _write(task, to.out, plot=plot)
         except SwimbladderError as error:
             if len(tasks) == 1:
                 raise
@@ -168,17 +170,6 @@ def compare(
     code = max(0 if task.error is None else task.error.exit_code for task in tasks)
     if code:
         raise typer.Exit(code)
-
-
-class _How(NamedTuple):
-    """How each log is read and compared."""
-
-    vehicle: Vehicle
-    reading: LogReading
-    options: dict[str, Any]
-    horizons: dict[str, Any] | None
-    out: Path
-    plot: bool
 
 
 @dataclass
@@ -216,10 +207,10 @@ def _file_names(tasks: list[_Task]) -> list[str]:
     return found
 
 
-def _compare(task: _Task, how: _How) -> None:
-    """Read the log, compare, and write the files."""
-    vehicle, options, spans, plot = how.vehicle, how.options, how.horizons, how.plot
-    log = how.reading.log(task.log, vehicle)
+def _compare(
+    task: _Task, vehicle: Vehicle, log: Log, options: dict[str, Any], spans: dict[str, Any] | None
+) -> None:
+    """Compare a log with the model, and predict over the spans that are asked for."""
     with progress("loading the simulator"):
         from swimbladder.estimation.comparison import compare as compare_log
 
@@ -234,6 +225,11 @@ def _compare(task: _Task, how: _How) -> None:
             task.ahead = predict_ahead(
                 log, vehicle, **spans, **edges, column=task.water, advance=advance
             )
+
+
+def _write(task: _Task, out: Path, *, plot: bool) -> list[Path]:
+    """Write the files of a comparison and return their paths."""
+    assert task.result is not None
     files: dict[str, object] = {f"{task.name}.csv": task.result.columns()}
     if plot:
         from swimbladder.show.plots.comparison import draw_comparison
@@ -248,7 +244,7 @@ def _compare(task: _Task, how: _How) -> None:
     with progress(f"writing {task.name}"):
         from swimbladder.show.files import write_all
 
-        task.files = write_all(how.out, files)
+        return write_all(out, files)
 
 
 def _cleared(value: float, least: float) -> float:

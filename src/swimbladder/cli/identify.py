@@ -24,8 +24,8 @@ from swimbladder.cli.common import (
     table,
     typed_command,
 )
-from swimbladder.cli.logs import LogReading, once
-from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, names, valued
+from swimbladder.cli.logs import LogReading
+from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, names, once, valued
 from swimbladder.cli.settings import Sought, deviation, known, setting
 from swimbladder.errors import InputError
 
@@ -301,7 +301,8 @@ def identify(
     to.check()
     check_folder(to.out, vehicle)
     begun = time.perf_counter()
-    doing = progress(_doing(len(given)), 1.0)
+    logs_given = "one log" if len(given) == 1 else f"{len(given)} logs"
+    doing = progress(f"identifying from {logs_given}", 1.0)
     with sought.said_as_typed(), fit.said_as_typed(), compile_notice(), doing as advance:
         found = identify_logs(given, v, **options, advance=advance)
     seconds = time.perf_counter() - begun
@@ -329,7 +330,3 @@ def _refuse_runs(path: Path, vehicle: Vehicle, mapped: Mapping[str, str]) -> Non
             f"{vehicle.name!r} has no pump and valve", field="--vehicle", value=vehicle.name,
             remedy="Give a vehicle whose actuator is of kind pump-valve, like example-float",
         )  # fmt: skip
-
-
-def _doing(count: int) -> str:
-    return "identifying from one log" if count == 1 else f"identifying from {count} logs"

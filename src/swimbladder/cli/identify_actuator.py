@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import aside, labelled, progress, quantity, table, typed_command
-from swimbladder.cli.logs import LogReading, pair, pairs
-from swimbladder.cli.options import Files, LogFiles, grouped, names, valued
+from swimbladder.cli.logs import LogReading
+from swimbladder.cli.options import Files, LogFiles, grouped, names, pair, valued
 
 if TYPE_CHECKING:
     from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
@@ -24,7 +24,7 @@ class Reading(LogReading):
     """How logs of an actuator are read."""
 
     column: list[str] | None = valued(
-        "NAME=COLUMN", r'As in piston_m="Position \[mm]" or piston_m=Position@mm.', read=pairs
+        "NAME=COLUMN", r'As in piston_m="Position \[mm]" or piston_m=Position@mm.'
     )
 
 

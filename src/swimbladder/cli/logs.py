@@ -6,18 +6,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 from swimbladder.cli.common import aside, progress
-from swimbladder.cli.options import Options, valued
-from swimbladder.errors import InputError, LogError
+from swimbladder.cli.options import Options, pair, pairs, valued
+from swimbladder.errors import LogError
 
 if TYPE_CHECKING:
     from swimbladder.io.log_format import LogFormat
     from swimbladder.io.logs import Log
     from swimbladder.vehicle import Vehicle
-
-_Value = TypeVar("_Value")
 
 
 class Chosen(NamedTuple):
@@ -31,34 +29,6 @@ class Chosen(NamedTuple):
         """The file's name and the selection."""
         rows = ", ".join(f"{name}={value}" for name, value in self.where.items())
         return f"{self.path.name} {rows}".rstrip()
-
-
-def pair(text: str, option: str) -> tuple[str, str]:
-    """Return NAME and VALUE of a text NAME=VALUE given to `option`.
-
-    Raises InputError naming the option where it is none.
-    """
-    name, sign, value = text.partition("=")
-    if not sign or not name.strip() or not value.strip():
-        raise InputError(
-            "not a pair", field=option, value=text, remedy=f"Write it as {option} NAME=VALUE"
-        )
-    return name.strip(), value.strip()
-
-
-def once(pairs: Sequence[tuple[str, _Value]], option: str) -> dict[str, _Value]:
-    """Return the pairs as a dictionary; raises InputError where a name stands twice."""
-    found: dict[str, _Value] = {}
-    for name, value in pairs:
-        if name in found:
-            raise InputError("given twice", field=option, value=name, remedy="Give it once")
-        found[name] = value
-    return found
-
-
-def pairs(texts: Sequence[str], option: str) -> dict[str, str]:
-    """Return the pairs NAME=VALUE of an option; raises InputError where a name stands twice."""
-    return once([pair(text, option) for text in texts], option)
 
 
 def selections(texts: Sequence[str]) -> list[dict[str, str]]:
@@ -75,7 +45,7 @@ class LogReading(Options):
 
     where: list[str] | None = valued("COLUMN=VALUE", "Only these rows; VALUE,VALUE: one log each.")
     column: list[str] | None = valued(
-        "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.', read=pairs
+        "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
     )
     log_format: str | None = valued("FORMAT", r"TOML file with a \[log] table.")
 
@@ -117,7 +87,7 @@ def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogErr
     from swimbladder.io.log_formats.mermaid import is_mermaid
     from swimbladder.io.log_text import read_bytes
 
-    if is_mermaid(read_bytes(path)[:4000].decode("latin-1")):
+    if is_mermaid(read_bytes(path)):
         return LogError(
             "the log of a float of the MERMAID kind: it tells of pressures and runs of a pump, and "
             "of no volume", file=path, field=error.field,

@@ -75,13 +75,21 @@ def mission(
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     asked = how.read()
+    asked["span"] = asked.pop("duration")
     begin = asked.pop("begin") or _BEGIN
     to.check()
     keep = unfinished(to.out)
     read = next(iter(reading.casts(cast, task.latitude)), None)
     warn_of_mass(v)
     with asked_of(mission, task, duration=how.duration):
-        found = _fly(v, task, water(v, task, read), keep, asked)
+        column = water(v, task, read)
+        with progress("loading the simulator"):
+            from swimbladder.sim.mission.flight import fly_mission
+            from swimbladder.sim.mission.result import MissionResult
+
+        with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
+            flown = fly_mission(v, task, column, **asked, keep=keep, advance=advance)
+        found = MissionResult(flown, flown.reach)
     answer = found.to_json()
     with progress("writing the files"):
         files = _write(found, to.out, answer, read, begin, netcdf=netcdf, plot=plot)
@@ -104,21 +112,6 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
     refuse_doubted_unit([cast], deepest, vehicle.hull.depth_limit)
     with progress("tabulating the water"):
         return cast_column(cast)
-
-
-def _fly(
-    vehicle: Vehicle, task: Mission, column: Column, keep: Path, asked: dict[str, Any]
-) -> MissionResult:
-    with progress("loading the simulator"):
-        from swimbladder.sim.mission.flight import fly_mission
-        from swimbladder.sim.mission.result import MissionResult
-
-    with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
-        flown = fly_mission(
-            vehicle, task, column, cycles=asked["cycles"], span=asked["duration"],
-            seed=asked["seed"], keep=keep, advance=advance,
-        )  # fmt: skip
-    return MissionResult(flown, flown.reach)
 
 
 def _write(

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
@@ -25,6 +25,7 @@ _UNITS = {
 }  # fmt: skip
 
 
+_Value = TypeVar("_Value")
 VehicleName = Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")]
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")]
 
@@ -72,13 +73,43 @@ def depth_pair(text: str, option: str) -> tuple[float, float]:
     return first, last
 
 
-def _read(text: str, option: str, about: Mapping[str, Any]) -> Any:
+def pair(text: str, option: str) -> tuple[str, str]:
+    """Return NAME and VALUE of a text NAME=VALUE given to `option`.
+
+    Raises InputError naming the option where it is none.
+    """
+    name, sign, value = text.partition("=")
+    if not sign or not name.strip() or not value.strip():
+        raise InputError(
+            "not a pair", field=option, value=text, remedy=f"Write it as {option} NAME=VALUE"
+        )
+    return name.strip(), value.strip()
+
+
+def once(pairs: Sequence[tuple[str, _Value]], option: str) -> dict[str, _Value]:
+    """Return the pairs as a dictionary; raises InputError where a name stands twice."""
+    found: dict[str, _Value] = {}
+    for name, value in pairs:
+        if name in found:
+            raise InputError("given twice", field=option, value=name, remedy="Give it once")
+        found[name] = value
+    return found
+
+
+def pairs(texts: Sequence[str], option: str) -> dict[str, str]:
+    """Return the pairs NAME=VALUE of an option; raises InputError where a name stands twice."""
+    return once([pair(text, option) for text in texts], option)
+
+
+def _read(text: Any, option: str, about: Mapping[str, Any]) -> Any:
     """Return what a text stands for: by a function of it, by the option's word, or as it is."""
     word = about["info"].metavar
     if about["read"] is not None:
         return about["read"](text, option)
     if word in ("LEAST:MOST", "FROM:TO"):
         return depth_pair(text, option)
+    if word in ("NAME=COLUMN", "COLUMN=VALUE"):
+        return pairs(text, option)
     if word == "NAME,...":
         return names(text)
     return quantity(text, _UNITS[word], option) if word in _UNITS else text

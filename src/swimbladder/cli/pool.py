@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import aside, compile_notice, console, labelled, progress, quantity
-from swimbladder.cli.logs import pair, pairs
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, pair, valued
 from swimbladder.cli.pool_view import View, parameter_table
 from swimbladder.cli.settings import Sought, deviation
 from swimbladder.errors import InputError, SwimbladderError, UnitError
@@ -74,7 +73,6 @@ class Followed(Options):
         "NAME=COLUMN",
         r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.',
         name="--column",
-        read=pairs,
     )
     log_format: str | None = valued("FORMAT", r"TOML file with a \[log] table.")
     wait: bool = flag("--wait/--no-wait", "Wait for more, or take the log as finished.", True)

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import quantity
-from swimbladder.cli.logs import once, pair
-from swimbladder.cli.options import Options, valued
+from swimbladder.cli.options import Options, once, pair, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
-    from swimbladder.physics.seawater import Cast, Column
+    from swimbladder.physics.seawater import Column
     from swimbladder.sim.closed_loop import Solution
     from swimbladder.sim.closed_loop.water import Medium
     from swimbladder.vehicle import Vehicle
@@ -101,10 +101,7 @@ def steps_of(s: Solution, task: Mission) -> list[dict[str, Any]]:
                 "time_s": point.time,
                 "start_depth_m": before,
                 "target_depth_m": point.depth,
-                "overshoot_pct": m.overshoot_pct,
-                "rise90_s": m.rise90_s,
-                "settle2_s": m.settle2_s,
-                "final_depth_m": m.final_depth_m,
+                **m._asdict(),
                 "peak_volume_m3": float(np.max(np.abs(volume))),
                 "volume_range_m3": [float(volume.min()), float(volume.max())],
                 "actuator_travel_m3": float(np.sum(np.abs(np.diff(volume)))),
@@ -238,7 +235,12 @@ def simulate(
     casts = reading.casts(cast)
     warn_of_mass(v)
     with step.said_as_typed(**_FIELDS) if mission is None else asked_of(mission, task):
-        water, medium = _water(v, task, casts)
+        reach, medium = max([task.start_depth, *(depth for _, depth in task.pairs)]), None
+        water = water_of_cast(casts, reach, v.hull.depth_limit)
+        if water is not None:
+            from swimbladder.sim.closed_loop.water import medium_of
+
+            medium = medium_of(v, water, reach=reach)
         s = _run(v, task, seed, water)
     folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
@@ -284,22 +286,6 @@ def _mission(vehicle: Vehicle, path: Path | None, step: Step) -> Mission:
     if target is None:
         points.append(Setpoint(time=0.5 * span, depth=0.0))
     return Mission(name="dive" if len(points) > 1 else "step", setpoints=tuple(points), **given)
-
-
-def _water(
-    vehicle: Vehicle, task: Mission, casts: list[Cast]
-) -> tuple[Column | None, Medium | None]:
-    """Return the water of a cast and the vehicle in it; nothing where there is no cast.
-
-    Raises InputError where it ends above a depth that is asked for.
-    """
-    reach = max([task.start_depth, *(depth for _, depth in task.pairs)])
-    if not casts:
-        return None, None
-    from swimbladder.sim.closed_loop.water import medium_of
-
-    column = water_of_cast(casts, reach, vehicle.hull.depth_limit)
-    return column, medium_of(vehicle, column, reach=reach)
 
 
 def _notes(s: Solution, column: Column | None, medium: Medium | None) -> list[str]:

@@ -43,8 +43,10 @@ def is_cnv(data: bytes) -> bool:
     )
 
 
-def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
-    """Return the cast of a .cnv file as it stands there.
+def cnv_cast(
+    data: bytes, path: Path, columns: Mapping[str, str], profile: int | None
+) -> tuple[RawCast, int | None]:
+    """Return the cast of a .cnv file as it stands there, and the profile that is asked for of it.
 
     columns: as for other casts, by the short names of the header ("prDM"). Raises LogError.
     """
@@ -79,8 +81,13 @@ def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
             remedy="Give the file as Sea-Bird's software writes it",
         )  # fmt: skip
     table, row = _numbers(lines, end, len(names), file)
-    table, row = _unflagged(table, row, names, float(said.get("bad_flag", "-9.99e-29")), file)
-    values = {column: _column(column, table, names, columns, file) for column in CAST_COLUMNS}
+    bad = float(said.get("bad_flag", "-9.99e-29"))
+    flag = next((k for k, (short, _) in names.items() if short == "flag"), None)
+    if flag is not None and (flagged := table[:, flag] == bad).any():  # by Loop Edit or Wild Edit
+        file.report.append(f"{counted(int(flagged.sum()), 'row')} flagged as bad left out")
+        table, row = table[~flagged], row[~flagged]
+    table = np.where(table == bad, np.nan, table)
+    values = {name: _column(name, columns.get(name, ""), names, table, file) for name in _SHORT}
     warm = values["temperature_degC"] is not None
     if not warm or (values["pressure_dbar"] is None and values["depth_m"] is None):
         what = "pressure or depth" if warm else "temperature"
@@ -89,7 +96,7 @@ def cnv_cast(data: bytes, path: Path, columns: Mapping[str, str]) -> RawCast:
             remedy=f"Columns of the file: {', '.join(short for short, _ in names.values())}",
         )  # fmt: skip
     said_there = {name: np.array([degrees]) for name, degrees in place.items()}
-    return raw_cast(values | said_there, file, row=row)
+    return raw_cast(values | said_there, file, row=row, unit_stated=True), profile
 
 
 def _numbers(
@@ -120,33 +127,11 @@ def _numbers(
     return np.array(rows), np.array(at, dtype=np.int64)
 
 
-def _unflagged(
-    table: Array,
-    row: NDArray[np.int64],
-    names: Mapping[int, tuple[str, str]],
-    bad: float,
-    file: LogFile,
-) -> tuple[Array, NDArray[np.int64]]:
-    """Return the rows that Loop Edit and Wild Edit did not flag; bad numbers become NaN."""
-    flag = next((k for k, (short, _) in names.items() if short == "flag"), None)
-    kept = np.ones(len(row), dtype=bool)
-    if flag is not None:
-        kept = table[:, flag] != bad
-        if not kept.all():
-            file.report.append(f"{counted(int((~kept).sum()), 'row')} flagged as bad left out")
-    table = table[kept]
-    return np.where(table == bad, np.nan, table), row[kept]
-
-
 def _column(
-    column: str,
-    table: Array,
-    names: Mapping[int, tuple[str, str]],
-    columns: Mapping[str, str],
-    file: LogFile,
+    column: str, given: str, names: Mapping[int, tuple[str, str]], table: Array, file: LogFile
 ) -> Array | None:
     """Return a column of the cast in its unit, None where the file has none."""
-    asked, _, stated = columns.get(column, "").partition("@")
+    asked, _, stated = given.partition("@")
     starts = _SHORT[column]
     found = [
         k for start in starts for k, (short, _) in names.items() if short.lower().startswith(start)

@@ -45,12 +45,6 @@ class CastFormat:
     read: Callable[[bytes, Path, Mapping[str, str], int | None], tuple[RawCast, int | None]]
 
 
-def _read_cnv(
-    data: bytes, path: Path, columns: Mapping[str, str], profile: int | None
-) -> tuple[RawCast, int | None]:
-    return replace(cnv_cast(data, path, columns), unit_stated=True), profile
-
-
 def _accept(form: Any, name: str) -> CastFormat:
     if not isinstance(form, CastFormat):
         raise InputError(
@@ -83,7 +77,7 @@ CAST_FORMATS: Registry[CastFormat] = Registry(
     "swimbladder.cast_formats", "cast format",
     own={
         "netcdf": lambda: CastFormat(recognises=is_netcdf, read=netcdf_cast),
-        "cnv": lambda: CastFormat(recognises=is_cnv, read=_read_cnv),
+        "cnv": lambda: CastFormat(recognises=is_cnv, read=cnv_cast),
     },
     accept=_accept,
 )  # fmt: skip

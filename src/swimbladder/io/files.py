@@ -132,10 +132,7 @@ def write_through(path: str | Path, write: Callable[[Path], object]) -> Path:
         os.close(handle)
         temporary = Path(name)
         write(temporary)
-        if os.name == "posix":  # mkstemp makes it private; give it what open() would have given
-            mask = os.umask(0)
-            os.umask(mask)
-            temporary.chmod(0o666 & ~mask)
+        _publish_mode(temporary, 0o666)  # as open() would have made it
         temporary.replace(target)
     except OSError as error:
         raise InputError(
@@ -149,6 +146,14 @@ def write_through(path: str | Path, write: Callable[[Path], object]) -> Path:
             with contextlib.suppress(OSError):
                 temporary.unlink()
     return target
+
+
+def _publish_mode(path: Path, mode: int) -> None:
+    """Let others at a temporary file or folder, which was made private, as the user's mask says."""
+    if os.name == "posix":
+        mask = os.umask(0)
+        os.umask(mask)
+        path.chmod(mode & ~mask)
 
 
 def make_folder(path: str | Path) -> Path:
@@ -212,10 +217,7 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 path.replace(target)
         else:
-            if os.name == "posix":  # mkdtemp makes it private; as mkdir would have made it
-                mask = os.umask(0)
-                os.umask(mask)
-                temporary.chmod(0o777 & ~mask)
+            _publish_mode(temporary, 0o777)  # as mkdir would have made it
             temporary.rename(out)
     except OSError as error:
         raise _refused(out, error) from error

@@ -49,7 +49,7 @@ def read_float_log(
     where: of a table, as for other logs. Raises LogError, an InputError, with file, column and
     remedy.
     """
-    texts = log_format_name is None and not columns and is_mermaid(_beginning(path))
+    texts = log_format_name is None and not columns and is_mermaid(read_bytes(path))
     if log_format_name == "mermaid" or texts:
         log = read_mermaid(path)
         # while it comes up it may log no pressure, but it pumps
@@ -64,10 +64,6 @@ def read_float_log(
     rows = {**file.form.where, **(where or {})}
     table = read_table(file, rows, lambda header: _sources(file, mapped, header), [], FLOAT_COLUMNS)
     return _float_log(table.values, file)
-
-
-def _beginning(path: str | Path) -> str:
-    return read_bytes(path)[:4000].decode("latin-1")
 
 
 def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:

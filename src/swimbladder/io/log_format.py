@@ -27,16 +27,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import file_text, read_model
 from swimbladder.io.log_formats import FORMATS
-from swimbladder.units import parse_quantity, unit_factor
+from swimbladder.units import unit_factor
 from swimbladder.vehicle import Parameters, Unit
-from swimbladder.vehicle.schema import did_you_mean, refusal
+from swimbladder.vehicle.schema import did_you_mean, quantity_in, refusal
 
 
 class LogColumn(Parameters):
@@ -97,16 +97,8 @@ COLUMNS = {
 
 
 def _zero(unit: str) -> BeforeValidator:
-    def check(value: object) -> float | None:
-        if value is None or value == "first":
-            return None
-        try:
-            return parse_quantity(value, unit)
-        except InputError as error:
-            remedy = f'Write "first" or the reading at mid-stroke, in {unit}'
-            raise refusal(error.what, remedy) from None
-
-    return BeforeValidator(check)
+    how = f'Write "first" or the reading at mid-stroke, in {unit}'
+    return BeforeValidator(lambda x: None if x in (None, "first") else quantity_in(x, unit, how))
 
 
 def _surface(value: object) -> object:
@@ -114,26 +106,19 @@ def _surface(value: object) -> object:
     text = value.strip() if isinstance(value, str) else value
     if text is None or text in ("gauge", "first"):
         return text
-    first = text.removeprefix("first ") if isinstance(text, str) else ""
-    try:
-        if isinstance(text, str) and first != text:
-            seconds = parse_quantity(first, "s")
-            if seconds > 0.0:
-                return f"first {seconds!r} s"
-            raise refusal("the time must be above 0", 'Write it like "first 10 s"')
-        return parse_quantity(text, "Pa")
-    except InputError as error:
-        remedy = 'Write "gauge", "first", "first 10 s" or a pressure like "1013 mbar"'
-        raise refusal(error.what, remedy) from None
+    how = 'Write "gauge", "first", "first 10 s" or a pressure like "1013 mbar"'
+    if not isinstance(text, str) or not text.startswith("first "):
+        return quantity_in(text, "Pa", how)
+    seconds = quantity_in(text.removeprefix("first "), "s", how)
+    if seconds > 0.0:
+        return f"first {seconds!r} s"
+    raise refusal("the time must be above 0", 'Write it like "first 10 s"')
 
 
 def _tick(value: object) -> object:
     """Return the length of a tick [s], of a text in Hz its inverse."""
     if isinstance(value, str) and value.rstrip().endswith("Hz"):
-        try:
-            rate = parse_quantity(value, "1/s")
-        except InputError as error:
-            raise refusal(error.what, 'Write it like "30.5 us" or "32768 Hz"') from None
+        rate = quantity_in(value, "1/s", 'Write it like "30.5 us" or "32768 Hz"')
         return 1.0 / rate if rate > 0.0 else rate
     return value
 
@@ -211,8 +196,8 @@ class LogFormat(Parameters):
     where: dict[str, str | float] = Field(default_factory=dict)
     """column of the file = what it has to hold"""
 
-    @model_validator(mode="after")
-    def _fit_together(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         for name in ("header_starts", "units_row", "skip_rows", "fields", "part"):
             if self.names is not None and getattr(self, name):
                 raise refusal(
@@ -226,7 +211,6 @@ class LogFormat(Parameters):
                 'Add a line water_density = "998 kg/m3", or that of your water',
                 "logger_density",
             )
-        return self
 
 
 class _LogFile(Parameters):

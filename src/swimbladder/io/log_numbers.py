@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Set
 from datetime import UTC, datetime
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.io.log_format import COLUMNS, LogColumn, bracketed, column_factor
+from swimbladder.io.log_format import LogColumn, bracketed, column_factor
 from swimbladder.io.log_rows import Column
 from swimbladder.io.log_text import LogFile, counted
 
@@ -48,11 +48,7 @@ def reads_text(column: LogColumn) -> bool:
 
 
 def text_seconds(
-    texts: Sequence[str],
-    dates: Sequence[str] | None,
-    column: LogColumn,
-    missing: frozenset[str],
-    file: LogFile,
+    texts: list[str], dates: list[str] | None, column: LogColumn, missing: Set[str], file: LogFile
 ) -> tuple[Array, list[int]]:
     """Return times in seconds, NaN where missing, and which of them are no times.
 
@@ -313,7 +309,7 @@ class ColumnReader:
         file: LogFile,
         columns: Mapping[str, Column],
         line: NDArray[np.int64],
-        units: Mapping[str, str] = COLUMNS,
+        units: Mapping[str, str],
     ) -> None:
         """Keep the texts; `units`: of each column that may be read."""
         self.file, self.form, self.units = file, file.form, units

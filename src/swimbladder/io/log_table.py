@@ -73,23 +73,31 @@ def column_readings(given: LogColumn | str) -> dict[str, LogColumn]:
 def mapped_column(
     file: LogFile, name: str, given: LogColumn | str, header: Sequence[str]
 ) -> LogColumn:
-    """Return the column of the file that is mapped; raises LogError where it has none such."""
+    """Return the column of the file that is mapped.
+
+    Raises LogError unless the header has it, and its date, once.
+    """
     readings = column_readings(given)
     fitting = [column for reading, column in readings.items() if reading in header]
-    if not fitting:
-        asked = given if isinstance(given, str) else given.name
-        near = did_you_mean(asked[:60], [column[:60] for column in header[:200]])
-        raise file.refused(
-            "no such column",
-            field=name,
-            value=asked,
-            remedy=f"{near}Columns of the file: {listed(header)}",
-        )
-    return fitting[0]
+    meant = list(readings.values())[:2][-1]  # without what is after the @, for the refusal
+    column = fitting[0] if fitting else meant
+    for wanted in (column.name, column.date):
+        if wanted is not None and header.count(wanted) != 1:
+            near = did_you_mean(wanted[:60], [column[:60] for column in header[:200]])
+            raise file.refused(
+                "the header has this column twice" if wanted in header else "no such column",
+                field=name,
+                value=wanted,
+                remedy=f"{near}Columns of the file: {listed(header)}",
+            )
+    return column
 
 
 def named_columns(
-    file: LogFile, mapped: Mapping[str, str], header: Sequence[str], known: Collection[str]
+    file: LogFile,
+    mapped: Mapping[str, LogColumn | str],
+    header: Sequence[str],
+    known: Collection[str],
 ) -> dict[str, LogColumn]:
     """Return which column of the file each known one is read from: as mapped, else by its name."""
     return {
@@ -121,18 +129,7 @@ def column_sources(
     file: LogFile, mapped: Mapping[str, LogColumn | str], header: list[str], needed: Sequence[str]
 ) -> dict[str, LogColumn]:
     """Return which column of the file each column of the log is read from."""
-    sources: dict[str, LogColumn] = {}
-    for name in COLUMNS:
-        given = mapped.get(name)
-        if given is None:
-            if name in header:
-                sources[name] = _one(file, name, LogColumn(name=name), header)
-            continue
-        readings = column_readings(given)
-        fitting = [column for reading, column in readings.items() if reading in header]
-        meant = list(readings.values())[:2][-1]  # without what is after the @, for the refusal
-        given = fitting[0] if fitting else meant
-        sources[name] = _one(file, name, given, header)
+    sources = named_columns(file, mapped, header, COLUMNS)
     source = depth_source(set(sources), set(mapped), file)
     for other in {"depth_m", "pressure_Pa"} - {source} if source else ():
         sources.pop(other, None)
@@ -160,20 +157,6 @@ def _likely(header: Sequence[str], sources: Mapping[str, LogColumn]) -> str:
         if name not in sources and len(words[name.rpartition("_")[0]]) == 1
     ]
     return f". Perhaps {' '.join(found)}" if found else ""
-
-
-def _one(file: LogFile, name: str, column: LogColumn, header: list[str]) -> LogColumn:
-    """Return the column; raises LogError unless the header has it, and its date, once."""
-    for wanted in (column.name, column.date):
-        if wanted is not None and header.count(wanted) != 1:
-            raise file.refused(
-                "the header has this column twice" if wanted in header else "no such column",
-                field=name,
-                value=wanted,
-                remedy=f"{did_you_mean(wanted[:60], [n[:60] for n in header[:200]])}"
-                f"Columns of the file: {listed(header)}",
-            )
-    return column
 
 
 def listed(header: Sequence[str], limit: int = 30) -> str:

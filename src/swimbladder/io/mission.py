@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from swimbladder.errors import InputError
 from swimbladder.physics.seawater import WaterMotion
@@ -14,7 +14,7 @@ from swimbladder.vehicle import LawNumbers, Parameters, Unit
 from swimbladder.vehicle.schema import refusal
 
 _MOST_PHASES = 50  # whether each was missed is kept as a bit of a double's 53
-_DEEPEST, _NO_SEA = 11_000.0, "no sea is so deep"  # m; Challenger Deep: 10,935 m
+_DEEPEST = 11_000.0  # m; Challenger Deep: 10,935 m
 
 
 class Setpoint(Parameters):
@@ -71,8 +71,8 @@ class Phase(Parameters):
         """What the phase is called."""
         return self.name or self.kind
 
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         stays = self.kind in ("park", "hold", "surface")
         for name, wanted in (("depth", self.kind != "surface"), ("duration", stays)):
             given = getattr(self, name) is not None
@@ -99,7 +99,6 @@ class Phase(Parameters):
                 f"it reaches the surface from {self.depth:g} m",
                 "Give less than the phase's depth", "tolerance",
             )  # fmt: skip
-        return self
 
 
 class Safety(Parameters):
@@ -175,8 +174,8 @@ class Mission(Parameters):
         """How long it lasts at most [s]; infinite where that is not given."""
         return math.inf if self.duration is None else self.duration
 
-    @model_validator(mode="after")
-    def _one_of_two(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if bool(self.setpoints) == bool(self.phases):
             raise refusal(
                 "a mission has either set-points or phases, "
@@ -185,7 +184,8 @@ class Mission(Parameters):
                 "setpoints" if self.phases or "setpoints" in self.model_fields_set else "phases",
             )
         if self.phases:
-            return self._in_cycles()
+            self._check_phases()
+            return
         for name in ("start_depth", "duration"):
             if name not in self.model_fields_set or getattr(self, name) is None:
                 unit = "m" if name == "start_depth" else "s"
@@ -195,9 +195,9 @@ class Mission(Parameters):
         for name in ("cycles", "latitude", "safety", "start_temperature", "water_motion"):
             if name in self.model_fields_set:
                 raise refusal("it belongs to a mission with phases", "Leave it out", name)
-        return self._in_order()
+        self._check_order()
 
-    def _in_cycles(self) -> Self:
+    def _check_phases(self) -> None:
         if self.start_depth < 0.0:
             raise refusal(
                 "the depth is above the surface", "Depths are positive downwards", "start_depth"
@@ -207,24 +207,16 @@ class Mission(Parameters):
                 f"there are {len(self.phases)} phases, and more than {_MOST_PHASES} are not kept",
                 "Repeat a shorter list by `cycles`", "phases",
             )  # fmt: skip
-        if self.start_depth > _DEEPEST:
-            raise refusal(_NO_SEA, "Check the unit", "start_depth")
-        if self.start_depth > self.bottom:
-            raise refusal(
-                f"the depth is below the bottom at {self.bottom:g} m", "Check both depths",
-                "start_depth",
-            )  # fmt: skip
-        for index, phase in enumerate(self.phases):
-            if phase.depth is not None and phase.depth > _DEEPEST:
-                raise refusal(_NO_SEA, "Check the unit", "phases", index, "depth")
-            if phase.depth is not None and phase.depth > self.bottom:
-                raise refusal(
-                    f"the depth is below the bottom at {self.bottom:g} m", "Check both depths",
-                    "phases", index, "depth",
-                )  # fmt: skip
-        return self
+        depths: dict[tuple[str | int, ...], float | None] = {("start_depth",): self.start_depth}
+        depths |= {("phases", k, "depth"): phase.depth for k, phase in enumerate(self.phases)}
+        for place, depth in depths.items():
+            if depth is not None and depth > _DEEPEST:
+                raise refusal("no sea is so deep", "Check the unit", *place)
+            if depth is not None and depth > self.bottom:
+                below = f"the depth is below the bottom at {self.bottom:g} m"
+                raise refusal(below, "Check both depths", *place)
 
-    def _in_order(self) -> Self:
+    def _check_order(self) -> None:
         times = [point.time for point in self.setpoints]
         if times[0] != 0.0:
             raise refusal(
@@ -251,4 +243,3 @@ class Mission(Parameters):
                 len(times) - 1,
                 "time",
             )
-        return self

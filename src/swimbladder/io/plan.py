@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from swimbladder.io.config import file_text, read_model
 from swimbladder.io.vehicle_file import toml_lines, toml_value
@@ -39,15 +39,14 @@ class Move(Parameters):
     going: Literal["up", "down"] | None = None
     """on which way the depth has to be passed"""
 
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if (self.depth is None) != (self.going is None):
             raise refusal(
                 "depth and going belong together",
                 'Give both, as in depth = "2.2 m" and going = "up"; or none, for the release',
                 "depth" if self.depth is None else "going",
             )
-        return self
 
 
 class Trace(Parameters):
@@ -60,11 +59,10 @@ class Trace(Parameters):
     volume: _Series
     """m3 above the one at rest"""
 
-    @model_validator(mode="after")
-    def _alike(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if not len(self.time) == len(self.depth) == len(self.volume):
             raise refusal("the lists differ in length", "Give as many of each", "time")
-        return self
 
 
 class PlannedExperiment(Parameters):
@@ -83,8 +81,8 @@ class PlannedExperiment(Parameters):
     trace: Trace | None = None
     """the record expected"""
 
-    @model_validator(mode="after")
-    def _released(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         for k, move in enumerate(self.moves):
             if (move.depth is None) != (k == 0):
                 raise refusal(
@@ -94,7 +92,6 @@ class PlannedExperiment(Parameters):
                     k,
                     "depth",
                 )
-        return self
 
 
 class Expected(Parameters):
@@ -140,8 +137,8 @@ class Plan(Parameters):
     experiments: Annotated[tuple[PlannedExperiment, ...], Field(min_length=1)]
     """in the order in which to run them"""
 
-    @model_validator(mode="after")
-    def _in_the_pool(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if not 0.0 <= self.shallowest < self.deepest <= self.pool_depth:
             raise refusal(
                 f"a range from {self.shallowest:g} to {self.deepest:g} m is not inside a pool of "
@@ -150,16 +147,10 @@ class Plan(Parameters):
                 "shallowest",
             )
         for k, one in enumerate(self.experiments):
-            depths: list[tuple[float, tuple[str | int, ...]]] = [
-                (one.start_depth, ("start_depth",))
-            ]
-            depths += [
-                (move.depth, ("moves", i, "depth"))
-                for i, move in enumerate(one.moves)
-                if move.depth is not None
-            ]
-            for depth, at in depths:
-                if not self.shallowest <= depth <= self.deepest:
+            depths: dict[tuple[str | int, ...], float | None] = {("start_depth",): one.start_depth}
+            depths |= {("moves", i, "depth"): move.depth for i, move in enumerate(one.moves)}
+            for at, depth in depths.items():
+                if depth is not None and not self.shallowest <= depth <= self.deepest:
                     raise refusal(
                         f"{depth:g} m is outside the plan's range of {self.shallowest:g} to "
                         f"{self.deepest:g} m",
@@ -168,7 +159,6 @@ class Plan(Parameters):
                         k,
                         *at,
                     )
-        return self
 
     @property
     def time(self) -> float:

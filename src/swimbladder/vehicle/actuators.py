@@ -5,9 +5,9 @@ The electricity on board comes from the battery, through the driver, and goes to
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, StrictBool, model_validator
+from pydantic import Field, StrictBool
 
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
@@ -208,15 +208,14 @@ class UnifiedActuator(Parameters):
         back = self.efficiency if self.back_efficiency is None else self.back_efficiency
         return self.k_z * self.efficiency * back
 
-    @model_validator(mode="after")
-    def _known(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if self.back_efficiency is not None and self.efficiency is None:
             raise refusal(
                 "what turns the motor back cannot be told without the efficiency of the drive",
                 "Give both, or neither",
                 "back_efficiency",
             )
-        return self
 
 
 class IdentifiedActuator(Parameters):

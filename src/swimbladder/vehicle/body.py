@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
@@ -51,8 +51,8 @@ class Stroke(Parameters):
         """The largest volume that a command drives to [m3]."""
         return self.maximum - (self.switch_margin or 0.0)
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if self.minimum >= self.maximum:
             raise refusal(
                 f"the minimum, {self.minimum * 1e6:g} cm3, is not below the maximum, "
@@ -65,7 +65,6 @@ class Stroke(Parameters):
                 "the switches leave no stroke between them",
                 "Give the volume between a switch and its end stop", "switch_margin",
             )  # fmt: skip
-        return self
 
 
 class HullPart(Parameters):
@@ -111,8 +110,8 @@ class Hull(Parameters):
     """components of displaced_volume, for ballast, mission and simulate --cast; none: one that psi
     tells of"""
 
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if self.trapped_air >= self.displaced_volume:
             raise refusal(
                 f"it is not less than the displaced volume, {self.displaced_volume * 1e6:g} cm3",
@@ -132,7 +131,6 @@ class Hull(Parameters):
                 "List every part that displaces water, or correct displaced_volume",
                 "parts",
             )
-        return self
 
 
 class Drag(Parameters):
@@ -155,8 +153,8 @@ class Drag(Parameters):
     """drag while rising over that while sinking at the same speed, which the coefficients give; for
     mission, ballast, energy and size, the others refuse it"""
 
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         needs = {
             "linear": ("k_dl",),
             "quadratic": ("k_dt",),
@@ -173,7 +171,6 @@ class Drag(Parameters):
                     "Leave it out, or choose another law",
                     name,
                 )
-        return self
 
 
 class PhysicalMotion(Parameters):

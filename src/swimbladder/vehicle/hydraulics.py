@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from swimbladder.vehicle.actuators import HydraulicDrive, Motor, Oil
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
@@ -97,8 +97,8 @@ class PumpAndValve(Parameters):
     longest_run: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
     """longest time the pump is on in one action; not given: no limit"""
 
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if self.longest_run is not None and self.longest_run < self.quantum:
             raise refusal(
                 f"the longest run is below the quantum, {self.quantum:g} s",
@@ -120,4 +120,3 @@ class PumpAndValve(Parameters):
                 "Check the leakage against actuator.pump.drive.pump_leakage",
                 "leakage",
             )
-        return self

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
 
@@ -58,8 +58,8 @@ class Identified(Parameters):
     between: Between | None = None
     """how logs of this vehicle differ"""
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         count = len(self.names)
         if len(set(self.names)) < count:
             raise refusal("a name stands here twice", "Name each once", "names")
@@ -76,7 +76,6 @@ class Identified(Parameters):
                 "covariance",
             )
         self._check_covariance()
-        return self
 
     def _check_covariance(self) -> None:
         """Refuse a matrix that is no covariance: not symmetric, or a correlation beyond 1."""

@@ -16,10 +16,10 @@ import textwrap
 from collections.abc import Iterable
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Self, Union, cast, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, model_validator
+from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
 
 from swimbladder.errors import InputError
 from swimbladder.units import parse_quantity
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 else:
     ModelMetaclass = type(BaseModel)
 
+_Path = list[str | int]
+_Owner = type[BaseModel] | None
 # Sizes that no part of a vehicle has: their products would leave the range of floats.
 SMALLEST, LARGEST = 1e-20, 1e15
 
@@ -46,10 +48,7 @@ class Unit:
         return core_schema.no_info_before_validator_function(self._parse, handler(source))
 
     def _parse(self, value: object) -> float:
-        try:
-            number = parse_quantity(value, self.text)
-        except InputError as error:
-            raise refusal(error.what, error.remedy or "") from None
+        number = quantity_in(value, self.text)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
             raise refusal(
                 f"{number:.3g} {self.text}".rstrip() + " is beyond any vehicle",
@@ -75,6 +74,14 @@ class Parameters(BaseModel, metaclass=_ParametersMeta):
         frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True
     )
 
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        self.check()
+        return self
+
+    def check(self) -> None:
+        """Raise a `refusal` where fields do not go together."""
+
 
 def refusal(what: str, remedy: str, *field: str | int) -> PydanticCustomError:
     """Return what a validator raises: a sentence on what is wrong and one on what to do.
@@ -82,6 +89,17 @@ def refusal(what: str, remedy: str, *field: str | int) -> PydanticCustomError:
     field: the path, within the model at hand, of the field that is to be named.
     """
     return PydanticCustomError("refused", "{what}", {"what": what, "remedy": remedy, "at": field})
+
+
+def quantity_in(value: object, unit: str, remedy: str = "") -> float:
+    """Return a number, or a text with a unit, in `unit`; raises a `refusal` where it is none.
+
+    remedy: what to do, where the unit alone does not say it.
+    """
+    try:
+        return parse_quantity(value, unit)
+    except InputError as error:
+        raise refusal(error.what, remedy or error.remedy or "") from None
 
 
 def field_unit(model: type[BaseModel], name: str) -> str | None:
@@ -145,9 +163,7 @@ def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
             value = _inside(value, part)
     name = str(path[-1]) if path else ""
     unit = field_unit(owner, name) if owner is not None and name in owner.model_fields else None
-    what, remedy = _explain(
-        first["type"], str(first["msg"]), context, path, annotation, owner, unit
-    )
+    what, remedy = _explain(first, path, annotation, owner, unit)
     if first["type"] in ("missing", "extra_forbidden") or isinstance(value, (dict, BaseModel)):
         value = None
     return InputError(
@@ -167,15 +183,10 @@ _SAID = {
 
 
 def _explain(
-    kind: str,
-    message: str,
-    context: dict[str, Any],
-    path: list[str | int],
-    annotation: Any,
-    owner: type[BaseModel] | None,
-    unit: str | None,
+    error: ErrorDetails, path: _Path, annotation: Any, owner: _Owner, unit: str | None
 ) -> tuple[str, str]:
     """Return what is wrong and what to do, for one of pydantic's kinds of error."""
+    kind, message, context = error["type"], str(error["msg"]), error.get("ctx", {})
     name = str(path[-1]) if path else ""
     if kind == "refused":
         return context["what"], context["remedy"]
@@ -205,7 +216,7 @@ def _explain(
     return message, "See `swimbladder vehicle new` for a file with every field explained"
 
 
-def _how_to_add(path: list[str | int], annotation: Any, unit: str | None) -> str:
+def _how_to_add(path: _Path, annotation: Any, unit: str | None) -> str:
     if models_in(annotation):
         return f"Add a table [{dotted(path)}]"
     if get_origin(annotation) in (tuple, list):
@@ -214,27 +225,21 @@ def _how_to_add(path: list[str | int], annotation: Any, unit: str | None) -> str
         return f"Add a line {path[-1]} = [...]"
     if unit is None:
         return f"Add a line {path[-1]} = ..."
-    return (
-        f'Add a line {path[-1]} = "... {unit}"'
-        if unit
-        else f"Add a line {path[-1]} = (a bare number)"
-    )
+    return f"Add a line {path[-1]} = " + (f'"... {unit}"' if unit else "(a bare number)")
 
 
 def _of_tables(annotation: Any) -> bool:
     return listed_model(annotation) is not None
 
 
-def _walk(
-    annotation: Any, loc: tuple[str | int, ...]
-) -> tuple[list[str | int], Any, type[BaseModel] | None]:
+def _walk(annotation: Any, loc: tuple[str | int, ...]) -> tuple[_Path, Any, _Owner]:
     """Follow pydantic's location: the path in the file, what stands there, the class that has it.
 
     Pydantic's locations also name the member of a union; no such part stands in the file.
     """
-    path: list[str | int] = []
+    path: _Path = []
     current: Any = annotation
-    owner: type[BaseModel] | None = None
+    owner: _Owner = None
     for part in loc:
         models = models_in(current)
         if len(models) > 1:

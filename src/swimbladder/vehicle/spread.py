@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from swimbladder.errors import InputError
 from swimbladder.vehicle.schema import Parameters, Unit, refusal
@@ -52,8 +52,8 @@ class Spread(Parameters):
     correlation: tuple[Correlation, ...] = ()
     """inputs that go together"""
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         pairs = [frozenset(one.of) for one in self.correlation]
         for pair in pairs:
             if len(pair) < 2 or pairs.count(pair) > 1:
@@ -66,7 +66,6 @@ class Spread(Parameters):
                 "these correlations contradict each other: their matrix is not positive",
                 "Make them smaller", "correlation",
             )  # fmt: skip
-        return self
 
     @property
     def matrix(self) -> Array:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
-from swimbladder.errors import InputError
-from swimbladder.units import parse_quantity
 from swimbladder.vehicle.actuators import (
     Driver,
     ElectrohydraulicActuator,
@@ -29,7 +27,7 @@ from swimbladder.vehicle.body import (
 )
 from swimbladder.vehicle.hydraulics import DatasheetPump, PumpAndValve
 from swimbladder.vehicle.identified import Identified
-from swimbladder.vehicle.schema import Parameters, Unit, refusal
+from swimbladder.vehicle.schema import Parameters, Unit, quantity_in, refusal
 
 Actuator = Annotated[
     ElectrohydraulicActuator
@@ -43,12 +41,8 @@ Actuator = Annotated[
 
 
 def _number_or_text(value: object) -> float | str:
-    if isinstance(value, str):
-        return value
-    try:
-        return parse_quantity(value, "")
-    except InputError as error:
-        raise refusal(error.what, 'Write a number, or a text like "1002 V/dm3"') from None
+    how = 'Write a number, or a text like "1002 V/dm3"'
+    return value if isinstance(value, str) else quantity_in(value, "", how)
 
 
 @lru_cache
@@ -211,8 +205,8 @@ class Vehicle(Parameters):
         """Return the volume at which the vehicle rests at `depth` [m], psi z + trim error [m3]."""
         return self.hull.psi * depth + self.trim_error
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
         if self.voltage_driven and self.supply is None:
             raise refusal(
                 "a voltage-driven actuator needs a supply",
@@ -234,7 +228,6 @@ class Vehicle(Parameters):
                 "Trim the vehicle (trim_error), or give it a longer stroke",
                 "trim_error",
             )
-        return self
 
     def _electricity_fits(self) -> None:
         """Refuse pumps without a supply and loads of the same name."""

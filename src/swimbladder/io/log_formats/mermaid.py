@@ -126,10 +126,11 @@ _FULL = 32.767  # degC, the largest that the number of a temperature holds
 _TICK = 0.01  # s; what is left of a run that was broken off is counted in them
 
 
-def is_mermaid(text: str) -> bool:
-    """Return whether a text is such a log: one of its first lines has a time and a known part."""
+def is_mermaid(data: bytes) -> bool:
+    """Return whether bytes are such a log: one of its first lines has a time and a known part."""
     known = ("MAIN", "SURF", "PRESS", "STAGE", "BUOY", "PUMP", "DIVING")
-    return any(line.part in known for line in lines_of("\n".join(text.splitlines()[:20])))
+    first = data[:4000].decode("latin-1").splitlines()[:20]
+    return any(line.part in known for line in lines_of("\n".join(first)))
 
 
 def read_mermaid(path: str | Path) -> FloatLog:
