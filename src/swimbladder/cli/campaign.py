@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -153,12 +153,21 @@ def campaign(
     )  # fmt: skip
     answer = found.to_json()
     with progress("writing the results"):
+        from swimbladder.show.files import write_all
+
         if indices is not None:
             answer["sensitivity"] = indices.to_json()
-        files = _write(replace(found, table=table), answer, indices, to.out)
+        files: dict[str, object] = {
+            "campaign.json": answer,
+            "floats.csv": replace(found, table=table).columns_csv,
+        }
+        if indices is not None:
+            from swimbladder.show.plots.campaign import draw_sensitivity
+
+            files["sensitivity.png"] = draw_sensitivity(indices)
+        written = [to.out / "campaign.zarr", *write_all(to.out, files)]
     good = indices is not None or bool(found.good.all())
-    files = [to.out / "campaign.zarr", *files]
-    to.answer(answer, files, _shown(found, indices), good=good)
+    to.answer(answer, written, _shown(found, indices), good=good)
 
 
 def _unfinished(layout: Layout, part: str, json: bool) -> None:
@@ -173,19 +182,6 @@ def _unfinished(layout: Layout, part: str, json: bool) -> None:
         emit_json({**state, "files": [str(layout.folder)]})
     else:
         say(sentence)
-
-
-def _write(
-    found: Campaign, answer: dict[str, Any], indices: Sensitivity | None, out: Path
-) -> list[Path]:
-    from swimbladder.show.files import write_all
-
-    files: dict[str, object] = {"campaign.json": answer, "floats.csv": found.columns_csv}
-    if indices is not None:
-        from swimbladder.show.plots.campaign import draw_sensitivity
-
-        files["sensitivity.png"] = draw_sensitivity(indices)
-    return write_all(out, files)
 
 
 def _shown(found: Campaign, indices: Sensitivity | None) -> Iterator[object]:

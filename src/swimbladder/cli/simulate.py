@@ -113,13 +113,10 @@ def steps_of(s: Solution, task: Mission) -> list[dict[str, Any]]:
 
 
 def answer_of(
-    s: Solution,
-    task: Mission,
-    steps: list[dict[str, Any]],
-    column: Column | None,
-    notes: Sequence[str],
+    s: Solution, task: Mission, column: Column | None, notes: Sequence[str]
 ) -> dict[str, Any]:
     """Return the JSON object: the last step's numbers, and all steps."""
+    steps = steps_of(s, task)
     last = steps[-1] if steps else dict.fromkeys(_STEP)
     return {
         "vehicle": s.vehicle.name,
@@ -245,7 +242,7 @@ def simulate(
     folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
-    answer, why = answer_of(s, task, steps_of(s, task), water, notes), []
+    answer, why = answer_of(s, task, water, notes), []
     if not s.finished:
         why.append(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
     if not s.within_depth_limit:

@@ -196,7 +196,6 @@ def _flag_texts(flags: Variable, shape: tuple[int, ...]) -> NDArray[np.str_] | N
 
 
 _ARGO = {"pressure_dbar": "PRES", "temperature_degC": "TEMP", "salinity": "PSAL"}
-_SEVERAL = 2
 _SHOWN = 4  # profiles, where there are too many
 
 
@@ -254,7 +253,7 @@ def _number(variables: Mapping[str, Variable], file: LogFile, profile: int | Non
             f"the file has {counted(count, 'profile')}", field="--profile",
             value=profile, remedy=f"Choose from 1 to {count}",
         )  # fmt: skip
-    if profile is not None or count < _SEVERAL:
+    if profile is not None or count < 2:
         return (profile or 1) - 1
     held = [k for k in range(count) if np.isfinite(pressures[k]).any()]
     primary = [k for k in held if _scheme(variables, k).startswith("primary")]
@@ -297,9 +296,6 @@ def _platform(variables: Mapping[str, Variable], n: int) -> str:
     return " ".join(parts)
 
 
-_FEWEST = 2
-
-
 def netcdf_cast(
     data: bytes, path: Path, columns: Mapping[str, str], profile: int | None
 ) -> tuple[RawCast, int | None]:
@@ -339,7 +335,7 @@ def _plain(variables: Mapping[str, Variable], file: LogFile, columns: Mapping[st
         )
         if not any(name in rows for name in names)
     ]
-    if missing or size is None or size < _FEWEST:
+    if missing or size is None or size < 2:
         raise file.refused(
             f"no variable has the standard name {' or '.join(missing) or 'of a profile'}, one "
             "value per sample",

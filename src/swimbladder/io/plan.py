@@ -15,15 +15,13 @@ from pydantic import Field
 
 from swimbladder.io.config import file_text, read_model
 from swimbladder.io.vehicle_file import toml_lines, toml_value
-from swimbladder.units import format_quantity, parse_quantity
+from swimbladder.units import format_quantity, parse_quantity, shown_unit
 from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import refusal
 
 _Length = Annotated[float, Unit("m")]
 _Time = Annotated[float, Unit("s"), Field(ge=0.0)]
 _Series = Annotated[tuple[Annotated[float, Field(strict=True)], ...], Field(min_length=1)]
-
-_SHOWN = {"m3": "cm3"}
 
 
 class Move(Parameters):
@@ -185,7 +183,7 @@ def _text(value: Any, unit: str | None) -> str:
     if unit is None:
         return toml_value(value)
     for digits in (3, 6, 12, 15, 17):  # the shortest from which the same number is read
-        text = format_quantity(value, unit, _SHOWN.get(unit), digits)
+        text = format_quantity(value, unit, shown_unit(unit), digits)
         if parse_quantity(text, unit) == value:
             return json.dumps(text)
     return json.dumps(value)

@@ -56,7 +56,6 @@ class Load(Parameters):
     """energy of what it does once at each surfacing"""
 
 
-_Ratio = Annotated[float, Unit(""), Field(gt=0.0)]
 _Efficiency = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
 
 
@@ -102,7 +101,7 @@ class HydraulicDrive(Parameters):
     """displacement of the pump D_p"""
     pump_efficiency: _Efficiency
     """mechanical efficiency of the pump eta_p"""
-    area_ratio: _Ratio = 1.0
+    area_ratio: Annotated[float, Unit(""), Field(gt=0.0)] = 1.0
     """pressure amplifier n_h = A1/A2; 1 without one"""
     pump_leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
     """leakage flow per unit pump pressure k_pl"""

@@ -180,7 +180,7 @@ class _Reader:
             self.first = stamp
         self.now = stamp - self.first
         reader = _PARTS.get(part)
-        if reader is not None and not reader(self, text.rstrip()):
+        if reader is not None and reader(self, text.rstrip()) is False:
             self.odd(f"of {part} with numbers that cannot be", number)
 
     def odd(self, what: str, number: int) -> None:
@@ -225,7 +225,7 @@ class _Reader:
         )  # fmt: skip
         self.target = self.before = None
 
-    def worked(self, text: str, *, device: Device) -> bool:
+    def worked(self, text: str, *, device: Device) -> None:
         if found := re.match(r"(?:(?:pump )?during|(?:\w+ )?opening(?: for)?) (\d+)ms", text):
             self.begun(device, found[1])
         elif (found := re.match(r"aborted, (\d+)ticks remain", text)) and self.actions:
@@ -242,14 +242,12 @@ class _Reader:
             elif self.actions:
                 self.actions[-1]["after"] = reading
                 self.actions[-1]["pressure"] = _pressure(text)
-        return True
 
-    def surfaced(self, text: str) -> bool:
+    def surfaced(self, text: str) -> None:
         if "bladder full" in text and self.actions and self.actions[-1]["device"] == "pump":
             self.actions[-1].setdefault("until", self.now)
-        return True
 
-    def staged(self, text: str) -> bool:
+    def staged(self, text: str) -> None:
         if found := re.match(r"[Ss]tage ?\[(\d+)\] (\d+)mbar \(\+/-(\d+)mbar\) (\d+)s", text):
             n, pressure, tolerance, seconds = (int(x) for x in found.groups())
             self.stages[n] = Stage(
@@ -258,9 +256,8 @@ class _Reader:
         elif found := re.match(r"[Ss]tage ?\[(\d+)\] surfacing (\d+)s", text):
             n = int(found[1])
             self.stages[n] = Stage(number=n, pressure=0.0, tolerance=0.0, duration=int(found[2]))
-        return True
 
-    def went(self, text: str) -> bool:
+    def went(self, text: str) -> None:
         if found := re.match(r"stage\[(\d+)\]$", text):
             self.stage = int(found[1])
         elif found := re.match(r"(surfacing|surface)\b", text):
@@ -274,21 +271,18 @@ class _Reader:
         elif found := re.match(r"Vbat (\d+)mV \(min (\d+)mV\)", text):
             self.known["battery_voltage"] = float(found[1]) / 1e3
             self.known["battery_least"] = float(found[2]) / 1e3
-        return True
 
-    def dived(self, text: str) -> bool:
+    def dived(self, text: str) -> None:
         if text.startswith("diving from"):
             self.stage = -1
-        return True
 
-    def set(self, text: str) -> bool:
+    def set(self, text: str) -> None:
         if text.lstrip().startswith("stage["):
-            return self.staged(text.lstrip())
-        if found := _SETTING.match(text):
+            self.staged(text.lstrip())
+        elif found := _SETTING.match(text):
             self.settings[found[1]] = found[2]
-        return True
 
-    def placed(self, text: str) -> bool:
+    def placed(self, text: str) -> None:
         found = re.match(
             r"(?:Latitude : *)?([NS])(\d+)deg([\d.]+)mn, *(?:Longitude : *)?"
             r"([EW])(\d+)deg([\d.]+)mn",
@@ -299,7 +293,6 @@ class _Reader:
             latitude = (float(a) + float(b) / 60.0) * (1.0 if ns == "N" else -1.0)
             longitude = (float(c) + float(d) / 60.0) * (1.0 if ew == "E" else -1.0)
             self.known.setdefault("positions", []).append((latitude, longitude))
-        return True
 
     def log(self, source: str) -> FloatLog:
         """Return what the lines hold."""
@@ -330,7 +323,8 @@ def _action(found: dict[str, Any]) -> Action:
     return Action(**found, seconds=seconds, stage=None if stage == -2 else stage)
 
 
-_PARTS: dict[str, Callable[[_Reader, str], bool]] = {
+# What takes the lines of a part; it returns False for one whose numbers cannot be.
+_PARTS: dict[str, Callable[[_Reader, str], bool | None]] = {
     "PRESS": _Reader.sample,
     "BUOY": _Reader.decided,
     "PUMP": partial(_Reader.worked, device="pump"),
