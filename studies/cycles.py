@@ -18,7 +18,7 @@ from swimbladder.cli.common import progress
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
-from swimbladder.design.stability.confirm import Seen, edge, hold
+from swimbladder.design.stability.confirm import Held, Seen, edge, hold
 from swimbladder.design.stability.cycles import Predicted, predict, without_rest
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.margins import at_rest
@@ -110,23 +110,21 @@ def simulated(case: Case, one: Predicted) -> tuple[Seen | None, ...]:
     """Return what the simulator shows, from each start; of an edge the cycle between its sides."""
     assert one.cycle is not None
     if not one.cycle.stable:
-        seen = edge(
-            case.vehicle, case.law, case.parameters, sample_time=_TICK, depth=_DEPTH,
-            within=_WITHIN, period=one.cycle.period, vary=_ENDLESS,
-        )  # fmt: skip
+        held = Held(case.vehicle, case.law, case.parameters, _TICK, _DEPTH, _ENDLESS)
+        seen = edge(held, _WITHIN, one.cycle.period)
         return (None if seen is None else seen[0],)
     vehicle = case.vehicle
     if case.depth_quantum > 0.0:
         sensors = vehicle.sensors.model_copy(update={"depth_quantum": case.depth_quantum})
         vehicle = vehicle.model_copy(update={"sensors": sensors})
+    held, quantised = (
+        Held(vehicle, case.law, case.parameters, _TICK, _DEPTH),
+        case.depth_quantum > 0.0,
+    )
     return tuple(
-        hold(
-            vehicle, case.law, case.parameters, sample_time=_TICK, depth=_DEPTH,
-            disturbance=share * one.depth_amplitude, period=one.cycle.period,
-            quantised=case.depth_quantum > 0.0,
-        )
+        hold(held, share * one.depth_amplitude, one.cycle.period, quantised=quantised)
         for share in _STARTS
-    )  # fmt: skip
+    )
 
 
 def row(case: Case, one: Predicted, seen: Sequence[Seen | None]) -> str:

@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, sea_cascade_gains
-from swimbladder.design.stability.confirm import Confirmed, edge, hold, measure
+from swimbladder.design.stability.confirm import Confirmed, Held, edge, hold, measure
 from swimbladder.design.stability.cycles import predict, without_rest
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.io.config import load_vehicle
@@ -40,10 +40,7 @@ def test_the_dead_zone_of_a_law_makes_the_cycle_that_was_foretold():
     one = next(c for c in foretold(SEA_CASCADE, QUIET, "dead zone of the law") if c.cycle.stable)
     assert one.cycle.believed
     for start in (0.003, 0.04):
-        seen = hold(
-            FEUP, SEA_CASCADE, QUIET, sample_time=H, depth=DEPTH, disturbance=start,
-            period=one.cycle.period, quantised=False,
-        )  # fmt: skip
+        seen = hold(Held(FEUP, SEA_CASCADE, QUIET, H, DEPTH), start, one.cycle.period)
         assert seen.cycles
         amplitude, period = Confirmed(one, seen).errors
         assert abs(amplitude) < 0.2
@@ -54,10 +51,8 @@ def test_the_voltage_limit_makes_an_edge_where_the_balance_says_how_sure_it_is()
     (one,) = foretold(LAW, NUMBERS, "voltage limit")
     assert not one.cycle.stable
     free = {"V_min": -1.0, "V_max": 1.0, "z_surface": -1e4, "z_air": -2e4}
-    found = edge(
-        FEUP, LAW, NUMBERS, sample_time=H, depth=DEPTH, within=(1.0, 200.0),
-        period=one.cycle.period, vary=free,
-    )  # fmt: skip
+    held = Held(FEUP, LAW, NUMBERS, H, DEPTH, free)
+    found = edge(held, (1.0, 200.0), one.cycle.period)
     seen, disturbance = found
     amplitude, period = Confirmed(one, seen).errors
     assert not one.cycle.believed
@@ -65,10 +60,7 @@ def test_the_voltage_limit_makes_an_edge_where_the_balance_says_how_sure_it_is()
     assert abs(period) <= one.cycle.period_error
     # Below the edge it decays, above it does not.
     for factor, decays in ((0.97, True), (1.03, False)):
-        end = hold(
-            FEUP, LAW, NUMBERS, sample_time=H, depth=DEPTH, disturbance=factor * disturbance,
-            period=60.0, quantised=False, vary=free, at_rest=True,
-        )  # fmt: skip
+        end = hold(held, factor * disturbance, 60.0, at_rest=True)
         assert (end.farthest < 0.05) is decays
 
 
@@ -78,10 +70,7 @@ def test_without_a_motor_that_sticks_there_is_no_friction_to_foretell():
     (one,) = [c for c in sticky if c.cycle.stable]
     # The balance is not believed there, and rightly: the simulation is slower by a factor of 2.
     assert not one.cycle.believed
-    seen = hold(
-        FEUP, LAW, NUMBERS, sample_time=H, depth=DEPTH, disturbance=0.01, period=200.0,
-        quantised=False, vary={"friction": 0.5},
-    )  # fmt: skip
+    seen = hold(Held(FEUP, LAW, NUMBERS, H, DEPTH, {"friction": 0.5}), 0.01, 200.0)
     assert seen.cycles
     assert 0.3 < one.depth_amplitude / seen.amplitude < 1.5
 
@@ -89,10 +78,8 @@ def test_without_a_motor_that_sticks_there_is_no_friction_to_foretell():
 def test_a_quantum_of_the_depth_keeps_the_vehicle_within_about_half_of_it():
     (one,) = foretold(LAW, NUMBERS, "quantum of the depth", depth_quantum=5e-3)
     coarse = FEUP.sensors.model_copy(update={"depth_quantum": 5e-3})
-    seen = hold(
-        FEUP.model_copy(update={"sensors": coarse}), LAW, NUMBERS, sample_time=H, depth=DEPTH,
-        disturbance=0.01, period=60.0, quantised=True,
-    )  # fmt: skip
+    held = Held(FEUP.model_copy(update={"sensors": coarse}), LAW, NUMBERS, H, DEPTH)
+    seen = hold(held, 0.01, 60.0, quantised=True)
     assert one.depth_amplitude == pytest.approx(2.5e-3, rel=0.01)
     assert seen.farthest == pytest.approx(2.5e-3, rel=0.15)
 

@@ -297,7 +297,7 @@ def test_what_cannot_be_is_said(vehicle, options, error, words):
 
 def test_gains_that_lack_a_margin_are_nearer_than_ones_that_are_not_stable():
     """A loop that is stable with a small phase, and one that is not: the first is told of."""
-    lost = WANTED._replace(stable=False, gain_up=1.0, gain_down=1.0, phase=0.0, disk=0.0)
+    lost = WANTED._replace(gain_up=1.0, gain_down=1.0, phase=0.0, disk=0.0)
     assert lacking(WANTED) == pytest.approx(1.0)
     assert lacking(WANTED._replace(phase=0.5 * WANTED.phase)) == pytest.approx(2.0)
     assert lacking(WANTED._replace(peak_sensitivity=2.8)) == pytest.approx(3.0)

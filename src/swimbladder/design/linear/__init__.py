@@ -7,19 +7,16 @@ growing roots, `depths` says what depth does, `sampled` closes the loop at the l
 by name.
 """
 
-from swimbladder.design.linear.analyse import Analysis, OpenLoop, analyse_linear
+from swimbladder.design.linear.analyse import Analysis, analyse_linear
 from swimbladder.design.linear.margins import Margins, loop_margins
 from swimbladder.design.linear.models import StateSpace, linearise
-from swimbladder.design.linear.routh import RouthTable, routh_table
-from swimbladder.design.linear.sampled import ClosedLoop, LinearLaw, SampledLoop, linearise_law
+from swimbladder.design.linear.routh import routh_table
+from swimbladder.design.linear.sampled import ClosedLoop, SampledLoop, linearise_law
 
 __all__ = [
     "Analysis",
     "ClosedLoop",
-    "LinearLaw",
     "Margins",
-    "OpenLoop",
-    "RouthTable",
     "SampledLoop",
     "StateSpace",
     "analyse_linear",

@@ -42,16 +42,6 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 
-def findings(a: Analysis) -> dict[str, tuple[str, ...]]:
-    """Return what an analysis says: by subject, a sentence or two for each point."""
-    return {
-        "rest": tuple(_rest(a)),
-        "open loop": (*_open_loop_words(a), *_motions(a), *_section_2_5(a)),
-        "depth": tuple(_depths(a)),
-        "closed loop": (*_closed_loop_words(a), *a.notes),
-    }
-
-
 def _rest(a: Analysis) -> Iterator[str]:
     p, v = a.operating_point, a.vehicle
     text = f"At {p.depth:g} m the vehicle rests with a volume of {_cm3(p.volume)}"
@@ -348,8 +338,13 @@ class Analysis:
 
     @property
     def findings(self) -> dict[str, tuple[str, ...]]:
-        """What the numbers mean, in sentences by subject."""
-        return findings(self)
+        """What the numbers mean: by subject, a sentence or two for each point."""
+        return {
+            "rest": tuple(_rest(self)),
+            "open loop": (*_open_loop_words(self), *_motions(self), *_section_2_5(self)),
+            "depth": tuple(_depths(self)),
+            "closed loop": (*_closed_loop_words(self), *self.notes),
+        }
 
     def text(self) -> str:
         """Return the findings as plain text, a paragraph each."""

@@ -72,20 +72,28 @@ def _eigenvalues(left: Array, right: Array) -> NDArray[np.complex128]:
 
 
 class Margins(NamedTuple):
-    """Margins of a loop L under negative feedback; of a stable closed loop only."""
+    """Margins of a loop L under negative feedback, and the frequencies [rad/s] that limit them.
+
+    Frequencies are nan where nothing limits, and of the worst margins of several loops.
+    """
 
     gain_up: float  # -, factor by which the gain may grow; inf without a limit
-    gain_up_frequency: float  # rad/s, of the oscillation there; nan where there is no limit
     gain_down: float  # -, factor to which it may fall; 0 without a limit
-    gain_down_frequency: float  # rad/s
     phase: float  # rad, smallest turn either way that brings L to -1; inf if |L| is never 1
-    phase_frequency: float  # rad/s
     delay: float  # s, smallest lag over its frequency; inf if |L| is never 1
-    delay_frequency: float  # rad/s
     peak_sensitivity: float  # -, max |1/(1 + L)|
-    peak_frequency: float  # rad/s
     disk: float  # -, balanced disk margin alpha, from 0 to 2
-    disk_frequency: float  # rad/s
+    gain_up_frequency: float = math.nan
+    gain_down_frequency: float = math.nan
+    phase_frequency: float = math.nan
+    delay_frequency: float = math.nan
+    peak_frequency: float = math.nan
+    disk_frequency: float = math.nan
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is stable as it is."""
+        return self.disk > 0.0
 
     @property
     def disk_gain(self) -> float:

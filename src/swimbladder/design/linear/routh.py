@@ -104,7 +104,7 @@ def routh_table(coefficients: Sequence[float]) -> RouthTable:
     return RouthTable(
         polynomial=tuple(float(c) for c in coefficients),
         powers=tuple(range(n + at_zero, at_zero - 1, -1)),
-        rows=tuple(tuple(map(_text, _elements(row, n - i))) for i, row in enumerate(rows)),
+        rows=tuple(tuple(map(_text, row[: n - i + 1 : 2])) for i, row in enumerate(rows)),
         first_column=tuple(signs),
         notes=tuple(notes),
         right=right,
@@ -180,11 +180,6 @@ def _divisor(p: _Poly, q: _Poly) -> _Poly:
     while q:
         p, q = q, (_division(p, q)[1] if len(p) >= len(q) else p)
     return [c / p[0] for c in p]
-
-
-def _elements(row: _Poly, power: int) -> list[Fraction]:
-    """Every second coefficient of a row that starts at a power of s."""
-    return row[0 : power + 1 : 2]
 
 
 def _changes(signs: Sequence[int]) -> int:

@@ -26,13 +26,12 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from swimbladder.control.law import Law
-from swimbladder.design.linear.margins import spectral_radius
+from swimbladder.design.linear.margins import Margins, spectral_radius
 from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.pump_valve import Decision, DriveRates, drag_slope, drive_rates
 from swimbladder.design.linear.sampled import LinearLaw, Mode, SampledLoop, modes
 from swimbladder.design.tuning.margins import (
     Rest,
-    Worst,
     at_rest,
     decisions_of,
     deliveries,
@@ -283,7 +282,7 @@ def _way(
 
 
 # What is looked for: the larger the worse.
-MEASURES: Mapping[str, Callable[[Worst, float], float]] = {
+MEASURES: Mapping[str, Callable[[Margins, float], float]] = {
     "spectral radius": lambda _, radius: radius,
     "peak sensitivity": lambda m, _: m.peak_sensitivity,
     "phase": lambda m, _: -m.phase,
@@ -319,8 +318,8 @@ class Around(NamedTuple):
     """What the linear analysis over the region found."""
 
     radius: float  # -, largest modulus of an eigenvalue
-    margins: Worst  # worst of each, exactly, over all spots that a search ended at
-    nominal: Worst
+    margins: Margins  # worst of each, exactly, over all spots that a search ended at
+    nominal: Margins
     slowest: tuple[Mode, Spot]
     least_damped: tuple[Mode, Spot]
     found: tuple[Found, ...]
@@ -428,6 +427,8 @@ def _measures(
     return {name: max(f(m, radius) for m in both) for name, f in MEASURES.items()}
 
 
-def _exact(p: Plant, law: LinearLaw, depth: float, back: bool, delay: float) -> tuple[Worst, Worst]:
+def _exact(
+    p: Plant, law: LinearLaw, depth: float, back: bool, delay: float
+) -> tuple[Margins, Margins]:
     at_command, at_depth = _broken(_loop(p, law, depth, back), delay)
     return exactly(at_command), exactly(at_depth)

@@ -111,56 +111,58 @@ def _size(time: Array, x: Array, w: float) -> float:
     return float(math.hypot(c[1], c[2]))
 
 
+class Held(NamedTuple):
+    """A vehicle that a law holds at a depth."""
+
+    vehicle: Vehicle
+    law: Law
+    parameters: Any
+    sample_time: float  # s
+    depth: float  # m
+    vary: Mapping[str, float] = {}  # fields of the plant that differ
+
+    def fly(
+        self, disturbances: Any, duration: float, *, kick: float = 0.0, quantised: bool = False
+    ) -> Runs:
+        """Return runs of `duration` [s] that start off by disturbances [m], without noise.
+
+        kick [1/s]: of the disturbance, as speed. quantised: whether the sensors round.
+        """
+        quiet = self.vehicle.sensors.model_copy(update={"depth_noise": 0.0, "volume_noise": 0.0})
+        off = np.asarray(disturbances, float)
+        return fly(
+            self.vehicle.model_copy(update={"sensors": quiet}), self.law, self.parameters,
+            target=self.depth, duration=duration, sample_time=self.sample_time, vary=self.vary,
+            start_depth=self.depth + off, start_speed=kick * off, seed=0 if quantised else None,
+        )  # fmt: skip
+
+
 def hold(
-    vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float, depth: float,
-    disturbance: float, period: float, quantised: bool, vary: Mapping[str, float] | None = None,
-    at_rest: bool = False,
-) -> Seen:  # fmt: skip
-    """Return what remains of a vehicle held at `depth` [m] that starts `disturbance` [m] off.
+    held: Held, disturbance: float, period: float, *, quantised: bool = False, at_rest: bool = False
+) -> Seen:
+    """Return what remains of a vehicle that starts `disturbance` [m] off.
 
     period [s]: expected, which decides how long is simulated. quantised: whether the sensors round.
-    vary: fields of the plant that differ. at_rest: whether it starts without speed.
+    at_rest: whether it starts without speed.
     """
-    runs = _fly(
-        vehicle, law, parameters, [disturbance], sample_time=sample_time, depth=depth,
-        duration=_PERIODS * period, quantised=quantised, vary=vary or {},
-        kick=0.0 if at_rest else _KICK,
-    )  # fmt: skip
+    kick = 0.0 if at_rest else _KICK
+    runs = held.fly([disturbance], _PERIODS * period, kick=kick, quantised=quantised)
     late = runs.time >= (1.0 - _LOOKED) * runs.time[-1]
-    return measure(runs.time[late], runs.depth[late, 0], depth)
+    return measure(runs.time[late], runs.depth[late, 0], held.depth)
 
 
-def _fly(
-    vehicle: Vehicle, law: Law, parameters: Any, disturbances: Any, *, sample_time: float,
-    depth: float, duration: float, quantised: bool, vary: Mapping[str, float], kick: float = 0.0,
-) -> Runs:  # fmt: skip
-    quiet = vehicle.sensors.model_copy(update={"depth_noise": 0.0, "volume_noise": 0.0})
-    off = np.asarray(disturbances, float)
-    return fly(
-        vehicle.model_copy(update={"sensors": quiet}), law, parameters, target=depth,
-        duration=duration, sample_time=sample_time, start_depth=depth + off,
-        start_speed=kick * off, vary=vary, seed=0 if quantised else None,
-    )  # fmt: skip
-
-
-def edge(
-    vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float, depth: float,
-    within: tuple[float, float], period: float, vary: Mapping[str, float],
-) -> tuple[Seen, float] | None:  # fmt: skip
+def edge(held: Held, within: tuple[float, float], period: float) -> tuple[Seen, float] | None:
     """Return the cycle between what decays and what grows, and the disturbance [m] that parts them.
 
     within: disturbances [m] of which the least decays and the most grows; None where they do not.
+    period [s]: expected.
     """
     low, high = within
-    duration = 20.0 * period
     time, depths = np.empty(0), np.empty((0, 0))
     for k in range(_ROUNDS):
         off = np.geomspace(low, high, _LANES) if k == 0 else np.linspace(low, high, _LANES)
-        time, depths, *_ = _fly(
-            vehicle, law, parameters, off, sample_time=sample_time, depth=depth,
-            duration=duration, quantised=False, vary=vary,
-        )  # fmt: skip
-        error = np.abs(depths - depth)
+        time, depths, *_ = held.fly(off, 20.0 * period)
+        error = np.abs(depths - held.depth)
         last = error[time >= time[-1] - 2.0 * period].max(axis=0)
         grows = ~(last < error.max(axis=0) / 3.0)  # nan: it left the water
         if grows[0] or not grows.any():
@@ -168,10 +170,10 @@ def edge(
         first = int(np.argmax(grows))
         low, high = float(off[first - 1]), float(off[first])
         pair = depths[:, [first - 1, first]]
-    apart = np.abs(pair[:, 0] - pair[:, 1]) > _STEADY * np.abs(pair[:, 0] - depth).max()
+    apart = np.abs(pair[:, 0] - pair[:, 1]) > _STEADY * np.abs(pair[:, 0] - held.depth).max()
     until = float(time[int(np.argmax(apart))]) if apart.any() else float(time[-1])
     kept = (time <= until) & (time >= until - 3.5 * period)
-    return measure(time[kept], pair[kept, 0], depth), low
+    return measure(time[kept], pair[kept, 0], held.depth), low
 
 
 _DECISION = "decision"  # where the loop is looked at

@@ -215,18 +215,21 @@ def recovery_maps(
     goal = Z + C
     neutral = np.clip(p.psi * Z + p.V_0, p.V_min, p.V_max)
     asked = (goal > low - 1e-9) & (goal < high + 1e-9) & (C != 0.0)
-    share = 1.0 / 4.0
-    verdicts, seconds = made.run(Z, goal, np.zeros_like(Z), neutral, asked,
-                                 lambda x: advance(share * x))  # fmt: skip
     held = holdable_depth(p)
-    maps = [
-        Map(
-            name="steps", title="set-point changes from rest",
-            x_label="depth now [m]", y_label="change of the set-point [m]", x=depth, y=change,
-            verdicts=verdicts, seconds=seconds, edge=held - depth,
-            hopeless=np.maximum(goal, Z) >= held,
-        )
-    ]  # fmt: skip
+    maps: list[Map] = []
+
+    def add(
+        runs: tuple[Array, Array, Array, Array], asked: NDArray[np.bool_], **about: Any
+    ) -> None:
+        verdicts, seconds = made.run(*runs, asked, lambda x: advance(0.25 * x))
+        maps.append(Map(verdicts=verdicts, seconds=seconds, **about))
+
+    add(
+        (Z, goal, np.zeros_like(Z), neutral), asked, name="steps",
+        title="set-point changes from rest", x_label="depth now [m]",
+        y_label="change of the set-point [m]", x=depth, y=change, edge=held - depth,
+        hopeless=np.maximum(goal, Z) >= held,
+    )  # fmt: skip
     deepest = min(high, _HOLDABLE * held)
     for n, share_of in enumerate((0.2, 0.5, 1.0)):
         reference = low + share_of * (deepest - low)
@@ -235,19 +238,13 @@ def recovery_maps(
         fastest = _speeds(p, reference, volume)
         speed = fastest * np.linspace(-1.0, 1.0, 2 * (cells // 2) + 1) ** 3  # finer near rest
         E, S = np.meshgrid(error, speed)
-        start = np.full_like(E, volume)
-        verdicts, seconds = made.run(
-            reference + E, np.full_like(E, reference), S, start, reference + E <= made.deepest,
-            lambda x: advance(share * x),
-        )  # fmt: skip
         edge = np.array([edge_speed(p, depth=reference + e, volume=volume) for e in error])
-        maps.append(
-            Map(
-                name=f"errors-{n + 1}", title=f"errors and speeds about {rounded(reference, 3)} m",
-                x_label="depth less set-point [m]", y_label="speed, down [m/s]", x=error, y=speed,
-                verdicts=verdicts, seconds=seconds, edge=edge,
-                hopeless=(S - edge >= 0.0) | (reference >= held),
-            )
+        add(
+            (reference + E, np.full_like(E, reference), S, np.full_like(E, volume)),
+            reference + E <= made.deepest, name=f"errors-{n + 1}",
+            title=f"errors and speeds about {rounded(reference, 3)} m",
+            x_label="depth less set-point [m]", y_label="speed, down [m/s]", x=error, y=speed,
+            edge=edge, hopeless=(S - edge >= 0.0) | (reference >= held),
         )  # fmt: skip
     return tuple(maps)
 

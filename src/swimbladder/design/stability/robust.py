@@ -24,7 +24,7 @@ from swimbladder.design.linear.sampled import SampledLoop
 from swimbladder.design.stability.cycles import without_rest
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import Region
-from swimbladder.design.tuning.trial import Drawn, Step, traces
+from swimbladder.design.tuning.trial import Drawn, Step, measure, traces
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
@@ -162,7 +162,6 @@ def robustness(
     rest = p.load_drive * step.start if vehicle.voltage_driven else p.psi * step.start + p.V_0
     form = wrapped(law)
     band = settling_band(parameters, step, vehicle.sensors.depth_quantum)
-    span = step.target - step.start
 
     def run(gain: float, late: bool) -> list[float]:
         wrong = form.parameters(
@@ -171,16 +170,12 @@ def robustness(
         tick = form.tick(sample_time, late=late)
         drawn = Drawn(draws, region, sample_time=tick)
         seen = traces(vehicle, form.law, wrong, step, drawn)
-        late_on = seen.time >= seen.time[-1] * 2.0 / 3.0
-        last = np.abs(seen.depth[late_on] - step.target)
-        moved = np.abs(np.diff(seen.volume[late_on], axis=0)).sum(axis=0)
-        seconds = float(np.ptp(seen.time[late_on]))
-        farthest = np.where(np.isfinite(last).all(axis=0), last.max(axis=0), math.inf)
-        over = np.maximum(np.nanmax((seen.depth - step.start) / span, axis=0) - 1.0, 0.0)
+        found = measure(seen, float(seen.time[-1]) * 2.0 / 3.0)
+        farthest = np.nan_to_num(found.farthest, nan=math.inf)
         return [
-            float(np.mean(farthest <= band)), float(np.percentile(over, 95.0)),
+            float(np.mean(farthest <= band)), float(np.percentile(found.overshoot, 95.0)),
             float(np.percentile(farthest, 95.0, method="higher")),
-            float(np.nanpercentile(moved / seconds, 95.0)),
+            float(np.nanpercentile(found.rate, 95.0)),
         ]  # fmt: skip
 
     found = []

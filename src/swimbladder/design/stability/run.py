@@ -21,7 +21,7 @@ from swimbladder.control.registry import own_law
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.linear.sampled import Mode
 from swimbladder.design.stability.around import Around, Decided, around_decisions, look_around
-from swimbladder.design.stability.confirm import Confirmed, edge, hold, hunting
+from swimbladder.design.stability.confirm import Confirmed, Held, edge, hold, hunting
 from swimbladder.design.stability.cycles import Predicted, predict, without_rest
 from swimbladder.design.stability.recover import Map, Verdict, recovery_maps
 from swimbladder.design.stability.robust import Stood, robustness, wrapped
@@ -112,9 +112,9 @@ class Stability:
             f"{1e3 * a.delay:.3g} ms from a sample to its command.",
             f"Looked at: {a.looked} loops of the region, then {a.searched} in a search for the "
             f"worst; {deep}. It is the worst that was found, not a proof over the region.",
-            f"The slowest mode decays e-fold in {_time(mode)} ({spot.words}); the least damped "
-            f"oscillates every {_period(damped)} with a damping of {damped.damping:.2f} "
-            f"({where.words}).",
+            f"The slowest mode decays e-fold in {mode.time_constant:.3g} s ({spot.words}); the "
+            f"least damped oscillates every {_period(damped)} with a damping of "
+            f"{damped.damping:.2f} ({where.words}).",
             f"Worst margins: gain {decibels(m.gain_up)} up and {decibels(m.gain_down)} down, phase "
             f"{math.degrees(m.phase):.0f} degrees, {m.delay:.2g} s more delay, peak sensitivity "
             f"{m.peak_sensitivity:.2f}, balanced disk margin {m.disk:.2f}"
@@ -261,10 +261,6 @@ def _cycle_words(c: Confirmed) -> str:
 
 def _late(s: Stood) -> str:
     return f" and {s.delay:g} s late" if s.delay else ""
-
-
-def _time(mode: Mode) -> str:
-    return f"{mode.time_constant:.3g} s"
 
 
 def _period(mode: Mode) -> str:
@@ -499,20 +495,16 @@ def _simulated(
             parameters, sample_time=h, quantum=one.size, rest=p.load_drive * depth
         )
         law = form.law
+    held = Held(alone, law, parameters, h, depth, vary)
     cycle = one.cycle
     period = cycle.period if cycle is not None else 100.0 * h
     size = one.depth_amplitude if cycle is not None else 1e-2
     if cycle is not None and not cycle.stable:
-        seen = edge(
-            alone, law, parameters, sample_time=h, depth=depth, within=(0.05 * size, 20.0 * size),
-            period=period, vary=vary | _ENDLESS,
-        )  # fmt: skip
+        endless = held._replace(vary=vary | _ENDLESS)
+        seen = edge(endless, (0.05 * size, 20.0 * size), period)
         return None if seen is None else seen[0]
     off = min(3.0 * size, 0.5 * (depth - p.z_surface))
-    return hold(
-        alone, law, parameters, sample_time=h, depth=depth, disturbance=off, period=period,
-        quantised=quantised, vary=vary,
-    )  # fmt: skip
+    return hold(held, off, period, quantised=quantised)
 
 
 def _robustness(

@@ -23,11 +23,11 @@ from typing import Any, NamedTuple
 from swimbladder.control.law import Drive, Knobs, Law, Recipe, Setting
 from swimbladder.control.motion import off_in, runaway
 from swimbladder.control.registry import LAWS
+from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
 from swimbladder.design.tuning.margins import (
     WANTED,
-    Worst,
     exactly,
     falls_short,
     lacking,
@@ -261,7 +261,7 @@ class Found(NamedTuple):
 
     knobs: Any
     parameters: Any
-    margins: Worst | None
+    margins: Margins | None
     nominal: Trial
     region: Trial
     radius: float = math.nan
@@ -280,8 +280,8 @@ class _Search:
         self.near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
 
     def over(
-        self, knobs: Knobs, wanted: Worst, look: Callable[[StateSpace], Worst], *, nominal: bool
-    ) -> Worst | None:
+        self, knobs: Knobs, wanted: Margins, look: Callable[[StateSpace], Margins], *, nominal: bool
+    ) -> Margins | None:
         """Return the margins where they are what is wanted, else None.
 
         Dead zone and pauses are none of the loop's around rest: margins are of its linear part.
@@ -300,7 +300,7 @@ class _Search:
             self.near = (rank, short)
         return None
 
-    def candidates(self, goal: str, held: float, most: int, wanted: Worst) -> list[Knobs]:
+    def candidates(self, goal: str, held: float, most: int, wanted: Margins) -> list[Knobs]:
         """Return the first knobs that have the margins, by what the goal prefers."""
         every = list(grid(self.recipe, goal, self.setting, held))
         if not self.recipe.linear:
@@ -335,7 +335,7 @@ class Goal(NamedTuple):
 
 def search(
     name: str, vehicle: Vehicle, setting: Setting, asked: Goal, *, delay: float,
-    wanted: Worst = WANTED, advance: Callable[[float], None] | None = None,
+    wanted: Margins = WANTED, advance: Callable[[float], None] | None = None,
 ) -> Found:  # fmt: skip
     """Return the best knobs found for a goal; delay [s]: from sample to command.
 
@@ -481,7 +481,7 @@ def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:
     return list(first.values())
 
 
-def _tightened(m: Worst) -> Worst:
+def _tightened(m: Margins) -> Margins:
     return m._replace(
         gain_up=m.gain_up / _SLACK, gain_down=m.gain_down * _SLACK, phase=m.phase / _SLACK,
         peak_sensitivity=1.0 + (m.peak_sensitivity - 1.0) * _SLACK, disk=m.disk / _SLACK,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.rate import RateParameters
 from swimbladder.control.records import leaves
-from swimbladder.design.linear.margins import loop_margins, spectral_radius
+from swimbladder.design.linear.margins import Margins, loop_margins, spectral_radius
 from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.pump_valve import (
     Decision,
@@ -192,23 +192,11 @@ _NEAR = 10.0  # m to either side of a depth, over which the water's own psi is t
 _DECADES = 4.0  # below the Nyquist frequency
 
 
-class Worst(NamedTuple):
-    """The least margins over plants, depths and both places where the loop is broken."""
-
-    stable: bool
-    gain_up: float  # -
-    gain_down: float  # -
-    phase: float  # rad
-    delay: float  # s, beyond the computation that is assumed
-    peak_sensitivity: float  # -
-    disk: float  # -
-
-
 # 6 dB either way, 45 degrees, a peak sensitivity of 1.6 and a balanced disk margin of 0.5.
-WANTED = Worst(True, 2.0, 0.5, math.radians(45.0), 0.0, 1.6, 0.5)
+WANTED = Margins(2.0, 0.5, math.radians(45.0), 0.0, 1.6, 0.5)
 MARGINS = "gain_up gain_down phase_rad delay_s peak_sensitivity disk"
-"""Numbers of `Worst`, as `io.answers.as_json` takes them."""
-_LOST = Worst(False, 1.0, 1.0, 0.0, 0.0, math.inf, 0.0)
+"""The margins themselves, as `io.answers.as_json` takes them."""
+_LOST = Margins(1.0, 1.0, 0.0, 0.0, math.inf, 0.0)
 
 
 def at_rest(law: Law, parameters: Any, p: Plant, *, depth: float, sample_time: float) -> LinearLaw:
@@ -228,9 +216,9 @@ def at_rest(law: Law, parameters: Any, p: Plant, *, depth: float, sample_time: f
 
 def worst(
     law: Law, parameters: Any, plants: Sequence[Plant], *, depths: Sequence[float],
-    sample_time: float, delay: float = 0.0, wanted: Worst | None = None,
-    look: Callable[[StateSpace], Worst] | None = None,
-) -> Worst:  # fmt: skip
+    sample_time: float, delay: float = 0.0, wanted: Margins | None = None,
+    look: Callable[[StateSpace], Margins] | None = None,
+) -> Margins:  # fmt: skip
     """Return the worst margins of a law over all plants and depths [m].
 
     The law is linearised at rest with the first plant, the nominal one that it was made for.
@@ -238,7 +226,7 @@ def worst(
     look: how a loop is judged, exactly where not given.
     """
     judge = look or exactly
-    found: Worst | None = None
+    found: Margins | None = None
     for loop in loops(law, parameters, plants, depths=depths, sample_time=sample_time, delay=delay):
         for broken in (loop.at_command, loop.at_depth):
             here = judge(broken)
@@ -273,15 +261,12 @@ def loops(
             )  # fmt: skip
 
 
-def exactly(loop: StateSpace) -> Worst:
+def exactly(loop: StateSpace) -> Margins:
     """Return the margins of a loop, crossings found to rounding."""
-    m = loop_margins(loop)
-    if m is None:
-        return _LOST
-    return Worst(True, m.gain_up, m.gain_down, m.phase, m.delay, m.peak_sensitivity, m.disk)
+    return loop_margins(loop) or _LOST
 
 
-def roughly(loop: StateSpace) -> Worst:
+def roughly(loop: StateSpace) -> Margins:
     """Return the margins as a grid of frequencies shows them: for a search, not for an answer.
 
     Crossings are interpolated between neighbours; the delay is not looked for.
@@ -302,8 +287,7 @@ def roughly(loop: StateSpace) -> Worst:
         gains.append(-1.0 / float(L.real[k] + part * (L.real[k + 1] - L.real[k])))
     if L[-1].real < 0.0:
         gains.append(-1.0 / float(L[-1].real))
-    return Worst(
-        True,
+    return Margins(
         min((g for g in gains if g > 1.0), default=math.inf),
         max((g for g in gains if g < 1.0), default=0.0),
         min(least, default=math.inf),
@@ -323,13 +307,13 @@ _KINDS: dict[str, tuple[Callable[[float, float], float], str, float, str, str]] 
 }
 
 
-def least(a: Worst, b: Worst) -> Worst:
+def least(a: Margins, b: Margins) -> Margins:
     """Return the worse of each margin."""
     worse = {name: kind[0](getattr(a, name), getattr(b, name)) for name, kind in _KINDS.items()}
-    return Worst(stable=a.stable and b.stable, delay=min(a.delay, b.delay), **worse)
+    return Margins(delay=min(a.delay, b.delay), **worse)
 
 
-def falls_short(m: Worst, wanted: Worst = WANTED) -> tuple[str, ...]:
+def falls_short(m: Margins, wanted: Margins = WANTED) -> tuple[str, ...]:
     """Return in words which margins are less than wanted, worst named with both numbers."""
     if not m.stable:
         return ("the loop is not stable over the whole region",)
@@ -341,7 +325,7 @@ def falls_short(m: Worst, wanted: Worst = WANTED) -> tuple[str, ...]:
     return tuple(found)
 
 
-def lacking(m: Worst, wanted: Worst = WANTED) -> float:
+def lacking(m: Margins, wanted: Margins = WANTED) -> float:
     """Return by how much the margin that is farthest from what is wanted misses it, as a ratio."""
     over = (m.peak_sensitivity - 1.0) / (wanted.peak_sensitivity - 1.0)
     ratios = wanted.gain_up / m.gain_up, m.gain_down / wanted.gain_down, over

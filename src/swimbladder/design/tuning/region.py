@@ -31,6 +31,7 @@ FLOATS = ("drag", "psi", "pump", "valve")
 """What is uncertain of a pump and valve: factors, psi in m3/m."""
 
 _DRAWN = 16  # points of the boundary beside the ends of the axes
+_LEVEL = 0.95  # of the probability that the ellipsoid holds
 
 
 class Region(NamedTuple):
@@ -67,20 +68,17 @@ def neutral_walk(vehicle: Vehicle) -> float:
     return WALK if vehicle.identified is None else max(WALK, vehicle.identified.neutral_walk)
 
 
-def member(vehicle: Vehicle, s: Array, *, level: float = 0.95) -> Member:
-    """Return the vehicle at s [unknowns]: the unit ball, or for a box the unit cube, is the region.
-
-    level: of the probability that the ellipsoid holds.
-    """
+def member(vehicle: Vehicle, s: Array) -> Member:
+    """Return the vehicle at s [unknowns]; the unit ball, of a box the unit cube, is the region."""
     names, _ = unknowns(vehicle)
     nominal, known = plant(moved_by_volume(vehicle)), vehicle.identified
     if names == FLOATS:
-        return _float(vehicle, nominal, s, level)
+        return _float(vehicle, nominal, s)
     if known is None:
         shares = {n: 1.0 + UNKNOWN * float(x) for n, x in zip(names, s, strict=True)}
         return Member(_changed(nominal, shares, psi=nominal.psi), shares)
     values, C = np.array(known.values), np.array(known.covariance)
-    found = values + _radius(C, level) @ s
+    found = values + _radius(C) @ s
     psi = float(found[names.index("psi")]) if "psi" in names else nominal.psi
     shares = {
         n: float(v / m) if m else math.nan for n, v, m in zip(names, found, values, strict=True)
@@ -88,20 +86,20 @@ def member(vehicle: Vehicle, s: Array, *, level: float = 0.95) -> Member:
     return Member(_changed(nominal, shares, psi=psi), shares)
 
 
-def unit_points(vehicle: Vehicle, *, drawn: int = _DRAWN, seed: int = 1) -> Array:
+def unit_points(vehicle: Vehicle, *, drawn: int = _DRAWN) -> Array:
     """Return where the region is looked at [points, unknowns], in the unit ball or cube."""
     names, ball = unknowns(vehicle)
-    return (_sphere if ball else _box)(len(names), drawn, seed)
+    return (_sphere if ball else _box)(len(names), drawn)
 
 
-def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: int = 1) -> Region:
-    """Return the region of a vehicle's parameters that holds `level` of the probability."""
+def region(vehicle: Vehicle, *, drawn: int = _DRAWN) -> Region:
+    """Return the region of a vehicle's parameters that holds 95 % of the probability."""
     known = vehicle.identified
     names, _ = unknowns(vehicle)
     spread = _spread(vehicle)
     if names == FLOATS:
         words = [
-            f"{', '.join(names)} within their {100.0 * level:g} % region, "
+            f"{', '.join(names)} within their {100.0 * _LEVEL:g} % region, "
             + ("as identified" if known else "by the usual spread of floats")
             + f": 1 sigma {100.0 * spread.drag:.2g} %, {1e6 * spread.psi:.2g} cm3/m, "
             f"{100.0 * spread.pump:.2g} %, {100.0 * spread.pump:.2g} %"
@@ -112,7 +110,7 @@ def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: 
         neutral = NEUTRAL
     else:
         words = [
-            f"{', '.join(names)} within the {100.0 * level:g} % region of their covariance, from "
+            f"{', '.join(names)} within the {100.0 * _LEVEL:g} % region of their covariance, from "
             f"{len(known.logs)} logs"
         ]
         neutral = max(NEUTRAL, 2.0 * known.neutral_std)
@@ -120,9 +118,8 @@ def region(vehicle: Vehicle, *, level: float = 0.95, drawn: int = _DRAWN, seed: 
     drift = f"{60e6 * walk:.2g} cm3 in a root hour"
     moves = f", walking {drift}" if walk > 0.0 else ""
     words.append(f"neutral volume within {1e6 * neutral:.2g} cm3{moves}")
-    points = unit_points(vehicle, drawn=drawn, seed=seed)
     found = [Member(plant(moved_by_volume(vehicle)), {})]
-    found += [member(vehicle, s, level=level) for s in points]
+    found += [member(vehicle, s) for s in unit_points(vehicle, drawn=drawn)]
     drives = tuple(one.drive for one in found) if names == FLOATS else ()
     return Region(tuple(one.plant for one in found), neutral, walk, tuple(words), drives)
 
@@ -131,14 +128,14 @@ def _spread(vehicle: Vehicle) -> Spread:
     return Spread() if vehicle.identified is None else Spread().identified(vehicle)
 
 
-def _float(vehicle: Vehicle, p: Plant, s: Array, level: float) -> Member:
+def _float(vehicle: Vehicle, p: Plant, s: Array) -> Member:
     """Return a float at s [4], the unit ball being the region; its valve as uncertain as a pump."""
     spread = _spread(vehicle)
     sigma = np.array([spread.drag, spread.psi, spread.pump, spread.pump])
     order, together = [INPUTS.index(name) for name in ("drag", "psi", "pump")], np.eye(4)
     together[:3, :3] = spread.matrix[np.ix_(order, order)]
     drag, psi, pump, valve = (
-        np.array([1.0, p.psi, 1.0, 1.0]) + _radius(sigma[:, None] * together * sigma, level) @ s
+        np.array([1.0, p.psi, 1.0, 1.0]) + _radius(sigma[:, None] * together * sigma) @ s
     )
     drag, pump, valve = (max(float(x), 0.05) for x in (drag, pump, valve))
     ratio = float(psi / p.psi) if p.psi else math.nan
@@ -146,27 +143,27 @@ def _float(vehicle: Vehicle, p: Plant, s: Array, level: float) -> Member:
     return Member(with_drag(p, drag)._replace(psi=float(psi)), shares, (pump, valve))
 
 
-def _box(n: int, drawn: int, seed: int) -> Array:
+def _box(n: int, drawn: int) -> Array:
     """Return the corners of a cube of half side 1, the middles of its faces and points within."""
     corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * n), axis=-1).reshape(-1, n)
     faces = np.concatenate([np.eye(n), -np.eye(n)])
-    inside = np.random.default_rng(seed).uniform(-1.0, 1.0, (drawn, n))
+    inside = np.random.default_rng(1).uniform(-1.0, 1.0, (drawn, n))
     return np.concatenate([corners, faces, inside])
 
 
-def _sphere(n: int, drawn: int, seed: int) -> Array:
+def _sphere(n: int, drawn: int) -> Array:
     """Return the ends of the axes of the unit ball and points of its boundary."""
-    directions = np.random.default_rng(seed).normal(size=(drawn, n))
+    directions = np.random.default_rng(1).normal(size=(drawn, n))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return np.concatenate([np.eye(n), -np.eye(n), directions])
 
 
-def _radius(C: Array, level: float) -> Array:
+def _radius(C: Array) -> Array:
     """Return what takes the unit ball to the ellipsoid of a covariance; its axes to the axes."""
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
     values, vectors = np.linalg.eigh(C / np.outer(size, size))
     root = vectors * np.sqrt(np.maximum(values, 0.0)) * size[:, None]
-    return np.asarray(math.sqrt(float(chi2.ppf(level, len(C)))) * root)
+    return np.asarray(math.sqrt(float(chi2.ppf(_LEVEL, len(C)))) * root)
 
 
 def _changed(p: Plant, shares: Mapping[str, float], *, psi: float) -> Plant:

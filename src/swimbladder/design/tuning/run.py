@@ -19,6 +19,7 @@ from swimbladder.control.law import Law, Setting
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind, check_command, own_law
 from swimbladder.design.linear.depths import stall
+from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
 from swimbladder.design.tuning.gains import (
     GOALS,
@@ -33,7 +34,7 @@ from swimbladder.design.tuning.gains import (
     tunable,
     tunable_names,
 )
-from swimbladder.design.tuning.margins import MARGINS, Loop, Worst, decibels, loops
+from swimbladder.design.tuning.margins import MARGINS, Loop, decibels, loops
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.trial import (
     Drawn,
@@ -72,7 +73,7 @@ class Tuning:
     setting: Setting  # what the gains were made from
     knobs: Any
     parameters: Any
-    margins: Worst | None  # None: a law without a linear form around rest
+    margins: Margins | None  # None: a law without a linear form around rest
     nominal: Trial
     region: Trial
     shown: tuple[Runs, Runs]  # a few runs: nominal, and over the region
@@ -319,10 +320,9 @@ def tune(
                 "provenance": {**vehicle.provenance, "controller.parameters": origin},
             }
         ),
-        law=chosen, goal=goal, setting=setting, knobs=found.knobs, parameters=numbers,
-        margins=found.margins, nominal=found.nominal, region=found.region, shown=shown,
+        law=chosen, goal=goal, setting=setting, **found._asdict(), shown=shown,
         step=watched, sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least,
-        held=held, radius=found.radius,
+        held=held,
         band=arrival_band(chosen, numbers, watched) if pumped else 0.0,
         assumptions=(
             *around.words,
