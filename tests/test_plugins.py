@@ -242,7 +242,7 @@ class TestALaw:
     def test_it_is_compared_and_has_a_wrapped_form(self):
         kept, out = choose_laws(FEUP, None)
         assert "hover" in kept
-        assert all(one.name != "hover" for one in out)
+        assert "hover" not in out
         assert wrapped(LAWS["hover"]).inner is LAWS["hover"]
 
     def test_an_edit_of_its_source_gives_its_kernels_and_answers_another_name(self):
@@ -331,7 +331,7 @@ class TestWhatIsBroken:
         assert "bad" not in list(LAWS)
         assert LAWS["cascade"].name == "cascade"
         _, out = choose_laws(FEUP, None)
-        assert any(one.name == "bad" and "swb-bad" in one.why for one in out)
+        assert "swb-bad" in out["bad"]
         bad = FEUP.controller.model_copy(update={"law": "bad"})
         broken = FEUP.model_copy(update={"controller": bad})
         refused(lambda: sb.simulate(broken, **STEP), "swb-bad")

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.design.experiments import load_plan
+from swimbladder.io.plan import load_plan
 from tests.quoted import numbers
 
 QUICK = [

@@ -91,7 +91,7 @@ def test_the_vehicle_and_the_answer_are_for_a_person_to_read(capsys, tmp_path, p
         (["--least", "cost"], 2, "Allowed: mass, energy"),
         (["--speed", "3 kg"], 2, "--speed"),
         (["--hotel", "-1 W"], 2, "--hotel: it must be 0 or more (got '-1 W'"),
-        (["--reserve", "10"], 2, "--reserve: more than all of it (got '10')"),
+        (["--reserve", "10"], 2, "--reserve: it must be 0 or more and 1 at most (got '10')"),
         (["--cycles", "0"], 2, "--cycles"),
         (["--park", "-1 s"], 2, "--park"),
         (["--largest-mass", "1 kg"], 1, "% of the mass that drive and battery"),

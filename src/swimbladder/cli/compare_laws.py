@@ -152,5 +152,5 @@ def _shown(found: LawComparison) -> Iterator[object]:
     for shown in (SOON, STILL):
         yield from (table(shown, ([row[heading] for heading in shown] for row in rows)), "")
     yield from (*notes(found), "")
-    yield from (f"left out: {one.name}: {one.why}" for one in found.left_out)
+    yield from (f"left out: {name}: {why}" for name, why in found.left_out.items())
     yield from labelled("assumed", found.assumptions)

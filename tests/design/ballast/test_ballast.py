@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import norm
 
 from swimbladder.design.ballast import Target, Uncertainty, ballast, ballasted, uncertainty_of
-from swimbladder.design.ballast.result import drawn_volumes, sensitivities
+from swimbladder.design.ballast.run import drawn_volumes, sensitivities
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import displaced_volume, neutral_volume, weight_mass

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from swimbladder.design.experiments import load_plan, plan_file
 from swimbladder.design.experiments.conditions import Flight, follow, ramps
 from swimbladder.design.experiments.evaluation import predict
 from swimbladder.estimation.motion import identify
 from swimbladder.io.logs import Log
+from swimbladder.io.plan import load_plan, plan_file
 from tests.design.experiments.truth import Vehicle, depths, run
 
 pytestmark = pytest.mark.slow

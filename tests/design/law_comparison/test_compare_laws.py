@@ -6,7 +6,6 @@ import pytest
 
 from swimbladder.design.law_comparison import SCENARIOS, compare_laws
 from swimbladder.design.law_comparison import run as running
-from swimbladder.design.law_comparison.contenders import LeftOut
 from swimbladder.design.law_comparison.run import Asked, least_times
 from swimbladder.design.planning import least_time
 from swimbladder.errors import InputError, NoAnswerError
@@ -26,8 +25,8 @@ def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
     names = ["position-pid, as in the file", "position-observer, fast"]
     assert [row.who.name for row in b.rows] == names
     assert b.reference is b.rows[0]
-    assert {one.name: one.why for one in b.left_out}["planned"].startswith("it commands a voltage")
-    assert "tuned" in {one.name: one.why for one in b.left_out}["position-pid"]
+    assert b.left_out["planned"].startswith("it commands a voltage")
+    assert "tuned" in b.left_out["position-pid"]
     assert b.no_energy == "nothing is known of the motor behind the positioner"
     assert math.isnan(b.rows[0].cost("hold", "power"))
     assert set(b.rows[0].results) == {s.name for s in FEW}
@@ -119,10 +118,10 @@ def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
 
     monkeypatch.setattr("swimbladder.design.law_comparison.contenders.tune", refused)
     b = compared(FEUP, laws=["planned"])
-    assert b.left_out == [
-        LeftOut(name="planned, fast", why="no gains for fast"),
-        LeftOut(name="planned, quiet", why="no gains for quiet"),
-    ]
+    assert b.left_out == {
+        "planned, fast": "no gains for fast",
+        "planned, quiet": "no gains for quiet",
+    }
     other = FEUP.stroke.model_copy(update={"maximum": 3e-4})  # not the paper's vehicle any more
     bare = FEUP.model_copy(update={"controller": None, "stroke": other})
     with pytest.raises(NoAnswerError, match=r"no controller to compare\. .*no gains for fast"):

@@ -12,12 +12,20 @@ Volumes are those of the drive, 0 at mid-stroke; the law is `swimbladder.physics
 
 from __future__ import annotations
 
-from swimbladder.design.ballast.result import Ballasting, Need, Target, Uncertainty, uncertainty_of
-from swimbladder.design.ballast.run import ballast, ballasted, material_of, seas, with_mass
+from swimbladder.design.ballast.run import (
+    Ballasting,
+    Target,
+    Uncertainty,
+    ballast,
+    ballasted,
+    material_of,
+    seas,
+    uncertainty_of,
+    with_mass,
+)
 
 __all__ = [
     "Ballasting",
-    "Need",
     "Target",
     "Uncertainty",
     "ballast",

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy, sea
 from swimbladder.design.energy.fit import (
-    Band,
     PumpFit,
     efficiency_bands,
     fit_pump,
@@ -27,7 +26,6 @@ from swimbladder.design.energy.thruster_comparison import (
 from swimbladder.io.pump_runs import PumpRuns
 
 __all__ = [
-    "Band",
     "DriveEnergy",
     "Hovering",
     "Profiling",

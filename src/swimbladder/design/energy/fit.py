@@ -262,7 +262,9 @@ def fit_pump(
     warm = _warm(runs, kept) if temperature else None
     if warm is not None:
         kept &= np.isfinite(warm)
-    design = _Design(runs, warm, power_at, start and _identifies_start(runs.duration[kept]))
+    lasted = runs.duration[kept]  # enough, and of different lengths, where a start's loss shows
+    start &= bool(lasted.size >= _ENOUGH and np.std(lasted) > _LENGTHS * np.mean(lasted))
+    design = _Design(runs, warm, power_at, start)
     groups = np.unique(dive[kept])
     check_groups(runs, kept, groups)
     powers, reference = _powers(design, kept, dive, _reference(runs, kept) if voltage else None)
@@ -412,11 +414,6 @@ def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
     if known.sum() < _KNOWN * kept.sum() or np.std(T[known]) < _WARM:
         return None
     return T
-
-
-def _identifies_start(duration: Array) -> bool:
-    """Return whether runs are enough, and of different lengths, to determine what a start loses."""
-    return bool(duration.size >= _ENOUGH and np.std(duration) > _LENGTHS * np.mean(duration))
 
 
 _BANDS, _FEWEST = 8, 3  # bands of pressure at most, and runs in each at least

@@ -6,19 +6,6 @@ best set, `evaluation` its errors and what would bias it, `result` what a person
 """
 
 from swimbladder.design.experiments.result import Design
-from swimbladder.design.experiments.run import DRIFT_STD, PAPER, design_experiment
-from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace, load_plan, plan_file
+from swimbladder.design.experiments.run import PAPER, design_experiment
 
-__all__ = [
-    "DRIFT_STD",
-    "PAPER",
-    "Design",
-    "Expected",
-    "Move",
-    "Plan",
-    "PlannedExperiment",
-    "Trace",
-    "design_experiment",
-    "load_plan",
-    "plan_file",
-]
+__all__ = ["PAPER", "Design", "design_experiment"]

@@ -73,7 +73,11 @@ def design_experiment(
     """
     report = advance or (lambda _: None)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        question = _question(vehicle, free, dict(fixed or {}), dict(priors or {}), drag)
+        model = model_of(vehicle, law=drag, bottom_depth=math.inf)
+        held, known = dict(fixed or {}), dict(priors or {})
+        names = tuple(free) if free is not None else default_names(model.law, list(held))
+        check_parameters(names, held, known, model, voltage=False)
+        question = Question(model, names, held, known)
         settled, how = _settling(vehicle, settling, pool_depth, clearance)
         s = _setting(
             vehicle, pool_depth=pool_depth, clearance=clearance, sensor_std=sensor_std,
@@ -121,16 +125,6 @@ def paper_steps(volumes: Sequence[float], setting: Setting) -> list[Release]:
         Release.to_and_fro(setting.deepest if v > 0.0 else setting.shallowest, [v], [])
         for v in volumes
     ]
-
-
-def _question(
-    vehicle: Vehicle, free: Sequence[str] | None, fixed: dict[str, float],
-    priors: dict[str, Prior], drag: str | None,
-) -> Question:  # fmt: skip
-    model = model_of(vehicle, law=drag, bottom_depth=math.inf)
-    names = tuple(free) if free is not None else default_names(model.law, list(fixed))
-    check_parameters(names, fixed, priors, model, voltage=False)
-    return Question(model, names, fixed, priors)
 
 
 def _settling(

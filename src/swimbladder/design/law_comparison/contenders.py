@@ -257,16 +257,8 @@ class Contender:
         return Controller(law=self.law.name, sample_time=self.sample_time, parameters=numbers)
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeftOut:
-    """A law that is not compared, and why."""
-
-    name: str
-    why: str
-
-
-def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[str], list[LeftOut]]:
-    """Return the laws to be tuned, and those that cannot be; raises InputError for no law's name.
+def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[str], dict[str, str]]:
+    """Return the laws to be tuned, and why others cannot be; raises InputError for no law's name.
 
     wanted: names of laws; all where not given.
     """
@@ -278,15 +270,13 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
             )  # fmt: skip
     command = vehicle.command
     kept = []
-    out = [] if wanted else [LeftOut(name=n, why=why) for n, why in LAWS.broken().items()]
+    out = {} if wanted else dict(LAWS.broken())
     for name in dict.fromkeys(wanted or LAWS):
         law = LAWS[name]
         if law.command != command:
-            why = f"it commands a {law.command}, and the vehicle's actuator takes a {command}"
-            out.append(LeftOut(name=name, why=why))
+            out[name] = f"it commands a {law.command}, and the vehicle's actuator takes a {command}"
         elif law.recipe is None:
-            why = "it is not tuned; the vehicle file's own gains, if any, are compared"
-            out.append(LeftOut(name=name, why=why))
+            out[name] = "it is not tuned; the vehicle file's own gains, if any, are compared"
         else:
             kept.append(name)
     return kept, out
@@ -325,7 +315,7 @@ def tuned(
     vehicle: Vehicle, name: str, goal: str, *, where: Places, step: tuple[float, float],
     sample_time: float | None, store: Store, advance: Callable[[float], None],
     column: Column | None = None,
-) -> Contender | LeftOut:  # fmt: skip
+) -> Contender | str:  # fmt: skip
     """Return a law tuned for a goal over the range of depths, or why it cannot be.
 
     step [m]: of the tuner's trials. column: their water. advance: told the share of the work done.
@@ -360,7 +350,7 @@ def tuned(
     else:
         advance(1.0)
     if "why" in kept:
-        return LeftOut(name=f"{name}, {goal}", why=str(kept["why"]))
+        return str(kept["why"])
     h = float(kept["sample_time"])
     return Contender(
         law=law, tuning=goal, sample_time=h,

@@ -24,7 +24,6 @@ from swimbladder.design.law_comparison.contenders import (
     LOW_SUPPLY,
     PAPER,
     Contender,
-    LeftOut,
     Placed,
     Places,
     Scenario,
@@ -104,7 +103,7 @@ class LawComparison:
     where: Places
     placed: Sequence[Placed]
     rows: Sequence[Row]
-    left_out: Sequence[LeftOut]
+    left_out: Mapping[str, str]  # laws that are not compared, and why
     bounds: Mapping[str, float]  # s, of each step that has one
     no_bound: Mapping[str, str]  # why a step has none
     no_energy: str | None  # why the energy is not known
@@ -179,7 +178,7 @@ class LawComparison:
         """Return it in SI units, ready for JSON."""
         return {
             "vehicle": self.vehicle.name,
-            **as_json(self, "runs seed energy_unknown=no_energy assumptions"),
+            **as_json(self, "runs seed energy_unknown=no_energy assumptions left_out"),
             "depths_m": [self.where.least, self.where.most],
             "scenarios": {
                 p.scenario.name: {
@@ -201,7 +200,6 @@ class LawComparison:
                 }
                 for row, unbeaten in zip(self.rows, self.unbeaten, strict=True)
             ],
-            "left_out": {one.name: one.why for one in self.left_out},
         }
 
 
@@ -319,12 +317,12 @@ def compare_laws(
                 sample_time=sample_time, store=store, column=column,
                 advance=lambda share: tell(_TUNING * share / len(jobs)),
             )  # fmt: skip
-            if isinstance(found, LeftOut):
-                left_out.append(found)
+            if isinstance(found, str):
+                left_out[f"{name}, {goal}"] = found
             else:
                 contenders.append(found)
         if not contenders:
-            why = "; ".join(f"{one.name}: {one.why}" for one in left_out)
+            why = "; ".join(f"{name}: {why}" for name, why in left_out.items())
             raise NoAnswerError(f"there is no controller to compare. {why}")
         rows = _fly_all(
             vehicle, contenders, placed, store, around=around, runs=runs, seed=seed,
@@ -394,7 +392,9 @@ def _fly_all(
             result = summarise(flown)._asdict() | ({} if p.is_step else _NOT_A_STEP)
             return {"result": result, "time": time.tolist(), "depth": depth.tolist()}
 
-        return _read(store.get(flight, *inputs))
+        kept = store.get(flight, *inputs)
+        trace = Trace(time=np.array(kept["time"]), depth=np.array(kept["depth"]))
+        return Trial(**kept["result"]), trace
 
     jobs = [(who, p) for who in contenders for p in placed]
     found: dict[int, tuple[Trial, Trace]] = {}
@@ -414,11 +414,6 @@ def _fly_all(
             )
         )
     return rows
-
-
-def _read(kept: dict[str, Any]) -> tuple[Trial, Trace]:
-    trace = Trace(time=np.array(kept["time"]), depth=np.array(kept["depth"]))
-    return Trial(**kept["result"]), trace
 
 
 def _assumptions(

@@ -98,7 +98,8 @@ def settle(
         if straight(p) and (back is not None or not sided(p)):
             return answer, new
         gap = float(np.abs(new.speed - nominal.speed).max()) / size
-        same = bool(((new.rate < 0.0) == (nominal.rate < 0.0))[_turns(task, new.rate)].all())
+        turns = np.abs(new.rate) > 1e-3 * scale_of(task).state[0]  # and does not just creep
+        same = bool(((new.rate < 0.0) == (nominal.rate < 0.0))[turns].all())
         nominal = new
         # The side of a motor that has nothing to do is anybody's: it matters where the plan does.
         if gap < agree and (same or agree > AGREE or back is not None or not sided(p)):
@@ -111,12 +112,6 @@ def settle(
             f"differ by {100.0 * gap:.2g} %. Plan with a shorter sample time (--sample-time)"
         )
     return answer, nominal
-
-
-def _turns(task: Task, rate: Array) -> Flags:
-    """Return where the motor turns, and does not just creep."""
-    turning: Flags = np.abs(rate) > 1e-3 * scale_of(task).state[0]
-    return turning
 
 
 def sided(p: Plant) -> bool:

@@ -26,6 +26,7 @@ from swimbladder.design.planning.nominal_trajectory import (
 from swimbladder.design.planning.task import Steps, Task, task_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
+from swimbladder.physics.buoyancy_engine import winding as winding_of
 from swimbladder.sim.closed_loop import drive
 from swimbladder.units import length, rounded
 from swimbladder.vehicle import Vehicle
@@ -305,35 +306,23 @@ def _plan_of(
     h, n = task.sample_time, len(answer.commands)
     time: Array = np.arange(n + 1, dtype=np.float64) * h
     _, volume, depth, speed = answer.states.T
-    held = task.plant.load_drive * task.target
+    command = np.append(answer.commands, task.plant.load_drive * task.target)
+    driven: dict[str, Any] = {"voltage": command}
     if task.plant.positioner:
-        command = np.append(volume[1:], volume[-1])
-        run = drive(
-            task.vehicle, time=time, volume=volume, start_depth=task.start,
-            bottom_depth=task.plant.z_bottom,
-        )  # fmt: skip
-    else:
-        command = np.append(answer.commands, held)
-        run = drive(
-            task.vehicle, time=time, voltage=command, start_depth=task.start,
-            bottom_depth=task.plant.z_bottom,
-        )  # fmt: skip
+        command, driven = np.append(volume[1:], volume[-1]), {"volume": volume}
+    run = drive(
+        task.vehicle, time=time, start_depth=task.start, bottom_depth=task.plant.z_bottom, **driven
+    )
     same = len(run.depth) == n + 1
     residual = float(np.abs(run.depth - depth).max()) if same else math.inf
+    known = winding_of(task.vehicle) is not None
     return Plan(
         task=task, goal=goal, arrive=arrive, time=time, depth=depth, speed=speed, volume=volume,
         command=command, arrival=arrival * h, least=least,
-        moved=float(np.abs(np.diff(volume)).sum()), energy=_energy(task, answer),
+        moved=float(np.abs(np.diff(volume)).sum()),
+        energy=electrical(task, answer) if known else math.nan,
         gap=answer.gap, proven=answer.proven, residual=residual, at_limit=_at_limit(task, answer),
     )  # fmt: skip
-
-
-def _energy(task: Task, answer: Answer) -> float:
-    """Return the electrical energy into the motor [J], nan where not known."""
-    try:
-        return electrical(task, answer)
-    except NoAnswerError:
-        return math.nan
 
 
 def _at_limit(task: Task, answer: Answer) -> dict[str, float]:

@@ -10,9 +10,9 @@ from swimbladder.design.pool_day.day import Asked, News, PoolDay
 from swimbladder.design.pool_day.follow import finished, follow, rehearse
 from swimbladder.design.pool_day.growing_log import GrowingLog
 from swimbladder.design.pool_day.rehearsal import Operator
-from swimbladder.design.pool_day.segments import Rules, Sample, Segmenter
+from swimbladder.design.pool_day.segments import Rules, Sample
 from swimbladder.design.pool_day.tasks import Task, paper_tasks, plan_tasks
-from swimbladder.design.pool_day.verdict import Target, Verdict
+from swimbladder.design.pool_day.verdict import Target
 
 __all__ = [
     "Asked",
@@ -22,10 +22,8 @@ __all__ = [
     "PoolDay",
     "Rules",
     "Sample",
-    "Segmenter",
     "Target",
     "Task",
-    "Verdict",
     "finished",
     "follow",
     "paper_tasks",

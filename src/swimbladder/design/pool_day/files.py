@@ -12,6 +12,7 @@ import numpy as np
 
 from swimbladder.design.pool_day.segments import FEWEST, Cut
 from swimbladder.errors import InputError
+from swimbladder.io.answers import as_json
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log
 from swimbladder.io.tables import write_csv
@@ -19,7 +20,8 @@ from swimbladder.io.tables import write_csv
 STATE = "pool.json"
 _MARK = "swimbladder pool"
 _FACTS = (
-    "source", "released_s", "change_m3", "travel_m", "end", "rest_depth_m", "rest_speed_m_s",
+    "number", "source", "released_s", "change_m3", "travel_m", "end", "rest_depth_m",
+    "rest_speed_m_s", "set_aside",
 )  # fmt: skip
 
 
@@ -45,13 +47,7 @@ class Kept:
 
     def to_json(self) -> dict[str, Any]:
         """Return it for pool.json."""
-        return {
-            "number": self.number,
-            "file": self.path.name,
-            **{name: getattr(self, name) for name in _FACTS},
-            "remarks": list(self.remarks),
-            "set_aside": self.set_aside,
-        }
+        return {"file": self.path.name, **as_json(self, " ".join((*_FACTS, "remarks")))}
 
 
 def keep(folder: Path, number: int, cut: Cut, source: str, remarks: list[str]) -> Kept:
@@ -112,7 +108,7 @@ def earlier(folder: Path, state: Mapping[str, Any]) -> list[Kept]:
     try:
         for entry in state["experiments"]:
             path = folder / Path(entry["file"]).name
-            facts = {name: entry[name] for name in (*_FACTS, "number", "set_aside")}
+            facts = {name: entry[name] for name in _FACTS}
             found.append(
                 Kept(path=path, log=read_log(path), remarks=tuple(entry["remarks"]), **facts)
             )

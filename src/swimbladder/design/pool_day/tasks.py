@@ -109,11 +109,12 @@ def undone(tasks: Sequence[Task], done: Sequence[float]) -> int:
 def _counts(tasks: Sequence[Task], done: Sequence[float]) -> list[int]:
     counts = [0] * len(tasks)
     for change in done:
-        fitting = [i for i, task in enumerate(tasks) if _alike(task.change, change)]
+        fitting = [
+            i
+            for i, task in enumerate(tasks)
+            if task.change * change > 0.0
+            and abs(math.log(task.change / change)) <= math.log(_ALIKE)
+        ]
         if fitting:
             counts[min(fitting, key=lambda i: counts[i])] += 1
     return counts
-
-
-def _alike(a: float, b: float) -> bool:
-    return a * b > 0.0 and abs(math.log(a / b)) <= math.log(_ALIKE)

@@ -9,14 +9,12 @@
 
 from __future__ import annotations
 
-from swimbladder.design.sizing.candidates import Parts, load_parts
-from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
+from swimbladder.design.sizing.candidates import load_parts
+from swimbladder.design.sizing.requirements import Dive, requirements
 from swimbladder.design.sizing.run import Sizing, columns, sentences, size, sized_vehicle, to_json
 
 __all__ = [
     "Dive",
-    "Parts",
-    "Requirements",
     "Sizing",
     "columns",
     "load_parts",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,32 +50,15 @@ class Dive:
     stall_reserve: float = 0.25
 
     def __post_init__(self) -> None:
-        for name, unit in _POSITIVE.items():
-            check_number(getattr(self, name), name, unit, above=0.0)
-        for name, unit in _NOT_NEGATIVE.items():
-            check_number(getattr(self, name), name, unit, least=0.0)
-        if self.coldest is not None and not -5.0 <= self.coldest <= 60.0:
-            raise InputError(
-                "water is between -5 and 60 degC", field="coldest", value=self.coldest,
-                unit="degC", remedy="Check the number and its unit",
-            )  # fmt: skip
-        for name in ("reserve", "corrections"):
-            if getattr(self, name) > 1.0:
+        for name, (unit, bounds) in _BOUNDS.items():
+            check_number(getattr(self, name), name, unit, **bounds)
+        if self.coldest is not None:
+            check_number(self.coldest, "coldest", "degC", least=-5.0, most=60.0)
+        for name in ("battery_reserve", "probability"):
+            if getattr(self, name) == 1.0:
                 raise InputError(
-                    "more than all of it", field=name, value=getattr(self, name),
-                    remedy='Write a share like "10 %", which is 0.1',
-                )  # fmt: skip
-        if self.battery_reserve >= 1.0:
-            raise InputError(
-                "nothing of the battery is left to fly with", field="battery_reserve",
-                value=self.battery_reserve, remedy='Write a share like "10 %"',
-            )  # fmt: skip
-        for name in ("probability", "battery_low"):
-            value = getattr(self, name)
-            if not 0.0 < value <= 1.0 or (name == "probability" and value == 1.0):
-                raise InputError(
-                    "a share above 0 and below 1 is needed", field=name, value=value,
-                    remedy='Write a share like "95 %"',
+                    "a share below the whole is needed", field=name, value=1.0,
+                    remedy='Write a share like "10 %"',
                 )  # fmt: skip
 
     @property
@@ -84,12 +68,16 @@ class Dive:
         return way + self.park_time + self.surface_time
 
 
-_POSITIVE = {"depth": "m", "speed": "m/s", "turn_time": "s", "cycles": ""}
 _PLACES = 41  # depths at which the energy of a cycle is summed up
-_NOT_NEGATIVE = {
-    "trim": "m3", "freeboard": "m3", "reserve": "", "park_time": "s", "hotel": "W",
-    "surface_energy": "J", "stall_reserve": "", "corrections": "", "surface_time": "s",
-    "battery_reserve": "",
+_SAID = {"most": 1.0, "remedy": 'Write a share like "10 %", which is 0.1'}
+_ABOVE, _LEAST, _SHARE = {"above": 0.0}, {"least": 0.0}, {"least": 0.0} | _SAID
+_BOUNDS: dict[str, tuple[str, dict[str, Any]]] = {
+    "depth": ("m", _ABOVE), "speed": ("m/s", _ABOVE), "turn_time": ("s", _ABOVE),
+    "cycles": ("", _ABOVE), "trim": ("m3", _LEAST), "freeboard": ("m3", _LEAST),
+    "park_time": ("s", _LEAST), "hotel": ("W", _LEAST), "surface_energy": ("J", _LEAST),
+    "stall_reserve": ("", _LEAST), "surface_time": ("s", _LEAST), "reserve": ("", _SHARE),
+    "corrections": ("", _SHARE), "battery_reserve": ("", _SHARE),
+    "probability": ("", _ABOVE | _SAID), "battery_low": ("", _ABOVE | _SAID),
 }  # fmt: skip
 
 

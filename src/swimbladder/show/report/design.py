@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from swimbladder.design.experiments import Design, plan_file
+from swimbladder.design.experiments import Design
 from swimbladder.design.experiments.conditions import Release
 from swimbladder.design.experiments.result import percent
-from swimbladder.io.plan import Move
+from swimbladder.io.plan import Move, plan_file
 from swimbladder.show.files import write_all
 from swimbladder.show.plots.design import draw_design, draw_plan
 from swimbladder.show.plots.style import png
