@@ -10,10 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.codegen.c99 import write_c99
-from swimbladder.codegen.c_places import in_place
+from swimbladder.codegen.c_places import in_place, remarks
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
+from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.law import Law, Measurement
+from swimbladder.control.observer import ObserverParameters
 from swimbladder.control.registry import law_parameters
 from swimbladder.sim.closed_loop import simulate, simulate_ensemble
 from tests.codegen.build import Compiled
@@ -234,3 +236,11 @@ def test_a_law_of_nested_records_flies_and_its_c_agrees_to_the_bit(tmp_path):
         **run | {"seed": None},
     )  # fmt: skip
     np.testing.assert_allclose(varied["command"][:, 1], steeper.command, rtol=0.0, atol=1e-9)
+
+
+def test_a_comment_stays_beside_its_own_field():
+    """A field without one does not take that of the next."""
+    said = remarks(DeadbandParameters)
+    assert said["T2"] == "s"
+    assert said["psi"] == "m3/m, neutral volume per depth"
+    assert "model" not in remarks(ObserverParameters)

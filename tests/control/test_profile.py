@@ -101,7 +101,9 @@ def test_samples_that_straddle_a_turn_change_nothing(gap, fastest, jerk, S_p) ->
 )  # fmt: skip
 def test_a_turn_on_the_way_keeps_the_jerk(gap, speed, acceleration, jerk) -> None:
     """The first jerk of the new polynomial, from its third derivative at the start."""
-    start = depart(REST._replace(speed=speed, acceleration=acceleration), gap, 0.0, jerk, 0.0)
+    start = depart(
+        REST._replace(target_speed=speed, target_acceleration=acceleration), gap, 0.0, jerk, 0.0
+    )
     T = start.left
     assume(start.whole == 0.0)
     assume(T < 1e4)
@@ -112,7 +114,7 @@ def test_a_turn_on_the_way_keeps_the_jerk(gap, speed, acceleration, jerk) -> Non
 @pytest.mark.parametrize(("gap", "over"), [(0.003, 0.02), (0.1, 0.01), (1.5, 1e-3), (40.0, 1e-5)])
 def test_it_hardly_overshoots_and_comes_to_rest(gap: float, over: float) -> None:
     """A change small enough for the linear filter overshoots as that does; a large one does not."""
-    start = depart(REST._replace(depth=2.0), 2.0 + gap, 0.2, 0.007, 3.0)
+    start = depart(REST._replace(target=2.0), 2.0 + gap, 0.2, 0.007, 3.0)
     rows = way(start, 2.0 + gap, 3.0, int(start.left / S_P) + 200)
     assert rows[:, 0].max() <= 2.0 + gap * (1.0 + over)
     assert rows[-1, 0] == pytest.approx(2.0 + gap, abs=1e-9)

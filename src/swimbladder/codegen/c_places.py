@@ -163,7 +163,7 @@ _WORDS = """
     boolean word interrupts constrain yield
 """
 _TAKEN = frozenset(_WORDS.split())
-_FIELD = re.compile(r"^\s+(\w+)\s*:[^#]*#\s*(.+?)\s*$", re.MULTILINE)
+_FIELD = re.compile(r"^\s+(\w+)\s*:[^#\n]*#\s*(.+?)\s*$", re.MULTILINE)
 
 
 def c_law(name: str) -> str:

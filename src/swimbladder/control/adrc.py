@@ -21,18 +21,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control.ability import BEHIND, learn_ability, usable
-from swimbladder.control.law import (
-    Grid,
-    Knobs,
-    Law,
-    Measurement,
-    Recipe,
-    Setting,
-    stiffness,
-    target_numbers,
-)
-from swimbladder.control.profile import Means, Target, approach, depart, means_between
+from swimbladder.control import law
+from swimbladder.control.ability import learn_ability
+from swimbladder.control.observers import limited
+from swimbladder.control.profile import Target, aim, approach, is_behind, moves
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
@@ -79,12 +71,7 @@ class AdrcState(NamedTuple):
     missed: float  # -, 1 where the depth of the sample before was missing
     volume: float  # m3, of the sample before
     voltage: float  # V, of the sample before, as limited
-    target: float  # m
-    target_speed: float  # m/s
-    target_acceleration: float  # m/s2
-    left: float  # s, that the target is still on its way
-    whole: float  # s, that this way takes in all; 0 for one that began in motion
-    jerk: float  # m/s3, of its first quarter
+    path: Target  # where the target is on its way
     goal: float  # m, where it goes
     driven: float  # V, beyond the load of the sea, at the sample before the last
     ability: float  # -, share of its rate that the motor was seen to have
@@ -124,20 +111,16 @@ def adrc_gains(
     )
 
 
-def limited(x: float, least: float, most: float) -> float:
-    """Return x within its limits."""
-    return min(max(x, least), most)
-
-
-def initial(parameters: AdrcParameters, measurement: Measurement, reference: float) -> AdrcState:
+def initial(
+    parameters: AdrcParameters, measurement: law.Measurement, reference: float
+) -> AdrcState:
     """Start at rest: the disturbance is what the volume balances."""
     p = parameters
     seen = abs(measurement.depth) < _DEEPEST
     measured = abs(measurement.volume) < _LARGEST
     depth = measurement.depth if seen else 0.0
     volume = measurement.volume if measured else 0.0
-    moves = p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0
-    target = depth if moves or abs(reference) >= _DEEPEST else reference
+    target = depth if moves(p) or abs(reference) >= _DEEPEST else reference
     begun = 1.0 if seen and measured else 0.0
     return AdrcState(
         begun=begun,
@@ -147,12 +130,7 @@ def initial(parameters: AdrcParameters, measurement: Measurement, reference: flo
         missed=0.0,
         volume=volume,
         voltage=p.depth_voltage * depth,
-        target=target,
-        target_speed=0.0,
-        target_acceleration=0.0,
-        left=p.shortest,
-        whole=0.0,
-        jerk=0.0,
+        path=Target(target, 0.0, 0.0, p.shortest, 0.0, 0.0),
         goal=target,
         driven=0.0,
         ability=1.0,
@@ -186,7 +164,7 @@ def observe(p: AdrcParameters, before: AdrcState, volume: float, depth: float) -
 
 
 def step(
-    parameters: AdrcParameters, state: AdrcState, measurement: Measurement, reference: float
+    parameters: AdrcParameters, state: AdrcState, measurement: law.Measurement, reference: float
 ) -> tuple[float, AdrcState, float]:
     """Return the voltage [V] towards the volume (f - a)/b, a the acceleration that is wanted."""
     p = parameters
@@ -206,8 +184,7 @@ def step(
     drive = before.voltage - p.depth_voltage * before.depth
     ability = before.ability
     known = p.rate_per_volt > 0.0 and started and abs(measurement.volume) < _LARGEST
-    behind = BEHIND * p.S_p * p.rate_per_volt * p.voltage_limit
-    lost = known and abs(before.volume_reference - volume) > behind
+    lost = known and is_behind(p, before.volume_reference, volume)
     if known:
         moved = (volume - before.volume) / (p.S_p * p.rate_per_volt)
         ability = learn_ability(before.ability, drive, before.driven, moved, p.voltage_limit)
@@ -215,44 +192,29 @@ def step(
     begun = before.begun > 0.0
     wanted = reference if begun and abs(reference) < _DEEPEST else before.goal
     target = Target(wanted, 0.0, 0.0, p.shortest, 0.0, 0.0)
-    if p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0:
-        target = Target(
-            before.target,
-            before.target_speed,
-            before.target_acceleration,
-            before.left,
-            before.whole,
-            before.jerk,
-        )
+    if moves(p):
+        target = before.path
         if lost:
             heavy = seen.disturbance + p.b * (p.psi * seen.depth - volume) - p.drag * seen.speed
             target = Target(seen.depth, seen.speed, heavy, 0.0, 0.0, 0.0)
         if wanted != before.goal or lost:
-            deeper = max(seen.depth, wanted)
-            higher = min(seen.depth, wanted)
-            means = means_between(
-                Means(p.fastest, p.jerk),
-                target.depth,
-                wanted,
-                1.0 - p.depth_voltage * deeper / p.voltage_limit,
-                min(p.volume_max - p.psi * deeper, p.psi * higher - p.volume_min),
-                p.drag / p.b,
-                1.0 / p.b,
-            )
-            jerk = usable(ability) * means.jerk
-            target = depart(target, wanted, means.fastest, jerk, p.shortest)
+            target = aim(p, target, wanted, seen.depth, ability, p.drag / p.b, 1.0 / p.b)
     later = approach(target, wanted, p.shortest, p.S_p)
 
-    error = target.depth - seen.depth
+    error = target.target - seen.depth
     if p.leash > 0.0:
         error = limited(error, -p.leash, p.leash)
-    a = target.acceleration + p.gains.k_p * error + p.gains.k_d * (target.speed - seen.speed)
+    a = (
+        target.target_acceleration
+        + p.gains.k_p * error
+        + p.gains.k_d * (target.target_speed - seen.speed)
+    )
     a = a + p.drag * seen.speed
     U = p.psi * seen.depth + (seen.disturbance - a) / p.b
     U = limited(U, p.volume_min, p.volume_max)
     voltage = p.k_pV * (U - volume) + p.depth_voltage * seen.depth
     if p.rate_per_volt > 0.0:
-        voltage = voltage + (target.acceleration - later.acceleration) / (
+        voltage = voltage + (target.target_acceleration - later.target_acceleration) / (
             p.b * p.S_p * p.rate_per_volt
         )
     voltage = limited(voltage, -p.voltage_limit, p.voltage_limit)
@@ -264,12 +226,7 @@ def step(
         missed=missed,
         volume=volume,
         voltage=voltage,
-        target=later.depth,
-        target_speed=later.speed,
-        target_acceleration=later.acceleration,
-        left=later.left,
-        whole=later.whole,
-        jerk=later.jerk,
+        path=later,
         goal=wanted,
         driven=drive,
         ability=ability,
@@ -278,14 +235,14 @@ def step(
     return voltage, after, p.S_p
 
 
-def _gains(s: Setting, k: Knobs) -> AdrcParameters:
+def _gains(s: law.Setting, k: law.Knobs) -> AdrcParameters:
     p, w = s.plant, k.frequency
-    d, a = stiffness(p)
+    d, a = law.stiffness(p)
     own = adrc_gains(w, k.sharpness * w, s.sample_time, k.learning * w)
-    return AdrcParameters(gains=own, **target_numbers(s, k), b=a, drag=d, k_pV=k.inner / p.gain)
+    return AdrcParameters(gains=own, **law.target_numbers(s, k), b=a, drag=d, k_pV=k.inner / p.gain)
 
 
-ADRC = Law(
+ADRC = law.Law(
     name="adrc",
     summary="active disturbance rejection on depth, a gain on volume inside (Han 2009, Gao 2003)",
     command="voltage",
@@ -294,12 +251,12 @@ ADRC = Law(
     step=step,
     initial=initial,
     volume_gain="k_pV",
-    recipe=Recipe(
+    recipe=law.Recipe(
         gains=_gains,
         shares=(0.85, 0.75),
-        fast=Grid(
+        fast=law.Grid(
             (0.4, 0.5), (0.08, 0.1, 0.12, 0.14, 0.16), (1.0,), (4.0, 6.0, 8.0), (0.1, 0.25, 0.4)
         ),
-        quiet=Grid((0.4,), (0.03, 0.04, 0.05, 0.06, 0.08), (1.0,), (4.0, 6.0), (0.1, 0.25)),
+        quiet=law.Grid((0.4,), (0.03, 0.04, 0.05, 0.06, 0.08), (1.0,), (4.0, 6.0), (0.1, 0.25)),
     ),
 )

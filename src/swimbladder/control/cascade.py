@@ -4,19 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from swimbladder.control.law import (
-    QUIET,
-    Grid,
-    Knobs,
-    Law,
-    Measurement,
-    Recipe,
-    Setting,
-    stiffness,
-)
+from swimbladder.control import law
 
 _THIRD = 0.4  # of the natural frequency: the third pole
-_GRID = Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6, 0.8, 1.0))
+_GRID = law.Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6, 0.8, 1.0))
 
 
 class CascadeParameters(NamedTuple):
@@ -38,7 +29,7 @@ class CascadeState(NamedTuple):
 
 
 def initial(
-    parameters: CascadeParameters, measurement: Measurement, reference: float
+    parameters: CascadeParameters, measurement: law.Measurement, reference: float
 ) -> CascadeState:
     """Start at rest: the integral holds the volume as it is, and e(-1) = e(0)."""
     return CascadeState(measurement.volume, reference - measurement.depth, measurement.volume)
@@ -47,7 +38,7 @@ def initial(
 def step(
     parameters: CascadeParameters,
     state: CascadeState,
-    measurement: Measurement,
+    measurement: law.Measurement,
     reference: float,
 ) -> tuple[float, CascadeState, float]:
     """Return the voltage [V], eqs (36)-(37) outside and a gain on the volume error inside.
@@ -61,9 +52,9 @@ def step(
     return voltage, CascadeState(state.integral + p.k_iz * p.S_p * error, error, U), p.S_p
 
 
-def _gains(s: Setting, k: Knobs) -> CascadeParameters:
+def _gains(s: law.Setting, k: law.Knobs) -> CascadeParameters:
     """Poles of the depth at the natural frequency, and a third one for the integral."""
-    d, a = stiffness(s.plant)
+    d, a = law.stiffness(s.plant)
     w, zeta = k.frequency, k.damping
     third = _THIRD * w
     return CascadeParameters(
@@ -75,7 +66,7 @@ def _gains(s: Setting, k: Knobs) -> CascadeParameters:
     )
 
 
-CASCADE = Law(
+CASCADE = law.Law(
     name="cascade",
     summary="the paper's: P on volume inside PID on depth (Fig. 15, eqs 36-37, Table 3)",
     command="voltage",
@@ -84,10 +75,10 @@ CASCADE = Law(
     step=step,
     initial=initial,
     volume_gain="k_pV",
-    recipe=Recipe(
+    recipe=law.Recipe(
         gains=_gains,
         fast=_GRID,
-        quiet=_GRID._replace(inner=(0.3,), frequency=QUIET.frequency),
+        quiet=_GRID._replace(inner=(0.3,), frequency=law.QUIET.frequency),
         volts=(1.0,),
     ),
 )

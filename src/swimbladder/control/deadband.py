@@ -24,6 +24,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import Knobs, Law, Measurement, Recipe, Setting, stiffness
+from swimbladder.control.observers import limited
 from swimbladder.errors import InputError
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none
@@ -144,11 +145,6 @@ def deadband_gains(
     growth = math.exp(interval * max(fastest, 0.0))
     longest = min(_HOUR, _ASLEEP / max(fastest, 1e-9))
     return DeadbandGains(float(k_z), float(k_w), growth, max(longest, interval))
-
-
-def limited(x: float, least: float, most: float) -> float:
-    """Return x within its limits."""
-    return min(max(x, least), most)
 
 
 def initial(

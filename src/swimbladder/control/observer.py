@@ -14,17 +14,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control.law import (
-    FAST,
-    QUIET,
-    STROKE,
-    Knobs,
-    Law,
-    Measurement,
-    Recipe,
-    Setting,
-    room_of,
-)
+from swimbladder.control import law
 from swimbladder.control.observers import (
     Estimate,
     Observed,
@@ -77,7 +67,7 @@ class ObserverState(NamedTuple):
 
 
 def initial(
-    parameters: ObserverParameters, measurement: Measurement, reference: float
+    parameters: ObserverParameters, measurement: law.Measurement, reference: float
 ) -> ObserverState:
     """Start at rest with the volume as it is."""
     p = parameters
@@ -88,7 +78,7 @@ def initial(
 def step(
     parameters: ObserverParameters,
     state: ObserverState,
-    measurement: Measurement,
+    measurement: law.Measurement,
     reference: float,
 ) -> tuple[float, ObserverState, float]:
     """Return the voltage [V] that brings the volume to what the estimated state asks for."""
@@ -127,7 +117,7 @@ def step(
     )
 
 
-def _gains(s: Setting, k: Knobs) -> ObserverParameters:
+def _gains(s: law.Setting, k: law.Knobs) -> ObserverParameters:
     found = feedback(s, k)
     names = "near", "pause", "band", "a_z", "a_w", "a_V", "r_z", "r_w", "n_z", "n_w", "n_b"
     rest = dict.fromkeys(names, 0.0)
@@ -146,11 +136,11 @@ def _gains(s: Setting, k: Knobs) -> ObserverParameters:
             "r_w": r_w, "n_z": float(N[0]), "n_w": float(N[1]), "n_b": float(N[2]),
         }  # fmt: skip
     # A depth error that asks for half the room, by k_z.
-    rest["farthest"] = STROKE * room_of(s.plant) / found["k_z"]
+    rest["farthest"] = law.STROKE * law.room_of(s.plant) / found["k_z"]
     return from_leaves(ObserverParameters, found | rest)
 
 
-OBSERVER = Law(
+OBSERVER = law.Law(
     name="observer",
     summary="state feedback on estimates of depth, speed and neutral volume (Le Mezo et al. 2020)",
     command="voltage",
@@ -162,9 +152,9 @@ OBSERVER = Law(
     dead_zone="dead",
     near="near",
     band="band",
-    recipe=Recipe(
-        gains=_gains, fast=FAST, quiet=QUIET, holds=(0.8, 1.0, 1.2), holds_best=True,
+    recipe=law.Recipe(
+        gains=_gains, fast=law.FAST, quiet=law.QUIET, holds=(0.8, 1.0, 1.2), holds_best=True,
         bands=(2.2, 2.35, 2.5, 2.65, 2.8, 2.95, 3.1, 3.4, 3.8),
-        example=Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
+        example=law.Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
     ),
 )  # fmt: skip

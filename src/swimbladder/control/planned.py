@@ -18,19 +18,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+from swimbladder.control import law
 from swimbladder.control.ability import BEHIND, learn_ability, usable
-from swimbladder.control.law import (
-    FAST,
-    QUIET,
-    Knobs,
-    Law,
-    Measurement,
-    Recipe,
-    Setting,
-    fastest_speed,
-    jerk_of,
-    stiffness,
-)
 from swimbladder.control.observers import (
     Estimate,
     Observed,
@@ -132,7 +121,7 @@ def along(path: Path, target: float, jerk: float, speed: float, time: float) -> 
 
 
 def initial(
-    parameters: PlannedParameters, measurement: Measurement, reference: float
+    parameters: PlannedParameters, measurement: law.Measurement, reference: float
 ) -> PlannedState:
     """Start at rest with the volume as it is, the path where the vehicle is."""
     p = parameters
@@ -163,7 +152,7 @@ def _jerk(p: PlannedParameters, here: float, target: float) -> float:
 def step(
     parameters: PlannedParameters,
     state: PlannedState,
-    measurement: Measurement,
+    measurement: law.Measurement,
     reference: float,
 ) -> tuple[float, PlannedState, float]:
     """Return the voltage [V] that takes the volume along the path's, with feedback to the path."""
@@ -199,17 +188,17 @@ def step(
     )  # fmt: skip
 
 
-def _gains(s: Setting, k: Knobs) -> PlannedParameters:
+def _gains(s: law.Setting, k: law.Knobs) -> PlannedParameters:
     p = s.plant
-    d, a = stiffness(p)
+    d, a = law.stiffness(p)
     own = {
         "inertia": 1.0 / a, "laminar": d, "quadratic": p.d_t, "share": k.share,
-        "speed": fastest_speed(p, jerk_of(s, k)), "rate": 1.0 / p.gain,
+        "speed": law.fastest_speed(p, law.jerk_of(s, k)), "rate": 1.0 / p.gain,
     }  # fmt: skip
     return from_leaves(PlannedParameters, feedback(s, k) | own)
 
 
-PLANNED = Law(
+PLANNED = law.Law(
     name="planned",
     summary="near time-optimal: a path of bounded jerk, followed with state feedback",
     command="voltage",
@@ -219,7 +208,7 @@ PLANNED = Law(
     initial=initial,
     volume_gain="k_V",
     dead_zone="dead",
-    recipe=Recipe(
-        gains=_gains, fast=FAST, quiet=QUIET, shares=(0.85, 0.75), jitter=jitter
+    recipe=law.Recipe(
+        gains=_gains, fast=law.FAST, quiet=law.QUIET, shares=(0.85, 0.75), jitter=jitter
     ),
 )  # fmt: skip

@@ -11,17 +11,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control.law import (
-    FAST,
-    QUIET,
-    STROKE,
-    Knobs,
-    Law,
-    Measurement,
-    Recipe,
-    Setting,
-    room_of,
-)
+from swimbladder.control import law
 from swimbladder.control.observers import (
     Estimate,
     Observed,
@@ -58,7 +48,7 @@ class PositionObserverState(NamedTuple):
 
 
 def initial(
-    parameters: PositionObserverParameters, measurement: Measurement, reference: float
+    parameters: PositionObserverParameters, measurement: law.Measurement, reference: float
 ) -> PositionObserverState:
     """Start at rest with the volume as it is."""
     p = parameters
@@ -69,7 +59,7 @@ def initial(
 def step(
     parameters: PositionObserverParameters,
     state: PositionObserverState,
-    measurement: Measurement,
+    measurement: law.Measurement,
     reference: float,
 ) -> tuple[float, PositionObserverState, float]:
     """Return the volume to go to [m3]; where none is measured the piston is where it was sent."""
@@ -89,13 +79,13 @@ def step(
     )
 
 
-def _gains(s: Setting, k: Knobs) -> PositionObserverParameters:
+def _gains(s: law.Setting, k: law.Knobs) -> PositionObserverParameters:
     found = feedback(s, k)
-    own = {"rate": s.plant.rate, "farthest": STROKE * room_of(s.plant) / found["k_z"]}
+    own = {"rate": s.plant.rate, "farthest": law.STROKE * law.room_of(s.plant) / found["k_z"]}
     return from_leaves(PositionObserverParameters, found | own)
 
 
-POSITION_OBSERVER = Law(
+POSITION_OBSERVER = law.Law(
     name="position-observer",
     summary="the observer's state feedback, commanding the volume of a positioner",
     command="volume",
@@ -104,7 +94,7 @@ POSITION_OBSERVER = Law(
     step=step,
     initial=initial,
     dead_zone="dead",
-    recipe=Recipe(
-        gains=_gains, fast=FAST, quiet=QUIET, jitter=jitter, holds_best=True
+    recipe=law.Recipe(
+        gains=_gains, fast=law.FAST, quiet=law.QUIET, jitter=jitter, holds_best=True
     ),
 )  # fmt: skip

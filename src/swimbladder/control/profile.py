@@ -15,7 +15,9 @@ s^3 + 9 s^2/T + 36 s/T^2 + 60/T^3.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from swimbladder.control.ability import BEHIND, usable
 
 _ROOT_TURNS = 12  # each leaves a quarter of the logarithm's error
 _TURNS = 10  # each leaves a quarter to three quarters of it
@@ -26,9 +28,9 @@ _RESTING = 0.02  # share of the way that a motion may be worth and still count a
 class Target(NamedTuple):
     """Where the target is, how it moves, and how long it still has to go."""
 
-    depth: float  # m
-    speed: float  # m/s
-    acceleration: float  # m/s2
+    target: float  # m
+    target_speed: float  # m/s
+    target_acceleration: float  # m/s2
     left: float  # s
     whole: float  # s, that a way from rest takes in all; 0 for one that began in motion
     jerk: float  # m/s3, of its first quarter, against it in the next two
@@ -42,40 +44,43 @@ def cubic_root(x: float) -> float:
     return r
 
 
-class Means(NamedTuple):
-    """What a motion may use; 0: no limit."""
+def moves(p: Any) -> bool:
+    """Say whether the target of a law moves, and does not jump."""
+    moving: bool = p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0
+    return moving
 
-    fastest: float  # m/s
-    jerk: float  # m/s3
+
+def is_behind(p: Any, asked: float, volume: float) -> bool:
+    """Say whether a volume [m3] is too far behind the one asked for, for the target's motion."""
+    most = BEHIND * p.S_p * p.rate_per_volt * p.voltage_limit
+    behind: bool = moves(p) and p.rate_per_volt > 0.0 and abs(asked - volume) > most
+    return behind
 
 
-def means_between(
-    given: Means,
-    depth: float,
-    wanted: float,
-    voltage: float,
-    room: float,
-    damping: float,
-    inertia: float,
-) -> Means:
-    """Return what of speed and jerk is there for a way between two depths [m].
+def aim(
+    p: Any, now: Target, wanted: float, depth: float, ability: float, damping: float, inertia: float
+) -> Target:
+    """Return the target `now`, set on its way to `wanted` [m], of a vehicle at a depth [m].
 
-    Deep down the sea's load takes some of the voltage, and the compression of the hull some of the
-    stroke. voltage [-]: share that is left at the deeper end; room [m3]: from neutral to the nearer
-    end of the stroke; damping [m3 s/m] and inertia [m3 s2/m]: volume per speed and per
+    What of speed and jerk is there: deep down the sea's load takes some of the voltage, and the
+    compression of the hull some of the stroke, from neutral to its nearer end. ability [-]: share
+    of the motor's rate; damping [m3 s/m] and inertia [m3 s2/m]: volume per speed and per
     acceleration, 0 where not known. To keep the speed takes a quarter of the room at most; a way d
     from rest has an acceleration of j T/4, T^3 = 32 d/j, which takes half of it.
     """
-    jerk = given.jerk * min(max(voltage, _LEAST_SHARE), 1.0)
-    fastest = given.fastest
-    left = max(room, 0.0)
+    deeper = max(depth, wanted)
+    higher = min(depth, wanted)
+    voltage = 1.0 - p.depth_voltage * deeper / p.voltage_limit
+    left = max(min(p.volume_max - p.psi * deeper, p.psi * higher - p.volume_min), 0.0)
+    jerk = p.jerk * min(max(voltage, _LEAST_SHARE), 1.0)
+    fastest = p.fastest
     if damping > 0.0 and fastest > 0.0:
         fastest = max(min(fastest, 0.25 * left / damping), _LEAST_SHARE * fastest)
-    gap = abs(wanted - depth)
+    gap = abs(wanted - now.target)
     if inertia > 0.0 and gap > 0.0:
         quarter = 2.0 * left / inertia
         jerk = max(min(jerk, quarter * math.sqrt(quarter / (32.0 * gap))), _LEAST_SHARE * jerk)
-    return Means(fastest, jerk)
+    return depart(now, wanted, fastest, usable(ability) * jerk, p.shortest)
 
 
 def depart(now: Target, wanted: float, fastest: float, jerk: float, shortest: float) -> Target:
@@ -84,15 +89,19 @@ def depart(now: Target, wanted: float, fastest: float, jerk: float, shortest: fl
     fastest [m/s] and jerk [m/s3] are limits, 0 where there is none. They hold exactly from rest;
     a target on its way is given the time that its speed and acceleration may cost on top.
     """
-    gap, speed, acceleration = abs(wanted - now.depth), abs(now.speed), abs(now.acceleration)
+    gap, speed, acceleration = (
+        abs(wanted - now.target),
+        abs(now.target_speed),
+        abs(now.target_acceleration),
+    )
     time = shortest
     if fastest > 0.0:
         time = max(time, 2.0 * gap / fastest)
     if jerk > 0.0:
         time = max(time, cubic_root(32.0 * gap / jerk))
     if time > 2.0 * shortest and (speed + acceleration * time) * time <= _RESTING * gap:
-        first = 32.0 * (wanted - now.depth) / (time * time * time)
-        return Target(now.depth, now.speed, now.acceleration, time, time, first)
+        first = 32.0 * (wanted - now.target) / (time * time * time)
+        return Target(now.target, now.target_speed, now.target_acceleration, time, time, first)
     if jerk > 0.0:
         longer = max(1.2331 * time, math.sqrt(36.0 * speed / jerk))
         longer = max(longer, 9.0 * acceleration / jerk)
@@ -100,14 +109,16 @@ def depart(now: Target, wanted: float, fastest: float, jerk: float, shortest: fl
             way = gap + (0.6 * speed + 0.15 * acceleration * longer) * longer
             longer = math.sqrt(math.sqrt(60.0 * way / jerk * longer))
         time = max(time, longer)
-    return Target(now.depth, now.speed, now.acceleration, time, 0.0, 0.0)
+    return Target(now.target, now.target_speed, now.target_acceleration, time, 0.0, 0.0)
 
 
 def pushed(now: Target, jerk: float, t: float) -> Target:
     """Return the target after a time t [s] of a constant jerk [m/s3]."""
-    acceleration = now.acceleration + jerk * t
-    speed = now.speed + t * (now.acceleration + 0.5 * jerk * t)
-    depth = now.depth + t * (now.speed + t * (0.5 * now.acceleration + jerk * t / 6.0))
+    acceleration = now.target_acceleration + jerk * t
+    speed = now.target_speed + t * (now.target_acceleration + 0.5 * jerk * t)
+    depth = now.target + t * (
+        now.target_speed + t * (0.5 * now.target_acceleration + jerk * t / 6.0)
+    )
     return Target(depth, speed, acceleration, now.left - t, now.whole, now.jerk)
 
 
@@ -129,7 +140,7 @@ def approach(now: Target, wanted: float, shortest: float, S_p: float) -> Target:
     least = max(shortest, S_p)
     T = max(start.left, least)
     s = rest / T
-    e, v, a = start.depth - wanted, start.speed * T, start.acceleration * T * T
+    e, v, a = start.target - wanted, start.target_speed * T, start.target_acceleration * T * T
     c3 = -0.5 * (20.0 * e + 12.0 * v + 3.0 * a)
     c4 = 0.5 * (30.0 * e + 16.0 * v + 3.0 * a)
     c5 = -0.5 * (12.0 * e + 6.0 * v + a)

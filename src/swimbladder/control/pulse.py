@@ -22,17 +22,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control.law import (
-    QUIET,
-    STROKE,
-    Knobs,
-    Law,
-    Measurement,
-    Recipe,
-    Setting,
-    room_of,
-    stiffness,
-)
+from swimbladder.control import law
 from swimbladder.control.observers import (
     Estimate,
     Observed,
@@ -104,7 +94,9 @@ class Run(NamedTuple):
     voltage: float  # V, beyond what holds the load
 
 
-def initial(parameters: PulseParameters, measurement: Measurement, reference: float) -> PulseState:
+def initial(
+    parameters: PulseParameters, measurement: law.Measurement, reference: float
+) -> PulseState:
     """Start at rest with the volume as it is."""
     p = parameters
     e = begin_estimate(p.model, measurement, reference)
@@ -158,7 +150,7 @@ def run(
 def step(
     parameters: PulseParameters,
     state: PulseState,
-    measurement: Measurement,
+    measurement: law.Measurement,
     reference: float,
 ) -> tuple[float, PulseState, float]:
     """Return the voltage [V] of a run of the motor near the set-point, of the feedback elsewhere.
@@ -214,13 +206,13 @@ def step(
     )
 
 
-def _gains(s: Setting, k: Knobs) -> PulseParameters:
+def _gains(s: law.Setting, k: law.Knobs) -> PulseParameters:
     """A pulse is as large as the band: out and back at one rate, its area the speed it gives."""
     p, h = s.plant, s.sample_time
     found = feedback(s, k)
     names = "near", "band", "a_z", "a_w", "a_V", "homing", "p_z", "rate", "swing", "learn"
     rest = {**dict.fromkeys(names, 0.0), "n_z": found["l_z"], "n_w": found["l_w"]}
-    rest |= {"n_b": found["l_b"], "acceleration": stiffness(p)[1]}
+    rest |= {"n_b": found["l_b"], "acceleration": law.stiffness(p)[1]}
     if k.pause > 0.0:
         from swimbladder.control.motion import filter_gains, held_motion, pulse_gains
 
@@ -228,7 +220,7 @@ def _gains(s: Setting, k: Knobs) -> PulseParameters:
         w, p_z = pulse_gains(p, k.pause)
         N = filter_gains(p, h, depth=s.noise, acceleration=0.0, neutral_walk=s.walk)
         small = _SMALL * (p.V_max - p.V_min) / s.least_move
-        rate = 4.0 * -w * k.band / (stiffness(p)[1] * (k.pulse * k.pause) ** 2)
+        rate = 4.0 * -w * k.band / (law.stiffness(p)[1] * (k.pulse * k.pause) ** 2)
         rest |= {
             # The feedback leaves the error of a neutral volume that is wrong to them.
             "near": max(_PULSES * k.band, _WRONG * s.neutral_range / found["k_z"]),
@@ -236,11 +228,11 @@ def _gains(s: Setting, k: Knobs) -> PulseParameters:
             "a_V": G[0], "homing": -w, "p_z": p_z, "rate": rate, "swing": rate / p.gain,
             "learn": _BELIEVED * small, "n_z": N[0], "n_w": N[1], "n_b": N[2],
         }  # fmt: skip
-    rest["farthest"] = STROKE * room_of(p) / found["k_z"]
+    rest["farthest"] = law.STROKE * law.room_of(p) / found["k_z"]
     return from_leaves(PulseParameters, found | rest)
 
 
-PULSE = Law(
+PULSE = law.Law(
     name="pulse",
     summary="as observer; near the set-point each run of the motor moves the volume out and back",
     command="voltage",
@@ -252,8 +244,8 @@ PULSE = Law(
     dead_zone="dead",
     near="near",
     band="band",
-    recipe=Recipe(
-        gains=_gains, quiet=QUIET, holds=(2.5, 2.8, 3.1), bands=(2.3, 2.5, 2.7, 2.9),
-        example=Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
+    recipe=law.Recipe(
+        gains=_gains, quiet=law.QUIET, holds=(2.5, 2.8, 3.1), bands=(2.3, 2.5, 2.7, 2.9),
+        example=law.Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
     ),
 )  # fmt: skip

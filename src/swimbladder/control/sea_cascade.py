@@ -20,18 +20,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control.ability import BEHIND, learn_ability, usable
-from swimbladder.control.law import (
-    Grid,
-    Knobs,
-    Law,
-    Measurement,
-    Recipe,
-    Setting,
-    stiffness,
-    target_numbers,
-)
-from swimbladder.control.profile import Means, Target, approach, depart, means_between
+from swimbladder.control import law
+from swimbladder.control.ability import learn_ability
+from swimbladder.control.profile import Target, aim, approach, is_behind, moves
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
@@ -78,12 +69,7 @@ class SeaCascadeState(NamedTuple):
     slope: float  # m, change of the difference over a sample, smoothed
     missed: float  # -, samples since a depth was seen
     depth: float  # m, last one seen
-    target: float  # m
-    speed: float  # m/s, of the target
-    acceleration: float  # m/s2, of the target
-    left: float  # s, that the target is still on its way
-    whole: float  # s, that this way takes in all; 0 for one that began in motion
-    jerk: float  # m/s3, of its first quarter
+    path: Target  # where the target is on its way
     goal: float  # m, where it goes
     need: float  # m3, of volume that its motion took at the sample before
     moving: float  # -, 1 while the volume is brought out of the dead zone
@@ -113,7 +99,7 @@ def sea_cascade_gains(
 
 
 def initial(
-    parameters: SeaCascadeParameters, measurement: Measurement, reference: float
+    parameters: SeaCascadeParameters, measurement: law.Measurement, reference: float
 ) -> SeaCascadeState:
     """Start at rest: the integral holds the volume as it is, a target that moves starts here."""
     p = parameters
@@ -121,7 +107,7 @@ def initial(
     measured = abs(measurement.volume) < _LARGEST
     depth = measurement.depth if seen else 0.0
     volume = measurement.volume if measured else 0.0
-    target = depth if moves_target(p) or abs(reference) >= _DEEPEST else reference
+    target = depth if moves(p) or abs(reference) >= _DEEPEST else reference
     begun = 1.0 if seen and measured else 0.0
     return SeaCascadeState(
         begun=begun,
@@ -130,12 +116,7 @@ def initial(
         slope=0.0,
         missed=0.0,
         depth=depth,
-        target=target,
-        speed=0.0,
-        acceleration=0.0,
-        left=p.shortest,
-        whole=0.0,
-        jerk=0.0,
+        path=Target(target, 0.0, 0.0, p.shortest, 0.0, 0.0),
         goal=target,
         need=0.0,
         moving=0.0,
@@ -147,23 +128,11 @@ def initial(
     )
 
 
-def moves_target(p: SeaCascadeParameters) -> bool:
-    """Say whether the target moves, and does not jump."""
-    return p.fastest > 0.0 or p.jerk > 0.0 or p.shortest > 0.0
-
-
-def is_behind(p: SeaCascadeParameters, state: SeaCascadeState, volume: float) -> bool:
-    """Say whether the volume [m3] is too far behind for the target to be followed."""
-    asked = min(max(state.volume_reference, p.volume_min), p.volume_max)
-    most = BEHIND * p.S_p * p.rate_per_volt * p.voltage_limit
-    return moves_target(p) and p.rate_per_volt > 0.0 and abs(asked - volume) > most
-
-
 def vehicle_as_target(
     p: SeaCascadeParameters, state: SeaCascadeState, volume: float, depth: float
 ) -> Target:
     """Return the target that the vehicle itself is, with the speed of the smoothed difference."""
-    speed = p.target_weight * state.speed - state.slope / p.S_p
+    speed = p.target_weight * state.path.target_speed - state.slope / p.S_p
     acceleration = 0.0
     if p.volume_per_acceleration > 0.0:
         heavy = state.integral + p.psi * depth - volume - p.volume_per_speed * speed
@@ -171,28 +140,10 @@ def vehicle_as_target(
     return Target(depth, speed, acceleration, 0.0, 0.0, 0.0)
 
 
-def aim(
-    p: SeaCascadeParameters, now: Target, wanted: float, depth: float, ability: float
-) -> Target:
-    """Return the target `now`, set on its way to `wanted` [m]."""
-    deeper = max(depth, wanted)
-    higher = min(depth, wanted)
-    means = means_between(
-        Means(p.fastest, p.jerk),
-        now.depth,
-        wanted,
-        1.0 - p.depth_voltage * deeper / p.voltage_limit,
-        min(p.volume_max - p.psi * deeper, p.psi * higher - p.volume_min),
-        p.volume_per_speed,
-        p.volume_per_acceleration,
-    )
-    return depart(now, wanted, means.fastest, usable(ability) * means.jerk, p.shortest)
-
-
 def step(
     parameters: SeaCascadeParameters,
     state: SeaCascadeState,
-    measurement: Measurement,
+    measurement: law.Measurement,
     reference: float,
 ) -> tuple[float, SeaCascadeState, float]:
     """Return the voltage [V], eqs (36)-(37) about the target, within its limit."""
@@ -214,23 +165,24 @@ def step(
         volume = measurement.volume
     target = Target(wanted, 0.0, 0.0, p.shortest, 0.0, 0.0)
     behind = begun and measured and abs(measurement.depth) < _DEEPEST
-    behind = behind and is_behind(p, before, volume)
+    asked = min(max(before.volume_reference, p.volume_min), p.volume_max)
+    behind = behind and is_behind(p, asked, volume)
     if behind:
         target = vehicle_as_target(p, before, volume, measurement.depth)
-    elif moves_target(p):
-        target = Target(
-            before.target,
-            before.speed,
-            before.acceleration,
-            before.left,
-            before.whole,
-            before.jerk,
-        )
-    if behind or (moves_target(p) and wanted != before.goal):
-        target = aim(p, target, wanted, before.depth, ability)
+    elif moves(p):
+        target = before.path
+    if behind or (moves(p) and wanted != before.goal):
+        damping, inertia = p.volume_per_speed, p.volume_per_acceleration
+        target = aim(p, target, wanted, before.depth, ability, damping, inertia)
     later = approach(target, wanted, p.shortest, p.S_p)
-    need = p.volume_per_speed * target.speed + p.volume_per_acceleration * target.acceleration
-    need_later = p.volume_per_speed * later.speed + p.volume_per_acceleration * later.acceleration
+    need = (
+        p.volume_per_speed * target.target_speed
+        + p.volume_per_acceleration * target.target_acceleration
+    )
+    need_later = (
+        p.volume_per_speed * later.target_speed
+        + p.volume_per_acceleration * later.target_acceleration
+    )
 
     depth = before.depth
     difference = before.difference
@@ -240,13 +192,13 @@ def step(
     U = before.volume_reference + before.need - need
     if begun and abs(measurement.depth) < _DEEPEST:
         depth = measurement.depth
-        difference = p.target_weight * target.depth - depth
+        difference = p.target_weight * target.target - depth
         newest = (difference - before.difference) / missed
         slope = p.smoothing * newest + (1.0 - p.smoothing) * slope
         if behind:  # the target has jumped, the vehicle has not
-            slope = (p.target_weight - 1.0) * target.speed * p.S_p
+            slope = (p.target_weight - 1.0) * target.target_speed * p.S_p
         missed = 0.0
-        error = target.depth - depth
+        error = target.target - depth
         if p.leash > 0.0:
             error = min(max(error, -p.leash), p.leash)
         U = p.gains.k_pz * error + p.gains.k_dz / p.S_p * slope + before.integral
@@ -277,12 +229,7 @@ def step(
         slope=slope,
         missed=missed,
         depth=depth,
-        target=later.depth,
-        speed=later.speed,
-        acceleration=later.acceleration,
-        left=later.left,
-        whole=later.whole,
-        jerk=later.jerk,
+        path=later,
         goal=wanted,
         need=need,
         moving=moving,
@@ -295,23 +242,23 @@ def step(
     return limited, after, p.S_p
 
 
-def _gains(s: Setting, k: Knobs) -> SeaCascadeParameters:
+def _gains(s: law.Setting, k: law.Knobs) -> SeaCascadeParameters:
     p, h = s.plant, s.sample_time
-    d, a = stiffness(p)
+    d, a = law.stiffness(p)
     own = sea_cascade_gains(a, d, p.gain, k.frequency, h)._replace(k_pV=k.inner / p.gain)
     return SeaCascadeParameters(
-        gains=own, **target_numbers(s, k), target_weight=1.0,
+        gains=own, **law.target_numbers(s, k), target_weight=1.0,
         smoothing=1.0 - math.exp(-k.sharpness * k.frequency * h), volume_per_speed=d / a,
         volume_per_acceleration=1.0 / a, dead_zone=k.dead,
     )  # fmt: skip
 
 
-def _jitter(p: SeaCascadeParameters, s: Setting) -> float:
+def _jitter(p: SeaCascadeParameters, s: law.Setting) -> float:
     """What the noise makes of the volume asked for [m3], 1 sigma."""
     return math.hypot(p.gains.k_pz, p.gains.k_dz * p.smoothing / p.S_p) * s.noise
 
 
-SEA_CASCADE = Law(
+SEA_CASCADE = law.Law(
     name="sea-cascade",
     summary="the cascade with smooth set-points, feed-forward, anti-windup and a dead zone",
     command="voltage",
@@ -321,11 +268,11 @@ SEA_CASCADE = Law(
     initial=initial,
     volume_gain="k_pV",
     dead_zone="dead_zone",
-    recipe=Recipe(
+    recipe=law.Recipe(
         gains=_gains,
         shares=(0.85, 0.75),
         jitter=_jitter,
-        fast=Grid((0.4, 0.5), (0.13, 0.16, 0.19, 0.21, 0.23), (1.0,), (4.0, 6.5, 10.0)),
-        quiet=Grid((0.4,), (0.05, 0.06, 0.075, 0.09, 0.12), (1.0,), (2.0, 3.0, 5.0)),
+        fast=law.Grid((0.4, 0.5), (0.13, 0.16, 0.19, 0.21, 0.23), (1.0,), (4.0, 6.5, 10.0)),
+        quiet=law.Grid((0.4,), (0.05, 0.06, 0.075, 0.09, 0.12), (1.0,), (2.0, 3.0, 5.0)),
     ),
 )

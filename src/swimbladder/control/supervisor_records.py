@@ -85,9 +85,7 @@ class SameLimits(NamedTuple):
     same_begun: Annotated[Count, "ticks"]  # ticks of it after which the volume has to stay as well
     same_moved: Annotated[Count, "ticks"]  # ticks of it that are too many where it does not
     moved: Annotated[float, "m3"]  # by so much
-    same_noisy: Annotated[
-        Count, "ticks"
-    ]  # ticks of the same depth where the sensor has shown noise
+    same_noisy: Annotated[Count, "ticks"]  # ticks of it where the sensor has shown noise
     noisy: Annotated[float, ""]  # share of ticks in which the depth turns, where it has
     noisy_weight: Annotated[float, ""]  # of the newest in it
 
