@@ -12,6 +12,7 @@ from swimbladder.estimation.motion import Estimate, Prior, identify
 from swimbladder.estimation.motion.paper_method import paper_fits
 from swimbladder.io.config import load_vehicle
 from swimbladder.show.report import text
+from swimbladder.show.report.html import page_figure
 from swimbladder.show.report.identification import page, pictures, residuals, write_identification
 from tests.estimation.motion.pool import campaign, pool_log
 from tests.quoted import numbers
@@ -62,9 +63,10 @@ class Page(HTMLParser):
 
 
 def page_of(identification, *, paper=None, files=("identify.json",)):
-    images = [(p.name, p.title, p.caption, PNG) for p in pictures(identification, paper)]
+    drawn = pictures(identification, paper)
+    figures = {p.name: page_figure(p.name, PNG, p.about, p.part) for p in drawn}
     html = page(
-        identification, images, files=files, command="swimbladder identify a b", seconds=1.23,
+        identification, figures, files=files, command="swimbladder identify a b", seconds=1.23,
         paper=paper,
     )  # fmt: skip
     return Page(html), html

@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from swimbladder.design.ballast import Ballasting
-from swimbladder.show.plots.style import Ink, depth_axis, label_panels, styled
+from swimbladder.show.plots.style import Ink, depth_axis, label_panels, new_figure, styled
 
 _SEAS = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY)
 
@@ -13,9 +13,8 @@ _SEAS = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY)
 @styled
 def draw_ballasting(found: Ballasting) -> Figure:
     """Return neutral volume with its band between the ends of the stroke, density, temperature."""
-    figure = Figure(figsize=(9.0, 5.0))
-    volume, density, temperature = figure.subplots(
-        1, 3, sharey=True, gridspec_kw={"width_ratios": [2.2, 1.0, 1.0]}
+    figure, (volume, density, temperature) = new_figure(
+        (9.0, 5.0), 1, 3, sharey=True, width_ratios=(2.2, 1.0, 1.0)
     )
     stroke = found.vehicle.stroke
     for side, label in ((stroke.minimum, "ends of the stroke"), (stroke.maximum, None)):

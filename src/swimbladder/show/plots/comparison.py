@@ -5,23 +5,25 @@ And what a causal filter predicted, over what was measured.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from swimbladder.estimation.comparison import Comparison
 from swimbladder.estimation.comparison.ahead import Ahead, Horizon
-from swimbladder.show.plots.style import Ink, depth_axis, legend_above, shade, styled
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 
 _Z95 = 1.959963984540054
 
 
-@styled
+@style.styled
 def draw_ahead(ahead: Ahead) -> Figure:
     """Return the depths predicted so long before, with their 95 % bands."""
     count = len(ahead.horizons)
-    figure = Figure(figsize=(7.5, 1.0 + 2.6 * count))
-    panels = figure.subplots(count, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    figure, panels = style.new_figure((7.5, 1.0 + 2.6 * count), count, sharex=True, sharey=True)
     for axes, horizon in zip(panels, ahead.horizons, strict=True):
         _panel(ahead, horizon, axes)
     depth = ahead.record.depth
@@ -29,8 +31,7 @@ def draw_ahead(ahead: Ahead) -> Figure:
     room = 0.25 * max(high - low, 0.1)
     panels[0].set_ylim(high + room, low - room)
     time = ahead.record.time
-    panels[-1].set_xlim(float(time[0]), float(time[-1]))
-    panels[-1].set_xlabel("time since the first sample [s]")
+    panels[-1].set(xlim=(float(time[0]), float(time[-1])), xlabel="time since the first sample [s]")
     return figure
 
 
@@ -41,15 +42,8 @@ def _panel(ahead: Ahead, h: Horizon, axes: Axes) -> None:
     for k, part in enumerate(np.split(order, apart)):
         middle, half = h.predicted[part], _Z95 * h.std[part]
         label = (f"predicted {h.seconds:g} s before", "95 % band") if k == 0 else (None, None)
-        axes.fill_between(
-            time[part],
-            middle - half,
-            middle + half,
-            color=Ink.SKY,
-            alpha=0.35,
-            lw=0,
-            label=label[1],
-        )
+        shown: Any = {"color": Ink.SKY, "alpha": 0.35, "lw": 0, "label": label[1]}
+        axes.fill_between(time[part], middle - half, middle + half, **shown)
         axes.plot(time[part], middle, color=Ink.VERMILION, lw=1.2, label=label[0])
     axes.plot(ahead.record.time, ahead.record.depth, color=Ink.BLACK, lw=0.9, label="measured")
     skill = h.skill["persistence"]
@@ -57,20 +51,17 @@ def _panel(ahead: Ahead, h: Horizon, axes: Axes) -> None:
     axes.set_title(
         f"{h.seconds:g} s ahead: rms {1e3 * h.rms:.0f} mm{said}", loc="left", fontsize=10.0
     )
-    depth_axis(axes)
+    style.depth_axis(axes)
     axes.legend(loc="upper right", ncols=3)
 
 
-@styled
+@style.styled
 def draw_comparison(comparison: Comparison) -> Figure:
     """Return measured and predicted depth, the residual and the input."""
-    figure = Figure(figsize=(7.5, 6.4))
-    depth, residual, driven = figure.subplots(
-        3, 1, sharex=True, gridspec_kw={"height_ratios": [3.0, 1.4, 1.6]}
-    )
+    figure, (depth, residual, driven) = style.stacked((7.5, 6.4), 3.0, 1.4, 1.6)
     record = comparison.record
     for axes in (depth, residual):
-        shade(axes, record.time, ~record.compared, "not compared")
+        style.shade(axes, record.time, ~record.compared, "not compared")
     _depth(comparison, depth)
     _residual(comparison, residual)
     _input(comparison, driven)
@@ -91,13 +82,12 @@ def _title(c: Comparison) -> str:
 def _depth(c: Comparison, axes: Axes) -> None:
     rec = c.record
     if rec.reference is not None:
-        axes.step(rec.time, rec.reference, where="post", color=Ink.GREY, ls="--", lw=1.0,
-                  label="set-point")  # fmt: skip
+        style.setpoint(axes, rec.time, rec.reference)
     axes.plot(rec.time, rec.depth, color=Ink.BLACK, lw=1.0, label="measured")
     axes.plot(rec.time, c.predicted, color=Ink.VERMILION, lw=1.3, label="predicted")
-    depth_axis(axes)
+    style.depth_axis(axes)
     axes.margins(y=0.08)
-    legend_above(axes)
+    style.legend_above(axes)
 
 
 _DRIVEN = {"volume": "logged volume", "voltage": "logged voltage", "setpoint": "logged set-point"}
@@ -107,8 +97,7 @@ def _residual(c: Comparison, axes: Axes) -> None:
     axes.axhline(0.0, color=Ink.BLACK, lw=0.8)
     axes.plot(c.record.time, 1e3 * c.residual, color=Ink.VERMILION, lw=0.9)
     largest = 1e3 * max(c.largest, 1e-3)
-    axes.set_ylim(-1.15 * largest, 1.15 * largest)
-    axes.set_ylabel("predicted less\nmeasured [mm]")
+    axes.set(ylim=(-1.15 * largest, 1.15 * largest), ylabel="predicted less\nmeasured [mm]")
 
 
 def _input(c: Comparison, axes: Axes) -> None:
@@ -128,4 +117,4 @@ def _input(c: Comparison, axes: Axes) -> None:
         if low < stop < high:
             axes.axhline(stop, color=Ink.ORANGE, ls=":", lw=1.0, label="end stop")
     axes.set_ylabel("volume [cm³]")
-    legend_above(axes)
+    style.legend_above(axes)

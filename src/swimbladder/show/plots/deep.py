@@ -35,15 +35,12 @@ def draw_deep(found: DeepIdentification) -> Figure:
         )  # fmt: skip
         begin += float(hours[-1]) + 2.0
     dives.invert_yaxis()
-    dives.set_xlabel("time [h], one dive after the other")
-    dives.set_ylabel("pressure [dbar]")
+    dives.set(xlabel="time [h], one dive after the other", ylabel="pressure [dbar]")
     # outside: there is a curve in every corner
     dives.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
     limit = 1.1e6 * max(float(np.percentile(np.abs(t.imbalance), 99.5)) for t in found.dives)
     imbalance.axhline(0.0, color=Ink.BLACK, lw=0.8)
-    imbalance.set_ylim(-limit, limit)
-    imbalance.set_xlabel("pressure [dbar]")
-    imbalance.set_ylabel("volume imbalance [cm³]")
+    imbalance.set(ylim=(-limit, limit), xlabel="pressure [dbar]", ylabel="volume imbalance [cm³]")
     imbalance.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7.0, ncols=3,
                 borderaxespad=0.2)  # fmt: skip
     label_panels([dives, imbalance])

@@ -12,15 +12,8 @@ from matplotlib.figure import Figure
 
 from swimbladder.design.experiments import Design
 from swimbladder.design.experiments.evaluation import EvaluatedSet
-from swimbladder.show.plots.style import (
-    Ink,
-    depth_axis,
-    grid_of,
-    label_panels,
-    legend_beside,
-    plain_log_ticks,
-    styled,
-)
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 
 _COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.PURPLE)
 _ACROSS = 3
@@ -34,23 +27,23 @@ def groups(design: Design) -> list[tuple[int, ...]]:
     return [tuple(numbers) for numbers in found.values()]
 
 
-@styled
+@style.styled
 def draw_plan(design: Design) -> Figure:
     """Return the traces to expect, a panel for each kind of experiment."""
     kinds = groups(design)
     across = min(_ACROSS, len(kinds))
     down = math.ceil(len(kinds) / across)
     figure = Figure(figsize=(max(2.9 * across, 5.0), 2.7 * down + 0.5))
-    panels = grid_of(figure, len(kinds), across, sharey=True)
+    panels = style.grid_of(figure, len(kinds), across, sharey=True)
     for axes, numbers in zip(panels, kinds, strict=True):
         _trace(design, numbers, axes)
-    depth_axis(panels[0], "")
+    style.depth_axis(panels[0], "")
     for k, axes in enumerate(panels):
         if k % across == 0:
             axes.set_ylabel("depth [m]")
         if k + across >= len(kinds):
             axes.set_xlabel("time since the release [s]")
-    legend_beside(figure, panels[:1], "outside lower center")
+    style.legend_beside(figure, panels[:1], "outside lower center")
     return figure
 
 
@@ -85,14 +78,13 @@ def _title(numbers: Sequence[int]) -> str:
     return f"Experiment{'s' if len(numbers) > 1 else ''} {', '.join(said)}"
 
 
-@styled
+@style.styled
 def draw_design(design: Design) -> Figure:
     """Return what the pool time buys: errors as experiments are done, and sizes of single steps."""
-    figure = Figure(figsize=(8.2, 3.9))
-    after, size = figure.subplots(1, 2)
+    figure, (after, size) = style.new_figure((8.2, 3.9), 1, 2)
     _after(design, after)
     _sizes(design, size)
-    label_panels([after, size])
+    style.label_panels([after, size])
     return figure
 
 
@@ -107,13 +99,12 @@ def _after(design: Design, axes: Axes) -> None:
             shares = [np.nan if a[name] is None else a[name] for a in evaluated.after]
             axes.plot(time, 100.0 * np.array(shares, float), line, color=color, marker=marker,
                       ms=3.5, lw=1.2, label=f"{_symbol(name)}, {label}")  # fmt: skip
-    axes.set_yscale("log")
-    axes.set_xlabel("pool time, settling included [min]")
+    axes.set(yscale="log", xlabel="pool time, settling included [min]")
     axes.set_ylabel("error, drift included [% of the parameter]")
     axes.legend(fontsize=7.5, ncols=len(sets), loc="upper right")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high * 4.0)
-    plain_log_ticks(axes, "y")
+    style.plain_log_ticks(axes, "y")
 
 
 def _sizes(design: Design, axes: Axes) -> None:
@@ -127,7 +118,7 @@ def _sizes(design: Design, axes: Axes) -> None:
     axes.set(xscale="log", yscale="log", xlabel="change of volume [cm³]")
     axes.set_ylabel("largest error after the same time [%]")
     axes.legend(fontsize=8.0)
-    plain_log_ticks(axes, "x", "y")
+    style.plain_log_ticks(axes, "x", "y")
 
 
 def _times(evaluated: EvaluatedSet, settling: float) -> np.ndarray:

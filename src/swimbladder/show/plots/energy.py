@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from swimbladder.design.energy import DriveEnergy, Hovering, Profiling, PumpFit
-from swimbladder.show.plots.style import Ink, depth_axis, label_panels, plain_log_ticks, styled
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 from swimbladder.units import rounded
 
 _STAGES = {
@@ -17,11 +18,11 @@ _STAGES = {
 _DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
 
 
-@styled
+@style.styled
 def draw_energy(found: DriveEnergy) -> Figure:
     """Return energy per volume, rates, power and efficiencies over depth, and the map."""
-    figure = Figure(figsize=(11.0, 7.0))
-    (per, rate, power), (chain, last, into) = figure.subplots(2, 3)
+    figure, panels = style.new_figure((11.0, 7.0), 2, 3)
+    per, rate, power, chain, last, into = panels
     z, m = found.column.depth, found.map
     per.plot(found.per_volume * 1e-6, z, color=Ink.BLUE, label="from the battery")
     per.plot(
@@ -39,8 +40,7 @@ def draw_energy(found: DriveEnergy) -> Figure:
     chain.plot(found.efficiency, z, color=Ink.BLACK, lw=2.2, label="the whole")
     for name, values in found.stages.items():
         chain.plot(values, z, color=_STAGES[name], label=name)
-    chain.set_xlim(0.0, 1.02)
-    chain.set_xlabel("efficiency [-]")
+    chain.set(xlim=(0.0, 1.02), xlabel="efficiency [-]")
     figure.legend(handles=chain.get_lines(), loc="outside lower left", ncols=7, fontsize=8.0)
     if found.efficiencies.size:
         best = float(np.nanmax(found.efficiencies, initial=0.01))
@@ -57,27 +57,24 @@ def draw_energy(found: DriveEnergy) -> Figure:
         last.set_xlabel("leakage at rest [mL/day]")
     into.plot(m.rate_in * 1e6, z, color=Ink.BLUE)
     into.set_xlabel("volume rate let in [mL/s]")
-    panels = [per, rate, power, chain, last, into]
     for axes in panels:
-        depth_axis(axes)
+        style.depth_axis(axes)
         axes.set_ylim(z[-1], 0.0)
         if axes not in (chain, last):
             axes.set_xlim(left=0.0)
-    label_panels(panels)
+    style.label_panels(panels)
     figure.suptitle(f"{found.vehicle.name}, {found.vehicle.actuator.kind}", fontsize=10.0)
     return figure
 
 
-@styled
+@style.styled
 def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
     """Return the break-even time of hovering, and the energy of dives, over depth."""
-    figure = Figure(figsize=(9.0, 4.2))
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = style.new_figure((9.0, 4.2), 1, 2)
     z = found.column.depth
     shown = np.where(np.isfinite(hover.break_even), hover.break_even, np.nan)
     left.plot(shown / 3600.0, z, color=Ink.BLUE)
-    left.set_xscale("log")
-    left.set_xlabel("time of hovering at break-even [h]")
+    left.set(xscale="log", xlabel="time of hovering at break-even [h]")
     left.set_title(
         f"{hover.weight_error * 1e6:.3g} mL too heavy: right of it the engine takes less",
         fontsize=9.0, loc="right",
@@ -93,24 +90,22 @@ def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
             f"break-even {rounded(dive.break_even, 3)} m", (0.02, dive.break_even),
             xycoords=("axes fraction", "data"), ha="left", va="bottom", fontsize=9.0,
         )  # fmt: skip
-    right.set_xscale("log")
-    right.set_xlabel("energy of a dive and back [kJ]")
+    right.set(xscale="log", xlabel="energy of a dive and back [kJ]")
     right.set_title(f"at {dive.speed:g} m/s", fontsize=9.0, loc="right")
     right.legend()
     for axes, label in ((left, "depth [m]"), (right, "depth of the turn [m]")):
-        plain_log_ticks(axes, "x")
-        depth_axis(axes, label)
+        style.plain_log_ticks(axes, "x")
+        style.depth_axis(axes, label)
         axes.set_ylim(z[-1], 0.0)
-    label_panels([left, right])
+    style.label_panels([left, right])
     return figure
 
 
-@styled
+@style.styled
 def draw_fit(fit: PumpFit) -> Figure:
     """Return power and delivery of the runs over pressure with what was found, and the dives."""
     delivery = "delivery" in fit.parameters
-    figure = Figure(figsize=(9.0, 4.2))
-    panels = list(figure.subplots(1, 2 + delivery))
+    figure, panels = style.new_figure((9.0, 4.2), 1, 2 + delivery)
     r, kept = fit.runs, fit.kept
     p, t = r.pressure[kept], r.duration[kept]
     line = np.linspace(0.0, p.max(), 100)
@@ -141,16 +136,17 @@ def draw_fit(fit: PumpFit) -> Figure:
         last.fill_between(ends, 0.9 * ends, 1.1 * ends, color=Ink.GREY, alpha=0.25, lw=0.0,
                           label="10 %")  # fmt: skip
         last.plot(measured, predicted, "o", color=Ink.BLUE, ms=4.0, label="dives")
-        last.set_xlabel("energy as logged [kJ]")
-        last.set_ylabel("predicted from the other dives [kJ]")
-        last.set_xlim(0.0, ends[1])
-        last.set_ylim(0.0, ends[1])
+        last.set(
+            xlabel="energy as logged [kJ]",
+            ylabel="predicted from the other dives [kJ]",
+            xlim=(0.0, ends[1]),
+            ylim=(0.0, ends[1]),
+        )
         last.legend(loc="upper left")
     else:
         fitted = fit.value("idle_power") + fit.value("power_per_pressure") * p
         last.plot(p / 1e4, settled - fitted, ".", color=Ink.BLUE, ms=3.0)
         last.axhline(0.0, color=Ink.BLACK, lw=0.8)
-        last.set_xlabel("pressure [dbar]")
-        last.set_ylabel("power less what was found [W]")
-    label_panels(panels)
+        last.set(xlabel="pressure [dbar]", ylabel="power less what was found [W]")
+    style.label_panels(panels)
     return figure

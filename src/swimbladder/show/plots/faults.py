@@ -9,7 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swimbladder.show.plots.style import Ink, depth_axis, label_panels, plain_log_ticks, styled
+from swimbladder.show.plots.style import (
+    Ink,
+    depth_axis,
+    label_panels,
+    new_figure,
+    plain_log_ticks,
+    stacked,
+    styled,
+)
 from swimbladder.sim.faults import Campaign
 from swimbladder.sim.faults.kinds import KINDS
 from swimbladder.sim.faults.mission_records import TRACE
@@ -22,8 +30,9 @@ _LONGER = 1.3  # of the supervised flight and that with ideal detection: the res
 def draw_campaign(flown: Campaign) -> Figure:
     """Return, for each kind of fault, the outcomes of its missions and the detection time."""
     lines = flown.lines()[:-1][::-1]
-    figure = Figure(figsize=(10.0, 0.28 * len(lines) + 1.6))
-    fate, soon = figure.subplots(1, 2, sharey=True, width_ratios=(3.0, 2.0))
+    figure, (fate, soon) = new_figure(
+        (10.0, 0.28 * len(lines) + 1.6), 1, 2, sharey=True, width_ratios=(3.0, 2.0)
+    )
     rows = np.arange(len(lines))
     total = np.array([line.missions for line in lines], float)
     parts = (
@@ -44,8 +53,7 @@ def draw_campaign(flown: Campaign) -> Figure:
         fate.barh(rows, share, left=left, color=color, label=label, height=0.75)
         left += share
     fate.set_yticks(rows, [line.name for line in lines])
-    fate.set_xlim(0.0, 100.0)
-    fate.set_xlabel("missions [%]")
+    fate.set(xlim=(0.0, 100.0), xlabel="missions [%]")
     fate.grid(visible=False, axis="y")
     figure.legend(loc="outside lower center", ncols=2)
     for row, line in zip(rows, lines, strict=True):
@@ -71,10 +79,7 @@ def draw_campaign(flown: Campaign) -> Figure:
 @styled
 def draw_mission(flown: Flown) -> Figure:
     """Return depth, volume, voltage and battery of a mission, and what the sensors said."""
-    figure = Figure(figsize=(8.0, 9.0))
-    depth, volume, command, battery = figure.subplots(
-        4, 1, sharex=True, height_ratios=(3.0, 2.0, 1.5, 1.0)
-    )
+    figure, (depth, volume, command, battery) = stacked((8.0, 9.0), 3.0, 2.0, 1.5, 1.0)
     supervised, tick = flown.rows[0], flown.tick
     time = tick * np.arange(len(supervised))
     shown = _LONGER * max(tick * len(flown.rows[k]) for k in (0, -1))
@@ -111,8 +116,7 @@ def draw_mission(flown: Flown) -> Figure:
     battery.plot(time, supervised[:, TRACE["battery"]], color=Ink.BLACK, lw=0.8)
     volume.set_ylabel("volume [cm³]")
     command.set_ylabel(f"command [{unit}]")
-    battery.set_ylabel("battery [V]")
-    battery.set_xlabel("time [s]")
+    battery.set(ylabel="battery [V]", xlabel="time [s]")
     longest = tick * max(len(rows) for rows in flown.rows)
     battery.set_xlim(-0.02 * min(shown, longest), min(shown, longest))
     for axes in (depth, volume, command, battery):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.model import drive_of, steady_speed
 from swimbladder.estimation.actuator.result import Step
-from swimbladder.show.plots.style import Ink, styled
+from swimbladder.show.plots.style import Ink, new_figure, stacked, styled
 
 Array = NDArray[np.float64]
 
@@ -31,9 +31,7 @@ def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
     """Return voltage, position and residuals of the steps of one log, against time."""
     driven = any(s.voltage is not None for s in steps)
     heights = [1.0, 2.4, 1.3] if driven else [2.4, 1.3]
-    figure = Figure(figsize=(9.6, 5.2 if driven else 4.2))
-    panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
-    *above, upper, lower = panels.tolist()
+    figure, (*above, upper, lower) = stacked((9.6, 5.2 if driven else 4.2), *heights)
     scale, unit, name = _units(found)
     for k, step in enumerate(steps):
         t, used = step.time, step.used
@@ -77,8 +75,7 @@ def shows_speeds(found: ActuatorIdentification) -> bool:
 @styled
 def draw_speeds(found: ActuatorIdentification) -> Figure:
     """Return steady speed against voltage, or of each move where no voltage is logged."""
-    figure = Figure(figsize=(6.4, 3.9))
-    axes = figure.subplots()
+    figure, (axes,) = new_figure((6.4, 3.9))
     scale, unit, _ = _units(found)
     axes.set_ylabel(f"steady speed [{unit}/s]")
     draw = _by_voltage if found.driven == "voltage" else _by_move

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.contenders import BAND
 from swimbladder.design.law_comparison.run import Row, front
-from swimbladder.show.plots.style import Ink, depth_axis, label_panels, styled
+from swimbladder.show.plots.style import Ink, band, depth_axis, label_panels, new_figure, styled
 from swimbladder.units import rounded
 
 _COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
@@ -27,8 +27,7 @@ _LONG = 5.0  # times the least time of a step, that is shown
 @styled
 def draw_pareto(comparison: LawComparison) -> Figure:
     """Return settling and holding, each against what is moved, with the fronts."""
-    figure = Figure(figsize=(7.5, 7.6))
-    left, right = figure.subplots(2, 1)
+    figure, (left, right) = new_figure((7.5, 7.6), 2, 1)
     floats = comparison.vehicle.command == "volume change"
     settled = f"within {BAND:g} m" if floats else "to 2 % of the step"
     _pareto(
@@ -58,8 +57,7 @@ def _pareto(
     x = np.array([across[2] * row.cost(across[0], across[1]) for row in comparison.rows])
     y = np.array([up[2] * row.cost(up[0], up[1]) for row in comparison.rows])
     there = np.isfinite(x) & np.isfinite(y) & (x > 0.0) & (y > 0.0)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     # Set first: lines find no place on logarithmic axes that nothing stands on.
     along = [*x[there], *([] if bound is None else [bound])]
     if along:
@@ -130,8 +128,7 @@ def draw_steps(comparison: LawComparison) -> Figure:
                 trace.time[kept], trace.depth[kept], color=_color(comparison, row), lw=1.3,
                 ls=_STYLES.get(row.who.tuning, ":"),
             )  # fmt: skip
-        band = BAND if floats else 0.02 * abs(p.target - p.start)
-        axes.axhspan(p.target - band, p.target + band, color=Ink.GREY, alpha=0.25, lw=0.0)
+        band(axes, p.target, BAND if floats else 0.02 * abs(p.target - p.start))
         if bound is not None:
             axes.axvline(bound, color=Ink.BLACK, lw=1.0, ls="--")
         far = 0.25 * (p.target - p.start)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.linear.pump_valve import drive_rates
-from swimbladder.show.plots.style import Ink, styled
+from swimbladder.show.plots.style import Ink, new_figure, stacked, styled
 
 _DEPTHS = 401  # of the rates of pump and valve: near the surface a valve goes with a root
 
@@ -59,8 +59,7 @@ def draw_drive(analysis: Analysis) -> Figure:
     if d is None or stall is None:
         raise ValueError("this vehicle has no pump and valve to draw")
     d = drive_rates(analysis.vehicle, np.linspace(0.0, max(d.depths), _DEPTHS).tolist())
-    figure = Figure(figsize=(7.0, 5.0))
-    axes = figure.add_subplot()
+    figure, (axes,) = new_figure((7.0, 5.0))
     axes.plot(1e6 * np.array(d.pump), d.depths, color=Ink.BLUE, label="pump, out")
     axes.plot(1e6 * np.array(d.valve), d.depths, color=Ink.VERMILION, label="valve, in")
     if math.isfinite(stall.depth) and stall.depth <= max(d.depths):
@@ -113,8 +112,7 @@ def draw_nyquist(analysis: Analysis) -> Figure:
     Raises ValueError where the vehicle has no closed loop.
     """
     c = _closed_loop(analysis)
-    figure = Figure(figsize=(8.0, 6.8))
-    axes = figure.add_subplot()
+    figure, (axes,) = new_figure((8.0, 6.8))
     circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
     axes.plot(
         circle.real, circle.imag, color=Ink.GREY, linewidth=0.9, linestyle=":", label="|L| = 1"
@@ -218,8 +216,7 @@ def _title(analysis: Analysis, c: ClosedLoop, what: str) -> str:
 
 
 def _bode(magnitude: str) -> tuple[Figure, Axes, Axes]:
-    figure = Figure(figsize=(8.0, 6.5))
-    top, bottom = figure.subplots(2, 1, sharex=True)
+    figure, (top, bottom) = stacked((8.0, 6.5), 1.0, 1.0)
     top.set_ylabel(magnitude)
     bottom.set(ylabel="phase [degrees]", xlabel="frequency [rad/s]")
     bottom.yaxis.set_major_locator(MultipleLocator(45.0))

@@ -126,8 +126,7 @@ def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axe
         # what is off is far below the axis: a run of seconds in days is a stroke, not a dot
         axes.step(t, np.where(values > 0.0, values, 1e-6 * least), style,
                   where="post", color=color, lw=1.2, label=name)  # fmt: skip
-    axes.set_ylim(0.5 * least, 2.0 * most)
-    axes.set_ylabel("power [W]")
+    axes.set(ylim=(0.5 * least, 2.0 * most), ylabel="power [W]")
     axes.set_xlabel(f"time in the first cycle [{words}]")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
 
@@ -168,6 +167,5 @@ def _battery(result: MissionResult, axes: Axes) -> None:
         axes.set_ylabel("energy drawn [kJ]")
     else:
         axes.plot(rows[:, Row.T] / unit, 100.0 * charge, color=Ink.BLUE)
-        axes.set_ylim(min(0.0, 100.0 * float(charge.min())), 102.0)
-        axes.set_ylabel("battery left [%]")
+        axes.set(ylim=(min(0.0, 100.0 * float(charge.min())), 102.0), ylabel="battery left [%]")
     axes.set_xlabel(f"time [{words}]")

@@ -8,14 +8,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from swimbladder.show.plots.style import (
-    Ink,
-    depth_axis,
-    label_panels,
-    legend_above,
-    legend_beside,
-    styled,
-)
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 from swimbladder.sim.closed_loop import Solution
 from swimbladder.sim.pool import Experiment, Fit, PoolRun, centred_differences, response
 
@@ -23,7 +17,7 @@ _SIZES = (Ink.BLUE, Ink.GREEN, Ink.ORANGE, Ink.PURPLE)  # one for each change of
 _MARKS = ("o", "s", "^", "D")
 
 
-@styled
+@style.styled
 def draw_procedure(run: PoolRun) -> Figure:
     """Return Fig. 12: depth and volume against time through steps (a) to (d) of one run."""
     s = run.solution
@@ -32,13 +26,12 @@ def draw_procedure(run: PoolRun) -> Figure:
         starts.setdefault(step or "end", time)
     end = starts["end"]
     shown = s.time <= end + 5.0
-    figure = Figure(figsize=(7.5, 4.6))
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+    figure, (top, bottom) = style.stacked((7.5, 4.6), 3.0, 2.0)
     seen, label = run.seen_depth[shown], "depth sensor, simulated"
     top.plot(s.time[shown], seen, ".", ms=1.5, color=Ink.ORANGE, label=label)
     top.plot(s.time[shown], s.depth[shown], color=Ink.BLUE, lw=1.2, label="depth, simulated")
     top.axhline(0.0, color=Ink.GREY, lw=0.9)
-    depth_axis(top)
+    style.depth_axis(top)
     bottom.plot(s.time[shown], s.volume[shown] * 1e6, color=Ink.BLUE, lw=0.8)
     bottom.set(ylabel="volume [cm³]", xlabel="time [s]")
     times = [*(starts[step] for step in "abcd"), end]
@@ -55,7 +48,7 @@ def draw_procedure(run: PoolRun) -> Figure:
     return figure
 
 
-@styled
+@style.styled
 def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     """Return Fig. 13: speed from the noisy depths, and as eq. (26) has it with one K2 and T2."""
     figure, panels = _rising_and_sinking("speed, positive down [m/s]")
@@ -67,7 +60,7 @@ def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     return _with_key(figure, panels)
 
 
-@styled
+@style.styled
 def draw_depths(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     """Return Fig. 14: depth as the sensor said, and as eq. (27) has it with one K2 and T2."""
     figure, panels = _rising_and_sinking("depth [m]")
@@ -76,7 +69,7 @@ def draw_depths(experiments: Sequence[Experiment], fit: Fit) -> Figure:
         model = r.start + response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[0]
         _seen_and_model(axes, color, mark, e, r.depth, model)
     for axes in panels:
-        depth_axis(axes)
+        style.depth_axis(axes)
     panels[1].set_ylabel("")
     return _with_key(figure, panels)
 
@@ -93,8 +86,7 @@ def _size(e: Experiment) -> str:
 
 
 def _rising_and_sinking(label: str) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(7.5, 3.9))
-    panels = list(figure.subplots(1, 2))
+    figure, panels = style.new_figure((7.5, 3.9), 1, 2)
     panels[0].set(ylabel=label, xlabel="time since the change of volume [s]")
     panels[1].set(xlabel="time since the change of volume [s]")
     return figure, panels
@@ -125,7 +117,7 @@ def _with_key(figure: Figure, panels: list[Axes]) -> Figure:
     return figure
 
 
-@styled
+@style.styled
 def draw_neglect(
     experiments: Sequence[Experiment], fits: Sequence[Fit], still: Sequence[tuple[float, Fit]],
     truth: Fit,
@@ -134,8 +126,7 @@ def draw_neglect(
 
     fits: of the experiments, with noise; still: (change of volume [m3], fit), without.
     """
-    figure = Figure(figsize=(7.5, 3.4))
-    panels = list(figure.subplots(1, 2))
+    figure, panels = style.new_figure((7.5, 3.4), 1, 2)
     for axes, name, label in zip(panels, ("K2", "T2"), ("K₂ [1/(m² s)]", "T₂ [s]"), strict=True):
         axes.plot(
             [1e6 * abs(dV) for dV, _ in still], [getattr(f, name) for _, f in still],
@@ -152,52 +143,44 @@ def draw_neglect(
         )
         axes.set(xlabel="size of the change of volume [cm³]", ylabel=label)
         axes.set_ylim(bottom=0.0)
-    legend_beside(figure, panels[:1], "outside upper center", ncols=2)
+    style.legend_beside(figure, panels[:1], "outside upper center", ncols=2)
     return figure
 
 
-@styled
+@style.styled
 def draw_steps(s: Solution) -> Figure:
     """Return Fig. 16: depth steps of different size and direction, with volume and voltage."""
-    figure = Figure(figsize=(7.5, 5.6))
-    panels = list(figure.subplots(3, 1, sharex=True, height_ratios=[5, 3, 2]))
+    figure, panels = style.stacked((7.5, 5.6), 5.0, 3.0, 2.0)
     top, middle, bottom = panels
     minutes = s.time / 60.0
-    top.step(minutes, s.reference, where="post", color=Ink.GREY, ls="--", lw=1.1, label="set-point")
+    style.setpoint(top, minutes, s.reference)
     top.plot(minutes, s.depth, color=Ink.BLUE, label="depth, simulated")
-    depth_axis(top)
-    legend_above(top)
+    style.depth_axis(top)
+    style.legend_above(top)
     middle.plot(minutes, s.volume * 1e6, color=Ink.BLUE, lw=1.1)
     middle.set_ylabel("volume [cm³]")
     bottom.step(minutes, s.voltage, where="post", color=Ink.GREEN, lw=0.8)
-    bottom.set(ylabel="voltage [V]", xlabel="time [min]")
-    bottom.set_xlim(0.0, float(minutes[-1]))
+    bottom.set(ylabel="voltage [V]", xlabel="time [min]", xlim=(0.0, float(minutes[-1])))
     figure.align_ylabels(panels)
     return figure
 
 
-@styled
+@style.styled
 def draw_long_step(s: Solution) -> Figure:
     """Return Fig. 17: (a) a longer step, (b) the same around the target."""
     target, start = float(s.reference[-1]), float(s.depth[0])
-    band = 0.02 * abs(target - start)
-    figure = Figure(figsize=(7.5, 3.6))
-    panels = list(figure.subplots(1, 2))
+    half = 0.02 * abs(target - start)
+    figure, panels = style.new_figure((7.5, 3.6), 1, 2)
     for axes in panels:
-        axes.step(
-            s.time, s.reference, where="post", color=Ink.GREY, ls="--", lw=1.1, label="set-point"
-        )
+        style.setpoint(axes, s.time, s.reference)
         axes.plot(s.time, s.depth, color=Ink.BLUE, label="depth, simulated")
-        axes.set_xlabel("time [s]")
-        axes.set_xlim(0.0, float(s.time[-1]))
-    near = 3.0 * band
-    panels[1].axhspan(
-        target - band, target + band, color=Ink.GREEN, alpha=0.15, lw=0.0, label="± 2 %"
-    )
+        axes.set(xlabel="time [s]", xlim=(0.0, float(s.time[-1])))
+    near = 3.0 * half
+    style.band(panels[1], target, half, color=Ink.GREEN, alpha=0.15, label="± 2 %")
     panels[1].set_ylim(target - near, target + near)
     for axes in panels:
-        depth_axis(axes)
+        style.depth_axis(axes)
     panels[1].set_ylabel("")
     panels[1].legend(loc="lower right")
-    label_panels(panels)
+    style.label_panels(panels)
     return figure

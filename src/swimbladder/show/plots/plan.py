@@ -7,24 +7,21 @@ import math
 from matplotlib.figure import Figure
 
 from swimbladder.design.planning import Plan
-from swimbladder.show.plots.style import Ink, depth_axis, label_panels, legend_above, styled
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 
 
-@styled
+@style.styled
 def draw_plan(plan: Plan) -> Figure:
     """Return depth, volume and command of a plan against time."""
     task = plan.task
-    figure = Figure(figsize=(7.5, 7.5))
-    depth, volume, command = figure.subplots(3, 1, sharex=True)
+    figure, (depth, volume, command) = style.stacked((7.5, 7.5), 1.0, 1.0, 1.0)
     depth.plot(plan.time, plan.depth, color=Ink.BLUE, label="planned")
-    depth.axhspan(
-        task.target - task.band, task.target + task.band, color=Ink.GREY, alpha=0.25, lw=0.0,
-        label=f"target \u00b1 {1e3 * task.band:.3g} mm",
-    )  # fmt: skip
+    style.band(depth, task.target, task.band, label=f"target \u00b1 {1e3 * task.band:.3g} mm")
     depth.axvline(
         plan.arrival, color=Ink.BLACK, lw=0.8, ls="--", label=f"arrived, {plan.arrival:.4g} s"
     )
-    depth_axis(depth)
+    style.depth_axis(depth)
     depth.legend(loc="best")
     volume.plot(plan.time, 1e6 * plan.volume, color=Ink.BLUE)
     volume.set_ylabel("volume [cm\u00b3]")
@@ -41,7 +38,7 @@ def draw_plan(plan: Plan) -> Figure:
             if math.isfinite(side) and low - room <= factor * side <= high + room:
                 axes.axhline(factor * side, color=Ink.VERMILION, lw=0.8, ls=":", label="limit")
         if axes.get_legend_handles_labels()[0]:
-            legend_above(axes)
+            style.legend_above(axes)
     depth.set_title(f"{task.vehicle.name}, least {plan.goal}", fontsize=10.0)
-    label_panels([depth, volume, command])
+    style.label_panels([depth, volume, command])
     return figure

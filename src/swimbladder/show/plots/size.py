@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from swimbladder.design.sizing import Sizing
 from swimbladder.design.sizing.candidates import PARTS
 from swimbladder.design.sizing.run import Choice, Sweep
-from swimbladder.show.plots.style import Ink, grid_of, label_panels, plain_log_ticks, styled
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 from swimbladder.units import rounded
 
 Array = NDArray[np.float64]
@@ -30,12 +31,11 @@ _REQUIREMENTS = {
 }
 
 
-@styled
+@style.styled
 def draw_candidates(found: Sizing) -> Figure:
     """Return mass of drive and battery against energy per cycle of every drive that does it."""
     w = found.evaluation
-    figure = Figure(figsize=(7.0, 4.6))
-    axes = figure.add_subplot()
+    figure, (axes,) = style.new_figure((7.0, 4.6))
     screw = np.array([c.pump is None for c in found.batch.of])
     for mask, color, marker, label in (
         (w.feasible & ~screw, Ink.BLUE, "o", "pump"),
@@ -51,13 +51,15 @@ def draw_candidates(found: Sizing) -> Figure:
     axes.plot(w.mass[front], energy[front], ".-", color=Ink.BLACK, label="best compromises")
     best = found.best
     axes.plot(w.mass[best], energy[best], "*", color=Ink.VERMILION, ms=15, label="chosen")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlabel(f"drive and battery for {found.asked.dive.cycles} cycles [kg]")
-    axes.set_ylabel("energy of the drive per cycle [kJ]")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel=f"drive and battery for {found.asked.dive.cycles} cycles [kg]",
+        ylabel="energy of the drive per cycle [kJ]",
+    )
     axes.set_title(f"{found.body.name} to {found.asked.dive.depth:g} m", loc="left")
     beyond = _frame(axes, w.mass[w.feasible], w.cycle_energy[w.feasible] * 1e-3)
-    plain_log_ticks(axes, "x", "y")
+    style.plain_log_ticks(axes, "x", "y")
     if beyond:
         axes.plot([], [], " ", label=f"{beyond:,} are beyond the edges")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
@@ -72,7 +74,7 @@ def _frame(axes: Axes, mass: Array, energy: Array) -> int:
     return int(np.count_nonzero(~near))
 
 
-@styled
+@style.styled
 def draw_parts(found: Sizing) -> Figure:
     """Return the best mass with each part in the drive, all others free, and why there is none."""
     w = found.evaluation
@@ -81,8 +83,7 @@ def draw_parts(found: Sizing) -> Figure:
         (c for c in found.choices if c.what in kinds),
         key=lambda c: (kinds.index(c.what), _volts(c)),
     )
-    figure = Figure(figsize=(8.0, 0.24 * len(rows) + 1.2))
-    axes = figure.add_subplot()
+    figure, (axes,) = style.new_figure((8.0, 0.24 * len(rows) + 1.2))
     chosen = found.chosen.choices
     labels, lightest = [], float(w.mass[found.best])
     for place, choice in enumerate(rows):
@@ -124,7 +125,7 @@ def _label(what: str, name: str) -> str:
     return name if what in name or what in ("kind", "pump", "battery") else f"{what} {name}"
 
 
-@styled
+@style.styled
 def draw_requirements(found: Sizing) -> Figure:
     """Return what each wish costs: the least mass and its stroke as depth, time, ... change.
 
@@ -133,11 +134,11 @@ def draw_requirements(found: Sizing) -> Figure:
     sweeps = [sweep for sweep in found.sweeps if len(sweep.values) > 1]
     count = len(sweeps) + 1
     figure = Figure(figsize=(10.5, 2.9 * math.ceil(count / 3)))
-    panels = grid_of(figure, count, 3)
+    panels = style.grid_of(figure, count, 3)
     for axes, sweep in zip(panels, sweeps, strict=False):
         _requirement(axes, sweep, getattr(found.asked.dive, sweep.what))
     _spent(panels[len(sweeps)], found)
-    label_panels(panels)
+    style.label_panels(panels)
     return figure
 
 

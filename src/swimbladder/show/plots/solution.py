@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swimbladder.show.plots.style import Ink, depth_axis, legend_above, save, styled
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 from swimbladder.sim.closed_loop import Solution
 
 Array = NDArray[np.float64]
@@ -22,10 +24,10 @@ def plot_solution(solution: Solution, path: str | Path) -> Path:
 
     The suffix of the path chooses the format. Raises InputError where it cannot be written.
     """
-    return save(draw_solution(solution), path)
+    return style.save(draw_solution(solution), path)
 
 
-@styled
+@style.styled
 def draw_solution(solution: Solution) -> Figure:
     """Return the figure that plot_solution writes."""
     s = solution
@@ -36,43 +38,34 @@ def draw_solution(solution: Solution) -> Figure:
         partial(_at_samples, name="current [A]"): s.current,
     }
     known = {draw: x for draw, x in values.items() if not np.all(np.isnan(x))}
-    figure = Figure(figsize=(7.5, 1.0 + 1.65 * (2 + len(known))))
-    axes = figure.subplots(2 + len(known), 1, sharex=True)
+    figure, axes = style.stacked((7.5, 1.0 + 1.65 * (2 + len(known))), *[1.0] * (2 + len(known)))
     _depth(s, axes[0])
     _volume(s, axes[1])
     for (draw, x), place in zip(known.items(), axes[2:], strict=True):
         draw(place, s.time, x)
     axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(float(s.time[0]), float(max(s.time[-1], s.time[0] + 1e-9)))
-    figure.align_ylabels(list(axes))
+    figure.align_ylabels(axes)
     return figure
 
 
 def _depth(s: Solution, axes: Axes) -> None:
     if not np.all(np.isnan(s.reference)):
-        axes.step(
-            s.time, s.reference, where="post", color=Ink.GREY, ls="--", lw=1.1, label="set-point"
-        )
+        style.setpoint(axes, s.time, s.reference)
     axes.plot(s.time, s.depth, color=Ink.BLUE, label="depth")
     for kind, marker in (("reached the bottom", "v"), ("began to emerge", "^")):
         at = [event.time for event in s.events if event.kind == kind]
         if at:
             axes.plot(at, np.interp(at, s.time, s.depth), marker, color=Ink.BLACK, ms=5, label=kind)
-    depth_axis(axes)
+    style.depth_axis(axes)
     if len(axes.get_lines()) > 1:
-        legend_above(axes)
+        style.legend_above(axes)
 
 
 def _volume(s: Solution, axes: Axes) -> None:
     if not np.all(np.isnan(s.volume_reference)):
-        axes.step(
-            s.time,
-            s.volume_reference * 1e6,
-            where="post",
-            color=Ink.ORANGE,
-            lw=0.8,
-            label="asked for",
-        )
+        how: Any = {"where": "post", "color": Ink.ORANGE, "lw": 0.8, "label": "asked for"}
+        axes.step(s.time, s.volume_reference * 1e6, **how)
     axes.plot(s.time, s.volume * 1e6, color=Ink.BLUE, label="volume")
     low, high = float(s.volume.min()) * 1e6, float(s.volume.max()) * 1e6
     room = 0.1 * max(high - low, 1e-3)
@@ -84,7 +77,7 @@ def _volume(s: Solution, axes: Axes) -> None:
         axes.set_ylim(low - 3.0 * room, high + 3.0 * room)
     axes.set_ylabel("volume [cm³]")
     if len(axes.get_lines()) > 1:
-        legend_above(axes)
+        style.legend_above(axes)
 
 
 def _voltage(axes: Axes, time: Array, voltage: Array) -> None:
@@ -99,8 +92,7 @@ def _drive(axes: Axes, time: Array, drive: Array) -> None:
         on = np.flatnonzero(np.isin(drive, kinds))
         axes.plot(time[on], np.full(len(on), place), "|", color=Ink.GREEN, ms=9, mew=0.9)
     axes.set_yticks(range(len(runs)), list(runs))
-    axes.set_ylim(-0.6, len(runs) - 0.4)
-    axes.set_ylabel("drive [on]")
+    axes.set(ylim=(-0.6, len(runs) - 0.4), ylabel="drive [on]")
 
 
 def _at_samples(axes: Axes, time: Array, values: Array, *, name: str) -> None:

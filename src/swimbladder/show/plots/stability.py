@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.run import Stability
-from swimbladder.show.plots.style import Ink, label_panels, styled
+from swimbladder.show.plots.style import Ink, label_panels, new_figure, stacked, styled
 from swimbladder.units import length
 
 _COLORS = {
@@ -24,8 +24,7 @@ _COLORS = {
 @styled
 def draw_recovery(found: Stability) -> Figure:
     """Return the maps: a cell for each run, a line where no controller comes back any more."""
-    figure = Figure(figsize=(9.0, 7.5))
-    panels = list(figure.subplots(2, 2).flat)
+    figure, panels = new_figure((9.0, 7.5), 2, 2)
     for axes, one in zip(panels, found.maps, strict=True):
         _draw(axes, one)
     label_panels(panels)
@@ -62,16 +61,14 @@ def _draw(axes: Axes, one: Map) -> None:
         axes.set_yticks([-size for size in reversed(sizes)] + [0.0, *sizes])
         axes.yaxis.set_major_formatter("{x:g}")
     axes.grid(visible=False)
-    axes.set_xlabel(one.x_label)
-    axes.set_ylabel(one.y_label)
+    axes.set(xlabel=one.x_label, ylabel=one.y_label)
 
 
 @styled
 def draw_robustness(found: Stability) -> Figure:
     """Return the share of draws that settle against the gain, a line for each law and delay."""
     laws = list(dict.fromkeys(s.law for s in found.stood))
-    figure = Figure(figsize=(7.5, 2.2 + 1.5 * len(laws)))
-    panels = list(np.atleast_1d(figure.subplots(len(laws), 1, sharex=True)))
+    figure, panels = stacked((7.5, 2.2 + 1.5 * len(laws)), *[1.0] * len(laws))
     for axes, law in zip(panels, laws, strict=True):
         own = [s for s in found.stood if s.law == law]
         for delay, color, mark in zip(
@@ -82,8 +79,7 @@ def draw_robustness(found: Stability) -> Figure:
                 [s.gain for s in line], [100.0 * s.settled for s in line], mark, color=color,
                 label=f"{delay:g} s late" if delay else "nominal",
             )  # fmt: skip
-        axes.set_ylim(-5.0, 105.0)
-        axes.set_ylabel("settle [%]")
+        axes.set(ylim=(-5.0, 105.0), ylabel="settle [%]")
         axes.set_title(law, fontsize=9.5)
     panels[-1].set_xscale("log")
     gains = sorted({s.gain for s in found.stood})

@@ -63,6 +63,31 @@ def styled(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
     return drawing
 
 
+def new_figure(
+    size: tuple[float, float], rows: int = 1, columns: int = 1, **given: Any
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a size [inches] and its panels, row by row."""
+    figure = Figure(figsize=size)
+    made: list[Axes] = figure.subplots(rows, columns, squeeze=False, **given).ravel().tolist()
+    return figure, made
+
+
+def stacked(size: tuple[float, float], *heights: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a size [inches] and panels above one another, as high as that, one x."""
+    return new_figure(size, len(heights), sharex=True, height_ratios=heights)
+
+
+def setpoint(axes: Axes, time: NDArray[np.float64], reference: NDArray[np.float64]) -> None:
+    """Draw what is asked for."""
+    axes.step(time, reference, where="post", color=Ink.GREY, ls="--", lw=1.1, label="set-point")
+
+
+def band(axes: Axes, middle: float, half: float, **given: Any) -> None:
+    """Shade a band around what is asked for."""
+    how = {"color": Ink.GREY, "alpha": 0.25, "lw": 0.0, **given}
+    axes.axhspan(middle - half, middle + half, **how)
+
+
 def depth_axis(axes: Axes, label: str = "depth [m]") -> None:
     """Let a depth axis grow downwards, and label it."""
     if not axes.yaxis_inverted():

@@ -11,30 +11,25 @@ from matplotlib.lines import Line2D
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED
-from swimbladder.show.plots.style import Ink, depth_axis, label_panels, plain_log_ticks, styled
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 
 _LEAST = 0.05  # sensitivity that is shown
 _QUIET = 0.2  # of the supply's voltage: where less is used the supply is not shown
 _LONG = 4.0  # times the median settling, that is shown
 
 
-@styled
+@style.styled
 def draw_tuning(tuning: Tuning) -> Figure:
     """Return depth, volume and voltage of the trials against time."""
-    figure = Figure(figsize=(7.5, 7.5))
-    depth, volume, voltage = figure.subplots(3, 1, sharex=True)
+    figure, (depth, volume, voltage) = style.stacked((7.5, 7.5), 1.0, 1.0, 1.0)
     step = tuning.step
     settle = tuning.nominal.settle_median
     volts = tuning.law.command == "voltage"
     end = min(step.duration, _LONG * settle) if settle > 0.0 else step.duration
+    over = f"over the region{', supply low' if volts else ''}"
     for traces, color, width, alpha, label in (
-        (
-            tuning.shown[1],
-            Ink.ORANGE,
-            0.8,
-            0.7,
-            f"over the region{', supply low' if volts else ''}",
-        ),
+        (tuning.shown[1], Ink.ORANGE, 0.8, 0.7, over),
         (tuning.shown[0], Ink.BLUE, 1.8, 1.0, "nominal"),
     ):
         kept = traces.time <= end
@@ -44,11 +39,11 @@ def draw_tuning(tuning: Tuning) -> Figure:
         ):  # fmt: skip
             lines = axes.plot(traces.time[kept], values[kept], color=color, lw=width, alpha=alpha)
             lines[0].set_label(label)
-    band = tuning.band or 0.02 * abs(step.target - step.start)
-    size = f"{band:.3g} m" if tuning.band else "2 %"
+    half = tuning.band or 0.02 * abs(step.target - step.start)
+    size = f"{style.band:.3g} m" if tuning.band else "2 %"
     # Of floats one half goes the other way.
     for goal in (step.start, step.target)[0 if tuning.band else 1 :]:
-        depth.axhspan(goal - band, goal + band, color=Ink.GREY, alpha=0.25, lw=0.0)
+        style.band(depth, goal, half)
         depth.axhline(goal, color=Ink.BLACK, lw=0.8, ls="--")
     depth.get_lines()[-1].set_label(f"set-point, {size} band")
     limit = tuning.vehicle.supply if volts else None
@@ -61,7 +56,7 @@ def draw_tuning(tuning: Tuning) -> Figure:
                 side * limit.voltage, color=Ink.VERMILION, lw=0.8, ls=":",
                 label="supply" if side > 0.0 else None,
             )  # fmt: skip
-    depth_axis(depth)
+    style.depth_axis(depth)
     volume.set_ylabel("volume [cm³]")
     asked = "change asked for [cm³]" if tuning.band else "volume asked for [cm³]"
     voltage.set_ylabel("voltage [V]" if volts else asked)
@@ -72,15 +67,14 @@ def draw_tuning(tuning: Tuning) -> Figure:
     depth.set_title(
         f"{tuning.vehicle.name}, {tuning.law.name} tuned for {tuning.goal}", fontsize=10.0
     )
-    label_panels([depth, volume, voltage])
+    style.label_panels([depth, volume, voltage])
     return figure
 
 
-@styled
+@style.styled
 def draw_sensitivity(tuning: Tuning) -> Figure:
     """Return |S| = |1/(1 + L)| of all vehicles of the region, broken at voltage and depth."""
-    figure = Figure(figsize=(7.5, 3.8))
-    panels = figure.subplots(1, 2, sharey=True)
+    figure, panels = style.new_figure((7.5, 3.8), 1, 2, sharey=True)
     loops = sorted(tuning.loops(), key=lambda loop: -loop.number)  # the nominal one on top
     for axes, place in zip(panels, (tuning.law.command, "measured depth"), strict=True):
         first = math.inf
@@ -98,7 +92,7 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
         axes.set_title(f"broken at the {place}", fontsize=10.0)
         axes.set_xlim(left=max(0.5 * first, 1e-4) if math.isfinite(first) else 1e-3)
         axes.set_ylim(_LEAST, 3.0)
-        plain_log_ticks(axes, "y")
+        style.plain_log_ticks(axes, "y")
     panels[0].set_ylabel("sensitivity |S| [-]")
     lines = [
         Line2D([], [], color=Ink.BLUE, lw=1.6, label="nominal"),
@@ -106,5 +100,5 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
         Line2D([], [], color=Ink.VERMILION, lw=1.0, ls="--", label="most that is allowed"),
     ]
     panels[0].legend(handles=lines, loc="lower right")
-    label_panels(list(panels))
+    style.label_panels(panels)
     return figure

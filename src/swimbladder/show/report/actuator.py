@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from swimbladder import __version__
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.estimate import shown_unit
@@ -64,62 +62,37 @@ def _page(
     share = 1.0 / (len(found.logs) + 1)
     scale, unit = (1e3, "mm") if found.quantity == "piston" else (1e6, "cm³")
     names = labels(found)
-    called = dict(zip((fit.source for fit in found.logs), names, strict=True))
     speeds = []
     if shows_speeds(found):
-        caption = _SPEEDS[found.driven == "voltage"]
-        speeds = [page_figure("speeds", "Steady speeds", caption, png(draw_speeds(found)))]
+        speeds = [page_figure("speeds", png(draw_speeds(found)), f"speeds-{_kind(found)}")]
     advance(share)
     logs = []
     for number, (fit, name) in enumerate(zip(found.logs, names, strict=True), start=1):
         own = [s for s in found.steps if s.source == fit.source]
-        logs.append(
-            {
-                "name": name,
-                "refusal": fit.refusal,
-                "rows": _alone(found, fit),
-                "figures": _figures(found, own, number) if own else [],
-            }
-        )
+        figures = _figures(found, own, number) if own else []
+        rows_of = _alone(found, fit)
+        logs.append({"name": name, "refusal": fit.refusal, "rows": rows_of, "figures": figures})
         advance(share)
-    ordered = sorted(found.findings, key=lambda f: f.severity == "note")
-    return render(
-        "actuator.html.j2",
-        {
-            "version": __version__,
-            "name": "Actuator" if found.given is None else f"Actuator of {found.given.name}",
-            "identified": found.identified,
-            "driven": _DRIVEN[found.driven],
-            "what": "steps" if found.driven == "voltage" else "moves",
-            "moves": found.driven != "voltage",
-            "samples": sum(len(s.time) for s in found.steps),
-            "noise": f"{rounded(scale * found.noise, 2)} {unit}",
-            "unit": unit,
-            "seconds": rounded(seconds, 2),
-            "headlines": headlines(found),
-            "warnings": [f for f in ordered if f.severity == "warning"],
-            "notes": [f for f in ordered if f.severity == "note"],
-            "rows": rows(found),
-            "pairs": pairs(found),
-            "speeds": speeds,
-            "nine": [_known(k) for k in found.nine],
-            "logs": logs,
-            "steps": [
-                _step(k, s, called[s.source], scale) for k, s in enumerate(found.steps, start=1)
-            ],
-            "assumptions": found.assumptions,
-            "reading": found.notes,
-            "files": files,
-            "command": command,
-        },
-    )
-
-
-_SPEEDS = {
-    True: "The speed in the second half of each stretch of steady voltage, and the fitted line: "
-    "its slope is K1, outward and inward, its gap the dead zone, the middle of the gap the load.",
-    False: "The speed of each move, and each log's mean of each direction with its 95 % interval.",
-}
+    context = {
+        "found": found,
+        "name": "Actuator" if found.given is None else f"Actuator of {found.given.name}",
+        "driven": _DRIVEN[found.driven],
+        "moves": found.driven != "voltage",
+        "scale": scale,
+        "unit": unit,
+        "seconds": seconds,
+        "headlines": headlines(found),
+        "listed": sorted(found.findings, key=lambda f: f.severity == "note"),
+        "rows": rows(found),
+        "pairs": pairs(found),
+        "speeds": speeds,
+        "nine": [_known(k) for k in found.nine],
+        "logs": logs,
+        "called": dict(zip((fit.source for fit in found.logs), names, strict=True)),
+        "files": files,
+        "command": command,
+    }
+    return render("actuator.html.j2", context)
 
 
 def _known(k: Known) -> dict[str, Any]:
@@ -134,40 +107,18 @@ def _alone(found: ActuatorIdentification, fit: LogFit) -> list[dict[str, str]]:
     """Return the rows of the estimates from one of several logs."""
     if len(found.logs) == 1:
         return []
-    return [
-        words(name, e) for name, e in fit.parameters.items()
-        if e.origin == "data"
-    ]  # fmt: skip
+    return [words(name, e) for name, e in fit.parameters.items() if e.origin == "data"]
+
+
+def _kind(found: ActuatorIdentification) -> str:
+    """Return what the figures show, as texts.toml calls it."""
+    return "voltage" if found.driven == "voltage" else "moves"
 
 
 def _figures(found: ActuatorIdentification, steps: list[Step], number: int) -> list[PageFigure]:
     """Return the pictures of one log."""
+    log, each = png(draw_log(found, steps)), png(draw_steps(found, steps[0].source))
     return [
-        page_figure(
-            f"log-{number}",
-            "The whole log",
-            "Each stretch between two rests is fitted from an unknown start. A pattern in the "
-            "residuals is something that the model lacks.",
-            png(draw_log(found, steps)),
-        ),
-        page_figure(
-            f"steps-{number}",
-            "Step by step" if found.driven == "voltage" else "How they start",
-            "Travel since the first sample, and residuals, in one scale; of many steps some.",
-            png(draw_steps(found, steps[0].source)),
-        ),
+        page_figure(f"log-{number}", log, "log"),
+        page_figure(f"steps-{number}", each, f"steps-{_kind(found)}"),
     ]
-
-
-def _step(number: int, step: Step, log: str, scale: float) -> dict[str, Any]:
-    return {
-        "number": number,
-        "log": log,
-        "what": step.label,
-        "begins": f"{step.time[0]:.2f}",
-        "lasts": f"{step.time[-1] - step.time[0]:.2f}",
-        "samples": len(step.time),
-        "out": int((~step.used).sum()),
-        "rms": rounded(scale * step.rms, 2),
-        "speed": rounded(scale * (math.nan if step.speed is None else step.speed)),
-    }

@@ -7,20 +7,11 @@ from pathlib import PurePath
 
 from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
 from swimbladder.estimation.actuator.estimate import shown, shown_unit
+from swimbladder.show.report.html import TEXTS
 from swimbladder.show.report.text import STRONG, row, trade_off
 from swimbladder.units import rounded, unit_factor
 
-MEANING = {
-    "K1": "speed per volt, the geometric mean of both directions",
-    "K1A": "volume rate per volt, the geometric mean of both directions",
-    "T1": "time constant of the speed",
-    "dead_zone": "half the width of the band of voltages that move nothing: dry friction",
-    "load_voltage": "the middle of that band: what a steady load takes",
-    "asymmetry": "outward over inward",
-    "rate": "the full speed, which no voltage exceeds",
-    "threshold_out": "the voltage above which it moves outward",
-    "threshold_in": "the voltage, below zero, beyond which it moves inward",
-}
+MEANING: dict[str, str] = TEXTS["actuator"]
 
 
 def words(name: str, e: Estimate) -> dict[str, str]:

@@ -5,14 +5,21 @@ from __future__ import annotations
 import base64
 import re
 import struct
+import tomllib
 from collections.abc import Callable, Mapping
+from importlib.resources import files
 from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
+from swimbladder import __version__
 from swimbladder.show.plots.style import svg_text
+from swimbladder.units import rounded
+
+TEXTS = tomllib.loads(files("swimbladder.show.report").joinpath("texts.toml").read_text("utf-8"))
+"""What the reports say of figures, parameters and tables, texts.toml."""
 
 _FULL = 1440  # pixels of a picture as wide as the page
 
@@ -30,7 +37,7 @@ _SYMBOL = re.compile(
 )
 
 
-def render(template: str, context: Mapping[str, Any]) -> str:
+def render(template: str, context: Mapping[str, Any], **filters: Callable[..., str]) -> str:
     """Return a template of this package filled in; texts are escaped, no name may be missing."""
     environment = Environment(
         loader=PackageLoader("swimbladder.show", "templates"),
@@ -40,7 +47,8 @@ def render(template: str, context: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["symbols"] = symbols
+    environment.filters |= {"symbols": symbols, "rounded": rounded, **filters}
+    environment.globals["version"] = __version__
     return environment.get_template(template).render(context)
 
 
@@ -64,12 +72,12 @@ def symbols(text: str) -> Markup:
 
 
 class Picture(NamedTuple):
-    """A figure of a page: its name, title, caption, and how it is drawn."""
+    """A figure of a page: its name, how it is drawn, and what texts.toml says of it."""
 
     name: str
-    title: str
-    caption: str
-    draw: Callable[..., Figure]
+    draw: Callable[[], Figure]
+    about: str
+    part: str = ""  # of the logs, that it shows
 
 
 class PageFigure(NamedTuple):
@@ -82,12 +90,17 @@ class PageFigure(NamedTuple):
     width: str
 
 
-def page_figure(name: str, title: str, caption: str, image: bytes) -> PageFigure:
-    """Return a PNG as a picture of a page."""
+def page_figure(name: str, image: bytes, about: str = "", part: str = "") -> PageFigure:
+    """Return a PNG as a picture of a page, with the title and caption of texts.toml.
+
+    about: what they are called there, where not as the picture; part: what of it the title adds.
+    """
+    said = TEXTS["figures"][about or name]
+    title = f"{said['title']}{part}"
     (pixels,) = struct.unpack(">I", image[16:20])
     width = f"{min(100.0 * pixels / _FULL, 100.0):.0f}%"
     stop = "" if title.endswith("?") else "."
-    return PageFigure(name, f"{title}{stop}", caption, data_url(image), width)
+    return PageFigure(name, f"{title}{stop}", said["caption"], data_url(image), width)
 
 
 def data_url(image: bytes) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,21 +15,17 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from swimbladder import __version__
 from swimbladder.errors import InputError
-from swimbladder.estimation.motion import NAMES, Choice, ExperimentFit, Identification
+from swimbladder.estimation.motion import NAMES, Choice, Estimate, Identification
 from swimbladder.estimation.motion.paper_method import PaperFits
-from swimbladder.estimation.motion.random_walk import RandomWalkFit
 from swimbladder.io.config import file_text
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.files import write_all
 from swimbladder.show.plots import identify as plots
-from swimbladder.show.plots import identify_confidence as confidence
 from swimbladder.show.plots.identify import labels
 from swimbladder.show.plots.style import png
-from swimbladder.show.report.html import Picture, page_figure, render
+from swimbladder.show.report.html import PageFigure, Picture, page_figure, render
 from swimbladder.show.report.text import (
-    Row,
     correlations,
     findings,
     headlines,
@@ -46,68 +42,35 @@ PSI = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": 
 
 
 def page(
-    found: Identification, images: Iterable[tuple[str, str, str, bytes]], *,
+    found: Identification, figures: Mapping[str, PageFigure], *,
     files: Sequence[str], command: str, seconds: float, paper: PaperFits | None = None,
 ) -> str:  # fmt: skip
     """Return the report as HTML that needs nothing but itself.
 
-    images: (name, title, caption, PNG) of each; seconds: how long the fit took; paper: the paper's
-    fits, to stand beside ours.
+    seconds: how long the fit took; paper: the paper's fits, to stand beside ours.
     """
-    listed = findings(found)
-    figures = {image[0]: page_figure(*image) for image in images}
-    return render(
-        "identification.html.j2",
-        {
-            "version": __version__,
-            "vehicle": found.result_vehicle.name,
-            "identified": found.identified,
-            "law": found.law,
-            "count": len(found.experiments),
-            "samples": sum(int((e.weight > 0.0).sum()) for e in found.experiments),
-            "noise": rounded(1e3 * found.depth_noise, 2),
-            "seconds": rounded(seconds, 2),
-            "headlines": headlines(found),
-            "warnings": [f for f in listed if f.severity == "warning"],
-            "notes": [f for f in listed if f.severity == "note"],
-            "rows": rows(found),
-            "pairs": [trade_off(a, b, r) for a, b, r in correlations(found)],
-            "logs": [
-                _log(label, e) for label, e in zip(labels(found), found.experiments, strict=True)
-            ],
-            "choices": [_choice(found, c) for c in found.choices],
-            "random_walk": found.random_walk and _random_walk(found.random_walk, labels(found)),
-            "paper": None if paper is None else _paper(paper, labels(found)),
-            "figures": figures,
-            "fits": [f for name, f in figures.items() if name.startswith("fits")],
-            "residuals": [f for name, f in figures.items() if name.startswith("residuals")],
-            "assumptions": found.assumptions,
-            "reading": reading(found, labels(found)),
-            "files": files,
-            "command": command,
-        },
-    )
-
-
-def _log(label: str, e: ExperimentFit) -> dict[str, Any]:
-    neutral, drift = (row("", x) for x in (e.estimates["neutral_error"], e.drift))
-    used = int((e.weight > 0.0).sum())
-    span = float(e.record.time[-1] - e.record.time[0])
-    return {
-        "label": label,
-        "source": e.source,
-        "seconds": f"{span:.0f}",
-        "used": f"{used} of {len(e.record.time)}",
-        "outliers": e.outliers,
-        "rms": rounded(1e3 * e.rms, 2),
-        "noise": rounded(1e3 * e.noise, 2),
-        "white": "white" if e.whiteness_p > 0.01 else f"coloured (p {_small(e.whiteness_p)})",
-        "neutral": _plus_minus(neutral),
-        "drift": _plus_minus(drift),
+    names = labels(found)
+    context = {
+        "found": found,
+        "labels": names,
+        "samples": sum(int((e.weight > 0.0).sum()) for e in found.experiments),
+        "seconds": seconds,
+        "headlines": headlines(found),
+        "listed": findings(found),
+        "rows": rows(found),
+        "pairs": [trade_off(a, b, r) for a, b, r in correlations(found)],
+        "choices": [_choice(found, c) for c in found.choices],
+        "paper": None if paper is None else _paper(paper, names),
+        "figures": figures,
+        "reading": reading(found, names),
+        "files": files,
+        "command": command,
     }
+    return render("identification.html.j2", context, plus_minus=_plus_minus, small=_small)
 
 
-def _plus_minus(r: Row) -> str:
+def _plus_minus(e: Estimate) -> str:
+    r = row("", e)
     return f"{r.value} +- {r.std}" if r.std else "-"
 
 
@@ -138,19 +101,6 @@ def _value(name: str, value: float) -> str:
     if abs(shown) < 1e-9:  # a fit that ended at a bound, to rounding
         shown = 0.0
     return f"{_SYMBOL.get(name, name)} {rounded(shown)} {shown_unit(unit)}"
-
-
-def _random_walk(fit: RandomWalkFit, names: Sequence[str]) -> dict[str, Any]:
-    """Return the intensity, its evidence, and the range of each log's neutral volume."""
-    low, high = (1e6 * 60.0**0.5 * end for end in fit.random_walk.ci95)  # m3/s^0.5 to cm3/min^0.5
-    return {
-        "intensity": rounded(1e6 * 60.0**0.5 * fit.random_walk.value, 2),
-        "ci95": f"{rounded(low, 2)} to {rounded(high, 2)}",
-        "p": _small(fit.p_value),
-        "rows": [
-            (name, rounded(1e6 * went, 2)) for name, went in zip(names, fit.travelled, strict=True)
-        ],
-    }
 
 
 def _paper(paper: PaperFits, names: Sequence[str]) -> dict[str, Any]:
@@ -225,18 +175,19 @@ def write_identification(
     """
     check_folder(out, "")
     drawn = pictures(found, paper)
-    images = []
-    for picture in drawn:
-        images.append((picture.name, picture.title, picture.caption, png(picture.draw())))
+    images, figures = {}, {}
+    for name, draw, about, part in drawn:
+        images[f"figures/{name}.png"] = image = png(draw())
+        figures[name] = page_figure(name, image, about, part)
         advance(1.0 / (len(drawn) + 1))
     files: dict[str, object] = {"identify.json": answer, "residuals.csv": residuals(found)}
     if found.identified:
         files[VEHICLE] = vehicle_file(found.vehicle, head=_head(found))
-    files |= {f"figures/{name}.png": image for name, _, _, image in images}
+    files |= images
     if found.posterior is not None:
         names = (f"{name} [{NAMES[name].unit}]" for name in found.posterior.names)
         files[POSTERIOR] = dict(zip(names, found.posterior.draws.T, strict=True))
-    html = page(found, images, files=list(files), command=command, seconds=seconds, paper=paper)
+    html = page(found, figures, files=list(files), command=command, seconds=seconds, paper=paper)
     written = write_all(out, {"identify.html": html, **files})
     _sweep(out, [*files])
     advance(1.0 / (len(drawn) + 1))
@@ -296,50 +247,18 @@ def pictures(found: Identification, paper: PaperFits | None = None) -> list[Pict
     paper: the paper's fits of single logs, drawn beside ours.
     """
     own = any(e.own_gain is not None for e in found.experiments)
-    others = (
-        (True, "distribution", "Is it noise?",
-         "Left and middle: the residuals of all logs, over each log's own standard deviation, "
-         "against a normal distribution; triangles are further out than the axis. Right: how "
-         "much a residual resembles the ones before it.",
-         plots.draw_distribution),
-        (found.identified and len(found.names) > 1, "ellipses",
-         "Which pairs of values go together",
-         "Regions that hold both values with 68 % and 95 %. A long, thin one is a trade-off: the "
-         "data determine one combination better than each value.",
-         confidence.draw_ellipses),
-        (found.identified and found.profiles, "profiles", "Likelihood profiles",
-         "How much worse the fit becomes as one parameter is held and all others follow. Bars: the "
-         "95 % interval of the profile and that of the quadratic approximation; where these "
-         "differ by much, the profile's is given.",
-         confidence.draw_profiles),
-        (True, "neutral", "Neutral volumes",
-         "Left: how far each log's neutral volume is from the assumed one, against what was "
-         "assumed of it. Right: how it would drift if it did, from a step of the fit; an interval "
-         "without 0 is a drift that is not in the model.",
-         plots.draw_neutral),
-        (found.identified and own, "gains", "Does the gain depend on the size of the step?",
-         "What each log would say alone, all but psi its own, against the size of its volume "
-         "change. A trend is the mark of a psi, or of a drag law, that is not right.",
-         partial(plots.draw_gains, singles=_singles(paper))),
-    )  # fmt: skip
+    others: dict[str, tuple[object, Callable[[Identification], Figure]]] = {
+        "distribution": (True, plots.draw_distribution),
+        "ellipses": (found.identified and len(found.names) > 1, plots.draw_ellipses),
+        "profiles": (found.identified and found.profiles, plots.draw_profiles),
+        "neutral": (True, plots.draw_neutral),
+        "gains": (found.identified and own, partial(plots.draw_gains, singles=_singles(paper))),
+    }
     return [
-        *_pages(
-            found, "fits", "Measured and fitted depth",
-            "All logs share one set of parameters; each has its own neutral volume and start.",
-            plots.draw_fits,
-        ),
-        *_pages(
-            found, "residuals", "What the fit leaves over",
-            "Measured less fitted depth. A pattern in time is something that the model does not "
-            "know. The band holds 95 % of the noise; outliers count less or not at all.",
-            plots.draw_residuals,
-        ),
-        *(
-            Picture(name, title, caption, partial(draw, found))
-            for shown, name, title, caption, draw in others
-            if shown
-        ),
-    ]  # fmt: skip
+        *_pages(found, "fits", plots.draw_fits),
+        *_pages(found, "residuals", plots.draw_residuals),
+        *(Picture(n, partial(draw, found), n) for n, (shown, draw) in others.items() if shown),
+    ]
 
 
 def _singles(paper: PaperFits | None) -> dict[str, list[tuple[float, float]]]:
@@ -357,20 +276,15 @@ def _singles(paper: PaperFits | None) -> dict[str, list[tuple[float, float]]]:
 
 
 def _pages(
-    found: Identification, name: str, title: str, caption: str,
-    draw: Callable[[Identification, int], Figure],
-) -> list[Picture]:  # fmt: skip
+    found: Identification, name: str, draw: Callable[[Identification, int], Figure]
+) -> list[Picture]:
     """Return one picture for each so many logs."""
     count = len(found.experiments)
     firsts = range(0, count, plots.PER_PAGE)
     if len(firsts) == 1:
-        return [Picture(name, title, caption, partial(draw, found, 0))]
+        return [Picture(name, partial(draw, found, 0), name)]
+    parts = [f", logs {n + 1} to {min(n + plots.PER_PAGE, count)}" for n in firsts]
     return [
-        Picture(
-            f"{name}-{number}",
-            f"{title}, logs {first + 1} to {min(first + plots.PER_PAGE, count)}",
-            caption,
-            partial(draw, found, first),
-        )
-        for number, first in enumerate(firsts, start=1)
+        Picture(f"{name}-{number}", partial(draw, found, first), name, part)
+        for number, (first, part) in enumerate(zip(firsts, parts, strict=True), start=1)
     ]

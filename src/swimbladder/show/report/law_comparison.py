@@ -18,7 +18,7 @@ from swimbladder.io.tables import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.files import write_all
 from swimbladder.show.plots.law_comparison import draw_pareto, draw_steps
-from swimbladder.show.report.html import drawn_inline, render
+from swimbladder.show.report.html import TEXTS, drawn_inline, render
 
 SOON = ("law", "settles [s]", "of bound", "95 % [s]", "over [%]", "deep [%]", "lost")
 STILL = ("law", "hold", "swell", "deep", "drift", "L/h", "starts", "turns", "J/h")
@@ -30,33 +30,18 @@ STEP_HEADINGS = (
 HOLD_HEADINGS = (
     "law", "rms [mm]", "farthest [cm]", "L/h", "starts/h", "turns/h", "J/h", "lost",
 )  # fmt: skip
-_NOTES = (
-    "*: no other row is nowhere worse and somewhere better in settling, hold, drift, L/h, and "
-    "starts with turns.",
-    "settles: median of the runs, step of 1.5 m, for good within 2 %; 95 %: of the runs with drawn "
-    "vehicles and a low battery. over, deep: overshoot in 95 % of the runs, worst shallow step and "
-    "step at the greatest depth. lost: runs of the worst scenario that left the water or the rated "
-    "depths, or went below any sea.",
-    "hold, swell, deep, drift: depth error, mm rms. L/h, starts, turns, J/h: an hour of holding in "
-    "the noise of the sensor. A motor that never rests starts seldom and turns often.",
-)
-_FLOAT_NOTES = (
-    _NOTES[0],
-    f"settles: median of the runs, step of 100 m, for good within {BAND:g} m; 95 %: of the runs "
-    "with drawn vehicles. over, deep: overshoot in 95 % of the runs, worst shallow step and step "
-    "at the greatest depth. lost: runs of the worst scenario that left the water or the rated "
-    "depths, or went below any sea.",
-    "hold, swell, deep, drift: depth error, mm rms. L/h, J/h: an hour of holding in the noise of "
-    "the sensor; starts: runs of pump and valve.",
-)
 
 
 def notes(comparison: LawComparison) -> tuple[str, ...]:
     """Return what the columns of HEADINGS mean, and why the energy is not known."""
-    said = _FLOAT_NOTES if comparison.vehicle.command == "volume change" else _NOTES
-    if comparison.no_energy is None:
-        return said
-    return (*said, f"J/h is unknown: {comparison.no_energy}.")
+    floats = comparison.vehicle.command == "volume change"
+    said = TEXTS["laws"]["floats" if floats else "moving"]
+    unknown = comparison.no_energy
+    return (
+        TEXTS["laws"]["best"],
+        *(text.format(band=BAND) for text in said),
+        *([] if unknown is None else [f"J/h is unknown: {unknown}."]),
+    )
 
 
 def summary(comparison: LawComparison) -> list[tuple[str, ...]]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from swimbladder.estimation.motion import Estimate, Finding, Identification
+from swimbladder.show.report.html import TEXTS
 from swimbladder.units import rounded, shown_unit, unit_factor
 
 _ORDER = {"no": 0, "warning": 1, "note": 2}
@@ -90,22 +91,12 @@ def _headline(found: Identification, name: str) -> str:
 
 def _meaning(name: str, value: float, law: str) -> str:
     """Return what a number means to someone beside a pool."""
-    if name == "K2":
-        alone = "by its laminar drag alone, " if law == "blended" else ""
-        speed = f"{rounded(1e-3 * value, 3)} mm/s"
-        return f"{alone}with 1 cm3 too much or too little the speed settles at {speed}"
-    if name == "T2":
-        return f"after {rounded(value, 3)} s the speed has made 63 % of its change"
-    if name == "mass":
-        return "what is accelerated, the water that moves along included"
-    if name == "psi":
-        sense = "less" if value > 0.0 else "more"
-        return f"a metre deeper the hull displaces {rounded(1e6 * abs(value), 3)} cm3 {sense}"
-    if name == "drag_quadratic":
-        return f"at 0.1 m/s it brakes with {rounded(1e-2 * value, 2)} N"
-    if name == "K1":
-        return f"the piston moves at {rounded(1e3 * value, 3)} mm/s for each volt"
-    return f"the motor's speed follows its voltage after {rounded(value, 3)} s"
+    about = TEXTS["motion"][name]
+    x = abs(about.get("per", 1.0) * value) if name == "psi" else about.get("per", 1.0) * value
+    alone = "by its laminar drag alone, " if law == "blended" else ""
+    said: str = about["says"]
+    sense = "less" if value > 0.0 else "more"
+    return said.format(x=rounded(x, about.get("digits", 3)), alone=alone, sense=sense)
 
 
 def correlations(found: Identification) -> list[tuple[str, str, float]]:

@@ -13,7 +13,7 @@ from swimbladder.design.tuning.margins import WANTED
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.files import write_all
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
-from swimbladder.show.report.html import drawn_inline, render
+from swimbladder.show.report.html import TEXTS, drawn_inline, render
 from swimbladder.units import shown_unit, unit_factor
 
 
@@ -61,7 +61,7 @@ def _page(found: Tuning, images: Mapping[str, str], command: str) -> str:
 
 
 def _trials(found: Tuning) -> list[tuple[str, str, str]]:
-    rows = _FLOAT_ROWS if found.band else _ROWS
+    rows = TEXTS["tune"]["floats" if found.band else "volume"]
     table = []
     for label, form, factor, name in rows:
         values = [float(getattr(t, name)) for t in (found.nominal, found.region)]
@@ -69,35 +69,6 @@ def _trials(found: Tuning) -> list[tuple[str, str, str]]:
             cells = [_cell(form, factor * value) for value in values]
             table.append((label.format(band=found.band), cells[0], cells[1]))
     return table
-
-
-_ROWS = (
-    ("runs", "{:d}", 1.0, "runs"),
-    ("settled within 2 %", "{:.0f} %", 100.0, "settled"),
-    ("settling, median", "{:.1f} s", 1.0, "settle_median"),
-    ("settling, 95 %", "{:.1f} s", 1.0, "settle_95"),
-    ("overshoot, median", "{:.1f} %", 100.0, "overshoot_median"),
-    ("overshoot, 95 %", "{:.1f} %", 100.0, "overshoot_95"),
-    ("held, rms", "{:.2g} mm", 1e3, "rms"),
-    ("volume moved while held", "{:.2g} L/h", 3.6e6, "rate"),
-    ("motor starts while held", "{:.0f}/h", 3600.0, "starts"),
-    ("energy of the motor in a run", "{:.3g} J", 1.0, "energy"),
-    ("power of the motor while held", "{:.3g} mW", 1e3, "power"),
-)
-_FLOAT_ROWS = (
-    ("flights, half down and half up", "{:d}", 1.0, "runs"),
-    ("arrive within {band:.3g} m and stay", "{:.0f} %", 100.0, "settled"),
-    ("time to the depth, median", "{:.3g} h", 1.0 / 3600.0, "settle_median"),
-    ("time to the depth, 95 %", "{:.3g} h", 1.0 / 3600.0, "settle_95"),
-    ("overshoot, median", "{:.1f} %", 100.0, "overshoot_median"),
-    ("overshoot, 95 %", "{:.1f} %", 100.0, "overshoot_95"),
-    ("held, rms", "{:.2g} m", 1.0, "rms"),
-    ("volume moved while held", "{:.2g} cm3/h", 3600e6, "rate"),
-    ("starts of the pump while held", "{:.2g}/h", 3600.0, "starts"),
-    ("openings of the valve while held", "{:.2g}/h", 3600.0, "turns"),
-    ("energy of pump and valve in a flight", "{:.3g} J", 1.0, "energy"),
-    ("energy while held", "{:.3g} J/h", 3600.0, "power"),
-)
 
 
 def _cell(form: str, value: float) -> str:
