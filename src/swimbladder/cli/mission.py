@@ -66,7 +66,7 @@ def mission(
 
     Without --cast the water is that of the vehicle's file, of constant density.
 
-    Exit code 1: it cannot be met (reported before flying where physics determines it) or was not.
+    Exit code 1: it cannot be met (no file is written) or was not.
 
     A run that is killed resumes.
     """
