@@ -36,8 +36,7 @@ class Autoregression(NamedTuple):
 
     def whiten(self, columns: Array) -> Array:
         """Return the columns [n, c] of a block, each row less its prediction, of equal variance."""
-        result: Array = _whitener(self, len(columns)) @ columns
-        return result
+        return np.asarray(_whitener(self, len(columns)) @ columns)
 
     def matrix(self, lengths: Index) -> csr_array:
         """Return what whitens blocks of these lengths, one after the other, as a matrix."""

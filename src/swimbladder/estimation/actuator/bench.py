@@ -67,8 +67,7 @@ def spikes(residual: Array, least: float) -> Mask:
     first, last = (float(np.median(np.diff(w))) for w in (windows[0], windows[-1]))
     around = np.concatenate([around[0] - first * side[::-1], around, around[-1] + last * side])
     off = residual - around
-    far: Mask = np.abs(off) > max(_FAR * scale(off), least)
-    return far
+    return np.asarray(np.abs(off) > max(_FAR * scale(off), least))
 
 
 def autoregression(blocks: Sequence[Array]) -> Autoregression:

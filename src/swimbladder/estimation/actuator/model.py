@@ -170,9 +170,12 @@ class Problem:
         self.early = np.zeros(len(self.at), bool)
         self.whiten: Whitener | None = None
 
-    def changed(self, free: tuple[str, ...], fixed: Mapping[str, float]) -> Problem:
-        """Return the problem with other parameters free; outliers and whitener stay."""
-        other = Problem(self.benches, self.blocks, free, fixed, self.moving)
+    def changed(self, free: tuple[str, ...], benches: Sequence[Bench] | None = None) -> Problem:
+        """Return the problem with other parameters free, or other voltages.
+
+        Outliers and whitener stay.
+        """
+        other = Problem(benches or self.benches, self.blocks, free, self.fixed, self.moving)
         other.used, other.early, other.whiten = self.used.copy(), self.early.copy(), self.whiten
         return other
 
@@ -219,13 +222,11 @@ class Problem:
                 u = voltage[first:after]
                 begun = steady_speed(float(u[0]), drive) if self.moving[(log, run)] else 0.0
                 found.append(respond(bench.time[first:after], u, drive, first_speed=begun)[0])
-        travel: Array = np.concatenate(found)[self.at]
-        return travel
+        return np.asarray(np.concatenate(found)[self.at])
 
     def residual(self, q: Array) -> Array:
         """Return measured less predicted travel of every sample [m], starts not taken off."""
-        left: Array = self.position - self.travels(q)
-        return left
+        return np.asarray(self.position - self.travels(q))
 
     def centred(self, residual: Array) -> Array:
         """Return residuals less the mean of their block, outliers not counted."""
@@ -368,8 +369,7 @@ def guess_from(rows: Array, top: float, free: Sequence[str]) -> dict[str, float]
         over = u - b
         each = np.where(over > 0.0, K * math.sqrt(ratio), K / math.sqrt(ratio))
         calm = np.sign(over) * each * np.maximum(np.abs(over) - d, 0.0) - v
-        result: Array = calm / (0.02 * size) * np.sqrt(np.minimum(n, 50.0))
-        return result
+        return np.asarray(calm / (0.02 * size) * np.sqrt(np.minimum(n, 50.0)))
 
     open_ = [True, "dead_zone" in free, "load_voltage" in free, "asymmetry" in free]
     best = None
@@ -421,8 +421,7 @@ def robustly(problem: Problem, guess: dict[str, float]) -> Array:
         return float(np.sum(np.sqrt(1.0 + off(q) ** 2) - 1.0))
 
     def inside(q: Array) -> Array:
-        result: Array = np.clip(q, least + 1e-6, most - 1e-6)
-        return result
+        return np.asarray(np.clip(q, least + 1e-6, most - 1e-6))
 
     begins = [inside(problem.turned(values))]
     if "T1" in problem.free:

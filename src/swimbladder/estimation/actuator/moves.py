@@ -376,8 +376,7 @@ class _Fit:
         white = self.noise.whiten(np.column_stack([columns, window.travel]))
         basis, _ = np.linalg.qr(white[:, :-1])
         y = white[:, -1] / math.sqrt(self.variance)
-        left: Array = y - basis @ (basis.T @ y)
-        return left
+        return np.asarray(y - basis @ (basis.T @ y))
 
     def _first(self) -> Array:
         """Return the best of a grid: T1 of all, t0 of each."""

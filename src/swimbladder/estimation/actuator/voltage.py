@@ -300,7 +300,7 @@ def _with_limit(fit: VoltageFit) -> VoltageFit | None:
         return None
     slower = rows[np.abs(rows[:, 1]) < 0.95 * top]
     guess = {**guess_from(slower, problem.top, problem.free), **problem.fixed, "rate": top}
-    limited = problem.changed((*problem.free, "rate"), problem.fixed)
+    limited = problem.changed((*problem.free, "rate"))
     limited.used[:], limited.early[:] = True, False
     found = _refine(limited, robustly(limited, guess))
     return found if found.deviance < fit.deviance - _LIMIT_SEEN else None
@@ -362,7 +362,7 @@ class _Root:
         free = tuple(name for name in problem.free if name != "T1")
         self.others = [k for k in range(len(fit.q)) if k != at]
         self.begun = fit.q[self.others]
-        self.problem = problem.changed(free, problem.fixed)
+        self.problem = problem.changed(free)
         self.least = float(np.sum(problem.white(fit.q) ** 2))
 
     def __call__(self, log_T1: float) -> float:
@@ -412,20 +412,14 @@ def soft_start(fit: VoltageFit) -> SoftStart | None:
     best, found = n * math.log(max(least, 1e-300)) - _SEEN, None
     for share in _RAMPS:
         ramp = share * values["T1"]
-        other = _with_voltage(problem, [slewed(b, problem.top / ramp) for b in problem.benches])
+        slow = [slewed(b, problem.top / ramp) for b in problem.benches]
+        other = problem.changed(problem.free, slow)
         guess = {**values, "T1": max(values["T1"] - 0.4 * ramp, 0.1 * values["T1"])}
         q = solve(other, other.turned(guess))
         left = n * math.log(max(float(np.sum(other.white(q) ** 2)), 1e-300))
         if left < best:
             best, found = left, SoftStart(ramp, other.values(q)["T1"])
     return found
-
-
-def _with_voltage(problem: Problem, benches: list[Bench]) -> Problem:
-    """Return the problem with other voltages; outliers and whitener stay."""
-    other = Problem(benches, problem.blocks, problem.free, problem.fixed, problem.moving)
-    other.used, other.early, other.whiten = problem.used, problem.early, problem.whiten
-    return other
 
 
 def slewed(bench: Bench, most: float) -> Bench:

@@ -133,8 +133,7 @@ def places(count: int) -> Array:
 
     order = math.ceil(math.log2(count + 1))
     cube = qmc.Sobol(len(Unknowns._fields), scramble=False).random_base2(order)
-    result: Array = ndtri(cube[1 : count + 1])
-    return result
+    return np.asarray(ndtri(cube[1 : count + 1]))
 
 
 def draw(

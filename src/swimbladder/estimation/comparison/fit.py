@@ -167,8 +167,7 @@ def _hermite(time: Array, s: Solution) -> Array:
     x = np.clip((time - s.time[k]) / h, 0.0, 1.0)
     rise = s.depth[k + 1] - s.depth[k]
     a, b = h * s.speed[k] - rise, rise - h * s.speed[k + 1]
-    result: Array = s.depth[k] + x * (rise + (1.0 - x) * (a * (1.0 - x) + b * x))
-    return result
+    return np.asarray(s.depth[k] + x * (rise + (1.0 - x) * (a * (1.0 - x) + b * x)))
 
 
 class Fittable(NamedTuple):
@@ -367,8 +366,7 @@ class _Problem:
         return float(found.cost), found.x
 
     def at_limit(self, q: Array) -> Mask:
-        near: Mask = (q < self.least + 2.0 * _STEP) | (q > self.most - 2.0 * _STEP)
-        return near
+        return np.asarray((q < self.least + 2.0 * _STEP) | (q > self.most - 2.0 * _STEP))
 
 
 def _ways(problem: _Problem, met: list[Array], whole: list[Window]) -> Iterator[Array]:
@@ -441,5 +439,4 @@ def _spread(residual: Array, slope: Array) -> Array:
     _, singular, rotation = np.linalg.svd(slope, full_matrices=False)
     if singular[-1] <= 1e-10 * singular[0]:
         return np.full(count, np.nan)
-    result: Array = np.sqrt(variance * ((rotation / singular[:, None]) ** 2).sum(axis=0))
-    return result
+    return np.asarray(np.sqrt(variance * ((rotation / singular[:, None]) ** 2).sum(axis=0)))

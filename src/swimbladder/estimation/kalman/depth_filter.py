@@ -203,8 +203,7 @@ class Bank:
 
     def weighted(self, values: Array) -> Array:
         """Return the weighed mean [n] of values [members] after each sample."""
-        result: Array = values @ self.weight
-        return result
+        return np.asarray(values @ self.weight)
 
 
 def filter_bank(samples: Samples, members: Sequence[Member], *, gate: float = GATE) -> Bank:
@@ -246,5 +245,4 @@ def log_likelihood(samples: Samples, member: Member, *, gate: float = GATE) -> A
     loss = np.where(size < gate, 0.5 * size**2, gate * (size - 0.5 * gate))
     each = found.contribution.copy()
     each[held] = -(loss + 0.5 * np.log(2.0 * np.pi * found.variance[held])) / _HELD_ALIKE
-    total: Array = np.cumsum(each)
-    return total
+    return np.asarray(np.cumsum(each))

@@ -128,8 +128,11 @@ def _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-unt
         for i in range(5):
             _add_noise(a, d, kappa, _POINTS[i] * s, _WEIGHTS[i] * s, walk2, jolt2, q)
     rate = (Vb - Va) / h
+    F[:, :], Q[:, :] = f, q
+    Q[1, 0], Q[2, 0], Q[2, 1] = q[0, 1], q[0, 2], q[1, 2]
     for i in range(n):
-        _spread(F, Q, f, q)
+        if i:
+            _spread(F, Q, f, q)
         V = Va + rate * (i * s)
         # with the neutral volume taken off first: the difference is small, both are not
         force = a * (V0 - V)
@@ -250,10 +253,6 @@ def transition(p, layers, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ign
     by the old one, and Q [3, 3], upper triangle, the covariance that the noise of intensities walk2
     [m6/s] and jolt2 [m2/s3] adds.
     """
-    for i in range(3):
-        for j in range(3):
-            F[i, j] = 1.0 if i == j else 0.0
-            Q[i, j] = 0.0
     taken = drag(p, w)[0]
     steady = p[A_B] * (p[PSI] * z + layered(layers, z)[0] + V0)
     pulls = (steady - p[A_B] * Va - taken, steady - p[A_B] * Vb - taken)

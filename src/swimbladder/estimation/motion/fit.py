@@ -179,8 +179,7 @@ def _speed(time: Array, depth: Array) -> Array:
     width = max(1, round(_SMOOTH / step))
     padded = np.pad(depth, width, mode="reflect", reflect_type="odd")
     smooth = np.convolve(padded, np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
-    result: Array = np.gradient(smooth, time)
-    return result
+    return np.asarray(np.gradient(smooth, time))
 
 
 GAPS = (1.0, 1e-2, 1e-4, 1e-6)  # of the noise: what a gap may be, one search after the other
@@ -433,8 +432,7 @@ def _floors(problem: Problem) -> Array:
 
 def _each(problem: Problem, values: Array) -> Array:
     """Return an experiment's value at each of its samples."""
-    result: Array = np.repeat(values, np.diff(problem.rows))
-    return result
+    return np.asarray(np.repeat(values, np.diff(problem.rows)))
 
 
 def _noise(problem: Problem, residual: Array, weight: Array | None) -> Array:
@@ -541,5 +539,4 @@ def inverse_of(M: Array) -> Array:
     size = np.sqrt(np.maximum(np.diag(M), 1e-300))
     values, vectors = np.linalg.eigh(M / np.outer(size, size))
     values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
-    result: Array = (vectors / values) @ vectors.T / np.outer(size, size)
-    return result
+    return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))

@@ -35,8 +35,7 @@ _SMALLEST = 1e-4
 def weights(u: Array) -> Array:
     """Return the weight of residuals u, in standard deviations: 1, falling smoothly to 0."""
     beyond = np.clip((np.abs(u) - _KEPT) / (_CUT - _KEPT), 0.0, 1.0)
-    result: Array = (1.0 - beyond**2) ** 2
-    return result
+    return np.asarray((1.0 - beyond**2) ** 2)
 
 
 def cost(residual: Array, noise: Array) -> Array:
@@ -45,8 +44,7 @@ def cost(residual: Array, noise: Array) -> Array:
     Normal, or an outlier: one sample in a hundred, anywhere in a metre. An outlier costs the same
     whatever the noise, so that calling samples outliers does not pay by making the noise small.
     """
-    result: Array = np.minimum((residual / noise) ** 2 + 2.0 * np.log(noise), _OUTLIER)
-    return result
+    return np.asarray(np.minimum((residual / noise) ** 2 + 2.0 * np.log(noise), _OUTLIER))
 
 
 def scale(residual: Array, weight: Array, lost: float) -> float:
@@ -75,8 +73,7 @@ def pooled(scales: Array, freedom: Array) -> Array:
     beyond = float((weight * (logs - mean) ** 2).sum()) - (len(logs) - 1)
     real = max(beyond, 0.0) / float(weight.sum() - (weight**2).sum() / weight.sum())
     mean = float((logs / (chance + real)).sum() / (1.0 / (chance + real)).sum())
-    result: Array = np.exp(0.5 * (mean + (logs - mean) * real / (chance + real)))
-    return result
+    return np.asarray(np.exp(0.5 * (mean + (logs - mean) * real / (chance + real))))
 
 
 def robust_scale(residual: Array) -> float:
@@ -112,8 +109,7 @@ def autocovariance(coefficients: tuple[float, ...], variance: float, n: int) -> 
     response = lfilter([1.0], [1.0, *(-c for c in coefficients)], impulse)
     size = 2 * len(response)
     gamma = np.fft.irfft(np.abs(np.fft.rfft(response, size)) ** 2)[:n]
-    result: Array = variance * gamma / gamma[0]
-    return result
+    return np.asarray(variance * gamma / gamma[0])
 
 
 def whiteness(residual: Array) -> float:

@@ -133,8 +133,7 @@ def _first_depth(record: Record) -> float:
 
 def _clear(record: Record) -> Mask:
     """Return which samples are clear of surface and bottom; a spike to there is not a visit."""
-    clear: Mask = median_filter(record.compared, size=5, mode="nearest")
-    return clear
+    return np.asarray(median_filter(record.compared, size=5, mode="nearest"))
 
 
 def _whole(record: Record) -> tuple[Segment, ...]:
@@ -344,8 +343,7 @@ class Problem:
         added = -drift * (time - time.mean())
         courses = [self._course(e, s, added) for s in e.segments]
         there = self._run(x, j, derivatives=False, courses=courses)[0]
-        result: Array = np.nan_to_num((there - here) / drift)
-        return result
+        return np.asarray(np.nan_to_num((there - here) / drift))
 
     @staticmethod
     def _course(e: Experiment, s: Segment, added: Array | float = 0.0) -> Course:
