@@ -63,10 +63,10 @@ def aim(
     """Return the target `now`, set on its way to `wanted` [m], of a vehicle at a depth [m].
 
     What of speed and jerk is there: deep down the sea's load takes some of the voltage, and the
-    compression of the hull some of the stroke, from neutral to its nearer end. ability [-]: share
-    of the motor's rate; damping [m3 s/m] and inertia [m3 s2/m]: volume per speed and per
-    acceleration, 0 where not known. To keep the speed takes a quarter of the room at most; a way d
-    from rest has an acceleration of j T/4, T^3 = 32 d/j, which takes half of it.
+    compression of the hull some of the stroke, from neutral to its nearer end. damping [m3 s/m] and
+    inertia [m3 s2/m]: volume per speed and per acceleration, 0 where not known. To keep the speed
+    takes a quarter of the room at most; a way d from rest has an acceleration of j T/4,
+    T^3 = 32 d/j, which takes half of it.
     """
     deeper = max(depth, wanted)
     higher = min(depth, wanted)

@@ -107,8 +107,8 @@ def initial(
     measured = abs(measurement.volume) < _LARGEST
     depth = measurement.depth if seen else 0.0
     volume = measurement.volume if measured else 0.0
-    target = depth if moves(p) or abs(reference) >= _DEEPEST else reference
     begun = 1.0 if seen and measured else 0.0
+    target = depth if moves(p) or abs(reference) >= _DEEPEST else reference
     return SeaCascadeState(
         begun=begun,
         integral=volume - p.psi * depth,
