@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.codegen.clock import VehicleTwin
-from swimbladder.codegen.library import Library, make_library, write_library
-from swimbladder.codegen.meanings import meanings
+from swimbladder.codegen.library import Library, make_library, meanings, write_library
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin

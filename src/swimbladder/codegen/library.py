@@ -387,6 +387,18 @@ def render(template: str, facts: Mapping[str, Any]) -> str:
     return environment.get_template(template).render(facts)
 
 
+def meanings(limits: SupervisorParameters) -> list[tuple[int, str, str, str]]:
+    """Return (number, name, what happened, after how long) for each reason, as README.md has it."""
+    facts = {"limits": limits, "tick": limits.S_p, "reasons": Reason}
+    text = render("reasons.md.j2", facts | {"time_limit": time_limit(limits)})
+    found = []
+    for row in text.splitlines()[2:]:
+        reason, what, after = row.strip("| ").split(" | ")
+        number, _, name = reason.partition(" ")
+        found.append((int(number), name, what, after))
+    return found
+
+
 def _table(golden: Golden, tick_s: float, column: str) -> str:
     """Return the golden trace as CSV, each number with the digits that give its float32 back."""
     lines = [f"tick,time_s,depth_m,volume_m3,reference_depth_m,{column}"]
