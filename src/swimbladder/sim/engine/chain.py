@@ -11,6 +11,7 @@ small is lost against 1: ``D(2h) = 2 D + D D``.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -137,6 +138,13 @@ def _branch(p, w):  # type: ignore[no-untyped-def]
     return 1 if w > 0.0 else -1
 
 
+@inlined
+def _row(c: Any, r: int, q: float, V: float, z: float, w: float, u: float) -> Any:
+    """Return row r of a level's exponential, less 1, times the state and the input."""
+    i = 4 * r
+    return c[i] * q + c[i + 1] * V + c[i + 2] * z + c[i + 3] * w + c[_BU + r] * u + c[_B1 + r]
+
+
 @shared
 def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
     """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held.
@@ -146,22 +154,12 @@ def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untype
     c = chain[level]
     q, V, z, w = x[0], x[1], x[2], x[3]
     for r in range(5):
-        i = 4 * r
-        y[r] = x[r] + (
-            c[i] * q + c[i + 1] * V + c[i + 2] * z + c[i + 3] * w + c[_BU + r] * u + c[_B1 + r]
-        )
+        y[r] = x[r] + _row(c, r, q, V, z, w, u)
     if layers.table.shape[0] > 0:
         return _bend_in_layers(chain, level, p, layers, x, u, y)
     if nonlinear:
         half = chain[level + 1]
-        w_half = w + (
-            half[12] * q
-            + half[13] * V
-            + half[14] * z
-            + half[15] * w
-            + half[_BU + 3] * u
-            + half[_B1 + 3]
-        )
+        w_half = w + _row(half, 3, q, V, z, w, u)
         N0 = drag(p, w)[2]
         wa = w_half + c[ALPHA] * N0
         Na = drag(p, wa)[2]
@@ -195,17 +193,8 @@ def _bend_in_layers(chain, level, p, layers, x, u, y):  # type: ignore[no-untype
     phi_z = half[_F1 + 2] + 2.0 * half[_F2 + 2] + half[_F3 + 2]
     phi_w = c[ALPHA]
     twice_z = phi_z + half[8] * phi_q + half[9] * phi_V + half[10] * phi_z + half[11] * phi_w
-    z_half = z + (
-        half[8] * q + half[9] * V + half[10] * z + half[11] * w + half[_BU + 2] * u + half[_B1 + 2]
-    )
-    w_half = w + (
-        half[12] * q
-        + half[13] * V
-        + half[14] * z
-        + half[15] * w
-        + half[_BU + 3] * u
-        + half[_B1 + 3]
-    )
+    z_half = z + _row(half, 2, q, V, z, w, u)
+    w_half = w + _row(half, 3, q, V, z, w, u)
     N0 = _rest(p, layers, z, w)
     wa = w_half + phi_w * N0
     Na = _rest(p, layers, z_half + phi_z * N0, wa)

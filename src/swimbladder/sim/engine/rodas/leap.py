@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from swimbladder.sim.engine.cache import part
+from swimbladder.sim.engine.cache import apart, part
 from swimbladder.sim.engine.rodas.entries import enter_step
 from swimbladder.sim.engine.rodas.line import relieve, valve_turns
 from swimbladder.sim.engine.rodas.motion import inside, rosenbrock, terms
@@ -59,7 +59,7 @@ def _fill(p, table, waves, x, at, level, t, z, w, v, found):  # type: ignore[no-
         found[VALVE] = valve_turns(p, table, waves, x, at, t, z, w)
 
 
-@part
+@apart
 def _step(p, table, waves, x, at, h, work):  # type: ignore[no-untyped-def]
     rosenbrock(
         p, table, waves, at[DOING], at[SHUT] == 1, at[PLACE] == 1, x[T], x[Z], x[W], x[V], x[HULL],
