@@ -23,7 +23,7 @@ from benchmarks.table import number, ratio, render
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import look_up, uniform_column
-from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Now, Table
+from swimbladder.sim.engine.rodas.records import Note, Table
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.prepare import Plan, first_state
@@ -112,7 +112,7 @@ def compare(*, quick: bool) -> list[Peer]:
     flight = fly_mission(vehicle, task, column)
     cycles = 365.0 * DAY / flight.duration
     right, _ = _replay(flight, "DOP853", 1e-11)
-    ours = float(np.max(np.abs(flight.notes[:, Drive.Z] - right)))
+    ours = float(np.max(np.abs(flight.notes["z"] - right)))
     seconds = min(_alone(flight.plan, task) for _ in range(5))
     found = [Peer("swimbladder", seconds * cycles, ours)]
     for method in METHODS[:1] if quick else METHODS:
@@ -150,7 +150,7 @@ def _alone(plan: Plan, task: Mission) -> float:
     x, at, accounts = first_state(plan, task)
     flown = plan.under_way((x, at, accounts))
     begin = process_time()
-    while at[At.STOP] == 0:
+    while at["stop"] == 0:
         flown.counts[:] = 0
         fly(flown)
     return process_time() - begin
@@ -158,13 +158,13 @@ def _alone(plan: Plan, task: Mission) -> float:
 
 def _replay(flight: Flight, method: str, tolerance: float) -> tuple[Array, float]:
     """Return the depths at the notes of a flight [n], by SciPy, and its processor time [s]."""
-    table, step = flight.plan.table, float(flight.plan.given[Given.STEP])
-    y = [float(flight.begin[Now.Z]), float(flight.begin[Now.W]), _ML * float(flight.begin[Now.V])]
+    table, step = flight.plan.table, float(flight.plan.given["step"])
+    y = [float(flight.begin["z"]), float(flight.begin["w"]), _ML * float(flight.begin["v"])]
     what: Table | None = Table.LEAKAGE  # None: a pump that runs and does not deliver yet
     t, primed, depths = 0.0, math.inf, []
     begin = process_time()
     for note in flight.notes:
-        when, kind = float(note[Drive.T]), Note(int(note[Drive.WHAT]))
+        when, kind = float(note["t"]), Note(int(note["what"]))
         if what is None and primed < when:
             y, t = _advance(flight.plan, y, t, primed, what, method, tolerance), primed
             what = Table.RATE_OUT
@@ -187,8 +187,8 @@ def _advance(
 ) -> list[float]:  # fmt: skip
     if end <= t:
         return y
-    table, step = plan.table, float(plan.given[Given.STEP])
-    m, d_t = float(plan.given[Given.MASS]), float(plan.given[Given.D_T])
+    table, step = plan.table, float(plan.given["step"])
+    m, d_t = float(plan.given["mass"]), float(plan.given["d_t"])
     sign = 1.0 if what == Table.RATE_OUT else -1.0
 
     def rates(_: float, y: Any) -> tuple[float, float, float]:

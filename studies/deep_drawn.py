@@ -25,9 +25,8 @@ from swimbladder.io.float_log import Action, Device, FloatLog
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import Cast, Column, cast_column
 from swimbladder.physics.seawater.motion import moved
-from swimbladder.sim.engine.rodas.names import Drive, Note, Stop
 from swimbladder.sim.engine.rodas.prepare import Accuracy
-from swimbladder.sim.mission.core.names import Row
+from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.vehicle import PhysicalMotion, PowerLawPump, PumpAndValve, Vehicle
 
@@ -136,7 +135,7 @@ def _flown(values: dict[str, float], waves: Array) -> Flight | None:
     if values["creep"] < 0.0 or vehicle.mass > asked + 1e-9:
         return None
     flight = fly_mission(vehicle, _MISSION, _sea(), waves=waves, accuracy=_EXACT, checked=False)
-    deep = float(np.max(flight.rows[:, Row.Z])) > 700.0
+    deep = float(np.max(flight.rows["z"])) > 700.0
     return flight if flight.stop is Stop.FINISHED and deep else None
 
 
@@ -184,18 +183,18 @@ def _cast(waves: Array, rng: np.random.Generator) -> Column:
 
 
 def _log(flight: Flight, waves: Array, rng: np.random.Generator) -> FloatLog:
-    rows = flight.rows[np.append(np.diff(flight.rows[:, Row.T]) > 0.0, True)]
-    t, z = rows[:, Row.T], rows[:, Row.Z]
+    rows = flight.rows[np.append(np.diff(flight.rows["t"]) > 0.0, True)]
+    t, z = rows["t"], rows["z"]
     u = np.array([moved(waves, *at)[1] for at in zip(z.tolist(), t.tolist(), strict=True)])
-    way = CubicHermiteSpline(t, z, rows[:, Row.W] + u)
+    way = CubicHermiteSpline(t, z, rows["w"] + u)
     notes, actions = flight.notes, []
     for k, note in enumerate(notes):
-        device = _DEVICES.get(Note(int(note[Drive.WHAT])))
+        device = _DEVICES.get(Note(int(note["what"])))
         if device is not None:
-            over = next(n for n in notes[k:] if int(n[Drive.WHAT]) == Note.RUN_OVER)
-            seconds = float(over[Drive.NUMBER])
+            over = next(n for n in notes[k:] if int(n["what"]) == Note.RUN_OVER)
+            seconds = float(over["number"])
             actions.append(Action(
-                device=device, time=float(note[Drive.T]), asked=seconds, seconds=seconds
+                device=device, time=float(note["t"]), asked=seconds, seconds=seconds
             ))  # fmt: skip
     time = np.union1d(np.arange(0.0, t[-1], EVERY), [a.time for a in actions])
     pressure = np.interp(way(time), flight.column.depth, flight.column.pressure)

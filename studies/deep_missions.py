@@ -37,8 +37,7 @@ from swimbladder.io.float_log import FloatLog, Stage
 from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import even_drag
 from swimbladder.physics.seawater import Column, WaterMotion
-from swimbladder.sim.engine.rodas.names import Drive, Note
-from swimbladder.sim.mission.core.names import Row
+from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import Reckoning
 from swimbladder.vehicle import Controller, PumpAndValve, Sensors, Vehicle
@@ -195,17 +194,17 @@ def flown(
         vehicle, mission, column, reckoning=reckoning, start_volume=volume, seed=seed,
         checked=False,
     )  # fmt: skip
-    time, z = flight.rows[:, Row.T], flight.rows[:, Row.Z]
+    time, z = flight.rows["t"], flight.rows["z"]
     # a hold may go below the cast: its water goes on as it ends there
     below = float(column.density[-1]) * column.gravity * np.maximum(z - column.deepest, 0.0)
     pressure = np.interp(z, column.depth, column.pressure) + below
     notes = flight.notes
-    runs = np.isin(notes[:, Drive.WHAT], (Note.PUMP, Note.VALVE))
-    arrivals = notes[notes[:, Drive.WHAT] == Note.ARRIVED, Drive.T]
+    runs = np.isin(notes["what"], (Note.PUMP, Note.VALVE))
+    arrivals = notes["t"][notes["what"] == Note.ARRIVED]
     arrived = float(arrivals[0]) if arrivals.size and arrivals[0] < real.leave else real.leave
     # as far up as the log of the dive goes, about 10 m
     end = float(time[(time > real.leave) & (pressure <= dive.pressure[-1])][0])
-    acts = notes[runs & (notes[:, Drive.T] < end), Drive.T]
+    acts = notes["t"][runs & (notes["t"] < end)]
     fine = np.arange(0.0, end, 60.0)
     return _told(fine, np.interp(fine, time, pressure), acts, arrived, real.leave, end, stage)
 

@@ -27,7 +27,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.engine.rodas.names import Drive, Note
+from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Oil, PowerLawPump, Sensors, Supervisor
@@ -135,7 +135,7 @@ class TestSeconds:
         flown = fly_mission(
             vehicle, Mission(phases=phases, cycles=1), uniform_column(vehicle.water, 600.0)
         )
-        what, time, number = (flown.notes[:, k] for k in (Drive.WHAT, Drive.T, Drive.NUMBER))
+        what, time, number = (flown.notes[k] for k in ("what", "t", "number"))
         begun = time[np.isin(what, (Note.PUMP, Note.VALVE, Note.BYPASS))]
         length = number[what == Note.RUN_OVER]
         up = time[what == Note.ARRIVED][0]

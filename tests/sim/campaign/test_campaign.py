@@ -20,8 +20,8 @@ from swimbladder.sim.campaign.result import share_interval
 from swimbladder.sim.campaign.run import Fact, Floats
 from swimbladder.sim.campaign.store import FLOATS
 from swimbladder.sim.engine.rodas.motion import rate_of
-from swimbladder.sim.engine.rodas.names import Account, Doing, Given, Table
-from swimbladder.sim.mission.core.names import Cycle, Holding, Row
+from swimbladder.sim.engine.rodas.records import Account, Doing, Table
+from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.vehicle import Identified
@@ -74,23 +74,23 @@ def test_a_float_that_does_not_differ_flies_the_mission(vehicle, column, job):
     )
     assert row[Fact.DRIVE] == pytest.approx(drive, rel=1e-12)
     assert row[Fact.CYCLES] == 2.0
-    held = alone.accounts[Account.COUNT :].reshape(-1, int(Holding.COUNT)).sum(axis=0)
+    held = alone.accounts[len(Account) :].reshape(-1, len(Holding)).sum(axis=0)
     rms = (held[Holding.SQUARES] / held[Holding.TIME]) ** 0.5
     assert row[Fact.HOLDING] == pytest.approx(rms, rel=1e-12)
     # the same, cycle by cycle, against the trajectory
     with xarray.open_zarr(one.store, chunks=None) as data:
-        cycle = alone.rows[:, Row.CYCLE]
+        cycle = alone.rows["cycle"]
         for n in range(2):
             rows = alone.rows[cycle == n]
             found = data.isel(float=0, cycle=n)
-            assert float(found.deepest) == pytest.approx(rows[:, Row.Z].max(), abs=0.01)
-            assert float(found.begin) == pytest.approx(rows[0, Row.T], abs=1e-6)
+            assert float(found.deepest) == pytest.approx(rows["z"].max(), abs=0.01)
+            assert float(found.begin) == pytest.approx(rows["t"][0], abs=1e-6)
         assert float(data.drive_energy.sum()) == pytest.approx(drive, rel=1e-12)
         assert float(data.battery_energy.sum()) == pytest.approx(row[Fact.DRAWN], rel=1e-12)
         assert float(data.end[0, 1]) == row[Fact.DURATION]
-        under = alone.rows[alone.rows[:, Row.Z] > 1.0]
-        margin = under[:, Row.V].min() - vehicle.stroke.minimum
-        above = vehicle.stroke.maximum - under[:, Row.V].max()
+        under = alone.rows[alone.rows["z"] > 1.0]
+        margin = under["v"].min() - vehicle.stroke.minimum
+        above = vehicle.stroke.maximum - under["v"].max()
         assert float(row[Fact.MARGIN]) <= min(margin, above) + 1e-9
         assert float(data.stroke_margin.min()) == row[Fact.MARGIN]
 
@@ -104,15 +104,15 @@ def test_a_float_that_is_trimmed_otherwise_is_one_with_more_ballast(vehicle, col
     plain = vehicle.model_copy(update={"hull": vehicle.hull.model_copy(update={"parts": ()})})
     heavier = plain.model_copy(update={"hull": hull, "trim_error": vehicle.trim_error + 8e-6})
     change = neutral_volume(heavier, column) - neutral_volume(plain, column)
-    assert np.allclose(g[Given.TRIM] + g[Given.GIVE] * column.depth, change, rtol=1e-3)
-    assert g[Given.NEUTRAL_TOP] == plan.given[Given.NEUTRAL_TOP]
-    assert g[Given.D_T] == pytest.approx(1.2 * vehicle.drag.k_dt / vehicle.mass)
-    assert g[Given.DELIVERY] == 0.9
+    assert np.allclose(g["trim"] + g["give"] * column.depth, change, rtol=1e-3)
+    assert g["neutral_top"] == plan.given["neutral_top"]
+    assert g["d_t"] == pytest.approx(1.2 * vehicle.drag.k_dt / vehicle.mass)
+    assert g["delivery"] == 0.9
     # with twice the mass a force makes half the acceleration
     slow = varied(plan, np.array([0.0, 0.0, 1.0, 1.0, 2.0, 0.0])).given
-    for place in (Given.D_L, Given.D_B, Given.D_0, Given.D_T, Given.A_S):
+    for place in ("d_l", "d_b", "d_0", "d_t", "a_s"):
         assert slow[place] == 0.5 * plan.given[place]
-    assert slow[Given.MASS] == 2.0 * plan.given[Given.MASS]
+    assert slow["mass"] == 2.0 * plan.given["mass"]
 
 
 def test_a_float_under_a_sampled_law_is_a_vehicle_with_the_numbers_drawn(monkeypatch, tmp_path):
@@ -145,16 +145,16 @@ def test_a_float_under_a_sampled_law_is_a_vehicle_with_the_numbers_drawn(monkeyp
     other = fly_mission(file.model_copy(update=changed), task, sea, seed=2_000_000, checked=False)
     plain = fly_mission(file, task, sea, seed=2_000_000)
     assert float(found.duration) == pytest.approx(other.duration, rel=1e-9)
-    deepest = other.cycles[:, Cycle.DEEPEST] - plain.cycles[:, Cycle.DEEPEST]
+    deepest = other.cycles["deepest"] - plain.cycles["deepest"]
     assert np.abs(deepest).max() > 1e-3
-    for column, name in ((Cycle.DEEPEST, "deepest"), (Cycle.ARRIVAL, "arrival")):
-        assert found[name].values == pytest.approx(other.cycles[:, column], rel=1e-6)
+    for column, name in (("deepest", "deepest"), ("arrival", "arrival")):
+        assert found[name].values == pytest.approx(other.cycles[column], rel=1e-6)
 
 
 def test_a_pump_that_delivers_less_gives_less_than_the_table(vehicle, column):
     plan = make_plan(vehicle, TASK, column)
     weak = replace(plan, given=plan.given.copy())
-    weak.given[Given.DELIVERY] = 0.8
+    weak.given["delivery"] = 0.8
     rate = float(plan.table[0, Table.RATE_OUT])
     doing = int(Doing.PUMPING)
     assert rate_of(plan.given, plan.table, doing, False, 0.0, 0.0, 0.0)[0] == rate

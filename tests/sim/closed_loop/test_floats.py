@@ -20,7 +20,6 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
 from swimbladder.sim.engine.rodas.prepare import Accuracy
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from tests.quoted import refused
 
@@ -151,14 +150,14 @@ def test_a_mission_of_the_same_phases_flies_the_same_way(dive):
     )
     column = uniform_column(FLOAT.water, 460.0)
     flight = fly_mission(FLOAT, mission, column, accuracy=TIGHT)
-    rows = flight.rows[(flight.rows[:, Row.T] > 0.0) & (flight.rows[:, Row.T] <= 7200.0)]
+    rows = flight.rows[(flight.rows["t"] > 0.0) & (flight.rows["t"] <= 7200.0)]
     assert len(rows) > 100
-    assert rows[-1, Row.T] > 6000.0
-    for column_, values, tolerance in ((Row.Z, dive.depth, 2e-3), (Row.V, dive.volume, 1e-9)):
-        whole = rows[np.isclose(rows[:, Row.T] % 1.0, 0.0, atol=1e-9)]
+    assert rows["t"][-1] > 6000.0
+    for column_, values, tolerance in (("z", dive.depth, 2e-3), ("v", dive.volume, 1e-9)):
+        whole = rows[np.isclose(rows["t"] % 1.0, 0.0, atol=1e-9)]
         assert len(whole) > 50
-        at = whole[:, Row.T].round().astype(int)
-        assert np.abs(values[at] - whole[:, column_]).max() < tolerance
+        at = whole["t"].round().astype(int)
+        assert np.abs(values[at] - whole[column_]).max() < tolerance
 
 
 def test_lanes_are_single_runs_and_what_they_vary_counts():

@@ -18,7 +18,6 @@ from swimbladder.physics.seawater import Cast, cast_column, uniform_column
 from swimbladder.sim.closed_loop import drive, simulate, simulate_ensemble
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.cache import on_compile
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.vehicle import Hull, HullPart
 from tests.oracle import TABLE_3
@@ -258,15 +257,15 @@ def test_a_mission_flown_in_the_same_water_goes_the_same_way():
     v = afloat(stepper(drag=BLENDED), depth=15.0)
     task = Mission(start_depth=10.0, phases=[{"kind": "surface", "duration": 60.0}])
     flown = fly_mission(v, task, column(), accuracy=TIGHT, checked=False)
-    t, keep = np.unique(flown.rows[:, Row.T], return_index=True)
+    t, keep = np.unique(flown.rows["t"], return_index=True)
     rows = flown.rows[keep][t < 100.0]
     ours = drive(
-        v, time=rows[:, Row.T], volume=rows[:, Row.V], start_depth=10.0, column=column()
+        v, time=rows["t"], volume=rows["v"], start_depth=10.0, column=column()
     )  # fmt: skip
     share = medium_of(v, column(), reach=10.0).misses
-    way = np.ptp(rows[:, Row.Z])
+    way = np.ptp(rows["z"])
     assert way > 6.0  # up into the brackish layer, where it floats
-    off = np.abs(ours.depth - rows[:, Row.Z]).max()
+    off = np.abs(ours.depth - rows["z"]).max()
     assert off < share * way < 0.1
 
 

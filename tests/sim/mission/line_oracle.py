@@ -8,8 +8,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from swimbladder.sim.engine.rodas.names import Drive, Note
-from swimbladder.sim.mission.core.names import Row
+from swimbladder.sim.engine.rodas.records import Note
 
 ATMOSPHERE, N = 101325.0, 1.4
 OPENS = 1e-7  # m3/s/Pa: 12 Pa for the pump's rate
@@ -51,8 +50,8 @@ class Line:
 
 def sea_of(flight):
     """Absolute pressure of the sea [Pa] at the times of a flight."""
-    rows = flight.rows[np.concatenate(([True], np.diff(flight.rows[:, Row.T]) > 0.0))]
-    depth = CubicHermiteSpline(rows[:, Row.T], rows[:, Row.Z], rows[:, Row.W])
+    rows = flight.rows[np.concatenate(([True], np.diff(flight.rows["t"]) > 0.0))]
+    depth = CubicHermiteSpline(rows["t"], rows["z"], rows["w"])
     c = flight.column
     pressure = CubicHermiteSpline(c.depth, c.pressure, c.density * c.gravity)
     return lambda t: ATMOSPHERE + float(pressure(max(float(depth(t)), 0.0)))
@@ -61,7 +60,7 @@ def sea_of(flight):
 def runs_of(flight):
     """(begin, end) of each run of the pump [s]."""
     notes, found = flight.notes, []
-    for k in np.flatnonzero(notes[:, Drive.WHAT] == Note.PUMP):
-        over = notes[k + 1 :][notes[k + 1 :, Drive.WHAT] == Note.RUN_OVER][0]
-        found.append((notes[k, Drive.T], over[Drive.T]))
+    for k in np.flatnonzero(notes["what"] == Note.PUMP):
+        over = notes[k + 1 :][notes["what"][k + 1 :] == Note.RUN_OVER][0]
+        found.append((notes["t"][k], over["t"]))
     return found

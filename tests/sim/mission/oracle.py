@@ -12,7 +12,7 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import hull_parts, layered_volume, neutral_volume
-from swimbladder.sim.engine.rodas.names import Drive, Note, Now
+from swimbladder.sim.engine.rodas.records import Note
 
 ML = 1e6  # volumes are counted in cm3
 
@@ -98,11 +98,11 @@ class Oracle:
         """Return the states [k, 3] (m, m/s, m3) at the engine's notes, from its start on."""
         self.crossings = []
         begin = flight.begin
-        y = np.array([begin[Now.Z], begin[Now.W], begin[Now.V] * ML, begin[Now.HULL]])
+        y = np.array([begin["z"], begin["w"], begin["v"] * ML, begin["hull"]])
         t, what, states = 0.0, "nothing", []
         primed = math.inf
         for note in flight.notes:
-            when, kind = float(note[Drive.T]), Note(int(note[Drive.WHAT]))
+            when, kind = float(note["t"]), Note(int(note["what"]))
             if t < primed < when:
                 y, t, what = self.advance(y, t, primed, what), primed, "out"
             y, t = self.advance(y, t, when, what), when

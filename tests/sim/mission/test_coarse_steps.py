@@ -7,8 +7,8 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.engine.rodas.names import Account
-from swimbladder.sim.mission.core.names import Holding
+from swimbladder.sim.engine.rodas.records import Account
+from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.result import MissionResult
@@ -48,7 +48,7 @@ def shares(vehicle: Vehicle, count: int) -> np.ndarray:
     rng, found = np.random.default_rng(4), []
     for _ in range(count):
         flown = fly_mission(alike(vehicle, rng), HOLD, column, checked=False)
-        kept = flown.accounts[int(Account.COUNT) :]
+        kept = flown.accounts[len(Account) :]
         found.append(kept[Holding.INSIDE] / kept[Holding.TIME])
     return np.array(found)
 

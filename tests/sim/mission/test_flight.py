@@ -14,21 +14,10 @@ from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.physics.seawater.motion import Swell, WaterMotion, motion_table, moved
 from swimbladder.sim.engine.rodas import entries
-from swimbladder.sim.engine.rodas.names import (
-    Account,
-    At,
-    Doing,
-    Drive,
-    Given,
-    Note,
-    Now,
-    Stop,
-    Table,
-)
 from swimbladder.sim.engine.rodas.prepare import Accuracy
+from swimbladder.sim.engine.rodas.records import GIVEN, NOW, Account, Doing, Note, Stop, Table
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.core.names import Cycle, Row
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.prepare import first_state, make_plan
 from swimbladder.sim.mission.result import MissionResult
@@ -43,7 +32,7 @@ TIGHT = Accuracy(
 
 
 def times(flight, kind):
-    return flight.notes[flight.notes[:, Drive.WHAT] == kind][:, Drive.T]
+    return flight.notes[flight.notes["what"] == kind]["t"]
 
 
 @pytest.fixture(scope="module")
@@ -56,8 +45,8 @@ def test_a_dive_is_that_of_scipy_at_every_event(tight, profiler, sea):
     states = oracle.replay(tight)
     assert tight.stop is Stop.FINISHED
     assert len(states) > 40
-    assert np.max(np.abs(states[:, 0] - tight.notes[:, Drive.Z])) < 1e-6
-    assert np.max(np.abs(states[:, 2] - tight.notes[:, Drive.V])) < 1e-12
+    assert np.max(np.abs(states[:, 0] - tight.notes["z"])) < 1e-6
+    assert np.max(np.abs(states[:, 2] - tight.notes["v"])) < 1e-12
     # the surface, crossed down and up, and each time it bobs
     crossed = np.sort(np.concatenate([times(tight, Note.EMERGED), times(tight, Note.SUBMERGED)]))
     count = min(len(crossed), len(oracle.crossings))
@@ -66,12 +55,12 @@ def test_a_dive_is_that_of_scipy_at_every_event(tight, profiler, sea):
 
 
 def test_arrival_and_end_stop_stand_on_their_edges(tight, profiler):
-    arrived = tight.notes[tight.notes[:, Drive.WHAT] == Note.ARRIVED]
-    assert arrived[0, Drive.Z] == pytest.approx(145.0, abs=1e-9)  # 150 m less the tolerance
-    assert arrived[2, Drive.Z] == pytest.approx(25.0, abs=1e-9)  # from below
-    full = tight.notes[tight.notes[:, Drive.WHAT] == Note.UPPER_STOP]
+    arrived = tight.notes[tight.notes["what"] == Note.ARRIVED]
+    assert arrived["z"][0] == pytest.approx(145.0, abs=1e-9)  # 150 m less the tolerance
+    assert arrived["z"][2] == pytest.approx(25.0, abs=1e-9)  # from below
+    full = tight.notes[tight.notes["what"] == Note.UPPER_STOP]
     assert len(full) == 1
-    assert full[0, Drive.V] == profiler.stroke.maximum
+    assert full["v"][0] == profiler.stroke.maximum
 
 
 def test_a_swell_carries_the_vehicle_as_scipy_says(profiler, sea):
@@ -82,7 +71,7 @@ def test_a_swell_carries_the_vehicle_as_scipy_says(profiler, sea):
     flown = fly_mission(profiler, task, sea, waves=table, accuracy=TIGHT)
     oracle = Oracle(profiler, sea, waves=lambda z, t: moved(table, z, t))
     states = oracle.replay(flown)
-    assert np.max(np.abs(states[:, 0] - flown.notes[:, Drive.Z])) < 1e-6
+    assert np.max(np.abs(states[:, 0] - flown.notes["z"])) < 1e-6
     books = close_books(flown)
     assert books.sinks["moving water"] != 0.0
     assert books.relative_residue < 1e-6
@@ -101,9 +90,9 @@ def coast(
     plan = make_plan(vehicle, task, column, accuracy=accuracy)
     x, at, accounts = first_state(plan, task)
     if step is not None:
-        plan.given[Given.LONGEST_STEP] = x[Now.H] = step
-    x[Now.V], x[Now.W], x[Now.T_LOOK], x[Now.T_END] = volume, speed, math.inf, seconds
-    at[At.NEW_PHASE], at[At.ARRIVED] = 0, 1
+        plan.given["longest_step"] = x["h"] = step
+    x["v"], x["w"], x["t_look"], x["t_end"] = volume, speed, math.inf, seconds
+    at["new_phase"], at["arrived"] = 0, 1
     fly(plan.under_way((x, at, accounts)))
     return x, at, accounts
 
@@ -119,18 +108,18 @@ def test_a_run_ends_at_its_volume_though_the_vehicle_emerges_in_the_same_step():
     emerged = 0
     for share in np.linspace(0.76, 0.99, 12):
         x, at, accounts = first_state(plan, task)
-        x[Now.Z], x[Now.W], x[Now.H] = 0.1 * share, -0.1, 1.0
-        x[Now.V_MOVE] = x[Now.V] - 0.9 * rate
-        x[Now.T_LOOK], x[Now.T_MOVE], x[Now.T_END] = 1.0, math.inf, 1.0
-        at[At.NEW_PHASE], at[At.DOING] = 0, Doing.LETTING_IN
-        goal, begin = float(x[Now.V_MOVE]), float(x[Now.V])
+        x["z"], x["w"], x["h"] = 0.1 * share, -0.1, 1.0
+        x["v_move"] = x["v"] - 0.9 * rate
+        x["t_look"], x["t_move"], x["t_end"] = 1.0, math.inf, 1.0
+        at["new_phase"], at["doing"] = 0, Doing.LETTING_IN
+        goal, begin = float(x["v_move"]), float(x["v"])
         flown = plan.under_way((x, at, accounts), notes=40)
         fly(flown)
         notes = flown.notes[: flown.counts[1]]
-        kinds = notes[:, Drive.WHAT]
+        kinds = notes["what"]
         emerged += int(Note.EMERGED in kinds)
         ended = notes[kinds == Note.RUN_OVER][0]
-        assert ended[Drive.V] == goal
+        assert ended["v"] == goal
         assert accounts[Account.LET_IN] == pytest.approx(begin - goal, rel=1e-9)
     assert emerged > 5
 
@@ -144,7 +133,7 @@ def test_the_order_is_four(profiler):
 
     def error(step):
         found = coast(profiler, column, seconds=128.0, accuracy=loose, step=step, **given)[0]
-        return abs(found[Now.Z] - right[Now.Z])
+        return abs(found["z"] - right["z"])
 
     ratios = [error(step) / error(0.5 * step) for step in (4.0, 2.0)]
     assert all(12.0 < ratio < 22.0 for ratio in ratios), ratios
@@ -167,24 +156,24 @@ def test_in_the_papers_water_it_is_the_papers_model():
         ],
     )
     flown = fly_mission(vehicle, task, column, accuracy=TIGHT)
-    rows = flown.rows[np.concatenate(([True], np.diff(flown.rows[:, Row.T]) > 0.0))]
-    assert np.ptp(rows[:, Row.V]) > 1e-6
+    rows = flown.rows[np.concatenate(([True], np.diff(flown.rows["t"]) > 0.0))]
+    assert np.ptp(rows["v"]) > 1e-6
     paper = sb.drive(
-        vehicle, time=rows[:, Row.T], volume=rows[:, Row.V], start_depth=1.0,
+        vehicle, time=rows["t"], volume=rows["v"], start_depth=1.0,
     )  # fmt: skip
-    assert np.max(np.abs(paper.depth - rows[:, Row.Z])) < 1e-6
+    assert np.max(np.abs(paper.depth - rows["z"])) < 1e-6
 
 
 def test_a_step_of_no_length_leaves_the_battery_as_it_is():
     """Self-discharge over 0 s is nothing; so located steps may be."""
-    x, accounts = np.zeros(int(Now.COUNT)), np.zeros(int(Account.COUNT))
-    given = np.zeros(int(Given.COUNT))
-    x[Now.CHARGE], given[Given.SELF_DISCHARGE] = 5e6, 6e-10
+    x, accounts = np.zeros(1, NOW)[0], np.zeros(len(Account))
+    given = np.zeros(1, GIVEN)[0]
+    x["charge"], given["self_discharge"] = 5e6, 6e-10
     entries.enter_energy(given, x, accounts, 0.0, 3.0, 0.0)
-    assert x[Now.CHARGE] == 5e6
+    assert x["charge"] == 5e6
     assert accounts[Account.SELF_DISCHARGED] == 0.0
     entries.enter_energy(given, x, accounts, 0.0, 3.0, 100.0)
-    assert x[Now.CHARGE] == pytest.approx(5e6 - 300.0 - 5e6 * 6e-8, abs=1e-4)
+    assert x["charge"] == pytest.approx(5e6 - 300.0 - 5e6 * 6e-8, abs=1e-4)
 
 
 def test_books_balance_battery_included(profiler, sea):
@@ -192,7 +181,7 @@ def test_books_balance_battery_included(profiler, sea):
     books = close_books(flown)
     assert books.relative_residue < 1e-4
     assert abs(books.volume_residue) < 1e-15
-    drawn = float(flown.begin[Now.CHARGE] - flown.end[Now.CHARGE])
+    drawn = float(flown.begin["charge"] - flown.end["charge"])
     assert books.drawn == pytest.approx(drawn, rel=1e-9)
     assert books.drawn == pytest.approx(sum(books.sinks.values()), abs=1e-4 * books.throughput)
     assert {"pump", "valve", "processor", "satellite", "ctd"} <= set(books.battery)
@@ -207,7 +196,7 @@ def test_books_balance_better_with_smaller_tolerances(profiler, sea, tight):
 
 def test_a_parked_vehicle_costs_nothing(profiler, sea):
     steps = [
-        int(fly_mission(profiler, phases(duration=days * 86400.0), sea).whole[At.STEPS])
+        int(fly_mission(profiler, phases(duration=days * 86400.0), sea).whole["steps"])
         for days in (2.0, 200.0)
     ]
     assert steps[1] - steps[0] <= 2
@@ -222,16 +211,16 @@ def test_drag_alone_stops_a_vehicle_as_the_formula_says(profiler):
     x, _, accounts = coast(vehicle, column, depth=100.0, volume=volume, speed=0.2, seconds=600.0)
     k, m = vehicle.drag.k_dt, vehicle.mass
     way = m / k * math.log1p(k * 0.2 * 600.0 / m)
-    assert x[Now.Z] - 100.0 == pytest.approx(way, rel=1e-7)
-    assert accounts[Account.DRAG] == pytest.approx(0.5 * m * (0.2**2 - x[Now.W] ** 2), rel=1e-7)
+    assert x["z"] - 100.0 == pytest.approx(way, rel=1e-7)
+    assert accounts[Account.DRAG] == pytest.approx(0.5 * m * (0.2**2 - x["w"] ** 2), rel=1e-7)
 
 
 def test_the_same_seed_is_the_same_flight(profiler, sea):
     sensors = profiler.sensors.model_copy(update={"depth_noise": 0.05, "depth_quantum": 0.02})
     noisy = profiler.model_copy(update={"sensors": sensors})
     ends = [fly_mission(noisy, phases(), sea, seed=seed).end for seed in (1, 1, 2)]
-    assert np.array_equal(ends[0], ends[1], equal_nan=True)
-    assert not np.array_equal(ends[0], ends[2], equal_nan=True)
+    assert ends[0].tobytes() == ends[1].tobytes()
+    assert ends[0].tobytes() != ends[2].tobytes()
 
 
 def test_the_bottom_takes_the_speed_at_the_instant_that_scipy_says(profiler, sea):
@@ -245,8 +234,8 @@ def test_the_bottom_takes_the_speed_at_the_instant_that_scipy_says(profiler, sea
         rtol=1e-11, atol=1e-12, events=_lands,
     )  # fmt: skip
     w = float(found.y_events[0][0, 1])
-    assert at[At.PLACE] == 2
-    assert (x[Now.Z], x[Now.W]) == (120.0, 0.0)
+    assert at["place"] == 2
+    assert (x["z"], x["w"]) == (120.0, 0.0)
     assert accounts[Account.BLOWS] == pytest.approx(0.5 * profiler.mass * w**2, rel=1e-6)
 
 
@@ -265,7 +254,7 @@ def test_it_pumps_itself_off_the_bottom(profiler, sea):
     flown = fly_mission(profiler, Mission(phases=stages, bottom_depth=185.0), sea, checked=False)
     assert len(times(flown, Note.BOTTOM)) >= 1
     assert len(times(flown, Note.LEFT_BOTTOM)) >= 1
-    assert np.max(flown.rows[:, Row.Z]) == 185.0
+    assert np.max(flown.rows["z"]) == 185.0
     assert flown.stop is Stop.FINISHED
     assert close_books(flown).relative_residue < 1e-4
 
@@ -278,8 +267,8 @@ def test_below_its_depth_it_presses_all_out_and_comes_up(profiler, sea):
     )
     assert flown.stop is Stop.PASSED_DEPTH
     assert len(times(flown, Note.TOO_DEEP)) == 1
-    assert flown.end[Now.V] == pytest.approx(profiler.stroke.maximum, rel=1e-3)
-    assert flown.end[Now.Z] < profiler.hull.emergence_depth + 1e-9
+    assert flown.end["v"] == pytest.approx(profiler.stroke.maximum, rel=1e-3)
+    assert flown.end["z"] < profiler.hull.emergence_depth + 1e-9
 
 
 def test_the_battery_ends_the_mission_at_its_reserve(profiler, sea):
@@ -292,7 +281,7 @@ def test_the_battery_ends_the_mission_at_its_reserve(profiler, sea):
     flown = fly_mission(vehicle, task, sea, cycles=100)
     assert flown.stop is Stop.RESERVE
     # a tenth is kept back: 4.5 cycles' worth, the fifth is the one that reaches into it
-    assert flown.whole[At.CYCLE] == 5
+    assert flown.whole["cycle"] == 5
 
 
 def test_a_vehicle_that_came_down_on_the_bottom_is_said_to(profiler, sea):
@@ -319,10 +308,10 @@ def test_an_empty_battery_loses_the_vehicle(profiler, sea):
         r".*'(\w+)' of cycle 1\D* ([\d.]+) m\D* ([\d.e+]+) J\D* ([\d.]+) cm3\D*", result.reasons[1]
     )
     assert found is not None
-    z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
+    z, v = flown.rows["z"][-1], flown.rows["v"][-1]
     drive = drive_map(profiler, np.interp(z, sea.depth, sea.pressure))
     inside = profiler.stroke.maximum - v
-    assert found[1] == Mission(phases=phases().phases).titles[int(flown.rows[-1, Row.PHASE])]
+    assert found[1] == Mission(phases=phases().phases).titles[int(flown.rows["phase"][-1])]
     assert float(found[2]) == pytest.approx(z, abs=0.051)
     assert float(found[3]) == pytest.approx(
         inside * drive.power_out[0] / drive.rate_out[0], rel=6e-3
@@ -335,13 +324,13 @@ def test_a_phase_out_of_time_is_told_and_the_next_begins(profiler, sea):
     slow = [phase.model_dump(exclude_none=True) for phase in task.phases]
     slow[0]["timeout"] = 600.0
     flown = fly_mission(profiler, Mission(phases=slow), sea, checked=False)
-    assert int(flown.cycles[0, Cycle.MISSED]) & 1
+    assert int(flown.cycles["missed"][0]) & 1
     assert times(flown, Note.OUT_OF_TIME)[0] == 600.0
     # the profile arrives at its 20 m, from the other side: that is no arrival at 150 m
     assert len(times(flown, Note.ARRIVED)) >= 2
-    assert math.isnan(flown.cycles[0, Cycle.ARRIVAL])
+    assert math.isnan(flown.cycles["arrival"][0])
     assert flown.stop is Stop.FINISHED
-    reached = np.interp(600.0, flown.rows[:, Row.T], flown.rows[:, Row.Z])
+    reached = np.interp(600.0, flown.rows["t"], flown.rows["z"])
     said = numbers(MissionResult(flown, None).reasons[1])
     assert {round(reached, 1), round(145.0 - reached, 1), 5.0} <= said  # m
 
@@ -351,7 +340,7 @@ def test_a_surface_that_is_not_reached_says_how_deep_it_is(profiler, sea):
     late[-1]["timeout"] = 60.0
     flown = fly_mission(profiler, Mission(phases=late), sea, checked=False)
     assert flown.stop is Stop.DID_NOT_SURFACE
-    z, v = flown.rows[-1, Row.Z], flown.rows[-1, Row.V]
+    z, v = flown.rows["z"][-1], flown.rows["v"][-1]
     lacking = 1e6 * (profiler.stroke.maximum - v)
     said = numbers(MissionResult(flown, None).reasons[1])
     assert {float(f"{z:.1f}"), float(f"{lacking:.3g}")} <= said  # m, cm3
@@ -378,32 +367,30 @@ def test_a_hold_lasts_from_its_arrival(profiler, sea):
 def test_every_run_keeps_the_longest_and_its_quantum(profiler, sea):
     actuator = profiler.actuator.model_copy(update={"longest_run": 20.0, "quantum": 0.5})
     flown = fly_mission(profiler.model_copy(update={"actuator": actuator}), phases(), sea)
-    over = flown.notes[flown.notes[:, Drive.WHAT] == Note.RUN_OVER][:, Drive.NUMBER]
-    begun = flown.notes[np.isin(flown.notes[:, Drive.WHAT], [Note.PUMP, Note.VALVE, Note.BYPASS])]
+    over = flown.notes[flown.notes["what"] == Note.RUN_OVER]["number"]
+    begun = flown.notes[np.isin(flown.notes["what"], [Note.PUMP, Note.VALVE, Note.BYPASS])]
     assert np.all(over <= 20.0 + 1e-9)
-    controlled = (
-        begun[: len(over), Drive.Z] > 5.0
-    )  # those that fill the bladder end when it is full
-    pumped = over[controlled & (begun[: len(over), Drive.WHAT] == Note.PUMP)]
+    controlled = begun["z"][: len(over)] > 5.0  # those that fill the bladder end when it is full
+    pumped = over[controlled & (begun["what"][: len(over)] == Note.PUMP)]
     assert np.allclose(pumped / 0.5, np.round(pumped / 0.5), atol=1e-6)
     # so are the runs that let in, from the first one on, which dives
-    let = over[np.isin(begun[: len(over), Drive.WHAT], [Note.VALVE, Note.BYPASS])]
-    assert begun[0, Drive.WHAT] == Note.BYPASS
+    let = over[np.isin(begun["what"][: len(over)], [Note.VALVE, Note.BYPASS])]
+    assert begun["what"][0] == Note.BYPASS
     assert np.allclose(let / 0.5, np.round(let / 0.5), atol=1e-6)
-    assert Doing.PUMPING in flown.rows[:, Row.DOING]
+    assert Doing.PUMPING in flown.rows["doing"]
 
 
 def test_rows_are_thinned_between_what_happens(profiler, sea):
     rows = fly_mission(profiler, phases(), sea).rows
     few = thinned(rows, 120.0)
     assert len(few) < 0.5 * len(rows)
-    state = rows[:, [Row.PHASE, Row.DOING, Row.CYCLE]]
-    changes = np.flatnonzero(np.any(state[1:] != state[:-1], axis=1))
-    kept = set(few[:, Row.T])
-    assert {rows[k, Row.T] for k in changes} <= kept
-    assert {rows[k + 1, Row.T] for k in changes} <= kept
+    state = rows[["phase", "doing", "cycle"]]
+    changes = np.flatnonzero(state[1:] != state[:-1])
+    kept = set(few["t"])
+    assert {rows["t"][k] for k in changes} <= kept
+    assert {rows["t"][k + 1] for k in changes} <= kept
     assert np.array_equal(few[[0, -1]], rows[[0, -1]])
-    assert np.max(np.diff(few[:, Row.T])) <= 240.0 + np.max(np.diff(rows[:, Row.T]))
+    assert np.max(np.diff(few["t"])) <= 240.0 + np.max(np.diff(rows["t"]))
     assert np.array_equal(thinned(rows, 0.0), rows)
 
 
@@ -418,6 +405,6 @@ def test_no_run_is_longer_than_the_pump_stands(profiler, sea):
     actuator = profiler.actuator.model_copy(update={"longest_run": 60.0})
     flown = fly_mission(profiler.model_copy(update={"actuator": actuator}), phases(), sea)
     assert flown.stop is Stop.FINISHED
-    over = flown.notes[flown.notes[:, Drive.WHAT] == Note.RUN_OVER][:, Drive.NUMBER]
+    over = flown.notes[flown.notes["what"] == Note.RUN_OVER]["number"]
     assert np.max(over) <= 60.0 + 1e-6
-    assert flown.end[Now.V] == pytest.approx(profiler.stroke.maximum, rel=1e-3)
+    assert flown.end["v"] == pytest.approx(profiler.stroke.maximum, rel=1e-3)

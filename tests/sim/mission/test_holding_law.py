@@ -18,8 +18,8 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.engine.rodas.names import Account, Stop, Table
-from swimbladder.sim.mission.core.names import Cycle, Holding, Stage
+from swimbladder.sim.engine.rodas.records import Account, Stop, Table
+from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.orders import approach_time, runaway
 from swimbladder.sim.mission.prepare import make_plan
@@ -42,7 +42,7 @@ def water(vehicle, depth):
 def held(vehicle, mission, **more):
     depth = mission.phases[0].depth
     flight = fly_mission(vehicle, mission, water(vehicle, depth), **more)
-    kept = flight.accounts[int(Account.COUNT) :]
+    kept = flight.accounts[len(Account) :]
     share = kept[Holding.INSIDE] / kept[Holding.TIME] if kept[Holding.TIME] > 0.0 else 0.0
     return flight, share
 
@@ -238,10 +238,10 @@ def test_the_time_of_an_approach_is_the_integral_of_its_speeds(way):
     mission = task(400.0, 5.0)
     vehicle = load_vehicle("example-float")
     plan = make_plan(vehicle, mission, water(vehicle, 400.0))
-    own = RateParameters(*plan.stages[0, Stage.LAW : Stage.CAPTURE])
-    assert plan.stages[0, Stage.TIMEOUT] == 2.0 * approach_time(own, 400.0) + 3600.0
+    own = RateParameters(*plan.stages["law"][0])
+    assert plan.stages["timeout"][0] == 2.0 * approach_time(own, 400.0) + 3600.0
     flight, _ = held(vehicle, mission)
-    assert flight.cycles[0, Cycle.ARRIVAL] < plan.stages[0, Stage.TIMEOUT]
+    assert flight.cycles["arrival"][0] < plan.stages["timeout"][0]
 
 
 def test_a_slow_drive_may_not_go_as_deep_as_it_could_rest():
@@ -306,9 +306,9 @@ def test_looks_far_quicker_than_the_vehicle_still_hold(name, interval):
         ]
     )
     flight = fly_mission(vehicle, mission, water(vehicle, 50.0))
-    kept = flight.accounts[int(Account.COUNT) + int(Holding.COUNT) :]
+    kept = flight.accounts[len(Account) + len(Holding) :]
     assert kept[Holding.INSIDE] > 0.9 * kept[Holding.TIME] > 0.0
     assert kept[Holding.MOST] < 6.0
-    law = DeadbandParameters(*flight.plan.stages[1, int(Stage.HOLD) :])
+    law = DeadbandParameters(*flight.plan.stages["hold"][1])
     assert law.tolerance <= 0.5 * law.fastest / law.K2
     assert law.speed_band < law.fastest

@@ -15,10 +15,9 @@ from swimbladder.physics.seawater import (
     moved,
     uniform_column,
 )
-from swimbladder.sim.engine.rodas.names import Account, Drive, Note, Now
 from swimbladder.sim.engine.rodas.prepare import Accuracy
+from swimbladder.sim.engine.rodas.records import Account, Note
 from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.vehicle import HullPart
 from tests.sim.mission.conftest import phases
@@ -51,7 +50,7 @@ def test_in_water_of_one_temperature_it_is_a_decay(profiler):
         flight = fly_mission(vehicle, task, column, accuracy=accuracy, span=1.0)
         due = water + (30.0 - water) * math.exp(-flight.duration / LAG)
         assert flight.duration > 3.0 * LAG
-        assert flight.end[Now.HULL] == pytest.approx(due, rel=1e-7, abs=1e-4)
+        assert flight.end["hull"] == pytest.approx(due, rel=1e-7, abs=1e-4)
 
 
 def test_sinking_through_layers_it_stays_behind_by_speed_times_gradient(profiler, sea):
@@ -65,10 +64,10 @@ def test_sinking_through_layers_it_stays_behind_by_speed_times_gradient(profiler
     x, _, _ = coast(vehicle, linear, depth=50.0, volume=start - 100e-6, speed=0.0, seconds=1200.0)
     ahead = coast(vehicle, linear, depth=50.0, volume=start - 100e-6, speed=0.0, seconds=1140.0)[0]
     # the speed changes slowly: it is as warm as the water that it left tau before
-    there = 20.0 - 0.02 * float(ahead[Now.Z])
-    assert x[Now.Z] > 100.0
-    assert x[Now.HULL] == pytest.approx(there, abs=0.02)
-    assert x[Now.HULL] > 20.0 - 0.02 * x[Now.Z] + 0.05
+    there = 20.0 - 0.02 * float(ahead["z"])
+    assert x["z"] > 100.0
+    assert x["hull"] == pytest.approx(there, abs=0.02)
+    assert x["hull"] > 20.0 - 0.02 * x["z"] + 0.05
 
 
 def test_a_dive_is_that_of_scipy_at_every_event(profiler, sea):
@@ -76,8 +75,8 @@ def test_a_dive_is_that_of_scipy_at_every_event(profiler, sea):
     flight = fly_mission(vehicle, warm(phases(), 24.0), sea, accuracy=TIGHT)
     states = Oracle(vehicle, sea).replay(flight)
     assert len(states) > 30
-    assert np.max(np.abs(states[:, 0] - flight.notes[:, Drive.Z])) < 1e-6
-    assert np.max(np.abs(states[:, 2] - flight.notes[:, Drive.V])) < 1e-12
+    assert np.max(np.abs(states[:, 0] - flight.notes["z"])) < 1e-6
+    assert np.max(np.abs(states[:, 2] - flight.notes["v"])) < 1e-12
     at_once = fly_mission(heated(profiler, lag=0.0), phases(), sea, accuracy=TIGHT)
     assert abs(at_once.duration - flight.duration) > 60.0  # and it matters
 
@@ -96,7 +95,7 @@ def test_a_dive_in_an_internal_wave_is_that_of_scipy(profiler, sea):
     vehicle = heated(profiler)
     flown = fly_mission(vehicle, task, sea, waves=table, accuracy=TIGHT, checked=False)
     states = Oracle(vehicle, sea, waves=lambda z, t: moved(table, z, t)).replay(flown)
-    assert np.max(np.abs(states[:, 0] - flown.notes[:, Drive.Z])) < 1e-6
+    assert np.max(np.abs(states[:, 0] - flown.notes["z"])) < 1e-6
     assert close_books(flown).relative_residue < 1e-6
 
 
@@ -115,7 +114,7 @@ def test_the_shorter_its_time_the_nearer_it_is_to_a_hull_at_once(profiler, sea):
 
     def depth(lag):
         vehicle = heated(profiler, lag=lag)
-        return coast(vehicle, sea, depth=20.0, volume=volume, speed=0.0, seconds=900.0)[0][Now.Z]
+        return coast(vehicle, sea, depth=20.0, volume=volume, speed=0.0, seconds=900.0)[0]["z"]
 
     start = float(np.interp(20.0, sea.depth, neutral_volume(heated(profiler), sea)))
     volume = start - 60e-6
@@ -132,7 +131,7 @@ def test_one_that_never_warms_is_a_hull_without_expansion(profiler, sea):
     warmth = vehicle.hull.reference_temperature
     assert warmth == vehicle.water.temperature  # so that both weigh the same
     ends = [
-        fly_mission(v, task, sea).rows[-1, Row.T]
+        fly_mission(v, task, sea).rows["t"][-1]
         for v, task in ((vehicle, warm(phases(), warmth)), (still, phases()))
     ]
     assert ends[0] == pytest.approx(ends[1], rel=0.02)
@@ -150,11 +149,11 @@ def test_it_is_lifted_off_the_bottom_when_its_hull_has_warmed(profiler):
     )  # fmt: skip
     rest = float(np.interp(bottom, column.depth, neutral_volume(vehicle, column)))
     flown = fly_mission(vehicle, task, column, start_volume=rest + light)
-    kinds = flown.notes[:, Drive.WHAT]
+    kinds = flown.notes["what"]
     left = flown.notes[kinds == Note.LEFT_BOTTOM]
     due = LAG * math.log(heat_expansion(vehicle) * colder / light)
     assert np.sum(kinds == Note.BOTTOM) == 1
-    assert left[0, Drive.T] == pytest.approx(due, abs=0.1 * LAG)
+    assert left["t"][0] == pytest.approx(due, abs=0.1 * LAG)
 
 
 def test_it_sinks_on_while_its_hull_cools(profiler, sea):
@@ -162,11 +161,11 @@ def test_it_sinks_on_while_its_hull_cools(profiler, sea):
     vehicle, cold = heated(profiler), heated(profiler, lag=0.0)
     volume = float(np.interp(100.0, sea.depth, neutral_volume(cold, sea)))
     given = {"depth": 100.0, "volume": volume, "speed": 0.0, "seconds": 12.0 * LAG}
-    right = coast(cold, sea, accuracy=Accuracy(), **given)[0][Now.Z]
+    right = coast(cold, sea, accuracy=Accuracy(), **given)[0]["z"]
     flown = coast(vehicle, sea, accuracy=Accuracy(), celsius=20.0, **given)[0]
     early = coast(vehicle, sea, accuracy=Accuracy(), celsius=20.0, **given | {"seconds": LAG})[0]
-    assert early[Now.Z] < right - 5.0
-    assert flown[Now.Z] == pytest.approx(right, abs=0.05)
+    assert early["z"] < right - 5.0
+    assert flown["z"] == pytest.approx(right, abs=0.05)
 
 
 def test_its_expansion_is_the_slope_of_what_it_displaces(profiler):

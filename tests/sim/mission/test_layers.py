@@ -25,10 +25,8 @@ from swimbladder.physics.seawater import (
     uniform_column,
 )
 from swimbladder.physics.seawater.column import Column, water_compressibility
-from swimbladder.sim.engine.rodas.names import At, Drive, Now
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state, make_plan
 from swimbladder.vehicle import HullPart
@@ -63,13 +61,13 @@ def drift(vehicle, column, waves, seconds=DAY):
     task = Mission(start_depth=DEEP, phases=[{"kind": "park", "depth": DEEP, "duration": seconds}])
     plan = make_plan(vehicle, task, column, waves=waves)
     x, at, accounts = first_state(plan, task)
-    x[Now.T_LOOK], x[Now.T_END] = math.inf, seconds
-    at[At.NEW_PHASE], at[At.ARRIVED] = 0, 1
+    x["t_look"], x["t_end"] = math.inf, seconds
+    at["new_phase"], at["arrived"] = 0, 1
     flown = plan.under_way((x, at, accounts), rows=20_000)
     fly(flown)
-    assert x[Now.T] == seconds
+    assert x["t"] == seconds
     rows = flown.rows[: flown.counts[0]]
-    return rows[:, Row.T], rows[:, Row.Z]
+    return rows["t"], rows["z"]
 
 
 def at_depth(column, values, depth):
@@ -162,7 +160,7 @@ def test_a_dive_in_an_internal_wave_is_that_of_scipy(profiler, sea):
     )
     flown = fly_mission(profiler, task, sea, waves=table, accuracy=TIGHT, checked=False)
     states = Oracle(profiler, sea, waves=lambda z, t: moved(table, z, t)).replay(flown)
-    assert np.max(np.abs(states[:, 0] - flown.notes[:, Drive.Z])) < 1e-6
+    assert np.max(np.abs(states[:, 0] - flown.notes["z"])) < 1e-6
     books = close_books(flown)
     assert abs(books.sinks["moving water"]) > 1e3 * abs(books.residue)
     assert books.relative_residue < 1e-6

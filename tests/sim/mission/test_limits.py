@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from swimbladder.physics.seawater.motion import InternalWave, WaterMotion, motion_table
-from swimbladder.sim.engine.rodas.names import Account, Given, Note
 from swimbladder.sim.engine.rodas.prepare import Accuracy
-from swimbladder.sim.mission.core.names import Row
+from swimbladder.sim.engine.rodas.records import Account, Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from tests.sim.mission.conftest import phases, stratified
@@ -17,7 +16,7 @@ TIGHT = Accuracy(
 
 
 def arrivals(flight):
-    return flight.notes[flight.notes[:, 1] == Note.ARRIVED][:, 0]
+    return flight.notes[flight.notes["what"] == Note.ARRIVED]["t"]
 
 
 def waves(amplitude):
@@ -51,11 +50,11 @@ def test_a_clock_of_no_step_is_none(profiler, sea):
     exact = first(0.0)
     fine = first(1e-9)
     assert len(fine.notes) == len(exact.notes)
-    np.testing.assert_array_equal(fine.notes[:, 1], exact.notes[:, 1])
-    np.testing.assert_allclose(fine.notes[:, 0], exact.notes[:, 0], rtol=0.0, atol=1e-2)
+    np.testing.assert_array_equal(fine.notes["what"], exact.notes["what"])
+    np.testing.assert_allclose(fine.notes["t"], exact.notes["t"], rtol=0.0, atol=1e-2)
     # a run is half a step wrong at most: the first volume let in, by its flow
     coarse = first(1e-3)
-    let = [f.notes[f.notes[:, 1] == Note.RUN_OVER][0, 4] for f in (exact, fine, coarse)]
+    let = [f.notes[f.notes["what"] == Note.RUN_OVER]["number"][0] for f in (exact, fine, coarse)]
     assert abs(let[1] - let[0]) <= 0.5e-9 * 1.001
     assert abs(let[2] - let[0]) <= 0.5e-3 * 1.001
 
@@ -70,7 +69,7 @@ def test_a_battery_that_the_cold_leaves_alone(profiler):
         return profiler.model_copy(update={"supply": supply}), column
 
     def empty(share, column):
-        return make_plan(flown(share, column)[0], phases(), column).given[Given.EMPTY]
+        return make_plan(flown(share, column)[0], phases(), column).given["empty"]
 
     assert empty(1.0, cold) == empty(1.0, warm) == empty(0.5, warm) == 0.0
     # linear from 20 degC down: (1 - share)(20 - T)/20 of what is in it
@@ -83,4 +82,4 @@ def test_a_battery_that_the_cold_leaves_alone(profiler):
     a, b = (fly_mission(v, phases(), cold) for v in (vehicle, near))
     np.testing.assert_array_equal(a.rows, b.rows)
     assert a.accounts[Account.PUMP_ENERGY] == b.accounts[Account.PUMP_ENERGY] > 0.0
-    assert a.rows[-1, Row.T] > 0.0
+    assert a.rows["t"][-1] > 0.0

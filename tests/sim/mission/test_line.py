@@ -10,11 +10,10 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.pump_start import pump_start
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.physics.steady_drives import datasheet_point
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Note, Now
 from swimbladder.sim.engine.rodas.prepare import Accuracy
+from swimbladder.sim.engine.rodas.records import Account, Doing, Note
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import Reckoning, first_state, make_plan
@@ -55,10 +54,10 @@ def one_run(vehicle, depth, speed, duration, after, *, bottom=None, reckoning=No
     plan = make_plan(vehicle, task, column, accuracy=TIGHT, reckoning=reckoning)
     x, at, accounts = first_state(plan, task)
     begin = x.copy()
-    at[At.NEW_PHASE], at[At.ARRIVED], at[At.DOING] = 0, 1, Doing.PRIMING
-    at[At.PLACE] = 0 if bottom is None else 2
-    x[Now.W], x[Now.T_LOOK], x[Now.T_END] = speed, math.inf, duration + after
-    x[Now.T_MOVE], x[Now.V_MOVE], x[Now.T_PRIMED] = duration, math.inf, math.inf
+    at["new_phase"], at["arrived"], at["doing"] = 0, 1, Doing.PRIMING
+    at["place"] = 0 if bottom is None else 2
+    x["w"], x["t_look"], x["t_end"] = speed, math.inf, duration + after
+    x["t_move"], x["v_move"], x["t_primed"] = duration, math.inf, math.inf
     flown = plan.under_way((x, at, accounts), rows=3000, notes=100, cycles=0)
     stop = fly(flown)
     return Flight(
@@ -95,17 +94,17 @@ def test_a_run_is_that_of_the_lines_pressure(profiler, air, depth, speed, mL, li
     ran = hand.run([np.log(RESERVOIR), 0.0, 0.0], 0.0, end, sea, pumps=True)
     over = at_time(flight, end)
     # the valve of SciPy gives way at 12 Pa: their part of the line's give and of the power
-    assert 1e6 * (over[Row.V] - flight.begin[Now.V]) == pytest.approx(ran[1], rel=5e-4)
-    assert over[Row.PUMP_ENERGY] == pytest.approx(ran[2], rel=1e-5)
+    assert 1e6 * (over["v"] - flight.begin["v"]) == pytest.approx(ran[1], rel=5e-4)
+    assert over["pump_energy"] == pytest.approx(ran[2], rel=1e-5)
     rested = hand.run(ran, end, end + 30.0, sea, pumps=False)
     assert 1e6 * flight.accounts[Account.PUMPED] == pytest.approx(rested[1], rel=2e-4)
-    level = np.log(RESERVOIR) + flight.end[Now.LINE_LEVEL]
+    level = np.log(RESERVOIR) + flight.end["line_level"]
     assert level == pytest.approx(rested[0], abs=1e-4)
 
 
 def at_time(flight, t):
     """The last row that is not later than t [s]."""
-    return flight.rows[flight.rows[:, Row.T] <= t][-1]
+    return flight.rows[flight.rows["t"] <= t][-1]
 
 
 @pytest.mark.parametrize(("volume", "air"), [(2e-5, 0.0), (1e-4, 0.02)])
@@ -123,8 +122,8 @@ def test_every_run_of_a_mission_begins_with_what_the_line_still_holds(profiler, 
         held += y[0] - np.log(RESERVOIR) > 0.02
         after = hand.run(y, begin, end, pressure, pumps=True, tolerance=1e-7)
         one, other = at_time(flight, begin), at_time(flight, end)
-        assert 1e6 * (other[Row.V] - one[Row.V]) == pytest.approx(after[1] - y[1], rel=1e-3)
-        used = other[Row.PUMP_ENERGY] - one[Row.PUMP_ENERGY]
+        assert 1e6 * (other["v"] - one["v"]) == pytest.approx(after[1] - y[1], rel=1e-3)
+        used = other["pump_energy"] - one["pump_energy"]
         assert used == pytest.approx(after[2] - y[2], rel=1e-4)
         y, t = after, end
     assert held >= 2 or air == 0.0  # or nothing was told of what a line still holds
@@ -137,19 +136,19 @@ def test_a_pump_that_leaks_nothing_holds_its_line(profiler):
     vehicle = with_line(profiler, oil, pump=tight)
     hand = Line(oil, lambda h: 1.2e-6 + 0.0 * h, lambda h: 7.0 + 2e-6 * h, reservoir=RESERVOIR)
     flight = one_run(vehicle, 30.0, -0.2, 40.0, 60.0)
-    assert flight.end[Now.Z] < 15.0
+    assert flight.end["z"] < 15.0
     pressure = sea_of(flight)
     given = []
     for t in (40.0, 100.0):
         p = np.linspace(pressure(t), pressure(40.0), 2001)
         given.append(np.trapezoid(hand.give(p), p))
-    vented = flight.end[Now.V] - at_time(flight, 40.0)[Row.V]
+    vented = flight.end["v"] - at_time(flight, 40.0)["v"]
     assert vented == pytest.approx(given[1] - given[0], rel=1e-5)
     assert vented > 0.5e-6
     assert flight.accounts[Account.LEAKED] == pytest.approx(0.0, abs=1e-12)
     sinks = one_run(vehicle, 30.0, 0.2, 8.0, 10.0)
-    assert sinks.end[Now.V] == at_time(sinks, 8.0)[Row.V]
-    assert sinks.whole[At.SHUT] == 1
+    assert sinks.end["v"] == at_time(sinks, 8.0)["v"]
+    assert sinks.whole["shut"] == 1
 
 
 def test_datasheets_their_amplifier_and_a_battery_that_sags(profiler):
@@ -173,10 +172,10 @@ def test_datasheets_their_amplifier_and_a_battery_that_sags(profiler):
     sea = sea_of(flight)
     ran = hand.run([np.log(RESERVOIR), 0.0, 0.0], 0.0, 6.0, sea, pumps=True)
     over = at_time(flight, 6.0)
-    assert 1e6 * (over[Row.V] - flight.begin[Now.V]) == pytest.approx(ran[1], rel=3e-4)
-    assert over[Row.PUMP_ENERGY] == pytest.approx(ran[2], rel=1e-4)
+    assert 1e6 * (over["v"] - flight.begin["v"]) == pytest.approx(ran[1], rel=3e-4)
+    assert over["pump_energy"] == pytest.approx(ran[2], rel=1e-4)
     rested = hand.run(ran, 6.0, 26.0, sea, pumps=False)
-    assert np.log(RESERVOIR) + flight.end[Now.LINE_LEVEL] == pytest.approx(rested[0], abs=2e-4)
+    assert np.log(RESERVOIR) + flight.end["line_level"] == pytest.approx(rested[0], abs=2e-4)
 
 
 def test_a_weak_pump_in_cold_water_fills_its_line_for_longer_and_dearer(profiler):
@@ -195,8 +194,8 @@ def test_a_weak_pump_in_cold_water_fills_its_line_for_longer_and_dearer(profiler
     flight = one_run(vehicle, 500.0, 0.1, 9.0, 1.0, reckoning=Reckoning(pump=0.8))
     ran = hand.run([np.log(RESERVOIR), 0.0, 0.0], 0.0, 9.0, sea_of(flight), pumps=True)
     over = at_time(flight, 9.0)
-    assert 1e6 * (over[Row.V] - flight.begin[Now.V]) == pytest.approx(ran[1], rel=5e-4)
-    assert over[Row.PUMP_ENERGY] == pytest.approx(ran[2], rel=1e-5)
+    assert 1e6 * (over["v"] - flight.begin["v"]) == pytest.approx(ran[1], rel=5e-4)
+    assert over["pump_energy"] == pytest.approx(ran[2], rel=1e-5)
 
 
 @pytest.mark.parametrize("air", [0.0, 0.05])
@@ -219,7 +218,7 @@ def test_a_line_in_swell_gives_no_energy_and_takes_no_steps(profiler, sea, slip)
         books = close_books(flight)
         assert books.relative_residue < 1e-4
         assert abs(books.volume_residue) < 1e-12
-        steps.append(flight.whole[At.STEPS])
+        steps.append(flight.whole["steps"])
     assert steps[1] < 1.5 * steps[0]
 
 
@@ -239,11 +238,11 @@ def test_a_line_fills_on_the_bottom_and_a_pump_that_cannot_fill_it_has_stalled(p
     vehicle = with_line(profiler, oil)
     end = length_of(hand, 200.0, 5e-7, vehicle)
     lying = one_run(vehicle, 200.0, 0.0, end, 1.0, bottom=200.0)
-    assert lying.end[Now.V] - lying.begin[Now.V] == pytest.approx(5e-7, rel=1e-6)
+    assert lying.end["v"] - lying.begin["v"] == pytest.approx(5e-7, rel=1e-6)
     weak = PUMP.model_copy(update={"slip": 1.2e-6 / 5e6})  # nothing beyond 5 MPa
     beaten = one_run(with_line(profiler, oil, pump=weak), 700.0, 0.0, 300.0, 1.0, bottom=700.0)
     assert beaten.accounts[Account.STALLED] == pytest.approx(300.0)
-    assert beaten.end[Now.V] == beaten.begin[Now.V]
+    assert beaten.end["v"] == beaten.begin["v"]
     # all but the filling, a minute at most, at the power of the pressure at which it stalls
     power = beaten.accounts[Account.PUMP_ENERGY] / 300.0
     assert 0.8 * (7.0 + 2e-6 * 5e6) < power < 7.0 + 2e-6 * 5e6
@@ -254,12 +253,12 @@ def test_a_start_that_falls_short_besides_waits_until_its_line_is_full(profiler)
     hand, vehicle = by_hand(oil), with_line(profiler, oil, start_volume=3e-6)
     end = length_of(hand, 100.0, 5e-6, vehicle)
     flight = one_run(vehicle, 100.0, 0.0, end, 1.0, bottom=100.0)
-    assert flight.end[Now.V] - flight.begin[Now.V] == pytest.approx(2e-6, rel=1e-5)  # it lifts off
-    starts = flight.rows[np.flatnonzero(flight.rows[:, Row.DOING] == Doing.PUMPING)[0], Row.T]
+    assert flight.end["v"] - flight.begin["v"] == pytest.approx(2e-6, rel=1e-5)  # it lifts off
+    starts = flight.rows["t"][np.flatnonzero(flight.rows["doing"] == Doing.PUMPING)[0]]
     full = length_of(hand, 100.0, 0.0, vehicle)
     head = vehicle.water.specific_weight * 100.0 + 101325.0 - RESERVOIR
     assert starts == pytest.approx(full + 3e-6 / hand.delivery(head), rel=1e-6)
-    assert flight.notes[flight.notes[:, Drive.WHAT] == Note.RUN_OVER, Drive.NUMBER][0] == end
+    assert flight.notes["number"][flight.notes["what"] == Note.RUN_OVER][0] == end
 
 
 @pytest.mark.parametrize(("reservoir", "air"), [(0.0, 0.0), (9e3, 0.1)])

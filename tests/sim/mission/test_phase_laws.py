@@ -17,8 +17,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.engine.rodas.drive import FULL
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Note, Now, Stop
-from swimbladder.sim.mission.core.names import Row
+from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.orders import law_facts
@@ -52,11 +51,11 @@ DIVE = (
 
 def simulated(vehicle, flight, **more):
     """Return `simulate` with the set-points of a flight from 2 m, and the samples of its rows."""
-    notes = flight.notes[flight.notes[:, Drive.WHAT] == Note.PHASE]
+    notes = flight.notes[flight.notes["what"] == Note.PHASE]
     depths = [phase.depth for phase in flight.mission.phases]
-    pairs = [(float(t), z) for t, z in zip(notes[:, Drive.T], depths, strict=True)]
+    pairs = [(float(t), z) for t, z in zip(notes["t"], depths, strict=True)]
     found = simulate(vehicle, setpoints=pairs, duration=flight.duration, start_depth=2.0, **more)
-    samples = np.round(flight.rows[:, Row.T] / found.time[1]).astype(int)
+    samples = np.round(flight.rows["t"] / found.time[1]).astype(int)
     return found, samples
 
 
@@ -69,9 +68,9 @@ def test_every_law_flies_as_it_is_simulated(name, seed):
     assert flight.stop is Stop.FINISHED
     assert len(samples) > 100
     rows = flight.rows
-    np.testing.assert_allclose(rows[:, Row.Z], found.depth[samples], atol=1e-9)
-    np.testing.assert_allclose(rows[:, Row.W], found.speed[samples], atol=1e-9)
-    np.testing.assert_allclose(rows[:, Row.V], found.volume[samples], atol=1e-13)
+    np.testing.assert_allclose(rows["z"], found.depth[samples], atol=1e-9)
+    np.testing.assert_allclose(rows["w"], found.speed[samples], atol=1e-9)
+    np.testing.assert_allclose(rows["v"], found.volume[samples], atol=1e-13)
     facts = law_facts(vehicle, flight.mission)
     assert [one["law"] for one in facts] == [name, name]
     assert facts[0]["sample_time_s"] == vehicle.controller.sample_time
@@ -87,7 +86,7 @@ def test_gains_change_the_dive(name):
     phases = [{**phase, "parameters": {gain: 0.7 * number}} for phase in (HOLD, PARK)]
     after = flown(vehicle, steps(*phases), checked=False)
     n = min(len(before.rows), len(after.rows), 400)
-    change = np.abs(before.rows[:n, Row.Z] - after.rows[:n, Row.Z]).max()
+    change = np.abs(before.rows["z"][:n] - after.rows["z"][:n]).max()
     assert change > 1e-6, gain
 
 
@@ -114,9 +113,9 @@ def test_layers_are_those_of_simulate():
     flight = flown(vehicle, steps(HOLD, PARK), column=column, checked=False)
     found, samples = simulated(vehicle, flight, column=column)
     even = flown(vehicle, steps(HOLD, PARK), checked=False)
-    np.testing.assert_allclose(flight.rows[:, Row.Z], found.depth[samples], atol=1e-6)
+    np.testing.assert_allclose(flight.rows["z"], found.depth[samples], atol=1e-6)
     n = min(len(even.rows), len(flight.rows))
-    assert np.abs(even.rows[:n, Row.Z] - flight.rows[:n, Row.Z]).max() > 1e-4
+    assert np.abs(even.rows["z"][:n] - flight.rows["z"][:n]).max() > 1e-4
 
 
 def test_a_speed_moves_the_depth_asked_for():
@@ -124,7 +123,7 @@ def test_a_speed_moves_the_depth_asked_for():
     vehicle = load_vehicle("feup-em")
     ramp = {**HOLD, "depth": 12.0, "speed": 0.02, "tolerance": 0.3}
     flight = flown(vehicle, steps(ramp), checked=False)
-    t, z, w = (flight.rows[:, k] for k in (Row.T, Row.Z, Row.W))
+    t, z, w = (flight.rows[k] for k in ("t", "z", "w"))
     on_way = (t > 200.0) & (t < 480.0)
     assert np.abs(w[on_way] - 0.02).max() < 2e-3
     assert np.ptp(z[on_way] - 0.02 * t[on_way]) < 0.3
@@ -148,11 +147,11 @@ def test_energy_and_battery():
     drive = a[Account.PUMP_ENERGY] + a[Account.VALVE_ENERGY] + a[Account.HOLDING_ENERGY]
     back = found.books.energy["source"]
     assert drive >= back - 1e-9  # without a driver that takes it back, what the sea gives is lost
-    turn = float(flight.notes[flight.notes[:, Drive.WHAT] == Note.PHASE][1, Drive.T])
+    turn = float(flight.notes[flight.notes["what"] == Note.PHASE]["t"][1])
     loads = 0.5 * flight.duration + 2.0 * (flight.duration - turn)
     assert a[Account.LOAD_ENERGY] == pytest.approx(loads, rel=1e-9)
-    t = flight.rows[:, Row.T]
-    sums = flight.rows[:, [Row.PUMP_ENERGY, Row.VALVE_ENERGY, Row.HOLDING_ENERGY]].sum(axis=1)
+    t = flight.rows["t"]
+    sums = sum(flight.rows[k] for k in ("pump_energy", "valve_energy", "holding_energy"))
     keep = np.concatenate(([True], np.diff(t) > 0.0))
     t, sums = t[keep], sums[keep]
     charge = 4e3
@@ -163,7 +162,7 @@ def test_energy_and_battery():
             lambda _, c, p=power: -p - 2e-4 * c, (0.0, h), [charge], rtol=1e-11, atol=1e-11
         )
         charge = float(done.y[0, -1])
-    assert flight.end[Now.CHARGE] == pytest.approx(charge, rel=1e-9)
+    assert flight.end["charge"] == pytest.approx(charge, rel=1e-9)
     books = MissionResult(flight, flight.reach).books
     assert books.relative_residue < 1e-3
     assert abs(books.volume_residue) < 1e-12
@@ -185,11 +184,11 @@ def test_it_dives_and_comes_up(name):
     assert flight.stop is Stop.FINISHED
     assert len(flight.cycles) == 2
     assert MissionResult(flight, flight.reach).completed
-    assert flight.end[Now.Z] < vehicle.hull.emergence_depth + 0.5
-    what = flight.notes[:, Drive.WHAT]
+    assert flight.end["z"] < vehicle.hull.emergence_depth + 0.5
+    what = flight.notes["what"]
     assert np.sum(what == Note.AFLOAT) == 2
     assert np.sum(what == Note.ARRIVED) == 8
-    assert np.all(np.diff(flight.rows[:, Row.T]) >= 0.0)
+    assert np.all(np.diff(flight.rows["t"]) >= 0.0)
     assert MissionResult(flight, flight.reach).books.relative_residue < 1e-3
 
 
@@ -201,8 +200,8 @@ def test_too_deep_it_presses_all_out_and_comes_up():
     )
     flight = flown(vehicle, mission, checked=False)
     assert flight.stop is Stop.PASSED_DEPTH
-    assert np.any(flight.notes[:, Drive.WHAT] == Note.TOO_DEEP)
-    assert flight.end[Now.V] == pytest.approx(vehicle.stroke.maximum, rel=1e-3)
+    assert np.any(flight.notes["what"] == Note.TOO_DEEP)
+    assert flight.end["v"] == pytest.approx(vehicle.stroke.maximum, rel=1e-3)
 
 
 def test_a_limit_switch_ends_what_is_pressed_out():
@@ -215,21 +214,19 @@ def test_a_limit_switch_ends_what_is_pressed_out():
     ]
     flight = flown(own.model_copy(update={"stroke": stroke}), Mission(phases=phases))
     assert flight.stop is Stop.FINISHED
-    assert flight.rows[0, Row.V] == stroke.highest
+    assert flight.rows["v"][0] == stroke.highest
     nearly = FULL * (stroke.highest - stroke.lowest)
-    assert stroke.highest - nearly <= flight.end[Now.V] < stroke.maximum
+    assert stroke.highest - nearly <= flight.end["v"] < stroke.maximum
 
 
 def test_what_happens_is_known_at_a_sample():
     """Phases begin and end, and a vehicle is afloat, at whole samples."""
     vehicle = load_vehicle("feup-em")
     flight = flown(vehicle, Mission(cycles=2, phases=DIVE))
-    of_phases = np.isin(
-        flight.notes[:, Drive.WHAT], [Note.PHASE, Note.ARRIVED, Note.AFLOAT, Note.CYCLE]
-    )
-    samples = flight.notes[of_phases, Drive.T] / vehicle.controller.sample_time
+    of_phases = np.isin(flight.notes["what"], [Note.PHASE, Note.ARRIVED, Note.AFLOAT, Note.CYCLE])
+    samples = flight.notes["t"][of_phases] / vehicle.controller.sample_time
     np.testing.assert_allclose(samples, np.round(samples), atol=1e-6)
-    assert flight.whole[At.STEPS] == round(flight.duration / vehicle.controller.sample_time)
+    assert flight.whole["steps"] == round(flight.duration / vehicle.controller.sample_time)
 
 
 class TestRest:
@@ -249,9 +246,9 @@ class TestRest:
         held = MissionResult(flight, flight.reach).held["park"]
         assert held["share"] > 0.99
         most = 0.2 if seed is None else 0.3  # of the samples; noise looks like drift
-        assert flight.whole[At.LOOKS] < most * awake.whole[At.LOOKS]
+        assert flight.whole["looks"] < most * awake.whole["looks"]
         assert len(flight.rows) < len(awake.rows)
-        still = flight.rows[flight.rows[:, Row.DOING] == Doing.NOTHING, Row.Z]
+        still = flight.rows["z"][flight.rows["doing"] == Doing.NOTHING]
         assert len(still) > 100
         assert np.abs(still - 3.0).max() < 0.5 + 0.1  # the band, and a look's drift
 
@@ -276,10 +273,10 @@ class TestPhases:
         assert facts[0]["source"].startswith("the vehicle's [controller]")
         assert facts[1]["source"] == "the phase"
         plain = flown(vehicle, steps(HOLD, PARK), checked=False)
-        turn = plain.notes[plain.notes[:, Drive.WHAT] == Note.PHASE][1, Drive.T]
-        a, b = (f.rows[f.rows[:, Row.T] <= turn, Row.Z] for f in (flight, plain))
+        turn = plain.notes[plain.notes["what"] == Note.PHASE]["t"][1]
+        a, b = (f.rows["z"][f.rows["t"] <= turn] for f in (flight, plain))
         np.testing.assert_array_equal(a, b)
-        assert abs(flight.end[Now.Z] - plain.end[Now.Z]) > 1e-4
+        assert abs(flight.end["z"] - plain.end["z"]) > 1e-4
 
     @pytest.mark.parametrize(
         ("more", "field"),
@@ -397,4 +394,4 @@ def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path, monkeypat
     again, whole = fly(keep=tmp_path, advance=left.append), fly(advance=spans.append)
     assert 0 < len(left) <= len(spans) - parts, "it goes on after the parts that were kept"
     for name in ("rows", "notes", "cycles", "end", "whole", "accounts"):
-        assert np.array_equal(getattr(again, name), getattr(whole, name), equal_nan=True), name
+        assert getattr(again, name).tobytes() == getattr(whole, name).tobytes(), name

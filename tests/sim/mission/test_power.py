@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from swimbladder.io.config import load_vehicle
-from swimbladder.sim.engine.rodas.names import Doing
+from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.mission.books import close_books, consumer_energy, mean_power, power_names
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.og1 import og1_dataset
 from swimbladder.sim.mission.plan_check import reach_of
@@ -50,8 +49,8 @@ def test_the_integral_of_each_column_is_the_book(flight, spacing):
     assert list(energy) == list(book)
     assert {"driver's standby", "self-discharge", "GPS & radio", "pump (load)"} < set(book)
     for name, taken in energy.items():
-        power = mean_power(rows[:, Row.T], taken)
-        assert integral(rows[:, Row.T], power) == pytest.approx(book[name], rel=1e-11), name
+        power = mean_power(rows["t"], taken)
+        assert integral(rows["t"], power) == pytest.approx(book[name], rel=1e-11), name
         assert power.min() > -1e-9, name
 
 
@@ -88,11 +87,11 @@ def test_a_load_is_on_in_its_phases_and_a_session_lasts_to_the_end_of_its_phase(
 
 def test_a_row_says_what_is_done_until_the_next(flight):
     rows, energy = flight.rows, consumer_energy(flight)
-    lasts = np.append(np.diff(rows[:, Row.T]) > 0.0, False)
-    pumping = np.isin(rows[:, Row.DOING], [Doing.PUMPING, Doing.PRIMING])
-    letting = np.isin(rows[:, Row.DOING], [Doing.LETTING_IN, Doing.BYPASSING])
+    lasts = np.append(np.diff(rows["t"]) > 0.0, False)
+    pumping = np.isin(rows["doing"], [Doing.PUMPING, Doing.PRIMING])
+    letting = np.isin(rows["doing"], [Doing.LETTING_IN, Doing.BYPASSING])
     for doing, consumer in ((pumping, "pump"), (letting, "valve")):
-        power = mean_power(rows[:, Row.T], energy[consumer])
+        power = mean_power(rows["t"], energy[consumer])
         assert doing.any()
         assert np.array_equal(power > 0.0, doing & lasts)
 

@@ -9,7 +9,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.engine.rodas.names import Drive, Given, Note
+from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.orders import drag_coefficient, law_parameters
 from swimbladder.sim.mission.plan_check import check_flight
@@ -73,9 +73,9 @@ def test_a_depth_below_the_rating_and_a_time_too_short(profiler, sea):
     stages[0]["timeout"] = 1000.0
     task = Mission(phases=stages)
     flight = fly_mission(profiler, task, sea, checked=False)
-    late = flight.notes[flight.notes[:, Drive.WHAT] == Note.OUT_OF_TIME][0]
-    assert late[Drive.T] == 1000.0
-    left = 145.0 - late[Drive.Z]  # m to the edge of the tolerance, at 0.1 m/s
+    late = flight.notes[flight.notes["what"] == Note.OUT_OF_TIME][0]
+    assert late["t"] == 1000.0
+    left = 145.0 - late["z"]  # m to the edge of the tolerance, at 0.1 m/s
     with refused(NoAnswerError, holds={1000.0, round(10.0 * left), round(left, 1)}):
         reach(profiler, task, sea)
     stages[0]["timeout"] = 1000.0 + 10.0 * left + 600.0
@@ -98,7 +98,7 @@ def test_where_it_could_not_come_up_it_may_not_go():
     back = (0.95 * 350e-6 - 0.05 * 350e-6 - vehicle.trim_error) / vehicle.hull.psi
     found = plan.back
     assert back <= found <= back + column.step
-    assert plan.given[Given.DEEPEST] == found
+    assert plan.given["deepest"] == found
     with pytest.raises(NoAnswerError, match=r"safety.deepest is 95 m, and below \d+ m the vehicle"):
         reach(vehicle, phases(deep=50.0, safety={"deepest": 95.0}), column)
     with pytest.raises(NoAnswerError, match="too short at"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swimbladder.physics.hull import neutral_volume
-from swimbladder.sim.engine.rodas.names import Drive, Note, Now
+from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import Reckoning
 from tests.sim.mission.conftest import phases
@@ -26,14 +26,14 @@ def steady(profiler):
 def runs(flight, kind):
     """Volume asked for and volume got [m3] of the runs that came to their end under way."""
     notes = flight.notes
-    begun = np.flatnonzero(notes[:, Drive.WHAT] == kind)
-    over = np.flatnonzero(notes[:, Drive.WHAT] == Note.RUN_OVER)
+    begun = np.flatnonzero(notes["what"] == kind)
+    over = np.flatnonzero(notes["what"] == Note.RUN_OVER)
     pairs = []
     for k in begun:
         end = over[over > k][0]
-        if notes[k, Drive.Z] > 10.0 and notes[end, Drive.NUMBER] < 50.0:
-            change = notes[end, Drive.V] - notes[k, Drive.V]
-            pairs.append((notes[k, Drive.NUMBER], change))
+        if notes["z"][k] > 10.0 and notes["number"][end] < 50.0:
+            change = notes["v"][end] - notes["v"][k]
+            pairs.append((notes["number"][k], change))
     return np.array(pairs)
 
 
@@ -66,11 +66,11 @@ def test_it_begins_with_the_volume_that_is_given(profiler, sea):
     task = phases(start_depth=100.0)
     rests = fly_mission(profiler, task, sea)
     heavy = fly_mission(profiler, task, sea, start_volume=neutral - 2e-5)
-    assert rests.begin[Now.V] == pytest.approx(neutral, abs=1e-12)
-    assert heavy.begin[Now.V] == neutral - 2e-5
+    assert rests.begin["v"] == pytest.approx(neutral, abs=1e-12)
+    assert heavy.begin["v"] == neutral - 2e-5
     # it sinks at once, at no more than the speed that 20 cm3 give
     weight = 1025.0 * 9.81
     fastest = np.sqrt(2e-5 * weight / profiler.drag.k_dt)
-    soon = heavy.rows[heavy.rows[:, 0] < 60.0]
-    assert soon[-1, 2] > 0.5 * fastest
-    assert np.all(soon[:, 2] < 1.01 * fastest)
+    soon = heavy.rows[heavy.rows["t"] < 60.0]
+    assert soon["w"][-1] > 0.5 * fastest
+    assert np.all(soon["w"] < 1.01 * fastest)

@@ -11,7 +11,7 @@ from swimbladder.design.sizing.evaluation import Budget
 from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import endurance, needed_capacity, usable_share
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.engine.rodas.names import At, Stop
+from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.flight import fly_mission
 
@@ -47,7 +47,7 @@ def cold():
 def flown(vehicle, column):
     flight = fly_mission(vehicle, TASK, column, cycles=10_000)
     assert flight.stop is Stop.RESERVE
-    return flight, int(flight.whole[At.CYCLE])
+    return flight, int(flight.whole["cycle"])
 
 
 @pytest.mark.parametrize("battery", [0, 1, 2])

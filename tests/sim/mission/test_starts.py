@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
-from swimbladder.sim.engine.rodas.names import Stop
+from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.engine.rodas.names import Account, Drive, Now
+from swimbladder.sim.engine.rodas.records import Account
 from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.plan_check import reach_of
@@ -43,8 +43,8 @@ def test_a_dive_is_that_of_scipy_at_every_event(deep, sea):
     flight = fly_mission(deep, phases(), sea, accuracy=TIGHT)
     states = Oracle(deep, sea).replay(flight)
     assert len(states) > 30
-    assert np.max(np.abs(states[:, 0] - flight.notes[:, Drive.Z])) < 1e-6
-    assert np.max(np.abs(states[:, 2] - flight.notes[:, Drive.V])) < 1e-12
+    assert np.max(np.abs(states[:, 0] - flight.notes["z"])) < 1e-6
+    assert np.max(np.abs(states[:, 2] - flight.notes["v"])) < 1e-12
     assert close_books(flight).relative_residue < 1e-6
 
 
@@ -58,14 +58,14 @@ def test_it_coasts_farther_upwards_by_what_the_drag_is_less(profiler):
     for way, ratio in ((1.0, 1.0), (-1.0, RATIO)):
         x, _, _ = coast(vehicle, column, depth=100.0, volume=volume, speed=way * 0.2, seconds=600.0)
         due = m / (ratio * k) * math.log1p(ratio * k * 0.2 * 600.0 / m)
-        assert way * (x[Now.Z] - 100.0) == pytest.approx(due, rel=1e-7)
+        assert way * (x["z"] - 100.0) == pytest.approx(due, rel=1e-7)
 
 
 def test_a_ratio_of_1_is_the_flight_without_it(profiler, sea):
     ends = [
         fly_mission(v, phases(), sea).end for v in (profiler, uneven(profiler, rising_ratio=1.0))
     ]
-    np.testing.assert_array_equal(*ends)
+    assert len({end.tobytes() for end in ends}) == 1
 
 
 def test_it_creeps_as_long_as_nothing_runs(profiler, sea):

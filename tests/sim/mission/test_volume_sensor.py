@@ -8,8 +8,7 @@ import pytest
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.engine.rodas.names import Doing, Drive, Note, Stop
-from swimbladder.sim.mission.core.names import Row
+from swimbladder.sim.engine.rodas.records import Doing, Note, Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases
@@ -32,13 +31,13 @@ def flown(seed=1, **sensors):
 def runs(flight):
     """Volume at the begin of each run, at its end, and what was wanted [m3], end stops apart."""
     begins = (Note.PUMP, Note.VALVE, Note.BYPASS)
-    notes = flight.notes[np.isin(flight.notes[:, Drive.WHAT], [*begins, Note.RUN_OVER])]
+    notes = flight.notes[np.isin(flight.notes["what"], [*begins, Note.RUN_OVER])]
     pairs = [(a, b) for a, b in itertools.pairwise(notes)
-             if a[Drive.WHAT] in begins and b[Drive.WHAT] == Note.RUN_OVER]  # fmt: skip
+             if a["what"] in begins and b["what"] == Note.RUN_OVER]  # fmt: skip
     stroke = FEUP.stroke
     return np.array([
-        (a[Drive.V], b[Drive.V], a[Drive.NUMBER]) for a, b in pairs
-        if stroke.minimum < b[Drive.V] < stroke.maximum
+        (a["v"], b["v"], a["number"]) for a, b in pairs
+        if stroke.minimum < b["v"] < stroke.maximum
     ])  # fmt: skip
 
 
@@ -81,6 +80,6 @@ def test_the_noise_of_begin_and_end_is_in_what_a_run_moves():
     # chi-squared of so many draws: five standard deviations of its root
     wide = 5.0 / math.sqrt(2.0 * missed.size)
     assert np.sqrt(np.mean(missed**2)) == pytest.approx(math.sqrt(2.0) * sigma, rel=wide)
-    assert Doing.PUMPING in flight.rows[:, Row.DOING]
+    assert Doing.PUMPING in flight.rows["doing"]
     assert np.array_equal(flight.rows, flown(depth_noise=0.0, depth_quantum=0.0,
                                              volume_noise=sigma).rows)  # fmt: skip

@@ -8,7 +8,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.physics.seawater import Cast, Swell, WaterMotion, cast_column, motion_table
 from swimbladder.physics.seawater.motion import moved
-from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Now
+from swimbladder.sim.engine.rodas.records import AT, GIVEN, NOW, Note
 from swimbladder.sim.engine.rodas.sensing import measured
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
@@ -96,11 +96,11 @@ def test_the_sensor_sees_the_water_at_the_top_beyond_the_mean_along_the_hull(hei
 
 def test_the_processor_looks_through_the_swell(profiler):
     waves = waves_of(SWELL, profiler.hull.height, 9.81)
-    p, x, at = np.zeros(int(Given.COUNT)), np.zeros(int(Now.COUNT)), np.zeros(int(At.COUNT), int)
-    at[At.SEED] = -1
+    p, x, at = np.zeros(1, GIVEN)[0], np.zeros(1, NOW)[0], np.zeros(1, AT)[0]
+    at["seed"] = -1
     k = (2.0 * np.pi / 9.0) ** 2 / 9.81
     for t, z in ((0.0, 0.0), (2.0, 3.0), (7.0, 20.0)):
-        x[Now.T], x[Now.Z] = t, z
+        x["t"], x["z"] = t, z
         a = seen_share(k, profiler.hull.height) * np.exp(-k * z)
         due = z - a * np.sin(2.0 * np.pi * t / 9.0 + 0.4)
         assert measured(p, waves, x, at) == pytest.approx(due, abs=1e-12)
@@ -112,7 +112,7 @@ def test_a_float_in_swell_comes_to_the_surface_once(profiler, sea):
         fly_mission(profiler, phases(deep=60.0, water_motion=motion), sea)
         for motion in (WaterMotion(), SWELL)
     ]
-    crossings = [int(np.sum(f.notes[:, Drive.WHAT] == Note.EMERGED)) for f in flights]
+    crossings = [int(np.sum(f.notes["what"] == Note.EMERGED)) for f in flights]
     assert crossings[1] <= crossings[0] + 2
     assert [f.stop.name for f in flights] == ["FINISHED", "FINISHED"]
     assert abs(flights[1].duration - flights[0].duration) < 0.1 * flights[0].duration

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.show.plots.style import Ink, depth_axis, label_panels, styled
 from swimbladder.sim.engine.rodas.ledger import HOLDING
-from swimbladder.sim.engine.rodas.names import Drive, Note, Now
+from swimbladder.sim.engine.rodas.records import Note, Records
 from swimbladder.sim.mission.books import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import cycle_columns, speeds
 
@@ -35,8 +34,8 @@ def draw_mission(result: MissionResult) -> Figure:
     flight = result.flight
     title = f"{flight.vehicle.name}: {flight.mission.name or 'mission'}, {flight.column.source}"
     figure.suptitle(title, fontsize=11.0)
-    first = result.flight.rows[result.flight.rows[:, Row.CYCLE] == 0.0]
-    unit, words = _unit(float(first[-1, Row.T]))
+    first = result.flight.rows[result.flight.rows["cycle"] == 0.0]
+    unit, words = _unit(float(first["t"][-1]))
     _depth(result, first, unit, words, axes["depth"])
     _speed(result, axes["speed"])
     _volume(result, first, unit, words, axes["volume"])
@@ -56,16 +55,16 @@ def _unit(seconds: float) -> tuple[float, str]:
     return _DAY, "d"
 
 
-def _depth(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
-    axes.plot(first[:, Row.T] / unit, first[:, Row.Z], color=Ink.BLUE, label="depth")
+def _depth(result: MissionResult, first: Records, unit: float, words: str, axes: Axes) -> None:
+    axes.plot(first["t"] / unit, first["z"], color=Ink.BLUE, label="depth")
     notes = result.flight.notes
-    notes = notes[notes[:, Drive.T] <= first[-1, Row.T]]
+    notes = notes[notes["t"] <= first["t"][-1]]
     for what, color, marker, name in (
         (Note.PUMP, Ink.VERMILION, "^", "pump starts"), (Note.VALVE, Ink.GREEN, "v", "valve opens"),
     ):  # fmt: skip
-        some = notes[notes[:, Drive.WHAT] == what]
+        some = notes[notes["what"] == what]
         if len(some):
-            axes.plot(some[:, Drive.T] / unit, some[:, Drive.Z], marker, color=color, ms=4,
+            axes.plot(some["t"] / unit, some["z"], marker, color=color, ms=4,
                       mew=0.0, label=name)  # fmt: skip
     depth_axis(axes)
     axes.set_xlabel(f"time in the first cycle [{words}]")
@@ -86,20 +85,20 @@ def _speed(result: MissionResult, axes: Axes) -> None:
         axes.legend(loc="best")
 
 
-def _volume(result: MissionResult, first: Array, unit: float, words: str, axes: Axes) -> None:
-    axes.plot(first[:, Row.T] / unit, 1e6 * first[:, Row.V], color=Ink.BLUE)
+def _volume(result: MissionResult, first: Records, unit: float, words: str, axes: Axes) -> None:
+    axes.plot(first["t"] / unit, 1e6 * first["v"], color=Ink.BLUE)
     for stop in (result.flight.vehicle.stroke.minimum, result.flight.vehicle.stroke.maximum):
         axes.axhline(1e6 * stop, color=Ink.GREY, ls=":", lw=1.2)
     axes.set_ylabel("volume [cm³]\n(dotted: end stops)")
     axes.set_xlabel(f"time in the first cycle [{words}]")
 
 
-def _neutral(result: MissionResult, first: Array, axes: Axes) -> None:
+def _neutral(result: MissionResult, first: Records, axes: Axes) -> None:
     flight = result.flight
-    within = flight.column.depth <= float(np.max(first[:, Row.Z])) * 1.02
+    within = flight.column.depth <= float(np.max(first["z"])) * 1.02
     neutral = neutral_volume(flight.vehicle, flight.column)
     lags = flight.vehicle.hull.thermal_time_constant > 0.0
-    axes.plot(1e6 * first[:, Row.V], first[:, Row.Z], color=Ink.BLUE, lw=1.0, label="volume")
+    axes.plot(1e6 * first["v"], first["z"], color=Ink.BLUE, lw=1.0, label="volume")
     axes.plot(1e6 * neutral[within], flight.column.depth[within], color=Ink.ORANGE, ls="--",
               label="neutral, with a hull as warm as the water" if lags else "neutral")  # fmt: skip
     depth_axis(axes)
@@ -109,7 +108,7 @@ def _neutral(result: MissionResult, first: Array, axes: Axes) -> None:
 
 def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axes) -> None:
     """Draw each consumer's power over the first `count` rows, as steps on a logarithmic scale."""
-    time, energy = result.flight.rows[:, Row.T], consumer_energy(result.flight)
+    time, energy = result.flight.rows["t"], consumer_energy(result.flight)
     shown = np.flatnonzero(np.diff(time[: count + 1], append=np.inf)[:count] > 0.0)
     power = {name: mean_power(time, taken)[shown] for name, taken in energy.items()}
     t = time[shown] / unit
@@ -156,16 +155,16 @@ def _energy(result: MissionResult, axes: Axes) -> None:
 
 def _battery(result: MissionResult, axes: Axes) -> None:
     rows, charge = result.flight.rows, result.charge()
-    unit, words = _unit(float(result.flight.end[Now.T]))
+    unit, words = _unit(float(result.flight.end["t"]))
     if not result.energy_known:
         axes.set_axis_off()
         why = result.flight.plan.energy_known.split(". ")[0]
         axes.text(0.5, 0.5, fill(why, 40), ha="center", va="center", transform=axes.transAxes)
         return
     if np.isnan(charge).all():
-        axes.plot(rows[:, Row.T] / unit, drawn_energy(rows) / 1e3, color=Ink.BLUE)
+        axes.plot(rows["t"] / unit, drawn_energy(rows) / 1e3, color=Ink.BLUE)
         axes.set_ylabel("energy drawn [kJ]")
     else:
-        axes.plot(rows[:, Row.T] / unit, 100.0 * charge, color=Ink.BLUE)
+        axes.plot(rows["t"] / unit, 100.0 * charge, color=Ink.BLUE)
         axes.set(ylim=(min(0.0, 100.0 * float(charge.min())), 102.0), ylabel="battery left [%]")
     axes.set_xlabel(f"time [{words}]")

@@ -40,7 +40,7 @@ def draw_tuning(tuning: Tuning) -> Figure:
             lines = axes.plot(traces.time[kept], values[kept], color=color, lw=width, alpha=alpha)
             lines[0].set_label(label)
     half = tuning.band or 0.02 * abs(step.target - step.start)
-    size = f"{style.band:.3g} m" if tuning.band else "2 %"
+    size = f"{half:.3g} m" if tuning.band else "2 %"
     # Of floats one half goes the other way.
     for goal in (step.start, step.target)[0 if tuning.band else 1 :]:
         style.band(depth, goal, half)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.sim.engine.rodas.names import Given
+from swimbladder.sim.engine.rodas.records import GIVEN, made
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle.spread import INPUTS, Spread
 
@@ -62,13 +62,13 @@ def drawn_of(spread: Spread, z: Array, cast: float) -> Array:
 
 def varied(plan: Plan, drawn: Array) -> Plan:
     """Return a plan for a float that differs so; the table is shared, not copied."""
-    given = plan.given.copy()
-    given[Given.TRIM] += drawn[Drawn.TRIM]
-    given[Given.GIVE] += drawn[Drawn.PSI]
-    given[Given.DELIVERY] *= drawn[Drawn.PUMP]
-    given[Given.MASS] *= drawn[Drawn.MASS]
-    given[Given.A_S] /= drawn[Drawn.MASS]
-    for place in (Given.D_L, Given.D_B, Given.D_0, Given.D_T):
+    given = made(GIVEN, plan.given)
+    given["trim"] += drawn[Drawn.TRIM]
+    given["give"] += drawn[Drawn.PSI]
+    given["delivery"] *= drawn[Drawn.PUMP]
+    given["mass"] *= drawn[Drawn.MASS]
+    given["a_s"] /= drawn[Drawn.MASS]
+    for place in ("d_l", "d_b", "d_0", "d_t"):
         given[place] *= drawn[Drawn.DRAG] / drawn[Drawn.MASS]
     return replace(plan, given=given)
 

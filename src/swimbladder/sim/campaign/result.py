@@ -17,7 +17,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, Index, indices
 from swimbladder.sim.campaign.run import Fact
-from swimbladder.sim.engine.rodas.names import Stop
+from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.words import REASONS
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread

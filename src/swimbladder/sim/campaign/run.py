@@ -19,8 +19,8 @@ from swimbladder.jobs import identity, software
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
-from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop
-from swimbladder.sim.mission.core.names import Cycle, Holding, Stage
+from swimbladder.sim.engine.rodas.records import Account, Stop
+from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import ByRule, fly_mission
 from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.plan_check import check_flight
@@ -168,8 +168,8 @@ class Floats:
     def _most_cycles(self) -> int:
         """Return how many cycles there can be: as many as asked for, or as fit into the time."""
         g, stages = self.plans[0].given, self.plans[0].stages
-        last, span = float(g[Given.LAST_CYCLE]), float(g[Given.LAST_TIME])
-        shortest = float(np.sum(stages[:, Stage.DURATION]))
+        last, span = float(g["last_cycle"]), float(g["last_time"])
+        shortest = float(np.sum(stages["duration"]))
         if math.isfinite(span) and shortest > 0.0:
             last = min(last, math.floor(span / shortest) + 1.0)
         if last > _LONGEST:
@@ -194,29 +194,29 @@ class Floats:
             column = self.columns[int(drawn[Drawn.CAST])]
             pilot = ByLaws(self.vehicle, self.mission, column, plan, state, seed=seed)
         flown = _cycles(plan, state, pilot)
-        before, rows = np.zeros(int(Account.COUNT)), list[list[float]]()
+        before, rows = np.zeros(len(Account)), list[list[float]]()
         low, high = math.inf, -math.inf
         for cycle in flown:
-            now = cycle[Cycle.ACCOUNTS :]
+            now = cycle["accounts"]
             rows.append(_cycle(cycle, now - before, plan.given))
             before = now
-            low = min(low, float(cycle[Cycle.V_LEAST]))
-            high = max(high, float(cycle[Cycle.V_MOST]))
-        low, high = min(low, float(x[Now.V_LEAST])), max(high, float(x[Now.V_MOST]))
+            low = min(low, float(cycle["v_least"]))
+            high = max(high, float(cycle["v_most"]))
+        low, high = min(low, float(x["v_least"])), max(high, float(x["v_most"]))
         kept = np.array(rows).reshape(-1, len(CYCLES)).T
         by = dict(zip(CYCLES, kept, strict=True))
-        held = accounts[Account.COUNT :].reshape(-1, int(Holding.COUNT)).sum(axis=0)
+        held = accounts[len(Account) :].reshape(-1, len(Holding)).sum(axis=0)
         time = float(held[Holding.TIME])
         arrived = by["arrival"][np.isfinite(by["arrival"])].tolist()
         drive, other = _energies(accounts)
         g = plan.given
         return [
-            *drawn, float(at[At.STOP]), float(at[At.CYCLE]), float(np.sum(by["phases_missed"])),
+            *drawn, float(at["stop"]), float(at["cycle"]), float(np.sum(by["phases_missed"])),
             sum(arrived) / len(arrived) if arrived else math.nan,
-            max([0.0, *by["deepest"].tolist()]), float(x[Now.T]), drive, drive + other,
-            float(accounts[Account.PUMP_RUNS]), float(x[Now.CHARGE]),
+            max([0.0, *by["deepest"].tolist()]), float(x["t"]), drive, drive + other,
+            float(accounts[Account.PUMP_RUNS]), float(x["charge"]),
             math.sqrt(float(held[Holding.SQUARES]) / time) if time > 0.0 else math.nan,
-            float(min(low - g[Given.V_MIN], g[Given.V_MAX] - high)),
+            float(min(low - g["v_min"], g["v_max"] - high)),
         ], rows  # fmt: skip
 
 
@@ -224,10 +224,10 @@ _MADE = ("plans", "design", "layout")
 
 
 def _cycles(
-    plan: Plan, state: tuple[Array, NDArray[np.int64], Array], pilot: ByLaws | ByRule
-) -> list[Array]:
+    plan: Plan, state: tuple[np.record, np.record, Array], pilot: ByLaws | ByRule
+) -> list[np.record]:
     """Fly a float from a state, which is changed; return its cycles."""
-    flown, found = plan.under_way(state), list[Array]()
+    flown, found = plan.under_way(state), list[np.record]()
     stop = Stop.GOES_ON
     while stop is Stop.GOES_ON:
         flown.counts[:] = 0
@@ -243,13 +243,13 @@ def _energies(accounts: Array) -> tuple[float, float]:
     return sum(float(accounts[a]) for a in drive), sum(float(accounts[a]) for a in other)
 
 
-def _cycle(row: Array, accounts: Array, given: Array) -> list[float]:
+def _cycle(row: np.void, accounts: Array, given: np.record) -> list[float]:
     """Return what is kept of a cycle, in the order of `CYCLES`; accounts: of this cycle alone."""
     drive, other = _energies(accounts)
-    late = int(row[Cycle.MISSED]) | int(row[Cycle.NOT_HELD])
-    margin = min(row[Cycle.V_LEAST] - given[Given.V_MIN], given[Given.V_MAX] - row[Cycle.V_MOST])
+    late = int(row["missed"]) | int(row["not_held"])
+    margin = min(row["v_least"] - given["v_min"], given["v_max"] - row["v_most"])
     return [
-        float(row[Cycle.T_BEGIN]), float(row[Cycle.T_END]), float(row[Cycle.ARRIVAL]),
-        float(row[Cycle.SURFACED]), float(row[Cycle.DEEPEST]), float(late.bit_count()),
+        float(row["t_begin"]), float(row["t_end"]), float(row["arrival"]),
+        float(row["surfaced"]), float(row["deepest"]), float(late.bit_count()),
         float(margin), drive, drive + other, float(accounts[Account.PUMP_RUNS]),
     ]  # fmt: skip

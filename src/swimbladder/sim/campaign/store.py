@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError
 from swimbladder.io.files import make_folder, unfinished
 from swimbladder.jobs import place_files, release
-from swimbladder.sim.engine.rodas.names import Stop
+from swimbladder.sim.engine.rodas.records import Stop
 
 if TYPE_CHECKING:
     import zarr

@@ -31,7 +31,7 @@ from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import base_steps, book_steps
 from swimbladder.sim.engine.layers import Layers
-from swimbladder.sim.engine.rodas.names import Account as FloatAccount
+from swimbladder.sim.engine.rodas.records import Account as FloatAccount
 from swimbladder.vehicle import Sensors, Vehicle
 
 if TYPE_CHECKING:
@@ -305,7 +305,7 @@ class _Run:
     def sums(self) -> int:
         """Number of accounts of a lane."""
         if self.model is not None:
-            return int(FloatAccount.COUNT)
+            return len(FloatAccount)
         return len(Account) if self.books else 0
 
     def block(

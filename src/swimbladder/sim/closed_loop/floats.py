@@ -26,8 +26,8 @@ from swimbladder.sim.closed_loop.solution import Event, Solution, assemble
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Given, Note, Now, Table
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
+from swimbladder.sim.engine.rodas.records import AT, GIVEN, NOTE, NOW, Account, Doing, Note, Table
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 RATES = ("pump", "valve")
@@ -42,10 +42,10 @@ _SHALLOW = 5.0  # m, above which a float is about to dive, or has come up
 _SPEED, _PAUSE = 0.1, 60.0  # m/s and s of a law that states neither
 _MARGIN, _BELOW = 1.2, 100.0  # of the deepest depth, and m: how far the table goes on
 _VARIED = {  # fields of Plant that a lane may have of its own, and where they stand
-    "d_l": Given.D_L, "d_b": Given.D_B, "d_0": Given.D_0, "d_t": Given.D_T,
-    "epsilon": Given.EPSILON, "V_min": Given.V_MIN, "V_max": Given.V_MAX,
-    "z_surface": Given.Z_SURFACE, "a_s": Given.A_S, "z_air": Given.Z_AIR,
-    "z_bottom": Given.Z_BOTTOM,
+    "d_l": "d_l", "d_b": "d_b", "d_0": "d_0", "d_t": "d_t",
+    "epsilon": "epsilon", "V_min": "v_min", "V_max": "v_max",
+    "z_surface": "z_surface", "a_s": "a_s", "z_air": "z_air",
+    "z_bottom": "z_bottom",
 }  # fmt: skip
 
 
@@ -56,8 +56,8 @@ class FloatModel:
     vehicle: Vehicle
     column: Column
     plant: Plant  # of the body; what the drive would say is nan
-    given: Array  # [Given.COUNT]
-    table: Array  # [n, Table.WIDTH]
+    given: Any  # a record of GIVEN
+    table: Array  # [n, 2 len(Table)]
     energy_unknown: str  # why no electrical energy is known; "" where it is
 
     def lanes(
@@ -72,18 +72,18 @@ class FloatModel:
         over what the processor knows [len(RATES), lanes].
         """
         count = plants.shape[1]
-        given = np.repeat(self.given[None, :], count, axis=0)
+        given = np.array([self.given] * count, GIVEN)
         rows = dict(zip(Plant._fields, plants, strict=True))
         for name, place in _VARIED.items():
-            given[:, place] = rows[name]
+            given[place] = rows[name]
         own = self.plant
-        given[:, Given.MASS] = self.given[Given.MASS] * own.a_b / rows["a_b"]
+        given["mass"] = self.given["mass"] * own.a_b / rows["a_b"]
         if rates is not None:
-            given[:, Given.DELIVERY], given[:, Given.FLOW] = rates
-        given[:, Given.TRIM] = rows["V_0"] - own.V_0
-        given[:, Given.GIVE] = rows["psi"] - own.psi
-        x = np.zeros((count, int(Now.COUNT)))
-        at = np.zeros((count, int(At.COUNT)), dtype=np.int64)
+            given["delivery"], given["flow"] = rates
+        given["trim"] = rows["V_0"] - own.V_0
+        given["give"] = rows["psi"] - own.psi
+        x = np.zeros(count, NOW)
+        at = np.zeros(count, AT)
         board = np.zeros((count, BOARD))
         for n in range(count):
             asked = None if math.isnan(volume[n]) else float(volume[n])
@@ -91,21 +91,21 @@ class FloatModel:
             if asked is not None:
                 z = max(z, _AT_SURFACE)  # not afloat with all volume out
             x[n], at[n] = first_lane(given[n], self.table, z, volume=asked)
-            x[n, Now.W] = speed[n]
+            x["w"][n] = speed[n]
             own_law = {k: float(v[n]) for k, v in parameters.items()}
             up, pause = surfacing_of(self.vehicle, own_law)
             board[n, : len(up)], board[n, PAUSE] = up, pause
-            x[n, Now.Z_LOOK] = x[n, Now.Z]
-            board[n, DIVES] = 0.0 if x[n, Now.V] >= up.full - up[3] else 1.0
+            x["z_look"][n] = x["z"][n]
+            board[n, DIVES] = 0.0 if x["v"][n] >= up.full - up[3] else 1.0
             board[n, FLOATS] = 1.0
         stepper = Pumped(
             given=given, table=self.table, waves=np.zeros((0, 6)), x=x, at=at,
-            accounts=np.zeros((count, int(Account.COUNT))),
-            notes=np.zeros((count, noted, int(Drive.COUNT))),
+            accounts=np.zeros((count, len(Account))),
+            notes=np.zeros((count, noted), NOTE),
             counts=np.zeros((count, 3), dtype=np.int64), work=np.zeros((count, 6, 8)),
             board=board, segment=np.zeros((count, SEGMENT)),
         )  # fmt: skip
-        start = np.stack([np.zeros(count), x[:, Now.V], x[:, Now.Z], x[:, Now.W]])
+        start = np.stack([np.zeros(count), x["v"], x["z"], x["w"]])
         return stepper, start
 
 
@@ -143,7 +143,7 @@ def float_model(
     shallow = max(_SHALLOW, hull.emergence_depth + 0.1 * hull.height)
     given = given_of(
         vehicle, column, bottom=medium.plant.z_bottom, accuracy=_EXACT,
-        asked={Given.SHALLOW: shallow},
+        asked={"shallow": shallow},
     )  # fmt: skip
     return FloatModel(
         vehicle=vehicle, column=column, plant=medium.plant, given=given, table=table,
@@ -182,7 +182,7 @@ def run_float(
         values, plants, np.array([z]), np.array([math.nan if V is None else V]), np.array([w]),
         noted=_ROOM + 4 * clock.ticks,
     )  # fmt: skip
-    begin, emerges = stepper.x[0].copy(), bool(stepper.at[0, At.PLACE] == 1)
+    begin, emerges = stepper.x[0].copy(), bool(stepper.at["place"][0] == 1)
     block = Block.lay_out(
         plants=plants, law=law, parameters=values, clock=clock, parts=1,
         depths=np.array(depths)[:, None], start=first, sensors=vehicle.sensors,
@@ -202,9 +202,9 @@ def _events(stepper: Pumped, time: Array, record: Array) -> tuple[Event, ...]:
     """Return passages and stalls; the runs of the drive are in the record, sample by sample."""
     notes = stepper.notes[0, : int(stepper.counts[0, 1])]
     found = [
-        Event(float(row[Drive.T]), _WORDS[Note(int(row[Drive.WHAT]))])
+        Event(float(row["t"]), _WORDS[Note(int(row["what"]))])
         for row in notes
-        if Note(int(row[Drive.WHAT])) in _WORDS
+        if Note(int(row["what"])) in _WORDS
     ]
     stalled = (record[5] == Doing.PUMPING) & (record[3] <= 0.0)
     begins = np.flatnonzero(stalled & ~np.concatenate(([False], stalled[:-1])))
@@ -223,12 +223,12 @@ def _power(model: FloatModel, depth: Array, doing: Array) -> Array:
 
 
 def float_balance(
-    model: FloatModel, stepper: Pumped, lane: int, begin: Array, emerged: bool
+    model: FloatModel, stepper: Pumped, lane: int, begin: np.record, emerged: bool
 ) -> Books:
-    """Return the balances of a lane since its first state `begin` of `Now`."""
+    """Return the balances of a lane since its first state `begin`."""
     g, a = stepper.given[lane], stepper.accounts[lane]
     end = stepper.x[lane]
-    stored = stored_energy(g, model.table, end, emerging=stepper.at[lane, At.PLACE] == 1)
+    stored = stored_energy(g, model.table, end, emerging=stepper.at["place"][lane] == 1)
     stored -= stored_energy(g, model.table, begin, emerging=emerged)
     found: Balance = balance(g, a, begin, end, stored=stored)
     sinks, source = dict(found.sinks), found.drive

@@ -16,16 +16,20 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
+import numpy as np
 from numba import types
 from numba.extending import overload
+from numpy.typing import NDArray
 
 from swimbladder.sim.closed_loop.rows import N_PLANT, Row
 from swimbladder.sim.engine.cache import OVERLOADED, inlined, part
 from swimbladder.sim.engine.modes import BOTTOM, V_MAX, V_MIN, resting_volume, split
 
+Array = NDArray[np.float64]
+
 
 @inlined
-def _swell(S, W_, i, t):  # type: ignore[no-untyped-def]
+def _swell(S: Array, W_: int, i: int, t: float) -> Any:
     """Return the volume [m3] whose loss pulls as the swell does at lane i's depth and time t [s].
 
     A neutral hull moves with the water, and the pressure it sees stays as it is (Airy waves); this
@@ -37,7 +41,7 @@ def _swell(S, W_, i, t):  # type: ignore[no-untyped-def]
 
 
 @part
-def lose(S, W_, i, p, t, dt, layers):  # type: ignore[no-untyped-def]
+def lose(S: Array, W_: int, i: int, p: Any, t: float, dt: float, layers: Any) -> None:
     """Set what is lost in lane i at time t [s], dt [s] after it was set last.
 
     p: room for the lane's parameters.

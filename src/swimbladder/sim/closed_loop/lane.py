@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
@@ -14,6 +15,8 @@ from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined, shared
 from swimbladder.sim.engine.chain import ALPHA, BETA, build_chain
 from swimbladder.sim.engine.modes import drag_at, resting_volume, split
+
+Array = NDArray[np.float64]
 
 
 @shared
@@ -63,7 +66,7 @@ def set_mode(S, token, i, mode, chains, built, h, p, layers):  # type: ignore[no
 
 
 @inlined
-def judge(S, W_, i, since):  # type: ignore[no-untyped-def]
+def judge(S: Array, W_: int, i: int, since: float) -> None:
     """Follow the step response of lane i at a sample `since` [s] after the set-point."""
     z = S[Row.Z * W_ + i]
     error = S[Row.REFERENCE * W_ + i] - z
@@ -116,7 +119,7 @@ def limited(S: Any, W_: int, i: int, command: float) -> float:
 
 
 @inlined
-def leap_lane(S, W_, i, u, h, bent):  # type: ignore[no-untyped-def]
+def leap_lane(S: Array, W_: int, i: int, u: float, h: float, bent: float) -> Any:
     """Return lane i's state after one step by its mode's exponential, and whether that is all.
 
     bent: whether the drag may be other than laminar.
@@ -177,7 +180,7 @@ def within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h):  # type: ignore[no-untyped-
 
 
 @inlined
-def _row(S, W_, c, q, v, z, w, u):  # type: ignore[no-untyped-def]
+def _row(S: Array, W_: int, c: int, q: float, v: float, z: float, w: float, u: float) -> Any:
     """Return one row of the tick's exponential, less 1, times the state and the input."""
     return (
         S[c] * q
@@ -190,7 +193,7 @@ def _row(S, W_, c, q, v, z, w, u):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _rest(S, W_, i, w):  # type: ignore[no-untyped-def]
+def _rest(S: Array, W_: int, i: int, w: float) -> Any:
     """Return N(w) of lane i, see engine.modes.drag."""
     d_l, d_b = S[(Row.PLANT + modes.D_L) * W_ + i], S[(Row.PLANT + modes.D_B) * W_ + i]
     d_0, d_t = S[(Row.PLANT + modes.D_0) * W_ + i], S[(Row.PLANT + modes.D_T) * W_ + i]

@@ -9,7 +9,10 @@ in which something happens (an end stop, the surface, the bottom) are taken agai
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
@@ -25,11 +28,14 @@ from swimbladder.sim.engine.chain import leap
 from swimbladder.sim.engine.modes import first_mode
 from swimbladder.sim.engine.sensor import Sensor, measured
 
+Array = NDArray[np.float64]
+
+
 OVER = 6  # why a lane stopped, beside engine.advance: by its hooks
 
 
 @shared
-def measure_block(S, token, noise, k):  # type: ignore[no-untyped-def]
+def measure_block(S: Array, token: Any, noise: Array, k: int) -> None:
     """Write what the sensors give."""
     W_ = len(token)
     for i in range(W_):
@@ -41,7 +47,7 @@ def measure_block(S, token, noise, k):  # type: ignore[no-untyped-def]
 
 
 @part
-def _set_targets(S, token, depths):  # type: ignore[no-untyped-def]
+def _set_targets(S: Array, token: Any, depths: Any) -> None:
     """Give every lane a set-point, and begin to follow its step response."""
     W_ = len(token)
     for i in range(W_):
@@ -80,7 +86,7 @@ def _tick(S, token, bend, sea, like, like_state, k, t, since, tick):  # type: ig
 
 
 @part
-def _start_laws(S, token, like, t):  # type: ignore[no-untyped-def]
+def _start_laws(S: Array, token: Any, like: Any, t: float) -> None:
     W_ = len(token)
     for i in range(W_):
         seen = Measurement(t, S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i])
@@ -254,7 +260,7 @@ def _take_slowly(  # type: ignore[no-untyped-def]
 
 
 @part
-def _record(S, token, record, k, n_par, state_row):  # type: ignore[no-untyped-def]
+def _record(S: Array, token: Any, record: Array, k: int, n_par: int, state_row: int) -> None:
     W_ = len(token)
     for i in range(W_):
         record[0, k, i] = S[Row.Z * W_ + i]
@@ -268,7 +274,7 @@ def _record(S, token, record, k, n_par, state_row):  # type: ignore[no-untyped-d
 
 
 @compiled
-def start_block(S, token, h, chains, built, layers):  # type: ignore[no-untyped-def]
+def start_block(S: Array, token: Any, h: float, chains: Array, built: Any, layers: Any) -> None:
     """Set each lane's first mode from its state, its parameters and a base step h [s]."""
     W_ = len(token)
     p = np.zeros(N_PLANT)

@@ -54,22 +54,22 @@ from swimbladder.sim.engine.rodas.drive import (
     turn_line,
 )
 from swimbladder.sim.engine.rodas.motion import inside, rate_of
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Given, Now, Stop
+from swimbladder.sim.engine.rodas.records import NOTE, Account, Doing, Stop, lane_of
 
 Array = NDArray[np.float64]
 LAW_NOT_FINITE = 5  # why a lane stopped, beside engine.advance
 
 
 class Pumped(NamedTuple):
-    """Lanes that RODAS moves: `names` of `engine.rodas` says what stands where in their arrays."""
+    """Lanes that RODAS moves, of records of `engine.rodas.records`."""
 
-    given: Array  # [lanes, Given.COUNT]
-    table: Array  # [n, Table.WIDTH], of all lanes
+    given: Any  # [lanes] of GIVEN
+    table: Array  # [n, 2 len(Table)], of all lanes
     waves: Array  # [m, 6], as `table`
-    x: Array  # [lanes, Now.COUNT]
-    at: NDArray[np.int64]  # [lanes, At.COUNT]
+    x: Any  # [lanes] of NOW
+    at: Any  # [lanes] of AT
     accounts: Array  # [lanes, Account.COUNT]
-    notes: Array  # [lanes, k, Drive.COUNT]; nothing is noted where k is 0
+    notes: Any  # [lanes, k] of NOTE; nothing is noted where k is 0
     counts: NDArray[np.int64]  # [lanes, 3]
     work: Array  # [lanes, 6, 8]
     board: Array  # [lanes, BOARD]: the parameters of `control.surfacing`, and see below
@@ -81,39 +81,31 @@ N_UP = len(SurfacingParameters._fields)
 # s between two decisions at the surface; 1: it dives; 1: it is known to float with all volume out
 PAUSE, DIVES, FLOATS, BOARD = range(N_UP, N_UP + 4)
 BEGIN, END, Z_FROM, W_FROM, V_FROM, DID, SEGMENT = range(7)
-T, Z, W, V, T_MOVE = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_MOVE)
-T_LOOK, Z_LOOK, W_SEEN = int(Now.T_LOOK), int(Now.Z_LOOK), int(Now.W_SEEN)
-DOING, SHUT, STOP, NEW_LAW = int(At.DOING), int(At.SHUT), int(At.STOP), int(At.NEW_LAW)
-LONGEST, NOTHING = int(Given.LONGEST), int(Doing.NOTHING)
-PUMPING, PRIMING = int(Doing.PUMPING), int(Doing.PRIMING)
-LETTING_IN, BYPASSING = int(Doing.LETTING_IN), int(Doing.BYPASSING)
-RESTS, TRIM, NEUTRAL_TOP, H = int(At.RESTS), int(Given.TRIM), int(Given.NEUTRAL_TOP), int(Now.H)
 _WHOLE = 1.0 - 1e-6  # of a tick: a run so long may go on with the next one
-STOP_LEFT, STOP_LOST, STUCK = int(Stop.LEFT_WATER), int(Stop.LOST), int(Stop.STUCK)
 _SAME_TRIM = 1e-15  # m3
 _PASSES = 200  # without time passing: a fault of the model
 _at_surface = inlined(compilable(at_surface))
 
 
 @part
-def run_for(s, i, length, wide, tick):  # type: ignore[no-untyped-def]
+def run_for(s: Any, i: int, length: float, wide: Any, tick: float) -> None:
     """Let the pump of lane i run for a length [s], below 0 a valve; what else was on ends.
 
     wide: 1: by the bypass. A whole tick of it goes on until another command ends it.
     """
     x, at, notes, counts = s.x[i], s.at[i], s.notes[i], s.counts[i]
-    does = PUMPING if length > 0.0 else (BYPASSING if wide > 0.0 else LETTING_IN)
+    does = Doing.PUMPING if length > 0.0 else (Doing.BYPASSING if wide > 0.0 else Doing.LETTING_IN)
     length = math.inf if abs(length) >= _WHOLE * tick else abs(length)
-    now = PUMPING if at[DOING] == PRIMING else at[DOING]
-    if now != NOTHING and (length == 0.0 or now != does):
+    now = Doing.PUMPING if at.doing == Doing.PRIMING else at.doing
+    if now != Doing.NOTHING and (length == 0.0 or now != does):
         end_run(x, at, notes, counts)
     if length > 0.0 and now != does:
-        end = math.inf if does == PUMPING else -math.inf
+        end = math.inf if does == Doing.PUMPING else -math.inf
         start_run(
             s.given[i], s.table, x, at, s.accounts[i], notes, counts, does, 0.0, end, length
         )  # fmt: skip
-    elif at[DOING] != NOTHING:
-        x[T_MOVE] = x[T] + length
+    elif at.doing != Doing.NOTHING:
+        x.t_move = x.t + length
 
 
 @part
@@ -130,7 +122,7 @@ def _decide(  # type: ignore[no-untyped-def]
     else:
         S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
     x, at = s.x[i], s.at[i]
-    rate = rate_of(s.given[i], s.table, at[DOING], at[SHUT] == 1, x[Z], x[V], x[W])
+    rate = rate_of(s.given[i], s.table, at.doing, at.shut == 1, x.z, x.v, x.w)
     S[Row.Q * W_ + i] = rate[0]
 
 
@@ -143,21 +135,21 @@ def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-u
         S[Row.WAIT * W_ + i] = waiting - 1.0
         return
     p, x, at, board = s.given[i], s.x[i], s.at[i], s.board[i]
-    t, change, pause = x[T], 0.0, board[PAUSE]
+    t, change, pause = x.t, 0.0, board[PAUSE]
     depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
     reference = S[Row.REFERENCE * W_ + i]
     up = SurfacingParameters(board[0], board[1], board[2], board[3], board[4], board[5])
-    before = SurfacingState(x[Z_LOOK], board[DIVES])
+    before = SurfacingState(x.z_look, board[DIVES])
     action, wanted, after = _at_surface(up, before, depth, volume, reference, board[FLOATS])
     notes, counts = s.notes[i], s.counts[i]
-    if at[DOING] != NOTHING:
+    if at.doing != Doing.NOTHING:
         pass  # a run to the end stop, of a pump that may run as long as it takes
     elif action == LAW:
         row = (Row.LAW + extent(like)) * W_ + i
         parameters = gather(like, S, Row.LAW * W_ + i, W_)
         now = Measurement(t, depth, volume)
-        if at[NEW_LAW] == 1:
-            at[NEW_LAW] = 0
+        if at.new_law == 1:
+            at.new_law = 0
             scatter_where(True, law_initial(parameters, now, reference), S, row, W_)
         state = gather(like_state, S, row, W_)
         change, state, pause = law_step(parameters, state, now, reference)
@@ -167,31 +159,31 @@ def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-u
             S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
             return
         if change != 0.0:
-            longest = min(p[LONGEST], pause)  # a run is over by the next call
+            longest = min(p.longest, pause)  # a run is over by the next call
             change_volume(
                 p, s.table, x, at, s.accounts[i], notes, counts, volume, change, longest
             )  # fmt: skip
     else:
-        x[Z_LOOK], board[DIVES], at[NEW_LAW] = after.depth, after.dives, 1
+        x.z_look, board[DIVES], at.new_law = after.depth, after.dives, 1
         change = wanted
         if action == OUT:
             press_out(p, s.table, x, at, s.accounts[i], notes, counts)
         elif action == IN:
-            x[W_SEEN] = 0.0
-            longest = min(p[LONGEST], pause)
+            x.w_seen = 0.0
+            longest = min(p.longest, pause)
             take_in(p, s.table, x, at, s.accounts[i], notes, counts, volume, wanted, longest)
     turn_line(p, s.table, s.waves, x, at)
-    x[T_LOOK] = t + pause
-    if at[DOING] != NOTHING and x[T_MOVE] < math.inf:
-        x[T_LOOK] = max(x[T_LOOK], x[T_MOVE])
-    S[Row.COMMAND * W_ + i], S[Row.APPLIED * W_ + i] = change, at[DOING]
-    S[Row.Q * W_ + i] = rate_of(p, s.table, at[DOING], at[SHUT] == 1, x[Z], x[V], x[W])[0]
+    x.t_look = t + pause
+    if at.doing != Doing.NOTHING and x.t_move < math.inf:
+        x.t_look = max(x.t_look, x.t_move)
+    S[Row.COMMAND * W_ + i], S[Row.APPLIED * W_ + i] = change, at.doing
+    S[Row.Q * W_ + i] = rate_of(p, s.table, at.doing, at.shut == 1, x.z, x.v, x.w)[0]
     if tick > 0.0:
-        S[Row.WAIT * W_ + i] = max(math.ceil((x[T_LOOK] - t) / tick - 1e-9) - 1.0, 0.0)
+        S[Row.WAIT * W_ + i] = max(math.ceil((x.t_look - t) / tick - 1e-9) - 1.0, 0.0)
 
 
 @part
-def _move(s, S, W_, i, hooks, k, tick, ahead):  # type: ignore[no-untyped-def]
+def _move(s: Any, S: Array, W_: int, i: int, hooks: Any, k: int, tick: float, ahead: float) -> None:
     """Bring lane i to the end of tick k; its steps may go on to `ahead` [s].
 
     A tick without a length ends where the hooks say.
@@ -199,28 +191,28 @@ def _move(s, S, W_, i, hooks, k, tick, ahead):  # type: ignore[no-untyped-def]
     p, x, at, seg, work = s.given[i], s.x[i], s.at[i], s.segment[i], s.work[i]
     accounts, notes, counts = s.accounts[i], s.notes[i], s.counts[i]
     lost = S[Row.LOST * W_ + i]  # see `hooks.lose`
-    trimmed = S[(Row.PLANT + V_0) * W_ + i] - p[NEUTRAL_TOP] + lost
-    if abs(p[TRIM] - trimmed) > _SAME_TRIM:
-        p[TRIM] = trimmed
-        at[RESTS] = 0
-        x[H] = min(x[H], 1.0)
+    trimmed = S[(Row.PLANT + V_0) * W_ + i] - p.neutral_top + lost
+    if abs(p.trim - trimmed) > _SAME_TRIM:
+        p.trim = trimmed
+        at.rests = 0
+        x.h = min(x.h, 1.0)
     t = (k + 1) * tick
     until = max(t, min(ahead, (k + 1.0 + S[Row.WAIT * W_ + i]) * tick))
     t, until = bound(hooks, t), bound(hooks, until)
     passes = 0
-    while x[T] < t and at[STOP] == 0:
-        before, z = x[T], x[Z]
+    while x.t < t and at.stop == 0:
+        before, z = x.t, x.z
         goal = next_turn(p, s.table, x, at, until)
         if goal > before:
             loads, level = set_off(hooks)
-            seg[BEGIN], seg[Z_FROM], seg[W_FROM], seg[V_FROM] = before, z, x[W], x[V]
-            seg[DID] = at[DOING]
+            seg[BEGIN], seg[Z_FROM], seg[W_FROM], seg[V_FROM] = before, z, x.w, x.v
+            seg[DID] = at.doing
             event = move(
                 p, s.table, s.waves, x, at, accounts, notes, counts, loads, level, goal, work
             )  # fmt: skip
-            seg[END] = x[T]
+            seg[END] = x.t
             if event == STAYED:
-                work[0, 0], work[0, 1], work[0, 2] = x[Z], x[W], x[V]
+                work[0, 0], work[0, 1], work[0, 2] = x.z, x.w, x.v
                 for n in range(3):
                     work[2, n], work[3, n] = 0.0, 0.0
             moved(hooks, event, before, z)
@@ -228,45 +220,45 @@ def _move(s, S, W_, i, hooks, k, tick, ahead):  # type: ignore[no-untyped-def]
         turn_line(p, s.table, s.waves, x, at)
         settled(hooks)
         t, until = bound(hooks, t), bound(hooks, until)
-        passes = 0 if x[T] > before else passes + 1
+        passes = 0 if x.t > before else passes + 1
         if passes > _PASSES:
-            at[STOP] = STUCK
-    z, w, v, doing = x[Z], x[W], x[V], float(at[DOING])
-    if x[T] > t:
+            at.stop = Stop.STUCK
+    z, w, v, doing = x.z, x.w, x.v, float(at.doing)
+    if x.t > t:
         share = (t - seg[BEGIN]) / (seg[END] - seg[BEGIN])
         z = inside(seg[Z_FROM], work[0, 0], work[2, 0], work[3, 0], share)
         w = inside(seg[W_FROM], work[0, 1], work[2, 1], work[3, 1], share)
         v = inside(seg[V_FROM], work[0, 2], work[2, 2], work[3, 2], share)
         doing = seg[DID]
-    elif at[STOP] != 0 or not abs(z) < 1e30:
+    elif at.stop != 0 or not abs(z) < 1e30:
         why = CHATTERS
         if not abs(z) < 1e30:
             why = NOT_FINITE
-        elif at[STOP] == STOP_LEFT:
+        elif at.stop == Stop.LEFT_WATER:
             why = LEFT_WATER
-        elif at[STOP] == STOP_LOST:
+        elif at.stop == Stop.LOST:
             why = TOO_DEEP
         S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = why, k
-    rate = rate_of(p, s.table, int(doing), at[SHUT] == 1, z, v, w)[0]
+    rate = rate_of(p, s.table, int(doing), at.shut == 1, z, v, w)[0]
     commit(S, W_, i, (0.0,), rate, v - lost, z, w)
     if s.wide is None:
         S[Row.APPLIED * W_ + i] = doing
 
 
 def one_lane(
-    given: Array, table: Array, x: Array, at: NDArray[np.int64], **named: Array | NDArray[np.int64]
+    given: np.record, table: Array, x: np.record, at: np.record, **named: NDArray[Any]
 ) -> Pumped:
-    """Return a lane in a state (x, at) of `names`; named: what else of it there is, as one lane's.
+    """Return a lane in a state (x, at); named: what else of it there is, as one lane's.
 
     What is not given keeps nothing: no waves, accounts that nobody reads, no notes.
     """
     lane: dict[str, Any] = {
-        "accounts": np.zeros(int(Account.COUNT)), "notes": np.zeros((0, int(Drive.COUNT))),
+        "accounts": np.zeros(len(Account)), "notes": np.zeros(0, NOTE),
         "counts": np.zeros(3, np.int64), "board": np.zeros(BOARD),
     } | named  # fmt: skip
     waves = lane.pop("waves", np.zeros((0, 6)))
     return Pumped(
-        given=given[None], table=table, waves=waves, x=x[None], at=at[None],
+        given=lane_of(given), table=table, waves=waves, x=lane_of(x), at=lane_of(at),
         **{name: values[None] for name, values in lane.items()},
         work=np.zeros((1, 6, 8)), segment=np.zeros((1, SEGMENT)),
     )  # fmt: skip

@@ -9,8 +9,10 @@ the one after.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.sim.engine.books import (
     PUMPED,
@@ -37,6 +39,9 @@ from swimbladder.sim.engine.modes import (
     event,
     first_mode,
 )
+
+Array = NDArray[np.float64]
+
 
 DONE, LEFT_WATER, TOO_DEEP, CHATTERS, NOT_FINITE = 0, 1, 2, 3, 4
 _TRANSITIONS = 500  # in one step: more is no motion but chatter
@@ -216,6 +221,6 @@ def follow(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def begin(p, layers, q, V, z, w):  # type: ignore[no-untyped-def]
+def begin(p: Array, layers: Any, q: float, V: float, z: float, w: float) -> Any:
     """Return (mode, q) that a state starts in; see `modes.first_mode`."""
     return first_mode(p, layers, q, V, z, w, 0.0)

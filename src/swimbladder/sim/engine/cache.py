@@ -290,7 +290,12 @@ def shared(function: Callable[..., Any]) -> Any:
 def _by_type(kernel: Any) -> Any:
     """Let a kernel be compiled once for the types of its arguments, not for each constant given."""
     find = kernel.get_call_template
-    plain: Callable[[Any], Any] = types.unliteral
+    unliteral: Callable[[Any], Any] = types.unliteral
+
+    def plain(kind: Any) -> Any:
+        # one type for all constants of a type, and for all members of an enumeration
+        found = unliteral(kind)
+        return found.dtype if isinstance(found, types.IntEnumMember) else found
 
     def template(args: Any, kws: Any) -> Any:
         return find(tuple(map(plain, args)), {name: plain(kind) for name, kind in kws.items()})

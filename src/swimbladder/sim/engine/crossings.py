@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.books import (
@@ -15,9 +19,11 @@ from swimbladder.sim.engine.books import (
 from swimbladder.sim.engine.cache import part
 from swimbladder.sim.engine.modes import resting_volume, split
 
+Array = NDArray[np.float64]
+
 
 @part
-def may_hide(p, layers, mode, x, y, h):  # type: ignore[no-untyped-def]
+def may_hide(p: Array, layers: Any, mode: int, x: Array, y: Array, h: float) -> Any:
     """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
     act, _, where = split(mode)
     if (
@@ -46,7 +52,7 @@ def may_hide(p, layers, mode, x, y, h):  # type: ignore[no-untyped-def]
 
 
 @part
-def _may_submerge(p, x, y):  # type: ignore[no-untyped-def]
+def _may_submerge(p: Array, x: Array, y: Array) -> Any:
     """Return whether an emerged hull that bobs about where it floats may reach the water line."""
     stiffness = p[modes.A_S] - p[modes.A_B] * p[modes.PSI]
     if stiffness <= 0.0:
@@ -63,7 +69,7 @@ def _may_submerge(p, x, y):  # type: ignore[no-untyped-def]
 
 
 @part
-def note(log, count, t, old, new):  # type: ignore[no-untyped-def]
+def note(log: Array, count: Any, t: float, old: Any, new: Any) -> None:
     """Record a passage that a reader cares about: end stops, surface, bottom, supply limit."""
     old_act, _, old_where = split(old)
     new_act, _, new_where = split(new)
@@ -79,7 +85,7 @@ def note(log, count, t, old, new):  # type: ignore[no-untyped-def]
 
 
 @part
-def at_stop(p, mode, x):  # type: ignore[no-untyped-def]
+def at_stop(p: Array, mode: int, x: Array) -> Any:
     """Return whether a mode is one of an end stop at which the volume stands."""
     act = mode % 10
     if act == modes.UPPER:
@@ -88,7 +94,7 @@ def at_stop(p, mode, x):  # type: ignore[no-untyped-def]
 
 
 @part
-def put_at_limit(p, mode, x, books):  # type: ignore[no-untyped-def]
+def put_at_limit(p: Array, mode: int, x: Array, books: Array) -> None:
     """Put V or z at the end stop or the bottom that was reached: less than a tick of the way."""
     act, _, where = split(mode)
     moved = 0.0

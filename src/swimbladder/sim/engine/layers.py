@@ -6,7 +6,7 @@ heat, and a hull that is not linear, make of it beside that stands in a table ov
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,7 @@ def layers_from(volume: Array, step: float) -> Layers:
 
 
 @part
-def layered(layers, z):  # type: ignore[no-untyped-def]
+def layered(layers: Any, z: float) -> Any:
     """Return what layers add to the neutral volume [m3] at depth z [m], and its slope [m3/m]."""
     if layers.table.shape[0] == 0:
         return 0.0, 0.0

@@ -8,11 +8,16 @@ the vehicle is.
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.physics.dynamics import Plant, drag_law
 from swimbladder.sim.engine.cache import inlined, part, shared
 from swimbladder.sim.engine.layers import layered
+
+Array = NDArray[np.float64]
 
 
 class Act(IntEnum):
@@ -99,19 +104,19 @@ drag_at = inlined(drag_law)
 
 
 @part
-def drag(p, w):  # type: ignore[no-untyped-def]
+def drag(p: Array, w: float) -> Any:
     """Return drag over mass [m/s2], its slope [1/s] and N(w), see dynamics.drag_law."""
     return drag_at(w, p[D_L], p[D_B], p[D_0], p[D_T], p[EPSILON])
 
 
 @part
-def split(mode):  # type: ignore[no-untyped-def]
+def split(mode: int) -> Any:
     """Return (actuator, limited, where) of a mode."""
     return mode % 10, (mode // 10) % 2, mode // 20
 
 
 @part
-def linear_part(p, mode, A, b_u, b_1):  # type: ignore[no-untyped-def]
+def linear_part(p: Array, mode: int, A: Array, b_u: Array, b_1: Array) -> Any:
     """Fill A [4, 4], b_u [4], b_1 [4] of dx/dt = A x + b_u u + b_1; return what drag does to w."""
     act, limited, where = split(mode)
     A[:, :] = 0.0
@@ -151,7 +156,7 @@ def linear_part(p, mode, A, b_u, b_1):  # type: ignore[no-untyped-def]
 
 
 @part
-def supply_limit(p, u, q):  # type: ignore[no-untyped-def]
+def supply_limit(p: Array, u: float, q: float) -> Any:
     """Return the largest voltage [V] the supply gives in the direction of u at volume rate q."""
     sag = p[SAG]
     if sag <= 0.0:
@@ -161,13 +166,13 @@ def supply_limit(p, u, q):  # type: ignore[no-untyped-def]
 
 
 @part
-def _applied(p, u, q):  # type: ignore[no-untyped-def]
+def _applied(p: Array, u: float, q: float) -> Any:
     limit = supply_limit(p, u, q)
     return max(-limit, min(limit, u))
 
 
 @part
-def resting_volume(p, layers, z):  # type: ignore[no-untyped-def]
+def resting_volume(p: Array, layers: Any, z: float) -> Any:
     """Return the volume [m3] above which a vehicle that lies at depth z in layers rises.
 
     A share of 1e-12 of the stroke above neutral, so that rounding neither lifts it nor lets it go.
@@ -178,7 +183,7 @@ def resting_volume(p, layers, z):  # type: ignore[no-untyped-def]
 
 
 @part
-def _turning(p, u, z, q):  # type: ignore[no-untyped-def]
+def _turning(p: Array, u: float, z: float, q: float) -> Any:
     """Return the state of a free motor: which way it turns, or that it is stuck."""
     if p[LOAD_DRIVE] == p[LOAD_BACK] and p[FRICTION] == 0.0:
         return FORWARD
@@ -195,7 +200,7 @@ def _turning(p, u, z, q):  # type: ignore[no-untyped-def]
 
 
 @part
-def _stop_pushes(p, u, q, z, w):  # type: ignore[no-untyped-def]
+def _stop_pushes(p: Array, u: float, q: float, z: float, w: float) -> Any:
     """Return whether the upper end stop pushes against a motor that holds the volume there.
 
     A free motor would then deliver more than what leaks. The leakage changes by k_l w: what turns
@@ -295,7 +300,7 @@ def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
 
 
 @shared
-def first_mode(p, layers, q, V, z, w, u):  # type: ignore[no-untyped-def]
+def first_mode(p: Array, layers: Any, q: float, V: float, z: float, w: float, u: float) -> Any:
     """Return (mode, q) that a state starts in; q of a positioner is its rate, 0 at its target."""
     where = SUBMERGED
     if z >= p[Z_BOTTOM] and w == 0.0 and resting_volume(p, layers, z) >= V:

@@ -25,7 +25,7 @@ from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined
 from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.layers import Layers, layered
-from swimbladder.sim.engine.rodas.names import At, Doing, Given, Now
+from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.faults.c_interface import call_begin, call_tick
 from swimbladder.sim.faults.draw import Mission
 from swimbladder.sim.faults.fault_effects import (
@@ -59,11 +59,6 @@ Array = NDArray[np.float64]
 OWN, FULL, EARLY = 0, 1, 2
 _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
 MOST_TURNS = 8  # set-points of a mission
-_RESTS, _DOING, _H = int(At.RESTS), int(At.DOING), int(Now.H)
-_T, _T_PRIMED = int(Now.T), int(Now.T_PRIMED)
-_PUMPING, _PRIMING = int(Doing.PUMPING), int(Doing.PRIMING)
-_LEAST, _MOST = int(Given.V_MIN), int(Given.V_MAX)
-_DELIVERY, _FLOW, _OPEN = int(Given.DELIVERY), int(Given.FLOW), int(Given.OPEN)
 _NEARLY = 0.01  # of the stroke: a volume so near its largest is all out
 
 
@@ -284,23 +279,23 @@ def _act_on_motor(faults: Faults, S: Array, p: Array, built: Any, changed: bool)
 
 @inlined
 def _act_on_pump(
-    faults: Faults, given: Array, x: Array, at: Any, S: Array, p: Array, changed: bool
+    faults: Faults, given: Any, x: Any, at: Any, S: Array, p: Array, changed: bool
 ) -> None:
     """Let the faults act on a float's pump, valve and end stops, and on its battery."""
     m, now = faults.flight, faults.flight.now
     if changed:
-        at[_RESTS] = 0
-        x[_H] = min(x[_H], 1.0)
-        given[_LEAST], given[_MOST] = p[modes.V_MIN] + S[Row.LOST], p[modes.V_MAX] + S[Row.LOST]
-        given[_FLOW], given[_OPEN] = now.flow * m.acts[VALVE, 0], m.acts[OPEN, 1]
+        at.rests = 0
+        x.h = min(x.h, 1.0)
+        given.v_min, given.v_max = p[modes.V_MIN] + S[Row.LOST], p[modes.V_MAX] + S[Row.LOST]
+        given.flow, given.open = now.flow * m.acts[VALVE, 0], m.acts[OPEN, 1]
     share, loaded, unloaded = pump_share(faults.pump, m.base, m.acts, max(S[Row.Z], 0.0))
-    given[_DELIVERY] = now.delivery * share
+    given.delivery = now.delivery * share
     if share <= 0.0:
-        x[_T_PRIMED] += m.condition.tick  # it primes when it delivers again
-    elif given[_DELIVERY] != now.delivered:
-        x[_T_PRIMED] = x[_T] + (x[_T_PRIMED] - x[_T]) * now.delivered / given[_DELIVERY]
-        now.delivered = given[_DELIVERY]
-    runs = at[_DOING] == _PUMPING or at[_DOING] == _PRIMING
+        x.t_primed += m.condition.tick  # it primes when it delivers again
+    elif given.delivery != now.delivered:
+        x.t_primed = x.t + (x.t_primed - x.t) * now.delivered / given.delivery
+        now.delivered = given.delivery
+    runs = at.doing == Doing.PUMPING or at.doing == Doing.PRIMING
     now.battery = loaded if runs else unloaded
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from swimbladder.physics.battery import load_is_on, surfacing_energy
 from swimbladder.sim.engine.rodas.ledger import HOLDING, balance, stored_energy
-from swimbladder.sim.engine.rodas.names import Account, At, Given, Now
-from swimbladder.sim.mission.core.names import Kind, Row
+from swimbladder.sim.engine.rodas.records import Account, Records
+from swimbladder.sim.mission.core.records import Kind
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.water import medium_for
 from swimbladder.vehicle import Load
@@ -57,7 +57,7 @@ def load_name(load: Load) -> str:
 def consumers(flight: Flight) -> dict[str, float]:
     """Return the energy that each consumer took from the battery [J]."""
     a, vehicle = flight.accounts, flight.vehicle
-    times = {kind: float(a[Account.T_KIND + kind]) for kind in Kind}
+    times = {kind: float(a[Account.T_DESCEND + kind]) for kind in Kind}
     energy = {
         PUMP: float(a[Account.PUMP_ENERGY]),
         VALVE: float(a[Account.VALVE_ENERGY]),
@@ -81,11 +81,11 @@ def close_books(flight: Flight) -> MissionBooks:
     battery = consumers(flight)
     if flight.plan.laws:
         medium = medium_for(flight.vehicle, flight.mission, flight.column)
-        ends = [(float(x[Now.V]), float(x[Now.Z])) for x in (flight.begin, flight.end)]
-        stored = float(g[Given.MASS]) * (medium.potential(*ends[1]) - medium.potential(*ends[0]))
+        ends = [(float(x["v"]), float(x["z"])) for x in (flight.begin, flight.end)]
+        stored = float(g["mass"]) * (medium.potential(*ends[1]) - medium.potential(*ends[0]))
     else:
-        afloat = bool(flight.begin[Now.Z] < g[Given.Z_SURFACE])
-        stored = stored_energy(g, table, flight.end, emerging=int(flight.whole[At.PLACE]) == 1)
+        afloat = bool(flight.begin["z"] < g["z_surface"])
+        stored = stored_energy(g, table, flight.end, emerging=int(flight.whole["place"]) == 1)
         stored -= stored_energy(g, table, flight.begin, emerging=afloat)
     found = balance(g, a, flight.begin, flight.end, stored=stored)
     lost = float(a[Account.SELF_DISCHARGED])
@@ -98,14 +98,18 @@ def close_books(flight: Flight) -> MissionBooks:
     )  # fmt: skip
 
 
-def drive_energy(rows: Array) -> Array:
+_OF_DRIVE = ("pump_energy", "valve_energy", "holding_energy")
+
+
+def drive_energy(rows: Records) -> Array:
     """Return what pump, valve and holding took so far, at each row [J] [n]."""
-    return np.asarray(rows[:, Row.PUMP_ENERGY : Row.LOAD_ENERGY].sum(axis=1))
+    return np.asarray(sum(rows[name] for name in _OF_DRIVE))
 
 
-def drawn_energy(rows: Array) -> Array:
+def drawn_energy(rows: Records) -> Array:
     """Return what left the battery so far, at each row [J] [n]."""
-    return np.asarray(rows[:, Row.PUMP_ENERGY : Row.COUNT].sum(axis=1))
+    drawn = (*_OF_DRIVE, "load_energy", "surfacing_energy", "self_discharged")
+    return np.asarray(sum(rows[name] for name in drawn))
 
 
 def consumer_energy(flight: Flight) -> dict[str, Array]:
@@ -117,15 +121,15 @@ def consumer_energy(flight: Flight) -> dict[str, Array]:
     """
     rows, vehicle = flight.rows, flight.vehicle
     kinds = [phase.kind for phase in flight.mission.phases]
-    phase, dt = rows[:, Row.PHASE].astype(int), np.diff(rows[:, Row.T])
+    phase, dt = rows["phase"].astype(int), np.diff(rows["t"])
 
     def lasting(on: list[bool]) -> Array:
         return np.concatenate(([0.0], np.cumsum(dt * np.array(on, float)[phase[:-1]])))
 
     energy = {
-        PUMP: rows[:, Row.PUMP_ENERGY],
-        VALVE: rows[:, Row.VALVE_ENERGY],
-        HOLDING: rows[:, Row.HOLDING_ENERGY],
+        PUMP: rows["pump_energy"],
+        VALVE: rows["valve_energy"],
+        HOLDING: rows["holding_energy"],
     }
     if vehicle.driver is not None:
         energy[STANDBY] = vehicle.driver.standby_power * lasting([True] * len(kinds))
@@ -135,18 +139,18 @@ def consumer_energy(flight: Flight) -> dict[str, Array]:
         on = lasting([load_is_on(load, kind) for kind in kinds])
         taken = load.power * on + load.energy_per_surfacing * surfacings
         energy[load_name(load)] = energy.get(load_name(load), 0.0) + taken
-    energy[SELF_DISCHARGE] = rows[:, Row.SELF_DISCHARGED]
+    energy[SELF_DISCHARGE] = rows["self_discharged"]
     return {name: value for name, value in energy.items() if value[-1] != 0.0}
 
 
-def _spread(rows: Array) -> Array:
+def _spread(rows: Records) -> Array:
     """Return the energy of surfacings so far, each from its instant to the end of its phase [J]."""
-    t, energy = rows[:, Row.T], rows[:, Row.SURFACING_ENERGY].copy()
-    phase = np.diff(rows[:, [Row.PHASE, Row.CYCLE]], axis=0).any(axis=1)
+    t, energy = rows["t"], rows["surfacing_energy"].copy()
+    phase = rows[["phase", "cycle"]][1:] != rows[["phase", "cycle"]][:-1]
     ends = np.append(np.flatnonzero(phase) + 1, len(rows) - 1)
-    for k in np.flatnonzero(np.diff(rows[:, Row.SURFACING_ENERGY])):
+    for k in np.flatnonzero(np.diff(rows["surfacing_energy"])):
         end = int(ends[np.searchsorted(ends, k + 1)])
-        taken = rows[k + 1, Row.SURFACING_ENERGY] - rows[k, Row.SURFACING_ENERGY]
+        taken = rows["surfacing_energy"][k + 1] - rows["surfacing_energy"][k]
         if t[end] > t[k]:
             after = slice(k + 1, end + 1)
             energy[after] -= taken * (t[end] - t[after]) / (t[end] - t[k])

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from swimbladder.errors import InputError
-from swimbladder.sim.mission.core.names import Cycle
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import speeds
 
@@ -47,7 +46,7 @@ def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> d
     depths = depths or [flight.mission.start_depth]  # it comes up, and no more
     parked = [p.depth for p in phases if p.kind == "park" and p.depth is not None]
     cycles = flight.cycles[: max(result.cycles, 1)]
-    length = float(np.mean(cycles[:, Cycle.T_END] - cycles[:, Cycle.T_BEGIN]))
+    length = float(np.mean(cycles["t_end"] - cycles["t_begin"]))
     table = speeds(flight)
     rising = table["rising_m_s"]
     crossed = rising if np.isfinite(rising).any() else table["sinking_m_s"]

@@ -16,10 +16,9 @@ from swimbladder.io.mission import Mission
 from swimbladder.jobs import Store
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
-from swimbladder.sim.engine.rodas.names import At, Given, Now, Stop
 from swimbladder.sim.engine.rodas.prepare import Accuracy
+from swimbladder.sim.engine.rodas.records import Records, Stop, lane_of
 from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.plan_check import (
     Reach,
@@ -52,23 +51,22 @@ class ByRule:
 
 @dataclass(frozen=True, kw_only=True)
 class Flight:
-    """What was flown: see `engine.rodas.names` and `mission.core.names`.
+    """What was flown: see `engine.rodas.records` and `mission.core.records`.
 
-    rows [n, Row.COUNT], notes [k, Drive.COUNT], cycles [c, ...]; begin and end: of
-    `Now`, whole: of `At`, accounts: of `Account`, the last three at the end. reach: what it takes
-    of the stroke.
+    rows [n] of ROW, notes [k] of NOTE, cycles [c] of CYCLE; begin and end: of NOW, whole: of AT,
+    accounts: of `Account`, the last three at the end. reach: what it takes of the stroke.
     """
 
     vehicle: Vehicle
     mission: Mission
     column: Column
     plan: Plan
-    rows: Array
-    notes: Array
-    cycles: Array
-    begin: Array
-    end: Array
-    whole: NDArray[np.int64]
+    rows: Records
+    notes: Records
+    cycles: Records
+    begin: np.record
+    end: np.record
+    whole: np.record
     accounts: Array
     stop: Stop
     reach: Reach
@@ -76,7 +74,7 @@ class Flight:
     @property
     def duration(self) -> float:
         """Time flown [s]."""
-        return float(self.end[Now.T])
+        return float(self.end["t"])
 
 
 def fly_mission(
@@ -113,11 +111,11 @@ def fly_mission(
     begin = x.copy()
     store = Store(keep, *about, plan.given, plan.table, plan.waves, plan.stages, begin, at.copy())
 
-    def flown(rows: Array, notes: Array, cycles: Array) -> Flight:
+    def flown(rows: Records, notes: Records, cycles: Records) -> Flight:
         return Flight(
             vehicle=vehicle, mission=mission, column=column, plan=plan, rows=rows, notes=notes,
             cycles=cycles, begin=begin, end=x, whole=at, accounts=accounts,
-            stop=Stop(int(at[At.STOP])), reach=reach,
+            stop=Stop(int(at["stop"])), reach=reach,
         )  # fmt: skip
 
     def first(mission: Mission) -> Flight:
@@ -136,25 +134,25 @@ def fly_mission(
 
 
 def _fly(
-    plan: Plan, state: tuple[Array, NDArray[np.int64], Array], pilot: ByRule | ByLaws,
+    plan: Plan, state: tuple[np.record, np.record, Array], pilot: ByRule | ByLaws,
     store: Store, advance: Callable[[float], None], check: Callable[..., None],
-) -> tuple[Array, Array, Array]:  # fmt: skip
+) -> tuple[Records, Records, Records]:  # fmt: skip
     """Fly to the end, part by part; return rows, notes and cycles.
 
     check: called with them once the first cycle is over.
     """
     x, at, accounts = state
-    parts: list[tuple[Array, Array, Array]] = []
+    parts: list[tuple[Records, Records, Records]] = []
     kept: dict[str, Any] | None = None
     while (found := store.read("part", len(parts))) is not None:
         kept = found
         parts.append((kept["rows"], kept["notes"], kept["cycles"]))
     if kept is not None:
-        x[:], at[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
+        lane_of(x)[:], lane_of(at)[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
         pilot.resume(kept)
     whole, told, spacing = _whole(plan), 0.0, plan.longest / _MOST
-    checked = at[At.CYCLE] > 0
-    while at[At.STOP] == 0:
+    checked = at["cycle"] > 0
+    while at["stop"] == 0:
         cycles = _CYCLES if checked else 1
         flown = plan.under_way(state, rows=pilot.rows, notes=_NOTES, cycles=cycles)
         counts, room = flown.counts, True
@@ -174,37 +172,38 @@ def _fly(
             checked = True
             check(*_joined(parts))
         named = dict(zip(("rows", "notes", "cycles"), part, strict=True)) | pilot.kept()
-        store.write(named | {"x": x, "at": at, "accounts": accounts}, "part", len(parts) - 1)
+        now = {"x": lane_of(x), "at": lane_of(at), "accounts": accounts}
+        store.write(named | now, "part", len(parts) - 1)
     return _joined(parts)
 
 
-def _joined(parts: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array]:
+def _joined(parts: list[tuple[Records, Records, Records]]) -> tuple[Records, Records, Records]:
     rows, notes, cycles = (np.concatenate([part[n] for part in parts]) for n in range(3))
     return rows, notes, cycles
 
 
-def thinned(rows: Array, spacing: float) -> Array:
+def thinned(rows: Records, spacing: float) -> Records:
     """Return rows without those that come sooner than `spacing` [s] after another.
 
     The first and the last stay, and those on both sides of a change of what is done.
     """
     if len(rows) < 3 or spacing <= 0.0:
         return rows.copy()
-    state = rows[:, [Row.PHASE, Row.DOING, Row.CYCLE]]
-    changes = np.any(state[1:] != state[:-1], axis=1)
-    ticks = np.diff(np.floor(rows[:, Row.T] / spacing)) > 0.0
+    state = rows[["phase", "doing", "cycle"]]
+    changes = state[1:] != state[:-1]
+    ticks = np.diff(np.floor(rows["t"] / spacing)) > 0.0
     keep = np.ones(len(rows), dtype=bool)
     keep[1:-1] = changes[:-1] | changes[1:] | ticks[:-1]
     return np.asarray(rows[keep])
 
 
-def _whole(plan: Plan) -> Callable[[Array, NDArray[np.int64]], float]:
+def _whole(plan: Plan) -> Callable[[np.record, np.record], float]:
     """Return what tells the share of a mission that is flown."""
-    cycles, span = float(plan.given[Given.LAST_CYCLE]), float(plan.given[Given.LAST_TIME])
-    full, reserve = float(plan.given[Given.CHARGE]), float(plan.given[Given.RESERVE])
+    cycles, span = float(plan.given["last_cycle"]), float(plan.given["last_time"])
+    full, reserve = float(plan.given["charge"]), float(plan.given["reserve"])
 
-    def share(x: Array, at: NDArray[np.int64]) -> float:
-        drawn = (full - x[Now.CHARGE]) / (full - reserve) if full > reserve > 0.0 else 0.0
-        return float(max(at[At.CYCLE] / cycles, x[Now.T] / span, drawn))
+    def share(x: np.record, at: np.record) -> float:
+        drawn = (full - x["charge"]) / (full - reserve) if full > reserve > 0.0 else 0.0
+        return float(max(at["cycle"] / cycles, x["t"] / span, drawn))
 
     return share

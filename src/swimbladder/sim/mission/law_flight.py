@@ -18,9 +18,9 @@ from swimbladder.sim.closed_loop.lanes import OVER
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.solution import StopReason
 from swimbladder.sim.engine.chain import book_steps
-from swimbladder.sim.engine.rodas.names import At, Given, Now, Stop
+from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.core.hooks import MANY
-from swimbladder.sim.mission.core.names import Phases
+from swimbladder.sim.mission.core.records import Phases
 from swimbladder.sim.mission.core.sampled import WAY, Numbers, Sampled, Way
 from swimbladder.sim.mission.orders import ASLEEP, runaway
 from swimbladder.sim.mission.prepare import Plan, check_samples
@@ -54,14 +54,14 @@ class ByLaws:
         self.medium = plan.medium(vehicle, mission, column)
         x, p = state[0], self.medium.plant
         if mission.start_depth != 0.0 and volume is None:
-            x[Now.V] = self.medium.neutral_volume(mission.start_depth)
-        if not p.V_min <= x[Now.V] <= p.V_max:
+            x["v"] = self.medium.neutral_volume(mission.start_depth)
+        if not p.V_min <= x["v"] <= p.V_max:
             raise InputError(
                 f"the stroke, {p.V_min * 1e6:g} to {p.V_max * 1e6:g} cm3, does not hold the volume "
                 "at the start", field="start_depth", value=mission.start_depth, unit="m",
                 remedy="Start where the stroke can balance the vehicle",
             )  # fmt: skip
-        x[Now.V_LEAST] = x[Now.V]
+        x["v_least"] = x["v"]
         self.tasks = np.array([
             [plan.laws.index(next(one for one in plan.laws if one.continues(law))),
              phase.rest_band or 0.0, phase.speed or 0.0]
@@ -79,13 +79,13 @@ class ByLaws:
         """Fly on: many samples, or until a law begins, a buffer is full or the mission ends."""
         now: Any = self.way[0]
         x, at = phases.x, phases.at
-        law = self.tasks[at[At.PHASE], 0]
+        law = self.tasks[at["phase"], 0]
         if law != now["law"]:
             q = 0.0 if now["law"] < 0.0 else self.running.block.work[Row.Q, 0]
-            now["law"], now["begun"], now["tick"], now["called"] = law, x[Now.T], 0.0, 0.0
+            now["law"], now["begun"], now["tick"], now["called"] = law, x["t"], 0.0, 0.0
             tick = self.plan.laws[int(law)].sample_time
-            now["parts"] = book_steps(self.medium.plant, tick, x[Now.W], self.medium.layers)
-            self._lay_out(np.array([q, *x[[Now.V, Now.Z, Now.W]]]))
+            now["parts"] = book_steps(self.medium.plant, tick, x["w"], self.medium.layers)
+            self._lay_out(np.array([q, x["v"], x["z"], x["w"]]))
         block, first = self.running.block, int(now["tick"])
         block.hooks = block.hooks._replace(phases=phases)
         self.running.advance(first, first + _CHUNK, self._drawn(_CHUNK))
@@ -93,14 +93,14 @@ class ByLaws:
         now["drawn"] += done
         self.noise = self.noise[done:]
         why = block.work[Row.STOPPED]
-        if at[At.STOP] == Stop.STUCK:
+        if at["stop"] == Stop.STUCK:
             raise NoAnswerError(
                 f"the law {block.law.name!r} in the phase "
-                f"{self.mission.titles[int(at[At.PHASE])]!r}, after {x[Now.T]:.6g} s: "
+                f"{self.mission.titles[int(at['phase'])]!r}, after {x['t']:.6g} s: "
                 f"{list(StopReason)[int(why[0])].value}"
             )
         why[why == OVER] = 0.0
-        return Stop(int(at[At.STOP]))
+        return Stop(int(at["stop"]))
 
     def kept(self) -> dict[str, NDArray[Any]]:
         """Return all that `resume` needs to go on from here, beside the phases."""
@@ -172,7 +172,7 @@ class ByLaws:
         given, back = terminal_power(np.array([1.0, -1.0]), v.driver).tolist()
         found = found._replace(
             conductance=1.0 / motor.resistance,
-            kappa=motor.kappa / float(self.plan.given[Given.DELIVERY]),
+            kappa=motor.kappa / float(self.plan.given["delivery"]),
             given=given,
             back=-back,
         )

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swimbladder.io.files import write_through
-from swimbladder.sim.engine.rodas.names import Doing
+from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.mission.books import power_names
-from swimbladder.sim.mission.core.names import Row
 from swimbladder.sim.mission.export import created
 from swimbladder.sim.mission.phase_laws import law_words
 from swimbladder.sim.mission.result import MissionResult
@@ -100,7 +99,7 @@ def _located(result: MissionResult, start: float, latitude: float, longitude: fl
     nowhere = np.full(n, np.nan)
     constant = "the place of the cast, at all times"
     return {
-        "TIME": (_AT, start + rows[:, Row.T], _TIME | {
+        "TIME": (_AT, start + rows["t"], _TIME | {
             "long_name": "Time elapsed since 1970-01-01T00:00:00Z", "standard_name": "time",
             "interpolation_methodology": "none: simulated",
             "time_vocabulary": _VOCABULARY + "TIME/",
@@ -113,7 +112,7 @@ def _located(result: MissionResult, start: float, latitude: float, longitude: fl
             "long_name": "longitude of each measurement and GPS location",
             "interpolation_methodology": constant, "longitude_vocabulary": _VOCABULARY + "LON/",
         }),
-        "DEPTH": (_AT, np.maximum(rows[:, Row.Z], 0.0), {
+        "DEPTH": (_AT, np.maximum(rows["z"], 0.0), {
             "long_name": "Depth below surface of the water body", "standard_name": "depth",
             "units": "metres", "positive": "down", "valid_min": 0.0, "valid_max": 10000.0,
             "interpolation_methodology": "none: simulated; 0 where the sensor is out of the water",
@@ -132,7 +131,7 @@ def _located(result: MissionResult, start: float, latitude: float, longitude: fl
 def _measured(result: MissionResult) -> _Table:
     """Return what a sensor would have measured, and the phase."""
     flight = result.flight
-    z, column = flight.rows[:, Row.Z], flight.column
+    z, column = flight.rows["z"], flight.column
     common = {"coordinates": "TIME, LONGITUDE, LATITUDE, DEPTH", "sensor": _SENSOR}
     pressure = np.interp(z, column.depth, column.pressure) / 1e4
     temperature = np.interp(z, column.depth, column.temperature)
@@ -258,12 +257,12 @@ def og1_phase(result: MissionResult) -> Any:
     rows = flight.rows
     found = np.zeros(len(rows), dtype=np.int8)
     for n, phase in enumerate(flight.mission.phases):
-        here = rows[:, Row.PHASE] == n
+        here = rows["phase"] == n
         if phase.kind in ("park", "hold"):
             found[here] = PARKING
         else:
-            found[here] = np.where(rows[here, Row.W] > 0.0, DESCENT, ASCENT)
-    afloat = rows[:, Row.Z] <= flight.vehicle.hull.emergence_depth
+            found[here] = np.where(rows["w"][here] > 0.0, DESCENT, ASCENT)
+    afloat = rows["z"] <= flight.vehicle.hull.emergence_depth
     found[afloat] = SURFACING
     return found
 

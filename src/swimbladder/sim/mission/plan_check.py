@@ -27,9 +27,9 @@ from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.physics.seawater.column import ATMOSPHERE
-from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Note, Stop, Table
+from swimbladder.sim.engine.rodas.records import Account, Note, Stop, Table
 from swimbladder.sim.mission import orders
-from swimbladder.sim.mission.core.names import Cycle, Holding, Stage
+from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.sim.mission.shortfall import (
     coarse_words,
@@ -155,9 +155,9 @@ def reach_of(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
 def _needs(vehicle: Vehicle, phase: Phase, start: float, end: float, plan: Plan) -> list[Need]:
     """Return the extreme volumes of a way from a depth to another at the law's speed."""
     law = orders.law_parameters(vehicle, phase)
-    step = float(plan.given[Given.STEP])
+    step = float(plan.given["step"])
     grid = step * np.arange(len(plan.table))
-    neutral = plan.table[:, Table.NEUTRAL] + float(plan.given[Given.TRIM])
+    neutral = plan.table[:, Table.NEUTRAL] + float(plan.given["trim"])
     on_way = (grid >= min(start, end)) & (grid <= max(start, end))
     depths = np.unique(np.concatenate((grid[on_way], [start, end])))
     volumes = np.interp(depths, grid, neutral)
@@ -182,7 +182,7 @@ def _needs(vehicle: Vehicle, phase: Phase, start: float, end: float, plan: Plan)
 
 
 def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
-    deepest, back = float(plan.given[Given.DEEPEST]), plan.back
+    deepest, back = float(plan.given["deepest"]), plan.back
     if mission.safety.deepest is not None and mission.safety.deepest > back:
         raise NoAnswerError(
             f"safety.deepest is {mission.safety.deepest:g} m, and below {back:.0f} m the vehicle "
@@ -196,7 +196,7 @@ def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
     ways = [(f"the phase {p.title!r} goes to", p.depth) for p in mission.phases]
     for what, depth in [("the mission begins at", mission.start_depth), *ways]:
         if depth is not None and depth > deepest:
-            flow = look_up(plan.table, float(plan.given[Given.STEP]), Table.RATE_OUT, depth)[0]
+            flow = look_up(plan.table, float(plan.given["step"]), Table.RATE_OUT, depth)[0]
             remedy = "Ask for less"
             if flow <= 0.0 and back <= deepest:
                 why += ": its drive stalls"
@@ -210,11 +210,11 @@ def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
 def _check_dive(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
     """Raise NoAnswerError where a vehicle that floats can let nothing in."""
     afloat = mission.start_depth == 0.0 or any(p.kind == "surface" for p in mission.phases[:-1])
-    afloat |= mission.phases[-1].kind == "surface" and plan.given[Given.LAST_CYCLE] > 1.0
+    afloat |= mission.phases[-1].kind == "surface" and plan.given["last_cycle"] > 1.0
     if not afloat or all(phase.kind == "surface" for phase in mission.phases):
         return
     top = max(vehicle.hull.emergence_depth, 0.0)
-    pressure = look_up(plan.table, float(plan.given[Given.STEP]), Table.PRESSURE, top)[0]
+    pressure = look_up(plan.table, float(plan.given["step"]), Table.PRESSURE, top)[0]
     drive = drive_map(vehicle, pressure, power=False)
     flows = (float(drive.rate_in[0]), float(drive.bypass_in[0]))
     if max(flows) > 0.0:
@@ -237,10 +237,10 @@ def check_cycle(flight: Flight, fly: Callable[[Mission], Flight]) -> None:
     where a hold was not held, nor a park from which the vehicle runs away, or a band is too narrow
     for the noise of the depth. fly: flies the first cycle of another mission of the same vehicle.
     """
-    begun = flight.notes[flight.notes[:, Drive.WHAT] == Note.PHASE]
+    begun = flight.notes[flight.notes["what"] == Note.PHASE]
     for n, phase in enumerate(flight.mission.phases):
-        if int(flight.cycles[0, Cycle.MISSED]) >> n & 1:
-            _refuse_way(flight, n, float(begun[n, Drive.Z]))
+        if int(flight.cycles["missed"][0]) >> n & 1:
+            _refuse_way(flight, n, float(begun["z"][n]))
         elif phase.kind in ("park", "hold") and not flight.plan.laws and not _met(flight, n):
             _refuse_band(flight, n, fly)
 
@@ -248,17 +248,17 @@ def check_cycle(flight: Flight, fly: Callable[[Mission], Flight]) -> None:
 def _met(flight: Flight, n: int) -> bool:
     """Return whether a phase arrived in the first cycle, and held a band that can be seen."""
     cycle = flight.cycles[0]
-    failed = int(cycle[Cycle.MISSED]) | int(cycle[Cycle.NOT_HELD])
-    sank = flight.whole[At.CYCLE] == 0 and flight.stop in (Stop.PASSED_DEPTH, Stop.LOST)
-    if failed >> n & 1 or (sank and flight.whole[At.PHASE] == n):
+    failed = int(cycle["missed"]) | int(cycle["not_held"])
+    sank = flight.whole["cycle"] == 0 and flight.stop in (Stop.PASSED_DEPTH, Stop.LOST)
+    if failed >> n & 1 or (sank and flight.whole["phase"] == n):
         return False
     stage = flight.plan.stages[n]
-    return bool(stage[Stage.CAPTURE] == 0.0 or _seen(stage) <= stage[Stage.TOLERANCE])
+    return bool(stage["capture"] == 0.0 or _seen(stage) <= stage["tolerance"])
 
 
-def _seen(stage: Array) -> float:
+def _seen(stage: np.record) -> float:
     """Return the least band [m] that `control.hold` sees through the noise of the depth."""
-    law = DeadbandParameters(*map(float, stage[Stage.HOLD :]))
+    law = DeadbandParameters(*map(float, stage["hold"]))
     return _NOISE * law.depth_noise * law.growth
 
 
@@ -271,10 +271,10 @@ def _refuse_way(flight: Flight, n: int, begin: float) -> None:
             f"the phase {title!r} does not come up from {begin:.0f} m: {timeout_words(flight, n)}. "
             f"{starts}, or ask for less depth"
         )
-    phase, speed = flight.mission.phases[n], float(stage[Stage.SPEED])
+    phase, speed = flight.mission.phases[n], float(stage["speed"])
     what = "duration" if phase.kind == "park" else "timeout"
-    limit = float(stage[Stage.DURATION if phase.kind == "park" else Stage.TIMEOUT])
-    way, left = shortage(flight, n, np.array([begin, late_notes(flight, n)[0, Drive.Z]]))
+    limit = float(stage["duration" if phase.kind == "park" else "timeout"])
+    way, left = shortage(flight, n, np.array([begin, late_notes(flight, n)["z"][0]]))
     if way > speed * limit and not (flight.plan.laws and phase.speed is None):
         raise NoAnswerError(
             f"the {what} of the phase {title!r}, {limit:g} s, is too short by {left / speed:.0f} s "
@@ -285,20 +285,20 @@ def _refuse_way(flight: Flight, n: int, begin: float) -> None:
 def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> None:
     """Refuse a hold that was not held, or a phase from whose depth the vehicle ran away."""
     phase, plan, stage = flight.mission.phases[n], flight.plan, flight.plan.stages[n]
-    depth, band = float(stage[Stage.DEPTH]), float(stage[Stage.TOLERANCE])
-    rate = RateParameters(*map(float, stage[Stage.LAW : Stage.CAPTURE]))
+    depth, band = float(stage["depth"]), float(stage["tolerance"])
+    rate = RateParameters(*map(float, stage["law"]))
     interval, speed, drowned = rate.dead + rate.run, rate.far_speed, False
     why = f", with changes of volume of {rate.volume_step * 1e6:.3g} cm3 at least"
     remedies = ["go slower (speed)"]
-    if stage[Stage.CAPTURE] > 0.0:
-        own = DeadbandParameters(*map(float, stage[Stage.HOLD :]))
+    if stage["capture"] > 0.0:
+        own = DeadbandParameters(*map(float, stage["hold"]))
         interval, speed, why, drowned = own.interval, own.fastest, "", _seen(stage) > band
     if drowned:
         stated = own.depth_noise > orders.LEAST_NOISE
         whose = "(sensors)" if stated else "1 sigma, which is assumed where sensors state no more"
         why = f", and drowns in the noise of the depth, {own.depth_noise:.3g} m {whose}"
         remedies = ["take a better sensor"] if stated else []
-    psi = look_up(plan.table, float(plan.given[Given.STEP]), Table.NEUTRAL, depth)[1]
+    psi = look_up(plan.table, float(plan.given["step"]), Table.NEUTRAL, depth)[1]
     sigma = orders.runaway(flight.vehicle, psi, speed)
     if sigma > 0.0:
         why += (
@@ -308,7 +308,7 @@ def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> No
         remedies += ["stiffen the hull (hull.psi)"]
     elif phase.kind != "hold" and not drowned:
         return  # a park at its cost
-    time, inside, _, most = flight.accounts[int(Account.COUNT) :].reshape(-1, Holding.COUNT)[n]
+    time, inside, _, most = flight.accounts[len(Account) :].reshape(-1, len(Holding))[n]
     went = "it never arrived"
     if time > 0.0:
         share = 100.0 * inside / time
@@ -316,7 +316,7 @@ def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> No
             f"it was within for {share:.3g} % of the time since it came, {most:.3g} m off at most"
         )
     if flight.stop in (Stop.PASSED_DEPTH, Stop.LOST):
-        went += f", and sank below the {plan.given[Given.DEEPEST]:.4g} m that it may go to"
+        went += f", and sank below the {plan.given['deepest']:.4g} m that it may go to"
 
     def does(field: str, value: float) -> bool:
         phases = list(flight.mission.phases)

@@ -15,14 +15,14 @@ from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column, check_motion, look_up
 from swimbladder.sim.closed_loop.pumped import BOARD
 from swimbladder.sim.closed_loop.water import Medium
-from swimbladder.sim.engine.rodas.names import Account, At, Drive, Given, Table
 from swimbladder.sim.engine.rodas.prepare import (
     Accuracy,
     first_lane,
     given_of,
     make_table,
 )
-from swimbladder.sim.mission.core.names import Cycle, Holding, Kind, Phases, Row, Stage
+from swimbladder.sim.engine.rodas.records import NOTE, Account, Records, Table
+from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Holding, Kind, Phases
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
 from swimbladder.sim.mission.rescue import return_depth
@@ -50,12 +50,12 @@ class Reckoning:
 
 @dataclass(frozen=True)
 class Plan:
-    """What the kernel takes that does not change: see `engine.rodas.names`."""
+    """What the kernel takes that does not change: see `engine.rodas.records`."""
 
-    given: Array
+    given: np.record
     table: Array
     waves: Array
-    stages: Array
+    stages: Records
     energy_known: str  # why no electrical energy is known; "" where it is
     laws: tuple[PhaseLaw, ...] = ()  # of each phase; none: the mission's own rule flies
     back: float = math.inf  # m, see `return_depth`
@@ -63,31 +63,31 @@ class Plan:
     @property
     def longest(self) -> float:
         """How long the mission lasts at most [s]."""
-        cycle = float(np.sum(self.stages[:, Stage.DURATION] + self.stages[:, Stage.TIMEOUT]))
-        return min(float(self.given[Given.LAST_TIME]), cycle * float(self.given[Given.LAST_CYCLE]))
+        cycle = float(np.sum(self.stages["duration"] + self.stages["timeout"]))
+        return min(float(self.given["last_time"]), cycle * float(self.given["last_cycle"]))
 
     def medium(self, vehicle: Vehicle, mission: Mission, column: Column) -> Medium:
         """Return the vehicle in its water: a float of this plan may differ from its file."""
         medium, g = medium_for(vehicle, mission, column), self.given
-        p, delivery = medium.plant, float(g[Given.DELIVERY])
-        mass = float(g[Given.MASS]) / vehicle.mass
+        p, delivery = medium.plant, float(g["delivery"])
+        mass = float(g["mass"]) / vehicle.mass
         own = p._replace(
-            V_0=p.V_0 + float(g[Given.TRIM]), psi=p.psi + float(g[Given.GIVE]),
+            V_0=p.V_0 + float(g["trim"]), psi=p.psi + float(g["give"]),
             gain=p.gain * delivery, rate=p.rate * delivery, kappa=p.kappa / delivery,
-            a_b=p.a_b / mass, a_s=p.a_s / mass, d_l=float(g[Given.D_L]), d_b=float(g[Given.D_B]),
-            d_0=float(g[Given.D_0]), d_t=float(g[Given.D_T]),
+            a_b=p.a_b / mass, a_s=p.a_s / mass, d_l=float(g["d_l"]), d_b=float(g["d_b"]),
+            d_0=float(g["d_0"]), d_t=float(g["d_t"]),
         )  # fmt: skip
         return replace(medium, plant=own)
 
     def under_way(
-        self, state: tuple[Array, NDArray[np.int64], Array], *, rows: int = 0, notes: int = 0,
+        self, state: tuple[np.record, np.record, Array], *, rows: int = 0, notes: int = 0,
         cycles: int = 1,
     ) -> Phases:  # fmt: skip
         """Return the mission in a state of `first_state`, with buffers of so many lines."""
         return Phases(
             self.given, self.table, self.waves, self.stages, *state,
-            rows=np.zeros((rows, int(Row.COUNT))), notes=np.zeros((notes, int(Drive.COUNT))),
-            cycles=np.zeros((cycles, int(Cycle.COUNT))), counts=np.zeros(3, dtype=np.int64),
+            rows=np.zeros(rows, ROW), notes=np.zeros(notes, NOTE),
+            cycles=np.zeros(cycles, CYCLE), counts=np.zeros(3, dtype=np.int64),
             board=np.zeros(BOARD),
         )  # fmt: skip
 
@@ -95,7 +95,7 @@ class Plan:
 def check_samples(mission: Mission, plan: Plan) -> None:
     """Raise NoAnswerError where a law would be called too often, with what that costs."""
     for phase, stage, law in zip(mission.phases, plan.stages, plan.laws, strict=True):
-        samples = float(stage[Stage.DURATION]) / law.sample_time
+        samples = float(stage["duration"]) / law.sample_time
         if samples > _MOST:
             raise NoAnswerError(
                 f"the law {law.law.name!r} samples {samples / 1e6:.4g} million times in the phase "
@@ -129,7 +129,7 @@ def make_plan(
     plan = Plan(given, table, moving, stages, why, laws)
     back = return_depth(vehicle, mission, column, plan)
     limit = vehicle.hull.depth_limit or math.inf
-    given[Given.DEEPEST] = mission.safety.deepest or min(limit, back)
+    given["deepest"] = mission.safety.deepest or min(limit, back)
     return replace(plan, back=back)
 
 
@@ -157,25 +157,25 @@ def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
 def _given(
     vehicle: Vehicle, mission: Mission, column: Column, accuracy: Accuracy,
     cycles: float | None, span: float | None, reckoning: Reckoning,
-) -> Array:  # fmt: skip
+) -> np.record:  # fmt: skip
     empty, reserve, charge = _battery(vehicle, mission, column)
     last_time = mission.span if span is None else span
     last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
     asked = {
-        Given.V_MIN: vehicle.stroke.lowest,  # a limit switch ends what the drive can do
-        Given.V_MAX: vehicle.stroke.highest,
-        Given.SHALLOW: shallow_depth(vehicle, mission),
-        Given.EMPTY: empty,
-        Given.RESERVE: reserve,
-        Given.LAST_TIME: last_time,
-        Given.LAST_CYCLE: last_cycle if cycles is None else cycles,
-        Given.SURFACING: surfacing_energy(vehicle),
-        Given.SELF_DISCHARGE: _self_discharge(vehicle),
-        Given.CHARGE: charge,
-        Given.HELD: HELD,
-        Given.DELIVERY: reckoning.pump,
-        Given.FLOW: reckoning.valve,
-        Given.MAKES_UP: 1.0 if reckoning.starts else 0.0,
+        "v_min": vehicle.stroke.lowest,  # a limit switch ends what the drive can do
+        "v_max": vehicle.stroke.highest,
+        "shallow": shallow_depth(vehicle, mission),
+        "empty": empty,
+        "reserve": reserve,
+        "last_time": last_time,
+        "last_cycle": last_cycle if cycles is None else cycles,
+        "surfacing": surfacing_energy(vehicle),
+        "self_discharge": _self_discharge(vehicle),
+        "charge": charge,
+        "held": HELD,
+        "delivery": reckoning.pump,
+        "flow": reckoning.valve,
+        "makes_up": 1.0 if reckoning.starts else 0.0,
     }
     return given_of(vehicle, column, bottom=mission.bottom, accuracy=accuracy, asked=asked)
 
@@ -206,33 +206,33 @@ def coldest(mission: Mission, column: Column) -> float:
     return float(np.min(column.temperature[within]))
 
 
-def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Array:
-    stages = np.zeros((len(mission.phases), int(Stage.COUNT)))
+def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Records:
+    stages = np.zeros(len(mission.phases), STAGE)
     before = mission.start_depth
     for stage, phase in zip(stages, mission.phases, strict=True):
         law = law_parameters(vehicle, phase)
         depth = 0.0 if phase.depth is None else phase.depth
         way = abs(depth - before)
-        stage[Stage.KIND] = Kind[phase.kind.upper()]
-        stage[Stage.DEPTH] = depth
-        stage[Stage.TOLERANCE] = law.tolerance
-        stage[Stage.SPEED] = law.far_speed
-        stage[Stage.DURATION] = phase.duration or 0.0
-        stage[Stage.TIMEOUT] = phase.timeout or 2.0 * approach_time(law, way) + 3600.0
-        stage[Stage.LOADS] = hotel_power(vehicle, phase.kind)
-        stage[Stage.LAW : Stage.CAPTURE] = law
+        stage["kind"] = Kind[phase.kind.upper()]
+        stage["depth"] = depth
+        stage["tolerance"] = law.tolerance
+        stage["speed"] = law.far_speed
+        stage["duration"] = phase.duration or 0.0
+        stage["timeout"] = phase.timeout or 2.0 * approach_time(law, way) + 3600.0
+        stage["loads"] = hotel_power(vehicle, phase.kind)
+        stage["law"] = law
         psi = look_up(table, step, Table.NEUTRAL, depth)[1]
         rate = min(look_up(table, step, n, depth)[0] for n in (Table.RATE_OUT, Table.RATE_IN))
         holds = None if phase.depth is None else hold_parameters(vehicle, phase, law, psi, rate)
         if holds is not None:
-            stage[Stage.CAPTURE], stage[Stage.HOLD :] = holds
+            stage["capture"], stage["hold"] = holds
         before = depth
     return stages
 
 
 def first_state(
     plan: Plan, mission: Mission, *, seed: int | None = None, volume: float | None = None
-) -> tuple[Array, NDArray[np.int64], Array]:
+) -> tuple[np.record, np.record, Array]:
     """Return the state before the start: numbers, whole numbers and accounts.
 
     At the depth of 0 it floats with all volume out; elsewhere it rests, with its neutral volume or
@@ -242,6 +242,6 @@ def first_state(
         plan.given, plan.table, mission.start_depth, volume=volume,
         temperature=mission.start_temperature, seed=seed,
     )  # fmt: skip
-    at[At.NEW_PHASE] = 1
-    accounts = np.zeros(int(Account.COUNT) + int(Holding.COUNT) * len(plan.stages))
+    at["new_phase"] = 1
+    accounts = np.zeros(len(Account) + len(Holding) * len(plan.stages))
     return x, at, accounts

@@ -20,10 +20,10 @@ from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.advance import DONE, advance, begin
 from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.modes import COUNT, Where
-from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop, Table
 from swimbladder.sim.engine.rodas.prepare import first_lane
+from swimbladder.sim.engine.rodas.records import GIVEN, Account, Stop, Table, made
 from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.core.names import Holding, Row, Stage
+from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.water import medium_for
 from swimbladder.vehicle import Vehicle
 
@@ -47,9 +47,9 @@ def return_depth(vehicle: Vehicle, mission: Mission, column: Column, plan: Plan)
     speed of the fastest phase: it is flown from there.
     """
     g, neutral = plan.given, plan.table[:, Table.NEUTRAL]
-    most = g[Given.V_MAX] - mission.safety.stroke * (g[Given.V_MAX] - g[Given.V_MIN])
+    most = g["v_max"] - mission.safety.stroke * (g["v_max"] - g["v_min"])
     lost = (neutral > most) | (plan.table[:, Table.RATE_OUT] <= 0.0)
-    lost[: int(g[Given.Z_SURFACE] / column.step) + 1] = False
+    lost[: int(g["z_surface"] / column.step) + 1] = False
     slope = float(plan.table[-1, Table.NEUTRAL + 1])
     if lost.any():
         limit = float(np.argmax(lost)) * column.step
@@ -57,7 +57,7 @@ def return_depth(vehicle: Vehicle, mission: Mission, column: Column, plan: Plan)
         limit = float(column.deepest + (most - neutral[-1]) / slope)
     else:
         return math.inf
-    speed = _HASTE * float(np.max(plan.stages[:, Stage.SPEED]))
+    speed = _HASTE * float(np.max(plan.stages["speed"]))
     held = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
     comes_up = partial(_comes_up, plan, speed=speed, less=held)
     if plan.laws:
@@ -80,9 +80,9 @@ def _comes_up(plan: Plan, depth: float, *, speed: float, less: float) -> bool:
     """
     plan, state, _ = _pressing(plan, depth, less)
     x, at, _ = state
-    x[Now.W] = speed
+    x["w"] = speed
     fly(plan.under_way(state))
-    return Stop(int(at[At.STOP])) is Stop.PASSED_DEPTH
+    return Stop(int(at["stop"])) is Stop.PASSED_DEPTH
 
 
 def _emerges(medium: Medium, depth: float, *, speed: float, less: float, gone: float) -> bool:
@@ -114,16 +114,16 @@ def start_time(plan: Plan, depth: float) -> float:
     Its line is empty, and its runs have no end; infinite where nothing is pressed out in a day.
     """
     plan, state, volume = _pressing(plan, depth, 0.0)
-    plan.given[Given.LONGEST] = math.inf
+    plan.given["longest"] = math.inf
     flown = plan.under_way(state, rows=_START_ROWS)
     fly(flown)
     rows = flown.rows[: flown.counts[0]]
-    out = rows[:, Row.V] - volume
+    out = rows["v"] - volume
     if not np.any(out > _OUT):
         return math.inf
     n = int(np.argmax(out > _OUT))
-    rate = look_up(plan.table, float(plan.given[Given.STEP]), Table.RATE_OUT, rows[n, Row.Z])[0]
-    return float(rows[n, Row.T] - out[n] / (rate * plan.given[Given.DELIVERY]))
+    rate = look_up(plan.table, float(plan.given["step"]), Table.RATE_OUT, rows["z"][n])[0]
+    return float(rows["t"][n] - out[n] / (rate * plan.given["delivery"]))
 
 
 def _pressing(plan: Plan, depth: float, less: float) -> tuple[Plan, Any, float]:
@@ -131,11 +131,11 @@ def _pressing(plan: Plan, depth: float, less: float) -> tuple[Plan, Any, float]:
 
     depth [m]; less [m3]: below the neutral volume; the volume is the last that is returned.
     """
-    given = plan.given.copy()
-    given[[Given.Z_BOTTOM, Given.DEEPEST]], given[Given.EMPTY] = math.inf, -math.inf
-    neutral = look_up(plan.table, float(given[Given.STEP]), Table.NEUTRAL, depth)[0]
-    volume = max(float(neutral) - less, float(given[Given.V_MIN]))
+    given = made(GIVEN, plan.given)
+    given["z_bottom"], given["deepest"], given["empty"] = math.inf, math.inf, -math.inf
+    neutral = look_up(plan.table, float(given["step"]), Table.NEUTRAL, depth)[0]
+    volume = max(float(neutral) - less, float(given["v_min"]))
     x, at = first_lane(given, plan.table, depth, volume=volume)
-    x[Now.T_END], at[At.ALARM] = _LONGEST, 1
-    accounts = np.zeros(int(Account.COUNT) + int(Holding.COUNT) * len(plan.stages))
+    x["t_end"], at["alarm"] = _LONGEST, 1
+    accounts = np.zeros(len(Account) + len(Holding) * len(plan.stages))
     return replace(plan, given=given, waves=plan.waves[:0]), (x, at, accounts), volume

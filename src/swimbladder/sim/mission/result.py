@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.physics.hull import linear_psi
-from swimbladder.sim.engine.rodas.names import Account, At, Given, Now, Stop
+from swimbladder.sim.engine.rodas.records import Account, Stop
 from swimbladder.sim.mission.books import MissionBooks, close_books, drawn_energy
-from swimbladder.sim.mission.core.names import Cycle, Holding, Row
+from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.plan_check import Reach
@@ -41,10 +41,10 @@ class MissionResult:
     @property
     def not_held(self) -> dict[str, int]:
         """In how many cycles each park and hold was in its tolerance for too little time."""
-        return self._counts(Cycle.NOT_HELD)
+        return self._counts("not_held")
 
-    def _counts(self, column: Cycle) -> dict[str, int]:
-        bits = self.flight.cycles[:, column].astype(np.int64)
+    def _counts(self, column: str) -> dict[str, int]:
+        bits = self.flight.cycles[column].astype(np.int64)
         counts = {
             title: int(np.sum(bits >> n & 1)) for n, title in enumerate(self.flight.mission.titles)
         }
@@ -56,7 +56,7 @@ class MissionResult:
 
         share: of that time within its tolerance [-]; rms and farthest [m] from its depth.
         """
-        kept = self.flight.accounts[int(Account.COUNT) :].reshape(-1, int(Holding.COUNT))
+        kept = self.flight.accounts[len(Account) :].reshape(-1, len(Holding))
         return {
             title: {
                 "share": float(one[Holding.INSIDE] / one[Holding.TIME]),
@@ -74,7 +74,7 @@ class MissionResult:
         """Share of the stroke that was left at the nearer end, below where it dives and fills."""
         stroke = self.flight.vehicle.stroke
         rows = self.flight.rows
-        deep = rows[rows[:, Row.Z] > self.flight.plan.given[Given.SHALLOW], Row.V]
+        deep = rows["v"][rows["z"] > self.flight.plan.given["shallow"]]
         if deep.size == 0:
             return 1.0
         left = min(stroke.maximum - float(deep.max()), float(deep.min()) - stroke.minimum)
@@ -98,12 +98,12 @@ class MissionResult:
     @property
     def cycles(self) -> int:
         """Whole cycles flown."""
-        return int(self.flight.whole[At.CYCLE])
+        return int(self.flight.whole["cycle"])
 
     @property
     def missed(self) -> dict[str, int]:
         """How often each phase ran out of time, by its title."""
-        return self._counts(Cycle.MISSED)
+        return self._counts("missed")
 
     @property
     def energy_known(self) -> bool:
@@ -113,12 +113,12 @@ class MissionResult:
     @property
     def arrival(self) -> float | None:
         """Time to the first phase's depth, of the first cycle [s]; None: never, or none."""
-        first = float(self.flight.cycles[0, Cycle.ARRIVAL])
+        first = float(self.flight.cycles["arrival"][0])
         return None if np.isnan(first) else first
 
     def per_cycle(self, *accounts: Account) -> Array:
         """Return the sum of some accounts in each cycle [n]."""
-        table = self.flight.cycles[:, Cycle.ACCOUNTS :]
+        table = self.flight.cycles["accounts"]
         return np.diff(sum(table[:, int(a)] for a in accounts), prepend=0.0)
 
     @property
@@ -133,10 +133,10 @@ class MissionResult:
         g = self.flight.plan.given
         if self.flight.stop in (Stop.RESERVE, Stop.BATTERY_EMPTY):
             return self.cycles
-        usable = float(g[Given.CHARGE] - g[Given.RESERVE])
+        usable = float(g["charge"] - g["reserve"])
         if not np.isfinite(usable) or usable <= 0.0 or self.cycles == 0 or not self.energy_known:
             return None
-        drawn = float(g[Given.CHARGE] - self.flight.end[Now.CHARGE])
+        drawn = float(g["charge"] - self.flight.end["charge"])
         return int(usable / (drawn / self.cycles)) if drawn > 0.0 else None
 
     @property
@@ -172,7 +172,7 @@ class MissionResult:
         """Return the answer as plain values, SI."""
         f, books = self.flight, self.books
         a = f.accounts
-        deepest = float(np.max(f.cycles[:, Cycle.DEEPEST]))
+        deepest = float(np.max(f.cycles["deepest"]))
         at = min(deepest, f.column.deepest)
         return {
             "vehicle": f.vehicle.name,
@@ -209,19 +209,19 @@ class MissionResult:
             "sinks_J": books.sinks if self.energy_known else None,
             "energy_residue": books.relative_residue,
             "volume_m3": books.volume,
-            "steps": int(f.whole[At.STEPS]),
+            "steps": int(f.whole["steps"]),
         }
 
     @property
     def _left(self) -> float | None:
-        full = float(self.flight.plan.given[Given.CHARGE])
+        full = float(self.flight.plan.given["charge"])
         if full <= 0.0 or not self.energy_known:
             return None
-        return float(self.flight.end[Now.CHARGE]) / full
+        return float(self.flight.end["charge"]) / full
 
     def charge(self) -> Array:
         """Return the share of the full battery that is left at each row [n]; nan: not known."""
-        full = float(self.flight.plan.given[Given.CHARGE])
+        full = float(self.flight.plan.given["charge"])
         rows = self.flight.rows
         if full <= 0.0 or not self.energy_known:
             return np.full(len(rows), np.nan)

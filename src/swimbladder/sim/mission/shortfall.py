@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from swimbladder.control.rate import RateParameters
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import look_up
-from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Now, Table
-from swimbladder.sim.mission.core.names import Kind, Stage
+from swimbladder.sim.engine.rodas.records import Note, Records, Table
+from swimbladder.sim.mission.core.records import Kind
 from swimbladder.sim.mission.rescue import start_time
 from swimbladder.vehicle import PumpAndValve
 
@@ -28,48 +28,48 @@ _FEW = 0.5  # of what a pump delivers in its time: less, and starts take most of
 _COARSE = 0.25
 
 
-def late_notes(flight: Flight, phase: int) -> Array:
+def late_notes(flight: Flight, phase: int) -> Records:
     """Return the notes of a phase that ran out of time [n, Drive.COUNT]."""
     notes = flight.notes
-    late = (notes[:, Drive.WHAT] == Note.OUT_OF_TIME) & (notes[:, Drive.NUMBER] == phase)
+    late = (notes["what"] == Note.OUT_OF_TIME) & (notes["number"] == phase)
     return np.asarray(notes[late])
 
 
 def shortage(flight: Flight, phase: int, depths: Array) -> Array:
     """Return how far from a phase's depth, less its tolerance, depths are [m]."""
     stage = flight.plan.stages[phase]
-    if stage[Stage.KIND] == Kind.SURFACE:
+    if stage["kind"] == Kind.SURFACE:
         return np.asarray(np.maximum(depths, 0.0))
-    return np.asarray(np.abs(depths - stage[Stage.DEPTH]) - stage[Stage.TOLERANCE])
+    return np.asarray(np.abs(depths - stage["depth"]) - stage["tolerance"])
 
 
 def timeout_words(flight: Flight, phase: int) -> str:
     """Return how far a phase that ran out of time came, in the cycle in which most was missing."""
     late, stage = late_notes(flight, phase), flight.plan.stages[phase]
-    short = shortage(flight, phase, late[:, Drive.Z])
+    short = shortage(flight, phase, late["z"])
     k = int(np.argmax(short))
-    z = late[k, Drive.Z]
-    if stage[Stage.KIND] == Kind.SURFACE:
-        lacking = 1e6 * float(flight.plan.given[Given.V_MAX] - late[k, Drive.V])
+    z = late["z"][k]
+    if stage["kind"] == Kind.SURFACE:
+        lacking = 1e6 * float(flight.plan.given["v_max"] - late["v"][k])
         return f"it was at {z:.1f} m, {short[k]:.1f} m short, with {lacking:.3g} cm3 not out"
     return (
-        f"it was at {z:.1f} m, {short[k]:.1f} m short of the {stage[Stage.TOLERANCE]:g} m around "
-        f"{stage[Stage.DEPTH]:g} m"
+        f"it was at {z:.1f} m, {short[k]:.1f} m short of the {stage['tolerance']:g} m around "
+        f"{stage['depth']:g} m"
     )
 
 
 def battery_words(flight: Flight) -> str:
     """Return where the battery ran empty, and what pressing all volume out there still takes."""
     g, table, x = flight.plan.given, flight.plan.table, flight.end
-    phase = flight.mission.titles[int(flight.whole[At.PHASE])]
-    z, inside = float(x[Now.Z]), float(g[Given.V_MAX] - x[Now.V])
+    phase = flight.mission.titles[int(flight.whole["phase"])]
+    z, inside = float(x["z"]), float(g["v_max"] - x["v"])
     rate, power = (
-        look_up(table, float(g[Given.STEP]), column, max(z, 0.0))[0]
+        look_up(table, float(g["step"]), column, max(z, 0.0))[0]
         for column in (Table.RATE_OUT, Table.POWER_OUT)
     )
-    cycle = int(flight.whole[At.CYCLE]) + 1
+    cycle = int(flight.whole["cycle"]) + 1
     where = f"in the phase {phase!r} of cycle {cycle}, at {z:.1f} m"
-    delivery = float(rate * g[Given.DELIVERY])
+    delivery = float(rate * g["delivery"])
     if delivery <= 0.0:
         return f"{where}, where the drive stalls"
     return (
@@ -83,25 +83,25 @@ def starts_words(flight: Flight, phase: int) -> str:
     plan, actuator = flight.plan, flight.vehicle.actuator
     if not isinstance(actuator, PumpAndValve):
         return ""
-    law = RateParameters(*map(float, plan.stages[phase, Stage.LAW : Stage.CAPTURE]))
-    longest, limit = float(plan.given[Given.LONGEST]), "actuator.longest_run"
+    law = RateParameters(*map(float, plan.stages["law"][phase]))
+    longest, limit = float(plan.given["longest"]), "actuator.longest_run"
     if longest > law.dead:
         longest, limit = law.dead, "the next sample (dead of the controller, or check_interval)"
-    step, share = float(plan.given[Given.STEP]), float(plan.given[Given.DELIVERY])
+    step, share = float(plan.given["step"]), float(plan.given["delivery"])
     here, begun = False, None
     out, could, depths = 0.0, 0.0, list[float]()
     for note in flight.notes:
-        if note[Drive.WHAT] == Note.PHASE:
-            here = note[Drive.NUMBER] == phase
-        elif note[Drive.WHAT] == Note.PUMP:
+        if note["what"] == Note.PHASE:
+            here = note["number"] == phase
+        elif note["what"] == Note.PUMP:
             begun = note if here else None
-        elif note[Drive.WHAT] == Note.RUN_OVER and begun is not None:
-            if note[Drive.NUMBER] < _CUT * longest:
+        elif note["what"] == Note.RUN_OVER and begun is not None:
+            if note["number"] < _CUT * longest:
                 continue
-            depth = max(float(begun[Drive.Z]), 0.0)
+            depth = max(float(begun["z"]), 0.0)
             rate = look_up(plan.table, step, Table.RATE_OUT, depth)[0]
-            out += float(note[Drive.V] - begun[Drive.V])
-            could += share * rate * float(note[Drive.NUMBER])
+            out += float(note["v"] - begun["v"])
+            could += share * rate * float(note["number"])
             depths.append(depth)
     if could == 0.0 or out > _FEW * could:
         return ""
@@ -125,10 +125,10 @@ def coarse_words(mission: Mission, plan: Plan, phase: int) -> str:
     before it moves on.
     """
     stage = plan.stages[phase]
-    if mission.phases[phase].depth is None or stage[Stage.CAPTURE] > 0.0:
+    if mission.phases[phase].depth is None or stage["capture"] > 0.0:
         return ""
-    psi = look_up(plan.table, float(plan.given[Given.STEP]), Table.NEUTRAL, stage[Stage.DEPTH])[1]
-    law = RateParameters(*map(float, stage[Stage.LAW : Stage.CAPTURE]))
+    psi = look_up(plan.table, float(plan.given["step"]), Table.NEUTRAL, stage["depth"])[1]
+    law = RateParameters(*map(float, stage["law"]))
     if psi >= 0.0 or law.volume_step <= _COARSE * -psi * 2.0 * law.tolerance:
         return ""
     return (

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.sim.engine.rodas.names import Account, Doing, Drive, Given, Note
+from swimbladder.sim.engine.rodas.records import Account, Doing, Note
 from swimbladder.sim.mission.books import (
     consumer_energy,
     drawn_energy,
@@ -15,7 +15,6 @@ from swimbladder.sim.mission.books import (
     mean_power,
     power_names,
 )
-from swimbladder.sim.mission.core.names import Cycle, Row
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.result import MissionResult
 
@@ -27,21 +26,21 @@ def trajectory_columns(result: MissionResult) -> dict[str, Array]:
     """Return the columns of trajectory.csv: a row per step of the engine."""
     rows = result.flight.rows
     columns = {
-        "time_s": rows[:, Row.T],
-        "depth_m": rows[:, Row.Z],
-        "speed_m_s": rows[:, Row.W],
+        "time_s": rows["t"],
+        "depth_m": rows["z"],
+        "speed_m_s": rows["w"],
         "pressure_Pa": np.interp(
-            rows[:, Row.Z], result.flight.column.depth, result.flight.column.pressure
+            rows["z"], result.flight.column.depth, result.flight.column.pressure
         ),
-        "volume_m3": rows[:, Row.V],
-        "phase": rows[:, Row.PHASE],
-        "cycle": rows[:, Row.CYCLE] + 1.0,
-        "doing": np.where(rows[:, Row.DOING] == Doing.PRIMING, Doing.PUMPING, rows[:, Row.DOING]),
+        "volume_m3": rows["v"],
+        "phase": rows["phase"],
+        "cycle": rows["cycle"] + 1.0,
+        "doing": np.where(rows["doing"] == Doing.PRIMING, Doing.PUMPING, rows["doing"]),
     }
     if result.energy_known:
         energy = consumer_energy(result.flight)
         power = {
-            name: mean_power(rows[:, Row.T], energy[consumer])
+            name: mean_power(rows["t"], energy[consumer])
             for consumer, name in power_names(list(energy)).items()
         }
         columns["power_W"] = np.sum([np.zeros(len(rows)), *power.values()], axis=0)
@@ -58,11 +57,11 @@ def events_csv(flight: Flight) -> str:
     lines = ["time_s,what,depth_m,volume_m3,number,phase"]
     phase, titles = "", flight.mission.titles
     for note in _without_bobbing(flight):
-        kind = Note(int(note[Drive.WHAT]))
+        kind = Note(int(note["what"]))
         if kind is Note.PHASE:
-            phase = titles[int(note[Drive.NUMBER])]
+            phase = titles[int(note["number"])]
         what = kind.name.lower().replace("_", "-")
-        t, z, v, number = (float(note[k]) for k in (Drive.T, Drive.Z, Drive.V, Drive.NUMBER))
+        t, z, v, number = (float(note[k]) for k in ("t", "z", "v", "number"))
         named = phase.replace('"', '""')
         lines.append(f'{t!r},{what},{z!r},{v!r},{number!r},"{named}"')
     return "\n".join(lines) + "\n"
@@ -71,9 +70,9 @@ def events_csv(flight: Flight) -> str:
 def _without_bobbing(flight: Flight) -> Array:
     """Return the notes without the bobbing afloat: the first way up and the last down stay."""
     notes = flight.notes
-    what = notes[:, Drive.WHAT]
+    what = notes["what"]
     passes = (what == Note.EMERGED) | (what == Note.SUBMERGED)
-    deep = notes[:, Drive.Z] > float(flight.plan.given[Given.SHALLOW])
+    deep = notes["z"] > float(flight.plan.given["shallow"])
     keep = ~passes
     for part in np.split(np.arange(len(notes)), np.flatnonzero(deep)):
         up, down = (part[what[part] == kind] for kind in (Note.EMERGED, Note.SUBMERGED))
@@ -89,16 +88,14 @@ def cycle_columns(result: MissionResult) -> dict[str, Array]:
     c = result.flight.cycles
     columns: dict[str, Array] = {
         "cycle": np.arange(1.0, len(c) + 1.0),
-        "begin_s": c[:, Cycle.T_BEGIN],
-        "end_s": c[:, Cycle.T_END],
-        "arrival_s": c[:, Cycle.ARRIVAL],
-        "surfaced_s": c[:, Cycle.SURFACED],
-        "deepest_m": c[:, Cycle.DEEPEST],
-        "least_volume_m3": c[:, Cycle.V_LEAST],
-        "most_volume_m3": c[:, Cycle.V_MOST],
-        "phases_missed": np.array(
-            [bin(int(bits)).count("1") for bits in c[:, Cycle.MISSED]], float
-        ),
+        "begin_s": c["t_begin"],
+        "end_s": c["t_end"],
+        "arrival_s": c["arrival"],
+        "surfaced_s": c["surfaced"],
+        "deepest_m": c["deepest"],
+        "least_volume_m3": c["v_least"],
+        "most_volume_m3": c["v_most"],
+        "phases_missed": np.array([bin(int(bits)).count("1") for bits in c["missed"]], float),
         "pump_runs": result.per_cycle(Account.PUMP_RUNS),
         "valve_runs": result.per_cycle(Account.VALVE_RUNS),
         "pump_time_s": result.per_cycle(Account.PUMP_TIME),
@@ -144,7 +141,7 @@ def speeds(flight: Flight) -> dict[str, Array]:
     """
     rows = flight.rows
     top = flight.vehicle.hull.emergence_depth
-    edges = np.linspace(top, max(float(np.max(rows[:, Row.Z])), top + 1e-3), _DEPTHS + 1)
+    edges = np.linspace(top, max(float(np.max(rows["z"])), top + 1e-3), _DEPTHS + 1)
     times = {1: np.zeros(_DEPTHS), -1: np.zeros(_DEPTHS)}
     counts = {1: np.zeros(_DEPTHS), -1: np.zeros(_DEPTHS)}
     for t, z in _ways(flight):
@@ -174,13 +171,13 @@ def speeds(flight: Flight) -> dict[str, Array]:
 def _ways(flight: Flight) -> list[tuple[Array, Array]]:
     """Return (time, depth) of each phase that goes somewhere, the way to the surface included."""
     rows, found = flight.rows, []
-    number = rows[:, Row.CYCLE] * len(flight.mission.phases) + rows[:, Row.PHASE]
+    number = rows["cycle"] * len(flight.mission.phases) + rows["phase"]
     cuts = np.flatnonzero(np.diff(number)) + 1
     for part in np.split(rows, cuts):
-        phase: Any = flight.mission.phases[int(part[0, Row.PHASE])]
+        phase: Any = flight.mission.phases[int(part["phase"][0])]
         if phase.kind == "park" or phase.kind == "hold" or len(part) < 2:
             continue
-        t, z = part[:, Row.T], part[:, Row.Z]
+        t, z = part["t"], part["z"]
         if phase.kind == "surface":
             afloat = np.flatnonzero(z <= flight.vehicle.hull.emergence_depth)
             end = int(afloat[0]) + 1 if afloat.size else len(z)

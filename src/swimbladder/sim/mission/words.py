@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swimbladder.physics.buoyancy_engine import oil_note
-from swimbladder.sim.engine.rodas.names import At, Drive, Given, Note, Stop
-from swimbladder.sim.mission.core.names import Cycle, Stage
+from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission.prepare import HELD
 from swimbladder.sim.mission.shortfall import (
     battery_words,
@@ -40,7 +39,7 @@ def holding_words(result: MissionResult) -> list[str]:
     """Return how each park and hold went."""
     phases = {title: n for n, title in enumerate(result.flight.mission.titles)}
     return [
-        f"{name}: within {result.flight.plan.stages[phases[name], Stage.TOLERANCE]:g} m for "
+        f"{name}: within {result.flight.plan.stages['tolerance'][phases[name]]:g} m for "
         f"{_percent(one['share'])} % of the time since it arrived, {one['rms']:.3g} m rms, "
         f"{one['farthest']:.3g} m at most"
         for name, one in result.held.items()
@@ -52,14 +51,14 @@ def note_words(result: MissionResult) -> list[str]:
     oil = oil_note(result.flight.vehicle)
     found = ([] if oil is None else [oil]) + _cost_words(result)
     sensors = result.flight.vehicle.sensors
-    by_time = result.flight.plan.given[Given.BY_VOLUME] == 0.0
+    by_time = result.flight.plan.given["by_volume"] == 0.0
     if by_time and (sensors.volume_noise or sensors.volume_quantum):
         found.append(
             "sensors.volume_noise and sensors.volume_quantum change nothing here: pump and "
             "valve run for a time, and no volume is measured"
         )
     for phase, stage in zip(result.flight.mission.phases, result.flight.plan.stages, strict=True):
-        tolerance = float(stage[Stage.TOLERANCE])
+        tolerance = float(stage["tolerance"])
         if phase.depth is not None and tolerance >= phase.depth:
             found.append(  # the file's own is refused: it is the law's, or 10 m
                 f"the phase {phase.title!r} gives no tolerance, and the {tolerance:g} m that are "
@@ -71,7 +70,7 @@ def note_words(result: MissionResult) -> list[str]:
 
 def reason_words(result: MissionResult) -> list[str]:
     """Return why the mission ended, and what was not met on the way."""
-    asked = float(result.flight.plan.given[Given.LAST_CYCLE])
+    asked = float(result.flight.plan.given["last_cycle"])
     flown = f"{result.cycles} of {asked:.0f} cycles, " if np.isfinite(asked) else ""
     flown = "" if result.flight.stop is Stop.FINISHED else flown
     found = [f"{REASONS[result.flight.stop]}, after {flown}{span_words(result.flight.duration)}"]
@@ -86,20 +85,20 @@ def reason_words(result: MissionResult) -> list[str]:
         for name, count in result.missed.items()
     ]
     if result.flight.stop in (Stop.PASSED_DEPTH, Stop.LOST):
-        found += filter(None, [_starts_words(result, int(result.flight.whole[At.PHASE]))])
+        found += filter(None, [_starts_words(result, int(result.flight.whole["phase"]))])
     found += [
         f"the phase {name!r} was in its tolerance for less than {100.0 * HELD:.0f} % of its "
         f"time in {count} of {len(result.flight.cycles)} cycles: that is no holding. "
         f"{_hold_words(result, numbers[name])}"
         for name, count in result.not_held.items()
     ]
-    landed = int(np.sum(result.flight.notes[:, Drive.WHAT] == Note.BOTTOM))
+    landed = int(np.sum(result.flight.notes["what"] == Note.BOTTOM))
     if landed:
         found.append(
             f"it came down on the bottom at {result.flight.mission.bottom:g} m {landed} "
             f"time{'s' if landed > 1 else ''}"
         )
-    deepest = float(np.max(result.flight.cycles[:, Cycle.DEEPEST]))
+    deepest = float(np.max(result.flight.cycles["deepest"]))
     if deepest > result.flight.column.deepest:
         found.append(
             f"it went down to {deepest:.0f} m, where the water is not known: below "
@@ -138,10 +137,10 @@ def _cost_words(result: MissionResult) -> list[str]:
     for phase, stage, law in zip(
         flight.mission.phases, flight.plan.stages, flight.plan.laws, strict=False
     ):
-        samples = float(stage[Stage.DURATION]) / law.sample_time
+        samples = float(stage["duration"]) / law.sample_time
         if samples < _MANY or phase.kind == "surface":
             continue
-        drawn = float(stage[Stage.LOADS] * stage[Stage.DURATION])
+        drawn = float(stage["loads"] * stage["duration"])
         board = f" and {drawn / 1e3:.3g} kJ of loads and standby" if drawn > 0.0 else ""
         found.append(
             f"the law {law.law.name!r} samples {samples / 1e6:.3g} million times in each phase "

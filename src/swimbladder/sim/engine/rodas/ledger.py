@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.physics.seawater import look_up
-from swimbladder.sim.engine.rodas.names import Account, Given, Now, Table
+from swimbladder.sim.engine.rodas.records import Account, Table
 
 Array = NDArray[np.float64]
 HOLDING = "holding"
@@ -32,10 +32,12 @@ class Balance:
     volume_residue: float
 
 
-def balance(given: Array, accounts: Array, first: Array, last: Array, *, stored: float) -> Balance:
-    """Return the balance between two states of `Now`; stored [J]: what the sea gained."""
-    a = {key: float(accounts[key]) for key in list(Account)[: int(Account.T_KIND)]}
-    m = float(given[Given.MASS])
+def balance(
+    given: np.record, accounts: Array, first: np.record, last: np.record, *, stored: float
+) -> Balance:
+    """Return the balance between two states; stored [J]: what the sea gained."""
+    a = {key: float(accounts[key]) for key in list(Account)[: int(Account.T_DESCEND)]}
+    m = float(given["mass"])
     work = a[Account.PUMP_WORK] - a[Account.LET_IN_WORK] - a[Account.LEAK_WORK]
     sinks = {
         "pump and its driver": a[Account.PUMP_ENERGY] - a[Account.PUMP_WORK],
@@ -47,10 +49,10 @@ def balance(given: Array, accounts: Array, first: Array, last: Array, *, stored:
         "moving water": a[Account.FORCED],
         "heat of the hull": a[Account.HEAT],
         "oscillations at rest": a[Account.SETTLED],
-        "vehicle motion": 0.5 * m * float(last[Now.W] ** 2 - first[Now.W] ** 2),
+        "vehicle motion": 0.5 * m * float(last["w"] ** 2 - first["w"] ** 2),
         "sea": stored,
     }
-    change = float(last[Now.V] - first[Now.V])
+    change = float(last["v"] - first["v"])
     volume = {
         "pumped": a[Account.PUMPED], "let in": a[Account.LET_IN], "leaked": a[Account.LEAKED],
         "change": change,
@@ -65,10 +67,10 @@ def balance(given: Array, accounts: Array, first: Array, last: Array, *, stored:
     )  # fmt: skip
 
 
-def potential(given: Array, table: Array, z: float) -> float:
+def potential(given: np.record, table: Array, z: float) -> float:
     """Return the integral of p' V_neutral from the surface to depth z [J]: exact for the table."""
-    step = float(given[Given.STEP])
-    trim, give = float(given[Given.TRIM]), float(given[Given.GIVE])
+    step = float(given["step"])
+    trim, give = float(given["trim"]), float(given["give"])
     # Gauss' rule of three points, exact to degree 5, which p' V_neutral has in a cell
     nodes, weights = np.polynomial.legendre.leggauss(3)
 
@@ -87,10 +89,10 @@ def potential(given: Array, table: Array, z: float) -> float:
     return sum(cell(a, b) for a, b in pairwise(edges))
 
 
-def stored_energy(given: Array, table: Array, x: Any, *, emerging: bool) -> float:
+def stored_energy(given: np.record, table: Array, x: Any, *, emerging: bool) -> float:
     """Return p V less the potential of the weight, and that of the emerged hull [J]."""
-    z = float(x[Now.Z])
-    pressure = look_up(table, float(given[Given.STEP]), Table.PRESSURE, z)[0]
-    emerged = max(float(given[Given.Z_SURFACE]) - z, 0.0) if emerging else 0.0
-    spring = 0.5 * float(given[Given.MASS] * given[Given.A_S]) * emerged**2
-    return pressure * float(x[Now.V]) - potential(given, table, z) + spring
+    z = float(x["z"])
+    pressure = look_up(table, float(given["step"]), Table.PRESSURE, z)[0]
+    emerged = max(float(given["z_surface"]) - z, 0.0) if emerging else 0.0
+    spring = 0.5 * float(given["mass"] * given["a_s"]) * emerged**2
+    return pressure * float(x["v"]) - potential(given, table, z) + spring

@@ -26,27 +26,21 @@ the slip s it is -(C_0/s) ln h - S, S being the integral of (C - C_0)/(s h) dh t
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.lookup import value
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Now, Table
+from swimbladder.sim.engine.rodas.records import Account, Doing, Table
+
+Array = NDArray[np.float64]
+
 
 _moved = inlined(moved)
 
-T, Z, V, H, LEVEL = int(Now.T), int(Now.Z), int(Now.V), int(Now.H), int(Now.LINE_LEVEL)
-T_LEVEL = int(Now.T_LEVEL)
-T_PRIMED, PUMPED, PUMP_WORK = int(Now.T_PRIMED), int(Account.PUMPED), int(Account.PUMP_WORK)
-DOING, SHUT = int(At.DOING), int(At.SHUT)
-PUMPING, PRIMING = int(Doing.PUMPING), int(Doing.PRIMING)
-STEP, DELIVERY, V_MAX = int(Given.STEP), int(Given.DELIVERY), int(Given.V_MAX)
-LINE, GAS, MODULUS = int(Given.LINE), int(Given.LINE_GAS), int(Given.LINE_MODULUS)
-POWER, RATIO, RESERVOIR = int(Given.LINE_POWER), int(Given.LINE_RATIO), int(Given.RESERVOIR)
-AFLOAT, SLIP, RUN_UP = int(Given.HEAD_AFLOAT), int(Given.SLIP), int(Given.RUN_UP)
-LINE_STEP, TOP = int(Given.LINE_STEP), int(Given.LINE_TOP)
-PRESSURE, RATE_OUT, TEMPERATURE = int(Table.PRESSURE), int(Table.RATE_OUT), int(Table.TEMPERATURE)
-FILLING, FILL_ENERGY = int(Table.FILLING), int(Table.FILL_ENERGY)
-FILL_WARMTH, EMPTYING = int(Table.FILL_WARMTH), int(Table.EMPTYING)
 _HIGHEST = 40.0  # e^40 of the reservoir's pressure: no sea, where the table goes on straight
 _HALVINGS = 60  # to the last bit of a pressure
 _MUCH = 1e-8  # m3 that a line gives in one step of a vehicle that rises, at most about
@@ -56,74 +50,74 @@ _FLOW_SCALE = 1e6  # the guard of a flow counts in mL/s
 
 
 @part
-def _head(p, table, z):  # type: ignore[no-untyped-def]
+def _head(p: Any, table: Array, z: float) -> Any:
     """Return the sea's pressure over the reservoir's [Pa] at depth z, its slope and curvature."""
-    pressure, slope, bend = value(table, p[STEP], PRESSURE, max(z, 0.0))
+    pressure, slope, bend = value(table, p.step, Table.PRESSURE, max(z, 0.0))
     if z < 0.0:
         slope, bend = 0.0, 0.0
-    return pressure + p[AFLOAT], slope, bend
+    return pressure + p.head_afloat, slope, bend
 
 
 @part
-def _sea(p, table, z):  # type: ignore[no-untyped-def]
+def _sea(p: Any, table: Array, z: float) -> Any:
     """Return y at which the check valve opens at depth z."""
     head = _head(p, table, z)[0]
-    return math.log(1.0 + max(head, 0.0) / (p[RATIO] * p[RESERVOIR]))
+    return math.log(1.0 + max(head, 0.0) / (p.line_ratio * p.reservoir))
 
 
 @part
-def _give(p, y):  # type: ignore[no-untyped-def]
+def _give(p: Any, y: float) -> Any:
     """Return C [m3/Pa], and its derivative by y."""
-    oil = p[RESERVOIR] * math.exp(y)
-    gas = p[GAS] * math.exp(-p[POWER] * y)
-    squared = p[RATIO] * p[RATIO]
-    liquid = (p[LINE] - gas) / p[MODULUS]
-    by_level = p[POWER] * gas * (1.0 / p[MODULUS] - (1.0 + p[POWER]) / oil)
-    return (liquid + p[POWER] * gas / oil) / squared, by_level / squared
+    oil = p.reservoir * math.exp(y)
+    gas = p.line_gas * math.exp(-p.line_power * y)
+    squared = p.line_ratio * p.line_ratio
+    liquid = (p.line - gas) / p.line_modulus
+    by_level = p.line_power * gas * (1.0 / p.line_modulus - (1.0 + p.line_power) / oil)
+    return (liquid + p.line_power * gas / oil) / squared, by_level / squared
 
 
 @part
-def line_flow(p, table, z, dz):  # type: ignore[no-untyped-def]
+def line_flow(p: Any, table: Array, z: float, dz: float) -> Any:
     """Return what an open line gives the bladder beside the pump's delivery [m3/s].
 
     dz: speed of the vehicle down [m/s]. Also the slopes by depth [m2/s] and by dz [m2].
     """
     head, slope, bend = _head(p, table, z)
     head = max(head, 0.0)
-    oil = p[RESERVOIR] + head / p[RATIO]
-    give, by_level = _give(p, math.log(oil / p[RESERVOIR]))
-    by_depth = by_level * slope / (p[RATIO] * oil)
+    oil = p.reservoir + head / p.line_ratio
+    give, by_level = _give(p, math.log(oil / p.reservoir))
+    by_depth = by_level * slope / (p.line_ratio * oil)
     return -give * slope * dz, -(by_depth * slope + give * bend) * dz, -give * slope
 
 
 @part
-def _fill_time(p, table, y):  # type: ignore[no-untyped-def]
+def _fill_time(p: Any, table: Array, y: float) -> Any:
     """Return the time [s] in which the pump takes the line from rest to y; inf: it stalls."""
-    if y > p[TOP]:
+    if y > p.line_top:
         return math.inf
-    return value(table, p[LINE_STEP], FILLING, y)[0]
+    return value(table, p.line_step, Table.FILLING, y)[0]
 
 
 @part
-def _filled(p, table, y, h):  # type: ignore[no-untyped-def]
+def _filled(p: Any, table: Array, y: float, h: float) -> Any:
     """Return what y becomes after h [s] of the pump, and the energy of that [J] at 0 degC, J/K."""
-    step = p[LINE_STEP]
-    goal = value(table, step, FILLING, y)[0] + h
-    low, high = y, min(p[TOP], _HIGHEST)
-    if high <= low or value(table, step, FILLING, high)[0] <= goal:
+    step = p.line_step
+    goal = value(table, step, Table.FILLING, y)[0] + h
+    low, high = y, min(p.line_top, _HIGHEST)
+    if high <= low or value(table, step, Table.FILLING, high)[0] <= goal:
         low = max(low, high)  # it stalls, and draws what it draws there
     else:
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            if value(table, step, FILLING, middle)[0] < goal:
+            if value(table, step, Table.FILLING, middle)[0] < goal:
                 low = middle
             else:
                 high = middle
-    time, slow, _ = value(table, step, FILLING, low)
-    e, by_level, _ = value(table, step, FILL_ENERGY, low)
-    k, warmth, _ = value(table, step, FILL_WARMTH, low)
-    e -= value(table, step, FILL_ENERGY, y)[0]
-    k -= value(table, step, FILL_WARMTH, y)[0]
+    time, slow, _ = value(table, step, Table.FILLING, low)
+    e, by_level, _ = value(table, step, Table.FILL_ENERGY, low)
+    k, warmth, _ = value(table, step, Table.FILL_WARMTH, low)
+    e -= value(table, step, Table.FILL_ENERGY, y)[0]
+    k -= value(table, step, Table.FILL_WARMTH, y)[0]
     if goal > time and slow > 0.0:
         e += (goal - time) * by_level / slow
         k += (goal - time) * warmth / slow
@@ -131,17 +125,17 @@ def _filled(p, table, y, h):  # type: ignore[no-untyped-def]
 
 
 @part
-def _fall_time(p, table, y):  # type: ignore[no-untyped-def]
+def _fall_time(p: Any, table: Array, y: float) -> Any:
     """Return the time [s], from some beginning, at which a line that empties is at y > 0."""
-    head = p[RATIO] * p[RESERVOIR] * math.expm1(y)
-    first = _give(p, 0.0)[0] / p[SLIP]
-    return -first * math.log(head) - value(table, p[LINE_STEP], EMPTYING, y)[0]
+    head = p.line_ratio * p.reservoir * math.expm1(y)
+    first = _give(p, 0.0)[0] / p.slip
+    return -first * math.log(head) - value(table, p.line_step, Table.EMPTYING, y)[0]
 
 
 @part
-def _emptied(p, table, y, h):  # type: ignore[no-untyped-def]
+def _emptied(p: Any, table: Array, y: float, h: float) -> Any:
     """Return what y becomes in h [s] while the pump stands and the check valve is shut."""
-    if p[SLIP] == 0.0 or y <= _EMPTY or h <= 0.0:
+    if p.slip == 0.0 or y <= _EMPTY or h <= 0.0:
         return y
     goal = _fall_time(p, table, y) + h
     low, high = 0.0, y
@@ -155,73 +149,73 @@ def _emptied(p, table, y, h):  # type: ignore[no-untyped-def]
 
 
 @part
-def fill_lacks(p, table, x):  # type: ignore[no-untyped-def]
+def fill_lacks(p: Any, table: Array, x: Any) -> Any:
     """Return how long the pump has to run [s] before the line is at the pressure of the sea."""
-    begun = _fill_time(p, table, min(x[LEVEL], p[TOP]))
-    return max(_fill_time(p, table, _sea(p, table, x[Z])) - begun, 0.0)
+    begun = _fill_time(p, table, min(x.line_level, p.line_top))
+    return max(_fill_time(p, table, _sea(p, table, x.z)) - begun, 0.0)
 
 
 @part
-def stalls(p, table, at, z):  # type: ignore[no-untyped-def]
+def stalls(p: Any, table: Array, at: Any, z: float) -> Any:
     """Return whether the pump fills a line that it cannot bring to the sea's pressure."""
-    if p[LINE] == 0.0 or at[DOING] != PRIMING or at[SHUT] == 0:
+    if p.line == 0.0 or at.doing != Doing.PRIMING or at.shut == 0:
         return False
-    return _sea(p, table, z) > p[TOP]
+    return _sea(p, table, z) > p.line_top
 
 
 @part
-def advance_line(p, table, x, at, z, h, energy):  # type: ignore[no-untyped-def]
+def advance_line(p: Any, table: Array, x: Any, at: Any, z: float, h: float, energy: float) -> Any:
     """Let the line's pressure go on for h [s], in which the vehicle comes to depth z [m].
 
     energy: what the drive takes at the sea's pressure [J]. Return what it does take.
     """
-    if p[LINE] == 0.0:
+    if p.line == 0.0:
         return energy
-    if at[SHUT] == 0:
-        x[LEVEL] = _sea(p, table, z)
-        x[T_LEVEL] = x[T] + h
-    elif at[DOING] == PRIMING:
-        x[T_LEVEL] = x[T] + h
-        share = p[DELIVERY]
-        x[LEVEL], cold, by_warmth = _filled(p, table, x[LEVEL], share * h)
-        warmth = value(table, p[STEP], TEMPERATURE, max(x[Z], 0.0))[0]
+    if at.shut == 0:
+        x.line_level = _sea(p, table, z)
+        x.t_level = x.t + h
+    elif at.doing == Doing.PRIMING:
+        x.t_level = x.t + h
+        share = p.delivery
+        x.line_level, cold, by_warmth = _filled(p, table, x.line_level, share * h)
+        warmth = value(table, p.step, Table.TEMPERATURE, max(x.z, 0.0))[0]
         return (cold + by_warmth * warmth) / share
     return energy  # what a line loses at rest is seen when it matters: `empty_line`
 
 
 @part
-def empty_line(p, table, x):  # type: ignore[no-untyped-def]
+def empty_line(p: Any, table: Array, x: Any) -> None:
     """Let the line be as empty as it is by now, while the pump stands."""
-    x[LEVEL] = _emptied(p, table, x[LEVEL], x[T] - x[T_LEVEL])
-    x[T_LEVEL] = x[T]
+    x.line_level = _emptied(p, table, x.line_level, x.t - x.t_level)
+    x.t_level = x.t
 
 
 @part
-def _held(p, y):  # type: ignore[no-untyped-def]
+def _held(p: Any, y: float) -> Any:
     """Return what the line takes in from the reservoir's pressure to y [m3], the integral of C."""
-    more = 1.0 - p[POWER]  # of the air's volume as e^(-POWER y), over the pressure
-    liquid = p[LINE] * math.expm1(y) - p[GAS] * math.expm1(more * y) / more
-    gas = -p[GAS] * math.expm1(-p[POWER] * y)
-    return (p[RESERVOIR] * liquid / p[MODULUS] + gas) / p[RATIO]
+    more = 1.0 - p.line_power  # of the air's volume as e^(-POWER y), over the pressure
+    liquid = p.line * math.expm1(y) - p.line_gas * math.expm1(more * y) / more
+    gas = -p.line_gas * math.expm1(-p.line_power * y)
+    return (p.reservoir * liquid / p.line_modulus + gas) / p.line_ratio
 
 
 @part
-def relieve(p, table, x, accounts, h):  # type: ignore[no-untyped-def]
+def relieve(p: Any, table: Array, x: Any, accounts: Array, h: float) -> None:
     """Let the line give what it holds above the sea's pressure after a step of h [s].
 
     That counts as pumped. What the stroke has no room for stays in it.
     """
-    sea = _sea(p, table, x[Z])
-    if x[LEVEL] <= sea or x[V] >= p[V_MAX]:
+    sea = _sea(p, table, x.z)
+    if x.line_level <= sea or x.v >= p.v_max:
         return
     empty_line(p, table, x)
-    if x[LEVEL] <= sea:
+    if x.line_level <= sea:
         return
-    held = _held(p, x[LEVEL])
+    held = _held(p, x.line_level)
     given = held - _held(p, sea)
-    if given > p[V_MAX] - x[V]:
-        given = p[V_MAX] - x[V]
-        low, high = sea, x[LEVEL]
+    if given > p.v_max - x.v:
+        given = p.v_max - x.v
+        low, high = sea, x.line_level
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
             if _held(p, middle) < held - given:
@@ -229,12 +223,12 @@ def relieve(p, table, x, accounts, h):  # type: ignore[no-untyped-def]
             else:
                 high = middle
         sea = high
-    x[LEVEL] = sea
-    x[V] += given
-    accounts[PUMPED] += given
-    accounts[PUMP_WORK] += given * value(table, p[STEP], PRESSURE, x[Z])[0]
+    x.line_level = sea
+    x.v += given
+    accounts[Account.PUMPED] += given
+    accounts[Account.PUMP_WORK] += given * value(table, p.step, Table.PRESSURE, x.z)[0]
     if given > _MUCH:
-        x[H] = min(x[H], h * _MUCH / given)
+        x.h = min(x.h, h * _MUCH / given)
 
 
 @part
@@ -243,34 +237,34 @@ def valve_turns(p, table, waves, x, at, t, z, w):  # type: ignore[no-untyped-def
 
     t [s] after the state x, at depth z [m] and speed w [m/s].
     """
-    doing = at[DOING]
-    if at[SHUT] == 1 and doing == PRIMING:
+    doing = at.doing
+    if at.shut == 1 and doing == Doing.PRIMING:
         sea = _sea(p, table, z)
-        if sea > p[TOP]:
+        if sea > p.line_top:
             return -1.0
-        begun = _fill_time(p, table, min(x[LEVEL], p[TOP]))
-        return begun + p[DELIVERY] * t - _fill_time(p, table, sea)
-    if at[SHUT] == 1 or doing != PUMPING:
+        begun = _fill_time(p, table, min(x.line_level, p.line_top))
+        return begun + p.delivery * t - _fill_time(p, table, sea)
+    if at.shut == 1 or doing != Doing.PUMPING:
         return -1.0
     dz = w
     if waves.shape[0] > 0:
-        dz += _moved(waves, z, x[T] + t)[1]
+        dz += _moved(waves, z, x.t + t)[1]
     out = line_flow(p, table, z, dz)[0]
-    out += p[DELIVERY] * max(value(table, p[STEP], RATE_OUT, max(z, 0.0))[0], 0.0)
+    out += p.delivery * max(value(table, p.step, Table.RATE_OUT, max(z, 0.0))[0], 0.0)
     return -(out + _SEATS) * _FLOW_SCALE
 
 
 @part
-def turn_valve(p, table, x, at):  # type: ignore[no-untyped-def]
+def turn_valve(p: Any, table: Array, x: Any, at: Any) -> None:
     """Open or shut the check valve of a pump that runs: the line is at the pressure of the sea."""
-    x[LEVEL], x[T_LEVEL] = _sea(p, table, x[Z]), x[T]
-    if at[SHUT] == 0:
-        at[SHUT] = 1
-        at[DOING] = PRIMING
+    x.line_level, x.t_level = _sea(p, table, x.z), x.t
+    if at.shut == 0:
+        at.shut = 1
+        at.doing = Doing.PRIMING
         return
-    at[SHUT] = 0
-    if x[T_PRIMED] == math.inf:
-        delivery = p[DELIVERY] * value(table, p[STEP], RATE_OUT, max(x[Z], 0.0))[0]
-        x[T_PRIMED] = x[T] + (p[RUN_UP] / delivery if delivery > 0.0 else 0.0)
-    if x[T] >= x[T_PRIMED]:
-        at[DOING] = PUMPING
+    at.shut = 0
+    if x.t_primed == math.inf:
+        delivery = p.delivery * value(table, p.step, Table.RATE_OUT, max(x.z, 0.0))[0]
+        x.t_primed = x.t + (p.run_up / delivery if delivery > 0.0 else 0.0)
+    if x.t >= x.t_primed:
+        at.doing = Doing.PUMPING

@@ -27,28 +27,23 @@ section VI.4: L-stable, six stages, order 4 with an embedded 3, and a cubic for 
 from __future__ import annotations
 
 import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.modes import drag_at
 from swimbladder.sim.engine.rodas.line import line_flow
 from swimbladder.sim.engine.rodas.lookup import value
-from swimbladder.sim.engine.rodas.names import Doing, Given, Table
+from swimbladder.sim.engine.rodas.records import Doing, Table
+
+Array = NDArray[np.float64]
+
 
 _moved = inlined(moved)
 
-PRESSURE, NEUTRAL = int(Table.PRESSURE), int(Table.NEUTRAL)
-RATE_OUT, RATE_IN = int(Table.RATE_OUT), int(Table.RATE_IN)
-BYPASS, LEAKAGE = int(Table.BYPASS), int(Table.LEAKAGE)
-LAYERS, TEMPERATURE = int(Table.LAYERS), int(Table.TEMPERATURE)
-STEP, MASS, TRIM, GIVE = int(Given.STEP), int(Given.MASS), int(Given.TRIM), int(Given.GIVE)
-D_L, D_B, D_0, D_T = int(Given.D_L), int(Given.D_B), int(Given.D_0), int(Given.D_T)
-EPSILON, A_S, Z_SURFACE = int(Given.EPSILON), int(Given.A_S), int(Given.Z_SURFACE)
-V_MIN, DELIVERY, FLOW = int(Given.V_MIN), int(Given.DELIVERY), int(Given.FLOW)
-RISING, FOLLOWS, EXPANSION = int(Given.RISING), int(Given.FOLLOWS), int(Given.EXPANSION)
-LINE, OPEN = int(Given.LINE), int(Given.OPEN)
-PUMPING, LETTING_IN = int(Doing.PUMPING), int(Doing.LETTING_IN)
-BYPASSING, PRIMING = int(Doing.BYPASSING), int(Doing.PRIMING)
 
 GAMMA = 0.25
 A21, A31, A32 = 1.544, 0.9466785280815826, 0.2557011698983284
@@ -68,52 +63,52 @@ H34, H35 = 24.76722511418386, -6.594389125716872
 
 
 @part
-def drag(p, w):  # type: ignore[no-untyped-def]
+def drag(p: Any, w: float) -> Any:
     """Return drag over mass [m/s2] and its derivative [1/s], eq. (16), other while rising."""
-    share = p[RISING] if w < 0.0 else 1.0
-    force, slope, _ = drag_at(w, p[D_L], p[D_B], p[D_0], p[D_T], p[EPSILON])
+    share = p.rising if w < 0.0 else 1.0
+    force, slope, _ = drag_at(w, p.d_l, p.d_b, p.d_0, p.d_t, p.epsilon)
     return share * force, share * slope
 
 
 @part
-def rate_of(p, table, doing, shut, z, V, dz):  # type: ignore[no-untyped-def]
+def rate_of(p: Any, table: Array, doing: int, shut: bool, z: float, V: float, dz: float) -> Any:
     """Return dV/dt [m3/s], and its slopes over depth z [m2/s] and over dz [m2], m/s, being dz/dt.
 
     shut: whether the check valve behind an oil line is.
     """
     rate, slope = _drive_rate(p, table, doing, z, V)
-    if p[LINE] == 0.0 or shut or doing != PUMPING:
+    if p.line == 0.0 or shut or doing != Doing.PUMPING:
         return rate, slope, 0.0
     flow, by_depth, by_speed = line_flow(p, table, z, dz)
     return rate + flow, slope + by_depth, by_speed
 
 
 @part
-def _drive_rate(p, table, doing, z, V):  # type: ignore[no-untyped-def]
+def _drive_rate(p: Any, table: Array, doing: int, z: float, V: float) -> Any:
     rate, slope = _asked_rate(p, table, doing, z, V)
-    if p[OPEN] > 0.0 and doing != LETTING_IN:
-        lets, by_depth = _positive(table, p[STEP], RATE_IN, z, -p[OPEN])
+    if p.open > 0.0 and doing != Doing.LETTING_IN:
+        lets, by_depth = _positive(table, p.step, Table.RATE_IN, z, -p.open)
         rate, slope = rate + lets, slope + by_depth
-        if rate <= 0.0 and p[V_MIN] >= V:
+        if rate <= 0.0 and p.v_min >= V:
             return 0.0, 0.0
     return rate, slope
 
 
 @part
-def _asked_rate(p, table, doing, z, V):  # type: ignore[no-untyped-def]
-    if doing == PUMPING:
-        return _positive(table, p[STEP], RATE_OUT, z, p[DELIVERY])
-    if doing == LETTING_IN:
-        return _positive(table, p[STEP], RATE_IN, z, -p[FLOW])
-    if doing == BYPASSING:
-        return _positive(table, p[STEP], BYPASS, z, -p[FLOW])
-    if doing == PRIMING or p[V_MIN] >= V:
+def _asked_rate(p: Any, table: Array, doing: int, z: float, V: float) -> Any:
+    if doing == Doing.PUMPING:
+        return _positive(table, p.step, Table.RATE_OUT, z, p.delivery)
+    if doing == Doing.LETTING_IN:
+        return _positive(table, p.step, Table.RATE_IN, z, -p.flow)
+    if doing == Doing.BYPASSING:
+        return _positive(table, p.step, Table.BYPASS, z, -p.flow)
+    if doing == Doing.PRIMING or p.v_min >= V:
         return 0.0, 0.0
-    return _positive(table, p[STEP], LEAKAGE, z, -1.0)
+    return _positive(table, p.step, Table.LEAKAGE, z, -1.0)
 
 
 @part
-def _positive(table, step, what, z, sign):  # type: ignore[no-untyped-def]
+def _positive(table: Array, step: float, what: int, z: float, sign: float) -> Any:
     r, dr, _ = value(table, step, what, max(z, 0.0))
     if r <= 0.0:
         return 0.0, 0.0
@@ -123,49 +118,49 @@ def _positive(table, step, what, z, sign):  # type: ignore[no-untyped-def]
 @part
 def terms(p, table, waves, doing, shut, emerging, t, z, w, V, hull):  # type: ignore[no-untyped-def]
     """Return dz/dt, dw/dt, dV/dt and d hull/dt; hull: its temperature [degC]."""
-    _weight, slope, _ = value(table, p[STEP], PRESSURE, z)
-    neutral, _, _ = value(table, p[STEP], NEUTRAL, z)
-    neutral += p[TRIM] + p[GIVE] * z
-    pull = slope * (neutral - V) / p[MASS] - drag(p, w)[0]
+    _weight, slope, _ = value(table, p.step, Table.PRESSURE, z)
+    neutral, _, _ = value(table, p.step, Table.NEUTRAL, z)
+    neutral += p.trim + p.give * z
+    pull = slope * (neutral - V) / p.mass - drag(p, w)[0]
     if emerging:
-        pull += p[A_S] * (p[Z_SURFACE] - z)
+        pull += p.a_s * (p.z_surface - z)
     way, u, warms = 0.0, 0.0, 0.0
     if waves.shape[0] > 0:
         way, u = _moved(waves, z, t)
-        pull += slope * displaced(p, table, z, way)[0] / p[MASS]
-    if p[FOLLOWS] > 0.0:
+        pull += slope * displaced(p, table, z, way)[0] / p.mass
+    if p.follows > 0.0:
         more, _, colder, _ = lagging(p, table, z - way, hull)
-        pull += slope * more / p[MASS]
-        warms = p[FOLLOWS] * colder
+        pull += slope * more / p.mass
+        warms = p.follows * colder
     return w + u, pull, rate_of(p, table, doing, shut, z, V, w + u)[0], warms
 
 
 @part
-def lagging(p, table, rest, hull):  # type: ignore[no-untyped-def]
+def lagging(p: Any, table: Array, rest: float, hull: float) -> Any:
     """Return what a hull that lags behind the water adds to the neutral volume [m3].
 
     rest: depth at which the water there is at rest [m]; hull: its temperature [degC]. Also the same
     by depth [m3/m], by how much colder than the water it is [K], and that by depth [K/m].
     """
-    water, slope, _ = value(table, p[STEP], TEMPERATURE, max(rest, 0.0))
+    water, slope, _ = value(table, p.step, Table.TEMPERATURE, max(rest, 0.0))
     if rest < 0.0:
         slope = 0.0
-    return p[EXPANSION] * (water - hull), p[EXPANSION] * slope, water - hull, slope
+    return p.expansion * (water - hull), p.expansion * slope, water - hull, slope
 
 
 @part
-def displaced(p, table, z, way):  # type: ignore[no-untyped-def]
+def displaced(p: Any, table: Array, z: float, way: float) -> Any:
     """Return what displaced layers add to the neutral volume at depth z [m3].
 
     way: how far the water there has been moved down [m]. Also by depth [m3/m] and by `way` [m3/m],
     each with the other held. What only the pressure does to water and hull moves with nothing.
     """
-    here, by_depth, _ = value(table, p[STEP], LAYERS, z)
+    here, by_depth, _ = value(table, p.step, Table.LAYERS, z)
     rest = z - way
     if rest < min(z, 0.0):  # no water has come from above the surface
-        there = value(table, p[STEP], LAYERS, min(z, 0.0))[0]
+        there = value(table, p.step, Table.LAYERS, min(z, 0.0))[0]
         return there - here, (0.0 if z < 0.0 else -by_depth), 0.0
-    there, slope, _ = value(table, p[STEP], LAYERS, rest)
+    there, slope, _ = value(table, p.step, Table.LAYERS, rest)
     return there - here, slope - by_depth, -slope
 
 
@@ -175,16 +170,16 @@ def slope_of_force(p, table, emerging, z, V, hull, way, stretch):  # type: ignor
 
     way [m] and stretch, its derivative by depth: of the water whose heat a lagging hull is to take.
     """
-    _, slope, bend = value(table, p[STEP], PRESSURE, z)
-    neutral, dn, _ = value(table, p[STEP], NEUTRAL, z)
-    neutral += p[TRIM] + p[GIVE] * z
-    dn += p[GIVE]
-    if p[FOLLOWS] > 0.0:
+    _, slope, bend = value(table, p.step, Table.PRESSURE, z)
+    neutral, dn, _ = value(table, p.step, Table.NEUTRAL, z)
+    neutral += p.trim + p.give * z
+    dn += p.give
+    if p.follows > 0.0:
         more, by_depth, _, _ = lagging(p, table, z - way, hull)
         neutral += more
         dn += by_depth * (1.0 - stretch)
-    j = (bend * (neutral - V) + slope * dn) / p[MASS]
-    return (j - p[A_S] if emerging else j), -slope / p[MASS]
+    j = (bend * (neutral - V) + slope * dn) / p.mass
+    return (j - p.a_s if emerging else j), -slope / p.mass
 
 
 @part
@@ -202,21 +197,21 @@ def rosenbrock(p, table, waves, doing, shut, emerging, t, z, w, V, hull, h, y, e
     jz, jV = slope_of_force(p, table, emerging, z, V, hull, way, stretch)
     if waves.shape[0] > 0:
         more, by_depth, by_way = displaced(p, table, z, way)
-        _, slope, bend = value(table, p[STEP], PRESSURE, z)
-        jz += (bend * more + slope * (by_depth + by_way * stretch)) / p[MASS]
-        wt = slope * by_way * u / p[MASS]
+        _, slope, bend = value(table, p.step, Table.PRESSURE, z)
+        jz += (bend * more + slope * (by_depth + by_way * stretch)) / p.mass
+        wt = slope * by_way * u / p.mass
     _, r, rw = rate_of(p, table, doing, shut, z, V, w + u)
     r += rw * uz
     Vt = rw * ut
     jw += jV * rw / g
     jT, warms, Tt = 0.0, 0.0, 0.0
-    if p[FOLLOWS] > 0.0:
-        jT = jV * p[EXPANSION]
-        warms = p[FOLLOWS] * lagging(p, table, z - way, hull)[3]
+    if p.follows > 0.0:
+        jT = jV * p.expansion
+        warms = p.follows * lagging(p, table, z - way, hull)[3]
         Tt = -warms * u
-        wt -= jT * Tt / p[FOLLOWS]
+        wt -= jT * Tt / p.follows
         warms *= 1.0 - stretch
-    gT = g + p[FOLLOWS]
+    gT = g + p.follows
     # (g - J) U = b, from the bottom up: V by z and w, T by z, w by z
     below = (g - jw) * (g - uz) - jz - jV * r / g - jT * warms / gT
 
@@ -291,13 +286,13 @@ def rosenbrock(p, table, waves, doing, shut, emerging, t, z, w, V, hull, h, y, e
 
 
 @part
-def inside(x, y, k1, k2, s):  # type: ignore[no-untyped-def]
+def inside(x: float, y: float, k1: float, k2: float, s: float) -> Any:
     """Return a component at the share s of a step from x to y."""
     return x * (1.0 - s) + s * (y + (1.0 - s) * (k1 + s * k2))
 
 
 @part
-def _change(waves, z, t):  # type: ignore[no-untyped-def]
+def _change(waves: Array, z: float, t: float) -> Any:
     """Return the water's speed by depth [1/s] and by time [m/s2], its displacement by depth [-]."""
     by_depth, by_time, stretch = 0.0, 0.0, 0.0
     for k in range(waves.shape[0]):

@@ -23,11 +23,24 @@ from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.column import slopes
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.engine.modes import DEEPEST
-from swimbladder.sim.engine.rodas.names import At, Given, Now, Table
+from swimbladder.sim.engine.rodas.records import AT, GIVEN, NOW, Table, made
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
 
 Array = NDArray[np.float64]
 _BEYOND = 1.2  # of the column's pressure: so far the line is tabulated
+_OF_LINE = (
+    "line",
+    "line_gas",
+    "line_modulus",
+    "line_power",
+    "line_ratio",
+    "reservoir",
+    "head_afloat",
+    "slip",
+    "run_up",
+    "line_step",
+    "line_top",
+)
 
 
 class _Line(NamedTuple):
@@ -36,26 +49,26 @@ class _Line(NamedTuple):
     warmth: Array  # J/K [n, 2] by which `curves.energy`, of 15 degC, grows in warmer water
 
 
-def line_given(vehicle: Vehicle, column: Column) -> dict[Given, float]:
+def line_given(vehicle: Vehicle, column: Column) -> dict[str, float]:
     """Return what the kernel takes of a vehicle's oil line; zeros without one."""
     line = _line(vehicle, column)
     if line is None:
-        return dict.fromkeys(list(Given)[int(Given.LINE) : int(Given.COUNT)], 0.0)
+        return dict.fromkeys(_OF_LINE, 0.0)
     a = line.actuator
     assert a.line is not None
     air = (ATMOSPHERIC_PRESSURE / a.internal_pressure) ** (1.0 / POLYTROPIC)
     return {
-        Given.LINE: a.line.volume,
-        Given.LINE_GAS: a.line.volume * a.line.trapped_air * air,
-        Given.LINE_MODULUS: a.line.bulk_modulus,
-        Given.LINE_POWER: 1.0 / POLYTROPIC,
-        Given.LINE_RATIO: pressure_ratio(a),
-        Given.RESERVOIR: a.internal_pressure,
-        Given.HEAD_AFLOAT: ATMOSPHERIC_PRESSURE - a.internal_pressure,
-        Given.SLIP: _slip(vehicle, a),
-        Given.RUN_UP: a.start_volume,
-        Given.LINE_STEP: line.curves.step,
-        Given.LINE_TOP: line.curves.top,
+        "line": a.line.volume,
+        "line_gas": a.line.volume * a.line.trapped_air * air,
+        "line_modulus": a.line.bulk_modulus,
+        "line_power": 1.0 / POLYTROPIC,
+        "line_ratio": pressure_ratio(a),
+        "reservoir": a.internal_pressure,
+        "head_afloat": ATMOSPHERIC_PRESSURE - a.internal_pressure,
+        "slip": _slip(vehicle, a),
+        "run_up": a.start_volume,
+        "line_step": line.curves.step,
+        "line_top": line.curves.top,
     }
 
 
@@ -122,7 +135,7 @@ class Accuracy:
 
 
 def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
-    """Return the table over depth [n, Table.WIDTH], and why no energy is known ("": it is)."""
+    """Return the table over depth [n, 2 len(Table)], and why no energy is known ("": it is)."""
     why = ""
     try:
         drive = drive_map(vehicle, column.pressure, temperature=column.temperature)
@@ -144,7 +157,7 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
         Table.LAYERS: layered_volume(vehicle, column),
         Table.TEMPERATURE: column.temperature,
     }
-    table = np.zeros((len(column.depth), int(Table.WIDTH)))
+    table = np.zeros((len(column.depth), 2 * len(Table)))
     for place, values in columns.items():
         # NaN: not known, or a load beyond the battery, at which nothing is moved
         table[:, place] = np.nan_to_num(values, nan=0.0)
@@ -156,9 +169,9 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
 
 def given_of(
     vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accuracy,
-    asked: dict[Given, float] | None = None,
-) -> Array:  # fmt: skip
-    """Return what does not change of a vehicle [Given.COUNT], over a bottom [m].
+    asked: dict[str, float] | None = None,
+) -> np.record:  # fmt: skip
+    """Return what does not change of a vehicle, over a bottom [m].
 
     asked: what a mission adds; without it nothing limits depth, charge and time, and the drive does
     what the vehicle's file says.
@@ -168,90 +181,93 @@ def given_of(
     d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
     surface_weight = float(column.density[0]) * column.gravity
     values = {
-        Given.STEP: column.step,
-        Given.MASS: m,
-        Given.D_L: d_l,
-        Given.D_B: d_b,
-        Given.D_0: d_0,
-        Given.D_T: d_t,
-        Given.EPSILON: epsilon,
-        Given.A_S: surface_weight * hull.waterplane_area / m,
-        Given.Z_SURFACE: hull.emergence_depth,
-        Given.Z_AIR: hull.emergence_depth - hull.height,
-        Given.Z_BOTTOM: bottom,
-        Given.V_MIN: stroke.minimum,
-        Given.V_MAX: stroke.maximum,
-        Given.TRIM: 0.0,
-        Given.GIVE: 0.0,
-        Given.BY_VOLUME: 0.0 if isinstance(a, PumpAndValve) else 1.0,
-        Given.QUANTUM: a.quantum if isinstance(a, PumpAndValve) else 0.0,
-        Given.LONGEST: (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
-        Given.DELIVERY: 1.0,
-        Given.NOISE: vehicle.sensors.depth_noise,
-        Given.RESOLUTION: vehicle.sensors.depth_quantum,
-        Given.DEEPEST: math.inf,
-        Given.NEUTRAL_TOP: vehicle.trim_error,
-        Given.SHALLOW: 0.0,
-        Given.EMPTY: -math.inf,
-        Given.RESERVE: -math.inf,
-        Given.LAST_TIME: math.inf,
-        Given.LAST_CYCLE: math.inf,
-        Given.SURFACING: 0.0,
-        Given.SELF_DISCHARGE: 0.0,
-        Given.RTOL: accuracy.relative,
-        Given.ATOL_Z: accuracy.depth,
-        Given.ATOL_W: accuracy.speed,
-        Given.ATOL_V: accuracy.volume,
-        Given.REST_DEEP: accuracy.rest_deep,
-        Given.REST_AFLOAT: accuracy.rest_afloat,
-        Given.LONGEST_STEP: math.inf,
-        Given.Z_LOST: DEEPEST,
-        Given.CHARGE: 0.0,
-        Given.HELD: 0.0,
-        Given.RISING: vehicle.drag.rising_ratio,
-        Given.FLOW: 1.0,
-        Given.OPEN: 0.0,
-        Given.MAKES_UP: 1.0,
-        Given.FOLLOWS: 1.0 / lag if lag > 0.0 else 0.0,
-        Given.EXPANSION: heat_expansion(vehicle) if lag > 0.0 else 0.0,
-        Given.VOLUME_NOISE: vehicle.sensors.volume_noise,
-        Given.VOLUME_QUANTUM: vehicle.sensors.volume_quantum,
+        "step": column.step,
+        "mass": m,
+        "d_l": d_l,
+        "d_b": d_b,
+        "d_0": d_0,
+        "d_t": d_t,
+        "epsilon": epsilon,
+        "a_s": surface_weight * hull.waterplane_area / m,
+        "z_surface": hull.emergence_depth,
+        "z_air": hull.emergence_depth - hull.height,
+        "z_bottom": bottom,
+        "v_min": stroke.minimum,
+        "v_max": stroke.maximum,
+        "trim": 0.0,
+        "give": 0.0,
+        "by_volume": 0.0 if isinstance(a, PumpAndValve) else 1.0,
+        "quantum": a.quantum if isinstance(a, PumpAndValve) else 0.0,
+        "longest": (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
+        "delivery": 1.0,
+        "noise": vehicle.sensors.depth_noise,
+        "resolution": vehicle.sensors.depth_quantum,
+        "deepest": math.inf,
+        "neutral_top": vehicle.trim_error,
+        "shallow": 0.0,
+        "empty": -math.inf,
+        "reserve": -math.inf,
+        "last_time": math.inf,
+        "last_cycle": math.inf,
+        "surfacing": 0.0,
+        "self_discharge": 0.0,
+        "rtol": accuracy.relative,
+        "atol_z": accuracy.depth,
+        "atol_w": accuracy.speed,
+        "atol_v": accuracy.volume,
+        "rest_deep": accuracy.rest_deep,
+        "rest_afloat": accuracy.rest_afloat,
+        "longest_step": math.inf,
+        "z_lost": DEEPEST,
+        "charge": 0.0,
+        "held": 0.0,
+        "rising": vehicle.drag.rising_ratio,
+        "flow": 1.0,
+        "open": 0.0,
+        "makes_up": 1.0,
+        "follows": 1.0 / lag if lag > 0.0 else 0.0,
+        "expansion": heat_expansion(vehicle) if lag > 0.0 else 0.0,
+        "volume_noise": vehicle.sensors.volume_noise,
+        "volume_quantum": vehicle.sensors.volume_quantum,
     } | line_given(vehicle, column) | (asked or {})  # fmt: skip
-    return np.array([values[key] for key in list(Given)[: int(Given.COUNT)]])
+    found = made(GIVEN)
+    for name in GIVEN.names or ():
+        found[name] = values[name]
+    return found
 
 
 def first_lane(
-    given: Array, table: Array, z: float, *, volume: float | None = None,
+    given: np.record, table: Array, z: float, *, volume: float | None = None,
     temperature: float | None = None, seed: int | None = None,
-) -> tuple[Array, NDArray[np.int64]]:  # fmt: skip
-    """Return a vehicle before the start: numbers of `Now` and whole numbers of `At`.
+) -> tuple[np.record, np.record]:  # fmt: skip
+    """Return a vehicle before the start: records of NOW and AT.
 
     At the depth of 0 it floats with all volume out; at another z [m] it rests, with its neutral
     volume or the one that is given [m3]. Its hull is as warm as the water there, or has the
     temperature that is given [degC]. seed: of the sensors' noise.
     """
     g = given
-    x, at = np.zeros(int(Now.COUNT)), np.zeros(int(At.COUNT), dtype=np.int64)
-    step = float(g[Given.STEP])
-    x[Now.H], x[Now.CHARGE] = 1.0, g[Given.CHARGE]
-    at[At.SEED] = -1 if seed is None else seed
-    at[At.SHUT] = 1  # the line is at the pressure of its reservoir
+    x, at = made(NOW), made(AT)
+    step = float(g["step"])
+    x["h"], x["charge"] = 1.0, g["charge"]
+    at["seed"] = -1 if seed is None else seed
+    at["shut"] = 1  # the line is at the pressure of its reservoir
     there = look_up(table, step, Table.TEMPERATURE, max(z, 0.0))[0]
-    x[Now.HULL] = there if temperature is None else temperature
-    grown = float(g[Given.EXPANSION] * (x[Now.HULL] - there))  # m3, beyond what the table says
+    x["hull"] = there if temperature is None else temperature
+    grown = float(g["expansion"] * (x["hull"] - there))  # m3, beyond what the table says
     if z == 0.0:
-        top = float(g[Given.Z_SURFACE])
-        v = float(g[Given.V_MAX])
-        force = look_up(table, step, Table.PRESSURE, top)[1] / g[Given.MASS]
-        light = v + grown - look_up(table, step, Table.NEUTRAL, top)[0] - g[Given.TRIM]
-        z = top - max(force * light / g[Given.A_S], 0.0)
-        at[At.PLACE] = 1
+        top = float(g["z_surface"])
+        v = float(g["v_max"])
+        force = look_up(table, step, Table.PRESSURE, top)[1] / g["mass"]
+        light = v + grown - look_up(table, step, Table.NEUTRAL, top)[0] - g["trim"]
+        z = top - max(force * light / g["a_s"], 0.0)
+        at["place"] = 1
     else:
-        v = float(look_up(table, step, Table.NEUTRAL, z)[0] + g[Given.TRIM] + g[Given.GIVE] * z)
+        v = float(look_up(table, step, Table.NEUTRAL, z)[0] + g["trim"] + g["give"] * z)
         v = v - grown if volume is None else volume
-        at[At.PLACE] = 1 if z < g[Given.Z_SURFACE] else 0
-    x[Now.Z], x[Now.V], x[Now.Z_MOST] = z, v, z
-    x[Now.V_LEAST], x[Now.V_MOST] = v, -math.inf
-    x[Now.T_LOOK], x[Now.T_MOVE], x[Now.V_MOVE] = 0.0, math.inf, math.nan
-    x[Now.T_ARRIVAL], x[Now.T_AFLOAT] = math.nan, math.nan
+        at["place"] = 1 if z < g["z_surface"] else 0
+    x["z"], x["v"], x["z_most"] = z, v, z
+    x["v_least"], x["v_most"] = v, -math.inf
+    x["t_look"], x["t_move"], x["v_move"] = 0.0, math.inf, math.nan
+    x["t_arrival"], x["t_afloat"] = math.nan, math.nan
     return x, at

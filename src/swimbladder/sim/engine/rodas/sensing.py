@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.sim.engine.cache import part
-from swimbladder.sim.engine.rodas.names import At, Given, Now
 from swimbladder.sim.engine.sensor import Sensor
 from swimbladder.sim.engine.sensor import measured as reading
 
-T, Z, V = int(Now.T), int(Now.Z), int(Now.V)
-DRAWS, SEED, BY_VOLUME = int(At.DRAWS), int(At.SEED), int(Given.BY_VOLUME)
-NOISE, RESOLUTION = int(Given.NOISE), int(Given.RESOLUTION)
-VOLUME_NOISE, VOLUME_QUANTUM = int(Given.VOLUME_NOISE), int(Given.VOLUME_QUANTUM)
+Array = NDArray[np.float64]
 
 
 @part
-def _random(seed, draw):  # type: ignore[no-untyped-def]
+def _random(seed: int, draw: int) -> Any:
     """Return a number in (0, 1) that depends on seed and count only (splitmix64, Steele 2014)."""
     s = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(draw) * np.uint64(
         0xD1B54A32D192ED03
@@ -32,30 +30,30 @@ def _random(seed, draw):  # type: ignore[no-untyped-def]
 
 
 @part
-def normal(at):  # type: ignore[no-untyped-def]
+def normal(at: Any) -> Any:
     """Draw a number of the standard normal distribution (Box and Muller 1958)."""
-    a, b = _random(at[SEED], at[DRAWS]), _random(at[SEED], at[DRAWS] + 1)
-    at[DRAWS] += 2
+    a, b = _random(at.seed, at.draws), _random(at.seed, at.draws + 1)
+    at.draws += 2
     return math.sqrt(-2.0 * math.log(a)) * math.cos(2.0 * math.pi * b)
 
 
 @part
-def measured(p, waves, x, at):  # type: ignore[no-untyped-def]
+def measured(p: Any, waves: Array, x: Any, at: Any) -> Any:
     """Return the depth as the sensor gives it: with swell, white noise and quantum where seeded."""
     swell = 0.0
     for k in range(waves.shape[0]):
         if waves[k, 5] < 0.0:
-            angle = waves[k, 1] * x[T] + waves[k, 2]
-            swell += waves[k, 0] * math.exp(-waves[k, 4] * max(x[Z], 0.0)) * math.sin(angle)
-    if at[SEED] < 0:
-        return x[Z] - swell
-    return reading(Sensor(p[NOISE], p[RESOLUTION]), x[Z] - swell, normal(at))
+            angle = waves[k, 1] * x.t + waves[k, 2]
+            swell += waves[k, 0] * math.exp(-waves[k, 4] * max(x.z, 0.0)) * math.sin(angle)
+    if at.seed < 0:
+        return x.z - swell
+    return reading(Sensor(p.noise, p.resolution), x.z - swell, normal(at))
 
 
 @part
-def measured_volume(p, x, at):  # type: ignore[no-untyped-def]
+def measured_volume(p: Any, x: Any, at: Any) -> Any:
     """Return the volume as the sensor gives it [m3]: with white noise and quantum where seeded."""
-    if at[SEED] < 0 or p[BY_VOLUME] == 0.0:
-        return x[V]
-    drawn = normal(at) if p[VOLUME_NOISE] > 0.0 else 0.0
-    return reading(Sensor(p[VOLUME_NOISE], p[VOLUME_QUANTUM]), x[V], drawn)
+    if at.seed < 0 or p.by_volume == 0.0:
+        return x.v
+    drawn = normal(at) if p.volume_noise > 0.0 else 0.0
+    return reading(Sensor(p.volume_noise, p.volume_quantum), x.v, drawn)

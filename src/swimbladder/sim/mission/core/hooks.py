@@ -25,9 +25,8 @@ from swimbladder.sim.engine.rodas.drive import FULL, STAYED, end_run, note, pres
 from swimbladder.sim.engine.rodas.leap import LEVEL, TOO_DEEP
 from swimbladder.sim.engine.rodas.line import empty_line
 from swimbladder.sim.engine.rodas.motion import rate_of
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
+from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
 from swimbladder.sim.engine.rodas.sensing import measured, measured_volume
-from swimbladder.sim.mission.core.names import Kind, Phases, Stage
 from swimbladder.sim.mission.core.phases import (
     arrive,
     awaited_level,
@@ -39,21 +38,10 @@ from swimbladder.sim.mission.core.phases import (
     row,
     settle,
 )
+from swimbladder.sim.mission.core.records import Kind, Phases
 from swimbladder.sim.mission.core.rule import RULE, Nothing, Rule
 
-T, Z, W, V, T_END = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_END)
-T_LOOK, T_MOVE, CHARGE, PHASE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.CHARGE), int(At.PHASE)
-T_PHASE, DOING, PLACE, ARRIVED = int(Now.T_PHASE), int(At.DOING), int(At.PLACE), int(At.ARRIVED)
-ALARM, STOP, NEW_PHASE, EMPTY = int(At.ALARM), int(At.STOP), int(At.NEW_PHASE), int(Given.EMPTY)
-IDLE, LOOKS, BY_VOLUME = int(At.IDLE), int(At.LOOKS), int(Given.BY_VOLUME)
-V_MIN, V_MAX, NEUTRAL_TOP = int(Given.V_MIN), int(Given.V_MAX), int(Given.NEUTRAL_TOP)
-SHALLOW, LINE, T_KIND = int(Given.SHALLOW), int(Given.LINE), int(Account.T_KIND)
-KIND, DEPTH, TOLERANCE = int(Stage.KIND), int(Stage.DEPTH), int(Stage.TOLERANCE)
-SPEED, LOADS, COEFFICIENT = int(Stage.SPEED), int(Stage.LOADS), int(Stage.LAW)
-DEAD = COEFFICIENT + RateParameters._fields.index("dead")
-TO_SURFACE, NOTHING, PUMPING = int(Kind.SURFACE), int(Doing.NOTHING), int(Doing.PUMPING)
-PRIMING, NOTE_DEEP, STUCK = int(Doing.PRIMING), int(Note.TOO_DEEP), int(Stop.STUCK)
-DEEPEST, LOST, STOP_EMPTY = int(Given.DEEPEST), int(Stop.LOST), int(Stop.BATTERY_EMPTY)
+DEAD = RateParameters._fields.index("dead")
 _ROOM = 8  # rows or notes that a step may add
 RESCUE = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
 _IDLE = 200  # ticks without time passing: a fault of the model
@@ -75,35 +63,40 @@ def turn(f: Phases) -> bool:
     """End and begin phases; return whether it goes on only when it is asked to: see `Stop`."""
     p, x, at = f.given, f.x, f.at
     over = False
-    if at[NEW_PHASE] == 0 and at[STOP] == 0 and x[T] >= x[T_END]:
-        if at[ALARM] == 1:
-            at[STOP] = LOST
+    if at.new_phase == 0 and at.stop == 0 and x.t >= x.t_end:
+        if at.alarm == 1:
+            at.stop = Stop.LOST
         else:
             over = next_phase(f)
-    if at[STOP] == 0 and x[CHARGE] <= p[EMPTY]:
-        at[STOP] = STOP_EMPTY
-    if at[STOP] != 0:
+    if at.stop == 0 and x.charge <= p.empty:
+        at.stop = Stop.BATTERY_EMPTY
+    if at.stop != 0:
         row(f)
         if not over:
             close_cycle(f)
-    elif at[NEW_PHASE] == 1 and not over:
+    elif at.new_phase == 1 and not over:
         begin_phase(f)
         row(f)
-    return bool(over or at[STOP] != 0)
+    return bool(over or at.stop != 0)
 
 
 @inlined
 def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
     x, at = f.x, f.at
-    at[IDLE] += 1
-    if at[STOP] == 0 and (S[Row.STOPPED] != 0.0 or at[IDLE] > _IDLE):
-        at[STOP] = STUCK
+    at.idle += 1
+    if at.stop == 0 and (S[Row.STOPPED] != 0.0 or at.idle > _IDLE):
+        at.stop = Stop.STUCK
     over = turn(f)
-    if at[STOP] != 0 and f.given[LINE] > 0.0 and at[DOING] != PUMPING and at[DOING] != PRIMING:
+    if (
+        at.stop != 0
+        and f.given.line > 0.0
+        and at.doing != Doing.PUMPING
+        and at.doing != Doing.PRIMING
+    ):
         empty_line(f.given, f.table, x)
     if over or full(f, _ROOM):
         return True
-    if x[T] == x[T_PHASE] and x[T] >= x[T_LOOK]:
+    if x.t == x.t_phase and x.t >= x.t_look:
         settled(f)
     return False
 
@@ -113,27 +106,27 @@ def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
     """Measure where the processor looks; the law is called at no other tick."""
     p, x, at, up = f.given, f.x, f.at, f.board
     S[Row.WAIT] = 1.0
-    if at[STOP] != 0 or x[T] < x[T_LOOK] or x[T] >= x[T_END]:
+    if at.stop != 0 or x.t < x.t_look or x.t >= x.t_end:
         return
-    stage = f.stages[at[PHASE]]
-    if at[DOING] != NOTHING:
-        x[T_LOOK] = x[T_MOVE] if x[T_MOVE] < math.inf else x[T] + stage[DEAD]
-    elif at[ALARM] == 1:
+    stage = f.stages[at.phase]
+    if at.doing != Doing.NOTHING:
+        x.t_look = x.t_move if x.t_move < math.inf else x.t + stage.law[DEAD]
+    elif at.alarm == 1:
         press_out(p, f.table, x, at, f.accounts, f.notes, f.counts)
-        x[T_LOOK] = x[T_MOVE]
+        x.t_look = x.t_move
     else:
-        at[LOOKS] += 1
-        seen, surface = measured(p, f.waves, x, at), stage[KIND] == TO_SURFACE
+        at.looks += 1
+        seen, surface = measured(p, f.waves, x, at), stage.kind == Kind.SURFACE
         S[Row.SEEN_DEPTH], S[Row.WAIT] = seen, 0.0
-        afloat = surface and seen <= p[SHALLOW]
-        S[Row.SEEN_VOLUME] = x[V] if afloat else measured_volume(p, x, at)
-        S[Row.REFERENCE] = 0.0 if surface else stage[DEPTH]
-        up[0], up[1], up[2] = p[SHALLOW], p[NEUTRAL_TOP], p[V_MAX]
-        up[3], up[5] = FULL * (p[V_MAX] - p[V_MIN]), p[BY_VOLUME]
-        up[4] = stage[COEFFICIENT] * stage[SPEED] * stage[SPEED]
+        afloat = surface and seen <= p.shallow
+        S[Row.SEEN_VOLUME] = x.v if afloat else measured_volume(p, x, at)
+        S[Row.REFERENCE] = 0.0 if surface else stage.depth
+        up[0], up[1], up[2] = p.shallow, p.neutral_top, p.v_max
+        up[3], up[5] = FULL * (p.v_max - p.v_min), p.by_volume
+        up[4] = stage.law[0] * stage.speed * stage.speed
         # at the begin of a phase it floats with all volume out, and knows how much that is
-        up[PAUSE], up[DIVES] = stage[DEAD], 0.0 if x[T] == x[T_PHASE] else 1.0
-        up[FLOATS] = 1.0 if at[ARRIVED] == 1 else 0.0
+        up[PAUSE], up[DIVES] = stage.law[DEAD], 0.0 if x.t == x.t_phase else 1.0
+        up[FLOATS] = 1.0 if at.arrived == 1 else 0.0
 
 
 @inlined
@@ -150,47 +143,47 @@ def _drive(f: Phases, S: Array, k: int, command: float) -> float:  # noqa: ARG00
 def _bound(f: Phases, until: float) -> float:  # noqa: ARG001
     """Return when somebody has to decide [s]: now, where a buffer is full or the battery empty."""
     x = f.x
-    if full(f, _ROOM) or x[CHARGE] <= f.given[EMPTY]:
-        return float(x[T])
-    return float(max(x[T], min(x[T_LOOK], x[T_END])))
+    if full(f, _ROOM) or x.charge <= f.given.empty:
+        return float(x.t)
+    return float(max(x.t, min(x.t_look, x.t_end)))
 
 
 @inlined
 def _set_off(f: Phases) -> tuple[float, float]:
     begin_row(f)
-    return f.stages[f.at[PHASE], LOADS], awaited_level(f)
+    return f.stages[f.at.phase].loads, awaited_level(f)
 
 
 @inlined
 def _moved(f: Phases, event: int, time: float, depth: float) -> None:
     """Enter a step in what is known of the phase, and see whether it arrived or is too deep."""
     x, at = f.x, f.at
-    arrived = at[ARRIVED] == 1
+    arrived = at.arrived == 1
     if event == LEVEL:
         arrive(f)
     elif event == TOO_DEEP:
         _alarm(f)
-    if event != STAYED or at[PLACE] == 2 or at[DOING] != NOTHING:
+    if event != STAYED or at.place == 2 or at.doing != Doing.NOTHING:
         row(f)
-    enter_time(f, depth, x[T] - time, arrived)
-    if x[T] > time:
-        at[IDLE] = 0
+    enter_time(f, depth, x.t - time, arrived)
+    if x.t > time:
+        at.idle = 0
 
 
 @inlined
 def enter_time(f: Phases, depth: float, h: float, arrived: bool) -> None:
     """Enter h [s] in the time of the phase, and in what it holds where it had arrived."""
-    f.accounts[T_KIND + int(f.stages[f.at[PHASE], KIND])] += h
-    if arrived and f.at[ALARM] == 0:
+    f.accounts[Account.T_DESCEND + int(f.stages[f.at.phase].kind)] += h
+    if arrived and f.at.alarm == 0:
         enter_hold(f, depth, h)
 
 
 @inlined
 def raise_alarm(f: Phases) -> None:
     """Note that the vehicle is too deep: it comes up, or is lost."""
-    note(f.notes, f.counts, f.x, NOTE_DEEP, f.x[W])
-    f.at[ALARM] = 1
-    f.x[T_END] = f.x[T] + RESCUE
+    note(f.notes, f.counts, f.x, Note.TOO_DEEP, f.x.w)
+    f.at.alarm = 1
+    f.x.t_end = f.x.t + RESCUE
 
 
 @part
@@ -198,10 +191,10 @@ def _alarm(f: Phases) -> None:
     """Move the volume to its upper limit, in runs as long as the pump stands."""
     x, at, notes, counts = f.x, f.at, f.notes, f.counts
     raise_alarm(f)
-    if at[DOING] != NOTHING:
+    if at.doing != Doing.NOTHING:
         end_run(x, at, notes, counts)
     press_out(f.given, f.table, x, at, f.accounts, notes, counts)
-    x[T_LOOK] = x[T_MOVE]
+    x.t_look = x.t_move
 
 
 @inlined
@@ -209,8 +202,8 @@ def settled(f: Phases) -> None:
     """See what `settle` does; afloat the processor decides again only if oil comes in by itself."""
     p, x = f.given, f.x
     if settle(f):
-        comes = rate_of(p, f.table, NOTHING, True, x[Z], x[V], 0.0)[0]
-        x[T_LOOK] = math.inf if comes == 0.0 else x[T] + f.stages[f.at[PHASE], DEAD]
+        comes = rate_of(p, f.table, Doing.NOTHING, True, x.z, x.v, 0.0)[0]
+        x.t_look = math.inf if comes == 0.0 else x.t + f.stages[f.at.phase].law[DEAD]
 
 
 hook_in(
@@ -228,13 +221,13 @@ def fly(phases: Phases) -> Stop:
         f.given, f.table, f.x, f.at, waves=f.waves, accounts=f.accounts, notes=f.notes,
         counts=f.counts, board=f.board,
     )  # fmt: skip
-    f.at[IDLE] = 0
+    f.at.idle = 0
     lane, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
-    lane[Row.PLANT + V_0] = f.given[Given.NEUTRAL_TOP] + f.given[Given.TRIM]
+    lane[Row.PLANT + V_0] = f.given["neutral_top"] + f.given["trim"]
     kernel_of(RULE, pumped=True)(
         lane, (0.0,), (), (), f, stepper,
-        Rule(f.stages, f.x, f.at), Nothing(0.0), 1, len(MANY) - 1, 0.0, 1, MANY,
+        Rule(f.stages, stepper.x, stepper.at), Nothing(0.0), 1, len(MANY) - 1, 0.0, 1, MANY,
         np.zeros(1, np.int64), np.zeros((1, 1)), none, none, -1, None,
         np.zeros((1, 1), np.uint8), np.zeros((1, 0)), none, np.zeros((1, 1), np.int64), NO_LAYERS,
     )  # fmt: skip
-    return Stop(int(f.at[STOP]))
+    return Stop(int(f.at.stop))

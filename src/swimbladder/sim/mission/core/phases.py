@@ -6,37 +6,11 @@ import math
 
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Given, Note, Now, Stop
-from swimbladder.sim.mission.core.names import Cycle, Holding, Kind, Phases, Row, Stage
+from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
+from swimbladder.sim.mission.core.records import Holding, Kind, Phases
 
-T, Z, W, V = int(Now.T), int(Now.Z), int(Now.W), int(Now.V)
-T_PHASE, T_END = int(Now.T_PHASE), int(Now.T_END)
-T_LOOK, T_MOVE, CHARGE = int(Now.T_LOOK), int(Now.T_MOVE), int(Now.CHARGE)
-T_ARRIVAL, Z_MOST, V_LEAST = int(Now.T_ARRIVAL), int(Now.Z_MOST), int(Now.V_LEAST)
-V_MOST, T_CYCLE, T_AFLOAT = int(Now.V_MOST), int(Now.T_CYCLE), int(Now.T_AFLOAT)
-Z_LOOK, PHASE, CYCLE, DOING = int(Now.Z_LOOK), int(At.PHASE), int(At.CYCLE), int(At.DOING)
-PLACE, ARRIVED, NEW_LAW, ALARM = int(At.PLACE), int(At.ARRIVED), int(At.NEW_LAW), int(At.ALARM)
-CAPTURED, STOP, MISSED = int(At.CAPTURED), int(At.STOP), int(At.MISSED)
-NEW_PHASE, V_MAX, V_MIN = int(At.NEW_PHASE), int(Given.V_MAX), int(Given.V_MIN)
-RESERVE, LAST_TIME, LAST_CYCLE = int(Given.RESERVE), int(Given.LAST_TIME), int(Given.LAST_CYCLE)
-SURFACING, KIND, DEPTH = int(Given.SURFACING), int(Stage.KIND), int(Stage.DEPTH)
-TOLERANCE, DURATION, TIMEOUT = int(Stage.TOLERANCE), int(Stage.DURATION), int(Stage.TIMEOUT)
-TO_SURFACE = int(Kind.SURFACE)
-PARK, HOLD, NOTHING = int(Kind.PARK), int(Kind.HOLD), int(Doing.NOTHING)
-SURFACING_ENERGY, ACCOUNTS = int(Account.SURFACING_ENERGY), int(Account.COUNT)
-C_BEGIN, C_END, C_DEEPEST = int(Cycle.T_BEGIN), int(Cycle.T_END), int(Cycle.DEEPEST)
-C_MISSED, C_LEAST, C_MOST = int(Cycle.MISSED), int(Cycle.V_LEAST), int(Cycle.V_MOST)
-C_ARRIVAL, C_SURFACED, C_ACCOUNTS = int(Cycle.ARRIVAL), int(Cycle.SURFACED), int(Cycle.ACCOUNTS)
-C_NOT_HELD, NOT_HELD, HELD = int(Cycle.NOT_HELD), int(At.NOT_HELD), int(Given.HELD)
-T_INSIDE, T_ARRIVED, HOLDINGS = int(Now.T_INSIDE), int(Now.T_ARRIVED), int(Holding.COUNT)
-HELD_TIME, HELD_INSIDE, HELD_SQUARES = int(Holding.TIME), int(Holding.INSIDE), int(Holding.SQUARES)
-HELD_MOST, NOTE_PHASE, NOTE_ARRIVED = int(Holding.MOST), int(Note.PHASE), int(Note.ARRIVED)
-NOTE_TIME, NOTE_CYCLE, NOTE_AFLOAT = int(Note.OUT_OF_TIME), int(Note.CYCLE), int(Note.AFLOAT)
-FINISHED, STOP_RESERVE = int(Stop.FINISHED), int(Stop.RESERVE)
-NO_SURFACE, PASSED = int(Stop.DID_NOT_SURFACE), int(Stop.PASSED_DEPTH)
-PUMP_ENERGY, R_PUMP, R_COUNT = int(Account.PUMP_ENERGY), int(Row.PUMP_ENERGY), int(Row.COUNT)
-R_T, R_Z, R_W, R_V = int(Row.T), int(Row.Z), int(Row.W), int(Row.V)
-R_PHASE, R_DOING, R_CYCLE = int(Row.PHASE), int(Row.DOING), int(Row.CYCLE)
+ACCOUNTS = len(Account)
+HOLDINGS = len(Holding)
 
 
 @inlined
@@ -45,10 +19,15 @@ def row(f: Phases) -> None:
     x, at = f.x, f.at
     n = f.counts[0]
     if n < f.rows.shape[0]:
-        f.rows[n, R_T], f.rows[n, R_Z], f.rows[n, R_W], f.rows[n, R_V] = x[T], x[Z], x[W], x[V]
-        f.rows[n, R_PHASE], f.rows[n, R_DOING], f.rows[n, R_CYCLE] = at[PHASE], at[DOING], at[CYCLE]
-        for k in range(R_COUNT - R_PUMP):  # both in one order
-            f.rows[n, R_PUMP + k] = f.accounts[PUMP_ENERGY + k]
+        new, sums = f.rows[n], f.accounts
+        new.t, new.z, new.w, new.v = x.t, x.z, x.w, x.v
+        new.phase, new.doing, new.cycle = at.phase, at.doing, at.cycle
+        new.pump_energy = sums[Account.PUMP_ENERGY]
+        new.valve_energy = sums[Account.VALVE_ENERGY]
+        new.holding_energy = sums[Account.HOLDING_ENERGY]
+        new.load_energy = sums[Account.LOAD_ENERGY]
+        new.surfacing_energy = sums[Account.SURFACING_ENERGY]
+        new.self_discharged = sums[Account.SELF_DISCHARGED]
         f.counts[0] = n + 1
 
 
@@ -58,41 +37,41 @@ def begin_row(f: Phases) -> None:
     x, at = f.x, f.at
     if f.rows.shape[0] > 0:
         last = f.counts[0] - 1
-        if last < 0 or (f.rows[last, R_DOING] != at[DOING] and f.rows[last, R_T] < x[T]):
+        if last < 0 or (f.rows[last].doing != at.doing and f.rows[last].t < x.t):
             row(f)
         else:
-            f.rows[last, R_DOING] = at[DOING]
+            f.rows[last].doing = at.doing
 
 
 @part
 def begin_phase(f: Phases) -> None:
-    """Begin the phase that At.PHASE names, with its law anew."""
+    """Begin the phase that `at` names, with its law anew."""
     x, at = f.x, f.at
-    stage = f.stages[at[PHASE]]
-    at[NEW_PHASE] = 0
-    at[NEW_LAW] = 1
-    at[ARRIVED] = 0
-    at[CAPTURED] = 0
-    x[T_PHASE] = x[T]
-    x[T_LOOK] = x[T] if at[DOING] == NOTHING else max(x[T], x[T_MOVE])
-    x[Z_LOOK] = x[Z]
-    if stage[KIND] == PARK:
-        x[T_END] = x[T] + stage[DURATION]
+    stage = f.stages[at.phase]
+    at.new_phase = 0
+    at.new_law = 1
+    at.arrived = 0
+    at.captured = 0
+    x.t_phase = x.t
+    x.t_look = x.t if at.doing == Doing.NOTHING else max(x.t, x.t_move)
+    x.z_look = x.z
+    if stage.kind == Kind.PARK:
+        x.t_end = x.t + stage.duration
     else:
-        x[T_END] = x[T] + stage[TIMEOUT]
-    note(f.notes, f.counts, x, NOTE_PHASE, float(at[PHASE]))
+        x.t_end = x.t + stage.timeout
+    note(f.notes, f.counts, x, Note.PHASE, float(at.phase))
 
 
 @inlined
 def awaited_level(f: Phases) -> float:
     """Return the depth at which the phase arrives [m], negative from below, 0: not awaited."""
     x, at = f.x, f.at
-    stage = f.stages[at[PHASE]]
-    if at[ARRIVED] == 1 or at[ALARM] == 1 or stage[KIND] == TO_SURFACE:
+    stage = f.stages[at.phase]
+    if at.arrived == 1 or at.alarm == 1 or stage.kind == Kind.SURFACE:
         return 0.0
-    if x[Z] < stage[DEPTH]:
-        return float(stage[DEPTH] - stage[TOLERANCE])
-    return -float(stage[DEPTH] + stage[TOLERANCE])
+    if x.z < stage.depth:
+        return float(stage.depth - stage.tolerance)
+    return -float(stage.depth + stage.tolerance)
 
 
 @inlined
@@ -102,53 +81,53 @@ def enter_hold(f: Phases, z: float, h: float) -> None:
     Between the two the depth counts as straight: exact at rest, and steps are short off it.
     """
     x, at = f.x, f.at
-    stage = f.stages[at[PHASE]]
-    a, b = z - stage[DEPTH], x[Z] - stage[DEPTH]
-    low, high, tolerance = min(a, b), max(a, b), stage[TOLERANCE]
+    stage = f.stages[at.phase]
+    a, b = z - stage.depth, x.z - stage.depth
+    low, high, tolerance = min(a, b), max(a, b), stage.tolerance
     if high - low > 0.0:
         share = max(min(high, tolerance) - max(low, -tolerance), 0.0) / (high - low)
     else:
         share = 1.0 if abs(a) <= tolerance else 0.0
-    x[T_INSIDE] += share * h
-    n = ACCOUNTS + HOLDINGS * at[PHASE]
-    f.accounts[n + HELD_TIME] += h
-    f.accounts[n + HELD_INSIDE] += share * h
-    f.accounts[n + HELD_SQUARES] += h * (a * a + a * b + b * b) / 3.0
-    f.accounts[n + HELD_MOST] = max(f.accounts[n + HELD_MOST], high, -low)
+    x.t_inside += share * h
+    n = ACCOUNTS + HOLDINGS * at.phase
+    f.accounts[n + Holding.TIME] += h
+    f.accounts[n + Holding.INSIDE] += share * h
+    f.accounts[n + Holding.SQUARES] += h * (a * a + a * b + b * b) / 3.0
+    f.accounts[n + Holding.MOST] = max(f.accounts[n + Holding.MOST], high, -low)
 
 
 @part
 def arrive(f: Phases) -> None:
     """Say that the phase has come to its depth, and when it is over."""
     x, at = f.x, f.at
-    stage = f.stages[at[PHASE]]
-    at[ARRIVED] = 1
-    x[T_ARRIVED], x[T_INSIDE] = x[T], 0.0
-    first = stage[KIND] != TO_SURFACE
-    for n in range(at[PHASE]):
-        first = first and f.stages[n, KIND] == TO_SURFACE
+    stage = f.stages[at.phase]
+    at.arrived = 1
+    x.t_arrived, x.t_inside = x.t, 0.0
+    first = stage.kind != Kind.SURFACE
+    for n in range(at.phase):
+        first = first and f.stages[n].kind == Kind.SURFACE
     if first:
-        x[T_ARRIVAL] = x[T] - x[T_CYCLE]
-    note(f.notes, f.counts, x, NOTE_ARRIVED, float(at[PHASE]))
-    if stage[KIND] == HOLD or stage[KIND] == TO_SURFACE:
-        x[T_END] = x[T] + stage[DURATION]
-    elif stage[KIND] != PARK:
-        x[T_END] = x[T]
+        x.t_arrival = x.t - x.t_cycle
+    note(f.notes, f.counts, x, Note.ARRIVED, float(at.phase))
+    if stage.kind == Kind.HOLD or stage.kind == Kind.SURFACE:
+        x.t_end = x.t + stage.duration
+    elif stage.kind != Kind.PARK:
+        x.t_end = x.t
 
 
 @part
 def afloat(f: Phases) -> bool:
     """Say so where the vehicle floats with all its volume out; return whether it is afloat now."""
     x, at = f.x, f.at
-    if at[PLACE] != 1 or x[V] < f.given[V_MAX] - FULL * (f.given[V_MAX] - f.given[V_MIN]):
+    if at.place != 1 or x.v < f.given.v_max - FULL * (f.given.v_max - f.given.v_min):
         return False
-    if at[ALARM] == 1:
-        at[STOP] = PASSED
-    elif at[ARRIVED] == 0 and f.stages[at[PHASE], KIND] == TO_SURFACE:
-        note(f.notes, f.counts, x, NOTE_AFLOAT, 0.0)
-        x[T_AFLOAT] = x[T] - x[T_CYCLE]
-        f.accounts[SURFACING_ENERGY] += f.given[SURFACING]
-        x[CHARGE] -= f.given[SURFACING]
+    if at.alarm == 1:
+        at.stop = Stop.PASSED_DEPTH
+    elif at.arrived == 0 and f.stages[at.phase].kind == Kind.SURFACE:
+        note(f.notes, f.counts, x, Note.AFLOAT, 0.0)
+        x.t_afloat = x.t - x.t_cycle
+        f.accounts[Account.SURFACING_ENERGY] += f.given.surfacing
+        x.charge -= f.given.surfacing
         arrive(f)
         return True
     return False
@@ -158,10 +137,10 @@ def afloat(f: Phases) -> bool:
 def settle(f: Phases) -> bool:
     """See whether it floats, which is returned, or has come to the depth of its phase."""
     x, at = f.x, f.at
-    floats = bool(at[STOP] == 0 and at[PLACE] == 1 and afloat(f))
-    if at[STOP] == 0 and at[ARRIVED] == 0 and at[ALARM] == 0:
-        stage = f.stages[at[PHASE]]
-        if stage[KIND] != TO_SURFACE and abs(x[Z] - stage[DEPTH]) <= stage[TOLERANCE]:
+    floats = bool(at.stop == 0 and at.place == 1 and afloat(f))
+    if at.stop == 0 and at.arrived == 0 and at.alarm == 0:
+        stage = f.stages[at.phase]
+        if stage.kind != Kind.SURFACE and abs(x.z - stage.depth) <= stage.tolerance:
             arrive(f)
     return floats
 
@@ -170,29 +149,29 @@ def settle(f: Phases) -> bool:
 def next_phase(f: Phases) -> bool:
     """End the phase; return whether a cycle is over with it."""
     x, at = f.x, f.at
-    stage = f.stages[at[PHASE]]
-    if at[ARRIVED] == 0:
-        note(f.notes, f.counts, x, NOTE_TIME, float(at[PHASE]))
-        at[MISSED] |= 1 << at[PHASE]
-        if stage[KIND] == TO_SURFACE:
-            at[STOP] = NO_SURFACE
-    elif (stage[KIND] == PARK or stage[KIND] == HOLD) and x[T_INSIDE] < f.given[HELD] * (
-        x[T] - x[T_ARRIVED]
+    stage = f.stages[at.phase]
+    if at.arrived == 0:
+        note(f.notes, f.counts, x, Note.OUT_OF_TIME, float(at.phase))
+        at.missed |= 1 << at.phase
+        if stage.kind == Kind.SURFACE:
+            at.stop = Stop.DID_NOT_SURFACE
+    elif (stage.kind == Kind.PARK or stage.kind == Kind.HOLD) and x.t_inside < f.given.held * (
+        x.t - x.t_arrived
     ):
-        at[NOT_HELD] |= 1 << at[PHASE]
-    at[NEW_PHASE] = 1
-    at[PHASE] += 1
-    if at[PHASE] < f.stages.shape[0] and at[STOP] == 0:
+        at.not_held |= 1 << at.phase
+    at.new_phase = 1
+    at.phase += 1
+    if at.phase < f.stages.shape[0] and at.stop == 0:
         return False
-    note(f.notes, f.counts, x, NOTE_CYCLE, float(at[CYCLE]))
+    note(f.notes, f.counts, x, Note.CYCLE, float(at.cycle))
     close_cycle(f)
-    at[CYCLE] += 1
-    at[PHASE] = 0
-    if at[STOP] == 0:
-        if at[CYCLE] >= f.given[LAST_CYCLE] or x[T] >= f.given[LAST_TIME]:
-            at[STOP] = FINISHED
-        elif x[CHARGE] <= f.given[RESERVE]:
-            at[STOP] = STOP_RESERVE
+    at.cycle += 1
+    at.phase = 0
+    if at.stop == 0:
+        if at.cycle >= f.given.last_cycle or x.t >= f.given.last_time:
+            at.stop = Stop.FINISHED
+        elif x.charge <= f.given.reserve:
+            at.stop = Stop.RESERVE
     return True
 
 
@@ -203,13 +182,13 @@ def close_cycle(f: Phases) -> None:
     n = f.counts[2]
     if n < f.cycles.shape[0]:
         c = f.cycles[n]
-        c[C_BEGIN], c[C_END], c[C_DEEPEST] = x[T_CYCLE], x[T], x[Z_MOST]
-        c[C_MISSED], c[C_LEAST], c[C_MOST] = at[MISSED], x[V_LEAST], x[V_MOST]
-        c[C_ARRIVAL], c[C_SURFACED] = x[T_ARRIVAL], x[T_AFLOAT]
-        c[C_NOT_HELD] = at[NOT_HELD]
+        c.t_begin, c.t_end, c.deepest = x.t_cycle, x.t, x.z_most
+        c.missed, c.v_least, c.v_most = at.missed, x.v_least, x.v_most
+        c.arrival, c.surfaced = x.t_arrival, x.t_afloat
+        c.not_held = at.not_held
         for k in range(ACCOUNTS):  # no slice: Numba would compile what it says of shapes
-            c[C_ACCOUNTS + k] = f.accounts[k]
+            c.accounts[k] = f.accounts[k]
         f.counts[2] = n + 1
-    x[T_CYCLE], x[Z_MOST], at[MISSED], at[NOT_HELD] = x[T], x[Z], 0, 0
-    x[V_LEAST], x[V_MOST] = x[V], -math.inf
-    x[T_ARRIVAL], x[T_AFLOAT] = math.nan, math.nan
+    x.t_cycle, x.z_most, at.missed, at.not_held = x.t, x.z, 0, 0
+    x.v_least, x.v_most = x.v, -math.inf
+    x.t_arrival, x.t_afloat = math.nan, math.nan

@@ -36,36 +36,14 @@ from swimbladder.sim.engine.modes import (
 )
 from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.entries import enter, enter_energy
-from swimbladder.sim.engine.rodas.names import Account, At, Doing, Drive, Given, Note, Now, Stop
+from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
 from swimbladder.sim.mission.core.hooks import enter_time, full, raise_alarm, turn
-from swimbladder.sim.mission.core.names import Kind, Phases, Row, Stage
 from swimbladder.sim.mission.core.phases import row, settle
+from swimbladder.sim.mission.core.records import Kind, Phases
 
-T, Z, W, V, T_END = int(Now.T), int(Now.Z), int(Now.W), int(Now.V), int(Now.T_END)
-T_PHASE, CHARGE, Z_MOST = int(Now.T_PHASE), int(Now.CHARGE), int(Now.Z_MOST)
-V_LEAST, V_MOST, PHASE, DOING = int(Now.V_LEAST), int(Now.V_MOST), int(At.PHASE), int(At.DOING)
-PLACE, ARRIVED, ALARM, STOP = int(At.PLACE), int(At.ARRIVED), int(At.ALARM), int(At.STOP)
-STEPS, CALLS, MASS, EMPTY = int(At.STEPS), int(At.LOOKS), int(Given.MASS), int(Given.EMPTY)
-V_MIN, V_MAX, SHALLOW = int(Given.V_MIN), int(Given.V_MAX), int(Given.SHALLOW)
-DEEPEST, KIND, DEPTH, LOADS = (
-    int(Given.DEEPEST),
-    int(Stage.KIND),
-    int(Stage.DEPTH),
-    int(Stage.LOADS),
-)
-TO_SURFACE, NOTHING, PUMPING = int(Kind.SURFACE), int(Doing.NOTHING), int(Doing.PUMPING)
-LETTING_IN, R_DOING, LOADS = int(Doing.LETTING_IN), int(Row.DOING), int(Stage.LOADS)
-PUMPED, LET_IN, LEAKED = int(Account.PUMPED), int(Account.LET_IN), int(Account.LEAKED)
-PUMP_RUNS, VALVE_RUNS = int(Account.PUMP_RUNS), int(Account.VALVE_RUNS)
-LEAK_WORK, DRAG, IMPACTS = int(Account.LEAK_WORK), int(Account.DRAG), int(Account.BLOWS)
 OF_PUMPED, OF_LEAKED, OF_TRAVEL = int(Sums.PUMPED), int(Sums.LEAKED), int(Sums.TRAVEL)
 OF_U_Q, OF_U_U, OF_Z_Q, OF_LEAK_Z = int(Sums.U_Q), int(Sums.U_U), int(Sums.Z_Q), int(Sums.LEAK_Z)
 OF_DRAG, OF_BOTTOM, OF_MOTOR = int(Sums.DRAG), int(Sums.BOTTOM_W), int(Sums.MOTOR_ON)
-N_T, N_Z = int(Drive.T), int(Drive.Z)
-NOTE_BOTTOM, LEFT_BOTTOM = int(Note.BOTTOM), int(Note.LEFT_BOTTOM)
-EMERGED, SUBMERGES = int(Note.EMERGED), int(Note.SUBMERGED)
-UPPER_STOP, LOWER_STOP = int(Note.UPPER_STOP), int(Note.LOWER_STOP)
-STOP_LEFT, LOST, STUCK = int(Stop.LEFT_WATER), int(Stop.LOST), int(Stop.STUCK)
 CHECK = 10.0  # s between two checks of the depth where a law may rest, at least
 _STILL = 0.01  # share of its band that a vehicle may drift between two of them, to be let rest
 _LAW, _BAND, _SPEED = range(3)  # columns of `Sampled.tasks`
@@ -141,21 +119,21 @@ def _begin(f: Sampled, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
     if now.flew != 0.0:
         now.flew = 0.0
         _enter(f, S, k)
-    if S[Lane.STOPPED] != 0.0 and at[STOP] == 0:
-        at[STOP] = STUCK
-    if turn(g) and at[STOP] == 0:
+    if S[Lane.STOPPED] != 0.0 and at.stop == 0:
+        at.stop = Stop.STUCK
+    if turn(g) and at.stop == 0:
         turn(g)
     if g.counts[0] == 0 and g.rows.shape[0] > 0:
         row(g)
-    task = f.tasks[at[PHASE]]
-    if at[STOP] != 0 or task[_LAW] != now.law or full(g, _ROOM):
+    task = f.tasks[at.phase]
+    if at.stop != 0 or task[_LAW] != now.law or full(g, _ROOM):
         return True
-    end = g.stages[at[PHASE], DEPTH]
+    end = g.stages[at.phase].depth
     if task[_SPEED] > 0.0:
-        if now.phase_begin != x[T_PHASE]:
-            now.phase_begin, now.phase_from = x[T_PHASE], x[Z]
+        if now.phase_begin != x.t_phase:
+            now.phase_begin, now.phase_from = x.t_phase, x.z
         way = end - now.phase_from
-        end -= math.copysign(max(abs(way) - task[_SPEED] * (x[T] - x[T_PHASE]), 0.0), way)
+        end -= math.copysign(max(abs(way) - task[_SPEED] * (x.t - x.t_phase), 0.0), way)
     S[Lane.REFERENCE] = end
     now.flew, now.tick = 1.0, k + 1.0
     return False
@@ -166,41 +144,41 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
     """Enter the sample that led to the state S, and see what it means for the phase."""
     g, now, sums, h = f.phases, f.now, f.sums[0], f.own.tick
     x, at, a = g.x, g.at, g.accounts
-    z, arrived, alarm, place = x[Z], at[ARRIVED], at[ALARM], at[PLACE]
-    change = S[Lane.V] - x[V]
-    x[T] = now.begun + k * h
-    if abs(x[T_END] - x[T]) < _SAME * h:
-        x[T] = x[T_END]
-    x[V], x[Z], x[W] = S[Lane.V], S[Lane.Z], S[Lane.W]
-    at[PLACE] = int(S[Lane.MODE]) // 20
-    at[STEPS] += 1
+    z, arrived, alarm, place = x.z, at.arrived, at.alarm, at.place
+    change = S[Lane.V] - x.v
+    x.t = now.begun + k * h
+    if abs(x.t_end - x.t) < _SAME * h:
+        x.t = x.t_end
+    x.v, x.z, x.w = S[Lane.V], S[Lane.Z], S[Lane.W]
+    at.place = int(S[Lane.MODE]) // 20
+    at.steps += 1
     if S[Lane.STOPPED] == LEFT_WATER:
-        at[STOP] = STOP_LEFT
+        at.stop = Stop.LEFT_WATER
     elif S[Lane.STOPPED] == TOO_DEEP:
-        at[STOP] = LOST
-    x[Z_MOST], x[V_LEAST] = max(x[Z_MOST], x[Z]), min(x[V_LEAST], x[V])
-    if at[PLACE] == SUBMERGED:
-        x[V_MOST] = max(x[V_MOST], x[V])
+        at.stop = Stop.LOST
+    x.z_most, x.v_least = max(x.z_most, x.z), min(x.v_least, x.v)
+    if at.place == SUBMERGED:
+        x.v_most = max(x.v_most, x.v)
     energy = _energy(f.own, S, sums)
     _enter_drive(f, sums, change, energy)
-    a[LEAKED] += sums[OF_LEAKED]
-    a[LEAK_WORK] += f.own.weight * sums[OF_LEAK_Z]
-    a[DRAG] += g.given[MASS] * sums[OF_DRAG]
-    a[IMPACTS] += g.given[MASS] * sums[OF_BOTTOM]
+    a[Account.LEAKED] += sums[OF_LEAKED]
+    a[Account.LEAK_WORK] += f.own.weight * sums[OF_LEAK_Z]
+    a[Account.DRAG] += g.given.mass * sums[OF_DRAG]
+    a[Account.BLOWS] += g.given.mass * sums[OF_BOTTOM]
     sums[:] = 0.0
     _note_passages(f, S[Lane.PLANT + Z_SURFACE])
-    enter_energy(g.given, x, a, energy, g.stages[at[PHASE], LOADS], h)
+    enter_energy(g.given, x, a, energy, g.stages[at.phase].loads, h)
     enter_time(g, z, h, arrived == 1)
     now.since += 1.0
     checks, rests = _is_due(f), now.rests != 0.0
     due = checks if rests else now.since >= f.own.row_samples
-    due = due or at[PLACE] != place or x[T] >= x[T_END] or x[CHARGE] <= g.given[EMPTY]
+    due = due or at.place != place or x.t >= x.t_end or x.charge <= g.given.empty
     rows = g.counts[0]
     row(g)
     settle(g)
-    if at[STOP] == 0 and at[ALARM] == 0 and x[Z] > g.given[DEEPEST]:
+    if at.stop == 0 and at.alarm == 0 and x.z > g.given.deepest:
         raise_alarm(g)
-    if due or at[STOP] != 0 or at[ARRIVED] != arrived or at[ALARM] != alarm:
+    if due or at.stop != 0 or at.arrived != arrived or at.alarm != alarm:
         _close_row(f, rows - 1)
     else:
         g.counts[0] = rows
@@ -212,14 +190,14 @@ def _enter_drive(f: Sampled, sums: Array, change: float, energy: float) -> None:
     at, a = f.phases.at, f.phases.accounts
     net = sums[OF_PUMPED]
     out = max(0.5 * (sums[OF_TRAVEL] + change), net, 0.0)
-    doing = NOTHING
+    doing = Doing.NOTHING
     if out > 0.0 or out - net > 0.0:
-        doing = PUMPING if net >= 0.0 else LETTING_IN
-        if doing != at[DOING]:
-            a[PUMP_RUNS if doing == PUMPING else VALVE_RUNS] += 1.0
-    at[DOING] = doing
-    a[PUMPED] += out
-    a[LET_IN] += out - net
+        doing = Doing.PUMPING if net >= 0.0 else Doing.LETTING_IN
+        if doing != at.doing:
+            a[Account.PUMP_RUNS if doing == Doing.PUMPING else Account.VALVE_RUNS] += 1.0
+    at.doing = doing
+    a[Account.PUMPED] += out
+    a[Account.LET_IN] += out - net
     on, work = min(sums[OF_MOTOR], f.own.tick), f.own.weight * sums[OF_Z_Q]
     enter(a, doing, 0.0, work, energy, on)  # the volumes stand there already
 
@@ -242,11 +220,12 @@ def _energy(own: Numbers, S: Array, sums: Array) -> float:
 def _close_row(f: Sampled, last: int) -> None:
     """Let the row before the present one say what was done in between."""
     g, now = f.phases, f.now
-    out, back = g.accounts[PUMPED] - now.row_out, g.accounts[LET_IN] - now.row_in
-    now.since, now.row_out, now.row_in = 0.0, g.accounts[PUMPED], g.accounts[LET_IN]
+    out, back = g.accounts[Account.PUMPED] - now.row_out, g.accounts[Account.LET_IN] - now.row_in
+    now.since, now.row_out, now.row_in = 0.0, g.accounts[Account.PUMPED], g.accounts[Account.LET_IN]
     if 0 <= last < g.rows.shape[0]:
-        doing = PUMPING if out >= back else LETTING_IN
-        g.rows[last, R_DOING] = doing if out > 0.0 or back > 0.0 else NOTHING
+        doing = Doing.PUMPING if out >= back else Doing.LETTING_IN
+        doing = doing if out > 0.0 or back > 0.0 else Doing.NOTHING
+        g.rows[last].doing = doing.value
 
 
 @part
@@ -254,20 +233,20 @@ def _note_passages(f: Sampled, top: float) -> None:
     """Note where the vehicle came to the surface [m], the bottom or an end stop."""
     g, log = f.phases, f.log[0]
     x, at = g.x, g.at
-    rocks = at[ARRIVED] == 1 and g.stages[at[PHASE], KIND] == TO_SURFACE
+    rocks = at.arrived == 1 and g.stages[at.phase].kind == Kind.SURFACE
     for n in range(min(f.noted[0, 0], log.shape[0])):
         t, old, new = f.now.begun + log[n, 0], int(log[n, 1]), int(log[n, 2])
         stop = _stop_of(new)
         if stop >= 0 and stop != _stop_of(old) and not rocks:
-            _note(g, t, stop, x[Z])
+            _note(g, t, stop, x.z)
         where, was = new // 20, old // 20
         if where != was:
             if where == BOTTOM:
-                _note(g, t, NOTE_BOTTOM, x[Z])
+                _note(g, t, Note.BOTTOM, x.z)
             elif was == BOTTOM:
-                _note(g, t, LEFT_BOTTOM, x[Z])
+                _note(g, t, Note.LEFT_BOTTOM, x.z)
             else:
-                _note(g, t, EMERGED if where == EMERGING else SUBMERGES, top)
+                _note(g, t, Note.EMERGED if where == EMERGING else Note.SUBMERGED, top)
     f.noted[0, 0] = 0
 
 
@@ -276,17 +255,17 @@ def _stop_of(mode: int) -> int:
     """Return the note of an end stop that the drive stands at in a mode; -1: at none."""
     act = mode % 10
     if act == UPPER:
-        return UPPER_STOP
-    return LOWER_STOP if act in (LOWER, LOWER_SPINNING) else -1
+        return Note.UPPER_STOP
+    return Note.LOWER_STOP if act in (LOWER, LOWER_SPINNING) else -1
 
 
 @part
 def _note(g: Phases, t: float, what: int, depth: float) -> None:
     """Note a passage at a time [s] and depth [m]; without room nothing is kept."""
     n = g.counts[1]
-    note(g.notes, g.counts, g.x, what, g.x[W])
+    note(g.notes, g.counts, g.x, what, g.x.w)
     if g.counts[1] > n:
-        g.notes[n, N_T], g.notes[n, N_Z] = t, depth
+        g.notes[n].t, g.notes[n].z = t, depth
 
 
 @part
@@ -296,22 +275,22 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
     x, at, p = g.x, g.at, g.given
     called, moves = now.called != 0.0, S[Lane.PLANT + POSITIONER] != 0.0
     now.called, now.begins = 0.0, 0.0
-    surface, nearly = g.stages[at[PHASE], KIND] == TO_SURFACE, FULL * (p[V_MAX] - p[V_MIN])
-    more = x[V] - f.own.neutral_top
-    if at[ALARM] == 1 or (surface and (x[Z] <= p[SHALLOW] or at[ARRIVED] == 1)):
+    surface, nearly = g.stages[at.phase].kind == Kind.SURFACE, FULL * (p.v_max - p.v_min)
+    more = x.v - f.own.neutral_top
+    if at.alarm == 1 or (surface and (x.z <= p.shallow or at.arrived == 1)):
         now.rests = 0.0
         if moves:
-            now.held = p[V_MAX]
+            now.held = p.v_max
         else:
-            now.held = _holding(S) if x[V] >= p[V_MAX] - nearly else S[Lane.PLANT + SUPPLY]
-    elif not called and at[PLACE] == EMERGING and more > nearly:
+            now.held = _holding(S) if x.v >= p.v_max - nearly else S[Lane.PLANT + SUPPLY]
+    elif not called and at.place == EMERGING and more > nearly:
         # all of it in a sample, but for what the supply lacks
         u = S[Lane.PLANT + FRICTION] + more / (f.own.tick * S[Lane.PLANT + GAIN])
         now.held = f.own.neutral_top if moves else -min(u, S[Lane.PLANT + SUPPLY])
     elif _rests(f, S[Lane.SEEN_DEPTH]):
-        now.held = x[V] if moves else _holding(S)
+        now.held = x.v if moves else _holding(S)
     else:
-        now.called, at[CALLS] = 1.0, at[CALLS] + 1
+        now.called, at.looks = 1.0, at.looks + 1
         if not called:
             now.begins, S[Lane.WAIT] = 1.0, 0.0
 
@@ -326,7 +305,7 @@ def _holding(S: Array) -> float:
 @inlined
 def _is_due(f: Sampled) -> bool:
     """Return whether the next sample would be too late for the next check."""
-    return bool(f.phases.x[T] + (1.0 - _SAME) * f.own.tick > f.now.check)
+    return bool(f.phases.x.t + (1.0 - _SAME) * f.own.tick > f.now.check)
 
 
 @inlined
@@ -334,13 +313,13 @@ def _rests(f: Sampled, seen: float) -> bool:
     """Return whether the law rests, the depth being seen [m] where a check is due."""
     g, now, own = f.phases, f.now, f.own
     x, at = g.x, g.at
-    band = f.tasks[at[PHASE], _BAND]
-    if band == 0.0 or at[ARRIVED] == 0:
-        now.rests, now.seen, now.check = 0.0, math.nan, x[T]
+    band = f.tasks[at.phase, _BAND]
+    if band == 0.0 or at.arrived == 0:
+        now.rests, now.seen, now.check = 0.0, math.nan, x.t
         return False
     if not _is_due(f):
         return bool(now.rests != 0.0)
-    left = band - abs(seen - g.stages[at[PHASE], DEPTH])
+    left = band - abs(seen - g.stages[at.phase].depth)
     drift = math.inf if math.isnan(now.seen) else abs(seen - now.seen)
     rests = left >= 0.5 * band and drift <= max(_STILL * band, own.unseen)
     if now.rests != 0.0:
@@ -350,7 +329,7 @@ def _rests(f: Sampled, seen: float) -> bool:
         now.pause = max(min(0.25 * left / speed, 2.0 * now.pause, own.longest), CHECK)
     else:
         now.pause = CHECK
-    now.rests, now.seen, now.check = 1.0 if rests else 0.0, seen, x[T] + now.pause
+    now.rests, now.seen, now.check = 1.0 if rests else 0.0, seen, x.t + now.pause
     return bool(rests)
 
 

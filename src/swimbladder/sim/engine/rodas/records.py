@@ -1,0 +1,266 @@
+"""The records that RODAS moves, and what stands where in its table and accounts.
+
+Kernels read fields of a record by name (`x.t`), Python also as `x["t"]`.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.deadband import DeadbandState
+
+Records = NDArray[Any]
+
+
+def record(*fields: Any) -> np.dtype[np.void]:
+    """Return the type of records with these fields: a name, a type and, of vectors, a length."""
+    return np.dtype((np.record, np.dtype(list(fields), align=True)))
+
+
+def made(kind: np.dtype[np.void], like: Any = None) -> np.record:
+    """Return a record of zeros, or with the numbers of another one."""
+    found: np.record = (np.zeros(1, kind) if like is None else np.array([like], kind))[0]
+    return found
+
+
+def lane_of(one: Any) -> NDArray[Any]:
+    """Return the array [1] whose only element is a record of `made`, for what takes lanes."""
+    lane: NDArray[Any] = one.base
+    assert lane.shape == (1,)
+    return lane
+
+
+class Table(IntEnum):
+    """Columns of the table: value, and its slope in the next; over depth but the last.
+
+    Those from FILLING on are over ln(p/reservoir), p being the pressure in the oil line.
+    """
+
+    PRESSURE = 0  # Pa above the atmosphere
+    NEUTRAL = 2  # m3, volume at which the vehicle rests
+    RATE_OUT = 4  # m3/s
+    POWER_OUT = 6  # W
+    RATE_IN = 8  # m3/s
+    POWER_IN = 10  # W
+    BYPASS = 12  # m3/s
+    POWER_BYPASS = 14  # W
+    LEAKAGE = 16  # m3/s
+    HOLDING = 18  # W
+    START = 20  # m3 that each start of the pump falls short
+    LAYERS = 22  # m3, neutral volume less what pressure does to water and hull
+    TEMPERATURE = 24  # degC of the water
+    FILLING = 26  # s, from the reservoir's pressure to p by the pump
+    FILL_ENERGY = 28  # J that takes, in water of 0 degC
+    FILL_WARMTH = 30  # J/K more in warmer water
+    EMPTYING = 32  # s, see `line`
+
+
+# What does not change in a mission: the vehicle, its processor, the tolerances.
+GIVEN = record(
+    ("step", float),  # m, of the table
+    ("mass", float),  # kg, accelerated
+    ("d_l", float),  # 1/s, laminar drag over mass; as physics.dynamics.Plant, like the next four
+    ("d_b", float),
+    ("d_0", float),
+    ("d_t", float),
+    ("epsilon", float),
+    ("a_s", float),  # 1/s2, stiffness of the emerging hull, rho g A_w/m
+    ("z_surface", float),  # m, where the hull begins to emerge
+    ("z_air", float),  # m, where it would have left the water
+    ("z_bottom", float),  # m
+    ("v_min", float),  # m3
+    ("v_max", float),  # m3
+    ("trim", float),  # m3, added to the table's neutral volume
+    ("give", float),  # m3/m, added to its slope
+    ("by_volume", float),  # 1: a move ends at a volume, which is measured; 0: after a time
+    ("quantum", float),  # s, step of the time of a run
+    ("longest", float),  # s, of a run
+    ("delivery", float),  # -, what is pumped over what the table says and the processor assumes
+    ("noise", float),  # m, of a measured depth, 1 sigma
+    ("resolution", float),  # m, its quantum
+    ("deepest", float),  # m, below which everything is pumped out
+    ("neutral_top", float),  # m3, neutral volume at the surface as the processor knows it
+    ("shallow", float),  # m, above which it is about to dive, or has come up
+    ("empty", float),  # J of charge at which nothing more can be drawn; -inf: not known
+    ("reserve", float),  # J of charge with which no new cycle begins
+    ("last_time", float),  # s, after which no new cycle begins
+    ("last_cycle", float),  # how many cycles at most
+    ("surfacing", float),  # J at each surfacing
+    ("self_discharge", float),  # 1/s
+    ("rtol", float),  # -
+    ("atol_z", float),  # m
+    ("atol_w", float),  # m/s
+    ("atol_v", float),  # m3
+    ("rest_deep", float),  # m, an oscillation smaller than this counts as rest
+    ("rest_afloat", float),  # m, the same of the bobbing at the surface
+    ("longest_step", float),  # s
+    ("z_lost", float),  # m, below which nothing is known of the water
+    ("charge", float),  # J in the battery at the start
+    ("held", float),  # -, share of its time that a park or hold has to be in its tolerance
+    ("rising", float),  # -, drag while rising over that while sinking
+    ("flow", float),  # -, what valve and bypass let in over what the processor assumes
+    ("makes_up", float),  # 1: a run is longer by what its start falls short of
+    ("follows", float),  # 1/s, how fast the hull takes the water's temperature; 0: at once
+    ("expansion", float),  # m3/K, of a hull that does not take it at once
+    ("volume_noise", float),  # m3, of a measured volume, 1 sigma
+    ("volume_quantum", float),  # m3, its quantum
+    ("line", float),  # m3, of the oil line; 0: the oil is incompressible
+    ("line_gas", float),  # m3 of air in it at the reservoir's pressure
+    ("line_modulus", float),  # Pa, of its oil
+    ("line_power", float),  # -, one over the polytropic exponent of its air
+    ("line_ratio", float),  # -, the water's pressure over the line's
+    ("reservoir", float),  # Pa, absolute
+    ("head_afloat", float),  # Pa, of the atmosphere over the reservoir
+    ("slip", float),  # m3/s/Pa by which the line empties through a pump that stands
+    ("run_up", float),  # m3 that a start falls short beside what the line takes
+    ("line_step", float),  # of ln(p/reservoir) from row to row
+    ("line_top", float),  # ln(p/reservoir) at which the pump stalls; inf: above all that is assumed
+    ("open", float),  # -, of the valve's flow that comes in whatever is commanded
+)
+
+# The state, as far as it is real numbers.
+NOW = record(
+    ("t", float),  # s
+    ("z", float),  # m
+    ("w", float),  # m/s, relative to the water
+    ("v", float),  # m3
+    ("h", float),  # s, length that the next step may have
+    ("t_phase", float),  # s, begin of the phase
+    ("t_end", float),  # s, at which the phase is over, or out of time
+    ("t_look", float),  # s, of the next look
+    ("t_move", float),  # s, latest end of the run
+    ("v_move", float),  # m3, at which the run ends; inf or -inf: at a time
+    ("charge", float),  # J in the battery
+    ("z_most", float),  # m, greatest depth of the cycle
+    ("v_least", float),  # m3, of the cycle
+    ("v_most", float),  # m3, of the cycle, off the surface
+    ("t_arrival", float),  # s, of the cycle's first phase at a depth; nan: not yet
+    ("t_cycle", float),  # s, begin of the cycle
+    ("t_afloat", float),  # s, of the cycle; nan: not yet
+    ("v_begin", float),  # m3, at the begin of the run
+    ("t_begin", float),  # s, of the run
+    ("z_look", float),  # m, depth seen last while about to dive
+    ("t_primed", float),  # s, when a pump that has started begins to deliver
+    ("t_inside", float),  # s within the tolerance since the phase arrived
+    ("t_arrived", float),  # s, when it did
+    ("w_seen", float),  # m/s, speed as the processor knew it last
+    ("law", float, len(DeadbandState._fields)),  # what `rate` or `hold` remembers
+    ("hull", float),  # degC of the hull
+    ("line_level", float),  # -, ln(p/reservoir) of the oil line
+    ("t_level", float),  # s, when it was that
+)
+
+# The state, as far as it is whole numbers.
+AT = record(
+    ("phase", np.int64),
+    ("cycle", np.int64),  # cycles done
+    ("doing", np.int64),  # Doing
+    ("place", np.int64),  # 0 submerged, 1 emerging, 2 on the bottom
+    ("rests", np.int64),  # 1: at rest; no steps are needed
+    ("arrived", np.int64),
+    ("new_law", np.int64),  # 1: the law is to begin anew
+    ("draws", np.int64),  # random numbers drawn
+    ("seed", np.int64),  # -1: sensors without noise
+    ("alarm", np.int64),  # 1: too deep, all is pumped out
+    ("steps", np.int64),
+    ("rejected", np.int64),
+    ("stop", np.int64),
+    ("missed", np.int64),  # phases of the cycle that ran out of time
+    ("new_phase", np.int64),  # 1: a phase is to begin
+    ("looks", np.int64),
+    ("not_held", np.int64),  # parks and holds of the cycle out of their tolerance too long
+    ("captured", np.int64),  # 1: `control.hold` flies
+    ("shut", np.int64),  # 1: the check valve behind the oil line is
+    ("idle", np.int64),  # ticks without time passing
+)
+
+
+class Doing(IntEnum):
+    """What the drive does."""
+
+    NOTHING = 0
+    PUMPING = 1
+    LETTING_IN = 2
+    BYPASSING = 3
+    PRIMING = 4  # the pump runs and does not deliver yet
+
+
+class Account(IntEnum):
+    """Integrals since the start; those of `Holding` follow for each phase."""
+
+    PUMPED = 0  # m3
+    LET_IN = 1  # m3
+    LEAKED = 2  # m3, at rest
+    PUMP_ENERGY = 3  # J from the battery
+    VALVE_ENERGY = 4  # J, while volume is let or drawn in
+    HOLDING_ENERGY = 5  # J
+    LOAD_ENERGY = 6  # J, standby and loads
+    SURFACING_ENERGY = 7  # J
+    SELF_DISCHARGED = 8  # J
+    PUMP_WORK = 9  # J done on the sea, of p dV
+    LET_IN_WORK = 10  # J got from the sea
+    LEAK_WORK = 11  # J got from the sea
+    DRAG = 12  # J
+    BLOWS = 13  # J, against the bottom
+    SETTLED = 14  # J of oscillations that were taken for rest
+    FORCED = 15  # J that the moving water took
+    PUMP_TIME = 16  # s
+    VALVE_TIME = 17  # s
+    PUMP_RUNS = 18
+    VALVE_RUNS = 19
+    STALLED = 20  # s of pumping without delivery
+    HEAT = 21  # J that a hull warmer or colder than the water took
+    T_DESCEND = 22  # s in each kind of phase
+    T_PARK = 23
+    T_PROFILE = 24
+    T_HOLD = 25
+    T_SURFACE = 26
+
+
+class Note(IntEnum):
+    """What is noted with its time, depth, volume and a number."""
+
+    PHASE = 0  # begins; its number
+    ARRIVED = 1  # of the phase
+    OUT_OF_TIME = 2
+    PUMP = 3  # a run begins; volume wanted [m3]
+    VALVE = 4
+    BYPASS = 5
+    RUN_OVER = 6  # its length [s]
+    EMERGED = 7
+    SUBMERGED = 8
+    BOTTOM = 9
+    LEFT_BOTTOM = 10
+    UPPER_STOP = 11
+    LOWER_STOP = 12
+    TOO_DEEP = 13
+    CYCLE = 14  # is over; its number
+    AFLOAT = 15  # with all volume out
+
+
+# A note of something that happened.
+NOTE = record(
+    ("t", float),
+    ("what", np.int64),
+    ("z", float),
+    ("v", float),
+    ("number", float),
+)
+
+
+class Stop(IntEnum):
+    """Why the kernel returns."""
+
+    GOES_ON = 0  # the buffers are full, or a cycle is over
+    FINISHED = 1
+    RESERVE = 2
+    DID_NOT_SURFACE = 3
+    PASSED_DEPTH = 4
+    LOST = 5
+    BATTERY_EMPTY = 6
+    LEFT_WATER = 7
+    STUCK = 8
