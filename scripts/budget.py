@@ -7,8 +7,6 @@
     python scripts/budget.py --where KIND    # list the places of a kind of word of words.toml
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import io

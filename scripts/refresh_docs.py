@@ -8,8 +8,6 @@ another exit code is named and left alone; then the exit code is 1. The picture 
 the tables that `scripts/make_reference.py` makes, are not touched.
 """
 
-from __future__ import annotations
-
 import contextlib
 import difflib
 import re

@@ -8,8 +8,6 @@ and in its strings of one word, `camelCase` read as `camel_case`. `[renamed]` ha
 and modules, old = "new".
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import re

@@ -1,7 +1,5 @@
 """What tests hold of messages: numbers, fields and values; the wording is free."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager

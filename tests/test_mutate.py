@@ -1,7 +1,5 @@
 """The tool for mutation testing, on a project of two functions."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

@@ -1,7 +1,5 @@
 """The check of words and of their budgets, on a project of a page, a changelog and a module."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

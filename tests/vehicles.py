@@ -1,7 +1,5 @@
 """Vehicles that the tests of the simulator share: the paper's, made-up ones, and random ones."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -6,8 +6,6 @@ is work that outgrows this process: any process can do a chunk of it, and what i
 from the disk alone, by a marker that is written last; `run` does it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import hashlib

@@ -9,8 +9,6 @@ Nothing is imported before it is used. What cannot be loaded is refused where it
 package, and is left out where all are listed: it is in nobody else's way.
 """
 
-from __future__ import annotations
-
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """``swimbladder faults``: what is printed, written, refused."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

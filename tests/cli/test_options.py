@@ -1,7 +1,5 @@
 """Groups of options: as typer sees them, as they are read, and what both refuse alike."""
 
-from __future__ import annotations
-
 import inspect
 import json
 from dataclasses import dataclass

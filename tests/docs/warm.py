@@ -10,8 +10,6 @@ before it; nor with `DIED`, a fork or a server that is gone. It is for Linux: ma
 sockets, and its frameworks do not survive a fork.
 """
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import json

@@ -3,8 +3,6 @@
 When that is allowed stands in README.md beside this file.
 """
 
-from __future__ import annotations
-
 import fnmatch
 import os
 import sys

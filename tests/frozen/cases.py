@@ -4,8 +4,6 @@ A case is a command line. Its inputs lie in inputs/; `--json` and `--out out` ar
 draws at random has a seed.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 __all__ = ["CASES", "DISTRIBUTIONS", "LOOSE", "Case", "Distribution", "Tolerance"]

@@ -5,8 +5,6 @@ go on being compared. A case that is refreshed no longer needs its lines; lines 
 may go.
 """
 
-from __future__ import annotations
-
 # Commands and options as cases.py and the store have them -> as they are called today.
 COMMANDS: dict[str, str] = {"bench-control": "compare-laws"}
 OPTIONS: dict[str, str] = {"--walk": "--random-walk"}

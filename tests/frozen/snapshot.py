@@ -4,8 +4,6 @@ Only the command line is called. What may differ from day to day, from machine t
 between two wordings is left out: prose, absolute paths, dates, versions, durations, pictures.
 """
 
-from __future__ import annotations
-
 import contextlib
 import csv
 import hashlib

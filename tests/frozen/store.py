@@ -1,7 +1,5 @@
 """The stored snapshots: one gzipped JSON file a case, the same bytes for the same content."""
 
-from __future__ import annotations
-
 import gzip
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Today's answers, files and generated C against those in store/: README.md says how."""
 
-from __future__ import annotations
-
 import copy
 import shutil
 

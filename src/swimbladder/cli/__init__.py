@@ -6,8 +6,6 @@ command that was asked for is imported, so that ``--help`` answers at once. Exit
 1 the answer is "no", 2 bad input, 130 interrupted, 143 terminated.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

@@ -4,8 +4,6 @@ The word for a value in the help says how its text is read: ``depth: str = value
 "0 m")`` as metres, LEAST:MOST as two depths. Another way to read it stands beside that.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

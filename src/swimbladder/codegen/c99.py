@@ -9,8 +9,6 @@ arithmetic would not be that of float32.
 one rounding and small functions to the bit, stands in ``templates/arithmetic.h``.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re

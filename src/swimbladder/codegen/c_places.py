@@ -4,8 +4,6 @@ Which variables and fields are read and where they live follows from what statem
 and end with; so does which functions change the state where it stands and return no copy of it.
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import inspect

@@ -4,8 +4,6 @@ The C is ``templates/swb_controller.c.j2`` and ``swb_vehicle.c.j2``. A controlle
 command and holds the last one while none is to be had; a vehicle's supervisor overrides it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """A float flown by the seconds of pump and valve that its board commands at each tick."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

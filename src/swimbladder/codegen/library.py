@@ -1,7 +1,5 @@
 """An Arduino library of a vehicle's controller: C, examples, a golden trace, and what to do."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping

@@ -6,8 +6,6 @@ The C is the translated `control.protocol` and ``templates/swb_pool_day.c.j2``, 
 supervisor above it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What a board knows of its pump and valves: rates over depth as polynomials, volumes, times."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

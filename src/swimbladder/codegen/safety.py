@@ -1,7 +1,5 @@
 """The supervisor's numbers, from a vehicle: how deep, how long, how far from the model."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, TypeVar
 

@@ -6,8 +6,6 @@ without contraction; a NaN stands for any NaN.
 The golden trace is a mission flown by a law's twin as the microcontroller will fly it.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections import namedtuple

@@ -8,8 +8,6 @@ voltage is high and steady, paths are planned with what was seen, and one that t
 follow begins anew where it is.
 """
 
-from __future__ import annotations
-
 BEHIND = 5.0  # samples at full rate, that the volume may be behind before a path begins anew
 _TRUST = 0.3  # in a sample that shows what the motor has
 _SPARE = 1.1  # a motor with 1/1.1 of its rate follows paths as they are

@@ -9,8 +9,6 @@ also holds a vehicle that runs away faster than it comes to a steady speed.
 Depths count from the one that is held, where `neutral` is the volume at rest.
 """
 
-from __future__ import annotations
-
 from swimbladder.control.deadband import DeadbandParameters, DeadbandState, decide, predict
 from swimbladder.control.law import Measurement
 

@@ -12,8 +12,6 @@ of the way, and every small change, is a linear filter with the poles of
 s^3 + 9 s^2/T + 36 s/T^2 + 60/T^3.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -4,8 +4,6 @@ A number that is not a record itself is a leaf. Files, commands and reports name
 law's parameters, wherever they stand; the names of the records between are for its source.
 """
 
-from __future__ import annotations
-
 import sys
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """The laws by name, and a vehicle's controller turned into numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
 from typing import Any

@@ -10,8 +10,6 @@ of them. Each watch changes the state where it stands. What a vehicle's numbers 
 for by a comparison of numbers alone, so that a compiler that knows them leaves it out.
 """
 
-from __future__ import annotations
-
 from swimbladder.control.law import NEVER, Count, Law, less, more
 from swimbladder.control.supervisor_records import (
     PushWatch,

@@ -1,7 +1,5 @@
 """The supervisor's watches: each detector's step, and the reasons that follow from all of them."""
 
-from __future__ import annotations
-
 import math
 
 from swimbladder.control.law import NEVER, Count, less, more

@@ -1,7 +1,5 @@
 """`analyse`: a vehicle with its control law, linearised and judged at the law's sample time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from swimbladder.control.law import Law

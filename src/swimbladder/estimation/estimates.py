@@ -1,7 +1,5 @@
 """An estimated number with what is known of its error, what was known before, and what to say."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Sequence

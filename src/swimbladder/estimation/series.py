@@ -1,7 +1,5 @@
 """Series of samples: their stretches, their size, and how residuals resemble their past."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache

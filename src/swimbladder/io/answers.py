@@ -1,7 +1,5 @@
 """Answers in JSON's own types, SI numbers under names that say their unit."""
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import json

@@ -1,7 +1,5 @@
 """A cast as Sea-Bird's software writes it: a .cnv file, its header naming columns and units."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -8,8 +8,6 @@ Variables become columns in their units, and by their flags. netCDF-3 is read by
 h5py.
 """
 
-from __future__ import annotations
-
 import io
 import warnings
 from collections.abc import Iterator, Mapping

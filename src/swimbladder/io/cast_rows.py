@@ -3,8 +3,6 @@
 Small density inversions are noise and averaged, large ones are refused.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from typing import Literal

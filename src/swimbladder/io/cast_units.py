@@ -5,8 +5,6 @@ it; the deepest trench, and what sea water can be, bound the rest. A cast in the
 refused with the unit that fits: it would otherwise sink a vehicle that its maker thinks afloat.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -7,8 +7,6 @@ stands in `Cast.report`.
 Formats that are no table of text are swimbladder's own, and those of other packages.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

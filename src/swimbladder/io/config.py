@@ -3,8 +3,6 @@
 Where each key of a TOML text stands is found here: `tomllib` does not give it.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from bisect import bisect_right

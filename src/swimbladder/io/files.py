@@ -4,8 +4,6 @@ What is not whole yet stands in a temporary file or folder whose name has the ma
 process that write it. Where that process was killed, the next run in the same place removes it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import os

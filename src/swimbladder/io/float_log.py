@@ -4,8 +4,6 @@ Pressures are above what the float's sensor reads at the surface [Pa]; times cou
 first line [s], which is at `start`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal

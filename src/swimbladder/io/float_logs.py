@@ -5,8 +5,6 @@ valve_s, bypass_s``: for how long the device then runs, in the row in which it b
 elsewhere. A row may have a run and no pressure. Other names and units are mapped as for other logs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

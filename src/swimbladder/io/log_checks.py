@@ -1,7 +1,5 @@
 """What is odd about a log: disorder and repeats, gaps, samples that stand far off."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

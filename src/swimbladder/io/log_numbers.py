@@ -4,8 +4,6 @@ Times become seconds: of a number, a counter, ISO 8601, a clock or a pattern. Ro
 by the numbers that are asked for.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping, Set

@@ -1,7 +1,5 @@
 """The bytes of a log, decompressed and decoded into lines; what had to be assumed is reported."""
 
-from __future__ import annotations
-
 import codecs
 import gzip
 import io

@@ -1,7 +1,5 @@
 """Runs of a pump from a table: one row a run, columns named and mapped as those of a log."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

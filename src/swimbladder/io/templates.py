@@ -1,7 +1,5 @@
 """A vehicle file to start from: every field of the schema, its unit, meaning and default."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import tomllib

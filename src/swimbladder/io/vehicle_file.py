@@ -1,7 +1,5 @@
 """A vehicle as the text of a TOML file: every number exact, with its unit beside it."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

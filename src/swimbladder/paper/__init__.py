@@ -5,8 +5,6 @@
 together, `files` has its curves. The texts stand in TOML files beside the modules.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

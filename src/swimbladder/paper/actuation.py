@@ -1,7 +1,5 @@
 """The prototype's actuator alone, simulated: voltage steps, timed voltages, and none at all."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -4,8 +4,6 @@ Each compares a function of the package, or the compiled simulation, with arithm
 another law of physics, another form, or SciPy.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Checks of eqs (10), (13), (15), (16), (18), (20), (25)-(32), (34)-(37): motion and control."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """Everything that the report rests on, simulated and fitted once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations

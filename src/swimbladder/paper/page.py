@@ -1,7 +1,5 @@
 """The report put together: figures, tables, verdicts, into one page and one JSON object."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ this package existed: linear drag, 12 V limit, no computation delay, rest at the
 psi z at first with the integral starting there and e(-1) = e(0).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

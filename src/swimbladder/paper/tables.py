@@ -1,7 +1,5 @@
 """The tables of the report, as texts; every number comes from the evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -11,8 +11,6 @@ Pump displacement and pitch are per revolution, as datasheets state them; eqs (7
 the sea helps and the motor is driven back.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ full battery the share 1 - k(T) cannot be drawn until it is warm again, with k l
 20 degC and `cold_share` at 0 degC.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -8,8 +8,6 @@ without one stays where dry friction or self-locking hold it, otherwise its moto
 voltage k_z,back z/k_u - T_b/k_u, at the cost of R i^2.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

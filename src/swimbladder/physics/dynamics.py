@@ -12,8 +12,6 @@ eqs (11)-(13) by lambda/k_v and m leaves only what a log can identify::
 A positioner moves V at a constant rate; its q is that rate.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

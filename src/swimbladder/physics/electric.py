@@ -7,8 +7,6 @@ The battery is an open-circuit voltage E behind a resistance R_b. A negative cur
 Signals (voltages, currents, speeds, depths) may be arrays; a constant may be one too.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np

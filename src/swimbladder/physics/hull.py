@@ -14,8 +14,6 @@ With p above the atmosphere and V(p, T) what is displaced without the volume of 
 A part that stiffens (s_i > 0) gives way no more from beta_i/s_i on.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

@@ -9,8 +9,6 @@ The full motor, with the transmission on its shaft and lambda, B and T_z as in F
 Without the inductance the first line gives i at once, and the two become eq. (11).
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from typing import Any, NamedTuple

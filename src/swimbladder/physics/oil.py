@@ -4,8 +4,6 @@ The model takes the oil as incompressible but in the line of a pump and valve (`
 functions say by how much that is wrong.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

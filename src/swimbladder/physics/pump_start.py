@@ -15,8 +15,6 @@ Behind a pressure amplifier the line has the sea's pressure over its ratio, and 
 water is its ratio of the oil's the less. Volumes, rates and heads are those of the water here.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

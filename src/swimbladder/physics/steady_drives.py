@@ -1,7 +1,5 @@
 """A motor at steady speed behind driver and battery; pumps and valves against a pressure."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a result is written as: texts, tables, numbers and pictures, in a folder that is whole."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

@@ -23,8 +23,6 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
     `-- identified  Identified       how sure the identified numbers are
 """
 
-from __future__ import annotations
-
 from swimbladder.vehicle.actuators import (
     Driver,
     ElectrohydraulicActuator,

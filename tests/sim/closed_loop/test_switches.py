@@ -1,7 +1,5 @@
 """Limit switches at the driver, against SciPy with events; and landing on the bottom."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's vehicle with its C compiled, and missions made by hand."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ docs/how-to/faults.md: parts of that machine change, water comes in, a sensor sa
 The machine is driven by the commands that a flight recorded, so that a law's bits do not matter.
 """
 
-from __future__ import annotations
-
 import copy
 import math
 

@@ -1,7 +1,5 @@
 """Campaigns: the same again, going on after a kill, verdicts on rows made by hand."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """A flight in which things fail: against `simulate`, SciPy and what each fault is said to do."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

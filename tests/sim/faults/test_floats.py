@@ -1,7 +1,5 @@
 """Floats with faults: the C against its twin, and pump, valve and hull against SciPy's Radau."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

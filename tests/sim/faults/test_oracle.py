@@ -1,7 +1,5 @@
 """Flights with faults against an independent simulator, tick by tick, for every kind of fault."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -10,8 +10,6 @@
 Volumes are those of the drive, 0 at mid-stroke; the law is `swimbladder.physics.hull`.
 """
 
-from __future__ import annotations
-
 from swimbladder.design.ballast.run import (
     Ballasting,
     Target,

@@ -5,8 +5,6 @@ is not known of a vehicle's weight and volume; vehicles are drawn from it. `Ball
 comes out: masses, needs and margins of the stroke, in sentences and for JSON.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields

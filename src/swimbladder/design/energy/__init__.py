@@ -6,8 +6,6 @@ power law and delivery, with uncertainty, from runs that a vehicle logged, a veh
 each of the runs, and efficiency over pressure.
 """
 
-from __future__ import annotations
-
 from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy, sea
 from swimbladder.design.energy.fit import (
     PumpFit,

@@ -1,7 +1,5 @@
 """Joules per volume over depth, and where they go on the way from the battery to the water."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The answers of `energy` in words."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ That is what `identify` will say of the records, before there are any, and what 
 estimates where the model leaves something out: psi, a trim, a drift.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

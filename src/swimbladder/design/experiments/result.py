@@ -1,7 +1,5 @@
 """What a design says, in words and numbers, and the plan that it makes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

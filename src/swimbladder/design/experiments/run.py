@@ -1,7 +1,5 @@
 """From a vehicle and a pool to the experiments to run."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -4,8 +4,6 @@ A design chooses from releases (steps, and to and fro, of sizes and places on a 
 informative set in the available time.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

@@ -4,8 +4,6 @@
 too, and measures, `run` puts them together and finds those that no other beats.
 """
 
-from __future__ import annotations
-
 from swimbladder.design.law_comparison.contenders import SCENARIOS
 from swimbladder.design.law_comparison.run import LawComparison, compare_laws
 

@@ -15,8 +15,6 @@ w^2 = g k (deep water; Dean and Dalrymple, *Water Wave Mechanics for Engineers a
 in swell are depths in the water: below the surface that goes with it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -3,8 +3,6 @@
 Also the claims of section 2.5 on open-loop stability, as functions.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

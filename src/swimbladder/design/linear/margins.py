@@ -10,8 +10,6 @@ conjugate of L(z) is L(1/z), so both questions are eigenvalue problems of matrix
 crossing can hide between the points of a grid.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -25,8 +25,6 @@ once and psi is 0, M has the one eigenvalue 1 - eta c/c_true, with c the law's v
 squared and c_true = F_d(w)/(rho g w^2) that of the drag: 0 < eta c/c_true < 2.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from collections.abc import Callable, Sequence

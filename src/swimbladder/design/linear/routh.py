@@ -7,8 +7,6 @@ of the polynomial that is symmetric about the origin is therefore split off firs
 only ever stands where no root lies on the imaginary axis.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

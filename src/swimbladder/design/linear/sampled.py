@@ -8,8 +8,6 @@ Nothing is approximated but the nonlinearity.
 Closed, it has poles, margins and delays.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

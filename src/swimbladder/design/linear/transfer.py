@@ -5,8 +5,6 @@ normalisation, from the symbols the paper uses. They are plain arithmetic: SymPy
 through them too.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -15,8 +15,6 @@ Rangarajan, Neural Computation 15, 2003, 915): every round takes less energy tha
 and what they end at is a least one near by.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

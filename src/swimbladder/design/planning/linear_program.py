@@ -8,8 +8,6 @@ from one program to the next at another; and now and then it is stuck for minute
 what the other does not solve.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

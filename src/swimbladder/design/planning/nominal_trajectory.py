@@ -12,8 +12,6 @@ edge of its side and, at a price, would rather be beyond it. What comes out none
 `least_time` is that of a step of depth that any controller can have, by linear programs.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol

@@ -1,7 +1,5 @@
 """`plan`: a step of depth in the least time, with the least volume moved or the least energy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ there. Between samples the command is held, so the matrix exponential is exact (
 Trans. Automatic Control 23, 1978, 395).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

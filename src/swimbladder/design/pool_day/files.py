@@ -1,7 +1,5 @@
 """What a day at the pool leaves in a folder: a log for each experiment, and pool.json."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

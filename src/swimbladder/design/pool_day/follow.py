@@ -1,7 +1,5 @@
 """The two ways through a day: a log that grows, and a rehearsal; both yield what happens."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path

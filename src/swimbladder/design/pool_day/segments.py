@@ -12,8 +12,6 @@ what drives it. While the piston stands, the mean of many samples knows the volu
 of them.
 """
 
-from __future__ import annotations
-
 import math
 from enum import Enum
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Which experiments are due: those of a plan, or the paper's, cut to the vehicle's stroke."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

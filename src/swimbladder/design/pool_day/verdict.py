@@ -1,7 +1,5 @@
 """Whether the parameters are known well enough to stop, and if not, whether more would help."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 

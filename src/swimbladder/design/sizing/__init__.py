@@ -7,8 +7,6 @@
     Parts   the list of parts; load_parts reads one from TOML
 """
 
-from __future__ import annotations
-
 from swimbladder.design.sizing.candidates import load_parts
 from swimbladder.design.sizing.requirements import Dive, requirements
 from swimbladder.design.sizing.run import Sizing, columns, sentences, size, sized_vehicle, to_json

@@ -3,8 +3,6 @@
 A battery is followed over all cycles: what is drawn, lost in years, kept back by the cold.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """What is asked of a buoyancy engine: volume, rate, pressure, energy, from the dive it is for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any

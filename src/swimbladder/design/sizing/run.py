@@ -3,8 +3,6 @@
 Also what is said of it: sentences, a table, JSON and a vehicle.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

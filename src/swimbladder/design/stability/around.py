@@ -13,8 +13,6 @@ map from one decision to the next (`linear.pump_valve`); at rest the hull decide
 (`tuning.margins`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

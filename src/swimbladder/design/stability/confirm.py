@@ -22,8 +22,6 @@ has a cause, and is computed for that cause by itself (`docs/explanation/stabili
 The first is a prediction; of the others amplitudes are bounds.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple

@@ -31,8 +31,6 @@ switch. V waits until the gap is D, then closes all but r of it: it goes between
 of the inner loop, 1/(K1 A k_pV), as a delay.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -27,8 +27,6 @@ neutral. With other drag the fastest extension is integrated. Rising has no such
 surface the vehicle floats.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

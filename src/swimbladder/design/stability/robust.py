@@ -7,8 +7,6 @@ later, the one before being held until then. Each law becomes one wrapped law, w
 parameters stands in this module: so its compiled kernel is found again.
 """
 
-from __future__ import annotations
-
 import math
 from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence

@@ -3,8 +3,6 @@
 `Stability` is what it found, in sentences, as tables and for JSON.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

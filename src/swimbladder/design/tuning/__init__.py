@@ -4,8 +4,6 @@
 vehicles are possible, `margins` and `trial` judge, `run` puts them together.
 """
 
-from __future__ import annotations
-
 from swimbladder.design.tuning.run import Tuning, tune
 
 __all__ = ["Tuning", "tune"]

@@ -12,8 +12,6 @@ has the margins, ordered by what the goal wants of them, kept where the whole re
 margins, and the first few of these are tried, with few runs while they are compared.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial

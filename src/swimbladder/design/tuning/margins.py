@@ -6,8 +6,6 @@ decides. With one that gives way more than the water (psi > 0) errors grow from 
 decision; the band in which they are caught has to be narrower than the one that the law keeps.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple

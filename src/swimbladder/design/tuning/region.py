@@ -7,8 +7,6 @@ It is looked at in the middle, at the ends of its axes and at points drawn from 
 with the supply full and low.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 `Tuning` is what it found, for a person and for JSON, with a vehicle that other commands read.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ a voltage, `moves` finds motion at full speed, and fits how it begins and how fa
 holds what was found, `run` puts it together.
 """
 
-from __future__ import annotations
-
 from swimbladder.estimation.actuator.result import ActuatorIdentification
 from swimbladder.estimation.actuator.run import PARAMETERS, identify_actuator
 from swimbladder.estimation.estimates import Estimate

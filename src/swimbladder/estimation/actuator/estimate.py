@@ -8,8 +8,6 @@ then believed: it has a prior, the data's restricted likelihood is laid over it,
 are those of the mixture.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple

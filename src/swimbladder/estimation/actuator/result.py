@@ -5,8 +5,6 @@ The paper counts nine and names four of them, which shallow-water experiments gi
 Eqs (32) and (33) hold, beside these, A, k_z/k_u, k_l and psi; eq. (28) needs rho g.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple

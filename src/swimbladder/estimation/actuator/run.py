@@ -1,7 +1,5 @@
 """The identification of an actuator from logs of its voltage steps, or of its moves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple

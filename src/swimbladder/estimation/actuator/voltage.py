@@ -12,8 +12,6 @@ voltage steps is repeated with a voltage that can change only so fast. That has 
 the fit has; where it is by far the likelier, T1 is the ramp's as well.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@
 asked to be adjusted, `run` puts them together; `ahead` predicts from each instant on.
 """
 
-from __future__ import annotations
-
 from swimbladder.estimation.comparison.fit import FITTABLE, Fitted
 from swimbladder.estimation.comparison.record import DRIVES, Record, record
 from swimbladder.estimation.comparison.run import Comparison, compare

@@ -12,8 +12,6 @@ differ: by the water (a tank that is warm at the top makes psi smaller), by what
 (noise). Each is drawn about what the vehicle's file says, evenly spread.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ It is adjusted by name, in a vehicle and in the start of a run. The model is run
 once, or in windows that each start from what was measured.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

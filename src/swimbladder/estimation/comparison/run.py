@@ -1,7 +1,5 @@
 """The comparison itself: fit, predict, and say how far apart model and log are."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

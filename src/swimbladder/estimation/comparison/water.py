@@ -1,7 +1,5 @@
 """The layers of a cast as a vehicle meets them: what they add to psi z + trim_error."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -9,8 +9,6 @@ by what was measured so far, and nothing else (Magill, IEEE Trans. Autom. Contro
 and Sorenson, ibid. 17, 1972).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -12,8 +12,6 @@ velocity's impulse response, G'' = a_b psi G - d_l G', everything is made of G',
 integrals. Else Runge-Kutta's fourth-order scheme carries the motion with its variational equations.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ from sample to sample, are off by many times what sensors, moving water, the cas
 drifting volumes explain, the parameters do not describe it and are not identified.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

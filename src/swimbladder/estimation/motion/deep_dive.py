@@ -5,8 +5,6 @@ at which pressure; the vehicle's datasheet turns that into nominal volumes, and 
 into real ones. The volume at the beginning of a dive is unknown, and each dive has its own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -37,8 +37,6 @@ the second until it stops at t = atan(-r)/a (e.g. Lamb, *Dynamics*, 2nd ed. 1923
 against the square of the speed). Exact, so that steps may be longer than the vehicle's lag.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

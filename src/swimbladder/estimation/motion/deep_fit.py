@@ -25,8 +25,6 @@ error about x is that of the random effects, and the square of how far they lie 
 likelihood is tempered by it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

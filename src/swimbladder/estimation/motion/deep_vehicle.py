@@ -1,7 +1,5 @@
 """From the parameters of deep dives to the vehicle's file, and what has no place there."""
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -5,8 +5,6 @@ A question is open along a direction of the parameters on which the data have to
 information. Models differ by their drag law, and by whether psi belongs in them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

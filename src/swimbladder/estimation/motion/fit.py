@@ -15,8 +15,6 @@ equation is linear in what is sought. Noise biases the outcome; the fit that sta
 inherit that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The names that can be identified, and the plant that their values make."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

@@ -7,8 +7,6 @@ is e - H e, and its mean autocovariance follows from that of e. What is lacking 
 autoregression estimated again.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

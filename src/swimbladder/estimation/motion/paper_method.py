@@ -3,8 +3,6 @@
 It takes every log as neutral and at rest at its first sample, and leaves psi out.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ What belongs to single experiments is integrated out at every point by Laplace's
 where the depths are linear in it, so that the sampler moves in the few dimensions of the vehicle.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ found by expectation and maximisation with importance weights (Dempster, Laird a
 Stat. Soc. B 39, 1977).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

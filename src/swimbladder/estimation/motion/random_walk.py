@@ -10,8 +10,6 @@ says little.
 The covariance of a fit is from information, and from the scatter of the scores of blocks.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ their intervals, and what follows from them. Profile likelihoods hold one parame
 others again. Each log has numbers of its own.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Log formats by name: those that come with swimbladder, a TOML file each, and others'."""
 
-from __future__ import annotations
-
 from functools import partial
 from importlib import resources
 from typing import Any

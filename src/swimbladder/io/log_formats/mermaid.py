@@ -20,8 +20,6 @@ read is reported.
 Some of the times are wrong: which to believe is decided over all lines.
 """
 
-from __future__ import annotations
-
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Sequence

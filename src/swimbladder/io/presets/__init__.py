@@ -1,7 +1,5 @@
 """The vehicles that come with swimbladder: one TOML file each, with where its numbers come from."""
 
-from __future__ import annotations
-
 from importlib import resources
 
 from swimbladder.errors import InputError

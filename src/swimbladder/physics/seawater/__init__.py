@@ -12,8 +12,6 @@
 gsw is imported where a cast is turned into a column, not before.
 """
 
-from __future__ import annotations
-
 from swimbladder.physics.seawater.cast import Cast, cast_column
 from swimbladder.physics.seawater.column import Column, look_up, uniform_column, water_table
 from swimbladder.physics.seawater.motion import (

@@ -4,8 +4,6 @@ Depth comes from the pressure and the density of the cast itself, dz = dp/(rho g
 a standard ocean: in a lake the two differ by 2.7 %.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

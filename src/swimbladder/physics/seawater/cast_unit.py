@@ -6,8 +6,6 @@ where it speaks for another unit the file has to say which, in a header at least
 ballasted for the wrong water is lost.
 """
 
-from __future__ import annotations
-
 from swimbladder.errors import InputError
 from swimbladder.physics.seawater.cast import Cast
 from swimbladder.units import unit_factor

@@ -1,7 +1,5 @@
 """Ballasting as a picture: the volume it rests with, and the water, against depth."""
 
-from __future__ import annotations
-
 from matplotlib.figure import Figure
 
 from swimbladder.design.ballast import Ballasting

@@ -1,7 +1,5 @@
 """A campaign as a picture: which inputs its outcome comes from."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

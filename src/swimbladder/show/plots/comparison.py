@@ -3,8 +3,6 @@
 And what a causal filter predicted, over what was measured.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Deep dives as a picture: as measured and as predicted by the model, and the imbalance."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

@@ -1,7 +1,5 @@
 """A design as pictures: what each record should look like, and what the pool time buys."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

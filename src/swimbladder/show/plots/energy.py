@@ -1,7 +1,5 @@
 """What changing the volume costs, as pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

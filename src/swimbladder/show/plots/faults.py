@@ -1,7 +1,5 @@
 """Fault missions as pictures: the outcomes of each kind, and one mission over time."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ And each log by itself: its neutral volume, and its own gain beside that of all.
 parameters are: ellipses and likelihood profiles.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -3,8 +3,6 @@
 And whole logs, measured against fitted, with the speeds that they show.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

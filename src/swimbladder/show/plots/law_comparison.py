@@ -1,7 +1,5 @@
 """Laws compared, as pictures: what each buys with what it moves, and the steps as they went."""
 
-from __future__ import annotations
-
 import math
 from textwrap import fill
 

@@ -1,7 +1,5 @@
 """Pictures of a linear analysis: Bode of the open loop, the loop gains and their margins, poles."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

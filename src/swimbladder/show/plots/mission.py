@@ -1,7 +1,5 @@
 """A mission as a picture: depth, volume, power by consumer, battery."""
 
-from __future__ import annotations
-
 from itertools import cycle, product
 from textwrap import fill
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures 12 to 14, 16 and 17 of the paper, drawn from simulations; no curve was measured."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

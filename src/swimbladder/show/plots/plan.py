@@ -1,7 +1,5 @@
 """A planned motion as a picture: depth, volume and command, with their limits."""
 
-from __future__ import annotations
-
 import math
 
 from matplotlib.figure import Figure

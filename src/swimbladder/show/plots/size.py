@@ -1,7 +1,5 @@
 """What a sized drive was chosen from: mass against energy, each part's best, each wish's price."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

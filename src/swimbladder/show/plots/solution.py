@@ -1,7 +1,5 @@
 """A simulation as a picture: depth, volume, and what the motor gets."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Where a law brings a vehicle back from, beside what no controller can."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How every picture looks: colours that all can distinguish, units on axes, depth downwards."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """A tuning as pictures: the step of its trials, and the sensitivity, over the region."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What an identification of an actuator found, as files: page, steps, picture and vehicle."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """An actuator's parameters in plain words and in rows of a table, with units for people."""
 
-from __future__ import annotations
-
 import math
 from pathlib import PurePath
 

@@ -1,7 +1,5 @@
 """A ballasting as files: the vehicle as ballasted, volumes over depth, numbers and a picture."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 In plain words: what to do, in which order, and its predicted errors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

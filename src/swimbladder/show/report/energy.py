@@ -1,7 +1,5 @@
 """What changing the volume costs, as files: tables, pictures and numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

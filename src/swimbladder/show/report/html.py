@@ -1,7 +1,5 @@
 """HTML that needs nothing but itself: pictures and styles stand in the file, nothing is fetched."""
 
-from __future__ import annotations
-
 import base64
 import re
 import struct

@@ -3,8 +3,6 @@
 The page has what was found in plain words first, then the evidence.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence

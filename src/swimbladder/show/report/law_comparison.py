@@ -3,8 +3,6 @@
 Rows of text are the same on the terminal, on the page and in the CSV file.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

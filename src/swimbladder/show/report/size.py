@@ -1,7 +1,5 @@
 """A sized drive as files: the vehicle with it, all drives that do the dive, and pictures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

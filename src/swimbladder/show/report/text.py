@@ -1,7 +1,5 @@
 """Estimates in plain words and in rows of a table, with units for people."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

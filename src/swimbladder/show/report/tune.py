@@ -1,7 +1,5 @@
 """A tuning as files: the vehicle with its controller, a page, numbers and pictures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

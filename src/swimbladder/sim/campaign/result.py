@@ -3,8 +3,6 @@
 Sobol indices of its outputs say which inputs the outcome comes from.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A campaign as a job: which floats there are, how one is flown, and what is kept of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field

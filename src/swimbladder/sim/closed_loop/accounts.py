@@ -1,7 +1,5 @@
 """The engine's accounts as volumes and energies a person can read, and what is left over."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One record through many vehicles at once: depths only, for fits and their sensitivities."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Whether a vehicle can be asked for depths, and whether its law holds it at its sample time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import partial

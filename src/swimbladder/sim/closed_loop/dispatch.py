@@ -4,8 +4,6 @@ A kernel calls `law_step(parameters, state, measurement, reference)`; numba pick
 class of `parameters`, and the kernel's code on disk is found again by the same type.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from functools import cache

@@ -3,8 +3,6 @@
 `run_float` is the run of `simulate` of one of them, with its events and balances.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

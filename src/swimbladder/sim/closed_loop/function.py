@@ -1,7 +1,5 @@
 """Any Python function as the law of the one loop: it is asked between ticks, the law holds it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -10,8 +10,6 @@ That acts as a volume d that is lost: the engine's V and its end stops are those
 d, which moves the hull just so, and leaves the exponentials as they are. d is held over a tick.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, ParamSpec, TypeVar

@@ -1,7 +1,5 @@
 """One lane of a block at a sample: judged, decided, moved; what `lanes` calls for every lane."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -7,8 +7,6 @@ in which something happens (an end stop, the surface, the bottom) are taken agai
 `engine.advance`, which finds the event.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

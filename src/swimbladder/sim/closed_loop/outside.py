@@ -4,8 +4,6 @@ Numba finds kept code by the types of the arguments. That a user has edited the 
 parameters' type stands for, or another script has a law of the same names, it does not notice.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

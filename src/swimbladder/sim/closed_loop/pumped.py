@@ -10,8 +10,6 @@ is given the law does all that itself, as that of a board does: it is called at 
 commands the seconds of it for which the pump is to run, or, below 0, a valve is to be open.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """One vehicle driven by recorded inputs, open loop."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The layout of a block of vehicles: one array, row by row, lane by lane."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 from swimbladder.physics.dynamics import Plant

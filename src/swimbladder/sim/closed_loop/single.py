@@ -1,7 +1,5 @@
 """One vehicle under its controller (Fig. 15), sampled, with the input held between samples."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable, Sequence

@@ -7,8 +7,6 @@ where the vehicle is asked to go: of a volume that misses the neutral one by dV 
 rho_mean g dV. So the engine's pressure is rho_mean g z, and the energy books stay exact.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ at the limit, so that none is passed; what is continuous (surface, direction of 
 the one after.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

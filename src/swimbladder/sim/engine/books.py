@@ -7,8 +7,6 @@ its ends. The volume pumped comes from the motor's equation alone, so that compa
 change of V is a check.
 """
 
-from __future__ import annotations
-
 import math
 from enum import IntEnum
 

@@ -6,8 +6,6 @@ Where no folder can be written (a zipped or frozen install) the code is compiled
 where a kept file was cut off or altered: the hash at its end no longer fits.
 """
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import io

@@ -8,8 +8,6 @@ an augmented matrix. ``D = exp(A h) - I`` is doubled instead of the exponential,
 small is lost against 1: ``D(2h) = 2 D + D D``.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

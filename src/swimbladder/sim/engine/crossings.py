@@ -1,7 +1,5 @@
 """What may be crossed unseen inside a step, and what is done where a limit is crossed."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -4,8 +4,6 @@ In water of constant density the neutral volume is psi z + V0, eq. (31). What la
 heat, and a hull that is not linear, make of it beside that stands in a table over depth.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ A mode is one such piece: one of ten states of the actuator, whether the supply 
 the vehicle is.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """A sensor: white noise on what is true, then the quantum. Every loop measures by it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

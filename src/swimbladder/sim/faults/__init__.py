@@ -5,8 +5,6 @@
 flies a campaign and `campaign_result` evaluates it.
 """
 
-from __future__ import annotations
-
 from swimbladder.sim.faults.campaign_result import Campaign
 from swimbladder.sim.faults.run import run_missions
 

@@ -1,7 +1,5 @@
 """Results of a fault campaign: which missions are recoverable, recovered, and detected how soon."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntEnum

@@ -1,7 +1,5 @@
 """Mission n of a seed: the vehicle, the water, what is asked of it, and what fails when."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

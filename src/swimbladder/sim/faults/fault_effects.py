@@ -5,8 +5,6 @@ at a tick k; `kinds.EFFECTS` says which. The others apply them. Random numbers c
 generator that compiled code has in each thread; a flight seeds it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ The board's C, called by its address, is the law; the faults act through the hoo
 `closed_loop.hooks`, and what leaks in, drifts and swells through `closed_loop.hooks.lose`.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """The catalogue of faults, `kinds.toml`: what may fail, how badly, and how it is drawn."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Mapping

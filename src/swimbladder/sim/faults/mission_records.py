@@ -1,7 +1,5 @@
 """What a mission is made of, as the kernel takes it, and what it gives back: all plain floats."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -3,8 +3,6 @@
 Each is flown three ways: supervised, not, with ideal detection.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

@@ -3,8 +3,6 @@
 As CSV it has a row per tick; the missions of a campaign have a row each.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

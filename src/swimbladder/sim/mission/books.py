@@ -3,8 +3,6 @@
 Electrical power by consumer over time is means between rows, so that integrals are the books'.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

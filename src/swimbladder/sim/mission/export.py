@@ -1,7 +1,5 @@
 """A mission for Lagrangian tools: a float as they describe one."""
 
-from __future__ import annotations
-
 import datetime
 import os
 from typing import Any

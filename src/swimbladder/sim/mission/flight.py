@@ -1,7 +1,5 @@
 """A mission flown: from the plan to its end, chunk by chunk, kept on disk in case of a kill."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What flies a mission by laws that sample: a block of the closed loop for each law in turn."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

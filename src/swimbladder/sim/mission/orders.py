@@ -1,7 +1,5 @@
 """What law a phase of a mission is flown with: the vehicle's own, or one made for the phase."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

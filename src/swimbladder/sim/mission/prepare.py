@@ -1,7 +1,5 @@
 """From a vehicle, a mission and the water to the arrays that the kernel flies."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """A mission flown, as numbers and sentences."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

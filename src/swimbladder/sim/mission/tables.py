@@ -1,7 +1,5 @@
 """The tables of a mission: trajectory, what happened, cycles, and speed over depth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

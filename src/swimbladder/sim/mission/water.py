@@ -12,8 +12,6 @@ does see is how far the water there goes beyond the mean of the water along the 
     a e^(-k z) (1 - (1 - e^(-k H))/(k H)) sin(2 pi t/period + phase),   k = (2 pi/period)^2/g
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 Both equations leave out psi. `psi` may be given to see what that does.
 """
 
-from __future__ import annotations
-
 import cmath
 import math
 from collections.abc import Callable, Sequence

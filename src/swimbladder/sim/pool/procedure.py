@@ -3,8 +3,6 @@
 `Record` is what an experiment leaves behind, also one without any of a pool's errors.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ step, `leap` takes a step with its error, events and accounts, `rest` lets time 
 `line` is the oil between pump and check valve, `sensing` what the sensors give.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from swimbladder.io.files import source_hash

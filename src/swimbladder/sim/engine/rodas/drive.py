@@ -4,8 +4,6 @@
 by a step at most, with all that happens in it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a step is entered with: volume, work, electrical energy, what is left in the battery."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ step, the earliest is found on the step's cubic, the step is taken again to ther
 corrected by Newton's rule until the state stands on the edge.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

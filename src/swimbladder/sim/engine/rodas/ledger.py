@@ -1,7 +1,5 @@
 """The accounts of pump, valve and motion as balances: volume, energy, and what does not add up."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any

@@ -23,8 +23,6 @@ The time to fall diverges at the reservoir's pressure: with h = p - p_reservoir,
 the slip s it is -(C_0/s) ln h - S, S being the integral of (C - C_0)/(s h) dh that the table holds.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

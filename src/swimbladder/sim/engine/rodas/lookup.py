@@ -1,7 +1,5 @@
 """Values of the table at any place: cubic Hermite, one read, no search."""
 
-from __future__ import annotations
-
 from swimbladder.physics.seawater.column import look_up_bent
 from swimbladder.sim.engine.cache import part
 

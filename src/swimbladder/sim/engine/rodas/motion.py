@@ -24,8 +24,6 @@ The step is RODAS of Hairer and Wanner, *Solving Ordinary Differential Equations
 section VI.4: L-stable, six stages, order 4 with an embedded 3, and a cubic for what lies between.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -3,8 +3,6 @@
 The oil line has numbers, and columns of the table, of its own.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Kernels read fields of a record by name (`x.t`), Python also as `x["t"]`.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import Any
 

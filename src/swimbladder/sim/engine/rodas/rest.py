@@ -1,7 +1,5 @@
 """A vehicle at rest or on the bottom: time that passes without steps."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the vehicle's sensors give: depth with swell, and volume, with white noise and a quantum."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

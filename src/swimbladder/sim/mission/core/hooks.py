@@ -5,8 +5,6 @@ end of a phase, a full buffer. Between two ticks RODAS moves the vehicle in step
 motion lets.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Phases and cycles: how they begin, arrive, hold their depth and end."""
 
-from __future__ import annotations
-
 import math
 
 from swimbladder.sim.engine.cache import inlined, part

@@ -1,7 +1,5 @@
 """The records of a mission: its phases, its cycles and the rows of its trajectory."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """The mission's own rule as a law of the loop: `rate` on the way, `control.hold` at a depth."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from swimbladder.control import hold, rate

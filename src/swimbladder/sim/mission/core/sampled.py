@@ -7,8 +7,6 @@ has no more volume than makes it neutral at the surface: a law takes the volume 
 for the neutral one.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 
