@@ -10,6 +10,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_text
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop.block import schedule
 from tests.quoted import refused
 
 STEP = {"setpoints": [(0.0, 3.0)], "duration": 600.0, "start_depth": 1.5}
@@ -89,3 +90,9 @@ def test_an_exponential_is_that_of_scipy():
         matrix = scale * (random.standard_normal((size, size)) - size * np.eye(size))
         np.testing.assert_allclose(_exponential(matrix), expm(matrix), rtol=1e-9, atol=1e-13)
     np.testing.assert_array_equal(_exponential(np.zeros((3, 3))), np.eye(3))
+
+
+def test_a_run_shorter_than_a_sample_is_one_sample():
+    short = schedule([0.0], 0.1, 0.3)
+    assert short.ticks == 1
+    assert short.turn.tolist() == [0, 0]

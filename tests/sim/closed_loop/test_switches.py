@@ -136,3 +136,13 @@ def test_every_kind_of_actuator_lands_and_leaves_again(name):
     assert np.array_equal(ours.depth[:up] == bottom, lies[:up])
     assert np.abs(ours.depth[:up] - theirs[:up, 1]).max() < 2e-5
     assert np.abs(ours.volume[:up] - theirs[:up, 0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_switch_that_is_just_touched_cuts(sign):
+    v = with_switches("feup-em", 30e-6)
+    ours = simulate(
+        v, law=lambda *_: 12.0 * sign, sample_time=TICK, setpoints=[(0.0, 30.0)], duration=TICK,
+        start_depth=30.0, start_volume=v.stroke.highest if sign > 0.0 else v.stroke.lowest,
+    )  # fmt: skip
+    assert ours.voltage[0] == 0.0
