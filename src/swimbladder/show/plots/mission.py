@@ -131,7 +131,7 @@ def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axe
 def _energy(result: MissionResult, axes: Axes) -> None:
     columns = cycle_columns(result)
     axes.set_xlabel("cycle")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     if not result.energy_known:
         axes.bar(columns["cycle"], 1e6 * columns["pumped_m3"], color=Ink.BLUE)
         axes.set_ylabel("pumped [cm³]")
