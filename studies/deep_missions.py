@@ -39,10 +39,10 @@ from swimbladder.physics.dynamics import even_drag
 from swimbladder.physics.seawater import Column, WaterMotion
 from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.prepare import Reckoning
+from swimbladder.sim.mission.prepare import DriveError
 from swimbladder.vehicle import Controller, PumpAndValve, Sensors, Vehicle
 
-__all__ = ["Told", "as_reckoned", "flown", "logged", "with_law"]
+__all__ = ["Told", "flown", "logged", "with_drive_error", "with_law"]
 
 Array = NDArray[np.float64]
 MBAR = 100.0  # Pa
@@ -77,7 +77,7 @@ class Told:
         return max(self.leave - self.to_target, 0.0)
 
 
-def as_reckoned(base: Vehicle, found: Vehicle, fit: DeepFit) -> tuple[Vehicle, Reckoning]:
+def with_drive_error(base: Vehicle, found: Vehicle, fit: DeepFit) -> tuple[Vehicle, DriveError]:
     """Return the identified vehicle with pump and valve as its processor knows them, and the truth.
 
     base: as its log speaks of it; found: as identified.
@@ -86,8 +86,10 @@ def as_reckoned(base: Vehicle, found: Vehicle, fit: DeepFit) -> tuple[Vehicle, R
     assert isinstance(known, PumpAndValve)
     assert isinstance(real, PumpAndValve)
     actuator = real.model_copy(update={"pump": known.pump, "valve": known.valve})
-    reckoning = Reckoning(pump=fit.values["pump_delivery"], valve=fit.values["valve"], starts=False)
-    return found.model_copy(update={"actuator": actuator}), reckoning
+    drive_error = DriveError(
+        pump=fit.values["pump_delivery"], valve=fit.values["valve"], starts=False
+    )
+    return found.model_copy(update={"actuator": actuator}), drive_error
 
 
 def as_at_rest(vehicle: Vehicle, creep: float, tau: float) -> Vehicle:
@@ -171,7 +173,7 @@ def logged(log: FloatLog, dive: DeepDive) -> Told:
 
 def flown(
     vehicle: Vehicle, column: Column, log: FloatLog, dive: DeepDive, real: Told, volume: float,
-    reckoning: Reckoning, motion: WaterMotion, seed: int,
+    drive_error: DriveError, motion: WaterMotion, seed: int,
 ) -> Told:  # fmt: skip
     """Return what the mission engine does with the same orders in water that moves.
 
@@ -191,7 +193,7 @@ def flown(
         ],
     )  # fmt: skip
     flight = fly_mission(
-        vehicle, mission, column, reckoning=reckoning, start_volume=volume, seed=seed,
+        vehicle, mission, column, drive_error=drive_error, start_volume=volume, seed=seed,
         checked=False,
     )  # fmt: skip
     time, z = flight.rows["t"], flight.rows["z"]
@@ -231,7 +233,7 @@ class Flights:
     """All that the dives are flown with."""
 
     vehicle: Vehicle
-    reckoning: Reckoning
+    drive_error: DriveError
     reading: float  # Pa
     seas: list[WaterMotion]
     dives: list[DeepDive]
@@ -248,7 +250,7 @@ class Flights:
             weight = float(column.density.mean()) * column.gravity
             own = change(with_law(self.vehicle, log, weight, self.reading))
             each = [
-                flown(own, column, log, dive, real, float(volume), self.reckoning, sea, seed)
+                flown(own, column, log, dive, real, float(volume), self.drive_error, sea, seed)
                 for seed, sea in enumerate(self.seas)
             ]
             medians = {field.name: _median(each, field.name) for field in fields(Told)}
@@ -298,9 +300,9 @@ def main() -> None:
             f"{rest.left * 1e6:.3f} mL rms left"
         )
     found = as_at_rest(found, creep, tau)
-    vehicle, reckoning = as_reckoned(base, found, fit)
+    vehicle, drive_error = with_drive_error(base, found, fit)
     flights = Flights(
-        vehicle=vehicle, reckoning=reckoning, reading=scatter.reading, dives=dives,
+        vehicle=vehicle, drive_error=drive_error, reading=scatter.reading, dives=dives,
         starts=fit.starts, seas=[WaterMotion()] * SEAS, logs=logs, columns=columns,
     )  # fmt: skip
     print(
@@ -321,7 +323,7 @@ def _print_causes(
     flights: Flights, found: Vehicle, whole: dict[str, list[Told]], fit: DeepFit
 ) -> None:
     """Print the sums over all dives with one cause after the other left out, or put in."""
-    pump = flights.reckoning.pump
+    pump = flights.drive_error.pump
 
     def hull(vehicle: Vehicle) -> Vehicle:
         changed = vehicle.hull.model_copy(update={"thermal_time_constant": 0.0})
@@ -340,10 +342,10 @@ def _print_causes(
     cases: dict[str, list[Told]] = {
         **whole,
         "the processor knows its drive": replace(
-            flights, vehicle=found, reckoning=Reckoning()
+            flights, vehicle=found, drive_error=DriveError()
         ).fly(),
         "the valve gives as much less as the pump": replace(
-            flights, reckoning=Reckoning(pump=pump, valve=pump, starts=False)
+            flights, drive_error=DriveError(pump=pump, valve=pump, starts=False)
         ).fly(),
         "readings that scatter by their steps alone": replace(flights, reading=0.0).fly(),
         "readings without steps": flights.fly(without_steps),

@@ -124,14 +124,14 @@ def _dives(found: DeepIdentification) -> Table:
     headings = ("dive", "samples", "deepest", "imbalance", "speed off by", "replay off by")
     rows = (
         (
-            told.dive.name,
+            flown.dive.name,
             str(numbers["samples"]),
             f"{numbers['deepest_Pa'] / 1e4:.0f} dbar",
             f"{1e6 * numbers['imbalance_rms_m3']:.1f} mL",
             f"{1e3 * numbers['speed_rms_m_s']:.1f} mm/s",
             f"{numbers['replay_rms_Pa'] / 1e4:.0f} dbar",
         )
-        for told, numbers in zip(found.dives, found.to_json()["dives"], strict=True)
+        for flown, numbers in zip(found.dives, found.to_json()["dives"], strict=True)
     )
     return table(headings, rows)
 

@@ -16,7 +16,7 @@ from swimbladder.sim.mission.books import close_books
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.plan_check import reach_of
-from swimbladder.sim.mission.prepare import Reckoning, first_state, make_plan
+from swimbladder.sim.mission.prepare import DriveError, first_state, make_plan
 from swimbladder.vehicle import DatasheetPump, Oil, PowerLawPump
 from tests.sim.mission.conftest import phases
 from tests.sim.mission.line_oracle import Line, runs_of, sea_of
@@ -44,14 +44,14 @@ def by_hand(oil, **more):
     )  # fmt: skip
 
 
-def one_run(vehicle, depth, speed, duration, after, *, bottom=None, reckoning=None):
+def one_run(vehicle, depth, speed, duration, after, *, bottom=None, drive_error=None):
     """A pump that starts at once, at a depth and a speed, and stops after `duration` [s]."""
     column = uniform_column(vehicle.water, 2300.0)
     task = Mission(
         start_depth=depth, phases=[{"kind": "park", "depth": depth, "duration": 1e5}],
         safety={"deepest": 2250.0}, bottom_depth=bottom,
     )  # fmt: skip
-    plan = make_plan(vehicle, task, column, accuracy=TIGHT, reckoning=reckoning)
+    plan = make_plan(vehicle, task, column, accuracy=TIGHT, drive_error=drive_error)
     x, at, accounts = first_state(plan, task)
     begin = x.copy()
     at["new_phase"], at["arrived"], at["doing"] = 0, 1, Doing.PRIMING
@@ -191,7 +191,7 @@ def test_a_weak_pump_in_cold_water_fills_its_line_for_longer_and_dearer(profiler
         lambda h: PUMP.idle_power + PUMP.power_per_pressure * h + 0.2 * 11.0,
         reservoir=RESERVOIR, slip=PUMP.slip,
     )  # fmt: skip
-    flight = one_run(vehicle, 500.0, 0.1, 9.0, 1.0, reckoning=Reckoning(pump=0.8))
+    flight = one_run(vehicle, 500.0, 0.1, 9.0, 1.0, drive_error=DriveError(pump=0.8))
     ran = hand.run([np.log(RESERVOIR), 0.0, 0.0], 0.0, 9.0, sea_of(flight), pumps=True)
     over = at_time(flight, 9.0)
     assert 1e6 * (over["v"] - flight.begin["v"]) == pytest.approx(ran[1], rel=5e-4)

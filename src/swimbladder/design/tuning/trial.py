@@ -256,7 +256,7 @@ class Measured(NamedTuple):
 
 
 def measure(runs: Runs, since: float) -> Measured:
-    """Return what is told of runs; since [s]: from when on errors, volumes and starts count."""
+    """Return the figures of runs; since [s]: from when on errors, volumes and starts count."""
     late = runs.time >= since
     error, volume = runs.depth[late] - runs.target, runs.volume[late]
     seconds = float(np.ptp(runs.time[late]))

@@ -25,7 +25,7 @@ from swimbladder.sim.mission.plan_check import (
     check_reach,
     reach_of,
 )
-from swimbladder.sim.mission.prepare import Plan, Reckoning, first_state, make_plan
+from swimbladder.sim.mission.prepare import DriveError, Plan, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -78,25 +78,25 @@ class Flight:
 def fly_mission(
     vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
     cycles: int | None = None, span: float | None = None, seed: int | None = None,
-    accuracy: Accuracy | None = None, reckoning: Reckoning | None = None,
+    accuracy: Accuracy | None = None, drive_error: DriveError | None = None,
     start_volume: float | None = None, keep: Path | None = None, checked: bool = True,
     advance: Callable[[float], None] = lambda _: None,
 ) -> Flight:  # fmt: skip
     """Fly a mission with phases to its end.
 
-    waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's.
-    seed: of the sensors' noise, None: they have neither noise nor quantum. reckoning: where the
-    processor errs about its drive. start_volume [m3]: at a start_depth other than 0, in the place
-    of the neutral one. keep: a folder for what is flown, so that a flight that was killed goes on
-    there, to the same end bit for bit. checked: refuse what cannot be done, by stroke and depths or
-    by the first cycle flown; else it is flown to whatever end it has. advance: called with the
-    share of the mission that was flown.
+    waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's. seed:
+    of the sensors' noise, None: they have neither noise nor quantum. drive_error: what the drive
+    gives over what its processor assumes. start_volume [m3]: at a start_depth other than 0, in the
+    place of the neutral one. keep: a folder for what is flown, so that a flight that was killed
+    goes on there, to the same end bit for bit. checked: refuse what cannot be done, by stroke and
+    depths or by the first cycle flown; else it is flown to whatever end it has. advance: called
+    with the share of the mission that was flown.
 
     Raises InputError where vehicle, mission and water do not go together, NoAnswerError for a
     mission that cannot be done and as `buoyancy_engine.drive_map` does.
     """
     check_flight(vehicle, mission, column, cycles=cycles, span=span)
-    how: dict[str, Any] = dict(waves=waves, span=span, accuracy=accuracy, reckoning=reckoning)
+    how: dict[str, Any] = dict(waves=waves, span=span, accuracy=accuracy, drive_error=drive_error)
     plan = make_plan(vehicle, mission, column, cycles=cycles, **how)
     reach = (check_reach if checked else reach_of)(vehicle, mission, plan)
     state = first_state(plan, mission, seed=seed, volume=start_volume)
@@ -148,7 +148,7 @@ def _fly(
     if kept is not None:
         lane_of(x)[:], lane_of(at)[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
         pilot.resume(kept)
-    whole, told, spacing = _whole(plan), 0.0, plan.longest / _MOST
+    whole, shown, spacing = _whole(plan), 0.0, plan.longest / _MOST
     checked = at["cycle"] > 0
     while at["stop"] == 0:
         cycles = _CYCLES if checked else 1
@@ -156,8 +156,8 @@ def _fly(
         counts, room = flown.counts, True
         while room and pilot.fly(flown) is Stop.GOES_ON:
             share = min(whole(x, at), 1.0)
-            advance(share - told)
-            told = share
+            advance(share - shown)
+            shown = share
             room = counts[0] < pilot.rows // 2 and counts[1] < _NOTES // 2
             room = room and counts[2] < cycles
         part = (
@@ -196,7 +196,7 @@ def thinned(rows: Records, spacing: float) -> Records:
 
 
 def _whole(plan: Plan) -> Callable[[np.record, np.record], float]:
-    """Return what tells the share of a mission that is flown."""
+    """Return the function that computes which share of a mission is flown."""
     cycles, span = float(plan.given["last_cycle"]), float(plan.given["last_time"])
     full, reserve = float(plan.given["charge"]), float(plan.given["reserve"])
 

@@ -273,7 +273,7 @@ def _refuse_way(flight: Flight, n: int, begin: float) -> None:
         )
     phase, speed = flight.mission.phases[n], float(stage["speed"])
     what = "duration" if phase.kind == "park" else "timeout"
-    limit = float(stage["duration" if phase.kind == "park" else "timeout"])
+    limit = float(stage[what])
     way, left = shortage(flight, n, np.array([begin, late_notes(flight, n)["z"][0]]))
     if way > speed * limit and not (flight.plan.laws and phase.speed is None):
         raise NoAnswerError(

@@ -35,7 +35,7 @@ SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reckoning:
+class DriveError:
     """What a drive really gives, over what its processor takes the vehicle's file to say.
 
     starts: whether a run is longer by what its start falls short of.
@@ -106,13 +106,13 @@ def check_samples(mission: Mission, plan: Plan) -> None:
 def make_plan(
     vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
     cycles: float | None = None, span: float | None = None, accuracy: Accuracy | None = None,
-    reckoning: Reckoning | None = None,
+    drive_error: DriveError | None = None,
 ) -> Plan:  # fmt: skip
     """Return a mission as the kernel takes it.
 
-    waves: of `mission.water.waves_of`; waves, cycles, span [s]: in the place of the
-    reckoning: where the processor errs about its drive. Raises InputError for a temperature at the
-    start of a hull that has the water's.
+    waves: of `mission.water.waves_of`; waves, cycles, span [s]: in the place of the mission's.
+    drive_error: what the drive gives over what its processor assumes. Raises InputError for a
+    temperature at the start of a hull that has the water's.
     """
     laws = phase_laws(vehicle, mission)
     _check_warmth(vehicle, mission)
@@ -121,7 +121,7 @@ def make_plan(
     if moving is None:
         check_motion(mission.water_motion, column)
         moving = waves_of(mission.water_motion, vehicle.hull.height, column.gravity)
-    of = reckoning or Reckoning()
+    of = drive_error or DriveError()
     given = _given(vehicle, mission, column, accuracy or Accuracy(), cycles, span, of)
     stages = _stages(vehicle, mission, table, column.step)
     plan = Plan(given, table, moving, stages, why, laws)
@@ -154,7 +154,7 @@ def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
 
 def _given(
     vehicle: Vehicle, mission: Mission, column: Column, accuracy: Accuracy,
-    cycles: float | None, span: float | None, reckoning: Reckoning,
+    cycles: float | None, span: float | None, drive_error: DriveError,
 ) -> np.record:  # fmt: skip
     empty, reserve, charge = _battery(vehicle, mission, column)
     last_time = mission.span if span is None else span
@@ -171,9 +171,9 @@ def _given(
         "self_discharge": _self_discharge(vehicle),
         "charge": charge,
         "held": HELD,
-        "delivery": reckoning.pump,
-        "flow": reckoning.valve,
-        "makes_up": 1.0 if reckoning.starts else 0.0,
+        "delivery": drive_error.pump,
+        "flow": drive_error.valve,
+        "makes_up": 1.0 if drive_error.starts else 0.0,
     }
     return given_of(vehicle, column, bottom=mission.bottom, accuracy=accuracy, asked=asked)
 

@@ -29,7 +29,7 @@ _COARSE = 0.25
 
 
 def late_notes(flight: Flight, phase: int) -> Records:
-    """Return the notes of a phase that ran out of time [n, Drive.COUNT]."""
+    """Return the notes of a phase that ran out of time [n]."""
     notes = flight.notes
     late = (notes["what"] == Note.OUT_OF_TIME) & (notes["number"] == phase)
     return np.asarray(notes[late])

@@ -39,9 +39,6 @@ from swimbladder.sim.mission.core.hooks import enter_time, full, raise_alarm, tu
 from swimbladder.sim.mission.core.phases import row, settle
 from swimbladder.sim.mission.core.records import Kind, Phases
 
-OF_PUMPED, OF_LEAKED, OF_TRAVEL = int(Sums.PUMPED), int(Sums.LEAKED), int(Sums.TRAVEL)
-OF_U_Q, OF_U_U, OF_Z_Q, OF_LEAK_Z = int(Sums.U_Q), int(Sums.U_U), int(Sums.Z_Q), int(Sums.LEAK_Z)
-OF_DRAG, OF_BOTTOM, OF_MOTOR = int(Sums.DRAG), int(Sums.BOTTOM_W), int(Sums.MOTOR_ON)
 CHECK = 10.0  # s between two checks of the depth where a law may rest, at least
 _STILL = 0.01  # share of its band that a vehicle may drift between two of them, to be let rest
 _LAW, _BAND, _SPEED = range(3)  # columns of `Sampled.tasks`
@@ -159,10 +156,10 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
         x.v_most = max(x.v_most, x.v)
     energy = _energy(f.own, S, sums)
     _enter_drive(f, sums, change, energy)
-    a[Account.LEAKED] += sums[OF_LEAKED]
-    a[Account.LEAK_WORK] += f.own.weight * sums[OF_LEAK_Z]
-    a[Account.DRAG] += g.given.mass * sums[OF_DRAG]
-    a[Account.BLOWS] += g.given.mass * sums[OF_BOTTOM]
+    a[Account.LEAKED] += sums[Sums.LEAKED]
+    a[Account.LEAK_WORK] += f.own.weight * sums[Sums.LEAK_Z]
+    a[Account.DRAG] += g.given.mass * sums[Sums.DRAG]
+    a[Account.BLOWS] += g.given.mass * sums[Sums.BOTTOM_W]
     sums[:] = 0.0
     _note_passages(f, S[Lane.PLANT + Z_SURFACE])
     enter_energy(g.given, x, a, energy, g.stages[at.phase].loads, h)
@@ -186,8 +183,8 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
 def _enter_drive(f: Sampled, sums: Array, change: float, energy: float) -> None:
     """Enter what the drive did in a sample that changed the volume by `change` [m3]."""
     at, a = f.phases.at, f.phases.accounts
-    net = sums[OF_PUMPED]
-    out = max(0.5 * (sums[OF_TRAVEL] + change), net, 0.0)
+    net = sums[Sums.PUMPED]
+    out = max(0.5 * (sums[Sums.TRAVEL] + change), net, 0.0)
     doing = Doing.NOTHING
     if out > 0.0 or out - net > 0.0:
         doing = Doing.PUMPING if net >= 0.0 else Doing.LETTING_IN
@@ -196,7 +193,7 @@ def _enter_drive(f: Sampled, sums: Array, change: float, energy: float) -> None:
     at.doing = doing
     a[Account.PUMPED] += out
     a[Account.LET_IN] += out - net
-    on, work = min(sums[OF_MOTOR], f.own.tick), f.own.weight * sums[OF_Z_Q]
+    on, work = min(sums[Sums.MOTOR_ON], f.own.tick), f.own.weight * sums[Sums.Z_Q]
     enter(a, doing, 0.0, work, energy, on)  # the volumes stand there already
 
 
@@ -205,9 +202,9 @@ def _energy(own: Numbers, S: Array, sums: Array) -> float:
     """Return what the drive draws from the battery's cells in a sample [J]."""
     h = own.tick
     if S[Lane.PLANT + POSITIONER] != 0.0:
-        on = min(sums[OF_MOTOR], h)
+        on = min(sums[Sums.MOTOR_ON], h)
         return float(own.moving * on + own.holding * (h - on))
-    motor = own.conductance * (sums[OF_U_U] - own.kappa * sums[OF_U_Q]) / h
+    motor = own.conductance * (sums[Sums.U_U] - own.kappa * sums[Sums.U_Q]) / h
     power = motor * (own.given if motor > 0.0 else own.back)
     # `physics.electric.supply_current` times E; nan beyond what the battery can give
     root = math.sqrt(own.emf * own.emf - 4.0 * own.resistance * power)

@@ -6,7 +6,7 @@ import pytest
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.prepare import Reckoning
+from swimbladder.sim.mission.prepare import DriveError
 from tests.sim.mission.conftest import phases
 
 SHORT = 4e-7  # m3 that each start falls short by
@@ -38,21 +38,25 @@ def runs(flight, kind):
 
 
 @pytest.mark.parametrize(
-    ("reckoning", "lacks"),
-    [(Reckoning(), 0.0), (Reckoning(pump=0.5, starts=False), SHORT), (Reckoning(pump=0.5), None)],
+    ("drive_error", "lacks"),
+    [
+        (DriveError(), 0.0),
+        (DriveError(pump=0.5, starts=False), SHORT),
+        (DriveError(pump=0.5), None),
+    ],
 )
-def test_a_run_of_the_pump_gives_its_share(steady, sea, reckoning, lacks):
-    got = runs(fly_mission(steady, phases(), sea, reckoning=reckoning), Note.PUMP)
+def test_a_run_of_the_pump_gives_its_share(steady, sea, drive_error, lacks):
+    got = runs(fly_mission(steady, phases(), sea, drive_error=drive_error), Note.PUMP)
     assert len(got) >= 2
     # a run made longer for its start gives a share of that too
-    lacks = SHORT - reckoning.pump * SHORT if lacks is None else lacks
-    np.testing.assert_allclose(got[:, 1], reckoning.pump * got[:, 0] - lacks, rtol=1e-3)
+    lacks = SHORT - drive_error.pump * SHORT if lacks is None else lacks
+    np.testing.assert_allclose(got[:, 1], drive_error.pump * got[:, 0] - lacks, rtol=1e-3)
 
 
 def test_an_opening_of_the_valve_lets_in_its_share(steady, sea):
     got = [
-        runs(fly_mission(steady, phases(), sea, reckoning=r), Note.VALVE)
-        for r in (Reckoning(), Reckoning(valve=0.5))
+        runs(fly_mission(steady, phases(), sea, drive_error=r), Note.VALVE)
+        for r in (DriveError(), DriveError(valve=0.5))
     ]
     shares = [values[:, 1] / values[:, 0] for values in got]
     assert min(map(len, shares)) >= 2
