@@ -109,5 +109,4 @@ def filter_gains(
     A_unit = A * np.outer(1.0 / unit, unit)
     R = np.array([[(depth / unit[0]) ** 2]])
     P = solve_discrete_are(A_unit.T, H.T, Q, R)
-    L: Array = (P @ H.T / (H @ P @ H.T + R))[:, 0] * unit / unit[0]
-    return L
+    return np.asarray((P @ H.T / (H @ P @ H.T + R))[:, 0] * unit / unit[0])

@@ -480,8 +480,7 @@ def _column(series: pd.Series[Any]) -> Column:
     kind = getattr(series.dtype, "kind", "O")
     if kind in "biufm":
         numbers = series.dt.total_seconds() if kind == "m" else series
-        floats: NDArray[np.float64] = numbers.to_numpy(dtype=np.float64, na_value=np.nan)
-        return floats
+        return np.asarray(numbers.to_numpy(dtype=np.float64, na_value=np.nan))
     if kind == "M":
         return [
             instant.isoformat() if known else ""

@@ -119,10 +119,8 @@ def _moved(found: Identification, name: str, steps: Array) -> Array:
     """Return a parameter, in the unit shown, so many standard deviations from its estimate."""
     e = found.parameters[name]
     if _logarithmic(found, name):
-        result: Array = e.value * np.exp(steps * e.std / e.value) * per_shown(e.unit)
-        return result
-    shifted: Array = (e.value + steps * e.std) * per_shown(e.unit)
-    return shifted
+        return np.asarray(e.value * np.exp(steps * e.std / e.value) * per_shown(e.unit))
+    return np.asarray((e.value + steps * e.std) * per_shown(e.unit))
 
 
 def _prior_band(
@@ -371,8 +369,7 @@ def _own_correlation(e: ExperimentFit) -> Array:
 
 
 def _outliers(e: ExperimentFit) -> NDArray[np.bool_]:
-    found: NDArray[np.bool_] = np.isfinite(e.residual) & (e.weight < _OUTLIER)
-    return found
+    return np.asarray(np.isfinite(e.residual) & (e.weight < _OUTLIER))
 
 
 def _reach(e: ExperimentFit) -> float:

@@ -277,5 +277,4 @@ def _as_supplied(p: Plant, u: Array, q: Array) -> Array:
     if p.sag > 0.0:
         towards = q * np.where(u >= 0.0, 1.0, -1.0)
         limit = np.minimum((p.supply + p.sag * p.kappa * towards) / (1.0 + p.sag), p.supply)
-    result: Array = np.clip(u, -limit, limit)
-    return result
+    return np.asarray(np.clip(u, -limit, limit))

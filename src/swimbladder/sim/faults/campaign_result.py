@@ -113,8 +113,7 @@ class Campaign:
     def result(self, flight: int, field: str) -> Array:
         """Return a field of the flight: 0 supervised, 1 not, 2 and 3 with ideal detection."""
         at = FACTS + FAULT_COLUMNS + flight * len(Result._fields) + Result._fields.index(field)
-        column: Array = self.faulty[:, at]
-        return column
+        return np.asarray(self.faulty[:, at])
 
     def outcome(self, flight: int) -> Array:
         """Return the Outcome of a flight of each mission with faults."""
@@ -127,8 +126,7 @@ class Campaign:
     @cached_property
     def recoverable(self) -> NDArray[np.bool_]:
         """Whether full buoyancy, 60 s after the last fault begins to act, brings each up."""
-        found: NDArray[np.bool_] = self.outcome(2) == Outcome.SURFACED
-        return found
+        return np.asarray(self.outcome(2) == Outcome.SURFACED)
 
     def came_up(self, flight: int, *, ideal: int = 2) -> NDArray[np.bool_]:
         """Whether each mission of a flight surfaced, or was filled but up no later than in `ideal`.
@@ -137,8 +135,7 @@ class Campaign:
         """
         found = self.outcome(flight)
         sooner = self.result(flight, "up") <= self.result(ideal, "up")
-        up: NDArray[np.bool_] = (found == Outcome.SURFACED) | ((found == Outcome.FILLED) & sooner)
-        return up
+        return np.asarray((found == Outcome.SURFACED) | ((found == Outcome.FILLED) & sooner))
 
     @cached_property
     def lost(self) -> NDArray[np.intp]:
@@ -168,8 +165,7 @@ class Campaign:
     @cached_property
     def detection_time(self) -> Array:
         """Time from when the first fault acts to the supervisor's reason [s]; nan: it had none."""
-        late: Array = (self.result(0, "latched") - self.result(0, "acting")) * self.tick
-        return late
+        return np.asarray((self.result(0, "latched") - self.result(0, "acting")) * self.tick)
 
     @property
     def lost_without_supervisor(self) -> float:
@@ -195,13 +191,11 @@ class Campaign:
     @property
     def _healthy_reasons(self) -> Array:
         """The code of the supervisor's reason in each healthy mission; 0: it had none."""
-        reasons: Array = self.healthy[:, FACTS + FAULT_COLUMNS + Result._fields.index("reason")]
-        return reasons
+        return np.asarray(self.healthy[:, FACTS + FAULT_COLUMNS + Result._fields.index("reason")])
 
     @property
     def _out_of_time(self) -> NDArray[np.bool_]:
-        out: NDArray[np.bool_] = self._healthy_reasons == float(Reason.TIME_LIMIT)
-        return out
+        return np.asarray(self._healthy_reasons == float(Reason.TIME_LIMIT))
 
     @property
     def healthy_lost(self) -> NDArray[np.intp]:

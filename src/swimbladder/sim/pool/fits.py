@@ -58,8 +58,7 @@ def _mode(pole: complex, v: Array, h: float) -> NDArray[np.complex128]:
 
 def centred_differences(values: ArrayLike, step: float) -> Array:
     """Return the rate of change [1/s] of samples `step` [s] apart, one-sided at either end."""
-    rate: Array = np.gradient(np.asarray(values, float), step)
-    return rate
+    return np.asarray(np.gradient(np.asarray(values, float), step))
 
 
 def fit_depth(record: Record, *, psi: float = 0.0) -> Fit:

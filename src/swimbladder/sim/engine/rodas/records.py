@@ -14,14 +14,30 @@ from swimbladder.control.deadband import DeadbandState
 Records = NDArray[Any]
 
 
+class Record(np.record):  # type: ignore[misc]
+    """A record that finds what is not a field, such as `data`, without running Python code.
+
+    Numba asks for `data` of each record that a kernel is given, and goes on asking where Ctrl-C
+    was raised by then: numpy's own look-up in Python would make an AttributeError of it.
+    """
+
+    __getattribute__ = np.void.__getattribute__
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self[name]
+        except ValueError:
+            raise AttributeError(f"the record has no field {name!r}") from None
+
+
 def record(*fields: Any) -> np.dtype[np.void]:
     """Return the type of records with these fields: a name, a type and, of vectors, a length."""
-    return np.dtype((np.record, np.dtype(list(fields), align=True)))
+    return np.dtype((Record, np.dtype(list(fields), align=True)))
 
 
-def made(kind: np.dtype[np.void], like: Any = None) -> np.record:
+def made(kind: np.dtype[np.void], like: Any = None) -> Record:
     """Return a record of zeros, or with the numbers of another one."""
-    found: np.record = (np.zeros(1, kind) if like is None else np.array([like], kind))[0]
+    found: Record = (np.zeros(1, kind) if like is None else np.array([like], kind))[0]
     return found
 
 
