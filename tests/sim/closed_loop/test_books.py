@@ -232,3 +232,13 @@ def test_two_runs_in_a_row_add_up() -> None:
     assert whole.books.energy["source"] > first.books.energy["source"]
     np.testing.assert_array_equal(whole.depth[:21], first.depth)
     assert whole.books.volume["travel"] >= np.abs(np.diff(whole.volume)).sum() * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("leak", [0.0, 2e-11])
+def test_the_throughput_counts_what_goes_out_and_comes_back(leak: float) -> None:
+    """The sum of rho g z |dV|: what the pump pushes out, leaks in and draws in, step by step."""
+    s = under(pump(leak=leak), wave(400, 12.0), tick=0.1)
+    z, V = s.depth, s.volume
+    passed = 9806.65 * np.sum(np.abs(0.5 * (z[1:] + z[:-1]) * np.diff(V)))
+    assert passed > 1.3 * abs(s.books.energy["sea"])
+    assert s.books.motion_throughput == pytest.approx(passed, rel=0.01)
