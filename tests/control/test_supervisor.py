@@ -479,6 +479,21 @@ class TestReach:
         p = supervisor_parameters(paper(hull=hull, supervisor=Supervisor(prove_after=given)), 0.3)
         assert (p.proof.unproven, p.proof.same_tried) == ticks
 
+    def test_a_depth_that_stands_tells_from_the_tick_on_that_makes_it_long_enough(self):
+        """It is not neutral there: the neutral volume is not what is assumed."""
+        p, depth = self.limits, 2.0
+        off = 4.0 * p.neutral.neutral_range + 4.0 * p.neutral.psi_range * depth
+        s = changed(
+            SUPERVISOR.initial(p, CALM, 0.0), anchor=depth, still=p.rest.still - 2, known=0,
+            z1=depth, z2=depth, n1=off, n2=off, settled=0,
+        )  # fmt: skip
+        seen = CALM._replace(depth=depth, volume=off + p.neutral.psi * depth + p.neutral.neutral)
+        wrong = []
+        for _ in range(3):
+            _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            wrong.append(s.motion.wrong > 0)
+        assert wrong == [False, True, True]
+
     @pytest.mark.parametrize("n", [0, 1, 2, 3, 16, 17, 1000, 4095, 65534, NEVER])
     def test_times(self, n):
         assert times(n, 0.375) == n * 0.375

@@ -19,6 +19,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle as load_file
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import cast_column
 from swimbladder.sim.closed_loop.water import medium_of
@@ -143,6 +144,7 @@ def test_floats_are_drawn_from_the_region():
 
 def test_zones_are_flown_through_in_more_than_a_decision():
     setting = setting_of(FLOAT, sample_time=1.0, supply=13.0, neutral_range=1e-5, depths=DEPTHS)
+    quantum = setting.drive.tick * max(setting.drive.rate_out, setting.drive.rate_in)
     for goal in ("fast", "quiet", "energy"):
         for chosen in candidates(setting, goal, 10.0):
             q = gains(setting, chosen)
@@ -151,6 +153,9 @@ def test_zones_are_flown_through_in_more_than_a_decision():
             assert q.near_speed * interval < q.near - q.tolerance + 1e-9
             assert q.far_speed * interval < q.far - q.near + 1e-9
             assert q.speed_band <= q.slow_speed
+            # the least change of the volume is no more than what drives it that slowly
+            driven = terminal_speed(setting.plant, setting.plant.a_b * q.volume_step)
+            assert q.volume_step == pytest.approx(quantum) or driven <= q.slow_speed * (1.0 + 1e-9)
 
 
 def test_in_the_water_of_a_cast_it_is_flown_there(sea):
