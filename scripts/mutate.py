@@ -235,35 +235,43 @@ class Run:
             raise SystemExit(f"pytest {arguments} ended with {code}:\n{said}")
         return SURVIVED if code == 0 else KILLED, said
 
+    def usual(self, arguments: str) -> float:
+        """Return the seconds that the tests take in the unchanged tree, measured once."""
+        place = self.copy().name, arguments
+        if place not in self._usual:
+            self.pytest(arguments, None)  # fills the cache
+            began = time.monotonic()
+            ended, said = self.pytest(arguments, None)
+            if ended != SURVIVED:
+                raise SystemExit(f"fails without a change: pytest {arguments}\n{said}")
+            self._usual[place] = time.monotonic() - began
+        return self._usual[place]
+
     def test(self, mutant: Mutant) -> tuple[str, float]:
         """Return (killed, survived or timeout; the seconds that took)."""
-        copy = self.copy()
-        for arguments in self.tests[mutant.path]:
-            if (copy.name, arguments) not in self._usual:
-                self.pytest(arguments, None)  # fills the cache
-                began = time.monotonic()
-                ended, said = self.pytest(arguments, None)
-                if ended != SURVIVED:
-                    raise SystemExit(f"fails without a change: pytest {arguments}\n{said}")
-                self._usual[copy.name, arguments] = time.monotonic() - began
-        target, kept = copy / "tree" / mutant.path, set((copy / "cache").iterdir())
-        source, began = target.read_text("utf-8"), time.monotonic()
-        shared = any(fnmatch(mutant.path, pattern) for pattern in self.interpreted)
-        usual = self.kernels() if shared else copy
-        target.write_text(mutant.text, "utf-8")
+        copy, spent, made = self.copy(), 0.0, set[Path]()
+        target, cache = copy / "tree" / mutant.path, copy / "cache"
+        source = target.read_text("utf-8")
         try:
-            if shared and (now := self.kernels()) != usual and usual.is_dir():
-                shutil.copytree(usual, now, dirs_exist_ok=True)
             for arguments in self.tests[mutant.path]:
-                limit = 3.0 * self._usual[copy.name, arguments] + self.patience
+                limit = 3.0 * self.usual(arguments) + self.patience
+                shared = any(fnmatch(mutant.path, pattern) for pattern in self.interpreted)
+                usual = self.kernels() if shared else copy
+                before, began = set(cache.iterdir()), time.monotonic()
+                target.write_text(mutant.text, "utf-8")
+                if shared and (now := self.kernels()) != usual and usual.is_dir():
+                    shutil.copytree(usual, now, dirs_exist_ok=True)
                 ended, _ = self.pytest(arguments, limit)
+                target.write_text(source, "utf-8")
+                made |= set(cache.iterdir()) - before
+                spent += time.monotonic() - began
                 if ended != SURVIVED:
                     break
         finally:
             target.write_text(source, "utf-8")
-            for made in set((copy / "cache").iterdir()) - kept:
-                shutil.rmtree(made, ignore_errors=True)
-        return ended, time.monotonic() - began
+            for folder in made:
+                shutil.rmtree(folder, ignore_errors=True)
+        return ended, spent
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
