@@ -109,9 +109,8 @@ def check_number(
         return
     bound = f"above {above:g}" if above > -math.inf else f"{least:g} or more"
     ends = f" and {most:g} at most" if most < math.inf else ""
-    raise InputError(
-        f"it must be {bound}{ends}", field=field, value=value, unit=unit, remedy=remedy
-    )
+    what = f"it must be {bound}{ends}"
+    raise InputError(what, field=field, value=value, unit=unit, remedy=remedy)
 
 
 def _short(value: object, limit: int = 80) -> str:

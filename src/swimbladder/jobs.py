@@ -302,10 +302,11 @@ def _by_pool(job: Job, chunks: list[int], workers: Workers, report: Callable[[],
         chunks = [chunk for chunk in chunks if chunk not in done]
         tries = 0 if len(chunks) < before else tries + 1
         if tries >= _TRIES:
-            raise NoAnswerError(
+            what = (
                 f"the worker processes died {tries} times without doing anything. Look for what "
                 "kills them, such as too little memory, or use --executor threads"
             )
+            raise NoAnswerError(what)
 
 
 def _processes(count: int) -> ProcessPoolExecutor:
@@ -331,11 +332,8 @@ _MET: dict[str, Job] = {}  # by its name: with it stays what a job makes once fo
 def _do(name: str, source: str, job: Job, chunk: int) -> None:
     """Do a chunk in a process that may be anywhere."""
     if source != software():
-        raise InputError(
-            f"a worker has another version of swimbladder: {release()}, where {source} is needed",
-            field="--executor",
-            remedy="Install the same on all machines",
-        )  # fmt: skip
+        what = f"a worker has another version of swimbladder: {release()}, where {source} is needed"
+        raise InputError(what, field="--executor", remedy="Install the same on all machines")
     known = _MET.setdefault(name, job)
     if chunk not in known.done():
         known.do(chunk)
@@ -345,10 +343,9 @@ def _by_dask(job: Job, chunks: list[int], workers: Workers, report: Callable[[],
     try:
         distributed = importlib.import_module("distributed")
     except ImportError:
-        raise InputError(
-            "dask.distributed is not installed", field="--executor", value="dask",
-            remedy="pip install 'swimbladder[cluster]', or use --executor processes",
-        ) from None  # fmt: skip
+        what = "dask.distributed is not installed"
+        remedy = "pip install 'swimbladder[cluster]', or use --executor processes"
+        raise InputError(what, field="--executor", value="dask", remedy=remedy) from None
     with contextlib.ExitStack() as stack:
         address: Any = workers.scheduler
         if address is None:
@@ -374,11 +371,12 @@ def _written_address(file: Path) -> str:
     try:
         return str(json.loads(file.read_text(encoding="utf-8"))["address"])
     except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(
-            "no file that a scheduler wrote", file=file, field="--scheduler",
-            remedy="Give the file of dask scheduler --scheduler-file FILE, or an address like "
-            "tcp://host:8786",
-        ) from None  # fmt: skip
+        what = "no file that a scheduler wrote"
+        remedy = (
+            "Give the file of dask scheduler --scheduler-file FILE, or an address like "
+            "tcp://host:8786"
+        )
+        raise InputError(what, file=file, field="--scheduler", remedy=remedy) from None
 
 
 def _client(distributed: Any, address: Any) -> Any:
@@ -393,11 +391,12 @@ def _client(distributed: Any, address: Any) -> Any:
             address, timeout=_PATIENCE, set_as_default=False, name="swimbladder"
         )
     except (OSError, ValueError) as error:  # a TimeoutError is one too
-        raise InputError(
-            f"no scheduler answers there: {error}", field="--scheduler", value=str(address),
-            remedy="Give the address of a dask scheduler that runs, like tcp://host:8786, or the "
-            "file that it wrote (--scheduler-file)",
-        ) from None  # fmt: skip
+        what = f"no scheduler answers there: {error}"
+        remedy = (
+            "Give the address of a dask scheduler that runs, like tcp://host:8786, or the "
+            "file that it wrote (--scheduler-file)"
+        )
+        raise InputError(what, field="--scheduler", value=str(address), remedy=remedy) from None
 
 
 def _check_versions(client: Any) -> None:
@@ -414,11 +413,12 @@ def _check_versions(client: Any) -> None:
     here = release()
     for worker, found in sorted(client.run(there, on_error="return").items()):
         if found != here:
-            raise InputError(
+            what = (
                 f"the worker {worker} has another version of swimbladder: {found}; here it is "
-                f"{here}", field="--scheduler",
-                remedy="Install the same on all machines, and start the workers again",
-            )  # fmt: skip
+                f"{here}"
+            )
+            remedy = "Install the same on all machines, and start the workers again"
+            raise InputError(what, field="--scheduler", remedy=remedy)
 
 
 def _send(
@@ -448,10 +448,11 @@ def _send(
             if future.status == "finished":
                 del waiting[future]
         if any(one.cancelled() for one in waiting) or time.monotonic() - seen > _PATIENCE:
-            raise NoAnswerError(
+            what = (
                 "the scheduler no longer answers. What is done stays done: the same command goes "
                 "on there with a scheduler that runs"
             )
+            raise NoAnswerError(what)
         report()
 
 
@@ -463,9 +464,8 @@ def _reason(error: BaseException) -> BaseException:
     """Return an error of a worker as one of ours where it is about workers that died."""
     if isinstance(error, SwimbladderError) or type(error).__name__ != "KilledWorker":
         return error
-    return NoAnswerError(
-        f"{str(error).rstrip('.')}. What is done stays done: the same command goes on there"
-    )
+    what = f"{str(error).rstrip('.')}. What is done stays done: the same command goes on there"
+    return NoAnswerError(what)
 
 
 def place_files(folder: Path, files: Mapping[str, bytes], *, aside: Path) -> None:

@@ -61,12 +61,12 @@ class Registry(Mapping[str, Kind], Generic[Kind]):
         points = self._others().get(name, ())
         if points and (name in self.own or len(points) > 1):
             has = ["swimbladder"] if name in self.own else []
-            raise InputError(
+            what = (
                 f"there are several of the {self.what} {name!r}: of "
-                f"{' and '.join([*has, *map(_package, points)])}",
-                field=self.group, remedy=f"Uninstall {_package(points[-1])}, or ask its authors "
-                "for another name",
-            )  # fmt: skip
+                f"{' and '.join([*has, *map(_package, points)])}"
+            )
+            remedy = f"Uninstall {_package(points[-1])}, or ask its authors for another name"
+            raise InputError(what, field=self.group, remedy=remedy)
         if not points:
             return self._load(name, self.own[name])
         return self._load(points[0], lambda: self._from_outside(name, points[0]))
@@ -97,10 +97,11 @@ class Registry(Mapping[str, Kind], Generic[Kind]):
             why, remedy = f"{type(error).__name__}: {error}", f"Update {package}, or uninstall it"
             if isinstance(error, InputError):
                 why, remedy = error.what, f"{error.remedy}; or uninstall {package}"
-            raise InputError(
+            what = (
                 f"the {self.what} {name!r} of the package {package} cannot be used: "
-                f"{' '.join(why.split())}", field=self.group, value=point.value, remedy=remedy,
-            ) from None  # fmt: skip
+                f"{' '.join(why.split())}"
+            )
+            raise InputError(what, field=self.group, value=point.value, remedy=remedy) from None
 
 
 @cache

@@ -153,11 +153,8 @@ def unit_factor(given: str, wanted: str) -> float:
 def _ratio(given: str, wanted: str) -> Fraction:
     source, target = _parse_unit(given), _parse_unit(wanted)
     if source.dimension != target.dimension:
-        raise UnitError(
-            f"the unit {given!r} is of another kind",
-            unit=wanted,
-            remedy=f"Give it in {wanted}" if wanted else "Give a number without a unit",
-        )
+        remedy = f"Give it in {wanted}" if wanted else "Give a number without a unit"
+        raise UnitError(f"the unit {given!r} is of another kind", unit=wanted, remedy=remedy)
     return source.factor / target.factor
 
 
@@ -204,9 +201,8 @@ def to_si(text: str, unit: str) -> float:
     """
     match = _NUMBER.match(text)
     if unit and match is not None and not text[match.end() :].strip():
-        raise UnitError(
-            "the unit is missing", value=text, unit=unit, remedy=f'Write "{text.strip()} {unit}"'
-        )
+        what = "the unit is missing"
+        raise UnitError(what, value=text, unit=unit, remedy=f'Write "{text.strip()} {unit}"')
     return parse_quantity(text, unit)
 
 

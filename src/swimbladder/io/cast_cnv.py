@@ -53,10 +53,8 @@ def cnv_cast(
     lines = data.decode("latin-1").splitlines()
     end = next((k for k, line in enumerate(lines) if line.startswith("*END*")), None)
     if end is None:
-        raise file.refused(
-            "the header has no end", field="*END*",
-            remedy="Give the whole .cnv file, as Sea-Bird's software writes it",
-        )  # fmt: skip
+        remedy = "Give the whole .cnv file, as Sea-Bird's software writes it"
+        raise file.refused("the header has no end", remedy, "*END*")
     names: dict[int, tuple[str, str]] = {}
     said: dict[str, str] = {}
     place: dict[str, float] = {}
@@ -69,15 +67,11 @@ def cnv_cast(
             sign = -1.0 if found[4].upper() in "SW" else 1.0
             place[found[1].lower()] = sign * (float(found[2]) + float(found[3]) / 60.0)
     if said.get("file_type") == "binary":
-        raise file.refused(
-            "the data are binary", field="file_type", value="binary",
-            remedy="Write it as ASCII with Sea-Bird's Translate",
-        )  # fmt: skip
+        remedy = "Write it as ASCII with Sea-Bird's Translate"
+        raise file.refused("the data are binary", remedy, "file_type", value="binary")
     if sorted(names) != list(range(len(names))):
-        raise file.refused(
-            "the columns are not numbered from 0 on", field="name",
-            remedy="Give the file as Sea-Bird's software writes it",
-        )  # fmt: skip
+        what = "the columns are not numbered from 0 on"
+        raise file.refused(what, "Give the file as Sea-Bird's software writes it", "name")
     table, row = _numbers(lines, end, len(names), file)
     bad = float(said.get("bad_flag", "-9.99e-29"))
     flag = next((k for k, (short, _) in names.items() if short == "flag"), None)
@@ -89,10 +83,8 @@ def cnv_cast(
     warm = values["temperature_degC"] is not None
     if not warm or (values["pressure_dbar"] is None and values["depth_m"] is None):
         what = "pressure or depth" if warm else "temperature"
-        raise file.refused(
-            f"the cast has no {what}", field="name",
-            remedy=f"Columns of the file: {', '.join(short for short, _ in names.values())}",
-        )  # fmt: skip
+        remedy = f"Columns of the file: {', '.join(short for short, _ in names.values())}"
+        raise file.refused(f"the cast has no {what}", remedy, "name")
     said_there = {name: np.array([degrees]) for name, degrees in place.items()}
     return raw_cast(values | said_there, file, row=row, unit_stated=True), profile
 
@@ -111,17 +103,13 @@ def _numbers(
         except ValueError:
             numbers = []
         if len(numbers) != count:
-            raise file.refused(
-                f"not the {count} numbers that the header names", line=k, field="row",
-                value=line.strip()[:60], remedy="Give the file as Sea-Bird's software writes it",
-            )  # fmt: skip
+            what = f"not the {count} numbers that the header names"
+            remedy = "Give the file as Sea-Bird's software writes it"
+            raise file.refused(what, remedy, "row", line=k, value=line.strip()[:60])
         rows.append(numbers)
         at.append(k)
     if not rows:
-        raise file.refused(
-            "the header and no rows", field="rows",
-            remedy="Give a .cnv file with its data",
-        )  # fmt: skip
+        raise file.refused("the header and no rows", "Give a .cnv file with its data", "rows")
     return np.array(rows), np.array(at, dtype=np.int64)
 
 
@@ -137,10 +125,8 @@ def _column(
     if asked:
         found = [k for k, (short, _) in names.items() if short == asked]
         if not found:
-            raise file.refused(
-                "no such column", field=column, value=asked,
-                remedy=f"Columns of the file: {', '.join(short for short, _ in names.values())}",
-            )  # fmt: skip
+            remedy = f"Columns of the file: {', '.join(short for short, _ in names.values())}"
+            raise file.refused("no such column", remedy, column, value=asked)
     if not found:
         return None
     short, words = names[found[0]]
@@ -152,10 +138,10 @@ def _column(
     try:
         factor = unit_factor(unit, CAST_COLUMNS[column])
     except InputError as error:
+        remedy = f'State the unit: --column "{column}={short}@UNIT"'
         raise file.refused(
-            error.what, field=short, value=unit, unit=CAST_COLUMNS[column],
-            remedy=f'State the unit: --column "{column}={short}@UNIT"',
-        ) from None  # fmt: skip
+            error.what, remedy, short, value=unit, unit=CAST_COLUMNS[column]
+        ) from None
     if "68" in short and column == "temperature_degC":
         file.report.append(f"{short} is on the scale of 1968 and was turned into that of 1990")
         factor /= _IPTS68

@@ -74,16 +74,24 @@ class RawCast:
         return replace(self, **chosen)
 
     def refused(
-        self, what: str, *, field: str, k: int | None = None, value: object = None,
-        unit: str | None = None, remedy: str,
-    ) -> LogError:  # fmt: skip
-        """Return the error about row k, or about the whole."""
+        self,
+        what: str,
+        remedy: str,
+        field: str,
+        *,
+        k: int | None = None,
+        value: object = None,
+        unit: str | None = None,
+    ) -> LogError:
+        """Return the error about row k, or about the whole; a value is in the unit of its column
+        where no other is given.
+        """
         line = int(self.row[k]) if k is not None and self.row_name == "line" else None
         if k is not None and line is None:
             what = f"{self.at(k)}: {what}"
-        return LogError(
-            what, file=self.path, line=line, field=field, value=value, unit=unit, remedy=remedy
-        )
+        if unit is None and value is not None:
+            unit = CAST_COLUMNS.get(field) or None
+        return LogFile(self.path).refused(what, remedy, field, line=line, value=value, unit=unit)
 
 
 def raw_cast(
@@ -219,10 +227,8 @@ def cast_sources(
             found = [column for column in found if column.name == name]
         if len(found) > 1:
             names = ", ".join(column.name for column in found)
-            raise file.refused(
-                f"several columns may be the {name.split('_')[0]}", field=name,
-                value=names, remedy=f'Choose one with --column "{name}=NAME"',
-            )  # fmt: skip
+            what = f"several columns may be the {name.split('_')[0]}"
+            raise file.refused(what, f'Choose one with --column "{name}=NAME"', name, value=names)
         sources[name] = found[0]
     _need(file, sources, header, salted=salted)
     return sources
@@ -260,8 +266,8 @@ def _need(
                 absolute = [column for column in header if _ABSOLUTE.search(column.lower())]
                 if absolute:
                     more += f" ({absolute[0]} is not practical: gsw.SP_from_SA makes it so)"
-            raise file.refused(
-                f"the cast has {what}", field=names[0],
-                remedy=f'Say which column it is with --column "{names[0]}=NAME"{more}; columns of '
-                f"the file: {listed(header)}",
-            )  # fmt: skip
+            remedy = (
+                f'Say which column it is with --column "{names[0]}=NAME"{more}; columns of '
+                f"the file: {listed(header)}"
+            )
+            raise file.refused(f"the cast has {what}", remedy, names[0])

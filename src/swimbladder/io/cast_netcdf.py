@@ -67,10 +67,8 @@ def read_variables(data: bytes, file: LogFile) -> dict[str, Variable]:
         with warnings.catch_warnings(action="ignore"):  # of attributes that contradict each other
             return {name: _variable(name, *item) for name, item in found}
     except Exception as error:  # whatever a decoder makes of damaged bytes, it is the bytes
-        raise file.refused(
-            f"this netCDF file cannot be read: {' '.join(str(error).split())[:200]}",
-            field="file", remedy="Fetch it anew, or write its variables to a CSV",
-        ) from None  # fmt: skip
+        what = f"this netCDF file cannot be read: {' '.join(str(error).split())[:200]}"
+        raise file.refused(what, "Fetch it anew, or write its variables to a CSV", "file") from None
 
 
 def _classic(data: bytes) -> Iterator[tuple[str, tuple[NDArray[Any], dict[str, Any]]]]:
@@ -137,10 +135,8 @@ def in_unit(
     """
     report = file.report
     if not variable.numeric:
-        raise file.refused(
-            "no numbers but texts", field=found,
-            remedy=f'Choose another variable with --column "{name}=NAME"',
-        )  # fmt: skip
+        what = "no numbers but texts"
+        raise file.refused(what, f'Choose another variable with --column "{name}=NAME"', found)
     values = np.asarray(variable.values, dtype=np.float64)
     unit, wanted = unit_said(name, found, variable, stated), CAST_COLUMNS[name]
     if unit == "K" and wanted == "degC":
@@ -152,11 +148,10 @@ def in_unit(
     try:
         factor = unit_factor(unit, wanted)
     except InputError as error:
-        raise file.refused(
-            error.what, field=found, value=unit, unit=wanted or "none",
-            remedy="Correct the variable's attribute `units`"
-            + (f', or say the unit with --column "{name}={found}@{wanted}"' if wanted else ""),
-        ) from None  # fmt: skip
+        remedy = "Correct the variable's attribute `units`" + (
+            f', or say the unit with --column "{name}={found}@{wanted}"' if wanted else ""
+        )
+        raise file.refused(error.what, remedy, found, value=unit, unit=wanted or "none") from None
     report.append(f"{name} read from {found}" + ("" if factor == 1.0 else f", times {factor:g}"))
     return values * factor
 
@@ -171,10 +166,8 @@ def by_flags(found: str, variables: Mapping[str, Variable], values: Array, file:
         return
     texts = _flag_texts(variables[named], values.shape)
     if texts is None:
-        raise file.refused(
-            f"not one quality flag for each value of {found}", field=named,
-            remedy="Give the flags the shape of the values, or write what is good to a CSV",
-        )  # fmt: skip
+        remedy = "Give the flags the shape of the values, or write what is good to a CSV"
+        raise file.refused(f"not one quality flag for each value of {found}", remedy, named)
     bad = np.isfinite(values) & ~np.isin(texts, list(_GOOD | _UNJUDGED))
     if bad.any():
         file.report.append(f"{counted(int(bad.sum()), 'value')} of {found} flagged as bad left out")
@@ -220,17 +213,13 @@ def argo_cast(variables: Mapping[str, Variable], file: LogFile, profile: int | N
         if adjusted is not None and np.isfinite(np.asarray(adjusted.values[n], float)).any():
             found = f"{plain}_ADJUSTED"
         elif adjusted is not None and mode in ("A", "D"):
-            raise file.refused(
-                f"in mode {mode} no value of {plain} was found fit to be adjusted: none is good",
-                field=f"{plain}_ADJUSTED",
-                remedy="Take another profile; if you trust its raw values, write them to a CSV",
-            )
+            what = f"in mode {mode} no value of {plain} was found fit to be adjusted: none is good"
+            remedy = "Take another profile; if you trust its raw values, write them to a CSV"
+            raise file.refused(what, remedy, f"{plain}_ADJUSTED")
         values = in_unit(name, found, variables[found], file)
         if values.shape != variables["PRES"].values.shape:
-            raise file.refused(
-                "not as many values as pressures", field=found,
-                remedy="Fetch the file anew: every profile has a value per level",
-            )  # fmt: skip
+            remedy = "Fetch the file anew: every profile has a value per level"
+            raise file.refused("not as many values as pressures", remedy, found)
         by_flags(found, variables, values, file)
         rows[name] = values[n]
     for name in ("latitude", "longitude"):
@@ -247,10 +236,8 @@ def _number(variables: Mapping[str, Variable], file: LogFile, profile: int | Non
     pressures = np.asarray(variables["PRES"].values, float)
     count = len(pressures)
     if profile is not None and profile > count:
-        raise file.refused(
-            f"the file has {counted(count, 'profile')}", field="--profile",
-            value=profile, remedy=f"Choose from 1 to {count}",
-        )  # fmt: skip
+        what = f"the file has {counted(count, 'profile')}"
+        raise file.refused(what, f"Choose from 1 to {count}", "--profile", value=profile)
     if profile is not None or count < 2:
         return (profile or 1) - 1
     held = [k for k in range(count) if np.isfinite(pressures[k]).any()]
@@ -261,11 +248,11 @@ def _number(variables: Mapping[str, Variable], file: LogFile, profile: int | Non
             f"{k + 1}: {f'{_platform(variables, k)} to'.strip()} {np.nanmax(pressures[k]):.0f} dbar"
             for k in found[:_SHOWN]
         )
-        raise file.refused(
+        what = (
             f"there are {len(found)} profiles in it "
-            f"({some}{', ...' if len(found) > _SHOWN else ''})",
-            field="profile", remedy="Choose one with --profile N",
-        )  # fmt: skip
+            f"({some}{', ...' if len(found) > _SHOWN else ''})"
+        )
+        raise file.refused(what, "Choose one with --profile N", "profile")
     why = "the primary sampling" if primary else "the only one with pressures"
     file.report.append(f"profile {found[0] + 1} of {count} taken, {why}")
     return found[0]
@@ -334,13 +321,15 @@ def _plain(variables: Mapping[str, Variable], file: LogFile, columns: Mapping[st
         if not any(name in rows for name in names)
     ]
     if missing or size is None or size < 2:
-        raise file.refused(
+        what = (
             f"no variable has the standard name {' or '.join(missing) or 'of a profile'}, one "
-            "value per sample",
-            field="variables",
-            remedy='Say which it is with --column "pressure_dbar=NAME"; variables of the file: '
-            f"{', '.join(list(variables)[:30])}",
+            "value per sample"
         )
+        remedy = (
+            'Say which it is with --column "pressure_dbar=NAME"; variables of the file: '
+            f"{', '.join(list(variables)[:30])}"
+        )
+        raise file.refused(what, remedy, "variables")
     rows |= {n: np.ravel(values[n]) for n in ("latitude", "longitude") if n in values}
     names = {name: found[0] for name, found in chosen.items() if found is not None}
     down = chosen["pressure_dbar"]
@@ -353,11 +342,11 @@ def _refuse_grid(values: Mapping[str, Array], file: LogFile) -> None:
     shape = values["temperature_degC"].shape
     down = next((n for n in ("pressure_dbar", "depth_m") if n in values), None)
     if down is not None and len(shape) > 1 and values[down].size in shape:
-        raise file.refused(
+        what = (
             f"the temperatures are a grid of {' x '.join(map(str, shape))} values over "
-            f"{values[down].size} of {down.split('_')[0]}: several profiles side by side",
-            field=down, remedy="Write the profile that you mean to a CSV",
-        )  # fmt: skip
+            f"{values[down].size} of {down.split('_')[0]}: several profiles side by side"
+        )
+        raise file.refused(what, "Write the profile that you mean to a CSV", down)
 
 
 def _chosen(
@@ -376,10 +365,8 @@ def _chosen(
             asked = asked or columns[name]
         if asked in variables:
             return asked, unit if at else None
-        raise file.refused(
-            "no such variable", field=name, value=asked,
-            remedy=f"Variables of the file: {', '.join(list(variables)[:30])}",
-        )  # fmt: skip
+        remedy = f"Variables of the file: {', '.join(list(variables)[:30])}"
+        raise file.refused("no such variable", remedy, name, value=asked)
     numeric = {n: v for n, v in variables.items() if v.numeric}
     named = [n for n, v in numeric.items() if v.attributes.get("standard_name") in NAMES[name]]
     named = named or [n for n in numeric if (kind_of(n) or ("",))[0] == name]
@@ -391,7 +378,6 @@ def _chosen(
     plain = [n for n in named if n.lower() in NAMES[name]] if len(named) > 1 else named
     if len(plain) == 1:
         return plain[0], None
-    raise file.refused(
-        f"several variables may be the {name.split('_')[0]}", field=name,
-        value=", ".join(named), remedy=f'Choose one with --column "{name}=NAME"',
-    )  # fmt: skip
+    what = f"several variables may be the {name.split('_')[0]}"
+    remedy = f'Choose one with --column "{name}=NAME"'
+    raise file.refused(what, remedy, name, value=", ".join(named))

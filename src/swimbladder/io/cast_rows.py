@@ -40,13 +40,15 @@ def stable(
     count = counted(int((jumps < 0.0).sum()), "density inversion")
     where = f"the largest {size:.2g} kg/m3 at {pressure[worst + 1]:.1f} dbar"
     if size > INVERSION and inversions == "refuse":
-        raise raw.refused(
+        what = (
             f"the water at {pressure[worst + 1]:.1f} dbar is {size:.2g} kg/m3 lighter than that at "
-            f"{pressure[worst]:.1f} dbar above it, more than noise makes ({INVERSION:g})",
-            field="density", k=worst + 1, value=round(size, 4), unit="kg/m3",
-            remedy="Take out what is no water there (a spike, a lagging sensor, the bottom), or "
-            "mix the neighbours with --inversions average",
-        )  # fmt: skip
+            f"{pressure[worst]:.1f} dbar above it, more than noise makes ({INVERSION:g})"
+        )
+        remedy = (
+            "Take out what is no water there (a spike, a lagging sensor, the bottom), or "
+            "mix the neighbours with --inversions average"
+        )
+        raise raw.refused(what, remedy, "density", k=worst + 1, value=round(size, 4), unit="kg/m3")
     if inversions == "keep":
         raw.report.append(f"{count} kept, {where}")
         return SA, CT
@@ -54,14 +56,18 @@ def stable(
     change = np.abs(gsw.rho(*mixed, pressure) - gsw.rho(SA, CT, pressure))
     most = int(np.argmax(change))
     if change[most] > INVERSION and inversions == "refuse":
-        raise raw.refused(
+        what = (
             f"the water gets lighter downwards around {pressure[most]:.1f} dbar, by little from "
             f"row to row and by {change[most]:.2g} kg/m3 in all, more than noise makes "
-            f"({INVERSION:g})",
-            field="density", k=most, value=round(float(change[most]), 4), unit="kg/m3",
-            remedy="Check salinity and temperature there (a sensor that drifts?), or mix the water "
-            "with --inversions average",
-        )  # fmt: skip
+            f"({INVERSION:g})"
+        )
+        remedy = (
+            "Check salinity and temperature there (a sensor that drifts?), or mix the water "
+            "with --inversions average"
+        )
+        raise raw.refused(
+            what, remedy, "density", k=most, value=round(float(change[most]), 4), unit="kg/m3"
+        )
     raw.report.append(
         f"{count} averaged with the water beside, {where}; density changes by "
         f"{change[most]:.2g} kg/m3 at most"
@@ -148,29 +154,24 @@ def one_leg(raw: RawCast, pressure: Array, profile: int | None) -> NDArray[np.in
     rows = np.arange(len(pressure))
     steps = np.abs(np.diff(pressure))
     if not steps.any():
-        raise raw.refused(
-            "all rows are of one pressure", field="pressure_dbar", value=float(pressure[0]),
-            unit="dbar", remedy="Give a cast that goes down",
-        )  # fmt: skip
+        what = "all rows are of one pressure"
+        remedy = "Give a cast that goes down"
+        raise raw.refused(what, remedy, "pressure_dbar", value=float(pressure[0]))
     if steps.mean() > _SHUFFLED * float(np.ptp(pressure)) and len(pressure) > 5:
         raw.report.append("the rows are in no order and were sorted by pressure")
         return rows[np.argsort(pressure, kind="stable")]
     found = legs(pressure)
     if profile is not None and profile > len(found):
-        raise raw.refused(
-            f"the file has {counted(len(found), 'profile')}", field="--profile",
-            value=profile, remedy=f"Choose from 1 to {len(found)}",
-        )  # fmt: skip
+        what = f"the file has {counted(len(found), 'profile')}"
+        raise raw.refused(what, f"Choose from 1 to {len(found)}", "--profile", value=profile)
     if profile is None and len(found) > 2:
         ends = ", ".join(
             f"{n}: {pressure[a]:.0f} to {pressure[b]:.0f} dbar"
             for n, (a, b) in enumerate(found[:6], start=1)
         )
-        raise raw.refused(
-            f"there are {len(found)} profiles in it ({ends}{', ...' if len(found) > 6 else ''})",
-            field="profile",
-            remedy="Choose one with --profile N, or rows with --where COLUMN=VALUE",
-        )
+        what = f"there are {len(found)} profiles in it ({ends}{', ...' if len(found) > 6 else ''})"
+        remedy = "Choose one with --profile N, or rows with --where COLUMN=VALUE"
+        raise raw.refused(what, remedy, "profile")
     number = (profile or 1) - 1
     if profile is None and len(found) == 2:
         down = [pressure[b] > pressure[a] for a, b in found]
@@ -198,11 +199,9 @@ def without_spikes(raw: RawCast, pressure: Array) -> Mask:
     good &= sane
     if good.sum() * 2 < len(good):
         k = int(np.flatnonzero(~good)[0])
-        raise raw.refused(
-            f"{int((~good).sum())} of {len(good)} rows cannot be sea water", k=k,
-            field="salinity", value=float(raw.salinity[k]),
-            remedy="Check which columns are temperature, salinity and pressure, and their units",
-        )  # fmt: skip
+        what = f"{int((~good).sum())} of {len(good)} rows cannot be sea water"
+        remedy = "Check which columns are temperature, salinity and pressure, and their units"
+        raise raw.refused(what, remedy, "salinity", k=k, value=float(raw.salinity[k]))
     for name, floor in _FLOOR.items():
         values = np.asarray(getattr(raw, name))
         spiky = np.zeros(len(good), dtype=bool)

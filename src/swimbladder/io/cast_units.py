@@ -70,9 +70,7 @@ def _temperature(raw: RawCast) -> None:
         remedy = f"Taken as kelvin it is {middle - 273.15:.4g} degC: subtract 273.15 in the file"
     elif COLDEST <= (middle - 32.0) / 1.8 <= WARMEST:
         remedy = f"As Fahrenheit it is {(middle - 32.0) / 1.8:.4g} degC: convert it in the file"
-    raise raw.refused(
-        what, field="temperature_degC", value=round(middle, 3), unit="degC", remedy=remedy
-    )
+    raise raw.refused(what, remedy, "temperature_degC", value=round(middle, 3))
 
 
 def _abyss(raw: RawCast) -> None:
@@ -82,12 +80,12 @@ def _abyss(raw: RawCast) -> None:
     for limit, warm in _ABYSS:
         deep = raw.temperature[raw.pressure > limit]
         if len(deep) >= _ROWS and np.median(deep) > warm:
-            raise raw.refused(
-                f"{np.median(deep):.4g} degC below {limit:g} dbar is warmer than any sea as deep",
-                field="pressure_dbar", value=float(np.max(raw.pressure)), unit="dbar",
-                remedy=f"Is it in kPa or mbar? Then map it with {_map(raw, 'kPa')} (or @mbar); if "
-                "not, check which column is the temperature",
-            )  # fmt: skip
+            what = f"{np.median(deep):.4g} degC below {limit:g} dbar is warmer than any sea as deep"
+            remedy = (
+                f"Is it in kPa or mbar? Then map it with {_map(raw, 'kPa')} (or @mbar); if "
+                "not, check which column is the temperature"
+            )
+            raise raw.refused(what, remedy, "pressure_dbar", value=float(np.max(raw.pressure)))
 
 
 def _downward(raw: RawCast) -> RawCast:
@@ -100,12 +98,12 @@ def _downward(raw: RawCast) -> RawCast:
         return replace(raw, depth=-depth)
     k = int(np.argmin(depth))
     if depth[k] < -min(_ABOVE * float(np.max(np.abs(depth))), _HIGHEST):
-        raise raw.refused(
+        what = (
             f"the depths go from {depth[k]:.6g} m to {np.max(depth):.6g} m: they count neither "
-            "downward nor upward",
-            field="depth_m", value=float(depth[k]), unit="m", k=k,
-            remedy="Make them all positive, downward, or all negative; or leave the bad row out",
-        )  # fmt: skip
+            "downward nor upward"
+        )
+        remedy = "Make them all positive, downward, or all negative; or leave the bad row out"
+        raise raw.refused(what, remedy, "depth_m", value=float(depth[k]), k=k)
     return raw
 
 
@@ -114,10 +112,8 @@ def _pressure(raw: RawCast) -> RawCast:
     if p is None:
         deepest = float(np.max(raw.depth)) if raw.depth is not None else 0.0
         if deepest > DEEPEST:
-            raise raw.refused(
-                "deeper than any sea", field="depth_m", value=deepest, unit="m",
-                remedy="Check the unit: a depth in cm is mapped as NAME@cm",
-            )  # fmt: skip
+            remedy = "Check the unit: a depth in cm is mapped as NAME@cm"
+            raise raw.refused("deeper than any sea", remedy, "depth_m", value=deepest)
         return raw
     if by_depth(raw):
         assert raw.depth is not None
@@ -131,12 +127,12 @@ def _pressure(raw: RawCast) -> RawCast:
     if most > DEEPEST:
         sizes = {unit: most * unit_factor(unit, "dbar") for unit in _PRESSURES}
         fitting = [f"{u} ({v:.5g} dbar)" for u, v in sizes.items() if _SURE <= v <= DEEPEST]
-        raise raw.refused(
-            f"{most:.6g} dbar is deeper than any sea", field="pressure_dbar", value=most,
-            unit="dbar", k=int(np.argmax(p)),
-            remedy=f"It may be in {' or '.join(fitting) or 'no unit of pressure'}: say so with "
-            + _map(raw, "UNIT"),
-        )  # fmt: skip
+        what = f"{most:.6g} dbar is deeper than any sea"
+        remedy = (
+            f"It may be in {' or '.join(fitting) or 'no unit of pressure'}: say so with "
+            + _map(raw, "UNIT")
+        )
+        raise raw.refused(what, remedy, "pressure_dbar", value=most, k=int(np.argmax(p)))
     return raw
 
 
@@ -152,13 +148,15 @@ def _by_air(raw: RawCast, least: float) -> None:
     for unit in _IN_AIR:
         in_unit = least * unit_factor(unit, "dbar")
         if _ATMOSPHERE[0] <= in_unit <= _ATMOSPHERE[1]:
-            raise raw.refused(
+            what = (
                 f"the pressures begin at {least:.6g}: in {unit} that is the atmosphere, in dbar a "
-                "cast that begins deep",
-                field="pressure_dbar", value=least,
-                remedy=f"Say which: {_map(raw, unit)}, with {10.1325 / unit_factor(unit, 'dbar'):g}"
-                f" {unit} of air subtracted in the file before; or {_map(raw, 'dbar')}",
-            )  # fmt: skip
+                "cast that begins deep"
+            )
+            remedy = (
+                f"Say which: {_map(raw, unit)}, with {10.1325 / unit_factor(unit, 'dbar'):g}"
+                f" {unit} of air subtracted in the file before; or {_map(raw, 'dbar')}"
+            )
+            raise raw.refused(what, remedy, "pressure_dbar", value=least, unit="")
 
 
 def _map(raw: RawCast, unit: str, column: str = "pressure_dbar") -> str:
@@ -187,12 +185,12 @@ def _by_depth(raw: RawCast, p: Array, depth: Array) -> RawCast:
     fitting = [u for u in _PRESSURES if abs(ratio / unit_factor(u, "dbar") - 1.0) <= _FITS]
     k = int(np.argmax(depth))
     what = f"{p[k]:.6g} dbar at a depth of {depth[k]:.6g} m, where about {due.max():.5g} are due"
-    raise raw.refused(
-        what, field="pressure_dbar", value=float(p[k]), unit="dbar", k=k,
-        remedy=f"In {fitting[0]} it fits: map it with {_map(raw, fitting[0])}"
+    remedy = (
+        f"In {fitting[0]} it fits: map it with {_map(raw, fitting[0])}"
         if fitting
-        else "No unit of pressure fits: check which columns are pressure and depth",
-    )  # fmt: skip
+        else "No unit of pressure fits: check which columns are pressure and depth"
+    )
+    raise raw.refused(what, remedy, "pressure_dbar", value=float(p[k]), k=k)
 
 
 def _by_density(raw: RawCast, p: Array, density: Array, SP: Array) -> None:
@@ -241,10 +239,10 @@ def _refuse_misfit(
     if sizes[best] < fits:
         raise raw.refused(
             f"at {np.max(p):.5g} dbar {what}",
-            field="pressure_dbar",
+            f"In {best} they agree: map it with {_map(raw, best)}",
+            "pressure_dbar",
             value=float(np.max(p)),
             unit="dbar",
-            remedy=f"In {best} they agree: map it with {_map(raw, best)}",
         )
 
 
@@ -252,19 +250,17 @@ def _salt(raw: RawCast) -> None:
     if raw.salinity is not None:
         middle, most = float(np.median(raw.salinity)), float(np.max(raw.salinity))
         if 0.0 < most < _SHARES and middle >= 0.0:
-            raise raw.refused(
-                f"a salinity of {most:.4g} at most is next to none", field="salinity",
-                value=round(most, 6),
-                remedy=f"As kg/kg or g/g it is {1e3 * most:.4g} g/kg: multiply the column by 1000 "
-                f"in the file; for a lake as fresh as that give --salinity {most:.2g}",
-            )  # fmt: skip
+            what = f"a salinity of {most:.4g} at most is next to none"
+            remedy = (
+                f"As kg/kg or g/g it is {1e3 * most:.4g} g/kg: multiply the column by 1000 "
+                f"in the file; for a lake as fresh as that give --salinity {most:.2g}"
+            )
+            raise raw.refused(what, remedy, "salinity", value=round(most, 6))
         if 0.0 <= middle <= MOST_SALT:
             return
-        raise raw.refused(
-            f"a salinity of {middle:.4g} is that of no sea", field="salinity",
-            value=round(middle, 4),
-            remedy="A conductivity is mapped as conductivity_S_m=NAME@mS/cm, in its unit",
-        )  # fmt: skip
+        what = f"a salinity of {middle:.4g} is that of no sea"
+        remedy = "A conductivity is mapped as conductivity_S_m=NAME@mS/cm, in its unit"
+        raise raw.refused(what, remedy, "salinity", value=round(middle, 4))
     if raw.conductivity is None:
         return
     import gsw
@@ -291,11 +287,11 @@ def _refuse_salt(raw: RawCast, C: Array, median_salt: Callable[[float], float]) 
     }
     most = max(signs.values())
     fitting = [unit for unit, found in signs.items() if found == most > 0]
-    raise raw.refused(
-        f"a conductivity of {middle:.4g} S/m is that of no sea",
-        field="conductivity_S_m", value=middle, unit="S/m",
-        remedy=f"In {' or '.join(fitting)} it fits: map it with "
+    what = f"a conductivity of {middle:.4g} S/m is that of no sea"
+    remedy = (
+        f"In {' or '.join(fitting)} it fits: map it with "
         + " or ".join(_map(raw, unit, "conductivity_S_m") for unit in fitting)
         if fitting
-        else "Check which column is the conductivity",
-    )  # fmt: skip
+        else "Check which column is the conductivity"
+    )
+    raise raw.refused(what, remedy, "conductivity_S_m", value=middle)

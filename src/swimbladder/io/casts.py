@@ -45,10 +45,8 @@ class CastFormat:
 
 def _accept(form: Any, name: str) -> CastFormat:
     if not isinstance(form, CastFormat):
-        raise InputError(
-            "it is no CastFormat",
-            remedy="Let the entry point name a swimbladder.io.casts.CastFormat",
-        )
+        what = "it is no CastFormat"
+        raise InputError(what, remedy="Let the entry point name a swimbladder.io.casts.CastFormat")
     return CastFormat(recognises=_guarded(form.recognises, name), read=_guarded(form.read, name))
 
 
@@ -62,11 +60,12 @@ def _guarded(function: Callable[..., Any], name: str) -> Callable[..., Any]:
             raise
         except Exception as error:  # whatever another package does
             package = CAST_FORMATS.package(name)
-            raise InputError(
+            what = (
                 f"the cast format {name!r} of the package {package} fails: "
-                f"{type(error).__name__}: {' '.join(str(error).split())}",
-                field="--cast", remedy=f"Update {package}, or uninstall it",
-            ) from error  # fmt: skip
+                f"{type(error).__name__}: {' '.join(str(error).split())}"
+            )
+            remedy = f"Update {package}, or uninstall it"
+            raise InputError(what, field="--cast", remedy=remedy) from error
 
     return call
 
@@ -97,11 +96,12 @@ def recognised(data: bytes, path: Path) -> tuple[CastFormat | None, list[str]]:
         except InputError as error:
             said.append(str(error))
     if len(known) > 1:
-        raise InputError(
-            f"several cast formats know it as theirs: {' and '.join(known)}", file=path,
-            field="--cast", remedy="Uninstall the packages of all but one: "
-            f"{', '.join(str(CAST_FORMATS.package(name)) for name in known)}",
-        )  # fmt: skip
+        what = f"several cast formats know it as theirs: {' and '.join(known)}"
+        remedy = (
+            "Uninstall the packages of all but one: "
+            f"{', '.join(str(CAST_FORMATS.package(name)) for name in known)}"
+        )
+        raise InputError(what, file=path, field="--cast", remedy=remedy)
     return next(iter(known.values()), None), said
 
 
@@ -136,11 +136,9 @@ def read_cast(
     binary, said = recognised(data, file)
     if binary is not None:
         if where or form is not None:
-            raise LogError(
-                "rows and log formats are chosen in CSV and Parquet only", file=file,
-                field="where" if where else "log_format",
-                remedy="Choose a profile with --profile N, variables with --column",
-            )  # fmt: skip
+            what = "rows and log formats are chosen in CSV and Parquet only"
+            remedy = "Choose a profile with --profile N, variables with --column"
+            raise LogError(what, file=file, field="where" if where else "log_format", remedy=remedy)
         raw, profile = binary.read(data, file, columns or {}, profile)
     else:
         raw = _text_cast(file, columns or {}, where or {}, form, salinity)
@@ -165,20 +163,17 @@ def check_reading(
     """Raise InputError where what is said of a cast beside its file cannot be."""
     for name, degrees, most in (("latitude", latitude, 90.0), ("longitude", longitude, 360.0)):
         if degrees is not None and not abs(degrees) <= most:
-            raise InputError(
-                f"not between -{most:g} and {most:g}", field=name, value=degrees, unit="degrees",
-                remedy="Give degrees with decimals, south and west negative",
-            )  # fmt: skip
+            what = f"not between -{most:g} and {most:g}"
+            remedy = "Give degrees with decimals, south and west negative"
+            raise InputError(what, field=name, value=degrees, unit="degrees", remedy=remedy)
     if salinity is not None and not 0.0 <= salinity <= MOST_SALT:
-        raise InputError(
-            "no practical salinity of a sea", field="salinity", value=salinity,
-            remedy="Give it in PSS-78: 0 in fresh water, 35 in the ocean",
-        )  # fmt: skip
+        what = "no practical salinity of a sea"
+        remedy = "Give it in PSS-78: 0 in fresh water, 35 in the ocean"
+        raise InputError(what, field="salinity", value=salinity, remedy=remedy)
     if inversions not in get_args(Inversions):
-        raise InputError(
-            "not one of the choices", field="inversions", value=inversions,
-            remedy="Choose refuse, average or keep",
-        )  # fmt: skip
+        what = "not one of the choices"
+        remedy = "Choose refuse, average or keep"
+        raise InputError(what, field="inversions", value=inversions, remedy=remedy)
 
 
 def _text_cast(
@@ -211,11 +206,11 @@ def _salted(raw: RawCast, salinity: float | None) -> RawCast:
         raw.report.append(f"a salinity of {salinity:g} is taken all the way down, as stated")
         return replace(raw, salinity=np.full(len(raw), salinity), conductivity=None)
     if raw.salinity is None and raw.conductivity is None:
-        raise raw.refused(
-            "the cast has neither salinity nor conductivity", field="salinity",
-            remedy='Say which column it is with --column "salinity=NAME"; for a lake state '
-            "--salinity, 0 in fresh water",
-        )  # fmt: skip
+        remedy = (
+            'Say which column it is with --column "salinity=NAME"; for a lake state '
+            "--salinity, 0 in fresh water"
+        )
+        raise raw.refused("the cast has neither salinity nor conductivity", remedy, "salinity")
     return raw
 
 
@@ -229,20 +224,21 @@ def _whole(raw: RawCast) -> RawCast:
     known = {name: np.isfinite(v) for name, v in needed.items() if v is not None}
     kept = np.logical_and.reduce(list(known.values()))
     if len(kept) < 2:
-        raise raw.refused(
-            f"{'one row is' if len(kept) else 'no row is'} no cast",
-            field="pressure_dbar" if raw.pressure is not None else "depth_m",
-            remedy="Give two rows at least, at different depths, each with pressure, temperature "
-            "and salinity; --where may have chosen too few",
+        what = f"{'one row is' if len(kept) else 'no row is'} no cast"
+        remedy = (
+            "Give two rows at least, at different depths, each with pressure, temperature "
+            "and salinity; --where may have chosen too few"
         )
+        raise raw.refused(what, remedy, "pressure_dbar" if raw.pressure is not None else "depth_m")
     if kept.sum() < 2:
         worst = min(known, key=lambda name: int(known[name].sum()))
         flagged = "".join(f"; {line}" for line in raw.report if "flagged" in line)
-        raise raw.refused(
+        what = (
             f"of {len(kept)} rows {int(kept.sum())} hold pressure, temperature and salinity, "
-            f"{int(known[worst].sum())} a {worst.split('_')[0]}, and 2 are the least{flagged}",
-            field=worst, remedy="Check that the right columns are mapped and that the sensor ran",
-        )  # fmt: skip
+            f"{int(known[worst].sum())} a {worst.split('_')[0]}, and 2 are the least{flagged}"
+        )
+        remedy = "Check that the right columns are mapped and that the sensor ran"
+        raise raw.refused(what, remedy, worst)
     if not kept.all():
         raw.report.append(f"{int((~kept).sum())} of {len(kept)} rows with gaps left out")
     return raw.only(kept)
@@ -275,8 +271,8 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
     SA = _absolute(raw, raw.salinity, pressure)
     CT = np.asarray(gsw.CT_from_t(SA, raw.temperature, pressure))
     if len(pressure) < 2:
-        raise raw.refused("there is one pressure only", field="pressure_dbar",
-                          remedy="Give a cast that goes down")  # fmt: skip
+        what = "there is one pressure only"
+        raise raw.refused(what, "Give a cast that goes down", "pressure_dbar")
     SA, CT = stable(raw, pressure, SA, CT, inversions)
     return Cast(
         pressure=pressure, SA=SA, CT=CT, latitude=latitude, longitude=raw.longitude,

@@ -187,9 +187,11 @@ def _check_ranges(law: str, parameters: Any) -> None:
         if value < least or (value == 0.0 and name in _ABOVE_0):
             raise InputError(
                 "must be above 0" if name in _ABOVE_0 else f"must be {least:g} or more",
-                field=f"controller.parameters.{name}", value=value, unit=RATE.units[name],
+                field=f"controller.parameters.{name}",
+                value=value,
+                unit=RATE.units[name],
                 remedy="Check the number and its unit",
-            )  # fmt: skip
+            )
 
 
 def vehicle_text(name_or_path: str | Path) -> str:
@@ -273,11 +275,9 @@ def _parse(text: str, file: str | Path) -> dict[str, Any]:
         ) from None
     except (RecursionError, ValueError) as error:
         what = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        remedy = "See `swimbladder vehicle new` for a file with every field explained"
         raise InputError(
-            f"this TOML cannot be read: {what}",
-            file=file,
-            field="syntax",
-            remedy="See `swimbladder vehicle new` for a file with every field explained",
+            f"this TOML cannot be read: {what}", file=file, field="syntax", remedy=remedy
         ) from None
 
 

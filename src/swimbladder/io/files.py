@@ -133,12 +133,9 @@ def write_through(path: str | Path, write: Callable[[Path], object]) -> Path:
         _publish_mode(temporary, 0o666)  # as open() would have made it
         temporary.replace(target)
     except OSError as error:
-        raise InputError(
-            f"cannot write the file: {error.strerror or error}",
-            file=target,
-            field="output",
-            remedy="Choose a place that exists and can be written",
-        ) from error
+        what = f"cannot write the file: {error.strerror or error}"
+        remedy = "Choose a place that exists and can be written"
+        raise InputError(what, file=target, field="output", remedy=remedy) from error
     finally:
         if temporary is not None:
             with contextlib.suppress(OSError):
@@ -163,12 +160,9 @@ def make_folder(path: str | Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot make the folder: {getattr(error, 'strerror', None) or error}",
-            file=folder,
-            field="--out",
-            remedy="Choose another folder with --out",
-        ) from error
+        what = f"cannot make the folder: {getattr(error, 'strerror', None) or error}"
+        remedy = "Choose another folder with --out"
+        raise InputError(what, file=folder, field="--out", remedy=remedy) from error
     remove_leftovers(folder)
     return folder
 
@@ -176,18 +170,14 @@ def make_folder(path: str | Path) -> Path:
 def check_place(out: Path) -> None:
     """Raise InputError where the folder could not be made."""
     if len(os.fsencode(out.name)) > _LONGEST:
-        raise InputError(
-            f"the name is longer than {_LONGEST} bytes", file=out, field="--out",
-            remedy="Choose a shorter name with --out",
-        )  # fmt: skip
+        what = f"the name is longer than {_LONGEST} bytes"
+        raise InputError(what, file=out, field="--out", remedy="Choose a shorter name with --out")
     make_folder(out.parent)
     if out.is_dir():
         remove_leftovers(out)
     elif out.exists():
-        raise InputError(
-            "there is a file of that name, where the folder should be",
-            file=out, field="--out", remedy="Choose another folder with --out",
-        )  # fmt: skip
+        what = "there is a file of that name, where the folder should be"
+        raise InputError(what, file=out, field="--out", remedy="Choose another folder with --out")
 
 
 def unfinished(out: Path) -> Path:
@@ -224,10 +214,9 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
 
 
 def _refused(out: Path, error: OSError) -> InputError:
-    return InputError(
-        f"cannot write the files: {error.strerror or error}", file=out, field="--out",
-        remedy="Choose a folder that can be written with --out",
-    )  # fmt: skip
+    what = f"cannot write the files: {error.strerror or error}"
+    remedy = "Choose a folder that can be written with --out"
+    return InputError(what, file=out, field="--out", remedy=remedy)
 
 
 def source_hash(paths: Iterable[Path]) -> str:

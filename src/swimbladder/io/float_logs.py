@@ -69,46 +69,42 @@ def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dic
     found = named_columns(file, mapped, header, FLOAT_COLUMNS)
     for name in _NEEDED:
         if name not in found:
-            raise file.refused(
-                f"the float's log has no column {name}", field=name,
-                remedy=f"Say which one it is with --column {name}=NAME; columns of the file: "
-                f"{listed(header)}",
-            )  # fmt: skip
+            remedy = (
+                f"Say which one it is with --column {name}=NAME; columns of the file: "
+                f"{listed(header)}"
+            )
+            raise file.refused(f"the float's log has no column {name}", remedy, name)
     if not {f"{device}_s" for device in DEVICES} & set(found):
-        raise file.refused(
-            "the float's log does not say when pump or valve ran", field="pump_s",
-            remedy="Say which columns hold their seconds with --column pump_s=NAME; columns of "
-            f"the file: {listed(header)}",
-        )  # fmt: skip
+        remedy = (
+            "Say which columns hold their seconds with --column pump_s=NAME; columns of "
+            f"the file: {listed(header)}"
+        )
+        raise file.refused("the float's log does not say when pump or valve ran", remedy, "pump_s")
     return found
 
 
 def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> FloatLog:
     time, pressure = values["time_s"], values["pressure_Pa"]
     if np.any(np.diff(time) < 0.0):
-        raise file.refused(
-            "the times do not increase", field="time_s",
-            remedy="Give one dive, in order, or choose it with --where COLUMN=VALUE",
-        )  # fmt: skip
+        remedy = "Give one dive, in order, or choose it with --where COLUMN=VALUE"
+        raise file.refused("the times do not increase", remedy, "time_s")
     known = np.isfinite(pressure)
     if known.sum() < 2:
-        raise file.refused(
-            "fewer than two pressures", field="pressure_Pa",
-            remedy="Check the column's name and unit",
-        )  # fmt: skip
+        what = "fewer than two pressures"
+        raise file.refused(what, "Check the column's name and unit", "pressure_Pa")
     if _ABSOLUTE[0] < float(pressure[known].min()) < _ABSOLUTE[1]:
+        what = "the pressure never is that of the surface: it looks absolute"
+        remedy = "Give pressures above the atmosphere, 0 at the surface"
         raise file.refused(
-            "the pressure never is that of the surface: it looks absolute",
-            field="pressure_Pa", value=float(pressure[known].min()), unit="Pa",
-            remedy="Give pressures above the atmosphere, 0 at the surface",
-        )  # fmt: skip
+            what, remedy, "pressure_Pa", value=float(pressure[known].min()), unit="Pa"
+        )
     deepest = float(pressure[known].max())
     if deepest < _SHALLOW:
-        raise file.refused(
+        what = (
             f"the greatest pressure is {deepest:.4g} Pa, that of {deepest / 1e4:.2g} m of water: "
-            "it is likely in kPa, dbar or bar", field="pressure_Pa",
-            remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
-        )  # fmt: skip
+            "it is likely in kPa, dbar or bar"
+        )
+        raise file.refused(what, 'State its unit: --column "pressure_Pa=NAME@dbar"', "pressure_Pa")
     _check_seconds(values, float(time[-1] - time[0]), file)
     _refuse_dives(time[known], pressure[known] > _UNDER, pressure[known] < _UP, file)
     actions = [
@@ -138,11 +134,12 @@ def _refuse_dives(
     turns = np.flatnonzero(np.diff(state[kept]) > 0)  # from the surface down
     again = [kept[k + 1] for k in turns if under[: kept[k]].any()]
     if again:
-        raise file.refused(
+        what = (
             f"the log holds {len(again) + 1} dives: after {time[again[0]] - time[0]:.6g} s the "
-            "float dives again", field="log",
-            remedy="Give a file for each dive, or choose the rows of one with --where COLUMN=VALUE",
-        )  # fmt: skip
+            "float dives again"
+        )
+        remedy = "Give a file for each dive, or choose the rows of one with --where COLUMN=VALUE"
+        raise file.refused(what, remedy, "log")
 
 
 def _check_seconds(values: Mapping[str, NDArray[np.float64]], lasts: float, file: LogFile) -> None:
@@ -150,7 +147,5 @@ def _check_seconds(values: Mapping[str, NDArray[np.float64]], lasts: float, file
     for name in (f"{device}_s" for device in DEVICES):
         ran = float(np.nansum(values.get(name, np.zeros(1))))
         if ran > lasts:
-            raise file.refused(
-                f"{ran:.4g} s of runs in a log of {lasts:.4g} s", field=name,
-                remedy=f'They are likely milliseconds: --column "{name}=NAME@ms"',
-            )  # fmt: skip
+            remedy = f'They are likely milliseconds: --column "{name}=NAME@ms"'
+            raise file.refused(f"{ran:.4g} s of runs in a log of {lasts:.4g} s", remedy, name)

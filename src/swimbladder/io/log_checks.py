@@ -37,13 +37,10 @@ def in_order(table: Table, file: LogFile, several: str) -> Table:
         table = table.only(np.argsort(time, kind="stable"))
     elif len(back):
         at = int(back[0]) + 1
+        what = f"time goes back, {counted(len(back), 'time')} in the log"
+        remedy = f'If the file is in disorder, {several}or set rows = "sort" in its [log] table'
         raise file.refused(
-            f"time goes back, {counted(len(back), 'time')} in the log",
-            line=table.line[at],
-            field="time_s",
-            value=float(time[at]),
-            unit="s",
-            remedy=f'If the file is in disorder, {several}or set rows = "sort" in its [log] table',
+            what, remedy, "time_s", line=table.line[at], value=float(time[at]), unit="s"
         )
     again = np.append(False, np.diff(table.values["time_s"]) <= 0.0)
     if not again.any():

@@ -200,17 +200,11 @@ class LogFormat(Parameters):
         """Refuse fields that do not go together."""
         for name in ("header_starts", "units_row", "skip_rows", "fields", "part"):
             if self.names is not None and getattr(self, name):
-                raise refusal(
-                    f"{name} is for a file with a header, and names for one without",
-                    "Leave one of the two out",
-                    name,
-                )
+                what = f"{name} is for a file with a header, and names for one without"
+                raise refusal(what, "Leave one of the two out", name)
         if self.logger_density is not None and self.water_density is None:
-            raise refusal(
-                "the density of the water itself is missing",
-                'Add a line water_density = "998 kg/m3", or that of your water',
-                "logger_density",
-            )
+            remedy = 'Add a line water_density = "998 kg/m3", or that of your water'
+            raise refusal("the density of the water itself is missing", remedy, "logger_density")
 
 
 class _LogFile(Parameters):
@@ -237,13 +231,12 @@ def log_format(name_or_path: str | Path) -> LogFormat:
     path = Path(name_or_path)
     named = isinstance(name_or_path, Path) or path.suffix == ".toml" or len(path.parts) != 1
     if not named and not path.is_file():
-        raise InputError(
-            "there is no log format of that name, and no such file",
-            field="--log-format",
-            value=text,
-            remedy=f"{did_you_mean(text, FORMATS.names())}Log formats: "
-            f"{', '.join(FORMATS.names())}; or give the path of a TOML file with a [log] table",
+        what = "there is no log format of that name, and no such file"
+        remedy = (
+            f"{did_you_mean(text, FORMATS.names())}Log formats: "
+            f"{', '.join(FORMATS.names())}; or give the path of a TOML file with a [log] table"
         )
+        raise InputError(what, field="--log-format", value=text, remedy=remedy)
     return read_model(_LogFile, file_text(path), path, versioned=False).log
 
 

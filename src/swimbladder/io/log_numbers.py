@@ -71,9 +71,9 @@ def text_seconds(
     if len(zones) == 2:
         raise file.refused(
             "some times have a zone and others have none",
-            field=column.name,
+            "Give all of them a zone, or none",
+            column.name,
             value=texts[zones[max(zones, key=lambda zoned: zones[zoned])]].strip(),
-            remedy="Give all of them a zone, or none",
         )
     if column.unit == "clock" or (dates is None and _dateless(column.unit or "")):
         values = _unwound(values, _DAY)[0]
@@ -91,20 +91,13 @@ def counter_seconds(
     form, tick = file.form, None
     if _unit(column) == "tick":
         if form.tick is None:
-            raise file.refused(
-                "the length of a tick is missing",
-                field="tick",
-                remedy='Add tick = "30.5 us", or tick = "32768 Hz", to the [log] table',
-            )
+            remedy = 'Add tick = "30.5 us", or tick = "32768 Hz", to the [log] table'
+            raise file.refused("the length of a tick is missing", remedy, "tick")
         tick = form.tick
     elif form.tick is not None:
-        raise file.refused(
-            "the length of a tick has no use: the unit of the time is not tick",
-            field="tick",
-            value=form.tick,
-            unit="s",
-            remedy='Map the time with unit = "tick", or leave tick out',
-        )
+        what = "the length of a tick has no use: the unit of the time is not tick"
+        remedy = 'Map the time with unit = "tick", or leave tick out'
+        raise file.refused(what, remedy, "tick", value=form.tick, unit="s")
     if form.counter_bits is None:
         if form.rows == "ordered":
             _refuse_unsaid_turn(values, column, line, file)
@@ -114,13 +107,9 @@ def counter_seconds(
     wrong = known & ~((values >= 0.0) & (values < period) & (values == np.floor(values)))
     if wrong.any():
         at = int(np.flatnonzero(wrong)[0])
-        raise file.refused(
-            f"a counter of {form.counter_bits} bits does not hold this",
-            line=line[at],
-            field=column.name,
-            value=float(values[at]),
-            remedy="Check counter_bits in the [log] table",
-        )
+        what = f"a counter of {form.counter_bits} bits does not hold this"
+        remedy = "Check counter_bits in the [log] table"
+        raise file.refused(what, remedy, column.name, line=line[at], value=float(values[at]))
     values, turns = _unwound(values, period)
     if len(turns):
         times = counted(len(turns), "time")
@@ -142,12 +131,10 @@ def _refuse_unsaid_turn(
     before, after = values[known[falls[0]]], values[known[falls[0] + 1]]
     for bits in _COUNTERS:
         if 0.9 * 2.0**bits <= before < 2.0**bits and 0.0 <= after < 0.1 * 2.0**bits:
+            what = f"time goes back from {before:.17g}, as a counter of {bits} bits does"
+            remedy = f"If it is one, set counter_bits = {bits} in a [log] table"
             raise file.refused(
-                f"time goes back from {before:.17g}, as a counter of {bits} bits does",
-                line=line[known[falls[0] + 1]],
-                field=column.name,
-                value=float(after),
-                remedy=f"If it is one, set counter_bits = {bits} in a [log] table",
+                what, remedy, column.name, line=line[known[falls[0] + 1]], value=float(after)
             )
 
 
@@ -202,12 +189,8 @@ def _instant(column: LogColumn, file: LogFile) -> Instant:
         what = "not a pattern of a time"
         if dated:
             what = "a pattern with a date needs the year"
-        raise file.refused(
-            what,
-            field="time_s",
-            value=unit,
-            remedy=f"Known are %{', %'.join(sorted(_DIRECTIVES))}; for example {_PATTERN}",
-        )
+        remedy = f"Known are %{', %'.join(sorted(_DIRECTIVES))}; for example {_PATTERN}"
+        raise file.refused(what, remedy, "time_s", value=unit)
     return lambda text: _stamp(datetime.strptime(text, unit))
 
 
@@ -243,12 +226,9 @@ class RowTest:
 
     def __init__(self, file: LogFile, header: list[str], name: str, value: str | float) -> None:
         if header.count(name) != 1:
-            raise file.refused(
-                "no such column to choose rows by" if name not in header else "two such columns",
-                field="where",
-                value=name,
-                remedy=f"Columns of the file: {', '.join(header[:30])}",
-            )
+            what = "no such column to choose rows by" if name not in header else "two such columns"
+            remedy = f"Columns of the file: {', '.join(header[:30])}"
+            raise file.refused(what, remedy, "where", value=name)
         self.name, self._text = name, str(value).strip()
         self._comma = file.form.decimal == ","
         try:
@@ -277,11 +257,10 @@ def none_chosen(
     """Return the error for a log of which no row is left, with what the column holds."""
     found = list(dict.fromkeys(text.strip() for text in column_texts(columns[next(iter(where))])))
     choices = ", ".join(text[:40] for text in found[:40]) + (", ..." if len(found) > 40 else "")
+    what = f"none of {total} rows is chosen"
+    remedy = f"Choose one of: {choices}"
     return file.refused(
-        f"none of {total} rows is chosen",
-        field="where",
-        value=", ".join(f"{name}={value}" for name, value in where.items()),
-        remedy=f"Choose one of: {choices}",
+        what, remedy, "where", value=", ".join(f"{name}={value}" for name, value in where.items())
     )
 
 
@@ -377,11 +356,8 @@ class ColumnReader:
         """Return times that are text, in seconds from the first."""
         for option in ("tick", "counter_bits"):
             if getattr(self.form, option) is not None:
-                raise self.file.refused(
-                    f"{option} has no use: the time is no number but {column.unit}",
-                    field=option,
-                    remedy=f"Leave {option} out",
-                )
+                what = f"{option} has no use: the time is no number but {column.unit}"
+                raise self.file.refused(what, f"Leave {option} out", option)
         texts = column_texts(self.columns[column.name])
         dates = None if column.date is None else column_texts(self.columns[column.date])
         values, bad = text_seconds(texts, dates, column, self._missing, self.file)
@@ -399,12 +375,9 @@ class ColumnReader:
     def _numbers(self, name: str, column: LogColumn) -> Array:
         """Return the numbers of a column as they are written."""
         if column.date is not None:
-            raise self.file.refused(
-                "a column with the date goes with a time of the day",
-                field=name,
-                value=column.date,
-                remedy='Map it with unit = "iso", or with a pattern',
-            )
+            what = "a column with the date goes with a time of the day"
+            remedy = 'Map it with unit = "iso", or with a pattern'
+            raise self.file.refused(what, remedy, name, value=column.date)
         given = self.columns[column.name]
         if not isinstance(given, list):
             absent = [float(text) for text in self.form.missing if _is_number(text)]
@@ -434,11 +407,7 @@ class ColumnReader:
             if name == "time_s":
                 remedy += "; for times that are no numbers see iso, clock and patterns"
             raise self.file.refused(
-                error.what,
-                field=name,
-                value=column.unit or column.name,
-                unit=self.units[name],
-                remedy=remedy,
+                error.what, remedy, name, value=column.unit or column.name, unit=self.units[name]
             ) from None
 
     def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> _Bad:

@@ -95,12 +95,8 @@ def _starting(lines: list[str], top: int, starts: str, file: LogFile) -> tuple[i
                 count = counted(len(before), "character")
                 file.report.append(f"{count} before the names on line {at + 1} left out")
             return at, found + after
-    raise file.refused(
-        "no line has this text",
-        field="header_starts",
-        value=starts,
-        remedy="Give how the line with the names of the columns begins",
-    )
+    remedy = "Give how the line with the names of the columns begins"
+    raise file.refused("no line has this text", remedy, "header_starts", value=starts)
 
 
 def _naming(
@@ -132,19 +128,16 @@ def _first(lines: list[str], top: int, file: LogFile) -> tuple[int, str]:
     for at in range(top, len(lines)):
         if lines[at].strip(BLANK) and not lines[at].startswith(file.form.comment):
             return at, lines[at]
-    raise file.refused("the log is empty", field="header", remedy="Give a CSV with a header")
+    raise file.refused("the log is empty", "Give a CSV with a header", "header")
 
 
 def _delimiter(line: str, file: LogFile) -> Delimiter:
     """Return what separates the fields of a header."""
     found = _found_delimiter(line, file.form)
     if found is None:
-        raise file.refused(
-            "a comma cannot separate both fields and decimals",
-            field="decimal",
-            value=",",
-            remedy="Set delimiter in the [log] table to the one of the file",
-        )
+        what = "a comma cannot separate both fields and decimals"
+        remedy = "Set delimiter in the [log] table to the one of the file"
+        raise file.refused(what, remedy, "decimal", value=",")
     return found
 
 
@@ -224,13 +217,9 @@ class Rows:
         self._fields = form.fields or len(self.header)
         self._remarks = self._void = 0
         if self._fields < len(self.header):
-            raise file.refused(
-                f"the header names {len(self.header)} columns, more than there are fields",
-                line=self._next,
-                field="fields",
-                value=form.fields,
-                remedy="Give the number of fields in a row",
-            )
+            what = f"the header names {len(self.header)} columns, more than there are fields"
+            remedy = "Give the number of fields in a row"
+            raise file.refused(what, remedy, "fields", line=self._next, value=form.fields)
         if form.units_row:
             self._read_units()
         for line, _ in islice(self._records(self._next), form.skip_rows):
@@ -255,11 +244,8 @@ class Rows:
     def _read_units(self) -> None:
         line, row = next(self._records(self._next), (0, []))
         if not row:
-            raise self.file.refused(
-                "there is no row of units below the names",
-                field="units_row",
-                remedy="Leave units_row out",
-            )
+            what = "there is no row of units below the names"
+            raise self.file.refused(what, "Leave units_row out", "units_row")
         texts = [field.strip(BLANK).strip("[]() ") for field in row]
         named = zip(self.header, texts, strict=False)
         self.units = {name: text for name, text in named if text not in ("", "-")}
@@ -356,37 +342,28 @@ class Rows:
         if form.part is None:
             return
         if form.part > self.parts:
-            raise self.file.refused(
-                f"the file has {counted(self.parts, 'part')}",
-                field="part",
-                value=form.part,
-                remedy="A part begins where the header stands again",
-            )
+            what = f"the file has {counted(self.parts, 'part')}"
+            remedy = "A part begins where the header stands again"
+            raise self.file.refused(what, remedy, "part", value=form.part)
         self.report.append(f"part {form.part} of {self.parts} chosen")
 
     def _judge(self, whole: int, ragged: list[tuple[int, int]], junk: list[int]) -> None:
         """Report the rows that are damaged; raise LogError where they are more than a tenth."""
         words = f"{counted(len(ragged), 'row')} without the header's {self._fields} fields"
         if len(junk) * 10 > whole:
-            raise self.file.refused(
+            what = (
                 f"{len(junk)} of {whole + len(ragged) + len(junk)} rows have characters that are "
-                "no text",
-                line=junk[0],
-                field="row",
-                remedy="Check that this is a log, and set encoding in a [log] table",
+                "no text"
             )
+            remedy = "Check that this is a log, and set encoding in a [log] table"
+            raise self.file.refused(what, remedy, "row", line=junk[0])
         if len(ragged) * 10 > whole:
             line, fields = ragged[0]
             remedy = "Check the delimiter; decimal commas need another one between fields"
             if fields > self._fields and {count for _, count in ragged} == {fields}:
                 remedy += f"; if the header names too few columns, set fields = {fields}"
-            raise self.file.refused(
-                f"{words}, of {whole + len(ragged)}",
-                line=line,
-                field="row",
-                value=f"{fields} fields",
-                remedy=remedy,
-            )
+            what = f"{words}, of {whole + len(ragged)}"
+            raise self.file.refused(what, remedy, "row", line=line, value=f"{fields} fields")
         if junk:
             self.report.append(
                 f"{counted(len(junk), 'row')} with characters that are no text dropped, the first "
@@ -410,11 +387,8 @@ def is_parquet(data: bytes, file: LogFile) -> bool:
     if data.startswith(b"PAR1") and data.endswith(b"PAR1"):
         return True
     if Path(file.path).suffix == ".parquet":
-        raise file.refused(
-            "this is not Parquet, or not all of it",
-            field="file",
-            remedy="Write the file anew; a CSV has another suffix",
-        )
+        what = "this is not Parquet, or not all of it"
+        raise file.refused(what, "Write the file anew; a CSV has another suffix", "file")
     return False
 
 
@@ -428,20 +402,13 @@ class ParquetRows:
         options that are for texts.
         """
         if importlib.util.find_spec("pyarrow") is None:
-            raise file.refused(
-                "reading Parquet needs the library pyarrow",
-                field="file",
-                remedy='Type pip install "swimbladder[parquet]", or write the log as CSV',
-            )
+            remedy = 'Type pip install "swimbladder[parquet]", or write the log as CSV'
+            raise file.refused("reading Parquet needs the library pyarrow", remedy, "file")
         for name in _TEXT_OPTIONS:
             value = getattr(file.form, name)
             if name in file.form.model_fields_set and value:
-                raise file.refused(
-                    "this option is for texts, and the log is Parquet",
-                    field=name,
-                    value=value,
-                    remedy="Leave it out of the [log] table",
-                )
+                what = "this option is for texts, and the log is Parquet"
+                raise file.refused(what, "Leave it out of the [log] table", name, value=value)
         import pyarrow.parquet
 
         self.file, self._data = file, data
@@ -468,11 +435,8 @@ class ParquetRows:
 
     def _damaged(self, error: Exception) -> LogError:
         # whatever a decoder makes of damaged bytes, it is the bytes that are wrong
-        return self.file.refused(
-            f"this Parquet file cannot be read: {' '.join(str(error).split())[:200]}",
-            field="file",
-            remedy="Write the file anew, or as CSV",
-        )
+        what = f"this Parquet file cannot be read: {' '.join(str(error).split())[:200]}"
+        return self.file.refused(what, "Write the file anew, or as CSV", "file")
 
 
 def _column(series: pd.Series[Any]) -> Column:

@@ -34,11 +34,8 @@ def check_columns(
     """Raise LogError for a name that is no column of such a table."""
     for name in names:
         if name not in known:
-            raise file.refused(
-                f"no such column of {table}",
-                field=name,
-                remedy=f"{did_you_mean(name, known)}Columns: {', '.join(known)}",
-            )
+            remedy = f"{did_you_mean(name, known)}Columns: {', '.join(known)}"
+            raise file.refused(f"no such column of {table}", remedy, name)
 
 
 def wanted_names(mapped: Mapping[str, LogColumn | str], needed: Sequence[str]) -> list[set[str]]:
@@ -84,12 +81,9 @@ def mapped_column(
     for wanted in (column.name, column.date):
         if wanted is not None and header.count(wanted) != 1:
             near = did_you_mean(wanted[:60], [column[:60] for column in header[:200]])
-            raise file.refused(
-                "the header has this column twice" if wanted in header else "no such column",
-                field=name,
-                value=wanted,
-                remedy=f"{near}Columns of the file: {listed(header)}",
-            )
+            what = "the header has this column twice" if wanted in header else "no such column"
+            remedy = f"{near}Columns of the file: {listed(header)}"
+            raise file.refused(what, remedy, name, value=wanted)
     return column
 
 
@@ -115,11 +109,8 @@ def depth_source(names: set[str], mapped: set[str], file: LogFile) -> str | None
     """
     both = {"depth_m", "pressure_Pa"}
     if both <= mapped:
-        raise file.refused(
-            "depth cannot come both from depth_m and from pressure_Pa",
-            field="pressure_Pa",
-            remedy="Map one of the two",
-        )
+        what = "depth cannot come both from depth_m and from pressure_Pa"
+        raise file.refused(what, "Map one of the two", "pressure_Pa")
     if both <= names:
         return "pressure_Pa" if "pressure_Pa" in mapped else "depth_m"
     return next(iter(both & names), None)
@@ -136,12 +127,11 @@ def column_sources(
     for name in needed:
         if name not in sources and not (name == "depth_m" and source):
             or_pressure = ", or a pressure with pressure_Pa=NAME" if name == "depth_m" else ""
-            raise file.refused(
-                f"the log has no column {name}",
-                field=name,
-                remedy=f"Say which one it is with --column {name}=NAME or in a [log] table"
-                f"{or_pressure}; columns of the file: {listed(header)}{_likely(header, sources)}",
+            remedy = (
+                f"Say which one it is with --column {name}=NAME or in a [log] table"
+                f"{or_pressure}; columns of the file: {listed(header)}{_likely(header, sources)}"
             )
+            raise file.refused(f"the log has no column {name}", remedy, name)
     return sources
 
 
@@ -211,11 +201,8 @@ def read_table(
     line, columns = sheet.take({*(column.name for column in sources.values()), *dates, *where})
     report = file.report
     if not len(line):
-        raise file.refused(
-            "the log has a header and no rows",
-            field="rows",
-            remedy="Give a log with a row per sample",
-        )
+        what = "the log has a header and no rows"
+        raise file.refused(what, "Give a log with a row per sample", "rows")
     if tests:
         chosen = np.logical_and.reduce([test.of(columns[test.name]) for test in tests])
         if not chosen.any():
@@ -261,11 +248,9 @@ def _with_unit(
         said = units[name] if column.name == name else own
         if row == said:
             return column
-        raise file.refused(
-            f"the row of units says {row!r}, and the name of the column {said}",
-            field=column.name,
-            remedy=f'State the unit: {name} = {{ name = "{column.name}", unit = "{row}" }}',
-        )
+        what = f"the row of units says {row!r}, and the name of the column {said}"
+        remedy = f'State the unit: {name} = {{ name = "{column.name}", unit = "{row}" }}'
+        raise file.refused(what, remedy, column.name)
     return LogColumn(name=column.name, unit=row, date=column.date)
 
 

@@ -43,9 +43,9 @@ class LogFile:
     def refused(
         self,
         what: str,
-        *,
-        field: str,
         remedy: str,
+        field: str,
+        *,
         line: int | None = None,
         value: object = None,
         unit: str | None = None,
@@ -90,7 +90,7 @@ def text_lines(data: bytes, file: LogFile) -> tuple[list[str], bool]:
     """
     for magic, what, remedy in _OTHERS:
         if data.startswith(magic):
-            raise file.refused(f"not a text but {what}", field="file", remedy=remedy)
+            raise file.refused(f"not a text but {what}", remedy, "file")
     text = _decoded(data, file).replace("\r\n", "\n").replace("\r", "\n")
     if "\0" in text:
         bare = text.replace("\n\0", "\n").replace("\0\n", "\n")
@@ -113,11 +113,9 @@ def _decoded(data: bytes, file: LogFile) -> str:
         text = data.decode(chosen).removeprefix("\ufeff")
     except UnicodeDecodeError as error:
         if chosen != "utf-8" or encoding is not None:
-            raise file.refused(
-                f"not text in {chosen}, at byte {error.start}",
-                field="file",
-                remedy="Set encoding in a [log] table to that of the file, or save it as UTF-8",
-            ) from None
+            what = f"not text in {chosen}, at byte {error.start}"
+            remedy = "Set encoding in a [log] table to that of the file, or save it as UTF-8"
+            raise file.refused(what, remedy, "file") from None
         line = data[: error.start].replace(b"\r\n", b"\n").replace(b"\r", b"\n").count(b"\n") + 1
         text = data.decode("utf-8", "replace")
         damaged = text.count("\ufffd")

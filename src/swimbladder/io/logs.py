@@ -75,29 +75,26 @@ def _from_pressure(data: dict[str, Array], file: LogFile) -> Array:
     known = pressure[np.isfinite(pressure)]
     first = float(known[0]) if len(known) else 0.0
     if form.water_density is None:
-        raise file.refused(
-            "the density that turns pressure_Pa into depth is missing",
-            field="water_density",
-            remedy='Add a line water_density = "998 kg/m3" (or sea water, "1025 kg/m3") to the '
-            "[log] table",
+        what = "the density that turns pressure_Pa into depth is missing"
+        remedy = (
+            'Add a line water_density = "998 kg/m3" (or sea water, "1025 kg/m3") to the [log] table'
         )
+        raise file.refused(what, remedy, "water_density")
     if form.atmospheric_pressure is None:
         looks = "absolute" if first > 7e4 else "gauge"
-        raise file.refused(
+        what = (
             f"what pressure_Pa reads at the surface is not said; its first reading, {first:.6g} "
-            f"Pa, looks {looks}",
-            field="atmospheric_pressure",
-            remedy='Add atmospheric_pressure = "gauge", "1013 mbar" (what the sensor reads there) '
-            'or "first" (its first reading is at the surface) to the [log] table',
+            f"Pa, looks {looks}"
         )
+        remedy = (
+            'Add atmospheric_pressure = "gauge", "1013 mbar" (what the sensor reads there) '
+            'or "first" (its first reading is at the surface) to the [log] table'
+        )
+        raise file.refused(what, remedy, "atmospheric_pressure")
     for name in ("logger_density", "depth_positive"):
         if name in form.model_fields_set and getattr(form, name) not in (None, "down"):
-            raise file.refused(
-                f"{name} has no use: the depth comes from pressure_Pa",
-                field=name,
-                value=getattr(form, name),
-                remedy=f"Leave {name} out",
-            )
+            what = f"{name} has no use: the depth comes from pressure_Pa"
+            raise file.refused(what, f"Leave {name} out", name, value=getattr(form, name))
     surface, how = _surface_pressure(form.atmospheric_pressure, pressure, data["time_s"])
     file.report.append(
         f"depth_m from pressure_Pa, less {surface:.6g} Pa at the surface ({how}), over "
@@ -129,12 +126,9 @@ def _refuse_unused(file: LogFile) -> None:
         names.append("water_density")
     unused = [n for n in names if n in form.model_fields_set and getattr(form, n) is not None]
     if unused:
-        raise file.refused(
-            f"{unused[0]} has no use: depth_m is read as a depth",
-            field=unused[0],
-            value=getattr(form, unused[0]),
-            remedy=f"Map pressure_Pa, or leave {unused[0]} out",
-        )
+        what = f"{unused[0]} has no use: depth_m is read as a depth"
+        remedy = f"Map pressure_Pa, or leave {unused[0]} out"
+        raise file.refused(what, remedy, unused[0], value=getattr(form, unused[0]))
 
 
 REQUIRED = ("time_s", "depth_m")
@@ -244,11 +238,8 @@ def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Seque
     data, line = table.values, table.line
     if len(line) < 2:
         dropped = "".join(f"; {note}" for note in report if "dropped" in note)
-        raise file.refused(
-            f"{counted(len(line), 'usable sample')} of {read} are too few{dropped}",
-            field="rows",
-            remedy="Give a log with a row per sample, each with its time",
-        )
+        what = f"{counted(len(line), 'usable sample')} of {read} are too few{dropped}"
+        raise file.refused(what, "Give a log with a row per sample, each with its time", "rows")
     for name in list(data):
         if not np.isfinite(data[name]).any():
             report.append(f"{name} holds no number and is ignored")
@@ -289,11 +280,10 @@ def _complete(table: Table, source: str | None, needed: Sequence[str], file: Log
     file.report.append(f"{gone} of {len(keep)} rows without {' or '.join(words)} dropped")
     if gone > len(keep) / 2:
         holes = {name: int((~np.isfinite(values)).sum()) for name, values in found.items()}
+        what = f"{gone} of {len(keep)} rows have no {' or no '.join(words)}"
+        remedy = "Check that the right columns are mapped"
         raise file.refused(
-            f"{gone} of {len(keep)} rows have no {' or no '.join(words)}",
-            line=table.line[~keep][0],
-            field=max(holes, key=lambda name: holes[name]),
-            remedy="Check that the right columns are mapped",
+            what, remedy, max(holes, key=lambda name: holes[name]), line=table.line[~keep][0]
         )
     return table.only(keep)
 

@@ -81,24 +81,20 @@ class Phase(Parameters):
             if given and not wanted:
                 raise refusal(f"a phase {self.kind!r} has none", "Leave the line out", name)
         if self.kind == "park" and self.timeout is not None:
-            raise refusal(
-                "a phase 'park' has none: it lasts for its duration, the way there included",
+            what = "a phase 'park' has none: it lasts for its duration, the way there included"
+            remedy = (
                 'Leave the line out, lengthen the duration, or write kind = "hold", which lasts '
-                "from its arrival",
-                "timeout",
+                "from its arrival"
             )
+            raise refusal(what, remedy, "timeout")
         if self.rest_band is not None and self.kind not in ("park", "hold"):
             raise refusal(f"a phase {self.kind!r} has none", "Leave the line out", "rest_band")
         if self.rest_band is not None and self.rest_band > (self.tolerance or math.inf):
-            raise refusal(
-                f"it is wider than the tolerance of {self.tolerance:g} m",
-                "Give less than the tolerance", "rest_band",
-            )  # fmt: skip
+            what = f"it is wider than the tolerance of {self.tolerance:g} m"
+            raise refusal(what, "Give less than the tolerance", "rest_band")
         if self.depth is not None and (self.tolerance or 0.0) >= self.depth:
-            raise refusal(
-                f"it reaches the surface from {self.depth:g} m",
-                "Give less than the phase's depth", "tolerance",
-            )  # fmt: skip
+            what = f"it reaches the surface from {self.depth:g} m"
+            raise refusal(what, "Give less than the phase's depth", "tolerance")
 
 
 class Safety(Parameters):
@@ -154,10 +150,9 @@ class Mission(Parameters):
     def pairs(self) -> list[tuple[float, float]]:
         """The set-points as (time [s], depth [m]); raises InputError where it has phases."""
         if not self.setpoints:
-            raise InputError(
-                "the mission has phases, and this takes set-points", field="phases",
-                remedy="Fly it with `swimbladder mission`, or write [[setpoints]]",
-            )  # fmt: skip
+            what = "the mission has phases, and this takes set-points"
+            remedy = "Fly it with `swimbladder mission`, or write [[setpoints]]"
+            raise InputError(what, field="phases", remedy=remedy)
         return [(point.time, point.depth) for point in self.setpoints]
 
     @property
@@ -178,8 +173,10 @@ class Mission(Parameters):
         """Refuse fields that do not go together."""
         if bool(self.setpoints) == bool(self.phases):
             raise refusal(
-                "a mission has either set-points or phases, "
-                + ("and this one has both" if self.phases else "and this one has neither"),
+                (
+                    "a mission has either set-points or phases, "
+                    + ("and this one has both" if self.phases else "and this one has neither")
+                ),
                 "Write [[setpoints]] for `simulate`, or [[phases]] for `mission`",
                 "setpoints" if self.phases or "setpoints" in self.model_fields_set else "phases",
             )
@@ -189,9 +186,8 @@ class Mission(Parameters):
         for name in ("start_depth", "duration"):
             if name not in self.model_fields_set or getattr(self, name) is None:
                 unit = "m" if name == "start_depth" else "s"
-                raise refusal(
-                    "a mission with set-points needs it", f'Add a line {name} = "... {unit}"', name
-                )
+                what = "a mission with set-points needs it"
+                raise refusal(what, f'Add a line {name} = "... {unit}"', name)
         for name in ("cycles", "latitude", "safety", "start_temperature", "water_motion"):
             if name in self.model_fields_set:
                 raise refusal("it belongs to a mission with phases", "Leave it out", name)
@@ -199,14 +195,11 @@ class Mission(Parameters):
 
     def _check_phases(self) -> None:
         if self.start_depth < 0.0:
-            raise refusal(
-                "the depth is above the surface", "Depths are positive downwards", "start_depth"
-            )
+            what = "the depth is above the surface"
+            raise refusal(what, "Depths are positive downwards", "start_depth")
         if len(self.phases) > _MOST_PHASES:
-            raise refusal(
-                f"there are {len(self.phases)} phases, and more than {_MOST_PHASES} are not kept",
-                "Repeat a shorter list by `cycles`", "phases",
-            )  # fmt: skip
+            what = f"there are {len(self.phases)} phases, and more than {_MOST_PHASES} are not kept"
+            raise refusal(what, "Repeat a shorter list by `cycles`", "phases")
         depths: dict[tuple[str | int, ...], float | None] = {("start_depth",): self.start_depth}
         depths |= {("phases", k, "depth"): phase.depth for k, phase in enumerate(self.phases)}
         for place, depth in depths.items():
@@ -219,27 +212,14 @@ class Mission(Parameters):
     def _check_order(self) -> None:
         times = [point.time for point in self.setpoints]
         if times[0] != 0.0:
-            raise refusal(
-                f"the first set-point is at {times[0]:g} s, so nothing is asked for before it",
-                "Give the first set-point the time 0",
-                "setpoints",
-                0,
-                "time",
-            )
+            what = f"the first set-point is at {times[0]:g} s, so nothing is asked for before it"
+            raise refusal(what, "Give the first set-point the time 0", "setpoints", 0, "time")
         for index, (before, after) in enumerate(pairwise(times), start=1):
             if after <= before:
-                raise refusal(
-                    f"the set-point at {after:g} s comes after the one at {before:g} s",
-                    "Sort the set-points by time, each time once",
-                    "setpoints",
-                    index,
-                    "time",
-                )
+                what = f"the set-point at {after:g} s comes after the one at {before:g} s"
+                remedy = "Sort the set-points by time, each time once"
+                raise refusal(what, remedy, "setpoints", index, "time")
         if times[-1] >= self.span:
-            raise refusal(
-                f"the set-point at {times[-1]:g} s is not before the end at {self.span:g} s",
-                "Lengthen the duration or leave the set-point out",
-                "setpoints",
-                len(times) - 1,
-                "time",
-            )
+            what = f"the set-point at {times[-1]:g} s is not before the end at {self.span:g} s"
+            remedy = "Lengthen the duration or leave the set-point out"
+            raise refusal(what, remedy, "setpoints", len(times) - 1, "time")

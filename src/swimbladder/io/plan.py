@@ -40,11 +40,9 @@ class Move(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if (self.depth is None) != (self.going is None):
-            raise refusal(
-                "depth and going belong together",
-                'Give both, as in depth = "2.2 m" and going = "up"; or none, for the release',
-                "depth" if self.depth is None else "going",
-            )
+            what = "depth and going belong together"
+            remedy = 'Give both, as in depth = "2.2 m" and going = "up"; or none, for the release'
+            raise refusal(what, remedy, "depth" if self.depth is None else "going")
 
 
 class Trace(Parameters):
@@ -83,13 +81,9 @@ class PlannedExperiment(Parameters):
         """Refuse fields that do not go together."""
         for k, move in enumerate(self.moves):
             if (move.depth is None) != (k == 0):
-                raise refusal(
-                    "the first move is the release and has no depth, every other one has a depth",
-                    "Give depth and going to all moves but the first",
-                    "moves",
-                    k,
-                    "depth",
-                )
+                what = "the first move is the release and has no depth, every other one has a depth"
+                remedy = "Give depth and going to all moves but the first"
+                raise refusal(what, remedy, "moves", k, "depth")
 
 
 class Expected(Parameters):
@@ -138,25 +132,22 @@ class Plan(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if not 0.0 <= self.shallowest < self.deepest <= self.pool_depth:
-            raise refusal(
+            what = (
                 f"a range from {self.shallowest:g} to {self.deepest:g} m is not inside a pool of "
-                f"{self.pool_depth:g} m",
-                "Give the shallowest above the deepest, both between surface and bottom",
-                "shallowest",
+                f"{self.pool_depth:g} m"
             )
+            remedy = "Give the shallowest above the deepest, both between surface and bottom"
+            raise refusal(what, remedy, "shallowest")
         for k, one in enumerate(self.experiments):
             depths: dict[tuple[str | int, ...], float | None] = {("start_depth",): one.start_depth}
             depths |= {("moves", i, "depth"): move.depth for i, move in enumerate(one.moves)}
             for at, depth in depths.items():
                 if depth is not None and not self.shallowest <= depth <= self.deepest:
-                    raise refusal(
+                    what = (
                         f"{depth:g} m is outside the plan's range of {self.shallowest:g} to "
-                        f"{self.deepest:g} m",
-                        "Give a depth inside it",
-                        "experiments",
-                        k,
-                        *at,
+                        f"{self.deepest:g} m"
                     )
+                    raise refusal(what, "Give a depth inside it", "experiments", k, *at)
 
     @property
     def time(self) -> float:

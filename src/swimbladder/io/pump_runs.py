@@ -94,11 +94,11 @@ def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dic
     for name in needed:
         if name not in sources:
             or_both = ", or power_W" if name in ("voltage_V", "current_A") else ""
-            raise file.refused(
-                f"the table has no column {name}{or_both}", field=name,
-                remedy=f'Say which one it is with --column "{name}=NAME@UNIT"; columns of the '
-                f"file: {listed(header)}",
-            )  # fmt: skip
+            remedy = (
+                f'Say which one it is with --column "{name}=NAME@UNIT"; columns of the '
+                f"file: {listed(header)}"
+            )
+            raise file.refused(f"the table has no column {name}{or_both}", remedy, name)
     return sources
 
 
@@ -119,18 +119,24 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], file: LogFile) 
             below = name == "duration_s" and v[bad[0]] < 0.0
             raise file.refused(
                 "a run lasts no less than 0 s" if below else "no run of a pump has this",
-                line=line[bad[0]], field=name, value=float(v[bad[0]]), unit=unit,
-                remedy="Mend the row, or leave the cell empty: a run that is not known is left out"
-                if below else f'State its unit: --column "{remedy}"',
-            )  # fmt: skip
+                (
+                    "Mend the row, or leave the cell empty: a run that is not known is left out"
+                    if below
+                    else f'State its unit: --column "{remedy}"'
+                ),
+                name,
+                line=line[bad[0]],
+                value=float(v[bad[0]]),
+                unit=unit,
+            )
     pressure = values["pressure_Pa"]
     known = pressure[np.isfinite(pressure)]
     if known.size and float(np.max(known)) < 2.5e4:
-        raise file.refused(
+        what = (
             f"the greatest pressure is {float(np.max(known)):.4g} Pa, that of 2.5 m of water at "
-            "most: it is likely in dbar or bar", field="pressure_Pa",
-            remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
-        )  # fmt: skip
+            "most: it is likely in dbar or bar"
+        )
+        raise file.refused(what, 'State its unit: --column "pressure_Pa=NAME@dbar"', "pressure_Pa")
 
 
 def _check_power(power: Array, field: str, file: LogFile) -> None:
@@ -140,10 +146,14 @@ def _check_power(power: Array, field: str, file: LogFile) -> None:
     if 0.0 < middle < _MOST:
         return
     small = "mW" if field == "power_W" else "mA"
-    raise file.refused(
-        f"half of the runs take less than {middle:.4g} W" if middle <= 0.0
-        else f"half of the runs take more than {middle:.4g} W",
-        field=field,
-        remedy="Give what is drawn as positive numbers" if middle <= 0.0
-        else f'State its unit: --column "{field}=NAME@{small}"',
-    )  # fmt: skip
+    what = (
+        f"half of the runs take less than {middle:.4g} W"
+        if middle <= 0.0
+        else f"half of the runs take more than {middle:.4g} W"
+    )
+    remedy = (
+        "Give what is drawn as positive numbers"
+        if middle <= 0.0
+        else f'State its unit: --column "{field}=NAME@{small}"'
+    )
+    raise file.refused(what, remedy, field)

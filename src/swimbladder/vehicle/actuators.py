@@ -210,11 +210,8 @@ class UnifiedActuator(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if self.back_efficiency is not None and self.efficiency is None:
-            raise refusal(
-                "what turns the motor back cannot be told without the efficiency of the drive",
-                "Give both, or neither",
-                "back_efficiency",
-            )
+            what = "what turns the motor back cannot be told without the efficiency of the drive"
+            raise refusal(what, "Give both, or neither", "back_efficiency")
 
 
 class IdentifiedActuator(Parameters):

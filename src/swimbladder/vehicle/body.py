@@ -54,17 +54,15 @@ class Stroke(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if self.minimum >= self.maximum:
-            raise refusal(
+            what = (
                 f"the minimum, {self.minimum * 1e6:g} cm3, is not below the maximum, "
-                f"{self.maximum * 1e6:g} cm3",
-                "Volumes are counted from mid-stroke: the minimum is usually negative",
-                "minimum",
+                f"{self.maximum * 1e6:g} cm3"
             )
+            remedy = "Volumes are counted from mid-stroke: the minimum is usually negative"
+            raise refusal(what, remedy, "minimum")
         if self.lowest >= self.highest:
-            raise refusal(
-                "the switches leave no stroke between them",
-                "Give the volume between a switch and its end stop", "switch_margin",
-            )  # fmt: skip
+            remedy = "Give the volume between a switch and its end stop"
+            raise refusal("the switches leave no stroke between them", remedy, "switch_margin")
 
 
 class HullPart(Parameters):
@@ -113,24 +111,21 @@ class Hull(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if self.trapped_air >= self.displaced_volume:
-            raise refusal(
-                f"it is not less than the displaced volume, {self.displaced_volume * 1e6:g} cm3",
-                "Give the air that is caught outside the pressure hull",
-                "trapped_air",
-            )
+            what = f"it is not less than the displaced volume, {self.displaced_volume * 1e6:g} cm3"
+            remedy = "Give the air that is caught outside the pressure hull"
+            raise refusal(what, remedy, "trapped_air")
         names = [part.name for part in self.parts]
         if twice := [n for k, n in enumerate(names) if n in names[:k]]:
-            raise refusal(
-                f"two parts have the name {twice[0]!r}", "Give each a name of its own", "parts"
-            )
+            what = f"two parts have the name {twice[0]!r}"
+            raise refusal(what, "Give each a name of its own", "parts")
         total = sum(part.volume for part in self.parts) + self.trapped_air
         if self.parts and abs(total - self.displaced_volume) > _ROUNDING * self.displaced_volume:
-            raise refusal(
+            what = (
                 f"the parts displace {total * 1e6:.8g} cm3, trapped air included, and not the "
-                f"displaced volume of {self.displaced_volume * 1e6:.8g} cm3",
-                "List every part that displaces water, or correct displaced_volume",
-                "parts",
+                f"displaced volume of {self.displaced_volume * 1e6:.8g} cm3"
             )
+            remedy = "List every part that displaces water, or correct displaced_volume"
+            raise refusal(what, remedy, "parts")
 
 
 class Drag(Parameters):
@@ -166,11 +161,8 @@ class Drag(Parameters):
             if name in needs and getattr(self, name) <= 0.0:
                 raise refusal(f"the drag law {self.law!r} needs it above 0", f"Add {name}", name)
             if name not in needs and getattr(self, name) != 0.0:
-                raise refusal(
-                    f"the drag law {self.law!r} does not use it",
-                    "Leave it out, or choose another law",
-                    name,
-                )
+                what = f"the drag law {self.law!r} does not use it"
+                raise refusal(what, "Leave it out, or choose another law", name)
 
 
 class PhysicalMotion(Parameters):

@@ -100,11 +100,8 @@ class PumpAndValve(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if self.longest_run is not None and self.longest_run < self.quantum:
-            raise refusal(
-                f"the longest run is below the quantum, {self.quantum:g} s",
-                "Check both times",
-                "longest_run",
-            )
+            what = f"the longest run is below the quantum, {self.quantum:g} s"
+            raise refusal(what, "Check both times", "longest_run")
         if self.line is not None:
             least = self.line.trapped_air * _ATMOSPHERE
             if self.internal_pressure <= max(least, _VACUUM):
@@ -115,8 +112,6 @@ class PumpAndValve(Parameters):
                 )
         pump = self.pump
         if isinstance(pump, DatasheetPump) and self.leakage > pump.drive.pump_leakage > 0.0:
-            raise refusal(
-                "more seeps in at rest than the pump lets through while it runs",
-                "Check the leakage against actuator.pump.drive.pump_leakage",
-                "leakage",
-            )
+            what = "more seeps in at rest than the pump lets through while it runs"
+            remedy = "Check the leakage against actuator.pump.drive.pump_leakage"
+            raise refusal(what, remedy, "leakage")

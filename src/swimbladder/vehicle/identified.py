@@ -64,17 +64,11 @@ class Identified(Parameters):
         if len(set(self.names)) < count:
             raise refusal("a name stands here twice", "Name each once", "names")
         if len(self.values) != count:
-            raise refusal(
-                f"there are {len(self.values)} values for {count} names",
-                "Give one value for each name",
-                "values",
-            )
+            what = f"there are {len(self.values)} values for {count} names"
+            raise refusal(what, "Give one value for each name", "values")
         if [len(row) for row in self.covariance] != [count] * count:
-            raise refusal(
-                f"the covariance of {count} values has {count} rows of {count}",
-                "Give a list of rows",
-                "covariance",
-            )
+            what = f"the covariance of {count} values has {count} rows of {count}"
+            raise refusal(what, "Give a list of rows", "covariance")
         self._check_covariance()
 
     def _check_covariance(self) -> None:
@@ -85,9 +79,9 @@ class Identified(Parameters):
                 largest = (max(variance[i], 0.0) * max(variance[j], 0.0)) ** 0.5
                 alike = abs(value - self.covariance[j][i]) <= 1e-6 * largest
                 if variance[i] < 0.0 or not alike or abs(value) > largest * (1.0 + 1e-6):
-                    raise refusal(
-                        f"no covariance: look at {self.names[i]} and {self.names[j]}",
+                    what = f"no covariance: look at {self.names[i]} and {self.names[j]}"
+                    remedy = (
                         "A covariance is symmetric, with variances of 0 or more on its diagonal "
-                        "and correlations between -1 and 1",
-                        "covariance",
+                        "and correlations between -1 and 1"
                     )
+                    raise refusal(what, remedy, "covariance")

@@ -50,10 +50,8 @@ class Unit:
     def _parse(self, value: object) -> float:
         number = quantity_in(value, self.text)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
-            raise refusal(
-                f"{number:.3g} {self.text}".rstrip() + " is beyond any vehicle",
-                f"Check the unit; sizes from {SMALLEST:g} to {LARGEST:g}, and 0, are taken",
-            )
+            remedy = f"Check the unit; sizes from {SMALLEST:g} to {LARGEST:g}, and 0, are taken"
+            raise refusal(f"{number:.3g} {self.text}".rstrip() + " is beyond any vehicle", remedy)
         return number
 
 

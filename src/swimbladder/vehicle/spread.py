@@ -57,15 +57,11 @@ class Spread(Parameters):
         pairs = [frozenset(one.of) for one in self.correlation]
         for pair in pairs:
             if len(pair) < 2 or pairs.count(pair) > 1:
-                raise refusal(
-                    "not two inputs, or a pair that stands here twice",
-                    "Name each pair of two inputs once", "correlation",
-                )  # fmt: skip
+                what = "not two inputs, or a pair that stands here twice"
+                raise refusal(what, "Name each pair of two inputs once", "correlation")
         if np.linalg.eigvalsh(self.matrix)[0] < -1e-9:
-            raise refusal(
-                "these correlations contradict each other: their matrix is not positive",
-                "Make them smaller", "correlation",
-            )  # fmt: skip
+            what = "these correlations contradict each other: their matrix is not positive"
+            raise refusal(what, "Make them smaller", "correlation")
 
     @property
     def matrix(self) -> Array:
@@ -96,11 +92,12 @@ class Spread(Parameters):
         """
         known = vehicle.identified
         if known is None:
-            raise InputError(
-                f"nothing was identified of {vehicle.name!r}", field="identified",
-                remedy="Give it an [identified] table, which `swimbladder identify` writes, or "
-                "state the spread",
-            )  # fmt: skip
+            what = f"nothing was identified of {vehicle.name!r}"
+            remedy = (
+                "Give it an [identified] table, which `swimbladder identify` writes, or "
+                "state the spread"
+            )
+            raise InputError(what, field="identified", remedy=remedy)
         names = list(known.names)
         scale = [v if n != "psi" else 1.0 for n, v in zip(names, known.values, strict=True)]
         jacobian = np.zeros((len(INPUTS), len(names)))

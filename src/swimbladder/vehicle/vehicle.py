@@ -208,43 +208,31 @@ class Vehicle(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if self.voltage_driven and self.supply is None:
-            raise refusal(
-                "a voltage-driven actuator needs a supply",
-                "Add a table [supply] with the battery's voltage",
-                "supply",
-            )
+            what = "a voltage-driven actuator needs a supply"
+            raise refusal(what, "Add a table [supply] with the battery's voltage", "supply")
         if isinstance(self.actuator, PumpAndValve) and self.stroke.switch_margin:
-            raise refusal(
-                "a pump and a valve have no limit switches before the ends of their stroke here",
-                "Leave it out; the pump stops at the end of its stroke", "stroke.switch_margin",
-            )  # fmt: skip
+            what = "a pump and a valve have no limit switches before the ends of their stroke here"
+            remedy = "Leave it out; the pump stops at the end of its stroke"
+            raise refusal(what, remedy, "stroke.switch_margin")
         self._electricity_fits()
         neutral = self.neutral_volume(max(self.hull.emergence_depth, 0.0))
         if not self.stroke.minimum < neutral < self.stroke.maximum:
-            raise refusal(
+            what = (
                 f"the neutral volume at the surface, {neutral * 1e6:g} cm3, is outside the stroke "
                 f"of {self.stroke.minimum * 1e6:g} to {self.stroke.maximum * 1e6:g} cm3: the "
-                "vehicle can not both sink and rise",
-                "Trim the vehicle (trim_error), or give it a longer stroke",
-                "trim_error",
+                "vehicle can not both sink and rise"
             )
+            remedy = "Trim the vehicle (trim_error), or give it a longer stroke"
+            raise refusal(what, remedy, "trim_error")
 
     def _electricity_fits(self) -> None:
         """Refuse pumps without a supply and loads of the same name."""
         pump = self.actuator.pump if isinstance(self.actuator, PumpAndValve) else None
         if isinstance(pump, DatasheetPump) and self.supply is None:
-            raise refusal(
-                "a pump from datasheets needs a supply",
-                "Add a table [supply] with the battery's voltage",
-                "supply",
-            )
+            what = "a pump from datasheets needs a supply"
+            raise refusal(what, "Add a table [supply] with the battery's voltage", "supply")
         names = [load.name for load in self.loads]
         for i, name in enumerate(names):
             if name in names[:i]:
-                raise refusal(
-                    "two loads have the same name",
-                    "Give each load its own name",
-                    "loads",
-                    i,
-                    "name",
-                )
+                what = "two loads have the same name"
+                raise refusal(what, "Give each load its own name", "loads", i, "name")

@@ -16,9 +16,8 @@ def _text(name: str) -> str:
 
 def _accept(text: Any, name: str) -> str:  # noqa: ARG001
     if not isinstance(text, str):
-        raise InputError(
-            "it is no text", remedy="Let the entry point name a text: TOML with a [log] table"
-        )
+        what = "it is no text"
+        raise InputError(what, remedy="Let the entry point name a text: TOML with a [log] table")
     return text
 
 

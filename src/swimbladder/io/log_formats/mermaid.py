@@ -141,10 +141,9 @@ def read_mermaid(path: str | Path) -> FloatLog:
         reader.line(line.number, line.stamp, line.part, line.text)
     if not reader.pressures:
         more = f"; {counted(len(others), 'line')} out of order in time left out" if others else ""
-        raise LogError(
-            f"no line with a pressure{more}", file=path, field="[PRESS ,0038]",
-            remedy="Give a log of a dive; for other logs leave out --log-format mermaid",
-        )  # fmt: skip
+        what = f"no line with a pressure{more}"
+        remedy = "Give a log of a dive; for other logs leave out --log-format mermaid"
+        raise LogError(what, file=path, field="[PRESS ,0038]", remedy=remedy)
     return reader.log(str(path))
 
 

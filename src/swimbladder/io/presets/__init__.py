@@ -21,11 +21,10 @@ def preset_text(name: str) -> str:
     """
     known = preset_names()
     if name not in known:
-        raise InputError(
-            "there is no preset of that name, and no such file",
-            field="vehicle",
-            value=name,
-            remedy=f"{did_you_mean(name, known)}Presets: {', '.join(known)}; "
-            "or give the path of a TOML file",
+        what = "there is no preset of that name, and no such file"
+        remedy = (
+            f"{did_you_mean(name, known)}Presets: {', '.join(known)}; "
+            "or give the path of a TOML file"
         )
+        raise InputError(what, field="vehicle", value=name, remedy=remedy)
     return resources.files(__name__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
