@@ -15,6 +15,7 @@ without reading the source.
 from __future__ import annotations
 
 import math
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -25,6 +26,7 @@ class SwimbladderError(Exception):
     exit_code = 1
 
 
+@dataclass(eq=False, repr=False)
 class InputError(SwimbladderError):
     """Something the user gave is wrong; the message says where, what and how to mend it.
 
@@ -35,41 +37,27 @@ class InputError(SwimbladderError):
 
     exit_code = 2
 
-    def __init__(
-        self,
-        what: str,
-        *,
-        file: str | Path | None = None,
-        line: int | None = None,
-        field: str | None = None,
-        value: object = None,
-        unit: str | None = None,
-        remedy: str | None = None,
-    ) -> None:
-        self.what = what.rstrip(".")
-        self.file = file
-        self.line = line
-        self.field = field
-        self.value = value
-        self.unit = unit
-        self.remedy = remedy
+    what: str
+    _: KW_ONLY
+    file: str | Path | None = None
+    line: int | None = None
+    field: str | None = None
+    value: object = None
+    unit: str | None = None
+    remedy: str | None = None
+
+    def __post_init__(self) -> None:
+        self.what = self.what.rstrip(".")
         super().__init__(self._text())
 
     def _text(self) -> str:
-        place = ", ".join(
-            part
-            for part in (
-                str(self.file) if self.file is not None else "",
-                f"line {self.line}" if self.line is not None else "",
-                self.field or "",
-            )
-            if part
-        )
-        text = f"{place}: {self.what}" if place else self.what
-        given = "" if self.value is None else f"got {_short(self.value)}"
-        asked = "" if not self.unit else f"expected unit {self.unit}"
+        line = None if self.line is None else f"line {self.line}"
+        given = None if self.value is None else f"got {_short(self.value)}"
+        asked = f"expected unit {self.unit}" if self.unit else None
+        place = ", ".join(str(part) for part in (self.file, line, self.field) if part)
         details = ", ".join(part for part in (given, asked) if part)
-        text = f"{text} ({details})." if details else f"{text}."
+        text = f"{place}: {self.what}" if place else self.what
+        text += f" ({details})." if details else "."
         if not self.remedy:
             return text
         return f"{text} {self.remedy}" + ("" if self.remedy.endswith((".", "?", "!")) else ".")
