@@ -18,34 +18,10 @@ from swimbladder.codegen import tree
 from swimbladder.control.records import units
 
 
-def is_docstring(node: ast.stmt) -> bool:
-    """Say whether a statement is a text by itself."""
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
-
-
-def stores(of: ast.AST) -> dict[str, int]:
+def stores(of: ast.AST) -> Counter[str]:
     """Return how often each name is assigned to."""
-    found: dict[str, int] = {}
-    for node in ast.walk(of):
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            found[node.id] = found.get(node.id, 0) + 1
-    return found
-
-
-def inside(statements: Sequence[tree.Statement]) -> list[tree.Statement]:
-    """Return the statements and those that they hold, however deep."""
-    found: list[tree.Statement] = []
-    for s in statements:
-        found.append(s)
-        if isinstance(s, tree.If):
-            found += inside(s.yes) + inside(s.no)
-        elif isinstance(s, tree.For):
-            found += inside(s.body)
-    return found
+    names = (node for node in ast.walk(of) if isinstance(node, ast.Name))
+    return Counter(name.id for name in names if isinstance(name.ctx, ast.Store))
 
 
 def always_returns(statements: Sequence[tree.Statement]) -> bool:
@@ -76,19 +52,12 @@ def names_read(node: object) -> set[str]:
 def calls_of(program: tree.Program) -> Counter[tree.Function]:
     """Return at how many places each function of a law is called."""
     functions = {*program.helpers, program.step, program.initial}
-    found = [
-        part for f in functions for part in parts(alive(f.body)) if isinstance(part, tree.Call)
-    ]
-    return Counter(call.function for call in found)
+    return Counter(called for f in functions for called in _called(alive(f.body)))
 
 
-def assigned(node: object) -> dict[str, int]:
+def assigned(node: object) -> Counter[str]:
     """Return how often each variable is assigned."""
-    found: dict[str, int] = {}
-    for part in parts(node):
-        if isinstance(part, tree.Assign):
-            found[part.name] = found.get(part.name, 0) + 1
-    return found
+    return Counter(part.name for part in parts(node) if isinstance(part, tree.Assign))
 
 
 def mentioned(node: object) -> set[str]:

@@ -44,6 +44,13 @@ class Record:
 
 Type = Scalar | Record
 
+Operator = Literal["+", "-", "*", "/", "&", "|"]
+Comparison = Literal["<", "<=", ">", ">=", "==", "!="]
+Junction = Literal["and", "or"]
+Known = Literal[
+    "min", "max", "abs", "sqrt", "isfinite", "copysign", "more", "less", "float", "count"
+]
+
 
 @dataclass(frozen=True)
 class Number:
@@ -100,7 +107,7 @@ class Minus:
 class Binary:
     """A sum, difference, product or quotient: one rounding; bits of two counts."""
 
-    operator: Literal["+", "-", "*", "/", "&", "|"]
+    operator: Operator
     left: Expression
     right: Expression
     type: Type = FLOAT
@@ -110,7 +117,7 @@ class Binary:
 class Compare:
     """A comparison of two numbers."""
 
-    operator: Literal["<", "<=", ">", ">=", "==", "!="]
+    operator: Comparison
     left: Expression
     right: Expression
     type: Type = BOOL
@@ -120,7 +127,7 @@ class Compare:
 class Logic:
     """Truths joined by and, or by or."""
 
-    operator: Literal["and", "or"]
+    operator: Junction
     of: tuple[Expression, ...]
     type: Type = BOOL
 
@@ -147,9 +154,7 @@ class Choice:
 class Builtin:
     """A function that C and the twin both have to the bit; `count` takes a loop's counter."""
 
-    name: Literal[
-        "min", "max", "abs", "sqrt", "isfinite", "copysign", "more", "less", "float", "count"
-    ]
+    name: Known
     arguments: tuple[Expression, ...]
     type: Type
 
