@@ -283,9 +283,14 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def tests_for(path: str, mapping: dict[str, list[str]]) -> list[str]:
-    """Return the tests of the most specific pattern that a path fits."""
-    return mapping[max((p for p in mapping if fnmatch(path, p)), key=len)]
+def tests_for(path: str, listed: dict[str, dict[str, list[str]]]) -> list[str]:
+    """Return the tests of the most specific pattern that a path fits, of each table."""
+    found: list[str] = []
+    for name in ("tests", "last"):
+        table = listed.get(name, {})
+        fits = [pattern for pattern in table if fnmatch(path, pattern)]
+        found += table[max(fits, key=len)] if fits else []
+    return found
 
 
 def key_of(root: Path, mutant: Mutant, tests: list[str]) -> str:
@@ -336,8 +341,10 @@ def main(words: Sequence[str] | None = None) -> int:
     given = parser.parse_args(words)
     root = given.root.resolve()
     listed = tomllib.loads((root / "scripts" / "mutants.toml").read_text("utf-8"))
-    mapping, known = listed["tests"], listed.get("equivalent", [])
-    paths = sorted({p.relative_to(root).as_posix() for glob in mapping for p in root.glob(glob)})
+    known = listed.get("equivalent", [])
+    paths = sorted(
+        {p.relative_to(root).as_posix() for glob in listed["tests"] for p in root.glob(glob)}
+    )
     every = [m for path in paths for m in mutants_of(path, (root / path).read_text("utf-8"))]
     if dead := [entry for entry in known if not any(m.is_at(entry) for m in every)]:
         sys.exit(f"scripts/mutants.toml lists as equivalent what is no mutant any more: {dead}")
@@ -352,7 +359,7 @@ def main(words: Sequence[str] | None = None) -> int:
             with contextlib.suppress(ValueError):  # a line that was being written
                 row = json.loads(line)
                 done[row["key"]] = row["ended"]
-    run = Run(root, {path: tests_for(path, mapping) for path in paths}, given.patience,
+    run = Run(root, {path: tests_for(path, listed) for path in paths}, given.patience,
               listed.get("interpreted", []))  # fmt: skip
     lock = threading.Lock()
 

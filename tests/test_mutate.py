@@ -163,7 +163,7 @@ def test_tests_that_fail_without_a_change_and_stale_entries_are_refused(tree):
 def test_the_files_and_the_tests_of_the_list_are_there():
     root = mutate.ROOT
     listed = tomllib.loads((root / "scripts" / "mutants.toml").read_text("utf-8"))
-    for pattern, commands in listed["tests"].items():
+    for pattern, commands in (*listed["tests"].items(), *listed["last"].items()):
         assert list(root.glob(pattern)), pattern
         for command in commands:
             assert (root / shlex.split(command)[0].partition("::")[0]).is_file(), command
