@@ -8,13 +8,15 @@ The machine is driven by the commands that a flight recorded, so that a law's bi
 
 import copy
 import math
+from enum import IntEnum
 
 import numpy as np
 
-from swimbladder.sim.faults.kinds import Fault
+from swimbladder.sim.faults.kinds import FAULTS
 from tests.oracle import C, Machine, Oracle
 
 COMPARED = ("depth", "speed", "volume", "applied", "battery", "water")
+Fault = IntEnum("Fault", list(FAULTS))
 NOT_MOVING = 1e-15  # share of the speed; not 0, as loads are divided by k_u
 
 

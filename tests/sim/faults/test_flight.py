@@ -12,8 +12,8 @@ from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.twin import command_limits, twin
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
-from swimbladder.sim.faults.kinds import Fault
 from swimbladder.sim.faults.mission_records import RESULT, Result
+from tests.sim.faults.oracle import Fault
 
 ALWAYS = math.inf
 

@@ -9,13 +9,13 @@ from scipy import stats
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.faults.kinds import KINDS, Fault, Range, draw_fault, kinds_of
+from swimbladder.sim.faults.kinds import KINDS, Range, draw_fault, kinds_of
 from swimbladder.sim.faults.mission_records import TRACE
 from swimbladder.sim.faults.single_mission import fly_one
 from tests.layered import SEA as SALT
 from tests.layered import added, density
 from tests.oracle import Machine
-from tests.sim.faults.oracle import COMPARED, Drawn, Faulty, Layered, follow
+from tests.sim.faults.oracle import COMPARED, Drawn, Fault, Faulty, Layered, follow
 
 ALWAYS = math.inf
 # A motor whose load does not depend on the direction; and one that stops where it turns, as all
@@ -251,7 +251,7 @@ def ran(fault, ticks, begin, end, tick, boot):
 @pytest.mark.parametrize(
     "fault",
     [f for f, kind in KINDS.items() if f in kinds_of(load_vehicle("feup-em"))],
-    ids=lambda f: f.name.lower(),
+    ids=lambda f: KINDS[f].name,
 )
 def test_each_kind_of_fault_does_what_it_is_said_to_do_and_only_while_it_lasts(rig, fault):
     """Value, sign, unit, begin and end: all columns of a flight against the oracle."""

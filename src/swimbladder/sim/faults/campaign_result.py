@@ -12,14 +12,22 @@ from numpy.typing import NDArray
 from swimbladder.control.supervisor_records import Reason
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course
-from swimbladder.sim.faults.kinds import KINDS, Fault, not_drawn
+from swimbladder.sim.faults.kinds import KINDS, not_drawn
 from swimbladder.sim.faults.mission_records import FaultRow, Result
 
 Array = NDArray[np.float64]
 
-FACTS = 6  # number, onset, start, deepest set-point, bottom, supply
-FAULT_COLUMNS = 2 * len(FaultRow._fields)
-WIDTH = FACTS + FAULT_COLUMNS + 4 * len(Result._fields)
+_FIELDS = [
+    ("onset", np.float64),  # s, of the first fault
+    ("start", np.float64),  # m
+    ("deepest", np.float64),  # m, set-point
+    ("bottom", np.float64),  # m
+    ("supply", np.float64),  # V
+    ("faults", np.float64, (2, len(FaultRow._fields))),  # kind 0: none
+    ("flights", np.float64, (4, len(Result._fields))),  # see `run.Flights`
+]
+ROW = np.dtype(_FIELDS)
+"""A mission of a campaign."""
 TOGETHER = "two faults at once"
 MILD = 0.3  # of the recoverable; fewer lost without a supervisor ask little of it
 
@@ -89,14 +97,18 @@ def rule_of_three(found: int, trials: int) -> float:
     return 1.0 if found >= trials else float(beta.ppf(0.95, found + 1, trials - found))
 
 
+def _results(rows: NDArray[np.void], flight: int, field: str) -> Array:
+    return np.asarray(rows["flights"][:, flight, Result._fields.index(field)])
+
+
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """Missions with faults and without, a row each [n, WIDTH]; see `run`."""
+    """Missions with faults and without, a ROW each; see `run`."""
 
     course: Course
     seed: int
-    faulty: Array
-    healthy: Array
+    faulty: NDArray[np.void]
+    healthy: NDArray[np.void]
 
     @property
     def tick(self) -> float:
@@ -106,22 +118,15 @@ class Campaign:
 
     def fault_row(self, which: int, field: str) -> Array:
         """Return a field of the first (0) or the second (1) fault of each mission."""
-        at = FACTS + which * len(FaultRow._fields) + FaultRow._fields.index(field)
-        column: Array = np.nan_to_num(self.faulty[:, at]) if field == "kind" else self.faulty[:, at]
-        return column
+        return np.asarray(self.faulty["faults"][:, which, FaultRow._fields.index(field)])
 
     def result(self, flight: int, field: str) -> Array:
         """Return a field of the flight: 0 supervised, 1 not, 2 and 3 with ideal detection."""
-        at = FACTS + FAULT_COLUMNS + flight * len(Result._fields) + Result._fields.index(field)
-        return np.asarray(self.faulty[:, at])
+        return _results(self.faulty, flight, field)
 
     def outcome(self, flight: int) -> Array:
         """Return the Outcome of a flight of each mission with faults."""
-        return self._outcomes(self.faulty, flight)
-
-    def _outcomes(self, table: Array, flight: int) -> Array:
-        at = FACTS + FAULT_COLUMNS + flight * len(Result._fields)
-        return outcomes(table[:, at : at + len(Result._fields)], tick=self.tick, stay=STAY)
+        return outcomes(self.faulty["flights"][:, flight], tick=self.tick, stay=STAY)
 
     @cached_property
     def recoverable(self) -> NDArray[np.bool_]:
@@ -181,26 +186,23 @@ class Campaign:
     @property
     def false_alarms(self) -> NDArray[np.intp]:
         """Numbers of the healthy missions in which the supervisor had a reason but their length."""
-        return np.flatnonzero((self._healthy_reasons > 0.0) & ~self._out_of_time)
+        reasons = self._healthy_reasons
+        return np.flatnonzero((reasons > 0.0) & (reasons != float(Reason.TIME_LIMIT)))
 
     @property
     def too_slow(self) -> NDArray[np.intp]:
         """Numbers of the healthy missions that the law did not end within the time limit."""
-        return np.flatnonzero(self._out_of_time)
+        return np.flatnonzero(self._healthy_reasons == float(Reason.TIME_LIMIT))
 
     @property
     def _healthy_reasons(self) -> Array:
         """The code of the supervisor's reason in each healthy mission; 0: it had none."""
-        return np.asarray(self.healthy[:, FACTS + FAULT_COLUMNS + Result._fields.index("reason")])
-
-    @property
-    def _out_of_time(self) -> NDArray[np.bool_]:
-        return np.asarray(self._healthy_reasons == float(Reason.TIME_LIMIT))
+        return _results(self.healthy, 0, "reason")
 
     @property
     def healthy_lost(self) -> NDArray[np.intp]:
         """Numbers of the healthy missions that did not end at the surface."""
-        found = self._outcomes(self.healthy, 0)
+        found = outcomes(self.healthy["flights"][:, 0], tick=self.tick, stay=STAY)
         return np.flatnonzero(found != Outcome.SURFACED)
 
     @property
@@ -248,7 +250,7 @@ class Campaign:
         for which in (0, 1):
             code = int(self.fault_row(which, "kind")[number])
             if code:
-                kind, begin = KINDS[Fault(code)], self.fault_row(which, "begin")[number] * self.tick
+                kind, begin = KINDS[code], self.fault_row(which, "begin")[number] * self.tick
                 severity = self.fault_row(which, "first")[number]
                 unit = f" {kind.first.unit}".rstrip() if kind.first is not None else ""
                 how = f" {severity:.3g}{unit}" if kind.first is not None else ""

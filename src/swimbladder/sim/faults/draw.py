@@ -16,7 +16,7 @@ from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_depths
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
-from swimbladder.sim.faults.kinds import MOTOR, Fault, draw_fault, kinds_of, parts_of
+from swimbladder.sim.faults.kinds import MOTOR, draw_fault, kinds_of, parts_of
 from swimbladder.sim.faults.mission_records import Condition, FaultRow
 from swimbladder.vehicle import Vehicle
 
@@ -58,7 +58,7 @@ class Mission:
     """A mission as the kernel takes it, times in s."""
 
     number: int
-    faults: tuple[Fault, ...]
+    faults: tuple[int, ...]  # of `kinds.KINDS`
     plant: Array  # [len(Plant)]
     condition: Condition
     fault_rows: Array  # [faults, len(FaultRow)]
@@ -195,7 +195,7 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     turns, targets = _set_points(course, p["z_surface"], random)
     if random.random() < 0.5:
         p["z_bottom"] = max(targets[:-1]) + random.uniform(1.0, 50.0)
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[int, ...] = ()
     fault_rows: list[FaultRow] = []
     onset, times = math.inf, []
     if not healthy:

@@ -11,22 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import part
-from swimbladder.sim.engine.modes import (
-    GAIN,
-    KAPPA,
-    LOAD_BACK,
-    LOAD_DRIVE,
-    RATE,
-    SAG,
-    SUPPLY,
-    SWITCH_IN,
-    SWITCH_OUT,
-    V_MAX,
-    V_MIN,
-)
 from swimbladder.sim.engine.sensor import quantised
-from swimbladder.sim.faults.kinds import EFFECTS, Fault, On, Op
+from swimbladder.sim.faults.kinds import EFFECTS, FAULTS, On, Op
 
 Array = NDArray[np.float64]
 
@@ -41,16 +29,7 @@ _HELD_BACK = 1.0  # s on end, that a block stops the actuator before it counts a
 _ROUNDS = 8  # in which the current through a battery's resistance settles
 _TOUCHES = 1e-12  # of the stroke, so near a block the actuator is at it
 
-BLOCKED_OUT, BLOCKED_IN = int(Fault.BLOCKED_OUT), int(Fault.BLOCKED_IN)
-(
-    DEPTH, NOISE, READS, LATE, OLD, DROPOUTS, DEPTH_MISSING, VOLUME, VOLUME_OLD, VOLUME_MISSING,
-    SPEED, LOAD, BLOCK_OUT, BLOCK_IN, COMMAND, CUTS_IN, CUTS_OUT, VALVE, OPEN, CHARGE, CELL, SAGS,
-    TICKS, PAUSE, RESET, HANG, WATER,
-) = (int(thing) for thing in On)  # fmt: skip
-(
-    PLUS, PLUS_RATE, TIMES, MORE, LESS, FALLS, DIES, OFF, TURNS, RUNS, SAYS, ONCE, DUTY, EVERY,
-    CUTS, NEVER_CUTS,
-) = (int(how) for how in Op)  # fmt: skip
+BLOCKED_OUT, BLOCKED_IN = FAULTS["BLOCKED_OUT"], FAULTS["BLOCKED_IN"]
 
 
 @part
@@ -65,33 +44,33 @@ def act(fault_rows: Array, k: int, tick: float, q: Array) -> None:
         on, op = EFFECTS[kind, 0], EFFECTS[kind, 1]
         since = (k - begin) * tick
         f, s = 1.0, 0.0
-        if op in (PLUS, SAYS, ONCE):
+        if op in (Op.PLUS, Op.SAYS, Op.ONCE):
             s = first
-        elif op == PLUS_RATE:
+        elif op == Op.PLUS_RATE:
             s = first * since
-        elif op == TIMES:
+        elif op == Op.TIMES:
             f = first
-        elif op == MORE:
+        elif op == Op.MORE:
             f = 1.0 + first
-        elif op == LESS:
+        elif op == Op.LESS:
             f = 1.0 - first
-        elif op == FALLS:
+        elif op == Op.FALLS:
             f = max(0.0, 1.0 - first * since)
-        elif op == DIES:
+        elif op == Op.DIES:
             f = max(0.0, 1.0 - since / first)
-        elif op == TURNS:
+        elif op == Op.TURNS:
             f = -1.0
-        elif op == RUNS and since < first:
+        elif op == Op.RUNS and since < first:
             f, s = 0.0, 1.0
-        elif op in (CUTS, NEVER_CUTS):
+        elif op in (Op.CUTS, Op.NEVER_CUTS):
             on += 1 if first >= 0.5 else 0
-            s = 1.0 if op == CUTS else -1.0
+            s = 1.0 if op == Op.CUTS else -1.0
         if (
-            op == OFF
-            or (op == SAYS and fault_rows[n, _SECOND] > 0.5)
-            or (op == ONCE and k == begin)
-            or (op == DUTY and since % (first + fault_rows[n, _SECOND]) < first)
-            or (op == EVERY and (k - begin) % max(1.0, math.floor(first / tick)) == 0.0)
+            op == Op.OFF
+            or (op == Op.SAYS and fault_rows[n, _SECOND] > 0.5)
+            or (op == Op.ONCE and k == begin)
+            or (op == Op.DUTY and since % (first + fault_rows[n, _SECOND]) < first)
+            or (op == Op.EVERY and (k - begin) % max(1.0, math.floor(first / tick)) == 0.0)
         ):
             f = 0.0
         q[on, 0], q[on, 1] = f * q[on, 0], f * q[on, 1] + s
@@ -120,21 +99,21 @@ def see_depth(
 
     late [n]: what was seen before; late[k % n] is written.
     """
-    depth = q[DEPTH, 0] * depth + q[DEPTH, 1]
-    if q[NOISE, 1] > 0.0:
-        depth += q[NOISE, 1] * np.random.normal()  # noqa: NPY002
+    depth = q[On.DEPTH, 0] * depth + q[On.DEPTH, 1]
+    if q[On.NOISE, 1] > 0.0:
+        depth += q[On.NOISE, 1] * np.random.normal()  # noqa: NPY002
     depth = quantised(depth, quantum)
     late[k % late.shape[0]] = depth
     age = 0.0
-    if q[LATE, 1] > 0.0:
-        behind = min(int(q[LATE, 1] / tick), late.shape[0] - 1, k)
+    if q[On.LATE, 1] > 0.0:
+        behind = min(int(q[On.LATE, 1] / tick), late.shape[0] - 1, k)
         depth = late[(k - behind) % late.shape[0]]
-        age = behind * tick if q[LATE, 0] == 0.0 else 0.0
-    if q[READS, 1] != 0.0:
-        depth = q[READS, 1]
-    depth, older = _held(kept, _DEPTH, q[OLD], depth, k, tick)
-    missing = q[DEPTH_MISSING, 0] == 0.0
-    if q[DROPOUTS, 1] > 0.0 and np.random.random() < q[DROPOUTS, 1]:  # noqa: NPY002
+        age = behind * tick if q[On.LATE, 0] == 0.0 else 0.0
+    if q[On.READS, 1] != 0.0:
+        depth = q[On.READS, 1]
+    depth, older = _held(kept, _DEPTH, q[On.OLD], depth, k, tick)
+    missing = q[On.DEPTH_MISSING, 0] == 0.0
+    if q[On.DROPOUTS, 1] > 0.0 and np.random.random() < q[On.DROPOUTS, 1]:  # noqa: NPY002
         missing = True
     return (math.nan if missing else depth), age + older
 
@@ -144,9 +123,9 @@ def see_volume(
     q: Array, k: int, tick: float, volume: float, quantum: float, stroke: float, kept: Array
 ) -> float:
     """Return the volume [m3] as the driver gives it; stroke: from end to end [m3]."""
-    volume = quantised(volume + q[VOLUME, 1] * stroke, quantum)
-    volume, _ = _held(kept, _VOLUME, q[VOLUME_OLD], volume, k, tick)
-    return volume if q[VOLUME_MISSING, 0] != 0.0 else math.nan
+    volume = quantised(volume + q[On.VOLUME, 1] * stroke, quantum)
+    volume, _ = _held(kept, _VOLUME, q[On.VOLUME_OLD], volume, k, tick)
+    return volume if q[On.VOLUME_MISSING, 0] != 0.0 else math.nan
 
 
 @part
@@ -168,17 +147,17 @@ def acted(
 
     engine_volume [m3]: the volume as the limits in p count it, see `flight`.
     """
-    stroke = base[V_MAX] - base[V_MIN]
-    narrow = p[V_MAX] - p[V_MIN] < (1.0 - 1e-9) * stroke
+    stroke = base[modes.V_MAX] - base[modes.V_MIN]
+    narrow = p[modes.V_MAX] - p[modes.V_MIN] < (1.0 - 1e-9) * stroke
     count = 0
     for n in range(fault_rows.shape[0]):
         if fault_rows[n, _BEGIN] <= k < fault_rows[n, _END] and kept[_ACTED + n] == 0.0:
             kind = int(fault_rows[n, _KIND])
             acts = True
             if kind == BLOCKED_OUT:
-                acts = narrow and engine_volume >= p[V_MAX] - _TOUCHES * stroke
+                acts = narrow and engine_volume >= p[modes.V_MAX] - _TOUCHES * stroke
             elif kind == BLOCKED_IN:
-                acts = narrow and engine_volume <= p[V_MIN] + _TOUCHES * stroke
+                acts = narrow and engine_volume <= p[modes.V_MIN] + _TOUCHES * stroke
             kept[_BLOCKED + n] = kept[_BLOCKED + n] + 1.0 if acts else 0.0
             long = kept[_BLOCKED + n] * tick >= _HELD_BACK
             if long or (acts and kind not in (BLOCKED_OUT, BLOCKED_IN)):
@@ -194,24 +173,27 @@ def change_plant(base: Array, p: Array, q: Array, volume: float, shift: float) -
 
     volume [m3]: where the actuator is. shift [m3]: what volumes are counted less by, see `flight`.
     """
-    p[GAIN], p[RATE] = base[GAIN] * q[SPEED, 0], base[RATE] * q[SPEED, 0]
-    p[LOAD_DRIVE], p[LOAD_BACK] = base[LOAD_DRIVE] * q[LOAD, 0], base[LOAD_BACK] * q[LOAD, 0]
-    p[SAG], p[KAPPA] = max(base[SAG], q[SAGS, 1]), base[KAPPA]
-    if q[SAGS, 1] > 0.0 and p[KAPPA] <= 0.0:  # not known: all that is lost with speed is it
-        p[KAPPA] = 1.0 / base[GAIN]
-    p[SWITCH_IN] = base[SWITCH_IN] if q[CUTS_IN, 1] == 0.0 else q[CUTS_IN, 1] * math.inf
-    p[SWITCH_OUT] = base[SWITCH_OUT] if q[CUTS_OUT, 1] == 0.0 else -q[CUTS_OUT, 1] * math.inf
-    stroke = base[V_MAX] - base[V_MIN]
-    if q[BLOCK_OUT, 0] == 0.0:
-        p[V_MAX] = min(p[V_MAX], volume + q[BLOCK_OUT, 1] * stroke - shift)
-    if q[BLOCK_IN, 0] == 0.0:
-        p[V_MIN] = max(p[V_MIN], volume - q[BLOCK_IN, 1] * stroke - shift)
+    for n in (modes.GAIN, modes.RATE):
+        p[n] = base[n] * q[On.SPEED, 0]
+    for n in (modes.LOAD_DRIVE, modes.LOAD_BACK):
+        p[n] = base[n] * q[On.LOAD, 0]
+    sags, cuts_in, cuts_out = q[On.SAG, 1], q[On.SWITCH_IN, 1], q[On.SWITCH_OUT, 1]
+    p[modes.SAG], p[modes.KAPPA] = max(base[modes.SAG], sags), base[modes.KAPPA]
+    if sags > 0.0 and p[modes.KAPPA] <= 0.0:  # not known: all that is lost with speed is it
+        p[modes.KAPPA] = 1.0 / base[modes.GAIN]
+    p[modes.SWITCH_IN] = base[modes.SWITCH_IN] if cuts_in == 0.0 else cuts_in * math.inf
+    p[modes.SWITCH_OUT] = base[modes.SWITCH_OUT] if cuts_out == 0.0 else -cuts_out * math.inf
+    stroke = base[modes.V_MAX] - base[modes.V_MIN]
+    if q[On.BLOCK_OUT, 0] == 0.0:
+        p[modes.V_MAX] = min(p[modes.V_MAX], volume + q[On.BLOCK_OUT, 1] * stroke - shift)
+    if q[On.BLOCK_IN, 0] == 0.0:
+        p[modes.V_MIN] = max(p[modes.V_MIN], volume - q[On.BLOCK_IN, 1] * stroke - shift)
 
 
 @part
 def emf(base: Array, q: Array, driving: bool) -> float:
     """Return the battery's open-circuit voltage [V]; driving: whether the motor has a voltage."""
-    return float(base[SUPPLY] * q[CHARGE, 0] * (q[CELL, 0] if driving else 1.0))
+    return float(base[modes.SUPPLY] * q[On.CHARGE, 0] * (q[On.CELL, 0] if driving else 1.0))
 
 
 @part
@@ -222,9 +204,9 @@ def driven(q: Array, low: float, high: float, u: float, way: float, kept: Array)
     """
     if way != 0.0:
         kept[_LOOSE] = math.copysign(1.0, way)
-    if q[COMMAND, 1] != 0.0:
-        return high if q[COMMAND, 1] * kept[_LOOSE] >= 0.0 else low
-    return float(q[COMMAND, 0] * u)
+    if q[On.COMMAND, 1] != 0.0:
+        return high if q[On.COMMAND, 1] * kept[_LOOSE] >= 0.0 else low
+    return float(q[On.COMMAND, 0] * u)
 
 
 class PumpTable(NamedTuple):
@@ -260,21 +242,21 @@ def pump_share(pump: PumpTable, base: Array, q: Array, z: float) -> tuple[float,
 
     That is its voltage [V] at the board, while the pump runs, and what it has without load.
     """
-    head, volts = q[LOAD, 0] * z * pump.per_metre, emf(base, q, True)
-    more = max(q[SAGS, 1] * pump.motor - pump.resistance, 0.0)  # ohm
+    head, volts = q[On.LOAD, 0] * z * pump.per_metre, emf(base, q, True)
+    more = max(q[On.SAG, 1] * pump.motor - pump.resistance, 0.0)  # ohm
     current = _between(pump.current, volts * pump.per_volt, head)
     for _ in range(_ROUNDS if more > 0.0 else 0):
         current = _between(pump.current, (volts - more * current) * pump.per_volt, head)
     rate = _between(pump.rate, (volts - more * current) * pump.per_volt, head)
     well = _between(pump.rate, pump.nominal * pump.per_volt, z * pump.per_metre)
-    share = q[SPEED, 0] * rate / well if well > 0.0 else 0.0
+    share = q[On.SPEED, 0] * rate / well if well > 0.0 else 0.0
     return share, volts - (pump.resistance + more) * current, emf(base, q, False)
 
 
 @part
 def board_misses(q: Array, tick: float) -> tuple[bool, bool, int]:
     """Return (whether this tick is lost, whether the board is reset, ticks a law hangs for)."""
-    lost = q[PAUSE, 0] == 0.0
-    if q[TICKS, 1] > 0.0 and np.random.random() < q[TICKS, 1]:  # noqa: NPY002
+    lost = q[On.PAUSE, 0] == 0.0
+    if q[On.TICKS, 1] > 0.0 and np.random.random() < q[On.TICKS, 1]:  # noqa: NPY002
         lost = True
-    return lost, q[RESET, 0] == 0.0, math.ceil(q[HANG, 1] / tick)
+    return lost, q[On.RESET, 0] == 0.0, math.ceil(q[On.HANG, 1] / tick)

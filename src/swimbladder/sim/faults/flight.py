@@ -29,8 +29,6 @@ from swimbladder.sim.faults.draw import Mission
 from swimbladder.sim.faults.fault_effects import (
     MOST,
     NOTHING_KEPT,
-    OPEN,
-    VALVE,
     PumpTable,
     act,
     acted,
@@ -43,10 +41,7 @@ from swimbladder.sim.faults.fault_effects import (
     see_depth,
     see_volume,
 )
-from swimbladder.sim.faults.fault_effects import WATER as COMES_IN
-from swimbladder.sim.faults.kinds import (
-    On,
-)
+from swimbladder.sim.faults.kinds import On
 from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, record_type
 from swimbladder.vehicle import Sensors
 
@@ -226,7 +221,7 @@ def _begin(faults: Faults, S: Array, k: int, built: Any) -> bool:
         return True
     act(fault_rows, k, c.tick, m.acts)
     S[Row.SLOW] = 1.0  # the plant changes between ticks
-    S[Row.LEAK] = m.acts[COMES_IN, 1]
+    S[Row.LEAK] = m.acts[On.WATER, 1]
     changed = changes(fault_rows, k)
     if changed:
         change_plant(m.base, p, m.acts, S[Row.V] + S[Row.LOST], S[Row.LOST])
@@ -285,7 +280,7 @@ def _act_on_pump(
         at.rests = 0
         x.h = min(x.h, 1.0)
         given.v_min, given.v_max = p[modes.V_MIN] + S[Row.LOST], p[modes.V_MAX] + S[Row.LOST]
-        given.flow, given.open = now.flow * m.acts[VALVE, 0], m.acts[OPEN, 1]
+        given.flow, given.open = now.flow * m.acts[On.VALVE, 0], m.acts[On.OPEN, 1]
     share, loaded, unloaded = pump_share(faults.pump, m.base, m.acts, max(S[Row.Z], 0.0))
     given.delivery = now.delivery * share
     if share <= 0.0:

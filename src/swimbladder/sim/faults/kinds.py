@@ -6,52 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
 from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
-
-
-class Fault(IntEnum):
-    """Number of a kind of fault in the kernel; `KINDS` says what each is."""
-
-    DEPTH_NAN = 1
-    DEPTH_DROPOUTS = 2
-    DEPTH_STUCK = 3
-    DEPTH_RANGE = 4
-    DEPTH_LATE = 5
-    DEPTH_OLD = 6
-    DEPTH_JUMP = 7
-    DEPTH_DRIFT = 8
-    DEPTH_SCALE = 9
-    DEPTH_NOISE = 10
-    VOLUME_NAN = 11
-    VOLUME_STUCK = 12
-    VOLUME_DRIFT = 13
-    STALLED = 14
-    SLOW = 15
-    WEAK = 16
-    REVERSED = 17
-    BLOCKED_OUT = 18
-    BLOCKED_IN = 19
-    RUNS_ON = 20
-    BATTERY_DECLINE = 21
-    BATTERY_SAG = 22
-    BATTERY_DROP = 23
-    BATTERY_CELL = 24
-    BATTERY_DEAD = 25
-    TICKS_LOST = 26
-    PAUSE = 27
-    RESETS = 28
-    HANG = 29
-    LEAK_SMALL = 30
-    LEAK_LARGE = 31
-    SWITCH_OPEN = 32
-    SWITCH_CLOSED = 33
-    VALVE_SHUT = 34
-    VALVE_OPEN = 35
-    VALVE_LEAKS = 36
-    DRIVER_LOST = 37
 
 
 class On(IntEnum):
@@ -143,22 +102,22 @@ class Kind:
 
 MOTOR, SWITCHES, VALVE = "a motor on a battery", "limit switches", "a pump and a valve"
 VOLUME, TURNS = "a measured volume", "a drive that can turn the other way"
-FAMILIES = ("sensor", "actuator", "battery", "timing", "leak")
 
 
-def _kinds() -> dict[Fault, Kind]:
-    """Return the catalogue as its file has it."""
-    text = files("swimbladder.sim.faults").joinpath("kinds.toml").read_text("utf-8")
-    found = {}
-    for name, row in tomllib.loads(text).items():
-        ranges = {end: Range(**row[end]) for end in ("first", "second") if end in row}
-        found[Fault[name]] = Kind(**row | ranges | {"on": On[row["on"]], "op": Op[row["op"]]})
-    return found
+def _kind(row: dict[str, Any]) -> Kind:
+    """Return a kind as a table of the catalogue has it."""
+    made: dict[str, Any] = {end: Range(**row[end]) for end in ("first", "second") if end in row}
+    made |= {"on": On[row["on"]], "op": Op[row["op"]]}
+    return Kind(**row | made)
 
 
-KINDS: Mapping[Fault, Kind] = _kinds()
-EFFECTS = np.array([(-1, -1), *((kind.on, kind.op) for _, kind in sorted(KINDS.items()))])
-"""What a kind of fault acts on and how [Fault], for the kernels."""
+_CATALOGUE = files("swimbladder.sim.faults").joinpath("kinds.toml").read_text("utf-8")
+_TABLES = tomllib.loads(_CATALOGUE)
+FAULTS: Mapping[str, int] = {name: number for number, name in enumerate(_TABLES, 1)}
+"""Number of a kind of fault in the kernel, by its name in the catalogue."""
+KINDS: Mapping[int, Kind] = dict(enumerate(map(_kind, _TABLES.values()), 1))
+EFFECTS = np.array([(-1, -1), *((kind.on, kind.op) for kind in KINDS.values())])
+"""What a kind of fault acts on and how, by its number, for the kernels."""
 
 _ENDS, _LASTS = 0.15, Range(least=5.0, most=300.0, unit="s")
 
@@ -176,8 +135,8 @@ def parts_of(vehicle: Vehicle) -> frozenset[str]:
     return frozenset(parts)
 
 
-def kinds_of(vehicle: Vehicle) -> tuple[Fault, ...]:
-    """Return the kinds of faults that a vehicle can have."""
+def kinds_of(vehicle: Vehicle) -> tuple[int, ...]:
+    """Return the numbers of the kinds of faults that a vehicle can have."""
     parts = {"", *parts_of(vehicle)}
     return tuple(fault for fault, kind in KINDS.items() if kind.needs in parts)
 
@@ -191,7 +150,7 @@ def not_drawn(vehicle: Vehicle) -> dict[str, list[str]]:
     return found
 
 
-def draw_fault(fault: Fault, random: np.random.Generator) -> tuple[float, float, float]:
+def draw_fault(fault: int, random: np.random.Generator) -> tuple[float, float, float]:
     """Return (severity, second severity, how long it lasts [s]) of a kind of fault."""
     kind = KINDS[fault]
     first = kind.first.draw(random) if kind.first is not None else 0.0

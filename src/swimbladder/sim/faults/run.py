@@ -24,22 +24,16 @@ from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.closed_loop.floats import float_model
 from swimbladder.sim.engine.modes import SUPPLY, Z_BOTTOM
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED, Board, c_interface
-from swimbladder.sim.faults.campaign_result import (
-    FACTS,
-    FAULT_COLUMNS,
-    WIDTH,
-    Campaign,
-    Outcome,
-    outcomes,
-)
+from swimbladder.sim.faults.campaign_result import ROW, Campaign, Outcome, outcomes
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
 from swimbladder.sim.faults.fault_effects import NO_PUMP, PumpTable
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN, Room, fly
-from swimbladder.sim.faults.kinds import KINDS, Fault
+from swimbladder.sim.faults.kinds import FAULTS, KINDS
 from swimbladder.sim.faults.mission_records import Condition, Result, Trace
 from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.void]  # of ROW
 
 
 class Flights(NamedTuple):
@@ -63,7 +57,7 @@ class FaultCampaign:
     def __init__(self, course: Course, board: Board) -> None:
         assert course.vehicle.controller is not None
         tick = course.vehicle.controller.sample_time
-        latest = KINDS[Fault.DEPTH_LATE].first
+        latest = KINDS[FAULTS["DEPTH_LATE"]].first
         assert latest is not None
         self._board = board
         model = None
@@ -188,12 +182,12 @@ def run_missions(
 def _all(
     campaign: FaultCampaign, course: Course, seed: int, count: int, healthy: bool, kept: Store,
     advance: Callable[[float], None],
-) -> Array:  # fmt: skip
-    """Return a row per mission [count, WIDTH]."""
-    table = np.empty((count, WIDTH))
+) -> Rows:  # fmt: skip
+    """Return a row per mission."""
+    table = np.empty(count, ROW)
     size = FLOATS if course.floats else CHUNK
 
-    def chunk(first: int) -> Array:
+    def chunk(first: int) -> Rows:
         end = min(first + size, count)
         fly = partial(_rows, campaign, course, seed, first, end, healthy)
         return kept.get(fly, "healthy" if healthy else "faulty", first, end)
@@ -206,19 +200,16 @@ def _all(
 
 def _rows(
     campaign: FaultCampaign, course: Course, seed: int, first: int, end: int, healthy: bool
-) -> Array:
+) -> Rows:
     """Return the rows of missions first to end, flown."""
-    rows = np.full((end - first, WIDTH), np.nan)
+    rows = np.full(end - first, np.nan, ROW)
+    rows["faults"][:, :, 0] = 0.0
     for row, number in zip(rows, range(first, end), strict=True):
         mission = draw(course, seed=seed, number=number, healthy=healthy)
-        c, fault_rows = mission.condition, mission.fault_rows.reshape(-1)
-        row[: FACTS] = (
-            number, mission.onset, c.start_depth, max(mission.depths), mission.plant[Z_BOTTOM],
-            mission.plant[SUPPLY],
-        )  # fmt: skip
-        row[FACTS : FACTS + fault_rows.size] = fault_rows
+        row["onset"], row["start"] = mission.onset, mission.condition.start_depth
+        row["deepest"] = max(mission.depths)
+        row["bottom"], row["supply"] = mission.plant[Z_BOTTOM], mission.plant[SUPPLY]
+        row["faults"][: len(mission.fault_rows)] = mission.fault_rows
         flown = [campaign.supervised(mission)] if healthy else campaign.flights(mission)
-        for n, result in enumerate(flown):
-            at = FACTS + FAULT_COLUMNS + n * len(result)
-            row[at : at + len(result)] = result
+        row["flights"][: len(flown)] = flown
     return rows

@@ -18,17 +18,11 @@ from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
 from swimbladder.sim.faults.campaign_result import Campaign, Outcome, outcomes
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
 from swimbladder.sim.faults.flight import FULL, OWN
-from swimbladder.sim.faults.kinds import KINDS, Fault
+from swimbladder.sim.faults.kinds import KINDS
 from swimbladder.sim.faults.mission_records import Result, Trace
 from swimbladder.sim.faults.run import FaultCampaign, board_of
 from swimbladder.vehicle import Vehicle
 
-MISSION_COLUMNS = (
-    "mission", "fault_1", "severity_1", "onset_1_s", "end_1_s", "fault_2", "severity_2",
-    "onset_2_s", "end_2_s", "start_depth_m", "deepest_setpoint_m", "bottom_m", "supply_V",
-    "recoverable", "supervised", "reason", "latched_s", "release_s", "deepest_m", "resets",
-    "unsupervised", "unsupervised_deepest_m",
-)  # fmt: skip
 TRACE_COLUMNS = (
     "time_s", "depth_m", "speed_m_s", "volume_m3", "command", "applied", "battery_V",
     "reference_depth_m", "depth_seen_m", "depth_age_s", "volume_seen_m3", "leak_seen",
@@ -39,49 +33,48 @@ assert len(TRACE_COLUMNS) == 1 + len(Trace._fields)
 
 def missions_csv(flown: Campaign) -> str:
     """Return a row for each mission with faults; times in s from its start."""
-    tick = flown.tick
-    supervised, unsupervised = flown.outcome(0), flown.outcome(1)
-    facts = flown.faulty
-    latched, released = flown.result(0, "latched") * tick, flown.result(0, "released") * tick
-    deepest, resets = flown.result(0, "deepest"), flown.result(0, "resets")
-    without = flown.result(1, "deepest")
-    fault_rows = [
-        [flown.fault_row(which, field) for field in ("kind", "first", "begin", "end")]
-        for which in (0, 1)
-    ]
-    lines = [",".join(MISSION_COLUMNS)]
-    for n in range(len(facts)):
-        cells: list[str] = [str(n)]
-        for kind, first, begin, end in fault_rows:
-            code = int(kind[n])
-            if not code:
-                cells += ["", "", "", ""]
-                continue
-            known = KINDS[Fault(code)]
-            cells += [
-                known.name, "" if known.first is None else f"{first[n]:.6g}",
-                f"{begin[n] * tick:.6g}", _number(end[n] * tick),
-            ]  # fmt: skip
-        cells += [_number(x) for x in facts[n, 2:6]]
-        cells += [
-            str(int(flown.recoverable[n])), Outcome(int(supervised[n])).words, flown.reason(n),
-            _number(latched[n]), _number(released[n]), _number(deepest[n]), str(int(resets[n])),
-            Outcome(int(unsupervised[n])).words, _number(without[n]),
-        ]  # fmt: skip
-        lines.append(",".join(cells))
-    return "\n".join(lines) + "\n"
+    tick, facts = flown.tick, flown.faulty
+    columns: dict[str, Iterable[str]] = {"mission": map(str, range(len(facts)))}
+    for n in (1, 2):
+        kinds = [KINDS.get(int(code)) for code in flown.fault_row(n - 1, "kind")]
+        sizes = zip(kinds, map(_number, flown.fault_row(n - 1, "first")), strict=True)
+        columns[f"fault_{n}"] = [kind.name if kind else "" for kind in kinds]
+        columns[f"severity_{n}"] = [size if kind and kind.first else "" for kind, size in sizes]
+        for name, field in (("onset", "begin"), ("end", "end")):
+            times = map(_number, flown.fault_row(n - 1, field) * tick)
+            columns[f"{name}_{n}_s"] = [
+                time if kind else "" for kind, time in zip(kinds, times, strict=True)
+            ]
+    columns |= {
+        "start_depth_m": map(_number, facts["start"]),
+        "deepest_setpoint_m": map(_number, facts["deepest"]),
+        "bottom_m": map(_number, facts["bottom"]),
+        "supply_V": map(_number, facts["supply"]),
+        "recoverable": map(_number, flown.recoverable),
+        "supervised": [Outcome(int(how)).words for how in flown.outcome(0)],
+        "reason": map(flown.reason, range(len(facts))),
+        "latched_s": map(_number, flown.result(0, "latched") * tick),
+        "release_s": map(_number, flown.result(0, "released") * tick),
+        "deepest_m": map(_number, flown.result(0, "deepest")),
+        "resets": map(_number, flown.result(0, "resets")),
+        "unsupervised": [Outcome(int(how)).words for how in flown.outcome(1)],
+        "unsupervised_deepest_m": map(_number, flown.result(1, "deepest")),
+    }
+    return _csv(columns, zip(*columns.values(), strict=True))
 
 
 def trace_csv(rows: NDArray[np.float64], tick: float) -> str:
     """Return a row per tick [n, len(Trace)] of one mission."""
-    lines = [",".join(TRACE_COLUMNS)]
-    for k, row in enumerate(rows):
-        lines.append(",".join(_cells((k * tick, *row))))
-    return "\n".join(lines) + "\n"
+    times = (np.arange(len(rows)) * tick)[:, None]
+    return _csv(TRACE_COLUMNS, (map(_exact, row) for row in np.hstack((times, rows))))
 
 
-def _cells(values: Iterable[float]) -> list[str]:
-    return [repr(float(value)) if math.isfinite(value) else "nan" for value in values]
+def _csv(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    return "".join(",".join(cells) + "\n" for cells in (names, *rows))
+
+
+def _exact(value: float) -> str:
+    return repr(float(value)) if math.isfinite(value) else "nan"
 
 
 def _number(value: float) -> str:
