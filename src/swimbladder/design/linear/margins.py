@@ -15,9 +15,11 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.design.linear.models import Array, StateSpace, balancing_scale
+
+Complex = NDArray[np.complex128]
 
 _NEAR = 1e-3  # how far from the circle rounding may carry an eigenvalue of a cluster
 
@@ -41,7 +43,7 @@ def crossing_frequencies(loop: StateSpace) -> Array:
     return np.unique(angles[angles > 0.0]) / loop.sample_time
 
 
-def _real_axis(A: Array, B: Array, C: Array) -> NDArray[np.complex128]:
+def _real_axis(A: Array, B: Array, C: Array) -> Complex:
     """Solutions z of L(z) = L(1/z)."""
     n = len(A)
     none, one, nothing = np.zeros((n, n)), np.eye(n), np.zeros((n, 1))
@@ -50,7 +52,7 @@ def _real_axis(A: Array, B: Array, C: Array) -> NDArray[np.complex128]:
     return _eigenvalues(left, right)
 
 
-def _unit_circle(A: Array, B: Array, C: Array) -> NDArray[np.complex128]:
+def _unit_circle(A: Array, B: Array, C: Array) -> Complex:
     """Solutions z of L(z) L(1/z) = 1."""
     n = len(A)
     none, one = np.zeros((n, n)), np.eye(n)
@@ -59,7 +61,7 @@ def _unit_circle(A: Array, B: Array, C: Array) -> NDArray[np.complex128]:
     return _eigenvalues(left, right)
 
 
-def _eigenvalues(left: Array, right: Array) -> NDArray[np.complex128]:
+def _eigenvalues(left: Array, right: Array) -> Complex:
     """Finite eigenvalues of the pencil left - z right."""
     from scipy.linalg import eig
 
@@ -109,16 +111,14 @@ def spectral_radius(matrix: Array) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
 
 
-def equivalent_poles(poles: NDArray[Any], h: float) -> NDArray[np.complex128]:
+def equivalent_poles(poles: NDArray[Any], h: float) -> Complex:
     """Return s = ln(z)/h [1/s] of poles z sampled every h [s]; -inf for a pole at 0."""
     z = np.asarray(poles, dtype=np.complex128)
     tiny = np.abs(z) < 1e-9
     return np.where(tiny, -np.inf, np.log(np.where(tiny, 1.0, z)) / h)
 
 
-def frequency_response(
-    loop: StateSpace, *, step: float = 0.05
-) -> tuple[Array, NDArray[np.complex128]]:
+def frequency_response(loop: StateSpace, *, step: float = 0.05) -> tuple[Array, Complex]:
     """Return frequencies [rad/s] up to the Nyquist frequency and L there, one input, one output.
 
     The grid is refined until L turns by less than `step` [rad] and grows by less than that factor
@@ -158,26 +158,13 @@ def loop_margins(loop: StateSpace) -> Margins | None:
     if spectral_radius(loop.A - loop.B @ loop.C) >= 1.0:
         return None
     w, values = frequency_response(loop)
-    up, w_up, down, w_down = _gains(loop, w, values)
-    phase, w_phase, delay, w_delay = _phases(loop, w, values)
     L = _response(loop)
-
-    def scalar(f: Callable[[Any], Any]) -> Callable[[float], float]:
-        return lambda x: float(np.abs(f(L(np.array([x]))[0])))
-
-    sensitivity, w_peak = _peak(scalar(lambda x: 1.0 / (1.0 + x)), w, np.abs(1.0 / (1.0 + values)))
+    sensitivity = _peak(lambda x: np.abs(1.0 / (1.0 + x)), L, w, values)
     # S - T over 2; at infinite gain it is -1/2.
-    skew, w_disk = _peak(
-        scalar(lambda x: 0.5 * (1.0 - x) / (1.0 + x)),
-        w,
-        np.abs(0.5 * (1.0 - values) / (1.0 + values)),
-    )
-    return Margins(
-        gain_up=up, gain_up_frequency=w_up, gain_down=down, gain_down_frequency=w_down,
-        phase=phase, phase_frequency=w_phase, delay=delay, delay_frequency=w_delay,
-        peak_sensitivity=sensitivity, peak_frequency=w_peak,
-        disk=min(1.0 / skew, 2.0), disk_frequency=w_disk,
-    )  # fmt: skip
+    skew, w_disk = _peak(lambda x: np.abs(0.5 * (1.0 - x) / (1.0 + x)), L, w, values)
+    disk = (min(1.0 / skew, 2.0), w_disk)
+    found = (*_gains(loop, w, values), *_phases(loop, w, values), sensitivity, disk)
+    return Margins(*(value for value, _ in found), *(frequency for _, frequency in found))
 
 
 def _sample_time(loop: StateSpace) -> float:
@@ -186,14 +173,16 @@ def _sample_time(loop: StateSpace) -> float:
     return loop.sample_time
 
 
-def _response(loop: StateSpace) -> Callable[[Array], NDArray[np.complex128]]:
+def _response(loop: StateSpace) -> Callable[[ArrayLike], Complex]:
+    """L at each of some frequencies [rad/s]."""
     h = _sample_time(loop)
-    return lambda w: loop.at(np.exp(1j * w * h))[:, 0, 0]
+    return lambda w: loop.at(np.exp(1j * np.asarray(w) * h))[:, 0, 0]
 
 
-def _gains(
-    loop: StateSpace, w: Array, values: NDArray[np.complex128]
-) -> tuple[float, float, float, float]:
+Limit = tuple[float, float]  # a margin, and its frequency [rad/s]
+
+
+def _gains(loop: StateSpace, w: Array, values: Complex) -> tuple[Limit, Limit]:
     """The nearest gains up and down at which a root of 1 + k L really leaves the unit circle."""
     L = _response(loop)
     candidates = [(float(-1.0 / values[-1].real), float(w[-1]))] if values[-1].real < 0.0 else []
@@ -204,20 +193,18 @@ def _gains(
     for i in np.flatnonzero((turn[:-2] * turn[1:-1] <= 0.0) & (values.real[:-2] < 0.0)):
         if turn[i] == turn[i + 1]:
             continue
-        x = _root(lambda x: float(L(np.array([x]))[0].imag), w[i], w[i + 1])
-        real = float(L(np.array([x]))[0].real)
+        x = _root(lambda x: float(L(x)[0].imag), w[i], w[i + 1])
+        real = float(L(x)[0].real)
         if real < 0.0:
             candidates.append((-1.0 / real, x))
 
     up = _first_unstable(loop, sorted(c for c in candidates if c[0] > 1.0), beyond=10.0)
     falling = sorted((c for c in candidates if c[0] < 1.0), reverse=True)
     down = _first_unstable(loop, falling, beyond=0.1)
-    return *(up or (math.inf, math.nan)), *(down or (0.0, math.nan))
+    return up or (math.inf, math.nan), down or (0.0, math.nan)
 
 
-def _first_unstable(
-    loop: StateSpace, candidates: list[tuple[float, float]], *, beyond: float
-) -> tuple[float, float] | None:
+def _first_unstable(loop: StateSpace, candidates: list[Limit], *, beyond: float) -> Limit | None:
     """The first gain, with its frequency, that the loop is unstable behind.
 
     Between two candidates nothing crosses, so one look halfway decides; right at a crossing of slow
@@ -239,20 +226,18 @@ def _steady(loop: StateSpace) -> float | None:
     return float((loop.C @ np.linalg.solve(matrix, loop.B) + loop.D)[0, 0])
 
 
-def _phases(
-    loop: StateSpace, w: Array, values: NDArray[np.complex128]
-) -> tuple[float, float, float, float]:
+def _phases(loop: StateSpace, w: Array, values: Complex) -> tuple[Limit, Limit]:
     """Smallest turn that brings L to -1, and smallest delay, each with its frequency."""
     L = _response(loop)
     with np.errstate(divide="ignore"):
         log = np.log(np.abs(values))
     phase, delay = (math.inf, math.nan), (math.inf, math.nan)
     for i in np.flatnonzero(np.sign(log[:-1]) != np.sign(log[1:])):
-        x = _root(lambda x: math.log(abs(L(np.array([x]))[0])), w[i], w[i + 1])
-        lag = (float(np.angle(L(np.array([x]))[0])) + math.pi) % (2.0 * math.pi)
+        x = _root(lambda x: math.log(abs(L(x)[0])), w[i], w[i + 1])
+        lag = (float(np.angle(L(x)[0])) + math.pi) % (2.0 * math.pi)
         phase = min(phase, (min(lag, 2.0 * math.pi - lag), x))
         delay = min(delay, (lag / x, x))
-    return *phase, *delay
+    return phase, delay
 
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
@@ -265,16 +250,19 @@ def _root(f: Callable[[float], float], low: float, high: float) -> float:
     return float(brentq(f, low, high, xtol=1e-15, rtol=1e-14))
 
 
-def _peak(f: Callable[[float], float], w: Array, values: Array) -> tuple[float, float]:
-    """Largest value and where, the grid's largest few maxima refined."""
+def _peak(
+    size: Callable[[Complex], Array], L: Callable[[ArrayLike], Complex], w: Array, response: Complex
+) -> Limit:
+    """Largest size of L and where, the grid's largest few maxima refined."""
     from scipy.optimize import minimize_scalar
 
+    values = size(response)
     best = (float(values[-1]), float(w[-1]))
     inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
     for i in sorted([0, *inner], key=lambda i: -values[i])[:5]:
         best = max(best, (float(values[i]), float(w[i])))
         found = minimize_scalar(
-            lambda x: -f(math.exp(x)),
+            lambda x: -float(size(L(math.exp(x)))[0]),
             bounds=(math.log(w[max(i - 1, 0)]), math.log(w[i + 1])),
             method="bounded",
             options={"xatol": 1e-10},
@@ -291,16 +279,11 @@ def largest_delay(closed: Callable[[float], Array], *, step: float, horizon: flo
     """
     from scipy.optimize import brentq
 
-    if spectral_radius(closed(0.0)) >= 1.0:
-        return 0.0
-    low = 0.0
-    for i in range(1, math.ceil(horizon / step) + 1):
-        high = i * step
-        if spectral_radius(closed(high)) >= 1.0:
-            return float(
-                brentq(
-                    lambda d: spectral_radius(closed(d)) - 1.0, low, high, xtol=1e-12, rtol=1e-12
-                )
-            )
-        low = high
+    def beyond(delay: float) -> float:
+        return spectral_radius(closed(delay)) - 1.0
+
+    for i in range(math.ceil(horizon / step) + 1):
+        if beyond(i * step) >= 0.0:
+            low = max(i - 1, 0) * step
+            return float(brentq(beyond, low, i * step, xtol=1e-12, rtol=1e-12)) if i else 0.0
     return math.inf

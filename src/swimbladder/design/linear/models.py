@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -50,10 +50,8 @@ class StateSpace:
     def part(self, *, output: str, input: str) -> StateSpace:
         """Return the system from one input to one output."""
         i, j = self.outputs.index(output), self.inputs.index(input)
-        return StateSpace(
-            A=self.A, B=self.B[:, [j]], C=self.C[[i]], D=self.D[[i]][:, [j]],
-            states=self.states, inputs=(input,), outputs=(output,), sample_time=self.sample_time,
-        )  # fmt: skip
+        B, C, D = self.B[:, [j]], self.C[[i]], self.D[[i]][:, [j]]
+        return replace(self, B=B, C=C, D=D, inputs=(input,), outputs=(output,))
 
     def at(self, points: ArrayLike) -> NDArray[np.complex128]:
         """Return C (p I - A)^-1 B + D at each complex p, of shape (points, outputs, inputs)."""
@@ -67,11 +65,9 @@ class StateSpace:
         """Return the system as a python-control StateSpace."""
         import control
 
-        dt = 0 if self.sample_time is None else self.sample_time
-        return control.ss(
-            self.A, self.B, self.C, self.D, dt, states=list(self.states),
-            inputs=list(self.inputs), outputs=list(self.outputs),
-        )  # fmt: skip
+        matrices, dt = (self.A, self.B, self.C, self.D), self.sample_time or 0
+        names = {name: [*getattr(self, name)] for name in ("states", "inputs", "outputs")}
+        return control.ss(*matrices, dt, **names)
 
 
 class OperatingPoint(NamedTuple):
@@ -110,25 +106,22 @@ def linearise(p: Plant, *, depth: float = 0.0, back_driving: bool = False) -> St
     h_w = 0.5 * p.epsilon if 0.0 < p.epsilon < math.inf else 1e-2
     h_V = 1e-5
     if p.positioner:
-        A = np.array([[0.0, 1.0], [0.0, 0.0]])
-        A[1, 0] = _slope(lambda x: (acceleration(V, x, 0.0, p),), z, h_z)[0]
-        A[1, 1] = _slope(lambda x: (acceleration(V, z, x, p),), 0.0, h_w)[0]
-        B = np.array([[0.0], [_slope(lambda x: (acceleration(x, z, 0.0, p),), V, h_V)[0]]])
+        (a_z,) = _slope(lambda x: (acceleration(V, x, 0.0, p),), z, h_z)
+        (a_w,) = _slope(lambda x: (acceleration(V, z, x, p),), 0.0, h_w)
+        (a_V,) = _slope(lambda x: (acceleration(x, z, 0.0, p),), V, h_V)
+        A, B = np.array([[0.0, 1.0], [a_z, a_w]]), np.array([[0.0], [a_V]])
         return _with_outputs(A, B, states=("z", "w"), input="V", outputs=("z",))
     h_q = p.gain  # what a volt drives
     q = -2.0 * h_q if back_driving else 2.0 * h_q
     x, u = State(q, V, z, 0.0), p.load_drive * z
-    A = np.empty((4, 4))
-    for name, h in zip(x._fields, (h_q, h_V, h_z, h_w), strict=True):
-        A[:, x._fields.index(name)] = _slope(
-            partial(_rates, name=name, x=x, u=u, p=p), getattr(x, name), h
-        )
+
+    def rates(name: str, value: float) -> State:
+        return motor_rhs(x._replace(**{name: value}), u, p)
+
+    steps = zip(x._fields, x, (h_q, h_V, h_z, h_w), strict=True)
+    A = np.array([_slope(partial(rates, name), at, h) for name, at, h in steps]).T
     B = np.array(_slope(lambda value: motor_rhs(x, value, p), u, 1.0))[:, None]
     return _with_outputs(A, B, states=("q", "V", "z", "w"), input="u", outputs=("z", "V"))
-
-
-def _rates(value: float, *, name: str, x: State, u: float, p: Plant) -> State:
-    return motor_rhs(x._replace(**{name: value}), u, p)
 
 
 def _slope(f: Callable[[float], tuple[float, ...]], x: float, h: float) -> list[float]:
@@ -147,15 +140,8 @@ def _with_outputs(
     A: Array, B: Array, *, states: tuple[str, ...], input: str, outputs: tuple[str, ...]
 ) -> StateSpace:
     C = np.array([[float(name == output) for name in states] for output in outputs])
-    return StateSpace(
-        A=A,
-        B=B,
-        C=C,
-        D=np.zeros((len(outputs), 1)),
-        states=states,
-        inputs=(input,),
-        outputs=outputs,
-    )
+    D = np.zeros((len(outputs), 1))
+    return StateSpace(A=A, B=B, C=C, D=D, states=states, inputs=(input,), outputs=outputs)
 
 
 def linearised_motion(

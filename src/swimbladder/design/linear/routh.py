@@ -14,6 +14,8 @@ from decimal import Decimal
 from fractions import Fraction
 from itertools import pairwise
 
+from numpy.polynomial.polynomial import polydiv, polymul
+
 # Smaller than any quotient of products of floats that a table of reasonable degree can hold.
 _EPSILON_BITS = 1 << 15
 _EPSILON = Fraction(1, 1 << _EPSILON_BITS)
@@ -118,7 +120,7 @@ def _pair(upper: _Poly, lower: _Poly, rows: list[_Poly], notes: list[str]) -> bo
     the last of them is the divisor up to a factor: the auxiliary polynomial, where not a constant.
     """
     divisor = _divisor(upper, lower)
-    a, b = _quotient(upper, divisor), _quotient(lower, divisor)
+    a, b = (_division(row, divisor)[0] for row in (upper, lower))
     degree = len(a) - 1
     table, marks = [a], [""]
     for power in range(degree - 1, -1, -1):
@@ -131,7 +133,7 @@ def _pair(upper: _Poly, lower: _Poly, rows: list[_Poly], notes: list[str]) -> bo
         factor = a[0] / b[0]
         shifted = [factor * c for c in b] + [Fraction(0)]
         a, b = b, _trimmed([x - y for x, y in zip(a, shifted, strict=True)])
-    rows += [_product(row, divisor) for row in table]
+    rows += [[*polymul(row, divisor)] for row in table]
     notes += marks
     return len(divisor) > 1
 
@@ -151,32 +153,18 @@ def _derivative(p: _Poly) -> _Poly:
     return [c * (n - i) for i, c in enumerate(p[:-1])]
 
 
-def _product(p: _Poly, q: _Poly) -> _Poly:
-    result = [Fraction(0)] * (len(p) + len(q) - 1)
-    for i, a in enumerate(p):
-        for j, b in enumerate(q):
-            result[i + j] += a * b
-    return result
-
-
 def _division(p: _Poly, q: _Poly) -> tuple[_Poly, _Poly]:
-    quotient, rest = [], list(p)
-    for i in range(len(p) - len(q) + 1):
-        factor = rest[i] / q[0]
-        quotient.append(factor)
-        for j, c in enumerate(q):
-            rest[i + j] -= factor * c
-    return quotient, _trimmed(rest)
-
-
-def _quotient(p: _Poly, q: _Poly) -> _Poly:
-    return _division(p, q)[0]
+    """Quotient and rest; NumPy's powers ascend."""
+    if len(p) < len(q):
+        return [], p
+    quotient, rest = polydiv(p[::-1], q[::-1])
+    return [*quotient[::-1]], _trimmed([*rest[::-1]])
 
 
 def _divisor(p: _Poly, q: _Poly) -> _Poly:
     """Greatest common divisor with a leading coefficient of 1."""
     while q:
-        p, q = q, (_division(p, q)[1] if len(p) >= len(q) else p)
+        p, q = q, _division(p, q)[1]
     return [c / p[0] for c in p]
 
 

@@ -10,7 +10,7 @@ Closed, it has poles, margins and delays.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,7 +75,7 @@ def linearise_law(
     here = outputs(x0, u0)
 
     def odd_and_even(d: Array) -> tuple[Array, Array]:
-        above, below = outputs(*_split(at + d, n)), outputs(*_split(at - d, n))
+        above, below = (outputs(x[:n], x[n:]) for x in (at + d, at - d))
         return above - below, above + below - 2.0 * here
 
     slopes, even = np.empty((n + 1, n + 3)), np.empty((n + 1, n + 3), dtype=bool)
@@ -89,18 +89,12 @@ def linearise_law(
     keep = _acting(slopes, n)
     loop = np.ix_([*keep, n], [*keep, n, n + 1])  # the reference is outside
     smooth = bool(even[loop].all()) and bool(np.any(slopes[[*keep, n], n]))
-    A, B = slopes[np.ix_(keep, keep)], slopes[np.ix_(keep, range(n, n + 3))]
-    C, D = slopes[np.ix_([n], keep)], slopes[np.ix_([n], range(n, n + 3))]
+    A, B = slopes[np.ix_(keep, keep)], slopes[keep, n:]
+    C, D = slopes[n:, keep], slopes[n:, n:]
     names = tuple(leaf_names(type(state))[i] for i in keep)
-    system = StateSpace(
-        A=A, B=B, C=C, D=D, states=names, inputs=_INPUTS, outputs=("command",),
-        sample_time=sample_time,
-    )  # fmt: skip
+    signals = {"states": names, "inputs": _INPUTS, "outputs": ("command",)}
+    system = StateSpace(A=A, B=B, C=C, D=D, sample_time=sample_time, **signals)
     return LinearLaw(system=system, smooth=smooth, sample_time=sample_time)
-
-
-def _split(x: Array, n: int) -> tuple[Array, Array]:
-    return x[:n], x[n:]
 
 
 def _acting(slopes: Array, n: int) -> list[int]:
@@ -153,11 +147,6 @@ def _held(A: Array, B: Array, h: float) -> tuple[Array, Array]:
     return exponential[:n, :n], exponential[:n, n:]
 
 
-def _whole_and_fraction(delay: float, h: float) -> tuple[int, float]:
-    whole = math.floor(delay / h + 1e-12)
-    return whole, max(delay - whole * h, 0.0)
-
-
 def discretise(
     plant: StateSpace, h: float, *, command_delay: float = 0.0, depth_delay: float = 0.0
 ) -> StateSpace:
@@ -171,10 +160,10 @@ def discretise(
         raise ValueError("a delay of the command and one of the depth at once are not modelled")
     n = len(plant.states)
     own_volume = "V" in plant.states
-    whole, late = _whole_and_fraction(command_delay, h)
+    whole, depth_whole = (math.floor(d / h + 1e-12) for d in (command_delay, depth_delay))
+    late, depth_late = max(command_delay - whole * h, 0.0), max(depth_delay - depth_whole * h, 0.0)
     held = whole + (late > 0.0)
     past = held if own_volume else max(held, whole + 1)  # commands that are remembered
-    depth_whole, depth_late = _whole_and_fraction(depth_delay, h)
     depths = depth_whole + (depth_late > 0.0)  # depths that are remembered
     size = n + past + depths
     A, B = np.zeros((size, size)), np.zeros((size, 1))
@@ -211,10 +200,8 @@ def discretise(
         *(f"command[-{i}]" for i in range(1, past + 1)),
         *(f"depth[-{i}]" for i in range(1, depths + 1)),
     )
-    return StateSpace(
-        A=A, B=B, C=C, D=np.zeros((2, 1)), states=names, inputs=("command",),
-        outputs=("depth", "volume"), sample_time=h,
-    )  # fmt: skip
+    signals = {"states": names, "inputs": ("command",), "outputs": ("depth", "volume")}
+    return StateSpace(A=A, B=B, C=C, D=np.zeros((2, 1)), sample_time=h, **signals)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -229,13 +216,10 @@ class SampledLoop:
         h = self.law.sample_time
         p, k = discretise(self.plant, h, command_delay=command_delay), self.law.system
         seen = [k.inputs.index(name) for name in p.outputs]
-        n, m = len(p.states), len(k.states)
-        A = np.block([[p.A, np.zeros((n, m))], [k.B[:, seen] @ p.C, k.A]])
-        return StateSpace(
-            A=A, B=np.vstack([p.B, np.zeros((m, 1))]), C=-np.hstack([k.D[:, seen] @ p.C, k.C]),
-            D=np.zeros((1, 1)), states=(*p.states, *k.states), inputs=("command",),
-            outputs=("command",), sample_time=h,
-        )  # fmt: skip
+        none = np.zeros((len(p.states), len(k.states)))
+        A = np.block([[p.A, none], [k.B[:, seen] @ p.C, k.A]])
+        B, C = np.vstack([p.B, none.T[:, :1]]), -np.hstack([k.D[:, seen] @ p.C, k.C])
+        return _broken(p, k, "command", A, B, C)
 
     def broken_at_depth(
         self, *, depth_delay: float = 0.0, command_delay: float = 0.0
@@ -247,11 +231,9 @@ class SampledLoop:
         V = p.C[[p.outputs.index("volume")]]
         z = p.C[[p.outputs.index("depth")]]
         A = np.block([[p.A + p.B @ k.D[:, [volume]] @ V, p.B @ k.C], [k.B[:, [volume]] @ V, k.A]])
-        return StateSpace(
-            A=A, B=np.vstack([p.B @ k.D[:, [depth]], k.B[:, [depth]]]),
-            C=-np.hstack([z, np.zeros((1, len(k.states)))]), D=np.zeros((1, 1)),
-            states=(*p.states, *k.states), inputs=("depth",), outputs=("depth",), sample_time=h,
-        )  # fmt: skip
+        B = np.vstack([p.B @ k.D[:, [depth]], k.B[:, [depth]]])
+        C = -np.hstack([z, np.zeros((1, len(k.states)))])
+        return _broken(p, k, "depth", A, B, C)
 
     def closed(self, *, command_delay: float = 0.0, depth_delay: float = 0.0) -> Array:
         """Return the matrix that takes the closed loop from one sample to the next."""
@@ -260,6 +242,12 @@ class SampledLoop:
         else:
             loop = self.broken_at_command(command_delay=command_delay)
         return loop.A - loop.B @ loop.C
+
+
+def _broken(p: StateSpace, k: StateSpace, at: str, A: Array, B: Array, C: Array) -> StateSpace:
+    """A sampled plant and its law as a loop that is broken at one signal."""
+    states, D = (*p.states, *k.states), np.zeros((1, 1))
+    return replace(p, A=A, B=B, C=C, D=D, states=states, inputs=(at,), outputs=(at,))
 
 
 _LONGEST = 100  # samples: the longest delay that eigenvalues are computed for
@@ -321,10 +309,8 @@ def close(p: Plant, law: LinearLaw, *, name: str, depth: float) -> ClosedLoop:
     loop = SampledLoop(plant=linearise(p, depth=depth), law=law)
     matrix = loop.closed()
     radius = spectral_radius(matrix)
-    at_command, at_depth = (
-        loop_margins(loop.broken_at_command()),
-        loop_margins(loop.broken_at_depth()),
-    )
+    at_command = loop_margins(loop.broken_at_command())
+    at_depth = loop_margins(loop.broken_at_depth())
     back = SampledLoop(plant=linearise(p, depth=depth, back_driving=True), law=law)
     k_pV = -command_slope(law, "volume")
     inner = k_pV > 0.0 and not p.positioner
