@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 
 import swimbladder as sb
 from swimbladder.design.experiments import design_experiment
-from swimbladder.design.experiments.conditions import Question, Setting, ramps
+from swimbladder.design.experiments.conditions import Conditions, Question, Setting, ramps
 from swimbladder.estimation.motion.model import model_of
 
 
@@ -41,6 +41,11 @@ def question(vehicle):
 @pytest.fixture(scope="session")
 def limits(vehicle, setting):
     return ramps(vehicle, setting)
+
+
+@pytest.fixture(scope="session")
+def conditions(question, setting, limits):
+    return Conditions(question, setting, limits)
 
 
 @pytest.fixture(scope="session")

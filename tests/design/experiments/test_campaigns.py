@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from swimbladder.design.experiments.conditions import Flight, follow, ramps
+from swimbladder.design.experiments.conditions import Conditions, Flight, follow, ramps
 from swimbladder.design.experiments.evaluation import predict
 from swimbladder.estimation.motion import identify
 from swimbladder.io.logs import Log
@@ -57,10 +57,9 @@ def campaigns(design, vehicle, setting, tmp_path_factory):
             answer = identify(measured, vehicle, profiles=False, choices=False)
             there = design.question.values | dict(zip(NAMES, values.tolist(), strict=True))
             question = design.question._replace(model=design.question.model._replace(values=there))
-            flights = [
-                follow(r, question.model, there, limits, setting) for r in evaluated.releases
-            ]
-            expected = predict(flights, question, setting)
+            c = Conditions(question, setting, limits)
+            flights = [follow(r, there, c) for r in evaluated.releases]
+            expected = predict(flights, c)
             rows.append(
                 (
                     np.array([answer.parameters[n].value for n in NAMES]) / values - 1.0,
@@ -127,9 +126,9 @@ def test_the_error_with_drift_is_the_one_that_comes(design, vehicle, setting, tm
     assert (rms(np.array(errors)) > 1.3 * without / [true.K2, true.T2, true.psi]).all()
 
 
-def test_of_the_records_as_they_came_the_covariance_is_the_one_reported(design, vehicle, setting):
+def test_of_the_records_as_they_came_the_covariance_is_reported(design, vehicle, conditions):
     """Nothing is left but the noise that a fit estimates, from some two thousand depths."""
-    plan, true = design.plan(), Vehicle(7935.54, 36.3, 4.04e-6)
+    plan, true, setting = design.plan(), Vehicle(7935.54, 36.3, 4.04e-6), conditions.setting
     neutral, ratios = replace(setting, neutral_std=0.0), []
     for k in range(12):
         measured = logs(plan, true, np.random.default_rng([17, k]), neutral)
@@ -141,7 +140,7 @@ def test_of_the_records_as_they_came_the_covariance_is_the_one_reported(design, 
             )
             for log, release in zip(measured, design.chosen.releases, strict=True)
         ]  # fmt: skip
-        expected = predict(flights, design.question, setting)
+        expected = predict(flights, conditions._replace(question=design.question))
         size = np.sqrt(np.diag(answer.covariance) / np.diag(expected.covariance))
         assert answer.correlation == pytest.approx(expected.correlation, abs=0.06)
         ratios.append(size * setting.depth_noise / answer.depth_noise)

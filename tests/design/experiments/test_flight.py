@@ -65,16 +65,16 @@ RELEASES = [
 
 
 @pytest.mark.parametrize("release", RELEASES)
-def test_the_depths_are_those_of_an_exact_integration(release, question, limits, setting):
-    f = follow(release, question.model, question.values, limits, setting)
+def test_the_depths_are_those_of_an_exact_integration(release, conditions):
+    f = follow(release, conditions.question.values, conditions)
     exact = depths(TRUE, f.volume, release.start, 0.3)
     assert np.abs(exact - f.depth).max() < 1e-9
     assert f.complete
 
 
-def test_a_record_is_what_the_plan_says(question, limits, setting):
+def test_a_record_is_what_the_plan_says(conditions):
     release = RELEASES[1]
-    f = follow(release, question.model, question.values, limits, setting)
+    f = follow(release, conditions.question.values, conditions)
     first, second, third = f.moved
     assert f.time[first] == pytest.approx(5.1)  # whole samples of the 5 s at rest
     assert np.all(f.volume[: first + 1] == 0.0)
@@ -87,18 +87,18 @@ def test_a_record_is_what_the_plan_says(question, limits, setting):
     assert f.duration == pytest.approx(f.time[-1] - 5.1)
 
 
-def test_a_move_that_comes_too_late_does_not_happen(question, limits, setting):
+def test_a_move_that_comes_too_late_does_not_happen(conditions):
     release = Release.to_and_fro(3.75, [150 * CM3, -20 * CM3], [0.9])
-    f = follow(release, question.model, question.values, limits, setting)
+    f = follow(release, conditions.question.values, conditions)
     assert len(f.moved) == 2
     gone = release._replace(moves=(*release.moves, Move(volume=30 * CM3, depth=3.0, going="down")))
-    late = follow(gone, question.model, question.values, limits, setting)
+    late = follow(gone, conditions.question.values, conditions)
     assert not late.complete
     assert late.ended == "shallowest"
 
 
-def test_the_longest_record_ends(question, limits, setting):
-    short = replace(setting, longest=20.0)
-    f = follow(RELEASES[0], question.model, question.values, limits, short)
+def test_the_longest_record_ends(conditions):
+    short = conditions._replace(setting=replace(conditions.setting, longest=20.0))
+    f = follow(RELEASES[0], conditions.question.values, short)
     assert f.ended == "longest"
     assert f.duration == pytest.approx(20.1)

@@ -31,8 +31,8 @@ PAPER = [
 ]
 
 
-def flights(releases, question, limits, setting):
-    return [follow(r, question.model, question.values, limits, setting) for r in releases]
+def flights(releases, c):
+    return [follow(r, c.question.values, c) for r in releases]
 
 
 def model(x, records):
@@ -76,14 +76,25 @@ def information(records, setting, psi_std=math.inf):
     return J.T @ J + np.diag(known)
 
 
+def but(c, **changes):
+    return c._replace(setting=replace(c.setting, **changes))
+
+
+def with_prior(c, share):
+    prior = Prior(TRUE[2], share * TRUE[2])
+    return c._replace(question=c.question._replace(priors={"psi": prior}))
+
+
 @pytest.mark.parametrize("psi_std", [math.inf, 0.01])
-def test_the_covariance_is_that_of_exact_sensitivities(question, limits, setting, psi_std):
-    q = question
+def test_the_covariance_is_that_of_exact_sensitivities(conditions, psi_std):
+    c = conditions
     if math.isfinite(psi_std):
-        q = question._replace(priors={"psi": Prior(TRUE[2], psi_std * TRUE[2])})
-    records = flights(SET, q, limits, setting)
-    expected = np.linalg.inv(information(records, setting, psi_std))[:3, :3] * np.outer(TRUE, TRUE)
-    p = predict(records, q, setting)
+        c = with_prior(c, psi_std)
+    records = flights(SET, c)
+    expected = np.linalg.inv(information(records, c.setting, psi_std))[:3, :3] * np.outer(
+        TRUE, TRUE
+    )
+    p = predict(records, c)
     assert p.names == NAMES
     assert p.covariance / expected == pytest.approx(np.ones((3, 3)), rel=2e-4)
     for i, name in enumerate(NAMES):
@@ -95,31 +106,32 @@ def test_the_covariance_is_that_of_exact_sensitivities(question, limits, setting
     assert not p.open
 
 
-def test_information_adds_up_over_records(question, limits, setting):
-    records = flights(SET, question, limits, setting)
-    known = [fisher_information(f, question, question.values, setting) for f in records]
+def test_information_adds_up_over_records(conditions):
+    c = conditions
+    records = flights(SET, c)
+    known = [fisher_information(f, c.question.values, c) for f in records]
     C = np.linalg.inv(sum(k.gain for k in known)) * np.outer(TRUE, TRUE)
-    assert C / predict(records, question, setting).covariance == pytest.approx(1.0, rel=1e-6)
+    assert C / predict(records, c).covariance == pytest.approx(1.0, rel=1e-6)
 
 
-def test_the_sources_are_how_the_variance_follows_each_error(question, limits, setting):
+def test_the_sources_are_how_the_variance_follows_each_error(conditions):
     """d ln variance/d ln (noise squared) is the noise's share; so for the others."""
     h = 1e-3
-    q = question._replace(priors={"psi": Prior(TRUE[2], 0.02 * TRUE[2])})
-    records = flights(SET, q, limits, setting)
-    p = predict(records, q, setting)
+    c = with_prior(conditions, 0.02)
+    setting, records = c.setting, flights(SET, c)
+    p = predict(records, c)
 
     def slope(changed):
-        more = predict(records, *changed)
+        more = predict(records, changed)
         return [
             2.0 * math.log(more.parameters[n].std / p.parameters[n].std) / (2.0 * math.log1p(h))
             for n in NAMES
         ]
 
     grown = {
-        "noise": (q, replace(setting, noise=setting.depth_noise * (1 + h), quantum=0.0)),
-        "neutral volume": (q, replace(setting, neutral_std=setting.neutral_std * (1 + h))),
-        "prior": (q._replace(priors={"psi": Prior(TRUE[2], 0.02 * TRUE[2] * (1 + h))}), setting),
+        "noise": but(c, noise=setting.depth_noise * (1 + h), quantum=0.0),
+        "neutral volume": but(c, neutral_std=setting.neutral_std * (1 + h)),
+        "prior": with_prior(c, 0.02 * (1 + h)),
     }
     for source, changed in grown.items():
         found = [p.sources[name][source] for name in NAMES]
@@ -134,10 +146,11 @@ def refit(records, setting, measured):
     return np.linalg.solve(information(records, setting), J.T @ off)[:3]
 
 
-def test_a_drift_does_what_a_refit_of_a_drifting_truth_shows(question, limits, setting):
+def test_a_drift_does_what_a_refit_of_a_drifting_truth_shows(conditions):
     """A neutral volume that is right at the release and drifts evenly before and after."""
-    records = flights(SET, question, limits, setting)
-    slow = replace(setting, drift_std=0.02e-6 / 60.0)
+    records = flights(SET, conditions)
+    c = but(conditions, drift_std=0.02e-6 / 60.0)
+    slow, values = c.setting, c.question.values
     one = [slow.drift_std, 0.0, 0.0]
     true = Vehicle(*TRUE)
 
@@ -150,16 +163,16 @@ def test_a_drift_does_what_a_refit_of_a_drifting_truth_shows(question, limits, s
         )
 
     expected = refit(records, slow, with_drifts([slow.drift_std] * 3))
-    found = without_drift(records, question, slow).linear
+    found = without_drift(records, c).linear
     assert [found[n] for n in NAMES] == pytest.approx(expected, rel=2e-3, abs=2e-7)
     # One record alone: what adds up in squares.
     single = refit(records, slow, with_drifts(one))
-    gains = sum(fisher_information(f, question, question.values, slow).gain for f in records)
-    score = fisher_information(records[0], question, question.values, slow).drift
+    gains = sum(fisher_information(f, values, c).gain for f in records)
+    score = fisher_information(records[0], values, c).drift
     step = np.linalg.solve(gains, score) * slow.drift_std
     assert step == pytest.approx(single, rel=2e-3, abs=2e-7)
-    p = predict(records, question, slow)
-    each = [fisher_information(f, question, question.values, slow).drift for f in records]
+    p = predict(records, c)
+    each = [fisher_information(f, values, c).drift for f in records]
     moved = np.linalg.solve(gains, np.array(each).T) * slow.drift_std
     assert [p.drift[n] for n in NAMES] == pytest.approx(np.linalg.norm(moved, axis=1) * TRUE)
     shares = [
@@ -168,25 +181,25 @@ def test_a_drift_does_what_a_refit_of_a_drifting_truth_shows(question, limits, s
     assert [p.share[n] for n in NAMES] == pytest.approx(shares)
 
 
-def test_a_trim_does_what_a_refit_of_a_truth_that_is_off_shows(question, limits, setting):
-    records = flights(SET, question, limits, setting)
+def test_a_trim_does_what_a_refit_of_a_truth_that_is_off_shows(conditions):
+    records = flights(SET, conditions)
     true = Vehicle(*TRUE)
     measured = np.concatenate(
         [depths(true, f.volume, f.release.start, 0.3, neutral=0.005e-6) for f in records]
     )
-    expected = 100.0 * refit(records, setting, measured)
-    found = without_trim(records, question, setting).linear
+    expected = 100.0 * refit(records, conditions.setting, measured)
+    found = without_trim(records, conditions).linear
     scale = np.abs(expected).max()
     assert np.array([found[n] for n in NAMES]) / scale == pytest.approx(expected / scale, abs=5e-3)
-    assert without_trim(records, question, replace(setting, neutral_std=math.inf)) is None
+    assert without_trim(records, but(conditions, neutral_std=math.inf)) is None
 
 
-def test_leaving_psi_out_is_what_a_refit_without_psi_shows(question, limits, setting):
+def test_leaving_psi_out_is_what_a_refit_without_psi_shows(conditions):
     """The paper's eight: K2 and T2 far off at a few millimetres, which nobody would notice."""
-    records = flights(PAPER, question, limits, setting)
+    setting, records = conditions.setting, flights(PAPER, conditions)
     measured = np.concatenate([f.depth for f in records])
 
-    found = without_psi(records, question, setting)
+    found = without_psi(records, conditions)
     rows = np.repeat(np.arange(len(records)), [len(f.depth) for f in records])
     x, noise = np.delete(start(records), 2), np.full(len(records), setting.depth_noise)
 
@@ -216,7 +229,7 @@ def test_leaving_psi_out_is_what_a_refit_without_psi_shows(question, limits, set
     assert found.rms < 5e-3
 
 
-def test_psi_left_out_is_nothing_where_there_is_none(question, limits, setting):
-    records = flights(SET[:1], question, limits, setting)
-    assert without_psi(records, question._replace(fixed={"psi": 0.0}), setting) is None
-    assert without_psi(records, question._replace(names=("psi",)), setting) is None
+def test_psi_left_out_is_nothing_where_there_is_none(conditions):
+    records, question = flights(SET[:1], conditions), conditions.question
+    for other in (question._replace(fixed={"psi": 0.0}), question._replace(names=("psi",))):
+        assert without_psi(records, conditions._replace(question=other)) is None

@@ -130,9 +130,10 @@ def test_what_is_known_of_a_vehicle_is_not_in_doubt(vehicle, question):
     assert prior.values["psi"] == 2e-6
 
 
-def test_the_library_has_steps_and_to_and_fro_that_the_stroke_allows(question, limits, setting):
-    families = releases(question, limits, setting)
-    least, *_, most = sizes(question, limits, setting)
+def test_the_library_has_steps_and_to_and_fro_that_the_stroke_allows(conditions):
+    _, setting, limits = conditions
+    families = releases(conditions)
+    least, *_, most = sizes(conditions)
     assert 4 * setting.neutral_std <= least < 5e-6
     assert 80e-6 < most < 200e-6
     for family in families:

@@ -174,16 +174,14 @@ class Flight(NamedTuple):
         return len(self.moved) == len(self.release.moves)
 
 
-def follow(
-    release: Release, model: Model, values: Mapping[str, float], ramps: Ramps, setting: Setting
-) -> Flight:
+def follow(release: Release, values: Mapping[str, float], c: Conditions) -> Flight:
     """Return the record of a release without noise, of a vehicle with these values."""
-    h = setting.sample_time
+    setting, ramps, h = c.setting, c.ramps, c.setting.sample_time
     first = math.ceil(setting.rest / h - 1e-9)
     whole = first + math.ceil(setting.longest / h - 1e-9) + 1
     time = h * np.arange(whole, dtype=np.float64)
     volume = np.zeros(whole)
-    p = model.plant(values, -values["psi"] * release.start)
+    p = c.question.model.plant(values, -values["psi"] * release.start)
     at, moved, looked = first, [first], min(whole, first + math.ceil(_FIRST_STRETCH / h))
     volume[at:] = ramps.move(0.0, release.moves[0].volume, whole - at)
     while True:
@@ -287,37 +285,39 @@ class Information(NamedTuple):
     drift: Array
 
 
-def problem_of(
-    flights: Sequence[Flight], question: Question, setting: Setting, *,
-    fixed: Mapping[str, float] | None = None,
-) -> Problem:  # fmt: skip
-    """Return the fit that `identify` would make of these records; `fixed` instead of estimated."""
-    held = {**question.fixed, **(fixed or {})}
-    names = tuple(name for name in question.names if name not in held)
-    priors = {name: p for name, p in question.priors.items() if name in names}
-    return Problem(
-        [experiment_of(flight, f"release {k}") for k, flight in enumerate(flights, start=1)],
-        question.model,
-        names,
-        Assumed(held, priors, setting.neutral_std),
-    )
+class Conditions(NamedTuple):
+    """All that a design depends on: what is asked, the pool, and what the actuator does there."""
+
+    question: Question
+    setting: Setting
+    ramps: Ramps
 
 
-def fisher_information(
-    flight: Flight, question: Question, values: Mapping[str, float], setting: Setting
-) -> Information:
+def problem_of(flights: Sequence[Flight], c: Conditions, **fixed: float) -> Problem:
+    """Return the fit that `identify` would make of these records; fixed: instead of estimated."""
+    held = c.question.fixed | fixed
+    names = tuple(name for name in c.question.names if name not in held)
+    priors = {name: p for name, p in c.question.priors.items() if name in names}
+    experiments = [experiment_of(flight, f"release {k}") for k, flight in enumerate(flights, 1)]
+    assumed = Assumed(held, priors, c.setting.neutral_std)
+    return Problem(experiments, c.question.model, names, assumed)
+
+
+def fisher_information(flight: Flight, values: Mapping[str, float], c: Conditions) -> Information:
     """Return the information of a record on the vehicle that has these values."""
+    question, setting = c.question, c.setting
     p = len(question.names)
     if len(flight.time) < FEWEST:
         return Information(np.zeros((p, p)), np.zeros(p))
-    problem = problem_of([flight], question._replace(priors={}), setting)
+    problem = problem_of([flight], c._replace(question=question._replace(priors={})))
     x = problem.begin(values)
-    x[problem.starts_at[0] + 1] = 0.0
     per_share = [
         1.0 if log else question.size(name) / scale
         for name, log, scale in zip(question.names, problem.logarithmic, problem.scale, strict=True)
     ]
-    J = problem.slope(x) / setting.depth_noise
+    J = problem.slope(x)
+    s = drift_effect(problem, x, J, [flight]) / setting.depth_noise
+    J /= setting.depth_noise
     J[:, :p] *= per_share
     own = problem.prior_rows(x)[1][:, p:]
     inner = J[:, p:].T @ J[:, p:] + own.T @ own
@@ -325,12 +325,22 @@ def fisher_information(
     # What is left of the parameters' columns, once the record's own entries follow them.
     back = np.linalg.solve(inner + 1e-12 * np.diag(np.diag(inner)), across.T)
     gain = J[:, :p].T @ J[:, :p] - across @ back
-    # A drift counts from the release: that about the middle, and the shift from there.
-    e = problem.experiments[0]
-    middle = float(e.record.time.mean() - flight.time[flight.moved[0]])
-    s = problem.drift_slope(x, 0) / setting.depth_noise + J[:, p] / VOLUME * middle
     drift = J[:, :p].T @ s - back.T @ (J[:, p:].T @ s)
     return Information(0.5 * (gain + gain.T), drift)
+
+
+def drift_effect(problem: Problem, x: Array, J: Array, flights: Sequence[Flight]) -> Array:
+    """Return the derivative of the depths with a drift of all neutral volumes [m s/m3].
+
+    J: that with x. A drift counts from the release on: that about the middle, and the shift from
+    there.
+    """
+    effects = []
+    for j, flight in enumerate(flights):
+        middle = float(flight.time.mean() - flight.time[flight.moved[0]])
+        column = J[problem.rows[j] : problem.rows[j + 1], problem.shared + j]
+        effects.append(problem.drift_slope(x, j) + column / VOLUME * middle)
+    return np.concatenate(effects)
 
 
 def covariance_of(question: Question, vehicle: Vehicle, uncertainty: float | None) -> Array:

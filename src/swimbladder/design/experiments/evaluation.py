@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.experiments.conditions import (
+    Conditions,
     Flight,
-    Question,
-    Ramps,
     Release,
-    Setting,
+    drift_effect,
     fisher_information,
     follow,
     problem_of,
@@ -43,87 +42,62 @@ class OmittedVariable(NamedTuple):
     rms: float = math.nan
 
 
-def without_psi(
-    flights: Sequence[Flight], question: Question, setting: Setting
-) -> OmittedVariable | None:
+def without_psi(flights: Sequence[Flight], c: Conditions) -> OmittedVariable | None:
     """Return what happens to the others if psi is taken for 0; None where it is, or all there is.
 
     The linearised bias is J^+ times what psi does to the depths; the refit is the fit of
     `identify`, of records with noise.
     """
+    question = c.question
     if question.values["psi"] == 0.0 or set(question.names) <= {"psi"}:
         return None
-    problem, x = _at_the_truth(flights, question, setting, fixed={"psi": 0.0})
+    problem = problem_of(flights, c, psi=0.0)
+    x = problem.begin(question.values)
     effect = problem.residual(x)
-    linear = _linear(problem, x, effect, question, setting)
-    noise = np.random.default_rng(1).normal(scale=setting.depth_noise, size=len(effect))
+    linear = _linear(problem, x, effect, c)
+    noise = np.random.default_rng(1).normal(scale=c.setting.depth_noise, size=len(effect))
     problem.measured = problem.measured + noise
     found = refine(problem, x)
-    refit = {
-        name: (problem.value(found.x, i) - question.values[name]) / question.size(name)
-        for i, name in enumerate(problem.names)
-    }
+    values = problem.named(found.x)
+    off = np.array([values[name] - question.values[name] for name in problem.names])
     rms = math.sqrt(float(np.average(found.residual**2, weights=found.weight)))
-    return OmittedVariable(linear, refit, rms)
+    return OmittedVariable(linear, _by_name(problem, off, c), rms)
 
 
-def without_trim(
-    flights: Sequence[Flight], question: Question, setting: Setting
-) -> OmittedVariable | None:
+def without_trim(flights: Sequence[Flight], c: Conditions) -> OmittedVariable | None:
     """Return the bias if every neutral volume is off the same way, by its standard deviation.
 
     None where nothing is known of neutral volumes, so that nothing can be wrong.
     """
-    if not math.isfinite(setting.neutral_std):
+    if not math.isfinite(c.setting.neutral_std):
         return None
-    problem, x = _at_the_truth(flights, question, setting)
+    problem = problem_of(flights, c)
+    x = problem.begin(c.question.values)
     effect = problem.slope(x)[:, problem.shared : problem.first_start].sum(axis=1)
-    off = setting.neutral_std / VOLUME
-    return OmittedVariable(_linear(problem, x, effect * off, question, setting))
+    return OmittedVariable(_linear(problem, x, effect * c.setting.neutral_std / VOLUME, c))
 
 
-def without_drift(
-    flights: Sequence[Flight], question: Question, setting: Setting
-) -> OmittedVariable:
+def without_drift(flights: Sequence[Flight], c: Conditions) -> OmittedVariable:
     """Return the bias if every neutral volume drifts the same way, by its standard deviation."""
-    problem, x = _at_the_truth(flights, question, setting)
-    J = problem.slope(x)
-    effect = np.zeros(len(problem.measured))
-    for j, flight in enumerate(flights):
-        rows = slice(problem.rows[j], problem.rows[j + 1])
-        middle = float(flight.time.mean() - flight.time[flight.moved[0]])
-        shift = J[rows, problem.shared + j] / VOLUME * middle
-        effect[rows] = problem.drift_slope(x, j) + shift
-    return OmittedVariable(_linear(problem, x, effect * setting.drift_std, question, setting))
+    problem = problem_of(flights, c)
+    x = problem.begin(c.question.values)
+    effect = drift_effect(problem, x, problem.slope(x), flights)
+    return OmittedVariable(_linear(problem, x, effect * c.setting.drift_std, c))
 
 
-def _at_the_truth(
-    flights: Sequence[Flight], question: Question, setting: Setting, *,
-    fixed: Mapping[str, float] | None = None,
-) -> tuple[Problem, Array]:  # fmt: skip
-    problem = problem_of(flights, question, setting, fixed=fixed)
-    x = problem.begin(question.values)
-    for at in problem.starts_at[:-1]:
-        x[at + 1] = 0.0
-    return problem, x
-
-
-def _pseudo_inverse(problem: Problem, x: Array, setting: Setting) -> Array:
-    """Return what turns a small change of the depths [m] into one of x, [len(x), rows]."""
-    J, P = problem.slope(x) / setting.depth_noise, problem.prior_rows(x)[1]
-    rows = np.concatenate([J, P])
-    size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    inverse: Array = np.linalg.pinv(rows / size) / size[:, None] / setting.depth_noise
-    return inverse[:, : len(J)]
-
-
-def _linear(
-    problem: Problem, x: Array, effect: Array, question: Question, setting: Setting
-) -> dict[str, float]:
+def _linear(problem: Problem, x: Array, effect: Array, c: Conditions) -> dict[str, float]:
     """Return by how much a change of the depths [m] moves each parameter, in shares."""
-    step = _pseudo_inverse(problem, x, setting) @ effect
-    moved = step[: problem.shared] * problem.per_entry(x) / question.sizes(problem.names)
-    return dict(zip(problem.names, moved.tolist(), strict=True))
+    J, noise = problem.slope(x), c.setting.depth_noise
+    rows = np.concatenate([J / noise, problem.prior_rows(x)[1]])
+    size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    step = (np.linalg.pinv(rows / size) / size[:, None])[:, : len(J)] @ (effect / noise)
+    return _by_name(problem, step[: problem.shared] * problem.per_entry(x), c)
+
+
+def _by_name(problem: Problem, moved: Array, c: Conditions) -> dict[str, float]:
+    """Return changes of the parameters [unit] as shares, by name."""
+    shares = moved / c.question.sizes(problem.names)
+    return dict(zip(problem.names, shares.tolist(), strict=True))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,29 +125,41 @@ class Prediction:
         return np.asarray(self.covariance / np.outer(size, size))
 
 
-def predict(flights: Sequence[Flight], question: Question, setting: Setting) -> Prediction:
+def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
     """Return the predicted errors of the records of these flights, all fitted together."""
-    problem, x = _at_the_truth(flights, question, setting)
-    values, p = question.values, problem.shared
-    J = problem.slope(x) / setting.depth_noise
-    data, P = J.T @ J, problem.prior_rows(x)[1]
-    C = _inverse(data + P.T @ P)
-    per = problem.per_entry(x)
-    drifts = [fisher_information(flight, question, values, setting).drift for flight in flights]
-    return Prediction(
-        names=problem.names,
-        parameters={
-            name: estimate(
-                values[name], float(per[i] * math.sqrt(C[i, i])), NAMES[name].unit,
-                logarithmic=problem.logarithmic[i],
-            )
-            for i, name in enumerate(problem.names)
-        },
-        covariance=C[:p, :p] * np.outer(per, per),
-        sources=_sources(problem, C, data, P),
-        **_drifted(problem, C, per, drifts, question, setting),
-        open=tuple(not_identifiable(problem, _fit(problem, x, J, data, P, C, setting))),
+    problem = problem_of(flights, c)
+    names, values, p = problem.names, c.question.values, problem.shared
+    x = problem.begin(values)
+    J, noise = problem.slope(x), c.setting.depth_noise
+    data, P = J.T @ J / noise**2, problem.prior_rows(x)[1]
+    information = data + P.T @ P
+    C = _inverse(information)
+    covariance = C[:p, :p] * np.outer(problem.per_entry(x), problem.per_entry(x))
+    stds = np.sqrt(np.diag(covariance)).tolist()
+    size = c.question.sizes(names)
+    drifts = [fisher_information(flight, values, c).drift for flight in flights]
+    shares = covariance / np.outer(size, size)
+    moved = shares @ np.stack(drifts, axis=1) * c.setting.drift_std
+    off = np.sqrt((moved**2).sum(axis=1))
+    both = np.sqrt(np.diag(shares) + off**2)
+    n, k = len(problem.measured), len(problem.experiments)
+    fit = Fit(  # that would be made if the records were as predicted
+        x=x, residual=np.zeros(n), weight=np.ones(n), noise=np.full(k, noise),
+        root=np.full(n, 1.0 / noise), objective=0.0, slope=J, ar=((),) * k,
+        ar_noise=(ArNoise((), 1.0),) * k, information=information, covariance=C, data=data,
     )  # fmt: skip
+    return Prediction(
+        names=names,
+        parameters={
+            name: estimate(values[name], std, NAMES[name].unit, logarithmic=log)
+            for name, std, log in zip(names, stds, problem.logarithmic, strict=True)
+        },
+        covariance=covariance,
+        sources=_sources(problem, C, data, P),
+        drift=dict(zip(names, (off * size).tolist(), strict=True)),
+        share=dict(zip(names, both.tolist(), strict=True)),
+        open=tuple(not_identifiable(problem, fit)),
+    )
 
 
 def _inverse(M: Array) -> Array:
@@ -186,48 +172,14 @@ def _inverse(M: Array) -> Array:
 
 def _sources(problem: Problem, C: Array, data: Array, P: Array) -> dict[str, dict[str, float]]:
     """Return each variance's shares: C = C (data + priors) C, a sum over what the errors are of."""
-    parts = {
-        "noise": data,
-        "neutral volume": P[len(problem.priors) :].T @ P[len(problem.priors) :],
-        "prior": P[: len(problem.priors)].T @ P[: len(problem.priors)],
-    }
+    prior, neutral = np.split(P, [len(problem.priors)])
+    parts = {"noise": data, "neutral volume": neutral.T @ neutral, "prior": prior.T @ prior}
     variance = {source: np.diag(C @ part @ C) for source, part in parts.items()}
     whole = np.sum(list(variance.values()), axis=0)
     return {
         name: {source: float(v[i] / whole[i]) for source, v in variance.items()}
         for i, name in enumerate(problem.names)
     }
-
-
-def _drifted(
-    problem: Problem, C: Array, per: Array, drifts: Sequence[Array], question: Question,
-    setting: Setting,
-) -> dict[str, dict[str, float]]:  # fmt: skip
-    """Return what drifts add to the error [unit], and the shares of it all."""
-    p = problem.shared
-    size = question.sizes(problem.names)
-    shares = C[:p, :p] * np.outer(per / size, per / size)
-    moved = shares @ np.stack(drifts, axis=1) * setting.drift_std
-    off = np.sqrt((moved**2).sum(axis=1))
-    both = np.sqrt(np.diag(shares) + off**2)
-    return {
-        "drift": {n: float(d) for n, d in zip(problem.names, off * size, strict=True)},
-        "share": {n: float(s) for n, s in zip(problem.names, both, strict=True)},
-    }
-
-
-def _fit(
-    problem: Problem, x: Array, J: Array, data: Array, P: Array, C: Array, setting: Setting
-) -> Fit:
-    """Return the fit that would be made if the records were as predicted."""
-    n, k = len(problem.measured), len(problem.experiments)
-    information: Array = data + P.T @ P
-    return Fit(
-        x=x, residual=np.zeros(n), weight=np.ones(n), noise=np.full(k, setting.depth_noise),
-        root=np.full(n, 1.0 / setting.depth_noise), objective=0.0, slope=J * setting.depth_noise,
-        ar=((),) * k, ar_noise=(ArNoise((), 1.0),) * k,
-        information=information, covariance=C, data=data,
-    )  # fmt: skip
 
 
 _NOT_YET = 3.0  # of a parameter: nothing is known of it
@@ -264,55 +216,44 @@ class EvaluatedSet:
 
 
 def evaluate(
-    releases: Sequence[Release], question: Question, setting: Setting, ramps: Ramps,
-    vehicles: Sequence[Mapping[str, float]],
-) -> EvaluatedSet:  # fmt: skip
+    releases: Sequence[Release], c: Conditions, vehicles: Sequence[Mapping[str, float]]
+) -> EvaluatedSet:
     """Return a set of releases with all that can be said of it beforehand."""
-    flights = [follow(r, question.model, question.values, ramps, setting) for r in releases]
-    others = [[follow(r, question.model, v, ramps, setting) for r in releases] for v in vehicles]
-    shares = np.array(
-        [
-            _after(flights_of, question, v, setting)[-1]
-            for flights_of, v in zip(others, vehicles, strict=True)
-        ]
-    )
+    names, values = c.question.names, c.question.values
+    flights, *others = (tuple(follow(r, v, c) for r in releases) for v in (values, *vehicles))
+    shares = [_after(f, v, c)[-1] for f, v in zip(others, vehicles, strict=True)]
     return EvaluatedSet(
-        releases=tuple(releases), flights=tuple(flights),
-        others=tuple(tuple(flights_of) for flights_of in others),
-        time=sum(f.duration + setting.settling for f in flights),
-        prediction=predict(flights, question, setting),
-        spread={
-            name: (float(column.min()), float(column.max()))
-            for name, column in zip(question.names, shares.T, strict=True)
-        },
+        releases=tuple(releases),
+        flights=flights,
+        others=tuple(others),
+        time=sum(f.duration + c.setting.settling for f in flights),
+        prediction=predict(flights, c),
+        spread={n: (min(s), max(s)) for n, *s in zip(names, *shares, strict=True)},
         after=tuple(
-            {
-                name: float(s) if s < _NOT_YET else None
-                for name, s in zip(question.names, row, strict=True)
-            }
-            for row in _after(flights, question, question.values, setting)
+            {name: s if s < _NOT_YET else None for name, s in zip(names, row, strict=True)}
+            for row in _after(flights, values, c)
         ),
         partial=tuple(sum(not f[k].complete for f in others) for k in range(len(releases))),
-        psi=without_psi(flights, question, setting),
-        trim=without_trim(flights, question, setting),
-        drift=without_drift(flights, question, setting),
-    )  # fmt: skip
+        psi=without_psi(flights, c),
+        trim=without_trim(flights, c),
+        drift=without_drift(flights, c),
+    )
 
 
 def _after(
-    flights: Sequence[Flight], question: Question, values: Mapping[str, float], setting: Setting
-) -> list[Array]:
-    """Return the shares of all parameters after each of the records."""
-    known = [fisher_information(flight, question, values, setting) for flight in flights]
-    gain = np.cumsum([one.gain for one in known], axis=0)
-    drift = np.cumsum([np.outer(one.drift, one.drift) for one in known], axis=0)
-    return [_shares(*both, question, setting) for both in zip(gain, drift, strict=True)]
-
-
-def _shares(gain: Array, drift: Array, question: Question, setting: Setting) -> Array:
-    """Return the shares of the parameters with what records say, and what a drift does to them."""
-    C = np.linalg.inv(gain + question.prior() + 1e-9 * np.eye(len(gain)))
-    return np.sqrt(np.diag(C + setting.drift_std**2 * C @ drift @ C))
+    flights: Sequence[Flight], values: Mapping[str, float], c: Conditions, times: float = 1.0
+) -> list[list[float]]:
+    """Return the shares of all parameters after each of the records, each made so many times."""
+    found, p = [], len(c.question.names)
+    gain, drift = np.zeros((p, p)), np.zeros((p, p))
+    for flight in flights:
+        one = fisher_information(flight, values, c)
+        gain += times * one.gain
+        drift += times * np.outer(one.drift, one.drift)
+        C = np.linalg.inv(gain + c.question.prior() + 1e-9 * np.eye(p))
+        shares = np.sqrt(np.diag(C + c.setting.drift_std**2 * C @ drift @ C))
+        found.append(shares.tolist())
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -331,11 +272,9 @@ class Curve:
         return float(self.sizes[int(np.argmin(self.steps))])
 
 
-def curve(
-    question: Question, setting: Setting, ramps: Ramps, sizes: tuple[float, float], time: float
-) -> Curve:
+def curve(c: Conditions, sizes: tuple[float, float], time: float) -> Curve:
     """Return what sizes [m3] between two buy in a pool time [s]."""
-    grid = np.geomspace(*sizes, _SIZES)
+    setting, grid = c.setting, np.geomspace(*sizes, _SIZES)
     span = setting.deepest - setting.shallowest
     found: list[list[float]] = [[], []]
     for size in grid.tolist():
@@ -345,42 +284,25 @@ def curve(
                 volumes = [sign * size, -sign * size] if way else [sign * size]
                 turn = start - sign * _PLACE * span
                 pair.append(Release.to_and_fro(start, volumes, [turn] * (len(volumes) - 1)))
-            shares.append(_repeated(pair, question, setting, ramps, time))
+            flights = [follow(r, c.question.values, c) for r in pair]
+            times = time / sum(f.duration + setting.settling for f in flights)
+            shares.append(max(_after(flights, c.question.values, c, times)[-1]))
     return Curve(sizes=grid, steps=np.array(found[0]), to_and_fro=np.array(found[1]))
 
 
-def _repeated(
-    pair: Sequence[Release], question: Question, setting: Setting, ramps: Ramps, time: float
-) -> float:
-    """Return the largest share if releases are repeated for a time."""
-    values = question.values
-    flights = [follow(r, question.model, values, ramps, setting) for r in pair]
-    known = [fisher_information(f, question, values, setting) for f in flights]
-    times = time / sum(f.duration + setting.settling for f in flights)
-    gain = times * np.sum([k.gain for k in known], axis=0)
-    drift = times * np.sum([np.outer(k.drift, k.drift) for k in known], axis=0)
-    return float(_shares(gain, drift, question, setting).max())
-
-
-def deeper(
-    releases: Sequence[Release], question: Question, setting: Setting, ramps: Ramps, factor: float
-) -> dict[str, float]:
+def deeper(releases: Sequence[Release], c: Conditions, factor: float) -> dict[str, float]:
     """Return the shares in a pool that leaves `factor` times the travel, the depths stretched."""
-    more = (factor - 1.0) * (setting.deepest - setting.shallowest)
-    pool = replace(setting, pool_depth=setting.pool_depth + more)
+    s = c.setting
+    more = (factor - 1.0) * (s.deepest - s.shallowest)
+    pool = c._replace(setting=replace(s, pool_depth=s.pool_depth + more))
 
     def to(depth: float) -> float:
-        return setting.shallowest + factor * (depth - setting.shallowest)
+        return s.shallowest + factor * (depth - s.shallowest)
 
-    stretched = [
-        Release(
-            to(r.start),
-            tuple(
-                m if m.depth is None else m.model_copy(update={"depth": to(m.depth)})
-                for m in r.moves
-            ),
-        )
-        for r in releases
-    ]
-    flights = [follow(r, question.model, question.values, ramps, pool) for r in stretched]
-    return predict(flights, question, pool).share
+    flights = []
+    for r in releases:
+        places = [to(m.depth) for m in r.moves if m.depth is not None]
+        volumes = [m.volume for m in r.moves]
+        stretched = Release.to_and_fro(to(r.start), volumes, places)
+        flights.append(follow(stretched, c.question.values, pool))
+    return predict(flights, pool).share

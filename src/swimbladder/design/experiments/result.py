@@ -1,13 +1,13 @@
 """What a design says, in words and numbers, and the plan that it makes."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from swimbladder.design.experiments.conditions import Flight, Question, Release, Setting
+from swimbladder.design.experiments.conditions import Flight, Question, Setting
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.diagnose import LIMIT
@@ -25,22 +25,16 @@ def judge(
     setting: Setting,
 ) -> tuple[Finding, ...]:  # fmt: skip
     """Return what is to be said of a set; stretched: its shares in a pool half as deep again."""
-    found = list(chosen.prediction.open)
-    found += _remedies(chosen, stretched)
-    found += _ends(chosen, setting)
-    found += _biases(chosen, setting)
-    found += [_limits(name, chosen, stretched) for name in question.names]
-    found.append(_sizes(curve))
-    if setting.quantum > 0.0 and setting.noise < _COARSE * setting.quantum:
-        found.append(
-            Finding(
-                "quantum", "warning",
-                f"The noise of {1e3 * setting.noise:g} mm is small against the quantum of "
-                f"{1e3 * setting.quantum:g} mm: a record that rounds so coarsely is no signal with "
-                "white noise, and the errors may be larger than said.",
-            )
-        )  # fmt: skip
-    return tuple(found)
+    return (
+        *chosen.prediction.open,
+        *_remedies(chosen, stretched),
+        *_ends(chosen),
+        *_arrivals(chosen, setting),
+        *_biases(chosen, setting),
+        *(_limits(name, chosen, stretched) for name in question.names),
+        _sizes(curve),
+        *_coarse(setting),
+    )
 
 
 def describe(left: Mapping[str, float]) -> str:
@@ -62,9 +56,19 @@ def _signed(share: float) -> str:
     return f"{100.0 * share:+.2g}" if abs(share) < 0.995 else f"{100.0 * share:+.0f}"
 
 
-def _remedies(chosen: EvaluatedSet, stretched: Mapping[str, float]) -> list[Finding]:
+def _coarse(setting: Setting) -> Iterator[Finding]:
+    if setting.quantum > 0.0 and setting.noise < _COARSE * setting.quantum:
+        yield _warning(
+            "quantum",
+            f"The noise of {1e3 * setting.noise:g} mm is small against the quantum of "
+            f"{1e3 * setting.quantum:g} mm: a record that rounds so coarsely is no signal with "
+            "white noise, and the errors may be larger than said.",
+        )
+
+
+def _remedies(chosen: EvaluatedSet, stretched: Mapping[str, float]) -> Iterator[Finding]:
     if not chosen.prediction.open:
-        return []
+        return
     share = chosen.prediction.share
     worst = max(share, key=lambda name: share[name])
     longer = (share[worst] / LIMIT) ** 2
@@ -74,37 +78,35 @@ def _remedies(chosen: EvaluatedSet, stretched: Mapping[str, float]) -> list[Find
     if 1.0 < longer < 50.0:
         parts.append(f"about {longer:.1f} times the pool time would do")
     parts.append(f"or give what is known of it (--prior, --set {worst})")
-    return [Finding("remedy", "note", f"{'; '.join(parts)}.")]
+    yield Finding("remedy", "note", f"{'; '.join(parts)}.")
 
 
-def _ends(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
-    found = []
-    for k, (release, flight) in enumerate(zip(chosen.releases, chosen.flights, strict=True), 1):
-        missed = chosen.partial[k - 1]
-        where = {"shallowest": "the shallow end", "deepest": "the deep end",
-                 "longest": "the longest time of a record"}[flight.ended]  # fmt: skip
+_WHERE = {
+    "shallowest": "the shallow end",
+    "deepest": "the deep end",
+    "longest": "the longest time of a record",
+}
+
+
+def _ends(chosen: EvaluatedSet) -> Iterator[Finding]:
+    for k, (flight, missed) in enumerate(zip(chosen.flights, chosen.partial, strict=True), 1):
         if not flight.complete:
-            done = len(flight.moved)
-            found.append(
-                Finding(
-                    "range", "warning",
-                    f"Experiment {k} reaches {where} {flight.duration:.0f} s after the release, "
-                    f"before move {done + 1} of {len(release.moves)}: that move will not happen.",
-                )
-            )  # fmt: skip
+            done, asked = len(flight.moved), len(flight.release.moves)
+            yield _warning(
+                "range",
+                f"Experiment {k} reaches {_WHERE[flight.ended]} {flight.duration:.0f} s after the "
+                f"release, before move {done + 1} of {asked}: that move will not happen.",
+            )
         elif missed:
-            found.append(
-                Finding(
-                    "range", "warning",
-                    f"Experiment {k}: {missed} of the {len(chosen.others)} vehicles of "
-                    "the parameter region reach an end of the range before the last move; "
-                    "the prediction includes this.",
-                )
-            )  # fmt: skip
-    return found + _arrivals(chosen, setting)
+            yield _warning(
+                "range",
+                f"Experiment {k}: {missed} of the {len(chosen.others)} vehicles of the parameter "
+                "region reach an end of the range before the last move; the prediction includes "
+                "this.",
+            )
 
 
-def _arrivals(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
+def _arrivals(chosen: EvaluatedSet, setting: Setting) -> Iterator[Finding]:
     """Say which releases go fast where their records end, as seen in all vehicles."""
     fast = []
     for k in range(len(chosen.releases)):
@@ -112,107 +114,99 @@ def _arrivals(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
         speeds = [abs(f.depth[-1] - f.depth[-2]) / setting.sample_time for f in ends]
         if speeds and max(speeds) > _FAST:
             fast.append((k + 1, max(speeds)))
-    if not fast:
-        return []
-    listed = ", ".join(f"{k} ({speed:.2f} m/s)" for k, speed in fast)
-    seconds = setting.clearance / max(speed for _, speed in fast)
-    return [
-        Finding(
-            "arrival", "warning",
+    if fast:
+        listed = ", ".join(f"{k} ({speed:.2f} m/s)" for k, speed in fast)
+        seconds = setting.clearance / max(speed for _, speed in fast)
+        yield _warning(
+            "arrival",
             f"Fast where the record ends, in some vehicle of the parameter region: {listed}. "
             f"Surface or bottom follow in {seconds:.0f} s or more: have the loop, or a hand, "
             "catch it.",
         )
-    ]  # fmt: skip
 
 
-def _biases(chosen: EvaluatedSet, setting: Setting) -> list[Finding]:
-    found = []
+def _biases(chosen: EvaluatedSet, setting: Setting) -> Iterator[Finding]:
     if chosen.psi is not None:
         left = chosen.psi
         seen = left.rms > _SEEN * setting.depth_noise
         small = not _matters(left.refit, chosen)
         then = "the fit would show it" if seen else "nobody would notice"
-        found.append(
-            Finding(
-                "psi", "note" if seen or small else "warning",
-                f"If psi were left out: {describe(left.refit)} (refit of a simulated campaign; "
-                f"linearised {describe(left.linear)}), at {1e3 * left.rms:.1f} mm rms instead of "
-                f"{1e3 * setting.depth_noise:.1f} mm"
-                f": {'no more than the intervals hold' if small else then}.",
+        yield Finding(
+            "psi",
+            "note" if seen or small else "warning",
+            f"If psi were left out: {describe(left.refit)} (refit of a simulated campaign; "
+            f"linearised {describe(left.linear)}), at {1e3 * left.rms:.1f} mm rms instead of "
+            f"{1e3 * setting.depth_noise:.1f} mm"
+            f": {'no more than the intervals hold' if small else then}.",
+        )
+    for kind, omitted, how, size, each in (
+        ("trim", chosen.trim, "were off", setting.neutral_std, ""),
+        ("drift", chosen.drift, "drifted", 60.0 * setting.drift_std, " a minute"),
+    ):
+        if omitted is not None and _matters(omitted.linear, chosen):
+            yield _warning(
+                kind,
+                f"If all neutral volumes {how} by {format_quantity(size, 'm3', 'cm3', 2)}{each} "
+                f"the same way: {describe(omitted.linear)}; the fit's intervals do not contain "
+                "that.",
             )
-        )  # fmt: skip
-    for kind, omitted, what in (
-        ("trim", chosen.trim, f"by {format_quantity(setting.neutral_std, 'm3', 'cm3', 2)}"),
-        ("drift", chosen.drift, "by " + format_quantity(60.0 * setting.drift_std, "m3", "cm3", 2)),
-    ):  # fmt: skip
-        if omitted is None or not _matters(omitted.linear, chosen):
-            continue
-        how = "were off" if kind == "trim" else "drifted"
-        each = " a minute" if kind == "drift" else ""
-        found.append(
-            Finding(
-                kind, "warning",
-                f"If all neutral volumes {how} {what}{each} the same way: "
-                f"{describe(omitted.linear)}; the fit's intervals do not contain that.",
-            )
-        )  # fmt: skip
-    return found
+
+
+def _warning(kind: str, sentence: str) -> Finding:
+    return Finding(kind, "warning", sentence)
 
 
 def _matters(bias: Mapping[str, float], chosen: EvaluatedSet) -> bool:
     """Say whether a bias is more than a standard deviation without drift."""
-    prediction = chosen.prediction
-    shares = {
-        n: prediction.share[n] * e.std / math.hypot(e.std, prediction.drift[n])
-        for n, e in prediction.parameters.items()
-    }
-    return any(abs(share) > shares[name] for name, share in bias.items())
+    p = chosen.prediction
+
+    def share(name: str) -> float:
+        std = p.parameters[name].std
+        return p.share[name] * std / math.hypot(std, p.drift[name])
+
+    return any(abs(off) > share(name) for name, off in bias.items())
+
+
+_SOURCES = {
+    "noise": "the noise of the depths",
+    "neutral volume": "the error of the neutral volumes",
+    "prior": "what was known before",
+}
 
 
 def _limits(name: str, chosen: EvaluatedSet, stretched: Mapping[str, float]) -> Finding:
     prediction = chosen.prediction
     std, drift = prediction.parameters[name].std, prediction.drift[name]
     whole = std**2 + drift**2
-    sources = {
-        "the noise of the depths": prediction.sources[name]["noise"] * std**2 / whole,
-        "the error of the neutral volumes": prediction.sources[name]["neutral volume"]
-        * std**2
-        / whole,
-        "what was known before": prediction.sources[name]["prior"] * std**2 / whole,
-        "a drift of the neutral volumes": drift**2 / whole,
-    }
-    listed = sorted(sources.items(), key=lambda item: -item[1])
+    sources = {_SOURCES[s]: x * std**2 / whole for s, x in prediction.sources[name].items()}
+    sources["a drift of the neutral volumes"] = drift**2 / whole
+    listed = sorted(sources.items(), key=lambda item: -item[1])[:2]
     words = [
-        f"{what} ({100.0 * part:.0f} % of the variance)" for what, part in listed[:2] if part > 0.1
+        f"{what} ({100.0 * part:.0f} % of the variance)" for what, part in listed if part > 0.1
     ]
     ratio = stretched[name] / prediction.share[name]
     travel = ", and the travel" if ratio < 0.75 else ""
     return Finding(
-        "limit", "note",
+        "limit",
+        "note",
         f"{name} is limited by {' and '.join(words)}{travel}: with half as much travel again "
         f"{percent(stretched[name])} instead of {percent(prediction.share[name])}.",
-    )  # fmt: skip
+    )
 
 
 def _sizes(curve: Curve) -> Finding:
-    best = int(np.argmin(curve.steps))
-    size = f"{1e6 * curve.sizes[best]:.2g} cm3"
+    best, fro = int(np.argmin(curve.steps)), int(np.argmin(curve.to_and_fro))
     double = int(np.argmin(np.abs(curve.sizes - 2.0 * curve.sizes[best])))
-    if best == len(curve.sizes) - 1:
-        sentence = f"Of single steps the largest are most informative, {size}."
-    else:
+    size, larger, both = (f"{1e6 * curve.sizes[k]:.2g} cm3" for k in (best, double, fro))
+    sentence = f"Of single steps the largest are most informative, {size}."
+    if best < len(curve.sizes) - 1:
         sentence = (
             f"Of single steps those of {size} are most informative, {percent(curve.steps[best])} "
             f"in this time: a larger one buys nothing ({percent(curve.steps[double])} with "
-            f"{1e6 * curve.sizes[double]:.2g} cm3)."
+            f"{larger})."
         )
-    fro = int(np.argmin(curve.to_and_fro))
-    return Finding(
-        "size", "note",
-        f"{sentence} To and fro it is {1e6 * curve.sizes[fro]:.2g} cm3, with "
-        f"{percent(curve.to_and_fro[fro])}.",
-    )  # fmt: skip
+    then = f"To and fro it is {both}, with {percent(curve.to_and_fro[fro])}."
+    return Finding("size", "note", f"{sentence} {then}")
 
 
 _TRACE = 1.0  # s between the points of an expected trace, at the least
@@ -256,9 +250,7 @@ class Design:
 
     def plan(self, evaluated: EvaluatedSet | None = None) -> Plan:
         """Return the plan to follow at the pool: of the chosen set, or of another one."""
-        w = evaluated or self.chosen
-        s, prediction = self.setting, w.prediction
-        pairs = zip(w.releases, w.flights, strict=True)
+        w, s = evaluated or self.chosen, self.setting
         return Plan(
             name=f"experiments for {self.vehicle}", vehicle=self.vehicle, pool_depth=s.pool_depth,
             shallowest=s.shallowest, deepest=s.deepest, sample_time=s.sample_time, rest=s.rest,
@@ -266,9 +258,9 @@ class Design:
             neutral_std=s.neutral_std if math.isfinite(s.neutral_std) else None,
             expected=tuple(
                 Expected(name=name, value=e.value, std=e.std, unit=e.unit)
-                for name, e in prediction.parameters.items()
+                for name, e in w.prediction.parameters.items()
             ),
-            experiments=tuple(_planned(release, flight, s) for release, flight in pairs),
+            experiments=tuple(_planned(flight, s) for flight in w.flights),
         )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
@@ -326,21 +318,24 @@ def _bias(left: OmittedVariable | None) -> dict[str, Any] | None:
     return left and as_json(left, keys)
 
 
-def _planned(release: Release, flight: Flight, s: Setting) -> PlannedExperiment:
+def _planned(flight: Flight, s: Setting) -> PlannedExperiment:
     first = flight.moved[0]
     time = flight.time[first:] - flight.time[first]
     step = max(1, math.ceil(max(_TRACE, float(time[-1]) / _POINTS) / s.sample_time))
     kept = np.unique(np.append(np.arange(0, len(time), step), len(time) - 1))
 
     def rounded(values: Any, digits: int) -> tuple[float, ...]:
-        return tuple(np.round(values[kept], digits).tolist())
+        return tuple(np.round(values[first:][kept], digits).tolist())
 
     return PlannedExperiment(
-        start_depth=release.start, longest=s.longest, settling=round(s.settling, 1),
+        start_depth=flight.release.start,
+        longest=s.longest,
+        settling=round(s.settling, 1),
         duration=round(flight.duration, 1),
-        moves=release.moves,
+        moves=flight.release.moves,
         trace=Trace(
-            time=rounded(time, 3), depth=rounded(flight.depth[first:], 4),
-            volume=rounded(flight.volume[first:], 8),
+            time=rounded(flight.time - flight.time[first], 3),
+            depth=rounded(flight.depth, 4),
+            volume=rounded(flight.volume, 8),
         ),
-    )  # fmt: skip
+    )

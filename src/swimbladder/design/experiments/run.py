@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 from swimbladder.control.protocol import Does
 from swimbladder.design.experiments.conditions import (
     FEWEST,
+    Conditions,
     Question,
     Ramps,
     Release,
@@ -89,22 +90,21 @@ def design_experiment(
                 "it must be between 0 and 100 %", field="--uncertainty", value=uncertainty,
                 remedy="Give the share by which the vehicle may be off, like 30%",
             )  # fmt: skip
+        c = Conditions(question, s, limits)
         others = vehicles(question, covariance_of(question, vehicle, uncertainty))
-        finder = Search(
-            question=question, setting=s, ramps=limits, vehicles=others,
-            judge=criterion_of(criterion, question.names),
-        )  # fmt: skip
+        judged = criterion_of(criterion, question.names)
+        finder = Search(conditions=c, vehicles=others, judge=judged)
         rival = _rival(vehicle, against, limits, s)
         budget = time or (sum(finder.of(r).cost for r in rival) if rival else _TIME)
         chosen = search(finder, budget, releases or _UNLIMITED, lambda part: report(0.75 * part))
-        ours = evaluate(chosen, question, s, limits, others)
+        ours = evaluate(chosen, c, others)
         report(0.07)
-        theirs = evaluate(rival, question, s, limits, others) if rival else None
+        theirs = evaluate(rival, c, others) if rival else None
         report(0.07)
-        ends = sizes(question, limits, s)
+        ends = sizes(c)
         end = min(limits.most, -limits.least, _LARGER * ends[-1])
-        buys = curve(question, s, limits, (ends[0], end), budget)
-        stretched = deeper(chosen, question, s, limits, _DEEPER)
+        buys = curve(c, (ends[0], end), budget)
+        stretched = deeper(chosen, c, _DEEPER)
         report(0.06)
     return Design(
         vehicle=vehicle.name, setting=s, question=question, criterion=criterion, budget=budget,

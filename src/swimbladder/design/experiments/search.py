@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from swimbladder.design.experiments.conditions import (
-    Question,
-    Ramps,
+    Conditions,
     Release,
     Setting,
     fisher_information,
@@ -36,15 +35,15 @@ _QUICKEST = 60  # samples of the shortest record
 _SURE = 4.0  # deviations of the neutral volume, so that the vehicle leaves the way it should
 
 
-def sizes(question: Question, ramps: Ramps, setting: Setting) -> list[float]:
+def sizes(c: Conditions) -> list[float]:
     """Return sizes of volume changes [m3], from one that takes half the longest record to cross
     the range, to the largest that the stroke has and whose record is long enough.
     """
-    most = min(ramps.most, -ramps.least)
+    setting, most = c.setting, min(c.ramps.most, -c.ramps.least)
 
     def duration(size: float) -> float:
         release = Release.to_and_fro(setting.deepest, [size], [])
-        return follow(release, question.model, question.values, ramps, setting).duration
+        return follow(release, c.question.values, c).duration
 
     large = _where(duration, _QUICKEST * setting.sample_time, 1e-4 * most, most)
     least = _where(duration, 0.5 * setting.longest, 1e-4 * most, most)
@@ -66,14 +65,14 @@ def _where(duration: Callable[[float], float], wanted: float, low: float, high: 
     return math.sqrt(low * high)
 
 
-def releases(question: Question, ramps: Ramps, setting: Setting) -> list[list[Release]]:
+def releases(c: Conditions) -> list[list[Release]]:
     """Return the candidates, from rest near the bottom and near the surface, in families.
 
     Each release of a family goes on where the one before it ends.
     """
-    found: list[list[Release]] = []
+    setting, found = c.setting, []
     counts = sorted({n for n in (2, 4, 6, 8, setting.moves) if 2 <= n <= setting.moves})
-    for size in sizes(question, ramps, setting):
+    for size in sizes(c):
         for start, sign in ((setting.deepest, 1.0), (setting.shallowest, -1.0)):
             first = sign * size
             found.append([Release.to_and_fro(start, [first], [])])
@@ -278,9 +277,7 @@ class _Tabulated(NamedTuple):
 class Search:
     """What candidates are judged by, and what is known of them so far."""
 
-    question: Question
-    setting: Setting
-    ramps: Ramps
+    conditions: Conditions
     vehicles: Sequence[Mapping[str, float]]
     judge: Criterion
     known: dict[Release, _Tabulated] = field(default_factory=dict)
@@ -296,7 +293,8 @@ class Search:
         found = [self.of(release) for release in candidates]
         return Table(
             gain=np.array([f.gain for f in found]), drift=np.array([f.drift for f in found]),
-            cost=np.array([f.cost for f in found]), prior=self.question.prior(), judge=self.judge,
+            cost=np.array([f.cost for f in found]), prior=self.conditions.question.prior(),
+            judge=self.judge,
         )  # fmt: skip
 
     def learn(self, family: Sequence[Release]) -> None:
@@ -307,20 +305,14 @@ class Search:
             self.of(release)
 
     def _find(self, release: Release) -> _Tabulated:
-        s, q = self.setting, self.question
-        gain, drift, time, complete = [], [], 0.0, False
-        for values in self.vehicles:
-            flight = follow(release, q.model, values, self.ramps, s)
-            information = fisher_information(flight, q, values, s)
-            gain.append(information.gain)
-            drift.append(s.drift_std**2 * np.outer(information.drift, information.drift))
-            time += flight.duration / len(self.vehicles)
-            complete |= flight.complete
-        given = follow(release, q.model, q.values, self.ramps, s)
-        return _Tabulated(
-            np.array(gain), np.array(drift), s.settling + max(time, given.duration),
-            complete or given.complete,
-        )  # fmt: skip
+        c = self.conditions
+        given, *flights = (follow(release, v, c) for v in (c.question.values, *self.vehicles))
+        known = [fisher_information(*of, c) for of in zip(flights, self.vehicles, strict=True)]
+        drift = [c.setting.drift_std**2 * np.outer(one.drift, one.drift) for one in known]
+        time = max(sum(f.duration / len(flights) for f in flights), given.duration)
+        complete = any(f.complete for f in (given, *flights))
+        gain = np.array([one.gain for one in known])
+        return _Tabulated(gain, np.array(drift), c.setting.settling + time, complete)
 
 
 def search(s: Search, budget: float, most: int, advance: Callable[[float], None]) -> list[Release]:
@@ -329,7 +321,7 @@ def search(s: Search, budget: float, most: int, advance: Callable[[float], None]
     advance: called with the share of the work done since last called. Raises InputError where the
     time is too short for any release.
     """
-    families = releases(s.question, s.ramps, s.setting)
+    families = releases(s.conditions)
     for family in families:
         s.learn(family)
         advance(0.6 / len(families))
@@ -369,63 +361,45 @@ def _fewer_kinds(table: Table, chosen: Sequence[int], budget: float) -> list[int
 
 def _that_happens(s: Search, release: Release) -> Release:
     """Return a release without the moves that happen in none of the vehicles."""
-    q = s.question
-    flights = [
-        follow(release, q.model, values, s.ramps, s.setting) for values in (q.values, *s.vehicles)
-    ]
-    return release._replace(moves=release.moves[: max(len(f.moved) for f in flights)])
+    vehicles = (s.conditions.question.values, *s.vehicles)
+    happened = max(len(follow(release, values, s.conditions).moved) for values in vehicles)
+    return release._replace(moves=release.moves[:happened])
 
 
 def _refined(
     s: Search, kind: Release, count: int, others: Sequence[Release], budget: float
 ) -> Release:
     """Return a release of the same kind, better in `count` places beside the others."""
-    start = np.array(_numbers(kind))
-    rest = s.table(others) if others else None
-    p = len(s.question.names)
-    zero = np.zeros((len(s.vehicles), p, p))
-    gain = zero if rest is None else rest.gain.sum(axis=0)
-    drift = zero if rest is None else rest.drift.sum(axis=0)
-    time = 0.0 if rest is None else float(rest.cost.sum())
-    judge = s.table([kind])
+    setting, table = s.conditions.setting, s.table([*others, kind])
+    gain, drift, time = (of[:-1].sum(axis=0) for of in (table.gain, table.drift, table.cost))
 
     def worth(release: Release) -> float:
         t = s.of(release)
         late = max((time + count * t.cost) / budget - 1.0, 0.0)
-        return float(judge.value(gain + count * t.gain, drift + count * t.drift)) + _LATE * late
+        return float(table.value(gain + count * t.gain, drift + count * t.drift) + _LATE * late)
 
-    size = np.array(_steps(kind, s.setting))
+    volumes = [move.volume for move in kind.moves[:2]]
+    depths = [move.depth for move in kind.moves[1:3] if move.depth is not None]
+    start = np.array(volumes + depths)
+    size = [_NEAR * abs(volumes[0])] * len(volumes)
+    size += [_NEAR / 3.0 * (setting.deepest - setting.shallowest)] * len(depths)
     simplex = np.concatenate([start[None], start + np.diag(size)])
 
     def of_numbers(x: Array) -> float:
-        return worth(_release(kind, x.tolist(), s))
+        return worth(_release(kind, x.tolist(), s.conditions))
 
     found = minimize(
         of_numbers, start, method="Nelder-Mead",
         options={"maxfev": _TRIES, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-3},
     )  # fmt: skip
-    best = _release(kind, found.x.tolist(), s)
+    best = _release(kind, found.x.tolist(), s.conditions)
     return best if worth(best) < worth(kind) else kind
 
 
-def _numbers(kind: Release) -> list[float]:
-    """Return the volumes and depths that make a release of this kind."""
-    volumes = [move.volume for move in kind.moves[:2]]
-    depths = [move.depth for move in kind.moves[1:3] if move.depth is not None]
-    return volumes + depths
-
-
-def _steps(kind: Release, setting: Setting) -> list[float]:
-    size = _NEAR * abs(kind.moves[0].volume)
-    depth = _NEAR / 3.0 * (setting.deepest - setting.shallowest)
-    count = len(kind.moves[:2])
-    return [size] * count + [depth] * len(kind.moves[1:3])
-
-
-def _release(kind: Release, numbers: Sequence[float], s: Search) -> Release:
+def _release(kind: Release, numbers: Sequence[float], c: Conditions) -> Release:
     """Return the release of this kind with other numbers, round ones inside of what is possible."""
-    first, setting = len(kind.moves[:2]), s.setting
-    volumes = [float(np.clip(v, s.ramps.least, s.ramps.most)) for v in numbers[:first]]
+    first, setting = len(kind.moves[:2]), c.setting
+    volumes = np.clip(numbers[:first], c.ramps.least, c.ramps.most).tolist()
     volumes[0] = math.copysign(max(abs(volumes[0]), 1e-9), kind.moves[0].volume)
     depths = np.clip(numbers[first:], setting.shallowest, setting.deepest).tolist()
     n = len(kind.moves)
