@@ -6,14 +6,14 @@ comes out: masses, needs and margins of the stroke, in sentences and for JSON.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import as_json
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import (
@@ -58,11 +58,7 @@ class Uncertainty:
     def __post_init__(self) -> None:
         """Refuse what is no standard deviation."""
         for name, value in self.numbers().items():
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(
-                    "a standard deviation is 0 or more", field=f"--{name}-std", value=value,
-                    remedy="Check the number",
-                )  # fmt: skip
+            check_number(value, f"--{name}-std", least=0.0, remedy="Check the standard deviation")
 
     def numbers(self) -> dict[str, float]:
         """Return the standard deviations by name."""
@@ -76,19 +72,18 @@ def uncertainty_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Uncer
     found = vehicle.identified
     if "psi" not in values:
         if found is not None and "psi" in found.names:
-            k = found.names.index("psi")
             between = found.between.psi if found.between is not None else 0.0
+            k = found.names.index("psi")
             values["psi"] = math.hypot(math.sqrt(found.covariance[k][k]), between)
             origin = "identified, with how logs differ" if between else "identified"
         else:
-            parts = hull_parts(vehicle)
-            loss = sum(part.volume * abs(part.compressibility) for part in parts)
+            loss = sum(part.volume * abs(part.compressibility) for part in hull_parts(vehicle))
             values["psi"] = _SHARE * loss * vehicle.water.specific_weight
             origin = f"assumed: {100.0 * _SHARE:g} % of the hull's compression; --psi-std"
         said.append(_shown("psi", values["psi"], origin))
     if "trim" not in values and not {"mass", "volume"} & set(values):
-        known = found is not None and found.neutral_std > 0.0
-        values["trim"] = found.neutral_std if found is not None and known else _TRIM
+        known = found.neutral_std if found is not None else 0.0
+        values["trim"] = known or _TRIM
         origin = "identified" if known else "assumed: what weighing it in water leaves; --trim-std"
         said.append(_shown("trim", values["trim"], origin))
     if "density" not in values:
@@ -98,11 +93,14 @@ def uncertainty_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Uncer
 
 
 _SHOWN = {  # in words, unit and factor from SI
-    "mass": ("mass", "g", 1e3), "volume": ("volume of the hull", "cm3", 1e6),
-    "trim": ("neutral volume", "cm3", 1e6), "psi": ("psi", "cm3/m", 1e6),
-    "heat": ("thermal expansion", "1/K", 1.0), "air": ("trapped air", "cm3", 1e6),
+    "mass": ("mass", "g", 1e3),
+    "volume": ("volume of the hull", "cm3", 1e6),
+    "trim": ("neutral volume", "cm3", 1e6),
+    "psi": ("psi", "cm3/m", 1e6),
+    "heat": ("thermal expansion", "1/K", 1.0),
+    "air": ("trapped air", "cm3", 1e6),
     "density": ("density of the sea", "kg/m3", 1.0),
-}  # fmt: skip
+}
 
 
 def _shown(name: str, value: float, origin: str) -> str:
@@ -111,38 +109,35 @@ def _shown(name: str, value: float, origin: str) -> str:
 
 
 def _fields(vehicle: Vehicle, column: Column) -> tuple[float, Array, Array, Array, Array]:
-    """Return mass [kg], density [kg/m3] of the water, hull volume, heat and air per unit [n]."""
+    """Return mass [kg], density [kg/m3] of the water, depth, heat and air per unit [n]."""
     weight = weight_mass(vehicle)
     shrunk = column.density / (1.0 - column.compressibility * column.pressure)
-    hull = displaced_volume(vehicle, column.pressure, column.temperature)
+    deeper = column.pressure / vehicle.water.specific_weight
     total = sum(part.volume for part in hull_parts(vehicle))
     warmer = total * (column.temperature - vehicle.hull.reference_temperature)
     kelvin = (column.temperature + 273.15) / (vehicle.hull.reference_temperature + 273.15)
     boyle = ATMOSPHERE / (ATMOSPHERE + column.pressure) * kelvin
-    return weight, shrunk, hull, warmer, boyle
+    return weight, shrunk, deeper, warmer, boyle
 
 
 def drawn_volumes(
     vehicle: Vehicle, column: Column, uncertainty: Uncertainty, *, draws: int, seed: int
 ) -> Array:
     """Return the neutral volumes of `draws` vehicles drawn from it, in one column [draws, n]."""
-    weight, water, hull, warmer, boyle = _fields(vehicle, column)
-    deeper = column.pressure / vehicle.water.specific_weight
+    weight, water, deeper, warmer, boyle = _fields(vehicle, column)
     noise = np.random.default_rng(seed).standard_normal((draws, 7, 1))
-    s = uncertainty
-    mass = weight + s.mass * noise[:, 0]
-    displaced = (
-        hull + s.volume * noise[:, 1] - s.psi * noise[:, 3] * deeper
-        + s.heat * noise[:, 4] * warmer
-        + np.maximum(s.air * noise[:, 5], -vehicle.hull.trapped_air) * boyle
-    )  # fmt: skip
-    return mass / (water + s.density * noise[:, 6]) - displaced + s.trim * noise[:, 2]
+    mass, volume, trim, psi, heat, air, density = (
+        std * noise[:, k] for k, std in enumerate(uncertainty.numbers().values())
+    )
+    displaced = displaced_volume(vehicle, column.pressure, column.temperature) + volume
+    displaced = displaced - psi * deeper + heat * warmer
+    displaced = displaced + np.maximum(air, -vehicle.hull.trapped_air) * boyle
+    return (weight + mass) / (water + density) - displaced + trim
 
 
 def sensitivities(vehicle: Vehicle, column: Column, uncertainty: Uncertainty) -> dict[str, Array]:
     """Return what 1 sigma of each uncertainty moves the neutral volume by, linearised [m3] [n]."""
-    weight, water, _, warmer, boyle = _fields(vehicle, column)
-    deeper = column.pressure / vehicle.water.specific_weight
+    weight, water, deeper, warmer, boyle = _fields(vehicle, column)
     flat = np.ones_like(deeper)
     return {
         "mass": uncertainty.mass / water,
@@ -258,26 +253,23 @@ class Ballasting:
         """The answer in words."""
         return (*self._mass_words(), *self._stroke_words(), self._psi_words())
 
-    def _mass_words(self) -> list[str]:
-        w, made = self.target, []
+    def _mass_words(self) -> Iterator[str]:
+        w, then = self.target, self._mass(self.added)
         if w.neutral_depth is not None:
-            made.append(
-                f"To be neutral at {w.neutral_depth:g} m with a volume of {_cm3(w.volume)}: "
-                f"{self._mass(self.added)}."
-            )
+            at = f"at {w.neutral_depth:g} m with a volume of {_cm3(w.volume)}"
+            yield f"To be neutral {at}: {then}."
         elif w.freeboard is not None:
-            made.append(
-                f"To float with {100.0 * w.freeboard:.3g} cm of hull out of the water at the "
-                f"largest volume: {self._mass(self.added)}."
+            yield (
+                f"To float with {_cm(w.freeboard)} of hull out of the water at the largest volume: "
+                f"{then}."
             )
-        made.append(
-            f"At the surface and the largest volume {100.0 * self.freeboard:.3g} cm of hull are "
-            f"out of the water, {100.0 * self.sure_freeboard:.3g} cm or more in "
-            f"{100.0 * self.wanted:g} % of cases."
-            if self.freeboard > 0.0
-            else "At the surface even the largest volume leaves the hull under water."
-        )
-        return made
+        if self.freeboard > 0.0:
+            yield (
+                f"At the surface and the largest volume {_cm(self.freeboard)} of hull are out of "
+                f"the water, {_cm(self.sure_freeboard)} or more in {self._percent} of cases."
+            )
+        else:
+            yield "At the surface even the largest volume leaves the hull under water."
 
     def _mass(self, mass: float, *, again: bool = False) -> str:
         if abs(mass) < _LIGHT:
@@ -286,56 +278,48 @@ class Ballasting:
         word = f"{'add' if mass > 0.0 else 'take away'}{' another' if again else ''}"
         return f"{word} {_gram(abs(mass))} {where}"
 
-    def _stroke_words(self) -> list[str]:
+    @property
+    def _percent(self) -> str:
+        return f"{100.0 * self.wanted:g} %"
+
+    def _stroke_words(self) -> Iterator[str]:
         need, stroke = self.worst, self.vehicle.stroke
         deepest = self.columns[0].deepest
         sea = f" in {need.source}, the worst of {len(self.needs)}" if len(self.needs) > 1 else ""
         moving = f", at {100.0 * self.speed:g} cm/s too" if self.speed > 0.0 else ""
-        made = [
+        yield (
             f"From the surface to {deepest:g} m it takes {_cm3(need.least)} (at "
             f"{need.least_depth:g} m) to {_cm3(need.most)} (at {need.most_depth:g} m){moving}{sea};"
             f" the stroke has {_cm3(stroke.minimum)} to {_cm3(stroke.maximum)}."
-        ]
-        percent = f"{100.0 * self.wanted:g} %"
+        )
         chance = f"with a probability of {self._chance(need.probability)}"
         if self.covered:
             share = 100.0 * need.margin / self.stroke
-            made.append(
-                f"The stroke covers it {chance}; in {percent} of cases {_cm3(need.margin)} or "
-                f"more are left at the tighter end, a stroke margin of {share:.0f} %."
+            yield (
+                f"The stroke covers it {chance}; in {self._percent} of cases {_cm3(need.margin)} "
+                f"or more are left at the tighter end, a stroke margin of {share:.0f} %."
             )
         else:
-            made.append(f"The stroke does NOT cover it: it does {chance}, {percent} are asked for.")
-            made += self._short(need)
+            yield f"The stroke does NOT cover it: it does {chance}, {self._percent} are asked for."
+            yield from self._short(need)
         if self.best_margin - need.margin > _WORTH * self.stroke:
             trim = self._mass(self.best, again=self.added * self.best > 0.0)
-            made.append(
-                f"With the best trim ({trim}) both ends have {_cm3(self.best_margin)} left."
-                if self.best_margin > 0.0
-                else f"With the best trim ({trim}) both ends are short by "
-                f"{_cm3(-self.best_margin)}: it takes a longer stroke or another hull."
-            )
-        return made
+            left = f"have {_cm3(self.best_margin)} left"
+            if self.best_margin <= 0.0:
+                left = f"are short by {_cm3(-self.best_margin)}"
+                left += ": it takes a longer stroke or another hull"
+            yield f"With the best trim ({trim}) both ends {left}."
 
-    def _short(self, need: Need) -> list[str]:
-        made = []
-        percent = f"{100.0 * self.wanted:g} %"
-        if need.margin_in < 0.0:
-            made.append(
-                f"Short by {_cm3(-need.margin_in)} at the retracted end ({percent}): too light to "
-                f"sink past {need.least_depth:g} m."
-            )
-        if need.margin_out < 0.0:
-            what = (
-                f"to float with {100.0 * (self.target.freeboard or 0.0):.3g} cm of freeboard"
-                if need.out_for == "freeboard"
-                else f"to rise from {need.most_depth:g} m"
-            )
-            made.append(
-                f"Short by {_cm3(-need.margin_out)} at the extended end ({percent}): too heavy "
-                f"{what}."
-            )
-        return made
+    def _short(self, need: Need) -> Iterator[str]:
+        rise = f"to rise from {need.most_depth:g} m"
+        if need.out_for == "freeboard":
+            rise = f"to float with {_cm(self.target.freeboard or 0.0)} of freeboard"
+        for end, margin, what in (
+            ("retracted", need.margin_in, f"light to sink past {need.least_depth:g} m"),
+            ("extended", need.margin_out, f"heavy {rise}"),
+        ):
+            if margin < 0.0:
+                yield f"Short by {_cm3(-margin)} at the {end} end ({self._percent}): too {what}."
 
     def _chance(self, p: float) -> str:
         if p >= 1.0 - 0.5 / self.draws:
@@ -346,16 +330,11 @@ class Ballasting:
 
     def _psi_words(self) -> str:
         t = self.psi
-        terms = ", ".join(
-            f"{name} {_small(value)}"
-            for name, value in (
-                ("hull", t.hull), ("heat", t.heat), ("trapped air", t.air), ("water", t.water),
-            )
-            if value != 0.0
-        )  # fmt: skip
+        parts = {"hull": t.hull, "heat": t.heat, "trapped air": t.air, "water": t.water}
+        terms = ", ".join(f"{name} {1e6 * x:.3g}" for name, x in parts.items() if x != 0.0)
         return (
-            f"psi in this sea at {self.psi_depth:g} m: {_small(t.psi)} cm3/m ({terms}); the "
-            f"vehicle's file has {_small(self.given.hull.psi)}."
+            f"psi in this sea at {self.psi_depth:g} m: {1e6 * t.psi:.3g} cm3/m ({terms}); the "
+            f"vehicle's file has {1e6 * self.given.hull.psi:.3g}."
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -390,8 +369,8 @@ def _gram(mass: float) -> str:
     return f"{rounded(1e3 * mass, 3)} g" if mass < 1.0 else f"{mass:.4g} kg"
 
 
-def _small(psi: float) -> str:
-    return f"{1e6 * psi:.3g}"
+def _cm(length: float) -> str:
+    return f"{100.0 * length:.3g} cm"
 
 
 # kg/m3 at room temperature: CRC Handbook of Chemistry and Physics, 97th ed., section 4 (elements)
@@ -414,23 +393,18 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
     it cannot go to, where none is known, and for a cast that may be in another unit.
     """
     limit = vehicle.hull.depth_limit
-    if deepest is not None and not deepest > 0.0:
-        raise InputError(
-            "not above 0", field="deepest", value=deepest, unit="m",
-            remedy="Give a depth below the surface",
-        )  # fmt: skip
-    if deepest is not None and limit is not None and deepest > limit:
-        raise InputError(
-            f"deeper than the vehicle is rated for, {limit:g} m", field="deepest", value=deepest,
-            unit="m", remedy="Give a lesser depth, or correct hull.depth_limit",
-        )  # fmt: skip
+    if deepest is not None:
+        remedy = "Give a depth below the surface"
+        check_number(deepest, "deepest", "m", above=0.0, finite=False, remedy=remedy)
+        if limit is not None and deepest > limit:
+            what = f"deeper than the vehicle is rated for, {limit:g} m"
+            remedy = "Give a lesser depth, or correct hull.depth_limit"
+            raise InputError(what, field="deepest", value=deepest, unit="m", remedy=remedy)
     if not casts:
         down = limit if deepest is None else deepest
         if down is None:
-            raise InputError(
-                "neither a cast, nor a depth, nor the vehicle's file says how deep it goes",
-                field="deepest", remedy="Give this depth, or a cast",
-            )  # fmt: skip
+            what = "neither a cast, nor a depth, nor the vehicle's file says how deep it goes"
+            raise InputError(what, field="deepest", remedy="Give this depth, or a cast")
         column = uniform_column(vehicle.water, down, step=down / 1000.0)
         return Seas([column], [f"no cast: {column.source}, as in the vehicle's file"], [])
     for cast in casts:
@@ -438,12 +412,11 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
     assumed: list[str] = []
     warnings: list[str] = []
     if deepest is None:
-        ends = [cast_column(cast).deepest for cast in casts]
-        shallowest = min(ends)
-        deepest = min(shallowest, limit) if limit is not None else shallowest
+        shallowest, name = min((cast_column(cast).deepest, cast.name) for cast in casts)
+        deepest = min(shallowest, math.inf if limit is None else limit)
         why = "its rating" if deepest == limit else "where the cast ends; --deepest"
         assumed.append(f"it goes down to {deepest:g} m ({why})")
-        warnings += above_rating(casts[ends.index(shallowest)].name, shallowest, limit, "deepest")
+        warnings += above_rating(name, shallowest, limit, "deepest")
     columns = [cast_column(cast, deepest) for cast in casts]
     said = dict.fromkeys(line for column in columns for line in column.report)
     return Seas(columns, [*assumed, *said], warnings)
@@ -464,11 +437,10 @@ def with_mass(vehicle: Vehicle, mass: float | None = None) -> tuple[Vehicle, str
         rest = ", and trim_error is taken; weigh it and give --mass"
         return vehicle, assumed, [warning + rest] if warning else []
     if not 0.5 * by_trim < mass < 2.0 * by_trim:
-        raise InputError(
-            f"a vehicle that displaces {by_trim / vehicle.water.density * 1e3:.4g} L does not "
-            "weigh this", field="mass", value=mass, unit="kg",
-            remedy="Check the mass, and hull.displaced_volume in the vehicle's file",
-        )  # fmt: skip
+        litres = by_trim / vehicle.water.density * 1e3
+        what = f"a vehicle that displaces {litres:.4g} L does not weigh this"
+        remedy = "Check the mass, and hull.displaced_volume in the vehicle's file"
+        raise InputError(what, field="mass", value=mass, unit="kg", remedy=remedy)
     assumed = f"it weighs {mass:.6g} kg, as given (by trim {by_trim:.6g} kg)"
     return weighing(vehicle, mass), assumed, []
 
@@ -485,10 +457,9 @@ def material_of(text: str) -> tuple[float, str]:
     try:
         density = parse_quantity(text, "kg/m3")
     except InputError:
-        raise InputError(
-            "no such ballast", field="material", value=text,
-            remedy=f'Give one of {", ".join(MATERIALS)}, a density like "19 g/cm3", or inside',
-        ) from None  # fmt: skip
+        remedy = f'Give one of {", ".join(MATERIALS)}, a density like "19 g/cm3", or inside'
+        what = "no such ballast"
+        raise InputError(what, field="material", value=text, remedy=remedy) from None
     return density, f"{density:g} kg/m3"
 
 
@@ -522,7 +493,7 @@ def ballast(
     _check(vehicle, columns, target, probability, speed, density)
     added = _added(vehicle, columns[0], target, density)
     made = ballasted(vehicle, added, density, columns[0])
-    curves, needs, floats = [], [], []
+    curves, needs, at_surface = [], [], []
     for k, column in enumerate(columns):
         thin = _thinned(column, made)
         nominal = neutral_volume(made, thin)
@@ -532,28 +503,24 @@ def ballast(
         needs.append(_need(made, thin, nominal, drawn, push, target, probability))
         tails = np.quantile(drawn, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
         curves.append(Curve(depth=thin.depth, nominal=nominal, low=tails[0], high=tails[1]))
-        floats.append(made.stroke.maximum - drawn[:, 0])
+        at_surface.append((nominal[0], np.quantile(drawn[:, 0], probability)))
         advance(1.0 / len(columns))
     tight = min(needs, key=lambda need: (need.probability, need.margin))
     shift = 0.5 * (tight.margin_out - tight.margin_in)
-    per_mass = 1.0 / float(columns[0].density[0]) - 1.0 / density
     first = columns[0]
-    area, height = made.hull.waterplane_area, made.hull.height
-    out = [made.stroke.maximum - float(curves[0].nominal[0]),
-           float(np.quantile(floats[0], 1.0 - probability))]  # fmt: skip
-    free, sure = (min(max(volume / area, 0.0), height) for volume in out)
+    per_mass = 1.0 / float(first.density[0]) - 1.0 / density
+    out = (made.stroke.maximum - np.array(at_surface[0])) / made.hull.waterplane_area
+    free, sure = np.clip(out, 0.0, made.hull.height).tolist()
     at = min(target.neutral_depth or 0.5 * first.deepest, first.deepest)
-    spread = {
-        name: float(abs(values[-1]))
-        for name, values in sensitivities(made, first, uncertainty).items()
-    }
+    spread = sensitivities(made, first, uncertainty).items()
     return Ballasting(
         vehicle=made, given=vehicle, target=target, columns=tuple(columns), curves=tuple(curves),
         needs=tuple(needs), uncertainty=uncertainty, wanted=probability, draws=draws, speed=speed,
         added=added, added_volume=added / density, material=material, best=shift / per_mass,
         best_margin=0.5 * (tight.margin_in + tight.margin_out),
         freeboard=free, sure_freeboard=sure, psi_depth=at,
-        psi=psi_terms(made, first, at), spread=spread, assumptions=tuple(assumptions),
+        psi=psi_terms(made, first, at), assumptions=tuple(assumptions),
+        spread={name: float(abs(values[-1])) for name, values in spread},
     )  # fmt: skip
 
 
@@ -568,12 +535,8 @@ def ballasted(vehicle: Vehicle, added: float, density: float, column: Column) ->
     hull["displaced_volume"] += volume
     if vehicle.hull.parts and volume != 0.0:
         hull["parts"] = _with_ballast(vehicle.hull, volume)
-    water = vehicle.water.model_copy(
-        update={
-            "density": float(column.density[0]), "temperature": float(column.temperature[0]),
-            "gravity": column.gravity,
-        }
-    )  # fmt: skip
+    surface = {"density": float(column.density[0]), "temperature": float(column.temperature[0])}
+    water = vehicle.water.model_copy(update=surface | {"gravity": column.gravity})
     displaced = (weight_mass(vehicle) + added) / water.density
     if not vehicle.hull.parts:  # the hull gives way as before, whatever psi is counted from
         loss = hull_parts(vehicle)[0].volume * hull_parts(vehicle)[0].compressibility
@@ -583,9 +546,8 @@ def ballasted(vehicle: Vehicle, added: float, density: float, column: Column) ->
     trim = displaced - float(displaced_volume(warm, 0.0, water.temperature))
     changes: dict[str, object] = {"water": water, "trim_error": trim}
     if isinstance(vehicle.motion, PhysicalMotion) and added != 0.0:
-        changes["motion"] = vehicle.motion.model_copy(
-            update={"dry_mass": vehicle.motion.dry_mass + added}
-        )
+        heavier = {"dry_mass": vehicle.motion.dry_mass + added}
+        changes["motion"] = vehicle.motion.model_copy(update=heavier)
     return warm.model_copy(update=changes)
 
 
@@ -603,13 +565,9 @@ def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
             f"{rounded(-1e3 * volume, 3)} L of ballast would have to be taken away, more than "
             f"{first.name} displaces: check the mass and the water of the cast"
         )
-    changes = {
-        "volume": left,
-        "compressibility": first.compressibility * first.volume / left,
-        "thermal_expansion": first.thermal_expansion * first.volume / left,
-        "stiffening": first.stiffening * first.volume / left,
-    }
-    return (first.model_copy(update=changes), *hull.parts[1:])
+    kept = ("compressibility", "thermal_expansion", "stiffening")
+    changes = {name: getattr(first, name) * first.volume / left for name in kept}
+    return (first.model_copy(update={"volume": left, **changes}), *hull.parts[1:])
 
 
 def _check(
@@ -617,35 +575,32 @@ def _check(
     density: float,
 ) -> None:  # fmt: skip
     """Raise InputError for what cannot be asked."""
-    deepest = columns[0].deepest
+    deepest, height, stroke = columns[0].deepest, vehicle.hull.height, vehicle.stroke
+    at, volume, out = target.neutral_depth, target.volume, target.freeboard
 
-    def refuse(what: str, field: str, value: float, unit: str, remedy: str) -> None:
-        raise InputError(what, field=field, value=value, unit=unit, remedy=remedy)
+    def need(holds: bool, field: str, x: float | None, unit: str, what: str, remedy: str) -> None:
+        if not holds:
+            raise InputError(what, field=field, value=x, unit=unit, remedy=remedy)
 
-    if not 0.5 <= probability < 1.0:
-        refuse("a probability from 50 % to below 100 % is asked for", "probability",
-               probability, "", "Write it like 95 %")  # fmt: skip
-    if not 0.0 <= speed <= 2.0:
-        refuse("no speed of a vehicle that moves by its volume", "speed", speed, "m/s",
-               "Give what it has to sink and rise with, 0 or more")  # fmt: skip
-    if density <= float(columns[0].density[-1]):
-        refuse("ballast that is not denser than the water does nothing", "material", density,
-               "kg/m3", "Give the density of what you add, lead is 11340 kg/m3")  # fmt: skip
-    if target.neutral_depth is not None and not 0.0 <= target.neutral_depth <= deepest:
-        refuse(f"the depth is not between the surface and {deepest:g} m, where the water "
-               "ends", "neutral_depth", target.neutral_depth, "m",
-               "Give a depth in the water, or water as deep")  # fmt: skip
-    if target.freeboard is not None and not 0.0 <= target.freeboard <= vehicle.hull.height:
-        refuse(f"no more than the height of the hull, {vehicle.hull.height:g} m, can be out of "
-               "the water", "freeboard", target.freeboard, "m",
-               "Check the number and its unit")  # fmt: skip
-    if target.volume != 0.0 and target.neutral_depth is None:
-        refuse("a volume to be neutral with needs the depth", "volume", target.volume, "m3",
-               "Give the neutral depth too, or leave the volume out")  # fmt: skip
-    stroke = vehicle.stroke
-    if not stroke.minimum <= target.volume <= stroke.maximum:
-        refuse("outside the stroke", "volume", target.volume, "m3",
-               "Volumes count from mid-stroke")  # fmt: skip
+    what, remedy = "a probability from 50 % to below 100 % is asked for", "Write it like 95 %"
+    need(0.5 <= probability < 1.0, "probability", probability, "", what, remedy)
+    what = "no speed of a vehicle that moves by its volume"
+    remedy = "Give what it has to sink and rise with, 0 or more"
+    need(0.0 <= speed <= 2.0, "speed", speed, "m/s", what, remedy)
+    what = "ballast that is not denser than the water does nothing"
+    remedy = "Give the density of what you add, lead is 11340 kg/m3"
+    need(density > float(columns[0].density[-1]), "material", density, "kg/m3", what, remedy)
+    what = f"the depth is not between the surface and {deepest:g} m, where the water ends"
+    remedy = "Give a depth in the water, or water as deep"
+    need(at is None or 0.0 <= at <= deepest, "neutral_depth", at, "m", what, remedy)
+    what = f"no more than the height of the hull, {height:g} m, can be out of the water"
+    remedy, fits = "Check the number and its unit", out is None or 0.0 <= out <= height
+    need(fits, "freeboard", out, "m", what, remedy)
+    what = "a volume to be neutral with needs the depth"
+    remedy = "Give the neutral depth too, or leave the volume out"
+    need(volume == 0.0 or at is not None, "volume", volume, "m3", what, remedy)
+    remedy, fits = "Volumes count from mid-stroke", stroke.minimum <= volume <= stroke.maximum
+    need(fits, "volume", volume, "m3", "outside the stroke", remedy)
 
 
 def _added(vehicle: Vehicle, column: Column, target: Target, density: float) -> float:
@@ -672,19 +627,10 @@ def _thinned(column: Column, vehicle: Vehicle) -> Column:
     """Return the column at `_POINTS` depths, and those where the vehicle's extremes are."""
     n = len(column.depth)
     neutral = neutral_volume(vehicle, column)
-    rows = np.unique(
-        np.concatenate(
-            [
-                np.linspace(0, n - 1, min(n, _POINTS)).astype(int),
-                [int(np.argmin(neutral)), int(np.argmax(neutral))],
-            ]
-        )
-    )
-    return Column(
-        depth=column.depth[rows], pressure=column.pressure[rows], density=column.density[rows],
-        temperature=column.temperature[rows], gravity=column.gravity,
-        compressibility=column.compressibility, source=column.source,
-    )  # fmt: skip
+    even = np.linspace(0, n - 1, min(n, _POINTS)).astype(int)
+    rows = np.unique([*even, np.argmin(neutral), np.argmax(neutral)])
+    along = ("depth", "pressure", "density", "temperature")
+    return replace(column, **{name: getattr(column, name)[rows] for name in along})
 
 
 def _need(
