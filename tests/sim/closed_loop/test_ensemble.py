@@ -75,6 +75,30 @@ def test_summaries_are_those_of_the_trajectories(plain: Any) -> None:
     assert 0 < np.isnan(summary.settle2).sum() < N  # both kinds are among them
 
 
+def test_summaries_of_lanes_that_meet_an_end_are_those_of_single_runs() -> None:
+    """Ends of the stroke, the surface and the bottom, each met by some lanes within a sample."""
+    stroke = paper().stroke.model_copy(update={"minimum": -4e-5, "maximum": 4e-5})
+    vehicle = paper(stroke=stroke)
+    far = np.linspace(2.0, 7.0, N)
+    asked: dict[str, Any] = dict(duration=120.0, bottom_depth=7.0, seed=None)
+    summary = simulate_ensemble(
+        vehicle, count=N, start_depth=STARTS, setpoints=[(0.0, far), (60.0, 0.0)], **asked
+    )
+    met = np.zeros(4, int)
+    for lane in range(N):
+        s = simulate(
+            vehicle, start_depth=float(STARTS[lane]), setpoints=[(0.0, far[lane]), (60.0, 0.0)],
+            **asked,
+        )  # fmt: skip
+        met += [s.volume.min() <= -4e-5, s.volume.max() >= 4e-5, s.depth.min() < 0.3,
+                s.depth.max() >= 7.0]  # fmt: skip
+        near = dict(rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(summary.final_depth[lane], s.depth[-1], **near)
+        np.testing.assert_allclose(summary.final_volume[lane], s.volume[-1], rtol=0.0, atol=1e-13)
+        np.testing.assert_allclose(summary.greatest_depth[lane], s.depth.max(), **near)
+    assert np.all(met > 0), met
+
+
 @pytest.mark.parametrize("workers", [1, 3])
 def test_neither_workers_nor_neighbours_change_a_lane(plain: Any, workers: int) -> None:
     few = simulate_ensemble(
