@@ -24,6 +24,8 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
 """
 
 from swimbladder.vehicle.actuators import (
+    Actuator,
+    DatasheetPump,
     Driver,
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
@@ -34,30 +36,30 @@ from swimbladder.vehicle.actuators import (
     Oil,
     Phase,
     Positioner,
+    PowerLawPump,
+    PumpAndValve,
     ScrewDrive,
     Supply,
     UnifiedActuator,
+    Valve,
 )
-from swimbladder.vehicle.body import (
+from swimbladder.vehicle.schema import Parameters, Unit, field_unit, input_error
+from swimbladder.vehicle.vehicle import (
+    Between,
+    Controller,
     Drag,
     Hull,
     HullPart,
+    Identified,
     IdentifiedMotion,
+    LawNumbers,
     Motion,
     PhysicalMotion,
-    Stroke,
-    Water,
-)
-from swimbladder.vehicle.hydraulics import DatasheetPump, PowerLawPump, PumpAndValve, Valve
-from swimbladder.vehicle.identified import Between, Identified
-from swimbladder.vehicle.schema import Parameters, Unit, field_unit, input_error
-from swimbladder.vehicle.vehicle import (
-    Actuator,
-    Controller,
-    LawNumbers,
     Sensors,
+    Stroke,
     Supervisor,
     Vehicle,
+    Water,
 )
 
 __all__ = [

@@ -12,7 +12,7 @@ from swimbladder.design.linear.pump_valve import drag_slope, motions, moved_by_v
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import acceleration, plant
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.vehicle.hydraulics import PowerLawPump
+from swimbladder.vehicle.actuators import PowerLawPump
 
 FLOAT = load_vehicle("example-float")
 PLANT = plant(moved_by_volume(FLOAT))
