@@ -12,7 +12,6 @@ import io
 import re
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -34,101 +33,6 @@ BLANK = "".join(map(chr, range(33))) + "\x7f\u00a0\ufeff"
 _NUMERIC = re.compile(r"[-+]?\d[\d.,:/TZ+-]*([eE][-+]?\d+)?")
 _DELIMITERS: tuple[Delimiter, ...] = (";", "\t", "|", ",")
 _LIKELY = 60  # lines among which the header is looked for where its names are not known
-
-
-@dataclass(frozen=True, kw_only=True)
-class Header:
-    """The names of the columns; `below` is the index of the line after them."""
-
-    names: list[str]
-    delimiter: Delimiter
-    below: int
-
-    def split(self, line: str) -> list[str]:
-        """Return the fields of a line."""
-        return _split(line, self.delimiter)
-
-
-def find_header(lines: list[str], file: LogFile, wanted: Sequence[Collection[str]]) -> Header:
-    """Return the header: what the format says, or the first line with one of each `wanted` names.
-
-    Where there is no such line it is that of the first lines which has most fields and no number.
-    Raises LogError where there is none.
-    """
-    form, report = file.form, file.report
-    top = min(form.skip_lines, len(lines))
-    if top:
-        report.append(f"the first {counted(top, 'line')} left out")
-    if form.header_starts is not None:
-        at, line = _starting(lines, top, form.header_starts, file)
-    elif form.names is None:
-        at, line = _naming(lines, top, file, wanted)
-    else:
-        at, line = _first(lines, top, file)
-    delimiter = _delimiter(line, file)
-    if form.delimiter is None and delimiter != ",":
-        named = "blanks" if delimiter == " " else repr(delimiter)
-        report.append(f"fields are separated by {named}, as in the header")
-    if form.names is not None:
-        return Header(names=list(form.names), delimiter=delimiter, below=at)
-    above = [k for k in range(top, at) if lines[k].strip(BLANK)]
-    said = [lines[k] for k in above if not lines[k].startswith(form.comment)]
-    if said:
-        first = " ".join(CONTROL.sub(" ", said[0]).split())[:150]
-        report.append(
-            f"{counted(len(said), 'line')} above the names left out, the first: {first!r}"
-        )
-    if len(above) > len(said):
-        report.append(f"{counted(len(above) - len(said), 'remark')} above the names left out")
-    if form.header_starts is None and lines[at].startswith(form.comment):
-        report.append(f"the names are those of the remark on line {at + 1}")
-    names = [field.strip(BLANK) for field in _split(line, delimiter)]
-    return Header(names=names, delimiter=delimiter, below=at + 1)
-
-
-def _starting(lines: list[str], top: int, starts: str, file: LogFile) -> tuple[int, str]:
-    """Return the first line that has the text `starts`, from there on."""
-    for at in range(top, len(lines)):
-        before, found, after = lines[at].partition(starts)
-        if found:
-            if before.strip():
-                count = counted(len(before), "character")
-                file.report.append(f"{count} before the names on line {at + 1} left out")
-            return at, found + after
-    remedy = "Give how the line with the names of the columns begins"
-    raise file.refused("no line has this text", remedy, "header_starts", value=starts)
-
-
-def _naming(
-    lines: list[str], top: int, file: LogFile, wanted: Sequence[Collection[str]]
-) -> tuple[int, str]:
-    """Return the first line that has the names wanted, else the one most like a header."""
-    form = file.form
-    for at in range(top, len(lines)) if wanted else ():
-        line = lines[at]
-        if not all(any(name in line for name in names) for names in wanted):
-            continue
-        line = line.removeprefix(form.comment).strip(BLANK)
-        found = {field.strip(BLANK) for field in _split(line, _delimiter(line, file))}
-        if all(not found.isdisjoint(names) for names in wanted):
-            return at, line
-    first, _ = _first(lines, top, file)
-    best, most = first, 0
-    for at in range(first, min(first + _LIKELY, len(lines))):
-        if lines[at].startswith(form.comment) or not lines[at].strip(BLANK):
-            continue
-        fields = _split(lines[at].strip(BLANK), _found_delimiter(lines[at], form) or ",")
-        if len(fields) > most and not any(_NUMERIC.fullmatch(f.strip(BLANK)) for f in fields):
-            best, most = at, len(fields)
-    return best, lines[best].strip(BLANK)
-
-
-def _first(lines: list[str], top: int, file: LogFile) -> tuple[int, str]:
-    """Return the first line that is no remark and not blank."""
-    for at in range(top, len(lines)):
-        if lines[at].strip(BLANK) and not lines[at].startswith(file.form.comment):
-            return at, lines[at]
-    raise file.refused("the log is empty", "Give a CSV with a header", "header")
 
 
 def _delimiter(line: str, file: LogFile) -> Delimiter:
@@ -201,7 +105,7 @@ class Rows:
     """The rows of a text below their header: a `Sheet`."""
 
     def __init__(self, data: bytes, file: LogFile, wanted: Sequence[Collection[str]] = ()) -> None:
-        """Find the header and the row of units; `wanted`: see `find_header`.
+        """Find the header, which has one of each of the names `wanted`, and the row of units.
 
         Raises LogError where the bytes are no text or there is no header.
         """
@@ -210,9 +114,7 @@ class Rows:
         self.parts = 1
         self._lines, self._ended = text_lines(data, file)
         self._clean = not any(CONTROL.search(line) for line in self._lines)
-        found = find_header(self._lines, file, wanted)
-        self._split, self._delimiter = found.split, found.delimiter
-        self.header, self._next = found.names, found.below
+        self.header, self._next = self._find_header(wanted)
         form = self.form
         self._fields = form.fields or len(self.header)
         self._remarks = self._void = 0
@@ -241,6 +143,82 @@ class Rows:
                 column.append(row[index] if index < len(row) else "")
         return np.array(lines, dtype=np.int64), dict(columns)
 
+    def _find_header(self, wanted: Sequence[Collection[str]]) -> tuple[list[str], int]:
+        """Return the names of the columns and the index of the line below; find the delimiter.
+
+        The names stand where the format says, or on the first line with one of each `wanted`; where
+        there is no such line on that of the first lines which has most fields and no number.
+        Raises LogError where there is none.
+        """
+        form, report, lines = self.form, self.report, self._lines
+        top = min(form.skip_lines, len(lines))
+        if top:
+            report.append(f"the first {counted(top, 'line')} left out")
+        if form.header_starts is not None:
+            at, line = self._starting(top, form.header_starts)
+        elif form.names is None:
+            at, line = self._naming(top, wanted)
+        else:
+            at, line = self._first(top)
+        self._delimiter = _delimiter(line, self.file)
+        if form.delimiter is None and self._delimiter != ",":
+            named = "blanks" if self._delimiter == " " else repr(self._delimiter)
+            report.append(f"fields are separated by {named}, as in the header")
+        if form.names is not None:
+            return list(form.names), at
+        above = [k for k in range(top, at) if lines[k].strip(BLANK)]
+        said = [lines[k] for k in above if not lines[k].startswith(form.comment)]
+        if said:
+            first = " ".join(CONTROL.sub(" ", said[0]).split())[:150]
+            count = counted(len(said), "line")
+            report.append(f"{count} above the names left out, the first: {first!r}")
+        if len(above) > len(said):
+            report.append(f"{counted(len(above) - len(said), 'remark')} above the names left out")
+        if form.header_starts is None and lines[at].startswith(form.comment):
+            report.append(f"the names are those of the remark on line {at + 1}")
+        return [field.strip(BLANK) for field in _split(line, self._delimiter)], at + 1
+
+    def _starting(self, top: int, starts: str) -> tuple[int, str]:
+        """Return the first line that has the text `starts`, from there on."""
+        for at in range(top, len(self._lines)):
+            before, found, after = self._lines[at].partition(starts)
+            if found:
+                if before.strip():
+                    count = counted(len(before), "character")
+                    self.report.append(f"{count} before the names on line {at + 1} left out")
+                return at, found + after
+        remedy = "Give how the line with the names of the columns begins"
+        raise self.file.refused("no line has this text", remedy, "header_starts", value=starts)
+
+    def _naming(self, top: int, wanted: Sequence[Collection[str]]) -> tuple[int, str]:
+        """Return the first line that has the names wanted, else the one most like a header."""
+        lines, comment = self._lines, self.form.comment
+        for at in range(top, len(lines)) if wanted else ():
+            line = lines[at]
+            if not all(any(name in line for name in names) for names in wanted):
+                continue
+            line = line.removeprefix(comment).strip(BLANK)
+            found = {field.strip(BLANK) for field in _split(line, _delimiter(line, self.file))}
+            if all(not found.isdisjoint(names) for names in wanted):
+                return at, line
+        first, _ = self._first(top)
+        best, most = first, 0
+        for at in range(first, min(first + _LIKELY, len(lines))):
+            if lines[at].startswith(comment) or not lines[at].strip(BLANK):
+                continue
+            fields = _split(lines[at].strip(BLANK), _found_delimiter(lines[at], self.form) or ",")
+            if len(fields) > most and not any(_NUMERIC.fullmatch(f.strip(BLANK)) for f in fields):
+                best, most = at, len(fields)
+        return best, lines[best].strip(BLANK)
+
+    def _first(self, top: int) -> tuple[int, str]:
+        """Return the first line that is no remark and not blank."""
+        for at in range(top, len(self._lines)):
+            line = self._lines[at]
+            if line.strip(BLANK) and not line.startswith(self.form.comment):
+                return at, line
+        raise self.file.refused("the log is empty", "Give a CSV with a header", "header")
+
     def _read_units(self) -> None:
         line, row = next(self._records(self._next), (0, []))
         if not row:
@@ -253,7 +231,7 @@ class Rows:
 
     def _records(self, start: int) -> Iterator[tuple[int, list[str]]]:
         """Yield (line counted from 1, fields) from a line on, without blank lines and remarks."""
-        lines, comment, split = self._lines, self.form.comment, self._split
+        lines, comment, delimiter = self._lines, self.form.comment, self._delimiter
         at = start
         while at < len(lines):
             line = lines[at]
@@ -267,7 +245,7 @@ class Rows:
                 at += more
                 yield at, row
             else:
-                yield at, split(line)
+                yield at, _split(line, delimiter)
 
     def _longer(self, at: int) -> tuple[list[str], int]:
         """Return the row of a quoted field that goes on below, and over how many lines more.
@@ -281,7 +259,7 @@ class Rows:
                 if row is not None and len(row) == self._fields:
                     return row, more
                 break
-        return self._split(self._lines[at]), 0
+        return _split(self._lines[at], self._delimiter), 0
 
     def _whole(self) -> Iterator[tuple[int, list[str]]]:
         """Yield the rows that are whole, and report those that are not."""
