@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
-from rich.console import Console, RenderableType
+from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from swimbladder.cli.common import (
-    Output,
-    aside,
-    emit_json,
-    output,
-    progress,
-    quantity,
-    say,
-    table,
-)
+from swimbladder.cli.common import Output, aside, emit_json, output, progress, say, table
+from swimbladder.cli.options import Options, VehicleName, flag, grouped, valued
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -30,30 +23,26 @@ if TYPE_CHECKING:
     from swimbladder.design.linear.pump_valve import DriveRates
 
 
-def analyse(
-    vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
-    depth: Annotated[
-        str, typer.Option("--depth", metavar="DEPTH", help="Depth of the rest it is about.")
-    ] = "0 m",
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="DIR", help="Folder for analysis.json, analysis.txt and pictures."
-        ),
-    ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
-) -> None:
+@dataclass(frozen=True)
+class Asked(Options):
+    """Where the vehicle rests, and what is written of it."""
+
+    depth: str = valued("DEPTH", "Depth of the rest it is about.", "0 m")
+    out: Path | None = valued("DIR", "Folder for analysis.json, analysis.txt and pictures.")
+    json: bool = flag("--json", "Print one JSON object and nothing else.")
+
+
+@grouped()
+def analyse(vehicle: VehicleName, *, asked: Asked) -> None:
     """Linear models with their numbers, poles, Routh's table, margins of the sampled loop.
 
     The depth is in m, or carries a unit: --depth "50 m". Exit code 1 when the vehicle has a
     controller and its closed loop is not stable, or cannot rest at the depth.
     """
     with progress("analysing"):
-        a = _analysis(vehicle, quantity(depth, "m", "--depth"))
-    files = [] if out is None else _write(a, out)
-    if json:
+        a = _analysis(vehicle, asked.read()["depth"])
+    files = [] if asked.out is None else _write(a, asked.out)
+    if asked.json:
         emit_json({**a.to_json(), "files": [str(path) for path in files]})
     else:
         _show(a, output)
@@ -100,32 +89,22 @@ def _write(a: Analysis, out: Path) -> list[Path]:
 
 def _show(a: Analysis, console: Console) -> None:
     """Print everything there is to read, tables between the sentences."""
-    for part in _report(a):
-        console.print(part)
-
-
-def _report(a: Analysis) -> list[RenderableType]:
-    """Return what is printed, part by part."""
-    said = a.findings
-    parts: list[RenderableType] = [
-        Text(f"Linear analysis of {a.vehicle.name} at {a.depth:g} m", style="bold")
-    ]
-    parts += _section("Rest", said["rest"], ())
-    loops = (_transfer_functions(a), _poles(a), _routh(a))
-    moving, drive = ((), ()) if a.drive is None else ((_motions(a),), (_drive(a.drive),))
-    parts += _section("Open loop", said["open loop"], (*loops, *moving))
-    parts += _section("Depth", said["depth"], (_neutral_volume(a), *drive))
-    tables = () if a.closed_loop is None else (_modes(a), _margins(a))
-    parts += _section("Closed loop", said["closed loop"], tables)
-    return parts
-
-
-def _section(
-    title: str, sentences: Sequence[str], tables: Sequence[Table]
-) -> Iterator[RenderableType]:
-    yield Text(f"\n{title}", style="bold")
-    yield from (Text(sentence) for sentence in sentences)
-    yield from (Padding(table, (1, 0, 0, 2)) for table in tables)
+    console.print(Text(f"Linear analysis of {a.vehicle.name} at {a.depth:g} m", style="bold"))
+    tables: dict[str, list[Table]] = {
+        "Rest": [],
+        "Open loop": [_transfer_functions(a), _poles(a), _routh(a)],
+        "Depth": [_neutral_volume(a)],
+        "Closed loop": [] if a.closed_loop is None else [_modes(a), _margins(a)],
+    }
+    if a.drive is not None:
+        tables["Open loop"].append(_motions(a))
+        tables["Depth"].append(_drive(a.drive))
+    for title, listed in tables.items():
+        console.print(Text(f"\n{title}", style="bold"))
+        for sentence in a.findings[title.lower()]:
+            console.print(Text(sentence))
+        for one in listed:
+            console.print(Padding(one, (1, 0, 0, 2)))
 
 
 def _titled(title: str, headings: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
@@ -157,10 +136,9 @@ def _polynomial(coefficients: Sequence[float]) -> str:
 def _poles(a: Analysis) -> Table:
     rows = []
     for pole in a.open_loop.poles:
-        decays = f"{-1.0 / pole.real:.4g}" if pole.real < 0.0 else ""
-        grows = f"grows, {1.0 / pole.real:.4g}" if pole.real > 0.0 else "stays"
+        time = f"{abs(1.0 / pole.real):.4g}" if pole.real else "stays"
         period = f"{2.0 * math.pi / abs(pole.imag):.4g}" if pole.imag else ""
-        rows.append((_complex(pole), decays or grows, period))
+        rows.append((_complex(pole), f"{'grows, ' if pole.real > 0.0 else ''}{time}", period))
     return _titled("Poles of the open loop", ("1/s", "time constant s", "period s"), rows)
 
 
@@ -176,14 +154,10 @@ def _routh(a: Analysis) -> Table:
 
 def _neutral_volume(a: Analysis) -> Table:
     stroke = a.vehicle.stroke
-    rows = (
-        (
-            f"{z:g}",
-            f"{volume * 1e6:.2f}",
-            "" if stroke.minimum <= volume <= stroke.maximum else "outside the stroke",
-        )
-        for z, volume in zip(a.neutral.depths, a.neutral.volumes, strict=True)
-    )
+    rows = []
+    for z, volume in zip(a.neutral.depths, a.neutral.volumes, strict=True):
+        inside = stroke.minimum <= volume <= stroke.maximum
+        rows.append((f"{z:g}", f"{volume * 1e6:.2f}", "" if inside else "outside the stroke"))
     return _titled("Neutral volume", ("depth m", "volume cm3", ""), rows)
 
 
@@ -223,11 +197,10 @@ def _margins(a: Analysis) -> Table:
     c = a.closed_loop
     assert c is not None
     command = "voltage" if a.vehicle.voltage_driven else "volume"
-    at_depth = _column(c.at_depth, c.depth_delay)
-    rows = (
-        (name, text, at_depth[name])
-        for name, text in _column(c.at_command, c.computation_delay).items()
+    at_command, at_depth = (
+        _column(*at) for at in ((c.at_command, c.computation_delay), (c.at_depth, c.depth_delay))
     )
+    rows = ((name, text, at_depth[name]) for name, text in at_command.items())
     return _titled("Margins, the loop broken at the", ("", command, "depth"), rows)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -84,7 +85,7 @@ def ballast(
 
     from swimbladder.design.ballast import Target, material_of, seas, uncertainty_of, with_mass
     from swimbladder.design.ballast import ballast as find
-    from swimbladder.show.report.ballast import write_ballasting
+    from swimbladder.show.report.ballast import ballast_files
 
     with task.said_as_typed():
         density, named = material_of(task.material)
@@ -101,10 +102,8 @@ def ballast(
             assumptions=(*warned, *sea.assumed, told, *_hull_words(v), *uncertainty.said),
             advance=advance,
         )  # fmt: skip
-    answer = found.to_json()
-    with progress("drawing the picture"):
-        files = write_ballasting(found, to.out, answer=answer)
-    to.answer(answer, files, _shown(found, warned), good=found.covered)
+    files = partial(ballast_files, found)
+    to.answer(found.to_json(), files, _shown(found, warned), good=found.covered)
 
 
 def _hull_words(vehicle: Vehicle) -> list[str]:

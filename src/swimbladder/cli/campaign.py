@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -144,30 +145,26 @@ def campaign(
         return
     layout.tidy()
     table, energy_unknown = layout.table(), job.plans[0].energy_known
-    indices = None
-    if job.design is not None:
-        indices = Sensitivity(design=job.design, table=table, energy_unknown=energy_unknown)
     found = Campaign(
         vehicle=v, mission=task, columns=columns, spread=job.spread, seed=job.seed,
-        table=table if indices is None else indices.independent, energy_unknown=energy_unknown,
+        table=table, energy_unknown=energy_unknown,
     )  # fmt: skip
-    answer = found.to_json()
+    files: dict[str, object] = {"floats.csv": found.columns_csv}
+    if job.design is None:
+        answer, shown, good = found.to_json(), _shown(found), bool(found.good.all())
+    else:
+        from swimbladder.show.plots.campaign import draw_sensitivity
+
+        indices = Sensitivity(design=job.design, table=table, energy_unknown=energy_unknown)
+        found = replace(found, table=indices.independent)
+        answer, good = {**found.to_json(), "sensitivity": indices.to_json()}, True
+        shown = itertools.chain(_shown(found), _indices(indices))
+        files["sensitivity.png"] = draw_sensitivity(indices)
     with progress("writing the results"):
         from swimbladder.show.files import write_all
 
-        if indices is not None:
-            answer["sensitivity"] = indices.to_json()
-        files: dict[str, object] = {
-            "campaign.json": answer,
-            "floats.csv": replace(found, table=table).columns_csv,
-        }
-        if indices is not None:
-            from swimbladder.show.plots.campaign import draw_sensitivity
-
-            files["sensitivity.png"] = draw_sensitivity(indices)
-        written = [to.out / "campaign.zarr", *write_all(to.out, files)]
-    good = indices is not None or bool(found.good.all())
-    to.answer(answer, written, _shown(found, indices), good=good)
+        written = write_all(to.out, {"campaign.json": answer, **files})
+    to.answer(answer, [to.out / "campaign.zarr", *written], shown, good=good)
 
 
 def _unfinished(layout: Layout, part: str, json: bool) -> None:
@@ -184,7 +181,7 @@ def _unfinished(layout: Layout, part: str, json: bool) -> None:
         say(sentence)
 
 
-def _shown(found: Campaign, indices: Sensitivity | None) -> Iterator[object]:
+def _shown(found: Campaign) -> Iterator[object]:
     """Give what is printed: what became of the floats, their numbers, and what these come from."""
     what = "what became of them"
     ways = (
@@ -198,8 +195,6 @@ def _shown(found: Campaign, indices: Sensitivity | None) -> Iterator[object]:
     )
     headings = ("per float", "median", "5 %", "95 %", "unit")
     yield from ("", table(headings, numbers, left=("per float", "unit")))
-    if indices is not None:
-        yield from _indices(indices)
 
 
 def _indices(found: Sensitivity) -> Iterator[object]:

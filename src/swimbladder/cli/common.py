@@ -160,7 +160,9 @@ def run(function: Callable[[], object], *, json: bool = False) -> int:
     _told.clear()
     try:
         with pipes_kept():  # an error looks up its line
-            code = _run(function, json=json)
+            code, why = _run(function)
+        if json and why and not _printed:
+            emit_json({"error": "", "exit_code": code, "file": None, "field": None} | why)
         if sys.stdout is not None:
             sys.stdout.flush()
     except OSError as error:
@@ -169,13 +171,8 @@ def run(function: Callable[[], object], *, json: bool = False) -> int:
         elif error.errno not in _FULL or error.filename is not None:
             raise
         else:
-            code = InputError.exit_code
-            _complain(
-                InputError(
-                    f"cannot write the answer: {error.strerror}", field="stdout",
-                    remedy="Send it where there is room",
-                )
-            )  # fmt: skip
+            code, full = InputError.exit_code, f"cannot write the answer: {error.strerror}"
+            _complain(InputError(full, field="stdout", remedy="Send it where there is room"))
         with contextlib.suppress(OSError, ValueError):  # what is left cannot be written at the end
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return code
@@ -187,43 +184,36 @@ def _complain(error: SwimbladderError) -> None:
         console.print(str(error), markup=False, soft_wrap=True)
 
 
-def _run(function: Callable[[], object], *, json: bool) -> int:
+def _run(function: Callable[[], object]) -> tuple[int, dict[str, Any]]:
+    """Return the exit code, and what a JSON object says of the error where there is one."""
     try:
         function()
     except SwimbladderError as error:
         _complain(error)
-        if json and not _printed:
-            place = {name: getattr(error, name, None) for name in ("file", "field")}
-            emit_json({"error": str(error), "exit_code": error.exit_code, **place})
-        return error.exit_code
+        place = {name: getattr(error, name, None) for name in ("file", "field")}
+        return error.exit_code, {"error": str(error), **place}
     except KeyboardInterrupt:
-        return _interrupted(json)
+        return _interrupted()
     except SystemExit as stop:
-        if getattr(stop.__context__, "errno", None) == errno.EPIPE:
-            return _PIPE_CLOSED  # typer's code is 1, and that says no
+        why: Any = stop.__context__
+        if getattr(why, "errno", None) == errno.EPIPE:
+            return _PIPE_CLOSED, {}  # typer's code is 1, and that says no
         if stop.code == _INTERRUPTED:  # what typer makes of an interruption
-            return _interrupted(json)
-        if json and not _printed and isinstance(stop.__context__, _Usage):
-            _emit_usage(stop.__context__, stop.code)
-        return stop.code if isinstance(stop.code, int) else int(stop.code is not None)
-    return 0
+            return _interrupted()
+        code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
+        usage = isinstance(why, _Usage)
+        if not usage:
+            return code, {}
+        param = getattr(why, "param", None)  # its box on stderr has been drawn
+        field = max(param.opts, key=len) if param else getattr(why, "option_name", None)
+        return code, {"error": why.format_message(), "field": field}
+    return 0, {}
 
 
-def _emit_usage(error: Any, code: object) -> None:
-    """Print as JSON what is wrong with the command line; its box on stderr has been drawn."""
-    param = getattr(error, "param", None)
-    emit_json({
-        "error": error.format_message(), "exit_code": code, "file": None,
-        "field": getattr(error, "option_name", None) if param is None else max(param.opts, key=len),
-    })  # fmt: skip
-
-
-def _interrupted(json: bool) -> int:
+def _interrupted() -> tuple[int, dict[str, Any]]:
     word, code = ("terminated", _TERMINATED) if _terminated else ("interrupted", _INTERRUPTED)
     console.print(word)
-    if json and not _printed:
-        emit_json({"error": word, "exit_code": code, "file": None, "field": None})
-    return code
+    return code, {"error": word}
 
 
 @contextlib.contextmanager
@@ -310,18 +300,11 @@ def progress(
     if not console.is_terminal:
         yield lambda _: None
         return
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich import progress as bars
 
-    columns: list[Any] = [TextColumn("{task.description}"), BarColumn()]
-    columns += [TaskProgressColumn(), TimeRemainingColumn()] if total else []
-    bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
+    columns: list[Any] = [bars.TextColumn("{task.description}"), bars.BarColumn()]
+    columns += [bars.TaskProgressColumn(), bars.TimeRemainingColumn()] if total else []
+    bar = bars.Progress(*columns, bars.TimeElapsedColumn(), console=console, transient=True)
     task = bar.add_task(description, total=total)
     timer = threading.Timer(after_s, bar.start)
     timer.daemon = True
@@ -332,6 +315,18 @@ def progress(
         timer.cancel()
         timer.join()
         bar.stop()
+
+
+def so_far(advance: Callable[[float], None]) -> Callable[[float], None]:
+    """Return what is called with all that is done so far, and lets a bar advance by what is new."""
+    done = 0.0
+
+    def report(amount: float) -> None:
+        nonlocal done
+        advance(amount - done)
+        done = amount
+
+    return report
 
 
 _told: list[bool] = []  # whether it has been said that something is compiled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -101,15 +102,12 @@ def compare_laws(
     parts = to.out / "parts"
     with progress("loading the simulator"):
         from swimbladder.design.law_comparison import compare_laws
-        from swimbladder.show.report.law_comparison import write_comparison
+        from swimbladder.show.report.law_comparison import comparison_files
     with kept(parts), compile_notice(), progress("tuning and flying", 1.0) as advance:
         found = compare_laws(v, **options, parts=parts, advance=advance)
     if assumed:
         found = found.assuming(assumed)
-    with progress("drawing and writing"):
-        answer = found.to_json()
-        files = write_comparison(found, to.out, answer=answer, command=typed_command())
-    to.answer(answer, files, _shown(found))
+    to.answer(found.to_json(), partial(comparison_files, found, typed_command()), _shown(found))
 
 
 def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -> None:

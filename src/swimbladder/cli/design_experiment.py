@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,15 @@ from swimbladder.cli.common import (
     table,
     typed_command,
 )
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.options import (
+    Files,
+    Options,
+    VehicleName,
+    grouped,
+    unit_of,
+    valued,
+    with_one_unit,
+)
 from swimbladder.cli.settings import Sought, deviation
 from swimbladder.errors import InputError
 
@@ -35,14 +44,10 @@ def _against(text: str, option: str) -> tuple[float, ...] | None:
     if text.strip() == "none":
         return ()
     parts = [part.strip() for part in text.split(",")]
-    unit = parts[-1].lstrip("+-.0123456789eE").strip()
-    if not unit:
-        raise InputError(
-            "the unit is missing", field=option, value=text, unit="m3",
-            remedy='Write it as "20,-20,30,-30 cm3", or paper, or none',
-        )  # fmt: skip
-    given = (*(f"{part} {unit}" for part in parts[:-1]), parts[-1])
-    return tuple(quantity(part, "m3", option) for part in given)
+    if not unit_of(parts[-1]):
+        remedy = 'Write it as "20,-20,30,-30 cm3", or paper, or none'
+        raise InputError("the unit is missing", field=option, value=text, unit="m3", remedy=remedy)
+    return tuple(quantity(part, "m3", option) for part in with_one_unit(parts))
 
 
 @dataclass(frozen=True)
@@ -111,15 +116,13 @@ def design_experiment(
     to.check()
     with progress("loading the simulator"):
         from swimbladder.design.experiments import design_experiment as find
-        from swimbladder.show.report.design import write_design
+        from swimbladder.show.report.design import design_files
 
     with compile_notice(), progress("looking for the best experiments", 1.0) as advance:
         found = find(v, **options, advance=advance)
-    answer = found.to_json()
-    with progress("writing the plan", 1.0) as advance:
-        files = write_design(found, to.out, answer=answer, command=typed_command(), advance=advance)
+    files = partial(design_files, found, typed_command())
     why = [f.sentence for f in found.findings if f.severity == "no"]
-    to.answer(answer, files, _shown(found), good=found.identifiable, why=why)
+    to.answer(found.to_json(), files, _shown(found), good=found.identifiable, why=why)
 
 
 def _shown(found: Design) -> Iterator[object]:

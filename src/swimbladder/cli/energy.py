@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -31,7 +32,7 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
         from swimbladder.design.energy.fit import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
         from swimbladder.io.pump_runs import read_pump_runs
-        from swimbladder.show.report.energy import fit_json, write_fit
+        from swimbladder.show.report.energy import fit_files, fit_json
 
         if v is not None:
             pump_and_valve(v)
@@ -46,8 +47,7 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
         fitted = None if v is None else fitted_vehicle(v, found)
         said = fit_sentences(found, fitted)
         answer = {**fit_json(found), "sentences": said, "report": runs_read.report}
-        files = write_fit(found, fitted, to.out, answer=answer)
-    to.answer(answer, files, _shown_fit(found, said, runs_read.report))
+    to.answer(answer, partial(fit_files, found, fitted), _shown_fit(found, said, runs_read.report))
 
 
 def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> Iterator[object]:
@@ -172,7 +172,7 @@ def energy(
             drive_sentences,
             versus_sentences,
         )
-        from swimbladder.show.report.energy import energy_json, write_energy
+        from swimbladder.show.report.energy import energy_files, energy_json
 
         refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
         water, warned = sea(v, next(iter(casts), None), asked["deepest"])
@@ -188,7 +188,7 @@ def energy(
             "sentences": said,
             "assumptions": rests,
         }
-        files = write_energy(found, hover, dive, to.out, answer=answer)
+    files = partial(energy_files, found, hover, dive)
     to.answer(answer, files, _shown(found, said, rests))
 
 

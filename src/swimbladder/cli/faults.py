@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -66,19 +65,18 @@ def faults(
         _one(v, mission, asked, to)
         return
     with progress("loading the simulator"):
-        from swimbladder.show.files import write_all
         from swimbladder.show.plots.faults import draw_campaign
         from swimbladder.sim.faults import run_missions
         from swimbladder.sim.faults.single_mission import missions_csv
     keep = unfinished(to.out)
     with kept(keep), compile_notice(), progress("flying missions", 1.0) as advance:
         flown = run_missions(v, **asked, keep=keep, advance=advance)
-    with progress("writing the missions"):
-        answer, flights = flown.to_json(), missions_csv(flown)
-        files = {"faults.json": answer, "missions.csv": flights, "faults.png": draw_campaign(flown)}
-        written = write_all(to.out, files)
-        shutil.rmtree(keep, ignore_errors=True)
-    to.answer(answer, written, _shown(flown))
+
+    def files(answer: Mapping[str, Any]) -> dict[str, object]:
+        flights, picture = missions_csv(flown), draw_campaign(flown)
+        return {"faults.json": answer, "missions.csv": flights, "faults.png": picture}
+
+    to.answer(flown.to_json(), files, _shown(flown), keep=keep)
     if not flown.passed:
         raise NoAnswerError(_verdict(flown, vehicle, missions.seed))
 
@@ -93,7 +91,6 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
             remedy="Write it like 17, or h17 for a healthy one",
         )  # fmt: skip
     with progress("loading the simulator"):
-        from swimbladder.show.files import write_all
         from swimbladder.show.plots.faults import draw_mission
         from swimbladder.sim.faults.single_mission import NAMES, fly_one, trace_csv
     with compile_notice(), progress("flying the mission"):
@@ -101,12 +98,13 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
             vehicle, int(number), healthy=mission.startswith("h"), seed=asked["seed"],
             depths=asked["depths"], column=asked["column"],
         )  # fmt: skip
+
+    def files(_: Mapping[str, Any]) -> dict[str, object]:
         stem = f"mission-{'h' if flown.healthy else ''}{flown.mission.number}"
-        traces: dict[str, object] = {
-            f"{stem}-{name}.csv": trace_csv(rows, flown.tick)
-            for name, rows in zip(NAMES, flown.rows, strict=False)
-        }
-        files = write_all(to.out, {**traces, f"{stem}.png": draw_mission(flown)})
+        traces = zip(NAMES, flown.rows, strict=False)
+        listed = {f"{stem}-{name}.csv": trace_csv(rows, flown.tick) for name, rows in traces}
+        return {**listed, f"{stem}.png": draw_mission(flown)}
+
     to.answer(flown.to_json(), files, flown.lines())
 
 

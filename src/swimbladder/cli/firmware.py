@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, progress, quantity
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.common import compile_notice, progress, quantity, so_far
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued, with_one_unit
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,11 +23,8 @@ _ARRIVED = 0.1  # of the step, within which a golden trace has arrived
 
 def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
     """Return two changes of volume [m3], the same twice where there is one."""
-    first, colon, last = text.partition(":")
-    if re.fullmatch(r"[\d.eE+\s-]+", first):  # "20:75 cm3": both in cm3
-        first += " " + re.sub(r"^[\d.eE+\s-]+", "", last)
-    least = quantity(first, "m3", option)
-    return least, quantity(last, "m3", option) if colon else least
+    found = [quantity(part, "m3", option) for part in with_one_unit(text.split(":", 1))]
+    return found[0], found[-1]
 
 
 @dataclass(frozen=True)
@@ -106,17 +102,10 @@ def firmware(
     usual = DIVE if v.command == "volume change" else STEP
     length = asked.get("duration", usual.duration)
     ticks = None if v.controller is None else length / v.controller.sample_time
-    done = 0
-    doing = progress("flying the golden trace", ticks)
     named = {"setpoints[0].depth": "target"}
+    doing = progress("flying the golden trace", ticks)
     with golden.said_as_typed(**named), compile_notice(), doing as advance:
-
-        def report(flown: int) -> None:
-            nonlocal done
-            advance(flown - done)
-            done = flown
-
-        made = make_library(v, **asked, pool=options, progress=report)
+        made = make_library(v, **asked, pool=options, progress=so_far(advance))
     to.answer(made.to_json(), write_library(made, to.out), _shown(made))
 
 
@@ -128,13 +117,10 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
     from swimbladder.control.registry import law_by_name
 
     law_by_name(law)
-    raise InputError(
-        f"the controller of the vehicle {vehicle.name!r} is "
-        + ("not there" if own is None else f"of the law {own!r}, and so are its parameters"),
-        field="--law",
-        value=law,
-        remedy=f'Give a vehicle file whose [controller] has law = "{law}" and its parameters',
-    )
+    found = "not there" if own is None else f"of the law {own!r}, and so are its parameters"
+    why = f"the controller of the vehicle {vehicle.name!r} is {found}"
+    remedy = f'Give a vehicle file whose [controller] has law = "{law}" and its parameters'
+    raise InputError(why, field="--law", value=law, remedy=remedy)
 
 
 def _shown(made: Library) -> Iterator[object]:

@@ -5,15 +5,18 @@ The word for a value in the help says how its text is read: ``depth: str = value
 """
 
 import inspect
+import re
+import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
+from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-from swimbladder.cli.common import aside, emit_json, quantity, said_as_typed, say
+from swimbladder.cli.common import aside, emit_json, progress, quantity, said_as_typed, say
 from swimbladder.errors import InputError
 
 _UNITS = {
@@ -24,6 +27,9 @@ _UNITS = {
 
 
 _Value = TypeVar("_Value")
+_NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+Contents = Callable[[Mapping[str, Any]], Mapping[str, object]]
+"""Returns contents by name, as `show.files.write_all` takes them, from an answer."""
 VehicleName = Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")]
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")]
 
@@ -60,15 +66,22 @@ def depth_pair(text: str, option: str) -> tuple[float, float]:
     """
     parts = [part.strip() for part in text.split(":")]
     if len(parts) != 2 or not all(parts):
-        raise InputError(
-            "two depths are given with a colon between", field=option, value=text, unit="m",
-            remedy='Write it like "0:10 m"',
-        )  # fmt: skip
-    unit = parts[1].lstrip("+-.0123456789eE").strip()
-    if unit and not parts[0].lstrip("+-.0123456789eE").strip():
-        parts[0] = f"{parts[0]} {unit}"
-    first, last = (quantity(part, "m", option) for part in parts)
+        why, remedy = "two depths are given with a colon between", 'Write it like "0:10 m"'
+        raise InputError(why, field=option, value=text, unit="m", remedy=remedy)
+    first, last = (quantity(part, "m", option) for part in with_one_unit(parts))
     return first, last
+
+
+def unit_of(text: str) -> str:
+    """Return what stands behind a number, "" where nothing does."""
+    number = _NUMBER.match(text)
+    return "" if number is None else text[number.end() :].strip()
+
+
+def with_one_unit(texts: Sequence[str]) -> list[str]:
+    """Return quantities; numbers alone get the unit of the last."""
+    unit = unit_of(texts[-1])
+    return [f"{text} {unit}" if unit and _NUMBER.fullmatch(text) else text for text in texts]
 
 
 def pair(text: str, option: str) -> tuple[str, str]:
@@ -78,9 +91,8 @@ def pair(text: str, option: str) -> tuple[str, str]:
     """
     name, sign, value = text.partition("=")
     if not sign or not name.strip() or not value.strip():
-        raise InputError(
-            "not a pair", field=option, value=text, remedy=f"Write it as {option} NAME=VALUE"
-        )
+        remedy = f"Write it as {option} NAME=VALUE"
+        raise InputError("not a pair", field=option, value=text, remedy=remedy)
     return name.strip(), value.strip()
 
 
@@ -185,13 +197,28 @@ class Files(Options):
         check_place(self.out)
 
     def answer(
-        self, answer: Mapping[str, Any], files: Sequence[Path], shown: Iterable[object], *,
-        good: bool = True, why: Sequence[str] = (),
-    ) -> None:  # fmt: skip
+        self,
+        answer: Mapping[str, Any],
+        files: Sequence[Path] | Contents,
+        shown: Iterable[object],
+        *,
+        good: bool = True,
+        why: Sequence[str] = (),
+        keep: Path | None = None,
+    ) -> None:
         """Print the answer and its files, as JSON or as `shown`; exit with 1 where it is not good.
 
-        why: what is not good; beside JSON it stands on stderr.
+        files: their paths, or what returns from the answer what is to be written. why: what is not
+        good; beside JSON it stands on stderr. keep: the folder where unfinished work was kept,
+        which has no use any more.
         """
+        if callable(files):
+            with progress("drawing and writing"):
+                from swimbladder.show.files import write_all
+
+                files = write_all(self.out, files(answer))
+        if keep is not None:
+            shutil.rmtree(keep, ignore_errors=True)
         if self.json:
             emit_json({**answer, "files": [str(path) for path in files]})
             aside(*(() if good else why))
@@ -216,21 +243,21 @@ def grouped(**defaults: object) -> Callable[[Callable[..., None]], Callable[...,
             if not (isinstance(kind, type) and issubclass(kind, Options)):
                 taken.append(_parameter(name, kind, parameter.default))
                 continue
-            called = {one: _word(option) for one, option in kind.named().items()}
+            options = kind.named().items()
+            called = {one: option.lstrip("-").replace("-", "_") for one, option in options}
             groups[name] = kind, called
-            taken += [
-                _parameter(called[one], hint, defaults.get(one, default))
-                for one, hint, default in _fields(kind)
-            ]
+            own = get_type_hints(kind)
+            for one in fields(kind):
+                default = defaults.get(one.name, one.default)
+                word, info = called[one.name], one.metadata["info"]
+                taken.append(_parameter(word, Annotated[own[one.name], info], default))
 
+        @wraps(command)
         def flat(**given: Any) -> None:
             for name, (kind, called) in groups.items():
                 given[name] = kind(**{one: given.pop(word) for one, word in called.items()})
             command(**given)
 
-        flat.__name__, flat.__doc__, flat.__module__ = (
-            command.__name__, command.__doc__, command.__module__,
-        )  # fmt: skip
         flat.__annotations__ = {one.name: one.annotation for one in taken}
         flat.__signature__ = inspect.Signature(taken)  # type: ignore[attr-defined]
         return flat
@@ -246,22 +273,6 @@ def _option(one: Field[Any]) -> str:
     return "--" + one.name.replace("_", "-")
 
 
-def _word(option: str) -> str:
-    return option.lstrip("-").replace("-", "_")
-
-
 def _parameter(name: str, kind: object, default: object) -> inspect.Parameter:
+    default = inspect.Parameter.empty if default is MISSING else default
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-
-
-def _fields(group: type[Options]) -> list[tuple[str, object, object]]:
-    """Return name, annotation and default of each field."""
-    hints, none = get_type_hints(group), inspect.Parameter.empty
-    return [
-        (
-            one.name,
-            Annotated[hints[one.name], one.metadata["info"]],
-            none if one.default is MISSING else one.default,
-        )
-        for one in fields(group)
-    ]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -53,19 +53,17 @@ def plan(
     to.check()
     with progress("loading the solvers"):
         from swimbladder.design.planning import plan as find
-        from swimbladder.show.files import write_all
         from swimbladder.show.plots.plan import draw_plan
     with _told_how_to_go_on(), compile_notice(), progress("solving programs") as advance:
         found = find(v, start, target, advance=advance, **options)
-    answer = found.to_json()
-    files = {
-        "plan.csv": found.columns(),
-        "mission.toml": _mission(found),
-        "plan.json": answer,
-        "plan.png": draw_plan(found),
-    }
+
+    def files(answer: Mapping[str, Any]) -> dict[str, object]:
+        columns, picture = found.columns(), draw_plan(found)
+        numbers = {"plan.csv": columns, "mission.toml": _mission(found), "plan.json": answer}
+        return {**numbers, "plan.png": picture}
+
     shown = (f"{v.name}, goal {found.goal}", "", *found.sentences, "")
-    to.answer(answer, write_all(to.out, files), shown)
+    to.answer(found.to_json(), files, shown)
 
 
 @contextlib.contextmanager

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import quantity
-from swimbladder.cli.options import Options, once, pair, valued
+from swimbladder.cli.options import Options, once, pair, unit_of, valued, with_one_unit
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.estimation.motion import Prior
 
 _PLUS_MINUS = re.compile(r"\+-|\+/-|±")
-_NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 
 
 def setting(text: str, units: Mapping[str, str]) -> tuple[str, float]:
@@ -41,22 +40,14 @@ def known(text: str, units: Mapping[str, str]) -> tuple[str, Prior]:
     how = f'Write it as --prior "{name}=MEAN +- STD {unit}"'
     parts = _PLUS_MINUS.split(value)
     if len(parts) != 2:
-        raise InputError(
-            "a prior has a mean and a standard deviation",
-            field=field,
-            value=value,
-            unit=unit,
-            remedy=how,
-        )
+        why = "a prior has a mean and a standard deviation"
+        raise InputError(why, field=field, value=value, unit=unit, remedy=how)
     mean_text, std_text = (part.strip() for part in parts)
-    mean_unit, std_unit = _unit(mean_text), _unit(std_text)
-    if std_unit == "%":
+    if unit_of(std_text) == "%":
         mean = quantity(mean_text, unit, field)
-        std = abs(mean) * quantity(std_text, "", field)
-    else:
-        mean = quantity(mean_text if mean_unit else f"{mean_text} {std_unit}", unit, field)
-        std = quantity(std_text if std_unit else f"{std_text} {mean_unit}", unit, field)
-    return name, Prior(mean, std)
+        return name, Prior(mean, abs(mean) * quantity(std_text, "", field))
+    both = (with_one_unit([mean_text, std_text])[0], with_one_unit([std_text, mean_text])[0])
+    return name, Prior(*(quantity(text, unit, field) for text in both))
 
 
 def _held(texts: Sequence[str], option: str) -> dict[str, float]:
@@ -106,16 +97,6 @@ def _named(text: str, option: str, units: Mapping[str, str]) -> tuple[str, str]:
 
     name, value = pair(text, option)
     if name not in units:
-        raise InputError(
-            "there is no such parameter",
-            field=option,
-            value=name,
-            remedy=f"{did_you_mean(name, units)}Choose from {', '.join(units)}",
-        )
+        remedy = f"{did_you_mean(name, units)}Choose from {', '.join(units)}"
+        raise InputError("there is no such parameter", field=option, value=name, remedy=remedy)
     return name, value
-
-
-def _unit(text: str) -> str:
-    """Return what stands behind a number, "" where nothing does."""
-    number = _NUMBER.match(text)
-    return "" if number is None else text[number.end() :].strip()

@@ -20,6 +20,7 @@ from swimbladder.cli.common import (
     labelled,
     progress,
     said_as_typed,
+    so_far,
     table,
 )
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
@@ -326,13 +327,6 @@ def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | Non
     floats = vehicle.command == "volume change"  # their tables take scipy.interpolate
     blas = contextlib.nullcontext() if floats else _no_search_for_blas()
     with compile_notice(), progress("simulating", samples) as advance, blas:
-        done = 0
-
-        def report(samples_done: int) -> None:
-            nonlocal done
-            advance(samples_done - done)
-            done = samples_done
-
         return simulate_closed_loop(
             vehicle,
             setpoints=task.pairs,
@@ -341,7 +335,7 @@ def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | Non
             bottom_depth=task.bottom,
             seed=seed,
             column=column,
-            progress=report,
+            progress=so_far(advance),
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -90,7 +91,7 @@ def size(
     with progress("loading"):
         from swimbladder.design.sizing import Dive, load_parts, sentences, to_json
         from swimbladder.design.sizing import size as find
-        from swimbladder.show.report.size import write_sizing
+        from swimbladder.show.report.size import sizing_files
     sea = None
     if casts:
         from swimbladder.physics.seawater import cast_column
@@ -104,4 +105,4 @@ def size(
         found = find(vehicle, Dive(**asked), column=sea, parts=listed, advance=advance, **room)
 
     water = labelled("cast", () if sea is None else sea.report)
-    to.answer(to_json(found), write_sizing(found, to.out), (*water, *sentences(found), ""))
+    to.answer(to_json(found), partial(sizing_files, found), (*water, *sentences(found), ""))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
@@ -62,13 +63,17 @@ def stability(
     keep = unfinished(to.out)
     with progress("loading the simulator"):
         from swimbladder.design.stability import stability as find
-        from swimbladder.jobs import Store
-        from swimbladder.show.files import write_all
-        from swimbladder.show.plots.stability import draw_recovery, draw_robustness
     doing = "looking for what is unstable"
     with kept(keep), compile_notice(), progress(doing, 1.0) as advance:
         found = find(v, **options, keep=keep, advance=advance)
-    answer = found.to_json()
+    to.answer(found.to_json(), partial(_files, found), _shown(found), keep=keep)
+    if not found.stable:
+        raise NoAnswerError("the loop is not stable over the range that was asked for")
+
+
+def _files(found: Stability, answer: Mapping[str, Any]) -> dict[str, object]:
+    from swimbladder.show.plots.stability import draw_recovery, draw_robustness
+
     files: dict[str, object] = {
         "stability.json": answer,
         "stability.txt": "\n".join(found.sentences) + "\n",
@@ -78,12 +83,7 @@ def stability(
         files["maps.png"] = draw_recovery(found)
     if found.stood:
         files["robustness.png"] = draw_robustness(found)
-    with progress("writing the pictures"):
-        written = write_all(to.out, files)
-    Store(keep).forget()
-    to.answer(answer, written, _shown(found))
-    if not found.stable:
-        raise NoAnswerError("the loop is not stable over the range that was asked for")
+    return files
 
 
 def _shown(found: Stability) -> Iterator[object]:

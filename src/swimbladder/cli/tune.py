@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,13 +66,10 @@ def tune(
     to.check()
     with progress("loading the simulator"):
         from swimbladder.design.tuning import tune as find
-        from swimbladder.show.report.tune import write_tuning
+        from swimbladder.show.report.tune import tuning_files
     with compile_notice(), progress("searching gains", 1.0) as advance:
         found = find(v, **options, advance=advance)
-    answer = found.to_json()
-    with progress("writing the report"):
-        files = write_tuning(found, to.out, answer=answer, command=typed_command())
-    to.answer(answer, files, _shown(found))
+    to.answer(found.to_json(), partial(tuning_files, found, typed_command()), _shown(found))
 
 
 def _shown(found: Tuning) -> Iterator[object]:

@@ -1,7 +1,6 @@
 """A ballasting as files: the vehicle as ballasted, volumes over depth, numbers and a picture."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,16 +8,14 @@ import numpy as np
 from swimbladder.design.ballast import Ballasting
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.hull import neutral_volume
-from swimbladder.show.files import write_all
 from swimbladder.show.plots.ballast import draw_ballasting
 
 
-def write_ballasting(found: Ballasting, out: Path, *, answer: Mapping[str, Any]) -> list[Path]:
-    """Write ballast.csv, ballast.png, ballast.json and vehicle.toml into `out`; return the paths.
+def ballast_files(found: Ballasting, answer: Mapping[str, Any]) -> dict[str, object]:
+    """Return the contents of ballast.csv, ballast.png, ballast.json and vehicle.toml.
 
     answer: ballast.json. Where the surface of the cast is beyond the stroke there is no
-    vehicle.toml: no such vehicle can sink and rise. Raises InputError where the folder cannot be
-    written.
+    vehicle.toml: no such vehicle can sink and rise.
     """
     column, curve, stroke = found.columns[0], found.curves[0], found.vehicle.stroke
     files: dict[str, object] = {
@@ -38,4 +35,4 @@ def write_ballasting(found: Ballasting, out: Path, *, answer: Mapping[str, Any])
         head = "Ballasted by swimbladder ballast; [water] is that of the cast's surface."
         said = "\n".join([head, *found.sentences])
         files["vehicle.toml"] = vehicle_file(found.vehicle, head=said)
-    return write_all(out, files)
+    return files

@@ -3,15 +3,13 @@
 In plain words: what to do, in which order, and its predicted errors.
 """
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 from swimbladder.design.experiments import Design
 from swimbladder.design.experiments.conditions import Release
 from swimbladder.design.experiments.result import percent
 from swimbladder.io.plan import Move, plan_file
-from swimbladder.show.files import write_all
 from swimbladder.show.plots.design import draw_design, draw_plan
 from swimbladder.show.plots.style import png
 from swimbladder.show.report.html import data_url, render
@@ -89,26 +87,18 @@ def comparison(design: Design) -> list[str]:
     return said
 
 
-def write_design(
-    design: Design, out: Path, *, answer: Mapping[str, Any], command: str,
-    advance: Callable[[float], None] = lambda _: None,
-) -> list[Path]:  # fmt: skip
-    """Write plan, page, numbers and pictures into the folder `out` and return the paths.
+def design_files(design: Design, command: str, answer: Mapping[str, Any]) -> dict[str, object]:
+    """Return the contents of the files: plan, page, numbers and pictures.
 
-    answer: design.json; command: how the page says that it was made; advance: called with the share
-    of the work done. Raises InputError where the folder cannot be written.
+    command: how the page says that it was made; answer: design.json.
     """
-    images = {}
-    for name, draw in (("plan", draw_plan), ("design", draw_design)):
-        images[name] = png(draw(design))
-        advance(0.5)
-    files = {
+    images = {"plan": png(draw_plan(design)), "design": png(draw_design(design))}
+    return {
         "plan.toml": plan_file(design.plan(), head=_head(design)),
         "plan.html": _page(design, images, command),
         **{f"{name}.png": image for name, image in images.items()},
         "design.json": answer,
     }
-    return write_all(out, files)
 
 
 def _head(design: Design) -> str:

@@ -1,7 +1,6 @@
 """What changing the volume costs, as files: tables, pictures and numbers."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +14,14 @@ from swimbladder.design.energy import (
     run_columns,
 )
 from swimbladder.design.energy.messages import fit_sentences
+from swimbladder.io.answers import as_json
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
 from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
 from swimbladder.vehicle import Vehicle
 
 _ROWS = 201  # depths in tables, at most
+_DIVE = "dive runs deepest_Pa energy_J predicted_J volume_m3 predicted_volume_m3"
+_BAND = "runs pressure_Pa volume_m3 energy_J efficiency fitted_efficiency=fitted"
 
 
 def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[str, Any]:
@@ -55,21 +56,17 @@ def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[st
     }
 
 
-def write_energy(
-    found: DriveEnergy, hover: Hovering, dive: Profiling, out: Path, *, answer: Mapping[str, Any]
-) -> list[Path]:
-    """Write energy.csv, dives.csv, energy.json and two pictures into `out`; return the paths.
-
-    answer: energy.json. Raises InputError where the folder cannot be written.
-    """
-    files = {
+def energy_files(
+    found: DriveEnergy, hover: Hovering, dive: Profiling, answer: Mapping[str, Any]
+) -> dict[str, object]:
+    """Return the contents of energy.csv, dives.csv, energy.json (the answer) and two pictures."""
+    return {
         "energy.csv": _known(_columns(found, hover)),
         "dives.csv": _known(_dives(dive)),
         "energy.json": answer,
         "energy.png": draw_energy(found),
         "versus.png": draw_versus(hover, dive, found),
     }
-    return write_all(out, files)
 
 
 def fit_json(fit: PumpFit) -> dict[str, Any]:
@@ -82,36 +79,23 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
         "volume_rms_m3": fit.volume_rms,
         "reference_voltage_V": fit.reference_voltage,
         "parameters": {name: e._asdict() for name, e in fit.parameters.items()},
-        "dives": [
-            {
-                "dive": d.dive, "runs": d.runs, "deepest_Pa": d.deepest, "energy_J": d.energy,
-                "predicted_J": d.predicted, "volume_m3": d.volume,
-                "predicted_volume_m3": d.predicted_volume,
-            }
-            for d in fit.dives
-        ],
-        "efficiency": [
-            {
-                "runs": b.runs, "pressure_Pa": b.pressure, "volume_m3": b.volume,
-                "energy_J": b.energy, "efficiency": b.efficiency, "fitted_efficiency": b.fitted,
-            }
-            for b in efficiency_bands(fit)
-        ],
-    }  # fmt: skip
+        "dives": [as_json(dive, _DIVE) for dive in fit.dives],
+        "efficiency": [as_json(band, _BAND) for band in efficiency_bands(fit)],
+    }
 
 
-def write_fit(
-    fit: PumpFit, vehicle: Vehicle | None, out: Path, *, answer: Mapping[str, Any]
-) -> list[Path]:
-    """Write pump.json, runs.csv, pump.png and, with a vehicle, vehicle.toml into `out`.
+def fit_files(
+    fit: PumpFit, vehicle: Vehicle | None, answer: Mapping[str, Any]
+) -> dict[str, object]:
+    """Return the contents of pump.json (the answer), runs.csv, pump.png and, with a vehicle, its.
 
-    Return the paths. answer: pump.json. Raises InputError where the folder cannot be written.
+    That is vehicle.toml.
     """
     files = {"pump.json": answer, "runs.csv": run_columns(fit), "pump.png": draw_fit(fit)}
-    if vehicle is not None:
-        said = ["Pump found by swimbladder energy --fit.", *fit_sentences(fit, vehicle)]
-        files["vehicle.toml"] = vehicle_file(vehicle, head="\n".join(said))
-    return write_all(out, files)
+    if vehicle is None:
+        return files
+    said = ["Pump found by swimbladder energy --fit.", *fit_sentences(fit, vehicle)]
+    return {**files, "vehicle.toml": vehicle_file(vehicle, head="\n".join(said))}
 
 
 def _columns(found: DriveEnergy, hover: Hovering) -> dict[str, Any]:

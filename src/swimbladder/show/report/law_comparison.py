@@ -5,7 +5,6 @@ Rows of text are the same on the terminal, on the page and in the CSV file.
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from swimbladder.design.law_comparison import LawComparison
@@ -14,7 +13,6 @@ from swimbladder.design.law_comparison.run import RESULT, Row
 from swimbladder.io.answers import as_json
 from swimbladder.io.tables import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
 from swimbladder.show.plots.law_comparison import draw_pareto, draw_steps
 from swimbladder.show.report.html import TEXTS, drawn_inline, render
 
@@ -128,13 +126,12 @@ def table_csv(comparison: LawComparison) -> str:
     return rows_csv(rows[0], (row.values() for row in rows))
 
 
-def write_comparison(
-    comparison: LawComparison, out: Path, *, answer: Mapping[str, Any], command: str
-) -> list[Path]:
-    """Write page, table, numbers, pictures and a vehicle file for each law into `out`.
+def comparison_files(
+    comparison: LawComparison, command: str, answer: Mapping[str, Any]
+) -> dict[str, object]:
+    """Return the contents of page, table, numbers, pictures and a vehicle file for each law.
 
-    answer: laws.json; command: how the page says that it was made. Returns the paths; raises
-    InputError where the folder cannot be written.
+    command: how the page says that it was made; answer: laws.json.
     """
     pareto, steps = draw_pareto(comparison), draw_steps(comparison)
     label = "Settling and holding of every law against the volume it moves."
@@ -153,7 +150,7 @@ def write_comparison(
         flown = comparison.vehicle.model_copy(update={"controller": row.who.controller()})
         head = f"As flown by swimbladder compare-laws: {row.who.name}."
         files[f"vehicles/{row.who.slug}.toml"] = vehicle_file(flown, head=head)
-    return write_all(out, files)
+    return files
 
 
 def _page(comparison: LawComparison, images: Mapping[str, str], command: str) -> str:

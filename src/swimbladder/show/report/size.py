@@ -1,34 +1,30 @@
 """A sized drive as files: the vehicle with it, all drives that do the dive, and pictures."""
 
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
-from swimbladder.design.sizing import Sizing, columns, sized_vehicle, to_json
+from swimbladder.design.sizing import Sizing, columns, sized_vehicle
 from swimbladder.io.tables import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
 from swimbladder.show.plots.size import draw_candidates, draw_parts, draw_requirements
 from swimbladder.vehicle import Vehicle
 
 _DIGITS = 12  # that are written: more than a part is known to, fewer than what sums of floats add
 
 
-def write_sizing(found: Sizing, out: Path) -> list[Path]:
-    """Write the vehicle, every drive that does the dive, the whole answer and three pictures."""
+def sizing_files(found: Sizing, answer: Mapping[str, Any]) -> dict[str, object]:
+    """Return the contents of the vehicle, every drive that does the dive, answer and pictures."""
     made = Vehicle.model_validate(_rounded(sized_vehicle(found).model_dump()))
     head = f"Written by swimbladder size: {found.body.name} to {found.asked.dive.depth:g} m."
     drives = columns(found)
-    return write_all(
-        out,
-        {
-            "vehicle.toml": vehicle_file(made, head=head),
-            "drives.csv": rows_csv(drives, zip(*drives.values(), strict=True)),
-            "size.json": to_json(found),
-            "drives.png": draw_candidates(found),
-            "parts.png": draw_parts(found),
-            "requirements.png": draw_requirements(found),
-        },
-    )
+    return {
+        "vehicle.toml": vehicle_file(made, head=head),
+        "drives.csv": rows_csv(drives, zip(*drives.values(), strict=True)),
+        "size.json": answer,
+        "drives.png": draw_candidates(found),
+        "parts.png": draw_parts(found),
+        "requirements.png": draw_requirements(found),
+    }
 
 
 def _rounded(value: Any) -> Any:

@@ -2,26 +2,22 @@
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from swimbladder.control.records import leaves
 from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.show.report.html import TEXTS, drawn_inline, render
 from swimbladder.units import shown_unit, unit_factor
 
 
-def write_tuning(
-    found: Tuning, out: Path, *, answer: Mapping[str, Any], command: str
-) -> list[Path]:
-    """Write vehicle.toml, tune.html, tune.json and pictures into `out`; return the paths.
+def tuning_files(found: Tuning, command: str, answer: Mapping[str, Any]) -> dict[str, object]:
+    """Return the contents of vehicle.toml, tune.html, tune.json and pictures.
 
-    answer: tune.json; command: how the page says that it was made. A law without margins has no
-    sensitivity.png. Raises InputError where the folder cannot be written.
+    command: how the page says that it was made; answer: tune.json. A law without margins has no
+    sensitivity.png.
     """
     tune = draw_tuning(found)
     label = "Depth, volume and voltage of the trials against time."
@@ -32,12 +28,12 @@ def write_tuning(
         label = "Sensitivity against frequency over the region."
         images["sensitivity"] = drawn_inline(figure, name="sensitivity", label=label)
     head = f"Tuned by swimbladder tune, law {found.law.name}, goal {found.goal}."
-    files: dict[str, object] = {
+    return {
         "vehicle.toml": vehicle_file(found.vehicle, head="\n".join([head, *found.sentences])),
         "tune.html": _page(found, images, command),
         "tune.json": answer,
+        **pictures,
     }
-    return write_all(out, files | pictures)
 
 
 def _page(found: Tuning, images: Mapping[str, str], command: str) -> str:
