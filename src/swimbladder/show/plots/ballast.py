@@ -1,9 +1,18 @@
 """Ballasting as a picture: the volume it rests with, and the water, against depth."""
 
+from itertools import cycle
+
 from matplotlib.figure import Figure
 
 from swimbladder.design.ballast import Ballasting
-from swimbladder.show.plots.style import Ink, depth_axis, label_panels, new_figure, styled
+from swimbladder.show.plots.style import (
+    Ink,
+    depth_axis,
+    label_panels,
+    legend_beside,
+    new_figure,
+    styled,
+)
 
 _SEAS = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY)
 
@@ -15,31 +24,26 @@ def draw_ballasting(found: Ballasting) -> Figure:
         (9.0, 5.0), 1, 3, sharey=True, width_ratios=(2.2, 1.0, 1.0)
     )
     stroke = found.vehicle.stroke
-    for side, label in ((stroke.minimum, "ends of the stroke"), (stroke.maximum, None)):
-        volume.axvline(1e6 * side, color=Ink.VERMILION, lw=1.2, ls="--", label=label)
-    several = len(found.columns) > 1
-    for k, (column, curve) in enumerate(zip(found.columns, found.curves, strict=True)):
-        color = _SEAS[k % len(_SEAS)]
+    for side in (stroke.minimum, stroke.maximum):
+        volume.axvline(1e6 * side, color=Ink.VERMILION, lw=1.2, ls="--", label="ends of the stroke")
+    several, cases = len(found.columns) > 1, f"in {100.0 * found.wanted:g} % of cases"
+    for column, curve, color in zip(found.columns, found.curves, cycle(_SEAS), strict=False):
         named = f"neutral, {column.source}" if several else "neutral volume"
         volume.plot(1e6 * curve.nominal, curve.depth, color=color, label=named)
-        volume.fill_betweenx(
-            curve.depth, 1e6 * curve.low, 1e6 * curve.high, color=color, alpha=0.25, lw=0.0,
-            label=f"in {100.0 * found.wanted:g} % of cases" if k == 0 else None,
-        )  # fmt: skip
+        low, high = 1e6 * curve.low, 1e6 * curve.high
+        volume.fill_betweenx(curve.depth, low, high, color=color, alpha=0.25, lw=0.0, label=cases)
         density.plot(column.density, column.depth, color=color)
         temperature.plot(column.temperature, column.depth, color=color)
     if found.target.neutral_depth is not None:
-        volume.plot(
-            [1e6 * found.target.volume], [found.target.neutral_depth], "o", color=Ink.GREY, ms=6,
-            label="to be neutral here",
-        )  # fmt: skip
+        at = [1e6 * found.target.volume], [found.target.neutral_depth]
+        volume.plot(*at, "o", color=Ink.GREY, ms=6, label="to be neutral here")
     volume.set_xlabel("volume of the drive [cm³], 0 at mid-stroke")
     density.set_xlabel("density in situ [kg/m³]")
     temperature.set_xlabel("temperature [°C]")
     depth_axis(volume)
     volume.set_ylim(found.columns[0].deepest, 0.0)
-    figure.legend(handles=volume.get_legend_handles_labels()[0], loc="outside lower left",
-                  ncols=4 if not several else 3, fontsize=8.0)  # fmt: skip
+    ncols = 3 if several else 4
+    legend_beside(figure, [volume], "outside lower left", ncols=ncols, fontsize=8.0)
     density.tick_params(axis="x", labelrotation=45)
     sea = f"{len(found.columns)} seas" if several else found.columns[0].source
     figure.suptitle(f"{found.vehicle.name} in {sea}", fontsize=10.0)

@@ -20,9 +20,8 @@ def draw_sensitivity(found: Sensitivity) -> Figure:
     panels = grid_of(figure, max(len(shown), 1), columns, sharex=True, sharey=True)
     rows = np.arange(len(names))[::-1]
     for axes, one in zip(panels, shown, strict=False):
-        for kind, low, color, label in (
-            ("first", 0.0, Ink.BLUE, "first order"), ("total", -_HIGH, Ink.SKY, "total"),
-        ):  # fmt: skip
+        first, total = (Ink.BLUE, "first order"), (Ink.SKY, "total")
+        for kind, low, (color, label) in (("first", 0.0, first), ("total", -_HIGH, total)):
             value = np.array([getattr(index, kind) for index in one.indices])
             ends = np.array([getattr(index, f"{kind}_ci95") for index in one.indices])
             at = rows + low + 0.5 * _HIGH
@@ -38,7 +37,6 @@ def draw_sensitivity(found: Sensitivity) -> Figure:
     if shown:
         label_panels(panels)
         legend_beside(figure, panels[:1], "outside lower center")
-    figure.suptitle(
-        f"Sobol indices of {found.design.floats} floats; lines: 95 % intervals", fontsize=10.5
-    )
+    title = f"Sobol indices of {found.design.floats} floats; lines: 95 % intervals"
+    figure.suptitle(title, fontsize=10.5)
     return figure

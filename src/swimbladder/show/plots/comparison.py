@@ -37,20 +37,19 @@ def _panel(ahead: Ahead, h: Horizon, axes: Axes) -> None:
     time = ahead.record.time[h.target]
     order = np.argsort(h.target)
     apart = np.flatnonzero(np.diff(h.target[order]) > 1) + 1  # no line over what is not predicted
-    for k, part in enumerate(np.split(order, apart)):
+    label = f"predicted {h.seconds:g} s before"
+    shown: Any = {"color": Ink.SKY, "alpha": 0.35, "lw": 0, "label": "95 % band"}
+    for part in np.split(order, apart):
         middle, half = h.predicted[part], _Z95 * h.std[part]
-        label = (f"predicted {h.seconds:g} s before", "95 % band") if k == 0 else (None, None)
-        shown: Any = {"color": Ink.SKY, "alpha": 0.35, "lw": 0, "label": label[1]}
         axes.fill_between(time[part], middle - half, middle + half, **shown)
-        axes.plot(time[part], middle, color=Ink.VERMILION, lw=1.2, label=label[0])
+        axes.plot(time[part], middle, color=Ink.VERMILION, lw=1.2, label=label)
     axes.plot(ahead.record.time, ahead.record.depth, color=Ink.BLACK, lw=0.9, label="measured")
     skill = h.skill["persistence"]
     said = "" if skill is None else f", skill {skill:.2f} against a depth that stays"
-    axes.set_title(
-        f"{h.seconds:g} s ahead: rms {1e3 * h.rms:.0f} mm{said}", loc="left", fontsize=10.0
-    )
+    title = f"{h.seconds:g} s ahead: rms {1e3 * h.rms:.0f} mm{said}"
+    axes.set_title(title, loc="left", fontsize=10.0)
     style.depth_axis(axes)
-    axes.legend(loc="upper right", ncols=3)
+    style.legend_above(axes, loc="upper right", bbox_to_anchor=None, ncols=3)
 
 
 @style.styled
@@ -60,8 +59,17 @@ def draw_comparison(comparison: Comparison) -> Figure:
     record = comparison.record
     for axes in (depth, residual):
         style.shade(axes, record.time, ~record.compared, "not compared")
-    _depth(comparison, depth)
-    _residual(comparison, residual)
+    if record.reference is not None:
+        style.setpoint(depth, record.time, record.reference)
+    depth.plot(record.time, record.depth, color=Ink.BLACK, lw=1.0, label="measured")
+    depth.plot(record.time, comparison.predicted, color=Ink.VERMILION, lw=1.3, label="predicted")
+    style.depth_axis(depth)
+    depth.margins(y=0.08)
+    style.legend_above(depth)
+    residual.axhline(0.0, color=Ink.BLACK, lw=0.8)
+    residual.plot(record.time, 1e3 * comparison.residual, color=Ink.VERMILION, lw=0.9)
+    largest = 1.15e3 * max(comparison.largest, 1e-3)
+    residual.set(ylim=(-largest, largest), ylabel="predicted less\nmeasured [mm]")
     _input(comparison, driven)
     driven.set_xlabel("time since the first sample [s]")
     driven.set_xlim(float(record.time[0]), float(record.time[-1]))
@@ -71,31 +79,11 @@ def draw_comparison(comparison: Comparison) -> Figure:
 
 
 def _title(c: Comparison) -> str:
+    driven = c.record.drive.replace("setpoint", "set-point")
     return (
-        f"{c.vehicle.name} driven by the {_DRIVEN[c.record.drive]}: rms {1e3 * c.rms:.1f} mm, "
+        f"{c.vehicle.name} driven by the logged {driven}: rms {1e3 * c.rms:.1f} mm, "
         f"bias {1e3 * c.bias:+.1f} mm, {100.0 * c.variance_explained:.2f} % of the variance"
     )
-
-
-def _depth(c: Comparison, axes: Axes) -> None:
-    rec = c.record
-    if rec.reference is not None:
-        style.setpoint(axes, rec.time, rec.reference)
-    axes.plot(rec.time, rec.depth, color=Ink.BLACK, lw=1.0, label="measured")
-    axes.plot(rec.time, c.predicted, color=Ink.VERMILION, lw=1.3, label="predicted")
-    style.depth_axis(axes)
-    axes.margins(y=0.08)
-    style.legend_above(axes)
-
-
-_DRIVEN = {"volume": "logged volume", "voltage": "logged voltage", "setpoint": "logged set-point"}
-
-
-def _residual(c: Comparison, axes: Axes) -> None:
-    axes.axhline(0.0, color=Ink.BLACK, lw=0.8)
-    axes.plot(c.record.time, 1e3 * c.residual, color=Ink.VERMILION, lw=0.9)
-    largest = 1e3 * max(c.largest, 1e-3)
-    axes.set(ylim=(-1.15 * largest, 1.15 * largest), ylabel="predicted less\nmeasured [mm]")
 
 
 def _input(c: Comparison, axes: Axes) -> None:

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from swimbladder.design.experiments import Design
-from swimbladder.design.experiments.evaluation import EvaluatedSet
 from swimbladder.show.plots import style
 from swimbladder.show.plots.style import Ink
 
@@ -47,15 +46,15 @@ def draw_plan(design: Design) -> Figure:
 
 def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
     at, s = numbers[0] - 1, design.setting
-    for k, flights in enumerate(design.chosen.others):
+    for flights in design.chosen.others:
         f = flights[at]
-        axes.plot(f.time - f.time[f.moved[0]], f.depth, color=Ink.SKY, lw=0.8, alpha=0.8,
-                  label="parameter region" if k == 0 else None)  # fmt: skip
+        time, label = f.time - f.time[f.moved[0]], "parameter region"
+        axes.plot(time, f.depth, color=Ink.SKY, lw=0.8, alpha=0.8, label=label)
     f = design.chosen.flights[at]
-    time = f.time - f.time[f.moved[0]]
+    time, moved = f.time - f.time[f.moved[0]], list(f.moved)
     axes.plot(time, f.depth, color=Ink.BLACK, label="vehicle as given")
-    axes.plot(time[list(f.moved)], f.depth[list(f.moved)], "o", color=Ink.VERMILION, ms=4.5,
-              label="change of volume")  # fmt: skip
+    label = "change of volume"
+    axes.plot(time[moved], f.depth[moved], "o", color=Ink.VERMILION, ms=4.5, label=label)
     for depth in (s.shallowest, s.deepest):
         axes.axhline(depth, color=Ink.GREY, ls=":", lw=1.0)
     axes.axhline(s.pool_depth, color=Ink.GREY, lw=2.0)
@@ -66,12 +65,11 @@ def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
 
 def _title(numbers: Sequence[int]) -> str:
     """Return which experiments a panel shows: "Experiments 1, 3 to 6"."""
-    parts: list[list[int]] = [[numbers[0]]]
-    for before, after in pairwise(numbers):
-        if after == before + 1:
-            parts[-1].append(after)
-        else:
-            parts.append([after])
+    parts: list[list[int]] = []
+    for number in numbers:
+        if not parts or number != parts[-1][-1] + 1:
+            parts.append([])
+        parts[-1].append(number)
     said = [f"{p[0]} to {p[-1]}" if len(p) > 2 else ", ".join(str(n) for n in p) for p in parts]
     return f"Experiment{'s' if len(numbers) > 1 else ''} {', '.join(said)}"
 
@@ -92,11 +90,12 @@ def _after(design: Design, axes: Axes) -> None:
     if design.against is not None:
         sets.append((design.against, "--", "s", design.rival))
     for evaluated, line, marker, label in sets:
-        time = _times(evaluated, design.setting.settling)
+        settling = design.setting.settling
+        time = np.cumsum([settling + f.duration for f in evaluated.flights]) / 60.0
         for name, color in zip(names, _COLORS, strict=False):
-            shares = [np.nan if a[name] is None else a[name] for a in evaluated.after]
-            axes.plot(time, 100.0 * np.array(shares, float), line, color=color, marker=marker,
-                      ms=3.5, lw=1.2, label=f"{_symbol(name)}, {label}")  # fmt: skip
+            shares = 100.0 * np.array([a[name] for a in evaluated.after], float)
+            how: Any = {"marker": marker, "ms": 3.5, "label": f"{_symbol(name)}, {label}"}
+            axes.plot(time, shares, line, color=color, lw=1.2, **how)
     axes.set(yscale="log", xlabel="pool time, settling included [min]")
     axes.set_ylabel("error, drift included [% of the parameter]")
     axes.legend(fontsize=7.5, ncols=len(sets), loc="upper right")
@@ -117,12 +116,6 @@ def _sizes(design: Design, axes: Axes) -> None:
     axes.set_ylabel("largest error after the same time [%]")
     axes.legend(fontsize=8.0)
     style.plain_log_ticks(axes, "x", "y")
-
-
-def _times(evaluated: EvaluatedSet, settling: float) -> np.ndarray:
-    each = [settling + flight.duration for flight in evaluated.flights]
-    result: np.ndarray = np.cumsum(each) / 60.0
-    return result
 
 
 def _symbol(name: str) -> str:

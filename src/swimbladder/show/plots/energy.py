@@ -1,5 +1,7 @@
 """What changing the volume costs, as pictures."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -23,9 +25,8 @@ def draw_energy(found: DriveEnergy) -> Figure:
     per, rate, power, chain, last, into = panels
     z, m = found.column.depth, found.map
     per.plot(found.per_volume * 1e-6, z, color=Ink.BLUE, label="from the battery")
-    per.plot(
-        found.column.pressure * 1e-6, z, color=Ink.BLACK, ls="--", label="into the water, p dV"
-    )
+    pressure = found.column.pressure * 1e-6
+    per.plot(pressure, z, color=Ink.BLACK, ls="--", label="into the water, p dV")
     per.set_xlabel("energy per volume pressed out [J/mL]")
     per.legend()
     rate.plot(m.rate_out * 1e6, z, color=Ink.BLUE)
@@ -43,10 +44,8 @@ def draw_energy(found: DriveEnergy) -> Figure:
     if found.efficiencies.size:
         best = float(np.nanmax(found.efficiencies, initial=0.01))
         step = 0.02 if best < 0.4 else 0.05
-        levels = np.arange(0.0, best + step, step)
-        shown = last.contourf(
-            100.0 * found.shares, z, found.efficiencies.T, levels=levels, cmap="cividis"
-        )
+        how: Any = {"levels": np.arange(0.0, best + step, step), "cmap": "cividis"}
+        shown = last.contourf(100.0 * found.shares, z, found.efficiencies.T, **how)
         figure.colorbar(shown, ax=last, label="efficiency [-]")
         last.set_xlabel("share of the full voltage [%]")
         last.grid(visible=False)
@@ -73,21 +72,19 @@ def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
     shown = np.where(np.isfinite(hover.break_even), hover.break_even, np.nan)
     left.plot(shown / 3600.0, z, color=Ink.BLUE)
     left.set(xscale="log", xlabel="time of hovering at break-even [h]")
-    left.set_title(
-        f"{hover.weight_error * 1e6:.3g} mL too heavy: right of it the engine takes less",
-        fontsize=9.0, loc="right",
-    )  # fmt: skip
-    right.plot(dive.engine[1:] * 1e-3, dive.depth[1:], color=Ink.BLUE, label="buoyancy engine")
-    right.plot(
-        dive.thruster[1:] * 1e-3, dive.depth[1:], color=Ink.VERMILION, ls="--", label="thruster"
-    )
-    right.plot(dive.drag[1:] * 1e-3, dive.depth[1:], color=Ink.BLACK, ls=":", label="drag alone")
+    title = f"{hover.weight_error * 1e6:.3g} mL too heavy: right of it the engine takes less"
+    left.set_title(title, fontsize=9.0, loc="right")
+    for energy, color, line, label in (
+        (dive.engine, Ink.BLUE, "-", "buoyancy engine"),
+        (dive.thruster, Ink.VERMILION, "--", "thruster"),
+        (dive.drag, Ink.BLACK, ":", "drag alone"),
+    ):
+        right.plot(energy[1:] * 1e-3, dive.depth[1:], color=color, ls=line, label=label)
     if 0.0 < dive.break_even < np.inf:
         right.axhline(dive.break_even, color=Ink.GREY, lw=1.0)
-        right.annotate(
-            f"break-even {rounded(dive.break_even, 3)} m", (0.02, dive.break_even),
-            xycoords=("axes fraction", "data"), ha="left", va="bottom", fontsize=9.0,
-        )  # fmt: skip
+        at, text = (0.02, dive.break_even), f"break-even {rounded(dive.break_even, 3)} m"
+        how: Any = {"xycoords": ("axes fraction", "data"), "ha": "left", "va": "bottom"}
+        right.annotate(text, at, **how, fontsize=9.0)
     right.set(xscale="log", xlabel="energy of a dive and back [kJ]")
     right.set_title(f"at {dive.speed:g} m/s", fontsize=9.0, loc="right")
     right.legend()
@@ -131,15 +128,11 @@ def draw_fit(fit: PumpFit) -> Figure:
         measured = np.array([d.energy for d in fit.dives]) * 1e-3
         predicted = np.array([d.predicted for d in fit.dives]) * 1e-3
         ends = np.array([0.0, 1.05 * max(measured.max(), predicted.max())])
-        last.fill_between(ends, 0.9 * ends, 1.1 * ends, color=Ink.GREY, alpha=0.25, lw=0.0,
-                          label="10 %")  # fmt: skip
+        shade: Any = {"color": Ink.GREY, "alpha": 0.25, "lw": 0.0, "label": "10 %"}
+        last.fill_between(ends, 0.9 * ends, 1.1 * ends, **shade)
         last.plot(measured, predicted, "o", color=Ink.BLUE, ms=4.0, label="dives")
-        last.set(
-            xlabel="energy as logged [kJ]",
-            ylabel="predicted from the other dives [kJ]",
-            xlim=(0.0, ends[1]),
-            ylim=(0.0, ends[1]),
-        )
+        last.set(xlabel="energy as logged [kJ]", ylabel="predicted from the other dives [kJ]")
+        last.set(xlim=(0.0, ends[1]), ylim=(0.0, ends[1]))
         last.legend(loc="upper left")
     else:
         fitted = fit.value("idle_power") + fit.value("power_per_pressure") * p

@@ -11,6 +11,7 @@ from swimbladder.show.plots.style import (
     Ink,
     depth_axis,
     label_panels,
+    legend_beside,
     new_figure,
     plain_log_ticks,
     stacked,
@@ -21,6 +22,11 @@ from swimbladder.sim.faults.kinds import KINDS
 from swimbladder.sim.faults.mission_records import TRACE
 from swimbladder.sim.faults.single_mission import Flown
 
+_FLOWN = (  # label, colour, line
+    ("supervised", Ink.BLUE, "-"),
+    ("without the supervisor", Ink.GREY, "--"),
+    ("full buoyancy 60 s after fault onset", Ink.GREEN, ":"),
+)
 _LONGER = 1.3  # of the supervised flight and that with ideal detection: the rest is cut
 
 
@@ -32,22 +38,19 @@ def draw_campaign(flown: Campaign) -> Figure:
         (10.0, 0.28 * len(lines) + 1.6), 1, 2, sharey=True, width_ratios=(3.0, 2.0)
     )
     rows = np.arange(len(lines))
-    total = np.array([line.missions for line in lines], float)
-    parts = (
-        ("recovered, and not lost without the supervisor",
-         [line.recovered - line.recovered_by_supervisor for line in lines], Ink.SKY),
-        ("recovered by the supervisor", [line.recovered_by_supervisor for line in lines], Ink.BLUE),
-        ("recoverable, and lost",
-         [line.recoverable - line.recovered for line in lines], Ink.VERMILION),
-        ("not recoverable, surfaced all the same",
-         [line.unrecoverable_surfaced for line in lines], "#A8D8C8"),
-        ("not recoverable",
-         [line.missions - line.recoverable - line.unrecoverable_surfaced for line in lines],
-         "#BDBDBD"),
-    )  # fmt: skip
+    names = "missions recoverable recovered recovered_by_supervisor unrecoverable_surfaced"
+    missions, able, safe, by_supervisor, surfaced = np.transpose(
+        [[getattr(line, name) for name in names.split()] for line in lines]
+    )
     left = np.zeros(len(lines))
-    for label, counts, color in parts:
-        share = 100.0 * np.array(counts) / total
+    for label, counts, color in (
+        ("recovered, and not lost without the supervisor", safe - by_supervisor, Ink.SKY),
+        ("recovered by the supervisor", by_supervisor, Ink.BLUE),
+        ("recoverable, and lost", able - safe, Ink.VERMILION),
+        ("not recoverable, surfaced all the same", surfaced, "#A8D8C8"),
+        ("not recoverable", missions - able - surfaced, "#BDBDBD"),
+    ):
+        share = 100.0 * counts / missions
         fate.barh(rows, share, left=left, color=color, label=label, height=0.75)
         left += share
     fate.set_yticks(rows, [line.name for line in lines])
@@ -65,12 +68,10 @@ def draw_campaign(flown: Campaign) -> Figure:
     plain_log_ticks(soon, "x")
     soon.set_xlabel("detection time [s]: median (dot), 95 % (bar);\ndashed: 60 s")
     label_panels([fate, soon])
-    law = flown.course.vehicle.controller
-    figure.suptitle(
-        f"{flown.course.vehicle.name}{f', law {law.law}' if law is not None else ''}: "
-        f"{len(flown.faulty)} missions with faults",
-        fontsize=10.5,
-    )  # fmt: skip
+    vehicle = flown.course.vehicle
+    law = "" if vehicle.controller is None else f", law {vehicle.controller.law}"
+    title = f"{vehicle.name}{law}: {len(flown.faulty)} missions with faults"
+    figure.suptitle(title, fontsize=10.5)
     return figure
 
 
@@ -78,40 +79,25 @@ def draw_campaign(flown: Campaign) -> Figure:
 def draw_mission(flown: Flown) -> Figure:
     """Return depth, volume, voltage and battery of a mission, and what the sensors said."""
     figure, (depth, volume, command, battery) = stacked((8.0, 9.0), 3.0, 2.0, 1.5, 1.0)
-    supervised, tick = flown.rows[0], flown.tick
-    time = tick * np.arange(len(supervised))
+    seen, tick = {name: flown.rows[0][:, column] for name, column in TRACE.items()}, flown.tick
+    time = tick * np.arange(len(flown.rows[0]))
     shown = _LONGER * max(tick * len(flown.rows[k]) for k in (0, -1))
-    depth.plot(
-        time, supervised[:, TRACE["depth_seen"]], color=Ink.ORANGE, lw=0.8, zorder=3,
-        label="sensor",
-    )  # fmt: skip
-    for rows, label, color, style in zip(
-        flown.rows[::-1],
-        ("full buoyancy 60 s after fault onset", "without the supervisor", "supervised")[
-            -len(flown.rows) :
-        ],
-        (Ink.GREEN, Ink.GREY, Ink.BLUE)[-len(flown.rows) :],
-        (":", "--", "-")[-len(flown.rows) :],
-        strict=True,
-    ):  # fmt: skip
+    depth.plot(time, seen["depth_seen"], color=Ink.ORANGE, lw=0.8, zorder=3, label="sensor")
+    for rows, (label, color, style) in [*zip(flown.rows, _FLOWN, strict=False)][::-1]:
         t = tick * np.arange(len(rows))
         label += f", to {t[-1]:.0f} s" if t[-1] > shown else ""
         depth.plot(t, rows[:, TRACE["depth"]], color=color, ls=style, label=label)
         volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=color, ls=style)
     _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
-    volume.plot(time, 1e6 * supervised[:, TRACE["volume_seen"]], color=Ink.ORANGE, lw=0.8, zorder=3)
-    depth.plot(
-        time, supervised[:, TRACE["reference"]], color=Ink.BLACK, lw=0.8, ls="-.", label="set-point"
-    )
+    volume.plot(time, 1e6 * seen["volume_seen"], color=Ink.ORANGE, lw=0.8, zorder=3)
+    depth.plot(time, seen["reference"], color=Ink.BLACK, lw=0.8, ls="-.", label="set-point")
     deepest = max(float(np.nanmax(rows[:, TRACE["depth"]])) for rows in flown.rows)
     depth.set_ylim(1.15 * deepest + 1.0, -0.1 * deepest - 1.0)
     depth_axis(depth)
     unit = {"voltage": "V", "volume": "m³", "volume change": "s"}[flown.course.vehicle.command]
-    command.plot(time, supervised[:, TRACE["command"]], color=Ink.SKY, lw=0.8, label="commanded")
-    command.plot(
-        time, supervised[:, TRACE["applied"]], color=Ink.BLACK, lw=0.8, label="at the actuator"
-    )
-    battery.plot(time, supervised[:, TRACE["battery"]], color=Ink.BLACK, lw=0.8)
+    command.plot(time, seen["command"], color=Ink.SKY, lw=0.8, label="commanded")
+    command.plot(time, seen["applied"], color=Ink.BLACK, lw=0.8, label="at the actuator")
+    battery.plot(time, seen["battery"], color=Ink.BLACK, lw=0.8)
     volume.set_ylabel("volume [cm³]")
     command.set_ylabel(f"command [{unit}]")
     battery.set(ylabel="battery [V]", xlabel="time [s]")
@@ -122,23 +108,15 @@ def draw_mission(flown: Flown) -> Figure:
             axes.axvline(fault_row[3] * tick, color=Ink.VERMILION, lw=1.0, ls="--")
         if not math.isnan(flown.latched):
             axes.axvline(flown.latched, color=Ink.PURPLE, lw=1.2)
-    figure.legend(
-        handles=[*depth.get_legend_handles_labels()[0], *command.get_legend_handles_labels()[0]],
-        loc="outside lower center", ncols=3,
-    )  # fmt: skip
-    kinds = ", ".join(KINDS[fault].name for fault in flown.mission.faults)
-    onsets = f"dashed red: onset of {kinds}"
-    took = (
-        f"purple: the supervisor took over ({flown.reason})"
-        if flown.reason
-        else "no fault detected"
-    )
-    label = "h" if flown.healthy else ""
-    depth.set_title(
-        f"{flown.course.vehicle.name}, mission {label}{flown.mission.number}\n"
-        + (f"{onsets}; " if flown.mission.faults else "") + took,
-        fontsize=9.0,
-    )  # fmt: skip
+    legend_beside(figure, [depth, command], "outside lower center", ncols=3)
+    took = "no fault detected"
+    if flown.reason:
+        took = f"purple: the supervisor took over ({flown.reason})"
+    if flown.mission.faults:
+        kinds = ", ".join(KINDS[fault].name for fault in flown.mission.faults)
+        took = f"dashed red: onset of {kinds}; {took}"
+    number = f"{'h' if flown.healthy else ''}{flown.mission.number}"
+    depth.set_title(f"{flown.course.vehicle.name}, mission {number}\n{took}", fontsize=9.0)
     return figure
 
 

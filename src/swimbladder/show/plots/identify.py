@@ -31,7 +31,7 @@ _SYMBOL = {
     "K1": "K₁", "T1": "T₁", "K2": "K₂", "T2": "T₂", "mass": "mass",
     "drag_quadratic": r"k$_\mathrm{dt}$", "psi": "ψ",
 }  # fmt: skip
-WIDTH = 9.6  # inches
+_WIDTH = 9.6  # inches
 _DRAWS = 1500  # of the posterior, that are drawn
 
 
@@ -62,52 +62,43 @@ def draw_ellipses(found: Identification) -> Figure:
         raise ValueError("one parameter makes no pair")
     size = len(names) - 1
     side = 3.6 if size == 1 else 3.0 if size == 2 else 2.4
-    figure, grid = new_figure((min(side * size * 1.15, WIDTH), side * size), size, size)
+    figure, grid = new_figure((min(side * size * 1.15, _WIDTH), side * size), size, size)
     for row in range(size):
         for column in range(size):
             axes = grid[row * size + column]
             if column > row:
                 axes.remove()
                 continue
-            _pair(axes, found, column, row + 1)
+            _pair(axes, found, names[column], names[row + 1])
             axes.set_xlabel(axis_label(names[column]) if row == size - 1 else "")
             axes.set_ylabel(axis_label(names[row + 1]) if column == 0 else "")
             axes.tick_params(labelbottom=row == size - 1, labelleft=column == 0)
-    handles, texts = grid[0].get_legend_handles_labels()
-    if size == 1:
-        figure.legend(handles, texts, loc="outside upper center", ncols=2)
-    else:
-        figure.legend(handles, texts, loc="upper right")
+    place, ncols = ("outside upper center", 2) if size == 1 else ("upper right", 1)
+    legend_beside(figure, grid[:1], place, ncols=ncols)
     return figure
 
 
-def _pair(axes: Axes, found: Identification, i: int, j: int) -> None:
-    names = found.names
+def _pair(axes: Axes, found: Identification, *pair: str) -> None:
     circle = np.linspace(0.0, 2.0 * math.pi, 181)
     unit = np.array([np.cos(circle), np.sin(circle)])
-    r = float(np.clip(found.correlation[i, j], -1.0, 1.0))
+    r = float(np.clip(found.correlation[*map(found.names.index, pair)], -1.0, 1.0))
     root = np.array([[1.0, 0.0], [r, math.sqrt(max(1.0 - r * r, 0.0))]])
+
+    def at(steps: Array) -> list[Array]:
+        return [_moved(found, name, step) for name, step in zip(pair, steps, strict=True)]
+
     for share, alpha in ((0.95, 0.25), (0.68, 0.45)):
-        across = math.sqrt(float(chi2.ppf(share, 2))) * (root @ unit)
-        x, y = (
-            _moved(found, name, steps)
-            for name, steps in zip((names[i], names[j]), across, strict=True)
-        )
-        axes.fill(x, y, color=Ink.SKY, alpha=alpha, lw=0.0, label=f"{100 * share:.0f} % region")
-        axes.plot(x, y, color=Ink.BLUE, lw=0.8)
+        region = at(math.sqrt(float(chi2.ppf(share, 2))) * (root @ unit))
+        axes.fill(*region, color=Ink.SKY, alpha=alpha, lw=0.0, label=f"{100 * share:.0f} % region")
+        axes.plot(*region, color=Ink.BLUE, lw=0.8)
     if found.posterior is not None:
-        draws = found.posterior.draws[:: max(1, len(found.posterior.draws) // _DRAWS)]
-        first, second = (
-            draws[:, found.posterior.names.index(name)] * per_shown(NAMES[name].unit)
-            for name in (names[i], names[j])
-        )
-        axes.plot(
-            first, second, ".", ms=1.6, mew=0.0, alpha=0.5, color=Ink.VERMILION, zorder=1.5,
-            label="draws from the posterior",
-        )  # fmt: skip
-    at = [_moved(found, name, np.zeros(1))[0] for name in (names[i], names[j])]
-    axes.plot(*at, "+", ms=9.0, mew=1.5, color=Ink.BLACK, label="estimate")
-    for name, vertical in ((names[i], True), (names[j], False)):
+        names, draws = found.posterior.names, found.posterior.draws
+        some = draws[:: max(1, len(draws) // _DRAWS)]
+        drawn = [some[:, names.index(name)] * per_shown(NAMES[name].unit) for name in pair]
+        how: Any = {"alpha": 0.5, "color": Ink.VERMILION, "label": "draws from the posterior"}
+        axes.plot(*drawn, ".", ms=1.6, mew=0.0, zorder=1.5, **how)
+    axes.plot(*at(np.zeros((2, 1))), "+", ms=9.0, mew=1.5, color=Ink.BLACK, label="estimate")
+    for name, vertical in zip(pair, (True, False), strict=True):
         label = f"95 % of the prior of {_SYMBOL[name]}"
         _prior_band(axes, found, name, vertical=vertical, label=label)
     axes.set_title(f"correlation {r:+.2f}".replace("-", "−"), fontsize=9.0, loc="left")
@@ -148,7 +139,7 @@ def draw_profiles(found: Identification) -> Figure:
         raise ValueError("no profile was computed")
     columns = min(len(names), 2 if len(names) in (2, 4) else 3)
     rows = math.ceil(len(names) / columns)
-    figure = Figure(figsize=(WIDTH * (0.5 if columns == 1 else 1.0), 2.9 * rows + 0.6))
+    figure = Figure(figsize=(_WIDTH * (0.5 if columns == 1 else 1.0), 2.9 * rows + 0.6))
     panels = grid_of(figure, len(names), columns)
     for k, (axes, name) in enumerate(zip(panels, names, strict=True)):
         _profile(axes, found, name)
@@ -172,9 +163,8 @@ def _profile(axes: Axes, found: Identification, name: str) -> None:
     quadratic = ((fine - centre) / spread) ** 2
     axes.plot(per * values[shown], smooth[shown], color=Ink.BLUE, lw=1.8, label="profile")
     axes.plot(per * p.values, p.deviance, "o", ms=3.5, color=Ink.BLUE)
-    axes.plot(
-        per * values, quadratic, "--", color=Ink.VERMILION, lw=1.3, label="quadratic approximation"
-    )
+    label = "quadratic approximation"
+    axes.plot(per * values, quadratic, "--", color=Ink.VERMILION, lw=1.3, label=label)
     axes.axhline(Z95**2, color=Ink.GREY, lw=0.9, ls=":", label="95 %: 3.84")
     plain = estimate(e.value, e.std, e.unit, logarithmic=log)
     for ends, color, height in ((p.ci95, Ink.BLUE, -0.5), (plain.ci95, Ink.VERMILION, -1.15)):
@@ -187,19 +177,14 @@ def _profile(axes: Axes, found: Identification, name: str) -> None:
 
 def _interval(axes: Axes, per: float, ends: tuple[float, float], color: str, height: float) -> None:
     """Draw a 95 % interval as a bar, open where it does not end."""
-    low, high = axes.get_xlim()
-    at = [
-        per * end if math.isfinite(end) else edge
-        for end, edge in zip(ends, (low, high), strict=True)
-    ]
+    low, high = (per * end for end in ends)
+    at = np.clip((low, high), *axes.get_xlim()) if np.isinf(ends).any() else (low, high)
     axes.plot(at, [height, height], color=color, lw=2.2, solid_capstyle="butt")
-    for end, place in zip(ends, at, strict=True):
-        if math.isfinite(end):
-            axes.plot([place, place], [height - 0.22, height + 0.22], color=color, lw=1.6)
+    for place in filter(math.isfinite, (low, high)):
+        axes.plot([place, place], [height - 0.22, height + 0.22], color=color, lw=1.6)
 
 
 PER_PAGE = 24  # logs in one picture
-_WIDTH = 9.6  # inches
 _OUTLIER = 0.5  # weight below which a sample counts as one
 _ALIKE = 4.0  # how much larger the largest residuals may be on axes of one scale
 _FURTHEST = 8.0  # standard deviations that are drawn
@@ -238,15 +223,11 @@ def draw_fits(found: Identification, first: int = 0) -> Figure:
         style.shade(axes, time, ~np.isfinite(e.residual), "not used")
         axes.plot(time, e.record.depth, ".", ms=5.0, mew=0.0, color=Ink.GREY, label="measured")
         axes.plot(time, e.predicted, color=Ink.BLUE, lw=1.1, label="fitted")
-        axes.plot(
-            time[away], e.record.depth[away], "x", ms=5.0, color=Ink.VERMILION, label="outlier"
-        )
-        axes.set_title(
-            f"{names[first + k]}: {rounded(1e3 * e.rms, 2)} mm rms", fontsize=9.0, loc="left"
-        )
-        axes.margins(x=0.02)
+        odd = time[away], e.record.depth[away]
+        axes.plot(*odd, "x", ms=5.0, color=Ink.VERMILION, label="outlier")
+        title = f"{names[first + k]}: {rounded(1e3 * e.rms, 2)} mm rms"
+        axes.set_title(title, fontsize=9.0, loc="left")
         style.depth_axis(axes, "depth [m]" if k % _columns(len(chosen)) == 0 else "")
-        _few_ticks(axes)
     return _keyed(figure, panels)
 
 
@@ -269,15 +250,11 @@ def draw_residuals(found: Identification, first: int = 0) -> Figure:
         axes.axhspan(-band, band, color=Ink.SKY, alpha=0.25, lw=0.0, label="95 % of the noise")
         axes.axhline(0.0, color=Ink.BLACK, lw=0.7)
         axes.plot(time[~away], off[~away], ".", ms=2.8, mew=0.0, color=Ink.BLUE, label="residual")
-        axes.plot(
-            time[away], np.clip(off[away], -reach, reach), "x", ms=5.0, color=Ink.VERMILION,
-            label="outlier (at the edge: beyond it)",
-        )  # fmt: skip
+        odd, label = np.clip(off[away], -reach, reach), "outlier (at the edge: beyond it)"
+        axes.plot(time[away], odd, "x", ms=5.0, color=Ink.VERMILION, label=label)
         axes.set_ylim(-1.08 * reach, 1.08 * reach)
         axes.set_title(names[first + k], fontsize=9.0, loc="left")
-        axes.margins(x=0.02)
         axes.set_ylabel("residual [mm]" if k % _columns(len(chosen)) == 0 else "")
-        _few_ticks(axes)
     return _keyed(figure, panels)
 
 
@@ -293,26 +270,17 @@ def draw_distribution(found: Identification) -> Figure:
 
 
 def _histogram(axes: Axes, u: Array) -> None:
-    x = np.linspace(-5.0, 5.0, 201)
-    inside = u[np.abs(u) <= 5.0]
-    bins = np.linspace(-5.0, 5.0, 41)
+    x, inside = np.linspace(-5.0, 5.0, 201), u[np.abs(u) <= 5.0]
     share = np.full(len(inside), 4.0 / max(len(u), 1))  # a density: bins are 0.25 wide
-    axes.hist(
-        inside,
-        bins=bins.tolist(),
-        weights=share,
-        color=Ink.SKY,
-        ec="white",
-        lw=0.4,
-        label="residuals",
-    )
+    how: Any = {"weights": share, "color": Ink.SKY, "ec": "white", "lw": 0.4}
+    axes.hist(inside, bins=40, range=(-5.0, 5.0), **how, label="residuals")
     axes.plot(x, norm.pdf(x), color=Ink.BLACK, lw=1.2, label="normal")
     axes.set(xlabel="residual [standard deviations]", ylabel="density [-]")
     axes.set_ylim(top=1.28 * max(0.42, axes.get_ylim()[1]))
     beyond = len(u) - len(inside)
     if beyond:
-        axes.text(0.98, 0.7, f"{beyond} beyond ±5", transform=axes.transAxes, ha="right",
-                  color=Ink.VERMILION, fontsize=9.0)  # fmt: skip
+        how = {"ha": "right", "color": Ink.VERMILION, "fontsize": 9.0}
+        axes.text(0.98, 0.7, f"{beyond} beyond ±5", transform=axes.transAxes, **how)
     axes.legend(loc="upper right")
 
 
@@ -328,20 +296,17 @@ def _quantiles(axes: Axes, u: Array) -> None:
         if side.any():  # nothing without a clip has no size, which the layout cannot bear
             at = np.sign(ordered[side]) * reach
             axes.plot(expected[side], at, mark, ms=6.0, color=Ink.VERMILION, clip_on=False)
-    axes.set(
-        xlabel="normal quantile [-]", ylabel="residual [standard deviations]",
-        xlim=(-4.2, 4.2), ylim=(-1.05 * reach, 1.05 * reach),
-    )  # fmt: skip
+    axes.set(xlabel="normal quantile [-]", ylabel="residual [standard deviations]")
+    axes.set(xlim=(-4.2, 4.2), ylim=(-1.05 * reach, 1.05 * reach))
     axes.legend(loc="upper left")
 
 
 def _autocorrelation(axes: Axes, experiments: Sequence[ExperimentFit]) -> None:
     total, weight = np.zeros(31), np.zeros(31)
-    for number, e in enumerate(experiments):
+    for e in experiments:
         r = _own_correlation(e)
-        lags = np.arange(len(r))
-        label = "each log" if number == 0 else None
-        axes.plot(lags[1:], r[1:], color=Ink.GREY, lw=0.6, alpha=0.7, label=label)
+        lags = np.arange(1, len(r))
+        axes.plot(lags, r[1:], color=Ink.GREY, lw=0.6, alpha=0.7, label="each log")
         n = int((e.weight > 0.0).sum())
         total[: len(r)] += n * r
         weight[: len(r)] += n
@@ -350,14 +315,13 @@ def _autocorrelation(axes: Axes, experiments: Sequence[ExperimentFit]) -> None:
     band = 1.96 / math.sqrt(weight[0]) if weight[0] else 0.0
     axes.axhspan(-band, band, color=Ink.SKY, alpha=0.35, lw=0.0, label="95 % if white")
     axes.axhline(0.0, color=Ink.BLACK, lw=0.7)
-    axes.vlines(np.arange(1, len(mean)), 0.0, mean[1:], color=Ink.BLUE, lw=1.6)
-    axes.plot(np.arange(1, len(mean)), mean[1:], "o", ms=3.2, color=Ink.BLUE, label="all logs")
+    lags = np.arange(1, len(mean))
+    axes.vlines(lags, 0.0, mean[1:], color=Ink.BLUE, lw=1.6)
+    axes.plot(lags, mean[1:], "o", ms=3.2, color=Ink.BLUE, label="all logs")
     low, high = axes.get_ylim()
-    axes.set(
-        xlabel="lag [samples]", ylabel="autocorrelation [-]",
-        ylim=(min(low, -0.3), max(high * 1.25, 0.5)),
-    )  # fmt: skip
-    axes.legend(loc="upper right")
+    axes.set_ylim(min(low, -0.3), max(high * 1.25, 0.5))
+    axes.set(xlabel="lag [samples]", ylabel="autocorrelation [-]")
+    style.legend_above(axes, loc="upper right", bbox_to_anchor=None, ncols=1)
 
 
 def _own_correlation(e: ExperimentFit) -> Array:
@@ -390,17 +354,14 @@ def _grid(count: int, height: float) -> tuple[Figure, list[Axes]]:
     return figure, style.grid_of(figure, count, columns)
 
 
-def _few_ticks(axes: Axes) -> None:
-    axes.xaxis.set_major_locator(MaxNLocator(4))
-    axes.yaxis.set_major_locator(MaxNLocator(4))
-    axes.tick_params(labelsize=8.5)
-
-
 def _keyed(figure: Figure, panels: list[Axes]) -> Figure:
-    """Label the time axis of the lowest panels, and put one key above all."""
-    columns = _columns(len(panels))
+    """Give panels few ticks, label the time axis of the lowest, and put one key above all."""
     for k, axes in enumerate(panels):
-        if k + columns >= len(panels):
+        axes.margins(x=0.02)
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+        axes.tick_params(labelsize=8.5)
+        if k + _columns(len(panels)) >= len(panels):
             axes.set_xlabel("time [s]")
     style.legend_beside(figure, panels, "outside upper right", markerscale=2.0)
     return figure
@@ -410,22 +371,18 @@ def _keyed(figure: Figure, panels: list[Axes]) -> Figure:
 def draw_neutral(found: Identification) -> Figure:
     """Return each log's neutral-volume error against what was assumed of it, and its drift."""
     names = labels(found)
-    count = len(names)
-    figure, (left, right) = style.new_figure(
-        (WIDTH, max(2.4, 0.28 * count + 1.3)), 1, 2, sharey=True
-    )
+    size = (_WIDTH, max(2.4, 0.28 * len(names) + 1.3))
+    figure, (left, right) = style.new_figure(size, 1, 2, sharey=True)
     errors = [e.estimates["neutral_error"] for e in found.experiments]
     if math.isfinite(found.neutral_std):
         for k, alpha in ((2.0, 0.12), (1.0, 0.18)):
             reach = 1e6 * k * found.neutral_std
-            left.axvspan(
-                -reach, reach, color=Ink.ORANGE, alpha=alpha, lw=0.0,
-                label=f"assumed, ±{k:.0f} standard deviation{'s' if k > 1.0 else ''}",
-            )  # fmt: skip
+            label = f"assumed, ±{k:.0f} standard deviation{'s' if k > 1.0 else ''}"
+            left.axvspan(-reach, reach, color=Ink.ORANGE, alpha=alpha, lw=0.0, label=label)
     _dots(left, errors, "m3")
     left.set(xlabel="neutral volume, true less assumed [cm³]")
-    left.set_yticks(range(count), labels=names)
-    left.set_ylim(count - 0.4, -0.6)
+    left.set_yticks(range(len(names)), labels=names)
+    left.set_ylim(len(names) - 0.4, -0.6)
     _dots(right, [e.drift for e in found.experiments], "m3/s")
     right.set(xlabel="drift of the neutral volume [cm³/h]")
     for axes in (left, right):
@@ -440,12 +397,9 @@ def _dots(axes: Axes, estimates: Sequence[Estimate], unit: str) -> None:
     per = per_shown(unit)
     values = per * np.array([e.value for e in estimates])
     half = per * np.array([Z95 * e.std for e in estimates])
-    known = np.isfinite(half)
-    at = np.arange(len(values))
-    axes.errorbar(
-        values[known], at[known], xerr=half[known], fmt="o", ms=4.5, color=Ink.BLUE, elinewidth=1.3,
-        capsize=2.5, label="estimate, 95 %",
-    )  # fmt: skip
+    known = np.flatnonzero(np.isfinite(half))
+    how: Any = {"fmt": "o", "ms": 4.5, "color": Ink.BLUE, "elinewidth": 1.3, "capsize": 2.5}
+    axes.errorbar(values[known], known, xerr=half[known], **how, label="estimate, 95 %")
 
 
 @style.styled
@@ -464,16 +418,10 @@ def draw_gains(
     absolute = "K2" in found.names
     joint = found.parameters["K2"].value if absolute else 1.0
     of_all = found.parameters["K2" if absolute else "drag_quadratic"]
-    figure, (axes,) = style.new_figure((WIDTH * 0.8, 3.6))
-    ratios = sorted(
-        of_all.value / end if not absolute else end / of_all.value for end in of_all.ci95
-    )
-    shown: list[Any] = [  # in the order of the key
-        axes.axhspan(
-            joint * ratios[0], joint * ratios[1], color=Ink.SKY, alpha=0.3, lw=0.0,
-            label="all logs, 95 %",
-        )
-    ]  # fmt: skip
+    figure, (axes,) = style.new_figure((_WIDTH * 0.8, 3.6))
+    ends = sorted(joint * (of_all.value / end) ** (-1 if absolute else 1) for end in of_all.ci95)
+    label = "all logs, 95 %"
+    shown: list[Any] = [axes.axhspan(*ends, color=Ink.SKY, alpha=0.3, lw=0.0, label=label)]
     axes.axhline(joint, color=Ink.BLUE, lw=1.0)
     widest = max(e.step for e in own)
     for sinks, mark, label in ((False, "^", "rising"), (True, "v", "sinking")):
@@ -483,12 +431,10 @@ def draw_gains(
         gain, std = np.array([e.own_gain for e in chosen]).T
         at = np.array([e.step for e in chosen]) + (0.006 if sinks else -0.006) * widest
         middle = joint * np.exp(gain)
-        ends = np.abs(joint * np.exp(gain + Z95 * np.array([[-1.0], [1.0]]) * std) - middle)
-        bars = axes.errorbar(
-            1e6 * at, middle, yerr=ends, fmt=mark, ms=6.0, color=Ink.BLUE, elinewidth=1.3,
-            capsize=2.5, mfc=Ink.BLUE if sinks else "white", label=f"each log alone, {label}, 95 %",
-        )  # fmt: skip
-        shown.append(bars)
+        error = np.abs(joint * np.exp(gain + Z95 * np.array([[-1.0], [1.0]]) * std) - middle)
+        how: Any = {"fmt": mark, "ms": 6.0, "color": Ink.BLUE, "elinewidth": 1.3, "capsize": 2.5}
+        how |= {"mfc": Ink.BLUE if sinks else "white", "label": f"each log alone, {label}, 95 %"}
+        shown.append(axes.errorbar(1e6 * at, middle, yerr=error, **how))
     for (label, points), mark, color in zip(
         (singles or {}).items(), ("s", "D"), (Ink.VERMILION, Ink.GREEN), strict=False
     ):
@@ -496,10 +442,8 @@ def draw_gains(
         shown += axes.plot(1e6 * x, y, mark, ms=5.0, mfc="none", mew=1.4, color=color, label=label)
         average = float(y.mean())
         shown.append(axes.axhline(average, color=color, lw=1.0, ls="--", label="their average"))
-    axes.set(
-        xlabel="size of the volume change [cm³]",
-        ylabel=axis_label("K2") if absolute else "gain over that of all logs [-]",
-    )
+    axes.set_xlabel("size of the volume change [cm³]")
+    axes.set_ylabel(axis_label("K2") if absolute else "gain over that of all logs [-]")
     axes.margins(x=0.08, y=0.15)
     axes.set_ylim(bottom=max(axes.get_ylim()[0], 0.0))
     axes.legend(handles=shown, loc="center left", bbox_to_anchor=(1.02, 0.5))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.model import drive_of, steady_speed
 from swimbladder.estimation.actuator.result import Step
-from swimbladder.show.plots.style import Ink, new_figure, stacked, styled
+from swimbladder.show.plots.style import Ink, legend_above, new_figure, stacked, styled
 
 Array = NDArray[np.float64]
 
@@ -28,14 +28,14 @@ _FEWEST = 5  # samples that show a speed
 def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
     """Return voltage, position and residuals of the steps of one log, against time."""
     driven = any(s.voltage is not None for s in steps)
-    heights = [1.0, 2.4, 1.3] if driven else [2.4, 1.3]
+    heights = [1.0, 2.4, 1.3][0 if driven else 1 :]
     figure, (*above, upper, lower) = stacked((9.6, 5.2 if driven else 4.2), *heights)
     scale, unit, name = _units(found)
-    for k, step in enumerate(steps):
+    for step in steps:
         t, used = step.time, step.used
-        label = [None if k else text for text in ("measured", "fitted", "left out")]
-        upper.plot(t[used], scale * step.position[used], ".", ms=3, color=Ink.BLACK, label=label[0])
-        upper.plot(t, scale * step.fitted, color=Ink.VERMILION, lw=1.2, label=label[1])
+        seen = t[used], scale * step.position[used]
+        upper.plot(*seen, ".", ms=3, color=Ink.BLACK, label="measured")
+        upper.plot(t, scale * step.fitted, color=Ink.VERMILION, lw=1.2, label="fitted")
         lower.plot(t[used], scale * step.residual[used], ".", ms=2.5, color=Ink.BLACK)
         if above and step.voltage is not None:
             above[0].step(t, step.voltage, where="post", color=Ink.BLUE, lw=1.2)
@@ -49,7 +49,7 @@ def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
     lower.set_xlabel("time since the log's first sample [s]")
     if above:
         above[0].set_ylabel("voltage [V]")
-    upper.legend(loc="upper right", ncols=3, bbox_to_anchor=(1.0, 1.12))
+    legend_above(upper, loc="upper right", ncols=3, bbox_to_anchor=(1.0, 1.12))
     lower.legend(loc="upper right", bbox_to_anchor=(1.0, 1.2))
     figure.align_ylabels()
     return figure
@@ -208,13 +208,9 @@ def _step(step: Step, number: int, scale: float, upper: Axes, lower: Axes) -> No
 
 def _title(found: ActuatorIdentification) -> str:
     parts, (per, length, _) = [], _units(found)
-    for name, scale, unit in (
-        ("K1", 1e3, "mm/s/V"),
-        ("K1A", 1e6, "cm³/s/V"),
-        ("T1", 1.0, "s"),
-        ("dead_zone", 1.0, "V"),
-        ("rate", per, f"{length}/s"),
-    ):
+    units = {"K1": (1e3, "mm/s/V"), "K1A": (1e6, "cm³/s/V"), "T1": (1.0, "s")}
+    units |= {"dead_zone": (1.0, "V"), "rate": (per, f"{length}/s")}
+    for name, (scale, unit) in units.items():
         e = found.parameters.get(name)
         if e is not None and e.known:
             word = name.replace("_", " ")

@@ -41,9 +41,8 @@ def draw_open_loop(analysis: Analysis) -> Figure:
     for rate in sorted({float(f"{rate:.9g}") for rate in rates}):
         for axes in (top, bottom):
             axes.axvline(rate, color=Ink.GREY, linewidth=0.9, linestyle=":")
-    top.set_title(
-        f"{analysis.vehicle.name}: open loop, {what} to depth (dotted: moduli of the poles)"
-    )
+    title = f"open loop, {what} to depth (dotted: moduli of the poles)"
+    top.set_title(f"{analysis.vehicle.name}: {title}")
     return figure
 
 
@@ -112,25 +111,19 @@ def draw_nyquist(analysis: Analysis) -> Figure:
     c = _closed_loop(analysis)
     figure, (axes,) = new_figure((8.0, 6.8))
     circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    axes.plot(
-        circle.real, circle.imag, color=Ink.GREY, linewidth=0.9, linestyle=":", label="|L| = 1"
-    )
+    axes.plot(circle.real, circle.imag, ":", color=Ink.GREY, linewidth=0.9, label="|L| = 1")
     for place in _breaks(analysis, c):
         _, values = frequency_response(place.loop)
         for half in (values, values.conj()):
-            axes.plot(
-                half.real, half.imag, color=place.color, linestyle=place.line,
-                label=f"broken at the {place.name}" if half is values else None,
-            )  # fmt: skip
+            (line,) = axes.plot(half.real, half.imag, place.line, color=place.color)
+            line.set_label(f"broken at the {place.name}" if half is values else None)
         if place.margins is not None:
             # Where (2 + alpha e)/(2 - alpha e) L = -1 for some |e| = 1: a circle around -1.
             alpha = place.margins.disk
             disk = -(2.0 - alpha * circle) / (2.0 + alpha * circle)
             axes.fill(disk.real, disk.imag, color=place.color, alpha=0.07, linewidth=0.0)
-            axes.plot(
-                disk.real, disk.imag, color=place.color, linestyle=place.line, linewidth=0.8,
-                label=f"its disk margin, {alpha:.2f}",
-            )  # fmt: skip
+            how: Any = {"linewidth": 0.8, "label": f"its disk margin, {alpha:.2f}"}
+            axes.plot(disk.real, disk.imag, place.line, color=place.color, **how)
     axes.plot(-1.0, 0.0, "+", color="black", markersize=12, label="-1")
     axes.set(xlim=(-3.2, 2.2), ylim=(-2.2, 2.2), xlabel="Re L [-]", ylabel="Im L [-]")
     axes.set_aspect("equal")
@@ -201,11 +194,8 @@ def _breaks(analysis: Analysis, c: ClosedLoop) -> tuple[_Break, ...]:
     if c.one_loop:
         command += " or at the depth"
     first = _Break(command, c.loop.broken_at_command(), c.at_command, Ink.BLUE, "-")
-    if c.one_loop:
-        return (first,)
-    return first, _Break(
-        "measured depth", c.loop.broken_at_depth(), c.at_depth, Ink.VERMILION, "-."
-    )
+    depth = c.loop.broken_at_depth(), c.at_depth, Ink.VERMILION, "-."
+    return (first,) if c.one_loop else (first, _Break("measured depth", *depth))
 
 
 def _title(analysis: Analysis, c: ClosedLoop, what: str) -> str:
@@ -253,7 +243,6 @@ def _mark_phase(
 
 
 def _label(axes: Axes, text: str, x: float, y: float, color: str, up: int) -> None:
-    axes.annotate(
-        text, (x, y), (7, up), textcoords="offset points", fontsize=9, color=color,
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5},
-    )  # fmt: skip
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
+    how: Any = {"textcoords": "offset points", "fontsize": 9, "color": color, "bbox": box}
+    axes.annotate(text, (x, y), (7, up), **how)

@@ -32,7 +32,7 @@ def draw_mission(result: MissionResult) -> Figure:
     flight = result.flight
     title = f"{flight.vehicle.name}: {flight.mission.name or 'mission'}, {flight.column.source}"
     figure.suptitle(title, fontsize=11.0)
-    first = result.flight.rows[result.flight.rows["cycle"] == 0.0]
+    first = flight.rows[flight.rows["cycle"] == 0.0]
     unit, words = _unit(float(first["t"][-1]))
     _depth(result, first, unit, words, axes["depth"])
     _speed(result, axes["speed"])
@@ -57,13 +57,12 @@ def _depth(result: MissionResult, first: Records, unit: float, words: str, axes:
     axes.plot(first["t"] / unit, first["z"], color=Ink.BLUE, label="depth")
     notes = result.flight.notes
     notes = notes[notes["t"] <= first["t"][-1]]
-    for what, color, marker, name in (
-        (Note.PUMP, Ink.VERMILION, "^", "pump starts"), (Note.VALVE, Ink.GREEN, "v", "valve opens"),
-    ):  # fmt: skip
+    pump, valve = (Ink.VERMILION, "^", "pump starts"), (Ink.GREEN, "v", "valve opens")
+    for what, (color, marker, name) in ((Note.PUMP, pump), (Note.VALVE, valve)):
         some = notes[notes["what"] == what]
         if len(some):
-            axes.plot(some["t"] / unit, some["z"], marker, color=color, ms=4,
-                      mew=0.0, label=name)  # fmt: skip
+            at = some["t"] / unit, some["z"]
+            axes.plot(*at, marker, color=color, ms=4, mew=0.0, label=name)
     depth_axis(axes)
     axes.set_xlabel(f"time in the first cycle [{words}]")
     axes.legend(loc="upper center", ncols=3, fontsize=8, bbox_to_anchor=(0.5, 1.2))
@@ -71,11 +70,10 @@ def _depth(result: MissionResult, first: Records, unit: float, words: str, axes:
 
 def _speed(result: MissionResult, axes: Axes) -> None:
     table = speeds(result.flight)
-    for name, color, words in (
-        ("sinking_m_s", Ink.BLUE, "sinking"), ("rising_m_s", Ink.VERMILION, "rising"),
-    ):  # fmt: skip
-        if np.isfinite(table[name]).any():
-            axes.plot(100.0 * table[name], table["depth_m"], color=color, label=words)
+    for way, color in (("sinking", Ink.BLUE), ("rising", Ink.VERMILION)):
+        speed = table[f"{way}_m_s"]
+        if np.isfinite(speed).any():
+            axes.plot(100.0 * speed, table["depth_m"], color=color, label=way)
     axes.set_xlim(left=0.0)
     depth_axis(axes)
     axes.set_xlabel("mean vertical speed [cm/s]")
@@ -96,9 +94,10 @@ def _neutral(result: MissionResult, first: Records, axes: Axes) -> None:
     within = flight.column.depth <= float(np.max(first["z"])) * 1.02
     neutral = neutral_volume(flight.vehicle, flight.column)
     lags = flight.vehicle.hull.thermal_time_constant > 0.0
+    label = "neutral, with a hull as warm as the water" if lags else "neutral"
     axes.plot(1e6 * first["v"], first["z"], color=Ink.BLUE, lw=1.0, label="volume")
-    axes.plot(1e6 * neutral[within], flight.column.depth[within], color=Ink.ORANGE, ls="--",
-              label="neutral, with a hull as warm as the water" if lags else "neutral")  # fmt: skip
+    at = 1e6 * neutral[within], flight.column.depth[within]
+    axes.plot(*at, color=Ink.ORANGE, ls="--", label=label)
     depth_axis(axes)
     axes.set_xlabel("volume [cm³]")
     axes.legend(loc="best")
@@ -121,8 +120,8 @@ def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axe
     for name, values in power.items():
         style, color = ("-", own[name]) if name in own else next(others)
         # what is off is far below the axis: a run of seconds in days is a stroke, not a dot
-        axes.step(t, np.where(values > 0.0, values, 1e-6 * least), style,
-                  where="post", color=color, lw=1.2, label=name)  # fmt: skip
+        values = np.where(values > 0.0, values, 1e-6 * least)
+        axes.step(t, values, style, where="post", color=color, lw=1.2, label=name)
     axes.set(ylim=(0.5 * least, 2.0 * most), ylabel="power [W]")
     axes.set_xlabel(f"time in the first cycle [{words}]")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
@@ -137,11 +136,10 @@ def _energy(result: MissionResult, axes: Axes) -> None:
         axes.set_ylabel("pumped [cm³]")
         return
     below = np.zeros(len(columns["cycle"]))
-    for key, color, words in (
-        ("pump_J", Ink.VERMILION, "pump"), ("valve_J", Ink.GREEN, "valve"),
-        ("holding_J", Ink.PURPLE, "holding"), ("loads_J", Ink.GREY, "standby and loads"),
-    ):  # fmt: skip
-        values = columns[key] / 1e3
+    colors = (Ink.VERMILION, Ink.GREEN, Ink.PURPLE, Ink.GREY)
+    for name, color in zip(("pump", "valve", "holding", "loads"), colors, strict=True):
+        values = columns[f"{name}_J"] / 1e3
+        words = "standby and loads" if name == "loads" else name
         if np.any(values != 0.0):
             axes.bar(columns["cycle"], values, bottom=below, color=color, label=words, width=0.9)
             below = below + values

@@ -36,11 +36,10 @@ def draw_procedure(run: PoolRun) -> Figure:
     for axes in (top, bottom):
         for time in times[1:-1]:
             axes.axvline(time, color=Ink.BLACK, ls=":", lw=0.9)
+    how: Any = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
+    how |= {"ha": "center", "fontweight": "bold", "annotation_clip": False}
     for step, first, last in zip("abcd", times, times[1:], strict=False):
-        top.annotate(
-            f"({step})", (0.5 * (first + last), 1.0), (0, 3), xycoords=("data", "axes fraction"),
-            textcoords="offset points", ha="center", fontweight="bold", annotation_clip=False,
-        )  # fmt: skip
+        top.annotate(f"({step})", (0.5 * (first + last), 1.0), (0, 3), **how)
     top.legend(loc="upper left", bbox_to_anchor=(0.02, 0.62), markerscale=5.0)
     figure.align_ylabels([top, bottom])
     return figure
@@ -50,11 +49,11 @@ def draw_procedure(run: PoolRun) -> Figure:
 def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     """Return Fig. 13: speed from the noisy depths, and as eq. (26) has it with one K2 and T2."""
     figure, panels = _rising_and_sinking("speed, positive down [m/s]")
-    for axes, color, mark, e in _placed(experiments, panels):
+    for e in experiments:
         r = e.record
         speed = centred_differences(r.depth, float(r.time[1] - r.time[0]))
         model = response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[1]
-        _seen_and_model(axes, color, mark, e, speed, model)
+        _draw_one(e, experiments, panels, speed, model)
     return _with_key(figure, panels)
 
 
@@ -62,83 +61,69 @@ def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Figure:
 def draw_depths(experiments: Sequence[Experiment], fit: Fit) -> Figure:
     """Return Fig. 14: depth as the sensor said, and as eq. (27) has it with one K2 and T2."""
     figure, panels = _rising_and_sinking("depth [m]")
-    for axes, color, mark, e in _placed(experiments, panels):
+    for e in experiments:
         r = e.record
         model = r.start + response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[0]
-        _seen_and_model(axes, color, mark, e, r.depth, model)
+        _draw_one(e, experiments, panels, r.depth, model)
     for axes in panels:
         style.depth_axis(axes)
     panels[1].set_ylabel("")
     return _with_key(figure, panels)
 
 
-def _seen_and_model(
-    axes: Axes, color: str, mark: str, e: Experiment, seen: Any, model: Any
+def _draw_one(
+    e: Experiment, every: Sequence[Experiment], panels: Sequence[Axes], seen: Any, model: Any
 ) -> None:
+    """Draw an experiment, rising left or sinking right, in the color and mark of its size."""
+    number = sorted({abs(one.dV) for one in every}).index(abs(e.dV))
+    axes, color = panels[0 if e.step == "b" else 1], _SIZES[number % len(_SIZES)]
+    mark = _MARKS[number % len(_MARKS)]
     axes.plot(e.record.time, seen, mark, ms=2.2, mew=0.0, alpha=0.55, color=color)
-    axes.plot(e.record.time, model, color=color, label=_size(e))
-
-
-def _size(e: Experiment) -> str:
-    return f"{e.dV * 1e6:+.3g} cm³".replace("-", "\u2212")
+    label = f"{e.dV * 1e6:+.3g} cm³".replace("-", "\u2212")
+    axes.plot(e.record.time, model, color=color, label=label)
 
 
 def _rising_and_sinking(label: str) -> tuple[Figure, list[Axes]]:
     figure, panels = style.new_figure((7.5, 3.9), 1, 2)
-    panels[0].set(ylabel=label, xlabel="time since the change of volume [s]")
-    panels[1].set(xlabel="time since the change of volume [s]")
+    for axes in panels:
+        axes.set_xlabel("time since the change of volume [s]")
+    panels[0].set_ylabel(label)
     return figure, panels
 
 
-def _placed(
-    experiments: Sequence[Experiment], panels: list[Axes]
-) -> list[tuple[Axes, str, str, Experiment]]:
-    """Each experiment with its panel (rising left, sinking right), its color and its mark."""
-    sizes = sorted({abs(e.dV) for e in experiments})
-    return [
-        (
-            panels[0 if e.step == "b" else 1],
-            _SIZES[sizes.index(abs(e.dV)) % len(_SIZES)],
-            _MARKS[sizes.index(abs(e.dV)) % len(_MARKS)],
-            e,
-        )
-        for e in experiments
-    ]
-
-
 def _with_key(figure: Figure, panels: list[Axes]) -> Figure:
+    how: Any = {"ncols": 2, "title_fontproperties": {"weight": "bold", "size": 10}}
     for axes, step in zip(panels, ("step (b), rising", "step (d), sinking"), strict=True):
-        axes.legend(
-            loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, title=step,
-            title_fontproperties={"weight": "bold", "size": 10},
-        )  # fmt: skip
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), title=step, **how)
     return figure
+
+
+_Sized = Sequence[tuple[float, Fit]]  # by the change of volume [m3]
 
 
 @style.styled
 def draw_neglect(
-    experiments: Sequence[Experiment], fits: Sequence[Fit], still: Sequence[tuple[float, Fit]],
-    truth: Fit,
-) -> Figure:  # fmt: skip
+    experiments: Sequence[Experiment], fits: Sequence[Fit], still: _Sized, truth: Fit
+) -> Figure:
     """Return K2 and T2 against the size of the volume change, as found where psi is left out.
 
-    fits: of the experiments, with noise; still: (change of volume [m3], fit), without.
+    fits: of the experiments, with noise; still: without.
     """
     figure, panels = style.new_figure((7.5, 3.4), 1, 2)
+    noisy: dict[str, _Sized] = {
+        step: [(e.dV, f) for e, f in zip(experiments, fits, strict=True) if e.step == step]
+        for step in "bd"
+    }
     for axes, name, label in zip(panels, ("K2", "T2"), ("K₂ [1/(m² s)]", "T₂ [s]"), strict=True):
-        axes.plot(
-            [1e6 * abs(dV) for dV, _ in still], [getattr(f, name) for _, f in still],
-            "-", color=Ink.BLACK, label="no noise, exactly neutral start",
-        )  # fmt: skip
-        for step, mark, color in (("b", "^", Ink.BLUE), ("d", "v", Ink.VERMILION)):
-            chosen = [(e, f) for e, f in zip(experiments, fits, strict=True) if e.step == step]
-            axes.plot(
-                [1e6 * abs(e.dV) for e, _ in chosen], [getattr(f, name) for _, f in chosen],
-                mark, color=color, label=f"step ({step}), with noise",
-            )  # fmt: skip
-        axes.axhline(
-            getattr(truth, name), color=Ink.GREY, ls="--", label="of the simulated vehicle"
-        )
+        for points, mark, color, of in (
+            (still, "-", Ink.BLACK, "no noise, exactly neutral start"),
+            (noisy["b"], "^", Ink.BLUE, "step (b), with noise"),
+            (noisy["d"], "v", Ink.VERMILION, "step (d), with noise"),
+        ):
+            values = [getattr(fit, name) for _, fit in points]
+            axes.plot([1e6 * abs(dV) for dV, _ in points], values, mark, color=color, label=of)
+        true = getattr(truth, name)
+        axes.axhline(true, color=Ink.GREY, ls="--", label="of the simulated vehicle")
         axes.set(xlabel="size of the change of volume [cm³]", ylabel=label)
         axes.set_ylim(bottom=0.0)
     style.legend_beside(figure, panels[:1], "outside upper center", ncols=2)

@@ -16,9 +16,8 @@ def draw_plan(plan: Plan) -> Figure:
     figure, (depth, volume, command) = style.stacked((7.5, 7.5), 1.0, 1.0, 1.0)
     depth.plot(plan.time, plan.depth, color=Ink.BLUE, label="planned")
     style.band(depth, task.target, task.band, label=f"target \u00b1 {1e3 * task.band:.3g} mm")
-    depth.axvline(
-        plan.arrival, color=Ink.BLACK, lw=0.8, ls="--", label=f"arrived, {plan.arrival:.4g} s"
-    )
+    label = f"arrived, {plan.arrival:.4g} s"
+    depth.axvline(plan.arrival, color=Ink.BLACK, lw=0.8, ls="--", label=label)
     style.depth_axis(depth)
     depth.legend(loc="best")
     volume.plot(plan.time, 1e6 * plan.volume, color=Ink.BLUE)

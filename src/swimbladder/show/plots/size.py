@@ -1,6 +1,7 @@
 """What a sized drive was chosen from: mass against energy, each part's best, each wish's price."""
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +33,7 @@ _REQUIREMENTS = {
 @style.styled
 def draw_candidates(found: Sizing) -> Figure:
     """Return mass of drive and battery against energy per cycle of every drive that does it."""
-    w = found.evaluation
+    w, energy = found.evaluation, found.evaluation.cycle_energy * 1e-3
     figure, (axes,) = style.new_figure((7.0, 4.6))
     screw = np.array([c.pump is None for c in found.batch.of])
     for mask, color, marker, label in (
@@ -40,23 +41,17 @@ def draw_candidates(found: Sizing) -> Figure:
         (w.feasible & screw, Ink.ORANGE, "^", "screw"),
     ):
         if np.any(mask):
-            axes.scatter(
-                w.mass[mask], w.cycle_energy[mask] * 1e-3, s=9, color=color, marker=marker,
-                alpha=0.5, linewidths=0, label=f"{label}, {np.count_nonzero(mask):,} drives",
-            )  # fmt: skip
+            label = f"{label}, {np.count_nonzero(mask):,} drives"
+            how: Any = {"color": color, "marker": marker, "label": label}
+            axes.scatter(w.mass[mask], energy[mask], s=9, alpha=0.5, linewidths=0, **how)
     front = found.pareto
-    energy = w.cycle_energy * 1e-3
     axes.plot(w.mass[front], energy[front], ".-", color=Ink.BLACK, label="best compromises")
     best = found.best
     axes.plot(w.mass[best], energy[best], "*", color=Ink.VERMILION, ms=15, label="chosen")
-    axes.set(
-        xscale="log",
-        yscale="log",
-        xlabel=f"drive and battery for {found.asked.dive.cycles} cycles [kg]",
-        ylabel="energy of the drive per cycle [kJ]",
-    )
+    axes.set(xscale="log", yscale="log", ylabel="energy of the drive per cycle [kJ]")
+    axes.set_xlabel(f"drive and battery for {found.asked.dive.cycles} cycles [kg]")
     axes.set_title(f"{found.body.name} to {found.asked.dive.depth:g} m", loc="left")
-    beyond = _frame(axes, w.mass[w.feasible], w.cycle_energy[w.feasible] * 1e-3)
+    beyond = _frame(axes, w.mass[w.feasible], energy[w.feasible])
     style.plain_log_ticks(axes, "x", "y")
     if beyond:
         axes.plot([], [], " ", label=f"{beyond:,} are beyond the edges")
@@ -76,11 +71,8 @@ def _frame(axes: Axes, mass: Array, energy: Array) -> int:
 def draw_parts(found: Sizing) -> Figure:
     """Return the best mass with each part in the drive, all others free, and why there is none."""
     w = found.evaluation
-    kinds = [k for k in PARTS if any(c.what == k for c in found.choices)]
-    rows = sorted(
-        (c for c in found.choices if c.what in kinds),
-        key=lambda c: (kinds.index(c.what), _volts(c)),
-    )
+    listed, kinds = [c for c in found.choices if c.what in PARTS], list(PARTS)
+    rows = sorted(listed, key=lambda c: (kinds.index(c.what), _volts(c)))
     figure, (axes,) = style.new_figure((8.0, 0.24 * len(rows) + 1.2))
     chosen = found.chosen.choices
     labels, lightest = [], float(w.mass[found.best])
@@ -96,21 +88,17 @@ def draw_parts(found: Sizing) -> Figure:
         axes.barh(place, mass - battery, color=color, height=0.7)
         axes.barh(place, battery, left=mass - battery, color=color, alpha=0.45, height=0.7)
         if mass > _WIDEST * lightest:
-            axes.text(
-                0.995 * _WIDEST * lightest, place, f"{rounded(mass, 2)} kg \N{RIGHTWARDS ARROW}",
-                ha="right", va="center", fontsize=8.0,
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
-            )  # fmt: skip
+            text = f"{rounded(mass, 2)} kg \N{RIGHTWARDS ARROW}"
+            how: Any = {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.0}}
+            how |= {"ha": "right", "va": "center", "fontsize": 8.0}
+            axes.text(0.995 * _WIDEST * lightest, place, text, **how)
     axes.set_yticks(range(len(rows)), labels, fontsize=8.0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
     axes.set_xlim(0.0, _WIDEST * lightest)
     axes.set_xlabel("least mass with that part: drive (full colour) and battery (pale) [kg]")
-    axes.set_title(
-        f"{found.body.name} to {found.asked.dive.depth:g} m: each part, the others free "
-        "(red: chosen)",
-        loc="left",
-    )
+    task = f"{found.body.name} to {found.asked.dive.depth:g} m"
+    axes.set_title(f"{task}: each part, the others free (red: chosen)", loc="left")
     return figure
 
 

@@ -1,7 +1,5 @@
 """A simulation as a picture: depth, volume, and what the motor gets."""
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +27,21 @@ def plot_solution(solution: Solution, path: str | Path) -> Path:
 def draw_solution(solution: Solution) -> Figure:
     """Return the figure that plot_solution writes."""
     s = solution
-    values: dict[Callable[[Axes, Array, Array], None], Array] = {
-        _voltage: s.voltage,
-        _drive: s.drive,
-        partial(_at_samples, name="power [W]"): s.power,
-        partial(_at_samples, name="current [A]"): s.current,
-    }
-    known = {draw: x for draw, x in values.items() if not np.all(np.isnan(x))}
+    values = {"voltage": s.voltage, "drive": s.drive}
+    values |= {"power [W]": s.power, "current [A]": s.current}
+    known = {name: x for name, x in values.items() if not np.all(np.isnan(x))}
     figure, axes = style.stacked((7.5, 1.0 + 1.65 * (2 + len(known))), *[1.0] * (2 + len(known)))
     _depth(s, axes[0])
     _volume(s, axes[1])
-    for (draw, x), place in zip(known.items(), axes[2:], strict=True):
-        draw(place, s.time, x)
+    for (name, x), place in zip(known.items(), axes[2:], strict=True):
+        if name == "voltage":
+            place.step(s.time, x, where="post", color=Ink.GREEN, lw=0.9)
+            place.set_ylabel("voltage [V]")
+        elif name == "drive":
+            _drive(place, s.time, x)
+        else:  # points: just after a change of voltage they are peaks, which a line would hold
+            place.plot(s.time, x, ".", color=Ink.GREEN, ms=2.5, mew=0.0)
+            place.set_ylabel(f"{name}\nat samples")
     axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(float(s.time[0]), float(max(s.time[-1], s.time[0] + 1e-9)))
     figure.align_ylabels(axes)
@@ -78,11 +79,6 @@ def _volume(s: Solution, axes: Axes) -> None:
         style.legend_above(axes)
 
 
-def _voltage(axes: Axes, time: Array, voltage: Array) -> None:
-    axes.step(time, voltage, where="post", color=Ink.GREEN, lw=0.9)
-    axes.set_ylabel("voltage [V]")
-
-
 def _drive(axes: Axes, time: Array, drive: Array) -> None:
     """Draw when pump, valve and bypass run; a run counts for the sample that it begins in."""
     runs = {"pump": (1.0, 4.0), "valve": (2.0,), "bypass": (3.0,)}
@@ -91,9 +87,3 @@ def _drive(axes: Axes, time: Array, drive: Array) -> None:
         axes.plot(time[on], np.full(len(on), place), "|", color=Ink.GREEN, ms=9, mew=0.9)
     axes.set_yticks(range(len(runs)), list(runs))
     axes.set(ylim=(-0.6, len(runs) - 0.4), ylabel="drive [on]")
-
-
-def _at_samples(axes: Axes, time: Array, values: Array, *, name: str) -> None:
-    """Draw points: just after a change of voltage they are peaks, which a line would hold."""
-    axes.plot(time, values, ".", color=Ink.GREEN, ms=2.5, mew=0.0)
-    axes.set_ylabel(f"{name}\nat samples")

@@ -34,8 +34,7 @@ def draw_recovery(found: Stability) -> Figure:
         Verdict.LOST: "lost",
     }  # fmt: skip
     handles: list[Any] = [Patch(color=_COLORS[v], label=text) for v, text in labels.items()]
-    lines = [axes.get_legend_handles_labels()[0] for axes in panels]
-    handles += next((line[:1] for line in lines if line), [])
+    handles += [line for axes in panels for line in axes.get_lines()][:1]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
     figure.suptitle(f"{found.vehicle}, law {found.law}", fontsize=10.5)
     return figure
@@ -43,15 +42,12 @@ def draw_recovery(found: Stability) -> Figure:
 
 def _draw(axes: Axes, one: Map) -> None:
     shades = ListedColormap([_COLORS[v] for v in Verdict])
-    axes.pcolormesh(
-        one.x, one.y, one.verdicts, cmap=shades, vmin=-0.5, vmax=len(Verdict) - 0.5,
-        shading="nearest", rasterized=True,
-    )  # fmt: skip
+    how: Any = {"vmin": -0.5, "vmax": len(Verdict) - 0.5, "shading": "nearest"}
+    axes.pcolormesh(one.x, one.y, one.verdicts, cmap=shades, rasterized=True, **how)
     low, high = axes.get_ylim()
     if np.isfinite(one.edge).any() and float(np.min(one.edge)) < high:
-        axes.plot(
-            one.x, one.edge, color=Ink.BLACK, lw=1.8, label="beyond it no controller comes back"
-        )
+        label = "beyond it no controller comes back"
+        axes.plot(one.x, one.edge, color=Ink.BLACK, lw=1.8, label=label)
     axes.set_ylim(low, high)
     if one.name != "steps":  # speeds are spaced by their cube
         axes.set_yscale("function", functions=(np.cbrt, lambda x: x**3))
@@ -69,14 +65,11 @@ def draw_robustness(found: Stability) -> Figure:
     figure, panels = stacked((7.5, 2.2 + 1.5 * len(laws)), *[1.0] * len(laws))
     for axes, law in zip(panels, laws, strict=True):
         own = [s for s in found.stood if s.law == law]
-        for delay, color, mark in zip(
-            sorted({s.delay for s in own}), (Ink.BLUE, Ink.VERMILION), ("o-", "s--"), strict=False
-        ):
-            line = [s for s in own if s.delay == delay]
-            axes.plot(
-                [s.gain for s in line], [100.0 * s.settled for s in line], mark, color=color,
-                label=f"{delay:g} s late" if delay else "nominal",
-            )  # fmt: skip
+        delays, marks = sorted({s.delay for s in own}), ((Ink.BLUE, "o-"), (Ink.VERMILION, "s--"))
+        for delay, (color, mark) in zip(delays, marks, strict=False):
+            line = np.array([(s.gain, 100.0 * s.settled) for s in own if s.delay == delay])
+            label = f"{delay:g} s late" if delay else "nominal"
+            axes.plot(*line.T, mark, color=color, label=label)
         axes.set(ylim=(-5.0, 105.0), ylabel="settle [%]")
         axes.set_title(law, fontsize=9.5)
     panels[-1].set_xscale("log")

@@ -101,7 +101,7 @@ def label_panels(panels: list[Axes]) -> None:
 
 def legend_above(axes: Axes, **given: Any) -> None:
     """Put the legend above the right corner, where no curve is; each label once."""
-    _legend(axes, [axes], loc="lower right", bbox_to_anchor=(1.0, 0.98), **given)
+    _legend(axes, [axes], **{"loc": "lower right", "bbox_to_anchor": (1.0, 0.98), **given})
 
 
 def legend_beside(figure: Figure, panels: Iterable[Axes], loc: str, **given: Any) -> None:
@@ -110,21 +110,19 @@ def legend_beside(figure: Figure, panels: Iterable[Axes], loc: str, **given: Any
 
 
 def _legend(place: Figure | Axes, panels: Iterable[Axes], **given: Any) -> None:
-    named = {
-        label: handle
-        for axes in panels
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
+    named: dict[str, Any] = {}
+    for axes in panels:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(label, handle)
     place.legend(list(named.values()), list(named), **{"ncols": len(named), **given})
 
 
 def shade(axes: Axes, time: NDArray[np.float64], out: NDArray[np.bool_], label: str) -> None:
     """Shade the spans of time in which samples are left out."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], out, [False])).astype(int)))
-    for k, (first, after) in enumerate(zip(edges[::2], edges[1::2], strict=True)):
+    for first, after in zip(edges[::2], edges[1::2], strict=True):
         last = time[min(after, len(time) - 1)]
-        shown = label if k == 0 else None
-        axes.axvspan(time[first], last, color="#E8E8E8", lw=0.0, zorder=0, label=shown)
+        axes.axvspan(time[first], last, color="#E8E8E8", lw=0.0, zorder=0, label=label)
 
 
 def grid_of(figure: Figure, count: int, columns: int, **given: Any) -> list[Axes]:
@@ -161,31 +159,27 @@ def save(figure: Figure, path: str | Path) -> Path:
 
     Raises InputError where the file cannot be written.
     """
+    quiet = _QUIET.get(Path(path).suffix.lower()[1:], {})
     with mpl.rc_context(STYLE):
-        return write_through(
-            path, lambda temporary: figure.savefig(temporary, metadata=_quiet(path))
-        )
+        return write_through(path, lambda temporary: figure.savefig(temporary, metadata=quiet))
 
 
-def _quiet(path: str | Path) -> dict[str, None]:
-    """No date and no program in the file, so that it is the same tomorrow."""
-    suffix = Path(path).suffix.lower()
-    if suffix == ".svg":
-        return {"Date": None, "Creator": None}
-    return {"Software": None} if suffix == ".png" else {}
+# no date and no program in a file, so that it is the same tomorrow
+_QUIET = {"svg": {"Date": None, "Creator": None}, "png": {"Software": None}}
 
 
 def png(figure: Figure) -> bytes:
     """Return a figure as the content of a PNG file."""
-    with mpl.rc_context(STYLE):
-        content = io.BytesIO()
-        figure.savefig(content, format="png", metadata={"Software": None})
-    return content.getvalue()
+    return _content(figure, "png")
 
 
 def svg_text(figure: Figure) -> str:
     """Return a figure as the text of an SVG file."""
+    return _content(figure, "svg").decode()
+
+
+def _content(figure: Figure, form: str) -> bytes:
     with mpl.rc_context(STYLE):
-        text = io.StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    return text.getvalue()
+        content = io.BytesIO()
+        figure.savefig(content, format=form, metadata=_QUIET[form])
+    return content.getvalue()

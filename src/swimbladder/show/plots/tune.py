@@ -30,12 +30,10 @@ def draw_tuning(tuning: Tuning) -> Figure:
         (tuning.shown[1], Ink.ORANGE, 0.8, 0.7, over),
         (tuning.shown[0], Ink.BLUE, 1.8, 1.0, "nominal"),
     ):
-        kept = traces.time <= end
-        for axes, values in (
-            (depth, traces.depth), (volume, 1e6 * traces.volume),
-            (voltage, traces.command * (1.0 if volts else 1e6)),
-        ):  # fmt: skip
-            lines = axes.plot(traces.time[kept], values[kept], color=color, lw=width, alpha=alpha)
+        kept, command = traces.time <= end, traces.command * (1.0 if volts else 1e6)
+        values = (traces.depth, 1e6 * traces.volume, command)
+        for axes, y in zip((depth, volume, voltage), values, strict=True):
+            lines = axes.plot(traces.time[kept], y[kept], color=color, lw=width, alpha=alpha)
             lines[0].set_label(label)
     half = tuning.band or 0.02 * abs(step.target - step.start)
     size = f"{half:.3g} m" if tuning.band else "2 %"
@@ -44,27 +42,20 @@ def draw_tuning(tuning: Tuning) -> Figure:
         style.band(depth, goal, half)
         depth.axhline(goal, color=Ink.BLACK, lw=0.8, ls="--")
     depth.get_lines()[-1].set_label(f"set-point, {size} band")
-    limit = tuning.vehicle.supply if volts else None
+    limit = tuning.vehicle.supply.voltage if volts and tuning.vehicle.supply else math.inf
     used = max(float(np.abs(traces.command).max()) for traces in tuning.shown)
-    if limit is not None and used < _QUIET * limit.voltage:
-        limit = None  # it would squeeze what is used to a line
-    if limit is not None:
-        for side in (-1.0, 1.0):
-            voltage.axhline(
-                side * limit.voltage, color=Ink.VERMILION, lw=0.8, ls=":",
-                label="supply" if side > 0.0 else None,
-            )  # fmt: skip
+    if _QUIET * limit <= used:  # else it would squeeze what is used to a line
+        for side in (-limit, limit):
+            line = voltage.axhline(side, color=Ink.VERMILION, lw=0.8, ls=":", label="supply")
+        voltage.legend(handles=[line], loc="lower right")
     style.depth_axis(depth)
     volume.set_ylabel("volume [cm³]")
     asked = "change asked for [cm³]" if tuning.band else "volume asked for [cm³]"
     voltage.set_ylabel("voltage [V]" if volts else asked)
     voltage.set_xlabel("time since the set-point changed [s]")
     depth.legend(loc="best")
-    if limit is not None:
-        voltage.legend(handles=voltage.get_legend_handles_labels()[0][-1:], loc="lower right")
-    depth.set_title(
-        f"{tuning.vehicle.name}, {tuning.law.name} tuned for {tuning.goal}", fontsize=10.0
-    )
+    title = f"{tuning.vehicle.name}, {tuning.law.name} tuned for {tuning.goal}"
+    depth.set_title(title, fontsize=10.0)
     style.label_panels([depth, volume, voltage])
     return figure
 
@@ -81,10 +72,8 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
             w, values = frequency_response(broken)
             seen = w[abs(1.0 + values) < 1.0 / _LEAST]
             first = min(first, float(seen[0]) if len(seen) else math.inf)
-            axes.loglog(
-                w, 1.0 / abs(1.0 + values), color=Ink.BLUE if loop.number == 0 else Ink.ORANGE,
-                lw=1.6 if loop.number == 0 else 0.7, alpha=1.0 if loop.number == 0 else 0.7,
-            )  # fmt: skip
+            color, lw, alpha = (Ink.ORANGE, 0.7, 0.7) if loop.number else (Ink.BLUE, 1.6, 1.0)
+            axes.loglog(w, 1.0 / abs(1.0 + values), color=color, lw=lw, alpha=alpha)
         axes.axhline(WANTED.peak_sensitivity, color=Ink.VERMILION, lw=1.0, ls="--")
         axes.set_xlabel("frequency [rad/s]")
         axes.set_title(f"broken at the {place}", fontsize=10.0)
