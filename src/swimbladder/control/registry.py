@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Any
 
 from swimbladder.control.law import Law
-from swimbladder.control.records import from_leaves, leaf_names
+from swimbladder.control.records import from_leaves, leaf_names, leaves
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.plugins import Registry
@@ -108,6 +108,12 @@ def bind(controller: Controller) -> tuple[Law, Any]:
     """Return (law, its parameters) of a vehicle's controller; raises InputError as its parts do."""
     law = law_by_name(controller.law)
     return law, law_parameters(law, controller.parameters, sample_time=controller.sample_time)
+
+
+def controller_of(law: Law, parameters: Any, *, sample_time: float) -> Controller:
+    """Return the controller of a vehicle that `bind` takes apart into a law and its parameters."""
+    numbers = {name: x for name, x in leaves(parameters).items() if name != "S_p"}
+    return Controller(law=law.name, sample_time=sample_time, parameters=numbers)
 
 
 def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:

@@ -175,7 +175,7 @@ def test_a_trim_that_walks_makes_the_vehicle_move():
     """A walk of w per root second: nobody knows it, so the volume has to go where it went."""
     vehicle = noisy(noise=0.0)
     still = Scenario("still", "", "shallow", duration=3600.0, counted=600.0)
-    walks = still._replace(walk=named("hold-drift").walk)
+    walks = still._replace(drift=named("hold-drift").drift)
     where = places(vehicle)
     none, _, _ = flown(vehicle, place(still, vehicle, where), runs=8)
     some, _, _ = flown(vehicle, place(walks, vehicle, where), runs=8)
@@ -184,7 +184,7 @@ def test_a_trim_that_walks_makes_the_vehicle_move():
     assert len(set(some.farthest.tolist())) == 8
     # at least the way that the trim went, in an hour about 1 cm3
     assert some.rate.mean() * 3000.0 > 0.1e-6
-    assert walks.walk * math.sqrt(3600.0) == pytest.approx(1e-6)
+    assert walks.drift * math.sqrt(3600.0) == pytest.approx(1e-6)
 
 
 def test_drawn_vehicles_differ():

@@ -12,7 +12,6 @@ from swimbladder.design.linear import linearise
 from swimbladder.design.linear.depths import (
     depth_load,
     doubling_time,
-    inner_loop_depth_gain,
     neutral_volume,
     stall,
 )
@@ -111,7 +110,9 @@ def test_depth_load_of_the_paper_is_1_9_percent_of_psi(feup):
 def test_depth_load_is_what_the_settled_inner_loop_lets_through(k_pV, k_l):
     p = _PLANT._replace(k_l=k_l)
     formula = depth_load(p, k_pV=k_pV)
-    settled = inner_loop_depth_gain(linearise(p), k_pV)
+    system = linearise(p)  # states (q, V, z, w), closed by u = k_pV (U - V)
+    actuator = system.A[:2, :2] - k_pV * system.B[:2] @ np.array([[0.0, 1.0]])
+    settled = np.linalg.solve(actuator, -system.A[:2, 2])[1]
     assert -settled == pytest.approx(formula.extra_psi, rel=1e-9)
 
 

@@ -6,13 +6,16 @@ What is flown is a table of scenarios, with depths that are those of the vehicle
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from importlib import resources
 from typing import Any, Literal, NamedTuple
 
+from pydantic import TypeAdapter
+
 from swimbladder.control.law import Law
-from swimbladder.control.records import leaves
-from swimbladder.control.registry import LAWS, bind, law_parameters, own_law
+from swimbladder.control.registry import LAWS, bind, controller_of, own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import pump_stall
 from swimbladder.design.tuning import tune
@@ -31,7 +34,7 @@ _REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is s
 _UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
 _NEAR = (1.5, 0.3)  # m below the least depth, and at most this share of the range: as `tune` steps
 _WATCHED = 20.0  # times the least time of a step, that it is watched at least
-_HOUR = 3600.0
+_HOUR = 3600.0  # s
 _SLOW = 0.03  # m/s
 
 
@@ -48,7 +51,7 @@ class Scenario(NamedTuple):
     at: near the least depth of the range, or at its greatest. size [m]: of a step, positive down,
     and at most `share` of the range; 0: a depth is held. duration [s] at least. counted [s]: since
     when errors and volumes count. supply [-]: of the vehicle's. drawn: vehicles from the region
-    of what is not known, instead of the nominal one. walk [m3/s^0.5]: intensity of the neutral
+    of what is not known, instead of the nominal one. drift [m3/s^0.5]: intensity of the neutral
     volume's random walk.
     """
 
@@ -62,53 +65,17 @@ class Scenario(NamedTuple):
     supply: float = 1.0
     drawn: bool = False
     swell: Swell | None = None
-    walk: float = 0.0
+    drift: float = 0.0
 
 
-_SWELL = Swell(1.0, (8.0, 10.0, 12.0))
-_WALK = 1e-6 / math.sqrt(_HOUR)  # 1 cm3 per root hour
+def _scenarios() -> Iterator[tuple[Scenario, ...]]:
+    """Yield the scenarios of motors and positioners, then those of floats."""
+    text = resources.files(__package__).joinpath("scenarios.toml").read_text(encoding="utf-8")
+    for table in tomllib.loads(text).values():
+        yield TypeAdapter(tuple[Scenario, ...]).validate_python(table)
 
-SCENARIOS: tuple[Scenario, ...] = (
-    Scenario("step-down", "a step of 1.5 m down", "shallow", 1.5),
-    Scenario("step-up", "the same step up", "shallow", -1.5),
-    Scenario("step-small", "a step of 0.5 m down", "shallow", 0.5, share=0.1),
-    Scenario("step-small-up", "the same step up", "shallow", -0.5, share=0.1),
-    Scenario("step-large", "a step of 5 m down", "shallow", 5.0, share=0.6),
-    Scenario("step-large-up", "the same step up", "shallow", -5.0, share=0.6),
-    Scenario("step-deep", "a step of 1.5 m down to the greatest depth", "deep", 1.5),
-    Scenario("step-low-battery", f"1.5 m down with {100 * LOW_SUPPLY:.0f} % of the supply",
-             "shallow", 1.5, supply=LOW_SUPPLY),
-    Scenario("step-uncertain", "the same of vehicles drawn from the region of what is not known",
-             "shallow", 1.5, supply=LOW_SUPPLY, drawn=True),
-    Scenario("hold", "an hour at rest, with the noise of the sensor", "shallow",
-             duration=_HOUR, counted=600.0),
-    Scenario("hold-swell", f"the same in swell of {_SWELL.height:g} m", "shallow",
-             duration=_HOUR, counted=600.0, swell=_SWELL),
-    Scenario("hold-deep", "an hour at the greatest depth", "deep", duration=_HOUR, counted=600.0),
-    Scenario("hold-drift", "two hours while the neutral volume walks 1 cm3 per root hour",
-             "shallow", duration=2.0 * _HOUR, counted=1200.0, walk=_WALK),
-)  # fmt: skip
 
-FLOAT_SCENARIOS: tuple[Scenario, ...] = (
-    Scenario("step-down", "a step of 100 m down", "shallow", 100.0),
-    Scenario("step-up", "the same step up", "shallow", -100.0),
-    Scenario("step-small", "a step of 30 m down", "shallow", 30.0),
-    Scenario("step-small-up", "the same step up", "shallow", -30.0),
-    Scenario("step-large", "a step of 400 m down", "shallow", 400.0, share=0.6),
-    Scenario("step-large-up", "the same step up", "shallow", -400.0, share=0.6),
-    Scenario("step-deep", "a step of 100 m down to the greatest depth", "deep", 100.0),
-    Scenario("step-uncertain", "100 m down, of vehicles drawn from the region of what is not known",
-             "shallow", 100.0, drawn=True),
-    Scenario("hold", "six hours at rest, with the noise of the sensor", "shallow",
-             duration=6.0 * _HOUR, counted=_HOUR),
-    Scenario("hold-swell", f"the same in swell of {_SWELL.height:g} m", "shallow",
-             duration=6.0 * _HOUR, counted=_HOUR, swell=_SWELL),
-    Scenario("hold-deep", "six hours at the greatest depth", "deep",
-             duration=6.0 * _HOUR, counted=_HOUR),
-    Scenario("hold-drift", "half a day while the neutral volume walks 1 cm3 per root hour",
-             "shallow", duration=12.0 * _HOUR, counted=_HOUR, walk=_WALK),
-)  # fmt: skip
-"""Of floats with pump and valve, whose laws sleep for minutes and keep a band of metres."""
+SCENARIOS, FLOAT_SCENARIOS = _scenarios()
 
 BAND = 10.0  # m, within which such a float has come to its depth, as those of Argo count
 
@@ -152,10 +119,8 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
         top = max(top, 2.0 * BAND)  # near the surface its processor acts, not the law
     reach, why = _reach(vehicle)
     if given is None:
-        most, words = (
-            _REACH * reach,
-            f"down to {100.0 * _REACH:.0f} % of {rounded(reach, 3)} m, where {why}",
-        )
+        most = _REACH * reach
+        words = f"down to {100.0 * _REACH:.0f} % of {rounded(reach, 3)} m, where {why}"
         if vehicle.hull.depth_limit is None and most > top + _UNSTATED:
             most = top + _UNSTATED
             words = f"down to {most:g} m, as the vehicle states no rating (--depth)"
@@ -207,9 +172,8 @@ def place(scenario: Scenario, vehicle: Vehicle, where: Places) -> Placed:
     span = where.most - where.least
     size = min(abs(scenario.size), scenario.share * span)
     shallow = where.least + min(_NEAR[0], _NEAR[1] * span)
-    near, far = (shallow, shallow + size) if scenario.at == "shallow" else (
-        where.most - size, where.most,
-    )  # fmt: skip
+    near = shallow if scenario.at == "shallow" else where.most - size
+    far = near + size if scenario.at == "shallow" else where.most
     start, target = (far, near) if scenario.size < 0.0 else (near, far)
     if size == 0.0:
         return Placed(scenario, start, target, scenario.duration)
@@ -253,8 +217,7 @@ class Contender:
 
     def controller(self) -> Controller:
         """Return it as a vehicle's [controller]."""
-        numbers = {n: v for n, v in leaves(self.parameters).items() if n != "S_p"}
-        return Controller(law=self.law.name, sample_time=self.sample_time, parameters=numbers)
+        return controller_of(self.law, self.parameters, sample_time=self.sample_time)
 
 
 def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[str], dict[str, str]]:
@@ -291,19 +254,15 @@ def own(vehicle: Vehicle) -> list[Contender]:
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
     paper = load_vehicle(_PAPERS)
-    papers = all(
-        getattr(vehicle, part) == getattr(paper, part)
-        for part in ("actuator", "stroke", "hull", "motion", "water")
-    )
+    parts = ("actuator", "stroke", "hull", "motion", "water")
+    papers = all(getattr(vehicle, part) == getattr(paper, part) for part in parts)
     for controller, tuning in (
-        (vehicle.controller, IN_FILE), (paper.controller if papers else None, PAPER),
-    ):  # fmt: skip
+        (vehicle.controller, IN_FILE),
+        (paper.controller if papers else None, PAPER),
+    ):
         if controller is None:
             continue
-        law, numbers = bind(controller)
-        one = Contender(
-            law=law, tuning=tuning, parameters=numbers, sample_time=controller.sample_time
-        )
+        one = _bound(controller, tuning)
         if found and (one.law, one.parameters) == (found[0].law, found[0].parameters):
             found[0] = replace(one, tuning=PAPER)
         else:
@@ -321,38 +280,30 @@ def tuned(
     step [m]: of the tuner's trials. column: their water. advance: told the share of the work done.
     """
     least = None if vehicle.supply is None else LOW_SUPPLY * vehicle.supply.voltage
-    law = LAWS[name]
-    inputs = (
-        "tune", vehicle, name, source_of(law), goal, where.least, where.most, step, sample_time,
-        least, column,
-    )  # fmt: skip
-    kept = store.read(*inputs)
-    if kept is None:
-        told = 0.0
+    depths, law, left = (where.least, where.most), LAWS[name], 1.0
 
-        def tell(share: float) -> None:
-            nonlocal told
-            told += share
-            advance(share)
+    def tell(share: float) -> None:
+        nonlocal left
+        left -= share
+        advance(share)
 
+    def controller() -> dict[str, Any]:
         try:
             found = tune(
-                vehicle, law=name, goal=goal, depths=(where.least, where.most), step=step,
-                sample_time=sample_time, supply=least, runs=_TRIALS, advance=tell,
-                column=column,
+                vehicle, law=name, goal=goal, depths=depths, step=step, sample_time=sample_time,
+                supply=least, runs=_TRIALS, advance=tell, column=column,
             )  # fmt: skip
-            numbers = {n: v for n, v in leaves(found.parameters).items() if n != "S_p"}
-            kept = {"numbers": numbers, "sample_time": found.sample_time}
+            assert found.vehicle.controller is not None
+            return found.vehicle.controller.model_dump()
         except SwimbladderError as error:
-            kept = {"why": str(error)}
-        store.write(kept, *inputs)
-        advance(max(1.0 - told, 0.0))
-    else:
-        advance(1.0)
-    if "why" in kept:
-        return str(kept["why"])
-    h = float(kept["sample_time"])
-    return Contender(
-        law=law, tuning=goal, sample_time=h,
-        parameters=law_parameters(law, kept["numbers"], sample_time=h),
-    )  # fmt: skip
+            return {"why": str(error)}
+
+    inputs = (vehicle, name, source_of(law), goal, *depths, step, sample_time, least, column)
+    kept = store.get(controller, "tune", *inputs)
+    advance(max(left, 0.0))
+    return str(kept["why"]) if "why" in kept else _bound(Controller(**kept), goal)
+
+
+def _bound(controller: Controller, tuning: str) -> Contender:
+    law, numbers = bind(controller)
+    return Contender(law=law, tuning=tuning, parameters=numbers, sample_time=controller.sample_time)

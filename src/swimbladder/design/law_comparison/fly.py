@@ -120,9 +120,9 @@ def fly_scenario(
         given["depth_error"] = depth_error(
             s.swell, vehicle, time, depth=placed.target, runs=runs, seed=seed
         )
-    if s.walk > 0.0:
+    if s.drift > 0.0:
         given["neutral_change"] = random_walk(
-            s.walk, placed.duration, sample_time=h, runs=runs, seed=seed
+            s.drift, placed.duration, sample_time=h, runs=runs, seed=seed
         )
     pumped = vehicle.command == "volume change"
     if not pumped:  # neutral is otherwise what its stepper makes of it

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -73,16 +74,14 @@ COSTS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Trace:
+class Trace(NamedTuple):
     """The first run of a scenario: time [s] and depth [m]."""
 
     time: Array
     depth: Array
 
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
+class Row(NamedTuple):
     """A contender with its result on every scenario, by name."""
 
     who: Contender
@@ -341,35 +340,30 @@ def _bounds(
     vehicle: Vehicle, placed: Sequence[Placed], store: Store
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return the least time of each step of the nominal vehicle [s], or why there is none."""
-    steps = [p for p in placed if p.is_step]
-    missing = {p.scenario.name: "each vehicle drawn has its own" for p in steps if p.scenario.drawn}
-    steps = [p for p in steps if not p.scenario.drawn]
+    steps = {p.scenario.name: p for p in placed if p.is_step}
+    missing = {n: "each vehicle drawn has its own" for n, p in steps.items() if p.scenario.drawn}
     if vehicle.command == "volume change":
-        why = "none is computed for a pump and valve"
-        return {}, missing | {p.scenario.name: why for p in steps}
+        return {}, dict.fromkeys(steps, "none is computed for a pump and valve") | missing
     if vehicle.controller is None:
-        why = "the vehicle has no controller, so no sample time"
-        return {}, missing | {p.scenario.name: why for p in steps}
-    supply = None if vehicle.supply is None else vehicle.supply.voltage
+        return {}, dict.fromkeys(
+            steps, "the vehicle has no controller, so no sample time"
+        ) | missing
+    volts = None if vehicle.supply is None else vehicle.supply.voltage
     asked = {
-        p.scenario.name: Asked(
-            p.start, p.target, None if supply is None else p.scenario.supply * supply
-        )
-        for p in steps
+        name: Asked(p.start, p.target, None if volts is None else p.scenario.supply * volts)
+        for name, p in steps.items()
+        if name not in missing
     }
-    kept = {name: store.read("least-time", vehicle, one) for name, one in asked.items()}
-    wanted = [name for name in asked if kept[name] is None]
+    answers = {name: store.read("least-time", vehicle, one) for name, one in asked.items()}
+    wanted = [name for name, answer in answers.items() if answer is None]
     if wanted:
         found = least_times(vehicle, [asked[name] for name in wanted], limit=_PATIENCE)
         for name, answer in zip(wanted, found, strict=True):
-            kept[name] = answer
+            answers[name] = answer
             if "late" not in answer:
                 store.write(answer, "least-time", vehicle, asked[name])
-    answers = {name: answer for name, answer in kept.items() if answer is not None}
     bounds = {name: float(one["time"]) for name, one in answers.items() if "time" in one}
-    return bounds, missing | {
-        name: str(one["why"]) for name, one in answers.items() if "time" not in one
-    }
+    return bounds, missing | {n: str(answers[n]["why"]) for n in answers if n not in bounds}
 
 
 def _fly_all(
@@ -378,12 +372,9 @@ def _fly_all(
 ) -> list[Row]:  # fmt: skip
     """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
 
-    def one(job: tuple[Contender, Placed]) -> tuple[Trial, Trace]:
-        who, p = job
-        inputs = (
-            "flown", vehicle, who.law.name, source_of(who.law), who.parameters, who.sample_time,
-            p.scenario, p.start, p.target, p.duration, runs, seed, column,
-        )  # fmt: skip
+    def one(job: tuple[int, int]) -> tuple[Trial, Trace]:
+        who, p = contenders[job[0]], placed[job[1]]
+        law = (who.law.name, source_of(who.law), who.parameters, who.sample_time)
 
         def flight() -> dict[str, Any]:
             flown, time, depth = fly_scenario(
@@ -392,27 +383,20 @@ def _fly_all(
             result = summarise(flown)._asdict() | ({} if p.is_step else _NOT_A_STEP)
             return {"result": result, "time": time.tolist(), "depth": depth.tolist()}
 
-        kept = store.get(flight, *inputs)
-        trace = Trace(time=np.array(kept["time"]), depth=np.array(kept["depth"]))
-        return Trial(**kept["result"]), trace
+        kept = store.get(flight, "flown", vehicle, *law, *p, runs, seed, column)
+        return Trial(**kept["result"]), Trace(np.array(kept["time"]), np.array(kept["depth"]))
 
-    jobs = [(who, p) for who in contenders for p in placed]
-    found: dict[int, tuple[Trial, Trace]] = {}
-    for n, answer in each(lambda n: one(jobs[n]), range(len(jobs))):
-        found[n] = answer
+    jobs = [*product(range(len(contenders)), range(len(placed)))]
+    found = {}
+    for job, answer in each(one, jobs):
+        found[job] = answer
         advance(1.0 / len(jobs))
+    names = [p.scenario.name for p in placed]
     rows = []
     for n, who in enumerate(contenders):
-        named = {
-            p.scenario.name: found[n * len(placed) + k] for k, p in enumerate(placed)
-        }  # fmt: skip
-        rows.append(
-            Row(
-                who=who,
-                results={name: result for name, (result, _) in named.items()},
-                traces={name: trace for name, (_, trace) in named.items()},
-            )
-        )
+        results, traces = zip(*(found[n, k] for k in range(len(placed))), strict=True)
+        made = (dict(zip(names, parts, strict=True)) for parts in (results, traces))
+        rows.append(Row(who, *made))
     return rows
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swimbladder.design.linear.models import Array, StateSpace, linearise
+from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import largest_voltage, stall_depth
 
@@ -67,15 +67,6 @@ def doubling_time(system: StateSpace) -> float:
     growth = float(np.max(system.poles.real))
     noise = 1e-12 * float(np.linalg.norm(system.A, 2))
     return math.log(2.0) / growth if growth > noise else math.inf
-
-
-def inner_loop_depth_gain(system: StateSpace, k_pV: float) -> float:
-    """Return dV/dz [m3/m] of the settled inner loop u = k_pV (U - V), from the linear model.
-
-    system: states (q, V, z, w) and input u, as linearise gives it.
-    """
-    actuator: Array = system.A[:2, :2] - k_pV * system.B[:2] @ np.array([[0.0, 1.0]])
-    return float(np.linalg.solve(actuator, -system.A[:2, 2])[1])
 
 
 def depth_load(p: Plant, *, k_pV: float) -> DepthLoad:
