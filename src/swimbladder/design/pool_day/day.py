@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -27,11 +28,10 @@ from swimbladder.design.pool_day.segments import (
     Sample,
     Segmenter,
     Turned,
-    Why,
 )
 from swimbladder.design.pool_day.tasks import Task, next_task, undone
 from swimbladder.design.pool_day.verdict import LEAST, Target, Verdict, judge
-from swimbladder.errors import InputError, LogError
+from swimbladder.errors import InputError, LogError, check_number
 from swimbladder.estimation.motion import (
     NEUTRAL_STD,
     ExperimentFit,
@@ -52,29 +52,23 @@ _CREEP = 0.05  # of the change of volume
 _FAR = 4.0  # standard deviations
 
 
-def of_cut(cut: Cut, rules: Rules) -> list[str]:
-    """Return what is to be said of an experiment as it was cut out of the log."""
-    said = []
-    glide = [s for s in cut.samples if s.time >= cut.released]
+def of_cut(cut: Cut, rules: Rules) -> Iterator[str]:
+    """Yield what is to be said of an experiment as it was cut out of the log."""
+    glide = cut.glide
     if abs(cut.rest.speed) > rules.rest_speed:
-        said.append(
+        yield (
             f"It was not quite at rest before: {1e3 * abs(cut.rest.speed):.2g} mm/s over the last "
             f"minute, more than {1e3 * rules.rest_speed:g} mm/s. Wait longer next time."
         )
     if len(glide) < _FEW:
-        said.append(
-            f"Only {len(glide)} samples: a smaller change of volume, or a faster logger, gives "
-            "more."
-        )
-    early = cut.end in (End.SURFACE, End.BOTTOM, End.STOPPED) and abs(cut.travel) < _EARLY
-    if early:
+        more = "a smaller change of volume, or a faster logger, gives more"
+        yield f"Only {len(glide)} samples: {more}."
+    if cut.end in (End.SURFACE, End.BOTTOM, End.STOPPED) and abs(cut.travel) < _EARLY:
         other = "deeper" if cut.travel < 0.0 else "higher"
-        said.append(
-            f"{cut.end.value[0].upper()}{cut.end.value[1:]} after only {abs(cut.travel):.2g} m: "
-            f"rest {other} before the release."
-        )
+        end = f"{cut.end.value[0].upper()}{cut.end.value[1:]}"
+        yield f"{end} after only {abs(cut.travel):.2g} m: rest {other} before the release."
     if cut.end is End.PISTON:
-        said.append(
+        yield (
             f"The piston moved after {abs(cut.travel):.2g} m; what came then is left out. Leave it "
             "alone until the vehicle has arrived."
         )
@@ -82,11 +76,8 @@ def of_cut(cut: Cut, rules: Rules) -> list[str]:
     half = [s.volume for s in glide[len(glide) // 2 :][: len(last)]]
     crept = sum(last) / len(last) - sum(half) / len(half)
     if not cut.turns and abs(crept) > _CREEP * abs(cut.change):
-        said.append(
-            f"The volume crept by {1e6 * crept:+.2g} cm3 during the glide; the fit takes it as "
-            "logged."
-        )
-    return said
+        change = f"{1e6 * crept:+.2g} cm3"
+        yield f"The volume crept by {change} during the glide; the fit takes it as logged."
 
 
 def of_fit(fit: ExperimentFit, neutral_std: float) -> tuple[float, str]:
@@ -101,10 +92,8 @@ def of_fit(fit: ExperimentFit, neutral_std: float) -> tuple[float, str]:
     drifted = fit.drift.value * span
     used = int(np.isfinite(fit.residual).sum())
     outliers = fit.outliers / (_OUTLIERS * used)
-    drift = min(
-        abs(fit.drift.value) / (_FAR * fit.drift.std) if fit.drift.std > 0.0 else 0.0,
-        abs(drifted) / neutral_std,
-    )
+    sure = abs(fit.drift.value) / (_FAR * fit.drift.std) if fit.drift.std > 0.0 else 0.0
+    drift = min(sure, abs(drifted) / neutral_std)
     if outliers > max(neutral, drift):
         return outliers, f"{fit.outliers} of its {used} depths are outliers: check the sensor"
     if neutral >= drift:
@@ -116,33 +105,6 @@ def of_fit(fit: ExperimentFit, neutral_std: float) -> tuple[float, str]:
     return drift, (
         f"its neutral volume drifted by {1e6 * drifted:+.2g} cm3 under way: trapped air, a leak, a "
         "slip of the piston's sensor, or a touch of the tether"
-    )
-
-
-def of_refusal(refused: Refused, rules: Rules) -> str:
-    """Return why a stretch of the log is no experiment, and what to do."""
-    why, number = refused.why, refused.number
-    if why is Why.NOT_AT_REST:
-        return (
-            f"No experiment: the vehicle was not at rest before it moved at "
-            f"{1e3 * abs(number):.0f} mm/s with the piston at a standstill. Hold it still for "
-            f"{rules.minute:g} s first."
-        )
-    if why is Why.NOT_SETTLED:
-        return (
-            f"No experiment: the volume was changed by up to {1e6 * number:+.3g} cm3 and did not "
-            "stand still. Open the loop before the release, and leave the piston alone."
-        )
-    if why is Why.STUCK:
-        return (
-            f"No experiment: the volume was changed by {1e6 * number:+.3g} cm3 and the vehicle did "
-            "not move. Is it on the bottom, at the surface, or held by its tether?"
-        )
-    if why is Why.FEW_SAMPLES:
-        return f"No experiment: {number:.0f} samples are too few. Log faster, or start further off."
-    end = f": {refused.end.value}" if refused.end is not None else ""
-    return (
-        f"No experiment: it went only {abs(number):.2g} m{end}. Start further from where it ends."
     )
 
 
@@ -216,46 +178,40 @@ class PoolDay:
     def _on(self, event: Event) -> Iterator[News]:
         if isinstance(event, Ready):
             rest = event.rest
-            yield News(
-                "ready", event.time,
-                f"At rest at {rest.depth:.2f} m ({1e3 * rest.speed:+.2f} mm/s over a minute). "
-                f"{self._at(rest.depth)}",
-            )  # fmt: skip
+            at = f"{rest.depth:.2f} m ({1e3 * rest.speed:+.2f} mm/s over a minute)"
+            yield News("ready", event.time, f"At rest at {at}. {self._at(rest.depth)}")
         elif isinstance(event, Changed):
-            yield News(
-                "started", event.time,
-                f"The volume was changed by {1e6 * event.change:+.3g} cm3: experiment "
-                f"{self._number} is under way. Leave the piston alone.",
-            )  # fmt: skip
+            changed = f"The volume was changed by {1e6 * event.change:+.3g} cm3"
+            said = f"{changed}: experiment {self._number} is under way. Leave the piston alone."
+            yield News("started", event.time, said)
         elif isinstance(event, Turned):
             yield News("turned", event.time, f"Now {1e6 * event.volume:+.3g} cm3.")
         elif isinstance(event, Refused):
-            news = News("refused", event.time, of_refusal(event, self.rules))
-            self.refused.append(news)
-            yield news
+            yield self._refuse(event.time, event.sentence(self.rules))
         else:
             yield from self._keep(event)
 
+    def _refuse(self, time: float, sentence: str) -> News:
+        self.refused.append(News("refused", time, sentence))
+        return self.refused[-1]
+
     def _keep(self, event: Ended) -> Iterator[News]:
-        cut = event.cut
-        known = next(
-            (k for k in (*self.kept, *self.aside) if same_start(k, cut, self.source)), None
-        )
+        cut, before = event.cut, (*self.kept, *self.aside)
+        known = next((k for k in before if same_start(k, cut, self.source)), None)
         if known is not None and (known.set_aside or len(known.log) >= len(cut.samples)):
             return  # from an earlier run
         number = known.number if known is not None else self._number
-        said = of_cut(cut, self.rules)
+        said = list(of_cut(cut, self.rules))
         one = keep(self.folder, number, cut, self.source, said)
-        self.kept = sorted([*(k for k in self.kept if k is not known), one], key=_number)
+        others = [k for k in self.kept if k is not known]
+        self.kept = sorted([*others, one], key=attrgetter("number"))
         yield News("ended", event.time, _summary(number, cut, said))
         try:
             self._identify()
         except LogError as error:
             self.kept.remove(one)
             one.path.unlink()
-            news = News("refused", event.time, f"No experiment after all: {error}")
-            self.refused.append(news)
-            yield news
+            yield self._refuse(event.time, f"No experiment after all: {error}")
             return
         yield from self._set_aside(event.time)
         self.save()
@@ -269,10 +225,10 @@ class PoolDay:
                 return
             worst = max(faults, key=lambda k: faults[k][0])
             one = self.kept.pop(self.kept.index(worst))
-            self.aside.append(set_aside(one, faults[worst][1]))
+            why = faults[worst][1]
+            self.aside.append(set_aside(one, why))
             self._identify()
-            sentence = f"Experiment {one.number} is set aside: {faults[worst][1]}."
-            yield News("refused", time, sentence)
+            yield News("refused", time, f"Experiment {one.number} is set aside: {why}.")
 
     def _faults(self) -> dict[Kept, tuple[float, str]]:
         """Return by how much experiments are off, and why, of those that are."""
@@ -303,23 +259,19 @@ class PoolDay:
             self._identify(whole=True)
 
     def _identification(self, **other: Any) -> Identification:
-        a = self.asked
-        settings: dict[str, Any] = {
-            "free": a.free, "fixed": a.fixed, "priors": a.priors, "drag": a.drag,
-            "neutral_std": a.neutral_std,
-        }  # fmt: skip
+        settings = {name: x for name, x in vars(self.asked).items() if name != "targets"}
         return identify([k.log for k in self.kept], self.vehicle, **settings | other)
 
     def _judge(self) -> Verdict:
         def known_neutral() -> Identification:
             return self._identification(neutral_std=1e-9, profiles=False, choices=False)
 
-        changes = [k.change_m3 for k in self.kept]
+        due = undone(self.tasks, [k.change_m3 for k in self.kept])
         faults = [f"Experiment {k.number}: {why}." for k, (_, why) in self._faults().items()]
+        targets, priors = self.asked.targets, self.asked.priors
         return judge(
-            self.found, self.asked.targets, priors=self.asked.priors, faults=faults,
-            due=undone(self.tasks, changes), known_neutral=known_neutral,
-        )  # fmt: skip
+            self.found, targets, priors=priors, due=due, faults=faults, known_neutral=known_neutral
+        )
 
     @property
     def doing(self) -> Doing:
@@ -365,8 +317,8 @@ class PoolDay:
 
     def answer(self) -> dict[str, Any]:
         """Return what is known in SI units, ready for JSON."""
-        found = None if self.found is None else self.found.to_json()
-        each = found["experiments"] if found else []
+        found: dict[str, Any] = {"parameters": {}, "findings": [], "assumptions": []}
+        found |= {"experiments": []} if self.found is None else self.found.to_json()
         return {
             "vehicle": self.vehicle.name,
             "mode": self.mode,
@@ -375,10 +327,10 @@ class PoolDay:
             ),
             "next": self.advice,
             "targets": [t._asdict() for t in self.asked.targets],
-            **{name: found[name] if found else kind() for name, kind in _FOUND},
+            **{name: found[name] for name in ("parameters", "findings", "assumptions")},
             "experiments": [
                 {**k.to_json(), "neutral_error": e["neutral_error"], "rms_m": e["rms_m"]}
-                for k, e in zip(self.kept, each, strict=True)
+                for k, e in zip(self.kept, found["experiments"], strict=True)
             ],
             "set_aside": [k.to_json() for k in self.aside],
             "refused": [{"time_s": n.time, "why": n.sentence} for n in self.refused],
@@ -386,24 +338,11 @@ class PoolDay:
         }
 
 
-_FOUND: tuple[tuple[str, type], ...] = (
-    ("parameters", dict), ("findings", list), ("assumptions", list),
-)  # fmt: skip
-
-
-def _number(kept: Kept) -> int:
-    return kept.number
-
-
 def _summary(number: int, cut: Cut, said: Sequence[str]) -> str:
     way = "down" if cut.travel > 0.0 else "up"
-    glide = sum(1 for s in cut.samples if s.time >= cut.released)
-    took = cut.samples[-1].time - cut.released
-    head = (
-        f"Experiment {number} is over, {cut.end.value}: {1e6 * cut.change:+.3g} cm3, "
-        f"{abs(cut.travel):.2f} m {way} in {took:.0f} s, {glide} samples."
-    )
-    return " ".join([head, *said])
+    took = f"{cut.samples[-1].time - cut.released:.0f} s, {len(cut.glide)} samples"
+    moved = f"{1e6 * cut.change:+.3g} cm3, {abs(cut.travel):.2f} m {way} in {took}"
+    return " ".join([f"Experiment {number} is over, {cut.end.value}: {moved}.", *said])
 
 
 _LEAST_CHANGE = 0.008  # of half the stroke
@@ -421,32 +360,26 @@ def rules_of(
     nothing.
     """
     least = Rules().least_travel
+    further = f"an experiment has to go further than {least:g} m"
     if not travel > least:
-        raise InputError(
-            f"an experiment has to go further than {least:g} m", field="travel", value=travel,
-            unit="m", remedy="Give more, or leave it out",
-        )  # fmt: skip
+        remedy = "Give more, or leave it out"
+        raise InputError(further, field="travel", value=travel, unit="m", remedy=remedy)
     half = 0.5 * (vehicle.stroke.maximum - vehicle.stroke.minimum)
     change = _LEAST_CHANGE * half
     if plan is not None:
-        least = min(abs(one.moves[0].volume) for one in plan.experiments)
-        return Rules(
-            change=min(change, 0.5 * least), surface=plan.shallowest, bottom=plan.deepest,
-            travel=math.inf, turns=True,
-            longest=max(one.longest for one in plan.experiments),
-        )  # fmt: skip
+        longest = max(one.longest for one in plan.experiments)
+        change = min(change, *(0.5 * abs(one.moves[0].volume) for one in plan.experiments))
+        ends = {"surface": plan.shallowest, "bottom": plan.deepest, "longest": longest}
+        return Rules(change=change, travel=math.inf, turns=True, **ends)
     # A quarter of the pool's depth is kept clear at either end: see paper_tasks.
     shallowest = vehicle.hull.emergence_depth + (least + 0.1) / 0.75
     if pool_depth is not None and pool_depth <= shallowest:
-        raise InputError(
-            f"too shallow: an experiment has to go further than {least:g} m", field="pool_depth",
-            value=pool_depth, unit="m",
-            remedy=f"Give the depth of the bottom, more than {shallowest:.2g} m",
-        )  # fmt: skip
-    return Rules(
-        change=change, surface=vehicle.hull.emergence_depth + 0.1, travel=travel,
-        bottom=math.inf if pool_depth is None else pool_depth - 0.05,
-    )  # fmt: skip
+        remedy = f"Give the depth of the bottom, more than {shallowest:.2g} m"
+        what, place = f"too shallow: {further}", "pool_depth"
+        raise InputError(what, field=place, value=pool_depth, unit="m", remedy=remedy)
+    surface = vehicle.hull.emergence_depth + 0.1
+    bottom = math.inf if pool_depth is None else pool_depth - 0.05
+    return Rules(change=change, surface=surface, travel=travel, bottom=bottom)
 
 
 def asked_of(
@@ -466,10 +399,8 @@ def asked_of(
     for name, given in (("free", chosen), ("fixed", tuple(fixed)), ("priors", tuple(priors))):
         check_names(given, model, voltage=False, option=name)
     check_std("neutral_std", neutral_std, "m3")
-    return Asked(
-        targets=_targets(target, target_std, chosen), free=free, fixed=fixed, priors=priors,
-        drag=drag, neutral_std=neutral_std,
-    )  # fmt: skip
+    known = Asked(targets=_targets(target, target_std, chosen), free=free, drag=drag)
+    return replace(known, fixed=fixed, priors=priors, neutral_std=neutral_std)
 
 
 def _targets(
@@ -483,29 +414,20 @@ def _targets(
             main = [name for name in names if name != "psi"]
         return tuple(Target(name, share) for name in main)
     if each is not None:
-        raise InputError(
-            "each is said by itself already", field="target_std", value=each,
-            remedy="Give one of the two",
-        )  # fmt: skip
+        what, remedy = "each is said by itself already", "Give one of the two"
+        raise InputError(what, field="target_std", value=each, remedy=remedy)
     for one in given:
         if one.name not in names:
-            raise InputError(
-                "it is not identified", field="target", value=one.name,
-                remedy=f"Choose from {', '.join(names)}",
-            )  # fmt: skip
+            remedy = f"Choose from {', '.join(names)}"
+            raise InputError("it is not identified", field="target", value=one.name, remedy=remedy)
         if one.relative:
             _check_share("target", one.std)
-        elif not one.std > 0.0:
-            raise InputError(
-                "it must be above 0", field="target", value=one.std, unit=NAMES[one.name].unit,
-                remedy="Give a standard deviation, or a share like 2 %",
-            )  # fmt: skip
+        unit, remedy = NAMES[one.name].unit, "Give a standard deviation, or a share like 2 %"
+        check_number(one.std, "target", unit, above=0.0, finite=False, remedy=remedy)
     return tuple(given)
 
 
 def _check_share(field: str, share: float) -> None:
     if not 0.0 < share < 1.0:
-        raise InputError(
-            "it must be a share above 0 and below 1", field=field, value=share,
-            remedy="Write it like 2 %",
-        )  # fmt: skip
+        what = "it must be a share above 0 and below 1"
+        raise InputError(what, field=field, value=share, remedy="Write it like 2 %")

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,6 @@ from swimbladder.io.tables import write_csv
 
 STATE = "pool.json"
 _MARK = "swimbladder pool"
-_FACTS = (
-    "number", "source", "released_s", "change_m3", "travel_m", "end", "rest_depth_m",
-    "rest_speed_m_s", "set_aside",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,16 +41,17 @@ class Kept:
 
     def to_json(self) -> dict[str, Any]:
         """Return it for pool.json."""
-        return {"file": self.path.name, **as_json(self, " ".join((*_FACTS, "remarks")))}
+        return {"file": self.path.name, **as_json(self, " ".join(_FACTS)), "remarks": self.remarks}
+
+
+_FACTS = [f.name for f in fields(Kept) if f.name not in ("path", "log", "remarks")]
 
 
 def keep(folder: Path, number: int, cut: Cut, source: str, remarks: list[str]) -> Kept:
     """Write an experiment as a log and read it back, so that the fit sees what is on disk."""
     path = write_csv(folder / f"experiment-{number:03d}.csv", cut.columns())
-    return Kept(
-        number, path, read_log(path), source, cut.released, cut.change, cut.travel, cut.end.value,
-        cut.rest.depth, cut.rest.speed, tuple(remarks),
-    )  # fmt: skip
+    facts = (cut.released, cut.change, cut.travel, cut.end.value, cut.rest.depth, cut.rest.speed)
+    return Kept(number, path, read_log(path), source, *facts, tuple(remarks))
 
 
 def set_aside(kept: Kept, why: str) -> Kept:
@@ -105,11 +102,9 @@ def earlier(folder: Path, state: Mapping[str, Any]) -> list[Kept]:
     found = []
     try:
         for entry in state["experiments"]:
-            path = folder / Path(entry["file"]).name
+            path, remarks = folder / Path(entry["file"]).name, tuple(entry["remarks"])
             facts = {name: entry[name] for name in _FACTS}
-            found.append(
-                Kept(path=path, log=read_log(path), remarks=tuple(entry["remarks"]), **facts)
-            )
+            found.append(Kept(path=path, log=read_log(path), remarks=remarks, **facts))
     except (KeyError, TypeError) as error:
         raise _foreign(folder / STATE, f"it is not whole: {error} is missing") from None
     return found

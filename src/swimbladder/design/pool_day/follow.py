@@ -11,7 +11,7 @@ from swimbladder.design.pool_day.growing_log import GrowingLog, samples_of
 from swimbladder.design.pool_day.rehearsal import Operator
 from swimbladder.design.pool_day.segments import Sample
 from swimbladder.design.pool_day.verdict import State
-from swimbladder.errors import InputError, LogError
+from swimbladder.errors import LogError, check_number
 from swimbladder.io.logs import read_log
 from swimbladder.io.tables import write_csv
 
@@ -26,10 +26,8 @@ def check_waiting(*, timeout: float | None = None, speed: float | None = None) -
         ("timeout", timeout, "s", "Give a time, or do not wait where a log is finished"),
         ("speed", speed, "", "Give simulated seconds a second, or leave it out"),
     ):
-        if value is not None and not value > 0.0:
-            raise InputError(
-                "it must be above 0", field=field, value=value, unit=unit, remedy=remedy
-            )
+        if value is not None:
+            check_number(value, field, unit, above=0.0, finite=False, remedy=remedy)
 
 
 def follow(
@@ -61,10 +59,9 @@ def follow(
     if tail.trouble is not None:
         raise tail.trouble
     if not seen:
-        raise LogError(
-            f"there is no log, after {timeout:g} s", file=tail.path, field="--follow",
-            remedy="Check the path, or give more --timeout",
-        )  # fmt: skip
+        what = f"there is no log, after {timeout:g} s"
+        remedy = "Check the path, or give more --timeout"
+        raise LogError(what, file=tail.path, field="--follow", remedy=remedy)
     yield from day.end_log()
     yield News("log", 0.0, f"{tail.path} has not grown for {timeout:g} s: taken as finished.")
 
@@ -91,14 +88,12 @@ def rehearse(
     check_waiting(speed=speed)
     yield from day.begin_log("rehearsal")
     command = "voltage_V" if day.vehicle.voltage_driven else "reference_volume_m3"
-    columns: dict[str, list[np.ndarray]] = {
-        "time_s": [], "depth_m": [], "volume_m3": [], command: []
-    }  # fmt: skip
+    names = ("time_s", "depth_m", "volume_m3", command)
+    done = np.empty((len(names), 0))
     for _ in range(most):
         p = operator.perform(day.next)
-        for name, values in zip(columns, p[:4], strict=True):
-            columns[name].append(values)
-        write_csv(whole, {name: np.concatenate(parts) for name, parts in columns.items()})
+        done = np.hstack([done, p[:4]])
+        write_csv(whole, dict(zip(names, done, strict=True)))
         rows = np.column_stack(p[:3])
         due = np.searchsorted(p.time, np.arange(p.time[0], p.time[-1], _BURST * min(speed, 60.0)))
         for first, last in zip(due, [*due[1:], len(rows)], strict=True):

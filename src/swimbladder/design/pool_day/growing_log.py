@@ -59,10 +59,9 @@ class GrowingLog:
         except FileNotFoundError:
             return Growth([], False, "missing")
         except OSError as error:
-            raise LogError(
-                f"cannot be read: {error.strerror or error}", file=self.path, field="--follow",
-                remedy="Check the path and its permissions",
-            ) from error  # fmt: skip
+            what = f"cannot be read: {error.strerror or error}"
+            remedy = "Check the path and its permissions"
+            raise LogError(what, file=self.path, field="--follow", remedy=remedy) from error
         data = data[: max(data.rfind(end) for end in _ENDS) + 1]
         if data == self._data or self._data.startswith(data):
             return Growth([], False, "still")
@@ -83,14 +82,13 @@ class GrowingLog:
         try:
             copy = folder / self.path.name
             copy.write_bytes(data)
-            try:
-                log = read_log(copy, columns=self.columns, log_format=self.log_format)
-                rows = samples_of(log, self.vehicle)
-            except LogError as error:
-                self.trouble = error.but(file=self.path)
-                if data.count(b"\n") + data.count(b"\r") > _EARLY:
-                    raise self.trouble from None
-                return None
+            log = read_log(copy, columns=self.columns, log_format=self.log_format)
+            rows = samples_of(log, self.vehicle)
+        except LogError as error:
+            self.trouble = error.but(file=self.path)
+            if data.count(b"\n") + data.count(b"\r") > _EARLY:
+                raise self.trouble from None
+            return None
         finally:
             shutil.rmtree(folder, ignore_errors=True)
         self.trouble, self.report = None, log.report
@@ -106,10 +104,9 @@ def samples_of(log: Log, vehicle: Vehicle) -> NDArray[np.float64]:
     if volume is None and log.piston is not None and area is not None:
         volume = log.piston * area
     if volume is None:
-        raise LogError(
-            "the log has no volume, so a change of it cannot be seen", file=log.source,
-            field="volume_m3 or piston_m",
-            remedy="Say which column it is with --column volume_m3=NAME@cm3 or piston_m=NAME@mm",
-        )  # fmt: skip
+        what = "the log has no volume, so a change of it cannot be seen"
+        field = "volume_m3 or piston_m"
+        remedy = "Say which column it is with --column volume_m3=NAME@cm3 or piston_m=NAME@mm"
+        raise LogError(what, file=log.source, field=field, remedy=remedy)
     rows = np.column_stack([log.time, log.depth, volume])
     return rows[np.isfinite(rows).all(axis=1)]

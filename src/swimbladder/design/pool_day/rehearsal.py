@@ -7,8 +7,9 @@ With the loop open the piston is moved by a timed voltage, a servo, or directly.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, Protocol
+from itertools import groupby
+from operator import itemgetter
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,20 +30,8 @@ _NEAR = 0.002  # of the stroke, that counts as there
 _SLOW = 120.0  # s, after which a move counts as over
 
 
-class ManualDrive(Protocol):
-    """Moves the piston, and keeps it where it is."""
-
-    def stay(self, seen: Measurement) -> None:
-        """Keep the piston from now on where it is."""
-
-    def go(self, volume: float, seen: Measurement) -> None:
-        """Move it from now on to a volume [m3]."""
-
-    def done(self, seen: Measurement) -> bool:
-        """Say whether it has arrived."""
-
-    def command(self, seen: Measurement) -> float:
-        """Return the command of this sample [V, or m3 for a positioner]."""
+# A drive moves the piston and keeps it where it is: from now on it is to `stay`, or to `go` to a
+# volume [m3]. `done` says whether it has arrived; a `command` is in V, or in m3 for a positioner.
 
 
 class _Timed:
@@ -98,7 +87,7 @@ class _Servo:
         return math.copysign(min(abs(u), self._limit), u)
 
 
-def manual_drive_of(vehicle: Vehicle) -> ManualDrive:
+def manual_drive_of(vehicle: Vehicle) -> _Timed | _Servo:
     """Return what moves the piston of a vehicle with a controller.
 
     Raises InputError where nothing known can: a voltage-driven one without a cascade.
@@ -113,10 +102,9 @@ def manual_drive_of(vehicle: Vehicle) -> ManualDrive:
         return _Timed(vehicle.actuator, limit, vehicle.controller.sample_time)
     law, parameters = bind(vehicle.controller)
     if not isinstance(parameters, CascadeParameters):
-        raise InputError(
-            "a rehearsal moves the piston with the inner loop of a cascade",
-            field="controller.law", value=law.name, remedy="Give the vehicle that controller",
-        )  # fmt: skip
+        what = "a rehearsal moves the piston with the inner loop of a cascade"
+        remedy = "Give the vehicle that controller"
+        raise InputError(what, field="controller.law", value=law.name, remedy=remedy)
     return _Servo(near, parameters.k_pV, limit)
 
 
@@ -148,15 +136,13 @@ class Operator:
         Raises InputError where the procedure cannot be done with this vehicle.
         """
         if believed.controller is None:
-            raise InputError(
-                f"the vehicle {believed.name!r} has no controller to come to rest with",
-                field="controller", remedy="Add a [controller] table to the vehicle",
-            )  # fmt: skip
+            what = f"the vehicle {believed.name!r} has no controller to come to rest with"
+            remedy = "Add a [controller] table to the vehicle"
+            raise InputError(what, field="controller", remedy=remedy)
         if truth.voltage_driven != believed.voltage_driven:
-            raise InputError(
-                "its actuator does not take the commands of the believed vehicle",
-                field="--truth", value=truth.name, remedy="Give one with the same kind of actuator",
-            )  # fmt: skip
+            what = "its actuator does not take the commands of the believed vehicle"
+            remedy = "Give one with the same kind of actuator"
+            raise InputError(what, field="--truth", value=truth.name, remedy=remedy)
         self.believed, self.truth, self.pool_depth, self.seed = believed, truth, pool_depth, seed
         self._time, self._runs = 0.0, 0
         self._depth, self._speed = pool_depth, 0.0
@@ -185,26 +171,19 @@ class Operator:
             checked=False,
         )  # fmt: skip
         if notes[-1][2] != "over":
-            why = (
-                f"the vehicle did not come to rest at {task.start:.2f} m in {_PATIENCE / 60.0:g} "
-                "min. Tune its controller"
-                if s.finished else s.stop.value
-            )  # fmt: skip
-            raise NoAnswerError(
-                f"The rehearsal stopped at {self._time + notes[-1][0].time:.0f} s: {why}"
-            )
-        n = len(notes) - 1
-        began = self._time
+            where = f"{task.start:.2f} m in {_PATIENCE / 60.0:g} min. Tune its controller"
+            why = f"the vehicle did not come to rest at {where}" if s.finished else s.stop.value
+            when = self._time + notes[-1][0].time
+            raise NoAnswerError(f"The rehearsal stopped at {when:.0f} s: {why}")
+        n, began = len(notes) - 1, self._time
         self._time, self._runs = began + notes[-1][0].time, self._runs + 1
-        self._depth, self._speed, self._volume = (
-            float(values[n]) for values in (s.depth, s.speed, s.volume)
-        )
+        self._depth, self._speed, self._volume = (float(x[n]) for x in (s.depth, s.speed, s.volume))
         rows = [(began + m.time, m.depth, m.volume, u) for m, u, _ in notes[:-1]]
+        phases = [
+            (began + next(group)[0].time, does)
+            for does, group in groupby(notes[:-1], key=itemgetter(2))
+        ]
         time, depth, volume, command = np.array(rows).T
-        phases: list[tuple[float, Does]] = []
-        for seen, _, does in notes[:-1]:
-            if not phases or phases[-1][1] != does:
-                phases.append((began + seen.time, does))
         return Performed(time, depth, volume, command, tuple(phases))
 
 
@@ -214,10 +193,8 @@ class _Work:
     def __init__(self, vehicle: Vehicle, task: Task) -> None:
         assert vehicle.controller is not None
         assert task.start is not None
-        law, self._parameters = bind(vehicle.controller)
-        self._initial: Callable[..., Any] = law.initial
-        self._step: Callable[..., Any] = law.step
-        self._drive: ManualDrive = manual_drive_of(vehicle)
+        self._law, self._parameters = bind(vehicle.controller)
+        self._drive = manual_drive_of(vehicle)
         self._task, self._start = task, task.start
         self._turns = [Move(volume=task.change), *task.turns]
         self._rules = Rules()
@@ -243,7 +220,8 @@ class _Work:
         elif self._does == "arrived" and seen.time - self._began > _AFTER:
             self._does = "over"
         if self._does == "hold":
-            command, self._state, _ = self._step(self._parameters, self._state, seen, self._start)
+            step: Any = self._law.step
+            command, self._state, _ = step(self._parameters, self._state, seen, self._start)
             self._window = protocol.extend(self._window, seen.depth - self._start, seen.volume)
             return float(command), "hold"
         return self._drive.command(seen), self._does
@@ -251,7 +229,8 @@ class _Work:
     def _hold(self, seen: Measurement) -> None:
         """Bring the vehicle to rest; when it has been for a minute, open the loop."""
         if self._state is None:
-            self._state = self._initial(self._parameters, seen, self._start)
+            initial: Any = self._law.initial
+            self._state = initial(self._parameters, seen, self._start)
         w, r = self._window, self._rules
         if w.samples * self._tick < r.minute - 1e-9:
             return
@@ -277,20 +256,13 @@ class _Work:
         depth = sorted(self._seen)[len(self._seen) // 2]
         self._deepest, self._shallowest = max(self._deepest, depth), min(self._shallowest, depth)
         if self._turns:
-            turn, up = self._turns[0], self._turns[0].going == "up"
-            assert turn.depth is not None  # of the first alone, which is the release
-            if (
-                depth <= turn.depth < self._deepest
-                if up
-                else depth >= turn.depth > self._shallowest
-            ):
+            place, up = self._turns[0].depth, self._turns[0].going == "up"
+            assert place is not None  # of the first alone, which is the release
+            if depth <= place < self._deepest if up else depth >= place > self._shallowest:
                 self._move(seen)
                 return
-        rising, sinking = depth < self._deepest - 0.02, depth > self._shallowest + 0.02
-        if (
-            (depth <= task.shallowest and rising)
-            or (depth >= task.deepest and sinking)
-            or seen.time - self._released > task.longest
-        ):
+        risen = depth <= task.shallowest and depth < self._deepest - 0.02
+        sunk = depth >= task.deepest and depth > self._shallowest + 0.02
+        if risen or sunk or seen.time - self._released > task.longest:
             self._does, self._began = "arrived", seen.time
             self._drive.stay(seen)

@@ -17,6 +17,7 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyfit, polyval
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -42,9 +43,7 @@ def steadied(time: Array, volume: Array) -> Array:
     for first, last in _stands(volume, limit):
         t, v = time[first:last] - time[first:last].mean(), volume[first:last]
         for order in (0, 1, 2):
-            smooth = np.polynomial.polynomial.polyval(
-                t, np.polynomial.polynomial.polyfit(t, v, order)
-            )
+            smooth = polyval(t, polyfit(t, v, order))
             if not _trend(v - smooth, step):
                 break
         result[first:last] = smooth
@@ -194,13 +193,22 @@ class End(Enum):
 
 
 class Why(Enum):
-    """Why a stretch of the log is no experiment."""
+    """Why a stretch of the log is no experiment, and what to do."""
 
-    NOT_AT_REST = "the volume was changed before the vehicle was at rest"
-    NOT_SETTLED = "the volume did not stand still"
-    SHORT = "the vehicle hardly moved"
-    FEW_SAMPLES = "there are too few samples"
-    STUCK = "the volume was changed and the vehicle did not move"
+    NOT_AT_REST = (
+        "the vehicle was not at rest before it moved at {mm:.0f} mm/s with the piston at a "
+        "standstill. Hold it still for {minute:g} s first"
+    )
+    NOT_SETTLED = (
+        "the volume was changed by up to {cm3:+.3g} cm3 and did not stand still. Open the loop "
+        "before the release, and leave the piston alone"
+    )
+    SHORT = "it went only {size:.2g} m{end}. Start further from where it ends"
+    FEW_SAMPLES = "{size:.0f} samples are too few. Log faster, or start further off"
+    STUCK = (
+        "the volume was changed by {cm3:+.3g} cm3 and the vehicle did not move. Is it on the "
+        "bottom, at the surface, or held by its tether?"
+    )
 
 
 class Cut(NamedTuple):
@@ -213,6 +221,11 @@ class Cut(NamedTuple):
     travel: float  # m, to the furthest point, positive down
     end: End
     turns: int = 0  # changes of volume under way
+
+    @property
+    def glide(self) -> list[Sample]:
+        """The samples since the release."""
+        return [s for s in self.samples if s.time >= self.released]
 
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """Return the columns of a log that `identify` reads.
@@ -265,6 +278,14 @@ class Refused(NamedTuple):
     why: Why
     number: float  # m/s, m3, m or samples: by how much
     end: End | None = None
+
+    def sentence(self, rules: Rules) -> str:
+        """Return why it is none, and what to do."""
+        end = f": {self.end.value}" if self.end is not None else ""
+        size, cm3 = abs(self.number), 1e6 * self.number
+        facts = {"size": size, "mm": 1e3 * size, "cm3": cm3, "minute": rules.minute, "end": end}
+        text = self.why.value.format(**facts)
+        return f"No experiment: {text}" + ("" if text.endswith("?") else ".")
 
 
 Event = Ready | Changed | Turned | Ended | Refused
@@ -335,10 +356,10 @@ class Glide:
 
         limit: mean distance from it that counts as having left [m3]; side: its sign.
         """
-        self.rules, self.rest = rules, rest
+        self.rules, self.rest, self.since = rules, rest, since  # until more is known of the two
         self.over = False
         self.volume: float | None = None  # m3, at which the piston stands; None: not believed yet
-        self._window, self._since, self._limit, self._side = window, since, limit, side
+        self._window, self._limit, self._side = window, limit, side
         self._now = since
         self._change = self._size = 0.0  # m3, of the first and of the last change
         self._extreme = 0.0  # m3, furthest from the rest before it is believed
@@ -361,20 +382,16 @@ class Glide:
             return self.end(End.TRAVEL if r.turns else End.BOTTOM)
         if abs(depth - self.rest.depth) >= r.travel:
             return self.end(End.TRAVEL)
-        if sample.time - self._since > r.longest:
+        if sample.time - self.since > r.longest:
             return self.end(End.LONG)
         if self.volume is not None and self._left is None:
-            away = abs(sample.volume - self.volume)
-            self._off = self._off + 1 if away > max(0.25 * abs(self._size), self._noise) else 0
+            away, noise = abs(sample.volume - self.volume), 6.0 * self._scatter
+            self._off = self._off + 1 if away > max(0.25 * abs(self._size), noise) else 0
             if self._off == 3:
                 self._left = float(self._window.rows[-3, TIME])
                 if not r.turns:
                     return self.end(End.PISTON)
         return []
-
-    @property
-    def _noise(self) -> float:
-        return 6.0 * self._scatter
 
     def evaluate(self) -> list[Event]:
         """Look at the last seconds: does the volume stand, does the vehicle still go?"""
@@ -401,7 +418,7 @@ class Glide:
         if self._side * change > abs(self._extreme):
             self._extreme = change
         stands = len(recent) >= 4 and settled(recent[:, VOLUME], change)
-        if self._now - self._since > _MOVING:
+        if self._now - self.since > _MOVING:
             self.over = True
             return [Refused(self._now, Why.STUCK if stands else Why.NOT_SETTLED, change)]
         gone = float(np.median(recent[:, DEPTH])) - self.rest.depth
@@ -411,10 +428,6 @@ class Glide:
         self._scatter = float(recent[:, VOLUME].std())
         self._change = self._size = change
         return [Changed(self._now, change, self.rest)]
-
-    def begin_at(self, since: float, rest: Rest) -> None:
-        """Say when the volume left [s], and how the minute before was, once that is known."""
-        self._since, self.rest = since, rest
 
     def _turn(self, left: float) -> list[Event]:
         """Look whether the volume has come to stand elsewhere, or is controlled."""
@@ -458,8 +471,8 @@ class Glide:
         elif end is End.STOPPED:
             away = np.flatnonzero(np.abs(rows[:, SMOOTH] - rows[-1, SMOOTH]) > self.rules.margin)
             rows = rows[: int(away[-1]) + 1] if len(away) else rows[:0]
-        rows = rows[rows[:, TIME] >= self._since - self.rules.before]
-        glide = rows[rows[:, TIME] >= self._since]
+        rows = rows[rows[:, TIME] >= self.since - self.rules.before]
+        glide = rows[rows[:, TIME] >= self.since]
         if self.volume is None:
             self.volume = float(rows[-1, VOLUME]) if len(rows) else rest.neutral
             self._change = self.volume - rest.neutral
@@ -472,7 +485,7 @@ class Glide:
         if abs(travel) < self.rules.least_travel:
             return [Refused(self._now, Why.SHORT, travel, end)]
         samples = tuple(Sample(*row) for row in rows[:, :3].tolist())
-        cut = Cut(rest, samples, self._since, self._change, travel, end, self._turns)
+        cut = Cut(rest, samples, self.since, self._change, travel, end, self._turns)
         return [Ended(self._now, cut)]
 
 
@@ -524,7 +537,7 @@ class Segmenter:
         events += self._glide.feed(sample)
         if due and not self._glide.over:
             events += self._glide.evaluate()
-        return events + self._after(self._glide, events)
+        return self._after(self._glide, events)
 
     def close(self, end: End = End.LOG) -> list[Event]:
         """Return what the end of the log, or of what is known of it, makes happen."""
@@ -539,15 +552,14 @@ class Segmenter:
         self._glide, self.ready, self.rest, self._evaluated = None, False, None, -math.inf
 
     def _after(self, g: Glide, events: list[Event]) -> list[Event]:
-        """Do what follows from what a glide said."""
+        """Do what follows from what a glide said, and return that."""
         if any(isinstance(event, Changed) for event in events):
             self._date(g)
-        if g.over:
-            if events:
-                self._forget()
-            else:  # it never was one: the rest goes on
-                self._glide = None
-        return []
+        if g.over and events:
+            self._forget()
+        elif g.over:  # it never was one: the rest goes on
+            self._glide = None
+        return events
 
     def _seek(self) -> list[Event]:
         """Look at the last minute: is it rest, has the volume left it?"""
@@ -557,7 +569,7 @@ class Segmenter:
         if left is not None:
             self._glide = left
             events = left.feed(Sample(*self._window.rows[-1, :3].tolist())) or left.evaluate()
-            return events + self._after(left, events)
+            return self._after(left, events)
         was, self.rest = self.ready, self._rest(now)
         if self.rest is None or not _still(self.rest, r):
             self.ready = False
@@ -619,7 +631,7 @@ class Segmenter:
         near = np.flatnonzero(away[: at + 1] <= max(g.rest.jitter, 0.02 * abs(change)))
         since = float(rows[at, TIME])
         rest = self._rest(float(rows[near[-1] if len(near) else at, TIME]))
-        g.begin_at(since, rest or g.rest)
+        g.since, g.rest = since, rest or g.rest
         self._window.forget_before(since - self.rules.before)
 
     def _hasty(self) -> list[Event]:

@@ -25,10 +25,11 @@ class Task(NamedTuple):
 
     def sentence(self) -> str:
         """Return what to do, from the beginning."""
-        up = self.change > 0.0
-        place = f"at {self.start:.2f} m" if self.start is not None else (
-            "near the bottom, clear of it" if up else "near the surface, all of it under water"
-        )  # fmt: skip
+        place = "near the surface, all of it under water"
+        if self.start is not None:
+            place = f"at {self.start:.2f} m"
+        elif self.change > 0.0:
+            place = "near the bottom, clear of it"
         return f"Bring the vehicle to rest {place}; {self._change()}."
 
     def release(self) -> str:
@@ -66,10 +67,8 @@ def paper_tasks(
         clearance = min(clearance, (pool_depth - top) / 4.0)
         deep, shallow, end = pool_depth - clearance, top + clearance, pool_depth - _MARGIN
     stroke = vehicle.stroke
-    room = min(
-        stroke.maximum - vehicle.neutral_volume(deep if deep is not None else top),
-        vehicle.neutral_volume(shallow if shallow is not None else top) - stroke.minimum,
-    )
+    most, least = (vehicle.neutral_volume(top if z is None else z) for z in (deep, shallow))
+    room = min(stroke.maximum - most, least - stroke.minimum)
     factor = min(1.0, _SHARE * room / PAPER[-1])
     tasks = []
     for size in PAPER:
@@ -81,13 +80,11 @@ def paper_tasks(
 
 def plan_tasks(plan: Plan) -> tuple[Task, ...]:
     """Return the experiments of a plan."""
+    ends = plan.shallowest, plan.deepest
     return tuple(
-        Task(
-            one.moves[0].volume, one.start_depth, one.moves[1:],
-            plan.shallowest, plan.deepest, one.longest,
-        )
+        Task(one.moves[0].volume, one.start_depth, one.moves[1:], *ends, one.longest)
         for one in plan.experiments
-    )  # fmt: skip
+    )
 
 
 def next_task(tasks: Sequence[Task], done: Sequence[float]) -> Task:
@@ -107,12 +104,8 @@ def undone(tasks: Sequence[Task], done: Sequence[float]) -> int:
 def _counts(tasks: Sequence[Task], done: Sequence[float]) -> list[int]:
     counts = [0] * len(tasks)
     for change in done:
-        fitting = [
-            i
-            for i, task in enumerate(tasks)
-            if task.change * change > 0.0
-            and abs(math.log(task.change / change)) <= math.log(_ALIKE)
-        ]
+        alike = [change and 1.0 / _ALIKE <= task.change / change <= _ALIKE for task in tasks]
+        fitting = [i for i, fits in enumerate(alike) if fits]
         if fitting:
             counts[min(fitting, key=lambda i: counts[i])] += 1
     return counts

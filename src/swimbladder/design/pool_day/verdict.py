@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.motion import NAMES, Identification, Prior
 
 Array = NDArray[np.float64]
@@ -25,16 +26,16 @@ class Target(NamedTuple):
     std: float
     relative: bool = True
 
-    def reached(self, value: float, std: float) -> bool:
+    def reached(self, e: Estimate) -> bool:
         """Say whether an estimate is that good, with a margin.
 
         A day that ends as soon as its numbers look good ends on those that look too good.
         """
-        return MARGIN * std <= self.limit(value)
+        return MARGIN * e.std <= self.limit(e)
 
-    def limit(self, value: float) -> float:
+    def limit(self, e: Estimate) -> float:
         """Return the standard deviation aimed at, in the parameter's unit."""
-        return self.std * abs(value) if self.relative else self.std
+        return self.std * abs(e.value) if self.relative else self.std
 
     def text(self) -> str:
         """Return it as text."""
@@ -82,24 +83,15 @@ def judge(
     n = len(found.experiments)
     not_identified = [f.sentence for f in found.findings if f.severity == "no"]
     if n < LEAST:
-        missing = LEAST - n
-        return Verdict(
-            State.MORE, f"At least {missing} more: with fewer than {LEAST} experiments a fault of "
-            "the model cannot show.", missing,
-        )  # fmt: skip
-    missed = [] if not_identified else [
-        t for t in targets
-        if not t.reached(found.parameters[t.name].value, found.parameters[t.name].std)
-    ]  # fmt: skip
-    warnings = [*faults, *(
-        f.sentence for f in found.findings if f.severity == "warning" and f.kind not in _SINGLE
-    )]  # fmt: skip
+        fault = f"with fewer than {LEAST} experiments a fault of the model cannot show"
+        return Verdict(State.MORE, f"At least {LEAST - n} more: {fault}.", LEAST - n)
+    missed = [t for t in targets if not not_identified and not t.reached(found.parameters[t.name])]
+    against = [f for f in found.findings if f.severity == "warning" and f.kind not in _SINGLE]
+    warnings = " ".join([*faults, *(f.sentence for f in against)])
     if not not_identified and not missed:
         if warnings:
-            return Verdict(
-                State.WARNED, "The targets are met, but what was found speaks against the "
-                f"intervals: {' '.join(warnings)}",
-            )  # fmt: skip
+            but = "The targets are met, but what was found speaks against the intervals"
+            return Verdict(State.WARNED, f"{but}: {warnings}")
         return Verdict(State.GOOD, f"Good enough to stop: {_known(found, targets)}.")
     if due:
         how = _known(found, missed) if missed else f"{not_identified[0]}"
@@ -110,16 +102,12 @@ def judge(
     more = forecast(found, targets, priors)
     how = _known(found, missed)
     if more is not None and more <= _MOST:
-        return Verdict(
-            State.MORE, f"Not yet: {how}. About {more} more experiment{'s' * (more > 1)} like "
-            "these should do.", more,
-        )  # fmt: skip
+        about = f"About {more} more experiment{'s' * (more > 1)} like these should do"
+        return Verdict(State.MORE, f"Not yet: {how}. {about}.", more)
     limits = _limits(found, missed, known_neutral)
-    need = f"about {more}" if more is not None else f"more than {_FAR}"
-    return Verdict(
-        State.LIMITED, f"More of the same will not help soon: {how}, and it would take {need} "
-        f"more experiments. {_instead(limits, missed, priors)}", more, limits,
-    )  # fmt: skip
+    need = f"it would take {f'about {more}' if more else f'more than {_FAR}'} more experiments"
+    said = f"More of the same will not help soon: {how}, and {need}. "
+    return Verdict(State.LIMITED, said + _instead(limits, missed, priors), more, limits)
 
 
 def forecast(
@@ -130,24 +118,18 @@ def forecast(
     The information of the data grows with their number, that of the priors does not. None where
     200 do not.
     """
-    names = list(found.names)
-    size = np.array([abs(found.parameters[name].value) or 1.0 for name in names])
+    size = np.array([abs(found.parameters[name].value) or 1.0 for name in found.names])
     total = np.linalg.inv(found.covariance / np.outer(size, size))
-    known = np.zeros(len(names))
-    for name, prior in priors.items():
-        known[names.index(name)] = (size[names.index(name)] / prior.std) ** 2
-    data = total - np.diag(known)
+    stds = np.array([priors[name].std if name in priors else np.inf for name in found.names])
+    known = np.diag((size / stds) ** 2)
     n = len(found.experiments)
-    wanted = [
-        (
-            names.index(t.name),
-            t.limit(found.parameters[t.name].value) / MARGIN / size[names.index(t.name)],
-        )
-        for t in targets if t.name in names
-    ]  # fmt: skip
+    limits = np.full(len(size), np.inf)
+    for t in targets:
+        if t.name in found.names:
+            limits[found.names.index(t.name)] = t.limit(found.parameters[t.name]) / MARGIN
     for more in range(1, _FAR + 1):
-        C = np.linalg.inv(np.diag(known) + data * (n + more) / n)
-        if all(C[i, i] <= limit**2 for i, limit in wanted):
+        C = np.linalg.inv(known + (total - known) * (n + more) / n)
+        if (np.diag(C) <= (limits / size) ** 2).all():
             return more
     return None
 
@@ -158,7 +140,7 @@ def _known(found: Identification, targets: Sequence[Target]) -> str:
         e = found.parameters[t.name]
         size, factor, unit = (abs(e.value), 100.0, "%") if t.relative else (1.0, 1.0, e.unit)
         aim = f"target {factor * t.std:.3g} {unit}"
-        if e.std <= t.limit(e.value) < MARGIN * e.std:
+        if e.std <= t.limit(e) < MARGIN * e.std:
             aim += f", which {factor * t.std / MARGIN:.3g} {unit} is taken to reach"
         parts.append(f"{t.name} is known to {factor * e.std / size:.2g} {unit} ({aim})")
     return ", ".join(parts)
@@ -169,9 +151,11 @@ def _limits(
 ) -> dict[str, float]:
     """Return which share of the worst variance would go if something else were known exactly."""
     names = list(found.names)
-    worst = max(
-        missed, key=lambda t: found.parameters[t.name].std / t.limit(found.parameters[t.name].value)
-    )
+
+    def excess(t: Target) -> float:
+        return found.parameters[t.name].std / t.limit(found.parameters[t.name])
+
+    worst = max(missed, key=excess)
     i, C = names.index(worst.name), found.covariance
     shares = {}
     if "psi" in names and worst.name != "psi":
