@@ -7,9 +7,7 @@ actuator's constants.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import reduce
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from itertools import product
 from pathlib import Path
@@ -251,20 +249,17 @@ def load_parts(path: str | Path | None = None) -> Parts:
         return read_model(Parts, text, "parts.toml of swimbladder")
     parts = read_model(Parts, file_text(Path(path)), path)
     if not parts.pumps and not (parts.gears and parts.screws and parts.pistons):
-        raise InputError(
-            "neither a pump nor a whole screw drive (gear, screw and piston) is in the list",
-            file=path,
-            field="pumps",
-            remedy="Add [[pumps]] (and [[amplifiers]]), or [[gears]], [[screws]] and [[pistons]]",
-        )
+        what = "neither a pump nor a whole screw drive (gear, screw and piston) is in the list"
+        remedy = "Add [[pumps]] (and [[amplifiers]]), or [[gears]], [[screws]] and [[pistons]]"
+        raise InputError(what, file=path, field="pumps", remedy=remedy)
     return parts
 
 
 Array = NDArray[np.float64]
 
-PARTS = (  # what a drive is made of, in the order of tables and pictures
-    "kind", "motor", "winding", "supply", "battery", "pump", "amplifier", "gear", "screw", "piston",
-)  # fmt: skip
+_ELECTRIC = ("kind", "motor", "winding", "supply", "battery")
+_DRIVE = ("motor", "pump", "amplifier", "gear", "screw", "piston")
+PARTS = (*_ELECTRIC, *_DRIVE[1:])  # what a drive is made of, in the order of tables and pictures
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -290,53 +285,49 @@ class Combination:
     def actuator(self) -> ElectrohydraulicActuator | ElectromechanicalActuator:
         """The actuator that these parts make."""
         motor = self.motor.wound(self.winding)
-        if self.pump is not None:
-            assert self.amplifier is not None
-            return ElectrohydraulicActuator(
-                motor=motor,
-                drive=HydraulicDrive(
-                    pump_displacement=self.pump.displacement,
-                    pump_efficiency=self.pump.efficiency * self.amplifier.efficiency,
-                    area_ratio=self.amplifier.area_ratio,
-                    pump_leakage=self.pump.leakage,
-                    reflected_inertia=self.pump.reflected_inertia,
-                    viscous_friction=self.pump.viscous_friction,
-                ),
+        if self.pump is not None and self.amplifier is not None:
+            hydraulic = HydraulicDrive(
+                pump_displacement=self.pump.displacement,
+                pump_efficiency=self.pump.efficiency * self.amplifier.efficiency,
+                area_ratio=self.amplifier.area_ratio,
+                pump_leakage=self.pump.leakage,
+                reflected_inertia=self.pump.reflected_inertia,
+                viscous_friction=self.pump.viscous_friction,
             )
+            return ElectrohydraulicActuator(motor=motor, drive=hydraulic)
         assert self.gear is not None
         assert self.screw is not None
         assert self.piston is not None
-        return ElectromechanicalActuator(
-            motor=motor,
-            drive=ScrewDrive(
-                lead=self.screw.lead,
-                gear_ratio=self.gear.ratio,
-                efficiency=self.gear.efficiency * self.screw.efficiency,
-                piston_area=self.piston.area,
-            ),
+        screw = ScrewDrive(
+            lead=self.screw.lead,
+            gear_ratio=self.gear.ratio,
+            efficiency=self.gear.efficiency * self.screw.efficiency,
+            piston_area=self.piston.area,
         )
+        return ElectromechanicalActuator(motor=motor, drive=screw)
 
     @property
     def choices(self) -> dict[str, str]:
         """The name of each part, by what it is."""
-        named = {
+        return {
             "kind": self.kind,
             "motor": self.motor.name,
             "winding": f"{self.winding:g} V",
             "supply": f"{self.supply:g} V",
             "battery": self.battery.name,
+            **{what: part.name for what, part in self.drive.items()},
         }
-        for what in ("pump", "amplifier", "gear", "screw", "piston"):
-            part = getattr(self, what)
-            if part is not None:
-                named[what] = part.name
-        return named
+
+    @property
+    def drive(self) -> dict[str, Any]:
+        """The parts that turn and push, by what they are."""
+        parts = {what: getattr(self, what) for what in _DRIVE}
+        return {what: part for what, part in parts.items() if part is not None}
 
     @property
     def drive_mass(self) -> float:
         """Mass of all parts but the battery [kg]."""
-        parts = (self.motor, self.pump, self.amplifier, self.gear, self.screw, self.piston)
-        return reduce(lambda mass, part: mass + (0.0 if part is None else part.mass), parts, 0.0)
+        return sum((part.mass for part in self.drive.values()), 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -352,15 +343,19 @@ class Batch:
     friction_torque: Array
     efficiency: Array
     resistance: Array
-    k_T: Array
+    emf_constant: Array
     supply: Array
     battery_resistance: Array
     drive_mass: Array
-    of_parts: Mapping[tuple[str, str], Array]
     driver: Driver
+    of_parts: dict[tuple[str, str], Array] = field(default_factory=dict)
 
     def number(self, part: str, what: str) -> Array:
         """Return the number `what` of each combination's `part`, infinite without one, [n]."""
+        if (part, what) not in self.of_parts:
+            parts = (getattr(c, part) for c in self.of)
+            numbers = [math.inf if p is None else getattr(p, what) for p in parts]
+            self.of_parts[part, what] = np.array(numbers)
         return self.of_parts[part, what]
 
 
@@ -372,55 +367,32 @@ def combinations(parts: Parts, water: Water) -> Batch:
     screws = list(product(parts.gears, parts.screws, parts.pistons))
     found: list[Combination] = []
     for motor, winding, supply, battery in electric:
-        common: dict[str, Any] = {
-            "motor": motor, "winding": winding * supply, "supply": supply, "battery": battery,
-        }  # fmt: skip
-        found += [Combination(**common, pump=pump, amplifier=amp) for pump, amp in hydraulic]
-        found += [
-            Combination(**common, gear=gear, screw=screw, piston=piston)
-            for gear, screw, piston in screws
-        ]
+        bare = Combination(motor=motor, winding=winding * supply, supply=supply, battery=battery)
+        found += [replace(bare, pump=pump, amplifier=amp) for pump, amp in hydraulic]
+        found += [replace(bare, gear=g, screw=screw, piston=piston) for g, screw, piston in screws]
     return _batch(found, water, parts.driver)
 
 
 def _batch(found: list[Combination], water: Water, driver: Driver) -> Batch:
     """Return the combinations' constants; each drive is worked out once, not per battery."""
-    known: dict[tuple[float | int, ...], tuple[float, ...]] = {}
+    known: dict[tuple[Any, ...], list[float]] = {}
     rows = []
     for c in found:
-        key = (c.winding, *(id(getattr(c, part)) for part in _DRIVE))
+        key = (c.winding, *map(id, c.drive.values()))
         if key not in known:
-            a = unified(c.actuator, water)
-            known[key] = (
-                a.k_u, a.k_v, a.k_q, a.k_z, a.k_l, a.friction_torque,
-                1.0 if a.efficiency is None else a.efficiency, a.resistance or np.nan,
-                a.emf_constant or np.nan,
-            )  # fmt: skip
+            drive = unified(c.actuator, water)
+            known[key] = [getattr(drive, name) for name in _CONSTANTS]
         rows.append((*known[key], c.supply, c.supply * c.battery.resistance))
-    columns = np.array(rows, float).T[..., np.newaxis]
+    *constants, supply, resistance = np.array(rows, float).T[..., np.newaxis]
     return Batch(
-        of=found, **dict(zip(_CONSTANTS, columns, strict=True)),
+        of=found,
+        **dict(zip(_CONSTANTS, constants, strict=True)),
+        supply=supply,
+        battery_resistance=resistance,
         drive_mass=np.array([c.drive_mass for c in found]),
-        of_parts={(part, what): _number(found, part, what) for part, what in _NUMBERS},
         driver=driver,
-    )  # fmt: skip
-
-
-def _number(found: list[Combination], part: str, what: str) -> Array:
-    return np.array(
-        [math.inf if (p := getattr(c, part)) is None else getattr(p, what) for c in found]
     )
 
 
-_NUMBERS = (
-    ("motor", "rated_torque"), ("motor", "largest_speed"), ("pump", "largest_pressure"),
-    ("pump", "largest_speed"), ("pump", "at_rest"), ("amplifier", "area_ratio"),
-    ("gear", "rated_torque"), ("screw", "largest_force"), ("screw", "lead"),
-    ("screw", "efficiency"), ("piston", "area"), ("battery", "usable"),
-    ("battery", "specific_energy"), ("battery", "cold_share"), ("battery", "self_discharge"),
-)  # fmt: skip
-_CONSTANTS = (
-    "k_u", "k_v", "k_q", "k_z", "k_l", "friction_torque", "efficiency", "resistance", "k_T",
-    "supply", "battery_resistance",
-)  # fmt: skip
-_DRIVE = ("motor", "pump", "amplifier", "gear", "screw", "piston")
+_TORQUES = ("k_u", "k_v", "k_q", "k_z", "k_l", "friction_torque")
+_CONSTANTS = (*_TORQUES, "efficiency", "resistance", "emf_constant")

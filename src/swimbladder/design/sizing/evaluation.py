@@ -132,6 +132,10 @@ class Evaluation:
         """The smallest margin of each candidate [n]."""
         return np.asarray(np.min(np.stack(list(self.margins.values())), axis=0))
 
+    def tightest(self, index: int) -> str:
+        """Return the requirement of which a candidate has the smallest margin."""
+        return min(self.margins, key=lambda name: self.margins[name][index])
+
     @property
     def feasible(self) -> NDArray[np.bool_]:
         """Whether a candidate meets every requirement [n]."""
@@ -139,29 +143,20 @@ class Evaluation:
 
 
 def evaluate(
-    batch: Batch,
-    asked: Requirements,
-    water: Water,
-    *,
-    longest_travel: float,
-    largest_mass: float = math.inf,
-    largest_stroke: float = math.inf,
+    batch: Batch, asked: Requirements, water: Water, limits: tuple[float, float, float]
 ) -> Evaluation:
     """Return how each candidate meets what is asked, at the pace that makes it lightest.
 
     A pace is a multiple of the wanted rate: a faster motor holds its load for a shorter time, until
     friction and the battery's resistance take more than that saves. The driver holds the speed at
     that rate q: u = (k_v omega + k_z z + T_b)/k_u with omega = (q + k_l z)/k_q, eqs (11)-(12) at
-    rest; z stands for the pressure. longest_travel of the piston [m]; largest_mass of drive and
-    battery [kg], largest_stroke [m3]: what the body has room for.
+    rest; z stands for the pressure. limits: longest travel of the piston [m]; largest mass of drive
+    and battery [kg] and largest stroke [m3], what the body has room for.
     """
-    limits = longest_travel, largest_mass, largest_stroke
     paces = [_at_pace(batch, asked, water, pace, limits) for pace in _PACES]
     scores = np.array([np.where(p.feasible, p.mass, np.inf) for p in paces])
-    worst = np.array([p.worst for p in paces])
-    which = np.where(
-        np.any(np.isfinite(scores), axis=0), np.argmin(scores, axis=0), np.argmax(worst, axis=0)
-    )
+    lightest, nearest = np.argmin(scores, axis=0), np.argmax([p.worst for p in paces], axis=0)
+    which = np.where(np.isfinite(scores).any(axis=0), lightest, nearest)
     found: Evaluation = _picked(paces, which)
     return found
 
@@ -190,7 +185,7 @@ def _at_pace(
     omega = (rate + b.k_l * z) / b.k_q
     torque = b.k_v * omega + b.k_z * z + b.friction_torque
     u = torque / b.k_u
-    i = winding_current(u=u, omega=omega, R=b.resistance, k_emf=b.k_T)
+    i = winding_current(u=u, omega=omega, R=b.resistance, k_emf=b.emf_constant)
     with np.errstate(invalid="ignore"):
         P = electrical_power(u=u, i=i)
         P = terminal_power(P, b.driver)
@@ -198,14 +193,12 @@ def _at_pace(
     per_volume = b.supply * i_b / rate
     bottom = z[:, -1]
     E_low, sag = dive.battery_low * b.supply, b.battery_resistance / b.resistance
-    emf = (b.k_T * omega)[:, -1]
+    emf = (b.emf_constant * omega)[:, -1]
     available = largest_voltage(E=E_low[:, 0], sag=sag[:, 0], emf=emf)
-    deepest = stall_depth(
-        E=E_low[:, 0], sag=sag[:, 0], load=(b.k_z / b.k_u)[:, 0],
-        friction=(b.friction_torque / b.k_u)[:, 0],
-    )  # fmt: skip
+    load, friction = (b.k_z / b.k_u)[:, 0], (b.friction_torque / b.k_u)[:, 0]
+    deepest = stall_depth(E=E_low[:, 0], sag=sag[:, 0], load=load, friction=friction)
     speed = omega[:, -1]
-    shaft = b.k_T[:, 0] * i[:, -1]
+    shaft = b.emf_constant[:, 0] * i[:, -1]
     stroke, pressure = asked.stroke, asked.bottom_pressure
     area = b.number("piston", "area")
     travel = stroke / area
@@ -273,7 +266,7 @@ def _holding(b: Batch, z: Array) -> Array:
     over k_T as a current, which is all lost in the winding, and in the driver before.
     """
     back = b.efficiency[:, 0] ** 2 * b.k_z[:, 0] * z - b.friction_torque[:, 0]
-    current = np.maximum(back, 0.0) / b.k_T[:, 0]
+    current = np.maximum(back, 0.0) / b.emf_constant[:, 0]
     screw = np.isfinite(b.number("piston", "area"))
     power = terminal_power(current**2 * b.resistance[:, 0], b.driver)
     return np.where(screw, power, 0.0)

@@ -54,10 +54,8 @@ class Dive:
             check_number(self.coldest, "coldest", "degC", least=-5.0, most=60.0)
         for name in ("battery_reserve", "probability"):
             if getattr(self, name) == 1.0:
-                raise InputError(
-                    "a share below the whole is needed", field=name, value=1.0,
-                    remedy='Write a share like "10 %"',
-                )  # fmt: skip
+                what, remedy = "a share below the whole is needed", 'Write a share like "10 %"'
+                raise InputError(what, field=name, value=1.0, remedy=remedy)
 
     @property
     def cycle_time(self) -> float:
@@ -135,11 +133,9 @@ def requirements(body: Vehicle, column: Column, dive: Dive) -> Requirements:
     column ends above the depth.
     """
     if column.depth[-1] < dive.depth * (1.0 - 1e-9):
-        raise InputError(
-            f"the water is known down to {column.depth[-1]:.6g} m only",
-            field="depth", value=dive.depth, unit="m",
-            remedy="Give a cast that reaches the depth, or a smaller depth",
-        )  # fmt: skip
+        what = f"the water is known down to {column.depth[-1]:.6g} m only"
+        remedy = "Give a cast that reaches the depth, or a smaller depth"
+        raise InputError(what, field="depth", value=dive.depth, unit="m", remedy=remedy)
     grid = np.linspace(0.0, dive.depth, _PLACES)
     at = np.interp(grid, column.depth, neutral_volume(body, column))
     neutral = at - at[0]

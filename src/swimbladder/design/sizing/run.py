@@ -19,7 +19,7 @@ from swimbladder.design.sizing.candidates import (
     combinations,
     load_parts,
 )
-from swimbladder.design.sizing.evaluation import REQUIREMENTS, Budget, Evaluation, evaluate
+from swimbladder.design.sizing.evaluation import REQUIREMENTS, Evaluation, evaluate
 from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import as_json
@@ -126,26 +126,22 @@ def size(
     if column is None and dive.coldest is None:
         dive = dataclasses.replace(dive, coldest=_COLDEST)
     if least not in get_args(Least):
-        raise InputError(
-            "not something to be least", field="least", value=least,
-            remedy="Allowed: mass, energy",
-        )  # fmt: skip
+        what = "not something to be least"
+        raise InputError(what, field="least", value=least, remedy="Allowed: mass, energy")
     _check(body, dive, longest_travel, largest_mass)
     batch = combinations(parts, body.water)
 
+    def water(swept: Dive) -> Column:
+        return column or uniform_column(body.water, swept.depth * 1.001)
+
     def solve(swept: Dive) -> tuple[Requirements, Evaluation]:
-        water = uniform_column(body.water, swept.depth * 1.001) if column is None else column
-        asked = requirements(body, water, swept)
-        found = evaluate(
-            batch, asked, body.water, longest_travel=longest_travel,
-            largest_mass=min(largest_mass, weight_mass(body)),
-            largest_stroke=_ROOM * body.hull.displaced_volume,
-        )  # fmt: skip
-        return asked, found
+        asked = requirements(body, water(swept), swept)
+        room = min(largest_mass, weight_mass(body)), _ROOM * body.hull.displaced_volume
+        return asked, evaluate(batch, asked, body.water, (longest_travel, *room))
 
     asked, evaluation = solve(dive)
-    if advance is not None:
-        advance(1.0)
+    report = advance or (lambda _: None)
+    report(1.0)
     score = _score(evaluation, least)
     if not np.any(evaluation.feasible):
         raise _none(batch, evaluation, dive)
@@ -153,11 +149,10 @@ def size(
     swept = []
     for what, factors in _SWEPT.items() if sweeps else ():
         swept.append(_sweep(what, factors, dive, column, solve, batch, least))
-        if advance is not None:
-            advance(1.0)
+        report(1.0)
     return Sizing(
         body=body,
-        column=uniform_column(body.water, dive.depth * 1.001) if column is None else column,
+        column=water(dive),
         asked=asked,
         parts=parts,
         least=least,
@@ -173,11 +168,9 @@ def size(
 def _check(body: Vehicle, dive: Dive, longest_travel: float, largest_mass: float) -> None:
     limit = body.hull.depth_limit
     if limit is not None and dive.depth > limit:
-        raise InputError(
-            f"the body {body.name!r} is rated for {limit:g} m (hull.depth_limit)",
-            field="depth", value=dive.depth, unit="m",
-            remedy="Ask for less, or size the drive of a body that is rated for it",
-        )  # fmt: skip
+        what = f"the body {body.name!r} is rated for {limit:g} m (hull.depth_limit)"
+        remedy = "Ask for less, or size the drive of a body that is rated for it"
+        raise InputError(what, field="depth", value=dive.depth, unit="m", remedy=remedy)
     check_number(longest_travel, "longest_travel", "m", above=0.0, finite=False)
     check_number(largest_mass, "largest_mass", "kg", above=0.0, finite=False)
 
@@ -224,7 +217,7 @@ def _choices(batch: Batch, evaluation: Evaluation, score: NDArray[np.float64]) -
             found.append(Choice(what=what, name=name, index=best))
             continue
         nearest = indices[int(np.argmax(evaluation.worst[indices]))]
-        missing = min(evaluation.margins, key=lambda m: evaluation.margins[m][nearest])
+        missing = evaluation.tightest(nearest)
         margin = float(evaluation.margins[missing][nearest])
         found.append(Choice(what=what, name=name, index=-1, missing=missing, margin=margin))
     return found
@@ -268,21 +261,18 @@ def _brief(combination: Combination) -> str:
 def _none(batch: Batch, evaluation: Evaluation, dive: Dive) -> NoAnswerError:
     """Say which requirement is in the way of the nearest drive, and what leaving it out gives."""
     nearest = int(np.argmax(evaluation.worst))
-    missing = min(evaluation.margins, key=lambda m: evaluation.margins[m][nearest])
-    without = {}
-    for name in REQUIREMENTS:
-        others = np.stack([m for other, m in evaluation.margins.items() if other != name])
-        without[name] = np.min(others, axis=0) >= 1.0
+    missing = evaluation.tightest(nearest)
+    met = {name: margin >= 1.0 for name, margin in evaluation.margins.items()}
+    failed = np.sum([~one for one in met.values()], axis=0)
+    without = {name: failed == ~one for name, one in met.items()}
     helps = [f"{name} ({met.sum()})" for name, met in without.items() if met.any()]
     if helps:  # what lacks one thing is nearer than what lacks a little of several
         missing = max(without, key=lambda name: int(without[name].sum()))
         nearest = int(np.argmax(np.where(without[missing], evaluation.margins[missing], -np.inf)))
     short = float(evaluation.margins[missing][nearest])
-    alone = (
-        "Left out one at a time, these requirements leave drives: " + ", ".join(helps)
-        if helps
-        else "No single requirement left out would leave a drive"
-    )
+    alone = "No single requirement left out would leave a drive"
+    if helps:
+        alone = f"Left out one at a time, these requirements leave drives: {', '.join(helps)}"
     return NoAnswerError(
         f"none of {len(batch.of):,} drives does {dive.depth:g} m: the nearest "
         f"({_brief(batch.of[nearest])}) has {100.0 * short:.0f} % of {REQUIREMENTS[missing]}. "
@@ -293,10 +283,8 @@ def _none(batch: Batch, evaluation: Evaluation, dive: Dive) -> NoAnswerError:
 
 _DEEPEST = 11_000.0  # m, there is no deeper water
 
-_REPLACED = {
-    "actuator", "water", "supply", "stroke", "trim_error", "controller", "identified", "sensors",
-    "loads", "driver",
-}  # fmt: skip
+_REPLACED = {"actuator", "water", "supply", "stroke", "trim_error", "loads", "driver"}
+_REPLACED |= {"controller", "identified", "sensors"}
 _EVACUATED = 2e4  # Pa
 _YEAR = 365.25 * 86400.0  # s
 
@@ -305,12 +293,12 @@ def sentences(found: Sizing) -> list[str]:
     """Return the answer: the drive, the stroke, what it takes, what limits it."""
     w, b, asked, dive = found.evaluation, found.best, found.asked, found.asked.dive
     c = found.chosen
-    parts = ", ".join(
-        name if name.startswith(what) else f"{what} {name}"
-        for what, name in c.choices.items() if what != "kind"
-    )  # fmt: skip
+    named = ((what, name) for what, name in c.choices.items() if what != "kind")
+    parts = ", ".join(name if name.startswith(what) else f"{what} {name}" for what, name in named)
     feasible = int(np.count_nonzero(w.feasible))
-    tight = min(w.margins, key=lambda name: w.margins[name][b])
+    power = dive.hotel + found.batch.driver.standby_power
+    rest = power * dive.cycle_time + dive.surface_energy
+    tight = w.tightest(b)
     shares = ", ".join(
         f"{name} {volume * 1e6:.0f}" for name, volume in asked.shares.items() if volume > 0.0
     )
@@ -323,7 +311,7 @@ def sentences(found: Sizing) -> list[str]:
         f"{w.rate[b] * 1e6 * 60.0:.1f} mL/min with {w.voltage[b]:.1f} V and {w.current[b]:.2f} A, "
         f"{w.energy_per_volume[b] * 1e-6:.1f} J/mL; at the voltage of a low battery it turns from "
         f"sinking to rising in {w.turn_time[b] / 60.0:.1f} min and {_stall(w.stall[b])}.",
-        f"A cycle takes {w.cycle_energy[b]:.0f} J for the drive and {_hotel(found):.0f} J for the "
+        f"A cycle takes {w.cycle_energy[b]:.0f} J for the drive and {rest:.0f} J for the "
         f"rest; {dive.cycles} cycles need {w.battery_energy[b] / 3600.0:.0f} Wh of "
         f"{c.battery.name}, {rounded(float(w.battery_mass[b]), 2)} kg. Drive and battery weigh "
         f"{rounded(float(w.mass[b]), 2)} kg.",
@@ -331,26 +319,16 @@ def sentences(found: Sizing) -> list[str]:
         f"Tightest: {REQUIREMENTS[tight]}, {100.0 * (w.margins[tight][b] - 1.0):.0f} % to spare.",
     ]
     if np.ptp(found.column.density) == 0.0:
-        lines.append(
-            "The water has one density at every depth: a sea that is lighter at its surface asks "
-            "for more stroke (--cast)."
-        )
+        more = "a sea that is lighter at its surface asks for more stroke (--cast)"
+        lines.append(f"The water has one density at every depth: {more}.")
     if w.holding_power[b] > 0.0 and dive.park_time > 0.0:
-        lines.append(
-            f"The screw can be driven back: holding it at {dive.depth:g} m takes "
-            f"{w.holding_power[b]:.2f} W, which is in the energy of a cycle."
-        )
+        takes = f"{w.holding_power[b]:.2f} W, which is in the energy of a cycle"
+        lines.append(f"The screw can be driven back: holding it at {dive.depth:g} m takes {takes}.")
     return lines
 
 
 def _stall(depth: float) -> str:
     return f"stalls at {depth:.0f} m" if depth < _DEEPEST else "stalls nowhere in the sea"
-
-
-def _hotel(found: Sizing) -> float:
-    dive = found.asked.dive
-    power = dive.hotel + found.batch.driver.standby_power
-    return power * dive.cycle_time + dive.surface_energy
 
 
 def _battery(found: Sizing) -> str:
@@ -373,10 +351,8 @@ def _battery(found: Sizing) -> str:
 
 
 def _spent(found: Sizing, index: int) -> dict[str, float]:
-    return {
-        field.name: float(getattr(found.evaluation.spent, field.name)[index])
-        for field in dataclasses.fields(Budget) if field.name != "life"
-    }  # fmt: skip
+    spent = vars(found.evaluation.spent).items()
+    return {name: float(energy[index]) for name, energy in spent if name != "life"}
 
 
 def sized_vehicle(found: Sizing) -> Vehicle:
@@ -387,51 +363,45 @@ def sized_vehicle(found: Sizing) -> Vehicle:
     asked, c, body = found.asked, found.chosen, found.body
     half = 0.5 * asked.stroke
     source = f"sized: least {found.least} of {len(found.batch.of):,} combinations"
-    kept = {
-        key: text for key, text in body.provenance.items()
-        if key.split(".")[0] not in _REPLACED
-    }  # fmt: skip
-    kept |= {
+    mass = rounded(float(found.evaluation.battery_mass[found.best]), 2)
+    shares = [f"{name} {volume * 1e6:.0f} cm3" for name, volume in asked.shares.items()]
+    provenance = {k: x for k, x in body.provenance.items() if k.split(".")[0] not in _REPLACED}
+    provenance |= {
         "actuator": f"{source}; {', '.join(c.choices.values())}",
-        "supply": f"{source}; {c.battery.name}, "
-        f"{rounded(float(found.evaluation.battery_mass[found.best]), 2)} kg",
+        "supply": f"{source}; {c.battery.name}, {mass} kg",
         "loads": "asked for: --hotel and --surfacing",
         "driver": found.parts.provenance.get("driver", "as in the list of parts"),
-        "stroke": "sized: " + ", ".join(
-            f"{name} {volume * 1e6:.0f} cm3" for name, volume in asked.shares.items()
-        ),
+        "stroke": f"sized: {', '.join(shares)}",
         "water": f"at the surface: {found.column.source}",
         "trim_error": "sized: ballasted so that the stops lie evenly about 0",
-    }  # fmt: skip
+    }
+    surface = {name: float(getattr(found.column, name)[0]) for name in ("density", "temperature")}
+    supply = Supply(
+        voltage=c.supply,
+        internal_resistance=c.supply * c.battery.resistance,
+        capacity=float(found.evaluation.battery_energy[found.best]) * c.battery.usable,
+        cold_share=c.battery.cold_share,
+        self_discharge=c.battery.self_discharge,
+    )
+    hotel, surfacing = asked.dive.hotel, asked.dive.surface_energy
+    load = Load(name="all but the drive", power=hotel, energy_per_surfacing=surfacing)
+    exclude = {*_REPLACED, "provenance", "name", "description"}
     return Vehicle.model_validate(
-        body.model_dump(
-            exclude={*_REPLACED, "provenance", "name", "description"},
-            exclude_unset=True,
-        )
+        body.model_dump(exclude=exclude, exclude_unset=True)
         | {
             "schema_version": 1,
             "name": f"{body.name}-{asked.dive.depth:g}m",
             "description": f"{body.name} with a drive sized for {asked.dive.depth:g} m",
-            "provenance": kept,
-            "water": body.water.model_copy(update={
-                "density": float(found.column.density[0]),
-                "temperature": float(found.column.temperature[0]),
-            }),
+            "provenance": provenance,
+            "water": body.water.model_copy(update=surface),
             "actuator": _as_built(found),
-            "supply": Supply(
-                voltage=c.supply, internal_resistance=c.supply * c.battery.resistance,
-                capacity=float(found.evaluation.battery_energy[found.best]) * c.battery.usable,
-                cold_share=c.battery.cold_share, self_discharge=c.battery.self_discharge,
-            ),
+            "supply": supply,
             "driver": found.batch.driver,
             "stroke": Stroke(minimum=-half, maximum=half),
-            "loads": (Load(
-                name="all but the drive", power=asked.dive.hotel,
-                energy_per_surfacing=asked.dive.surface_energy,
-            ),),
+            "loads": (load,),
             "trim_error": -(asked.lowest + half),
         }
-    )  # fmt: skip
+    )
 
 
 def _as_built(found: Sizing) -> PumpAndValve | ElectromechanicalActuator:
@@ -446,16 +416,30 @@ def _as_built(found: Sizing) -> PumpAndValve | ElectromechanicalActuator:
         return actuator
     assert c.pump is not None
     n_h = actuator.drive.area_ratio
+    speed = float(found.evaluation.speed[found.best])
     return PumpAndValve(
-        pump=DatasheetPump(
-            motor=actuator.motor,
-            drive=actuator.drive,
-            speed=float(found.evaluation.speed[found.best]),
-        ),
+        pump=DatasheetPump(motor=actuator.motor, drive=actuator.drive, speed=speed),
         valve=Valve(flow=asked.rate / math.sqrt(_EVACUATED)),
         internal_pressure=ATMOSPHERIC_PRESSURE - _EVACUATED,
         leakage=min(c.pump.at_rest, c.pump.leakage) / n_h**2,
     )
+
+
+# Arrays of an evaluation, by the name that a table has for each.
+_NUMBERS = {
+    "mass": "mass_kg",
+    "battery_mass": "battery_mass_kg",
+    "battery_energy": "battery_energy_J",
+    "cycle_energy": "cycle_energy_J",
+    "energy_per_volume": "energy_per_volume_J_per_m3",
+    "rate": "rate_m3_per_s",
+    "speed": "motor_speed_rad_per_s",
+    "voltage": "voltage_V",
+    "current": "current_A",
+    "holding_power": "holding_power_W",
+    "stall": "stall_depth_m",
+    "turn_time": "turn_time_s",
+}
 
 
 def columns(found: Sizing) -> dict[str, list[Any]]:
@@ -464,18 +448,10 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
     order = [int(i) for i in np.argsort(w.mass, kind="stable") if w.feasible[i]]
     names = [found.batch.of[index].choices for index in order]
     table: dict[str, list[Any]] = {key: [row.get(key, "") for row in names] for key in PARTS}
-    numbers = {
-        "mass_kg": w.mass, "battery_mass_kg": w.battery_mass, "battery_energy_J": w.battery_energy,
-        "cycle_energy_J": w.cycle_energy, "energy_per_volume_J_per_m3": w.energy_per_volume,
-        "rate_m3_per_s": w.rate, "motor_speed_rad_per_s": w.speed, "voltage_V": w.voltage,
-        "current_A": w.current,
-        "holding_power_W": w.holding_power, "stall_depth_m": w.stall, "turn_time_s": w.turn_time,
-        "piston_travel_m": np.where(w.travel > 0.0, w.travel, np.nan),
-    }  # fmt: skip
-    numbers |= {
-        f"battery_{field.name}_J": getattr(w.spent, field.name)
-        for field in dataclasses.fields(Budget) if field.name not in ("carried", "life")
-    }  # fmt: skip
+    numbers = {name: getattr(w, attribute) for attribute, name in _NUMBERS.items()}
+    numbers["piston_travel_m"] = np.where(w.travel > 0.0, w.travel, np.nan)
+    spent = {name: x for name, x in vars(w.spent).items() if name not in ("carried", "life")}
+    numbers |= {f"battery_{name}_J": energy for name, energy in spent.items()}
     numbers |= {f"margin_{name.replace(' ', '_')}": margin for name, margin in w.margins.items()}
     return table | {name: values[order].tolist() for name, values in numbers.items()}
 
@@ -510,15 +486,9 @@ def to_json(found: Sizing) -> dict[str, Any]:
     }
 
 
-_NUMBERS = (
-    "mass", "battery_mass", "battery_energy", "cycle_energy", "energy_per_volume", "rate",
-    "voltage", "current", "holding_power", "stall", "turn_time",
-)  # fmt: skip
-
-
 def _one(found: Sizing, index: int) -> dict[str, Any]:
     w = found.evaluation
-    numbers = {name: float(getattr(w, name)[index]) for name in _NUMBERS}
+    numbers = {name: float(getattr(w, name)[index]) for name in _NUMBERS if name != "speed"}
     return {
         "parts": found.batch.of[index].choices,
         **{"stall_depth" if name == "stall" else name: x for name, x in numbers.items()},
