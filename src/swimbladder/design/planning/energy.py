@@ -109,10 +109,8 @@ def _form(task: Task, steps: Steps) -> Form:
     leak = 0.5 * task.plant.k_l * h * z
     after, before = V + leak, leak - V  # the volume driven is after x+ + before x
     back = kappa * U / R
-    return Form(
-        A=A, B=B, c=c, r=2.0 * (U * U * h / R - back * (B @ after)),
-        s=-back * (after @ A + before), t=-back * (c @ after),
-    )  # fmt: skip
+    r = 2.0 * (U * U * h / R - back * (B @ after))
+    return Form(A=A, B=B, c=c, r=r, s=-back * (after @ A + before), t=-back * (c @ after))
 
 
 def _storage(form: Form) -> tuple[Array, Array] | None:
@@ -148,8 +146,5 @@ def _squares(form: Form, P: Array, H: Array) -> tuple[Array, coo_array]:
     cost[x[:-1]] = np.einsum("ki,kij->kj", Pc, form.A)
     cost[u] = form.t + np.einsum("ki,ki->k", Pc, form.B)
     i, j = np.triu_indices(5)
-    Q = coo_array(
-        (squares[:, i, j].ravel(), (at[:, i].ravel(), at[:, j].ravel())),
-        shape=(len(cost), len(cost)),
-    )
-    return cost, Q
+    where = (at[:, i].ravel(), at[:, j].ravel())
+    return cost, coo_array((squares[:, i, j].ravel(), where), shape=(len(cost), len(cost)))

@@ -33,7 +33,7 @@ class Problem(NamedTuple):
     cost: Array
     A: csr_array[np.float64, tuple[int, int]]
     b: Array
-    G: csr_array[np.float64, tuple[int, int]] | None
+    G: csr_array[np.float64, tuple[int, int]]
     g: Array
     low: Array
     high: Array
@@ -65,24 +65,22 @@ def vertex(problem: Problem) -> Optimum | None:
         options: dict[str, Any] = dict(_EXACT)
         if method == "highs-ds":
             options["maxiter"] = _PIVOTS * (len(b) + len(g))
+        bounds = np.column_stack([low, high])
         found = linprog(  # type: ignore[call-overload]  # the stubs know the options one by one
-            cost, A_ub=G, b_ub=g if G is not None else None, A_eq=A, b_eq=b,
-            bounds=np.column_stack([low, high]), method=method, options=options,
-        )  # fmt: skip
+            cost, A_ub=G, b_ub=g, A_eq=A, b_eq=b, bounds=bounds, method=method, options=options
+        )
         if found.status in (0, 2):
             break
     if found.status == 2:
         return None
     if found.status != 0:
         raise _unsolved(problem, found.message)
-    dual = float(b @ found.eqlin.marginals)
+    dual = float(b @ found.eqlin.marginals) + float(g @ found.ineqlin.marginals)
     for bound, marginals in ((low, found.lower.marginals), (high, found.upper.marginals)):
         held = np.isfinite(bound)
         dual += float(bound[held] @ marginals[held])
-    if G is not None:
-        dual += float(g @ found.ineqlin.marginals)
-    prices = np.zeros(0) if G is None else -found.ineqlin.marginals
-    return Optimum(found.x, float(found.fun), dual, _worst(problem, found.x), prices)
+    worst = _worst(problem, found.x)
+    return Optimum(found.x, float(found.fun), dual, worst, -found.ineqlin.marginals)
 
 
 def interior(problem: Problem) -> Optimum | None:
@@ -97,18 +95,16 @@ def interior(problem: Problem) -> Optimum | None:
     unit = csr_array(eye_array(n))
     fixed = low == high
     above, below = np.isfinite(high) & ~fixed, np.isfinite(low) & ~fixed
-    parts = [A, unit[fixed], unit[above], -unit[below]] + ([] if G is None else [G])
-    rows = csc_matrix(vstack(parts))
+    rows = csc_matrix(vstack([A, unit[fixed], unit[above], -unit[below], G]))
     count = len(b) + int(fixed.sum())
     cones = [clarabel.ZeroConeT(count), clarabel.NonnegativeConeT(rows.shape[0] - count)]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_iter = _INTERIOR
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TIGHT
-    found = clarabel.DefaultSolver(
-        csc_matrix((n, n)) if Q is None else csc_matrix(Q), cost, rows,
-        np.concatenate([b, low[fixed], high[above], -low[below], g]), cones, settings,
-    ).solve()  # fmt: skip
+    right = np.concatenate([b, low[fixed], high[above], -low[below], g])
+    squares = csc_matrix((n, n)) if Q is None else csc_matrix(Q)
+    found = clarabel.DefaultSolver(squares, cost, rows, right, cones, settings).solve()
     status = str(found.status)
     if "Infeasible" in status:
         return None
@@ -130,10 +126,8 @@ def _unsolved(problem: Problem, why: str) -> NoAnswerError:
 
 def _worst(problem: Problem, x: Array) -> float:
     """Return the largest residual of the rows."""
-    worst = float(np.abs(problem.A @ x - problem.b).max())
-    if problem.G is not None:
-        worst = max(worst, float((problem.G @ x - problem.g).max()))
-    return worst
+    over = (problem.G @ x - problem.g).max(initial=0.0)
+    return max(float(np.abs(problem.A @ x - problem.b).max()), float(over))
 
 
 Flags = NDArray[np.bool_]
@@ -190,8 +184,8 @@ class Rows:
     def __init__(self) -> None:
         """Begin without rows."""
         self.count = 0
-        self._at: list[tuple[Any, Any, Any]] = []
-        self._right: list[Array] = []
+        self._at: list[tuple[Any, Any, Any]] = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0))]
+        self._right: list[Array] = [np.zeros(0)]
 
     def add(self, right: Array, *entries: tuple[Any, Any]) -> None:
         """Add rows: their right-hand sides [n], and (columns [n], coefficients [n] or one)."""
@@ -243,19 +237,17 @@ def dynamics_rows(task: Task, steps: Steps, scale: Scale) -> Rows:
     return rows
 
 
-def supply_rows(task: Task, n: int, scale: Scale) -> Rows | None:
+def supply_rows(task: Task, n: int, scale: Scale) -> Rows:
     """Return rows (<=) of a supply that sags with the current, at both ends of each sample."""
-    p = task.plant
+    p, rows = task.plant, Rows()
     if p.positioner or p.sag == 0.0:
-        return None
+        return rows
     x, u = columns_of(n)
-    rows = Rows()
+    most = np.full(n, task.command[1] / scale.command)
+    back = p.sag * p.kappa * scale.state[0] / scale.command
     for sign in (1.0, -1.0):
         for ends in (x[:-1, 0], x[1:, 0]):
-            rows.add(
-                np.full(n, task.command[1] / scale.command), (u, sign * (1.0 + p.sag)),
-                (ends, -sign * p.sag * p.kappa * scale.state[0] / scale.command),
-            )  # fmt: skip
+            rows.add(most, (u, sign * (1.0 + p.sag)), (ends, -sign * back))
     return rows
 
 
@@ -288,15 +280,15 @@ def answer_of(task: Task, n: int, found: Optimum, near: Near | None) -> Answer:
     held = near is not None and near.back is not None
     scale = scale_of(task)
     x, u = columns_of(n)
-    return Answer(
-        found.x[x] * scale.state, found.x[u] * scale.command, found.objective, found.gap,
-        found.infeasibility, prices=found.prices[-n:] if held else None,
-    )  # fmt: skip
+    states, commands = found.x[x] * scale.state, found.x[u] * scale.command
+    prices = found.prices[-n:] if held else None
+    how = (found.objective, found.gap, found.infeasibility)
+    return Answer(states, commands, *how, prices=prices)
 
 
 def posed(
     task: Task, steps: Steps, goal: Goal, near: Near | None, *, costly: bool = True
-) -> Problem:  # fmt: skip
+) -> Problem:
     """Return the linear program, scaled: states and commands by `columns_of`, then what it adds.
 
     costly: whether what the goal minimises is in it.
@@ -306,25 +298,15 @@ def posed(
     x, u = columns_of(n)
     count = 4 * (n + 1) + n
     equal = dynamics_rows(task, steps, scale)
-    below = supply_rows(task, n, scale) or Rows()
-    low, high = np.full(count, -np.inf), np.full(count, np.inf)
+    below = supply_rows(task, n, scale)
     S = scale.state
-    slack = None
-    cost: Array
-    if not costly:
-        cost = np.zeros(count)
-    elif goal.relaxed is None:
-        moved = count + np.arange(n)
-        count += n
+    more = 0 if not costly else n if goal.relaxed is None else 1  # volumes moved, or the slack
+    added = count + np.arange(more)
+    if costly and goal.relaxed is None:
         for sign in (1.0, -1.0):
-            below.add(np.zeros(n), (x[1:, 1], sign), (x[:-1, 1], -sign), (moved, -1.0))
-        cost = np.concatenate([np.zeros(moved[0]), np.ones(n)])
-        low, high = np.append(low, np.zeros(n)), np.append(high, np.full(n, np.inf))
-    else:
-        slack = count
-        count += 1
-        cost = np.append(np.zeros(slack), 1.0)
-        low, high = np.append(low, 0.0), np.append(high, np.inf)
+            below.add(np.zeros(n), (x[1:, 1], sign), (x[:-1, 1], -sign), (added, -1.0))
+    cost = np.repeat([0.0, 1.0], [count, more])
+    low, high = np.repeat([-np.inf, 0.0], [count, more]), np.full(count + more, np.inf)
 
     def limit(name: str, columns: Any, least: Any, most: Any) -> None:
         """Keep variables within limits, scaled; or within them by the slack where relaxed."""
@@ -336,7 +318,7 @@ def posed(
         for sign, value in ((1.0, most), (-1.0, least)):
             right = np.broadcast_to(sign * np.asarray(value, float), m)
             if np.isfinite(right).all():
-                below.add(right, (columns, sign), (np.full(m, slack), -1.0))
+                below.add(right, (columns, sign), (np.full(m, count), -1.0))
 
     limit("command", u, *(v / scale.command for v in task.command))
     limit("volume", x[1:, 1], *(v / S[1] for v in task.volume))
@@ -350,14 +332,12 @@ def posed(
         ends = (v / S[2] for v in (t - task.band, t + task.band))
         limit("near", x[goal.near :, 2], *ends)
     rest = np.array(task.state_of_rest(task.target)) / S
-    kept = [1, 2, 3] if task.plant.positioner else [0, 1, 2, 3]
-    for i in kept:
+    for i in range(1 if task.plant.positioner else 0, 4):
         limit("rest", x[goal.rest :, i], rest[i], rest[i])
     if near is not None and near.back is not None:  # last, for `answer_of`
         side = np.where(near.back, 1.0, -1.0)
         leak = side * 0.5 * task.plant.k_l * task.sample_time * S[2] / S[1]
         entries = (x[1:, 1], side), (x[:-1, 1], -side), (x[1:, 2], leak), (x[:-1, 2], leak)
         below.add(np.zeros(n), *entries)
-    G = below.matrix(count) if below.count else None
-    g = below.right if below.count else np.zeros(0)
-    return Problem(cost, equal.matrix(count), equal.right, G, g, low, high)
+    A, G = equal.matrix(count + more), below.matrix(count + more)
+    return Problem(cost, A, equal.right, G, below.right, low, high)

@@ -14,14 +14,21 @@ edge of its side and, at a price, would rather be beyond it. What comes out none
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Unpack
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.linear_program import Answer, Flags, Goal, Near, scale_of, solve
-from swimbladder.design.planning.task import STATES, Steps, Task, steps_along, task_of
+from swimbladder.design.planning.task import (
+    STATES,
+    Limits,
+    Steps,
+    Task,
+    steps_along,
+    task_of,
+)
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.vehicle import Vehicle
@@ -233,21 +240,16 @@ class Found(NamedTuple):
 
 
 def least_time(
-    vehicle: Vehicle, start: float, target: float, *, rest: bool = False,
-    sample_time: float | None = None, supply: float | None = None, band: float = 0.02,
-    margin: float = 0.0, speed_limit: float | None = None, bottom_depth: float = math.inf,
-) -> LeastTime:  # fmt: skip
+    vehicle: Vehicle, start: float, target: float, *, rest: bool = False, **limits: Unpack[Limits]
+) -> LeastTime:
     """Return the least time [s] from rest at `start` to `target` [m] that the vehicle allows.
 
-    To be within `band` [-] of the step for good; with `rest`, to be at rest there exactly. The
-    other arguments are those of `task_of`. A lower bound for every controller that is sampled with
+    To be within `band` [-] of the step for good; with `rest`, to be at rest there exactly. limits:
+    the other arguments of `task_of`. A lower bound for every controller that is sampled with
     `sample_time` [s], as the model has the vehicle. Raises InputError and NoAnswerError as
     `task_of` does; NoAnswerError beyond 4000 samples.
     """
-    task = task_of(
-        vehicle, start, target, sample_time=sample_time, supply=supply, band=band, margin=margin,
-        speed_limit=speed_limit, bottom_depth=bottom_depth,
-    )  # fmt: skip
+    task = task_of(vehicle, start, target, **limits)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         return search_least(task, rest=rest).least
 
@@ -304,10 +306,8 @@ def _bisect(slack: Callable[[int, float], Answer], low: int, high: int) -> tuple
     """Return the least n without slack, and the answer for n - 1, both on settled courses."""
     while high - low > 1:
         middle = (low + high) // 2
-        if slack(middle, _ROUGHLY).objective <= _HOLDS:
-            high = middle
-        else:
-            low = middle
+        enough = slack(middle, _ROUGHLY).objective <= _HOLDS
+        low, high = (low, middle) if enough else (middle, high)
     while slack(high, AGREE).objective > _HOLDS:
         high += 1
     missed = slack(max(high - 1, 1), AGREE)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -21,7 +21,7 @@ from swimbladder.design.planning.nominal_trajectory import (
     straight,
     stretched,
 )
-from swimbladder.design.planning.task import Steps, Task, task_of
+from swimbladder.design.planning.task import Limits, Steps, Task, task_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
 from swimbladder.physics.buoyancy_engine import winding as winding_of
@@ -60,37 +60,27 @@ class Plan:
         step = f"from {t.start:g} to {t.target:g} m"
         into = f"inside {length(t.band)} of the target for good"
         every = "every plan" if self.proven else "every plan near it"
-        where = into if self.arrive == "band" else "at rest there"
-        limits = _limits(t)
+        where, sooner = "at rest there", f"no {every.removeprefix('every ')} comes to rest"
+        if self.arrive == "band":
+            where, sooner = into, f"{every} misses by {length(self.least.short)} or more"
         said = [
             f"The least time {step} is {self.least.time:.4g} s ({where}), sampled every {h:g} s"
-            f"{limits}: a sample sooner "
-            + (
-                f"{every} misses by {length(self.least.short)} or more."
-                if self.arrive == "band"
-                else f"no {every.removeprefix('every ')} comes to rest."
-            )
+            f"{_limits(t)}: a sample sooner {sooner}."
         ]
         if self.goal != "time":
             what = "volume moved" if self.goal == "effort" else "electrical energy"
-            said.append(
-                f"In {self.arrival:.4g} s it takes the least {what}"
-                + ("." if self.proven else " of all plans near it; others were not ruled out.")
-            )
+            rest = "" if self.proven else " of all plans near it; others were not ruled out"
+            said.append(f"In {self.arrival:.4g} s it takes the least {what}{rest}.")
         energy = "" if math.isnan(self.energy) else f", {self.energy:.4g} J into the motor"
-        said.append(
-            f"It moves {1e6 * self.moved:.4g} cm3 to and fro{energy}; at its fastest it goes "
-            f"{100.0 * float(abs(self.speed).max()):.3g} cm/s."
-        )
+        fastest = f"at its fastest it goes {100.0 * float(abs(self.speed).max()):.3g} cm/s"
+        said.append(f"It moves {1e6 * self.moved:.4g} cm3 to and fro{energy}; {fastest}.")
         busy = [f"{n} in {100.0 * s:.0f} %" for n, s in self.at_limit.items() if s > 0.0]
-        said.append(
-            f"At their limits: {', '.join(busy)} of the samples." if busy else
-            "No limit is reached."
-        )  # fmt: skip
-        said.append(
-            f"The simulator, given the plan's commands, keeps within {length(self.residual, 2)} "
-            "of it."
-        )
+        limits = f"At their limits: {', '.join(busy)} of the samples."
+        near = f"keeps within {length(self.residual, 2)} of it"
+        said += [
+            limits if busy else "No limit is reached.",
+            f"The simulator, given the plan's commands, {near}.",
+        ]
         if self.residual > t.band:
             said.append(
                 "That is more than the band: followed blindly this plan does not arrive. Let a "
@@ -127,14 +117,13 @@ class Plan:
 
     def columns(self) -> dict[str, Array]:
         """Return the columns of a log of the plan."""
-        known = {
+        return {
             "time_s": self.time,
             "depth_m": self.depth,
             "speed_m_s": self.speed,
             "volume_m3": self.volume,
+            "reference_volume_m3" if self.task.plant.positioner else "voltage_V": self.command,
         }
-        name = "reference_volume_m3" if self.task.plant.positioner else "voltage_V"
-        return {**known, name: self.command}
 
 
 def _limits(task: Task) -> str:
@@ -153,35 +142,40 @@ _AT_LIMIT = 2e-3  # of what is large, that counts as at a limit: tangents stop a
 
 
 def plan(
-    vehicle: Vehicle, start: float, target: float, *, goal: str = "time", arrive: str | None = None,
-    duration: float | None = None, sample_time: float | None = None, supply: float | None = None,
-    band: float = 0.02, margin: float = 0.0, speed_limit: float | None = None,
-    bottom_depth: float = math.inf, advance: Callable[[float], None] | None = None,
-) -> Plan:  # fmt: skip
+    vehicle: Vehicle,
+    start: float,
+    target: float,
+    *,
+    goal: str = "time",
+    arrive: str | None = None,
+    duration: float | None = None,
+    advance: Callable[[float], None] | None = None,
+    **limits: Unpack[Limits],
+) -> Plan:
     """Return the best motion from rest at `start` to rest at `target` [m].
 
     goal: time (the least until it has arrived; of the plans that do, one that moves least volume),
     effort (least volume moved) or energy (least electrical energy into the motor), both at rest
     after `duration` [s], twice the least time where not given. arrive: what arrival is for the goal
-    time: band (within `band` [-] of the step for good) or rest. The others are those of `task_of`.
-    advance: called for every program that was solved.
+    time: band (within `band` [-] of the step for good) or rest. advance: called for every program
+    that was solved. limits: the other arguments of `task_of`.
 
     Raises InputError for what cannot be meant, NoAnswerError, with the limit in the way, for what
     cannot be done.
     """
     arrive = _check(goal, arrive, duration)
-    task = task_of(
-        vehicle, start, target, sample_time=sample_time, supply=supply, band=band, margin=margin,
-        speed_limit=speed_limit, bottom_depth=bottom_depth,
-    )  # fmt: skip
+    task = task_of(vehicle, start, target, **limits)
     if goal == "energy":
         winding(task)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         least, end, nominal = search_least(task, rest=arrive == "rest", advance=advance)
         near = least.samples if arrive == "band" else None
         if goal != "time":
-            end, near = _samples(task, least, duration), None
-        answer = _best(task, goal, near, end, nominal, advance or (lambda _: None))
+            end, near = math.ceil(_UNHURRIED * least.samples), None
+            if duration is not None:
+                end = max(math.floor(duration / task.sample_time + 1e-9), 1)
+        linear = None if goal == "energy" else Goal(near=near, rest=end)
+        answer = _best(task, linear, stretched(nominal, end), advance or (lambda _: None))
         if answer is None:
             raise _impossible(task, end, least, nominal)
     found = _plan_of(task, goal, arrive, answer, least, near if near is not None else end)
@@ -207,50 +201,37 @@ def _lost(found: Plan) -> NoAnswerError:
 
 def _check(goal: str, arrive: str | None, duration: float | None) -> str:
     if goal not in GOALS:
-        raise InputError(
-            "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"
-        )
+        remedy = f"Choose from {', '.join(GOALS)}"
+        raise InputError("no such goal", field="--goal", value=goal, remedy=remedy)
     if arrive is not None and arrive not in ARRIVALS:
-        raise InputError(
-            "no such arrival", field="--arrive", value=arrive,
-            remedy=f"Choose from {', '.join(ARRIVALS)}",
-        )  # fmt: skip
+        remedy = f"Choose from {', '.join(ARRIVALS)}"
+        raise InputError("no such arrival", field="--arrive", value=arrive, remedy=remedy)
     if goal == "time":
         if duration is not None:
-            raise InputError(
-                "the goal time looks for the duration itself", field="--duration", value=duration,
-                unit="s", remedy="Leave it out, or choose the goal effort or energy",
-            )  # fmt: skip
+            what = "the goal time looks for the duration itself"
+            remedy = "Leave it out, or choose the goal effort or energy"
+            raise InputError(what, field="--duration", value=duration, unit="s", remedy=remedy)
         return arrive or "band"
     if arrive == "band":
-        raise InputError(
-            f"the goal {goal} is for plans that end at rest", field="--arrive", value=arrive,
-            remedy="Leave it out",
-        )  # fmt: skip
+        what = f"the goal {goal} is for plans that end at rest"
+        raise InputError(what, field="--arrive", value=arrive, remedy="Leave it out")
     if duration is not None and not 0.0 < duration < math.inf:
         raise InputError("must be above 0", field="--duration", value=duration, unit="s")
     return "rest"
 
 
-def _samples(task: Task, least: LeastTime, duration: float | None) -> int:
-    """Return the samples of a plan that takes `duration` [s]; raises where it is too short."""
-    if duration is None:
-        return math.ceil(_UNHURRIED * least.samples)
-    return max(math.floor(duration / task.sample_time + 1e-9), 1)
-
-
 def _best(
-    task: Task, goal: str, near: int | None, end: int, nominal: NominalTrajectory,
-    advance: Callable[[float], None],
-) -> Answer | None:  # fmt: skip
+    task: Task, goal: Goal | None, begin: NominalTrajectory, advance: Callable[[float], None]
+) -> Answer | None:
+    """Return the best answer for a linear goal, or of least energy to the end of a course."""
+
     def program(steps: Steps, beside: Near) -> Answer | None:
         advance(1.0)
-        if goal == "energy":
-            return least_energy(task, steps, end, beside)
-        return solve(task, steps, Goal(near=near, rest=end), beside)
+        if goal is None:
+            return least_energy(task, steps, len(steps.A), beside)
+        return solve(task, steps, goal, beside)
 
-    begin = stretched(nominal, end)
-    if goal == "energy" and sided(task.plant):
+    if goal is None and sided(task.plant):
         answer = best_load_direction(task, program, begin)
     else:
         answer = settle(task, program, begin)[0]
@@ -263,23 +244,22 @@ def _impossible(
     task: Task, end: int, least: LeastTime, nominal: NominalTrajectory
 ) -> NoAnswerError:
     """Return what is in the way, and how much more of each limit alone would do."""
-    sizes, kept = scale_of(task), 1.0 - task.margin
-    unit = ("cm3/s", 1e6) if task.plant.positioner else ("V", 1.0)
+    sizes, kept, half = scale_of(task), 1.0 - task.margin, 0.5 * (task.volume[1] - task.volume[0])
+    drive = ("the voltage", "V", 1.0)
+    if task.plant.positioner:
+        drive = ("the piston's speed", "cm3/s", 1e6)
     ways = [
-        ("command", "the piston's speed" if task.plant.positioner else "the voltage",
-         task.command[1], sizes.command, kept, *unit),
-        ("volume", "the stroke", 0.5 * (task.volume[1] - task.volume[0]), sizes.state[1],
-         kept, "cm3 to either side", 1e6),
-        ("speed", "the speed limit", task.speed[1], sizes.state[3], 1.0, "m/s", 1.0),
-    ]  # fmt: skip
+        ("command", *drive, task.command[1], sizes.command, kept),
+        ("volume", "the stroke", "cm3 to either side", 1e6, half, sizes.state[1], kept),
+        ("speed", "the speed limit", "m/s", 1.0, task.speed[1], sizes.state[3], 1.0),
+    ]
     found = []
-    for name, words, limit, size, share, shown, factor in ways:
+    for name, words, shown, factor, limit, size, share in ways:
         if not math.isfinite(limit):
             continue
 
         def program(steps: Steps, beside: Near, name: str = name) -> Answer | None:
-            goal = Goal(near=None, rest=end, relaxed=name)
-            return solve(task, steps, goal, beside)
+            return solve(task, steps, Goal(near=None, rest=end, relaxed=name), beside)
 
         answer, _ = settle(task, program, stretched(nominal, end))
         if answer is not None:
@@ -313,12 +293,11 @@ def _plan_of(
     )
     same = len(run.depth) == n + 1
     residual = float(np.abs(run.depth - depth).max()) if same else math.inf
-    known = winding_of(task.vehicle) is not None
+    moved = float(np.abs(np.diff(volume)).sum())
+    energy = electrical(task, answer) if winding_of(task.vehicle) is not None else math.nan
     return Plan(
         task=task, goal=goal, arrive=arrive, time=time, depth=depth, speed=speed, volume=volume,
-        command=command, arrival=arrival * h, least=least,
-        moved=float(np.abs(np.diff(volume)).sum()),
-        energy=electrical(task, answer) if known else math.nan,
+        command=command, arrival=arrival * h, least=least, moved=moved, energy=energy,
         gap=answer.gap, proven=answer.proven, residual=residual, at_limit=_at_limit(task, answer),
     )  # fmt: skip
 
@@ -327,17 +306,13 @@ def _at_limit(task: Task, answer: Answer) -> dict[str, float]:
     """Return the share of the samples at each limit."""
     _, V, z, w = answer.states.T
     command = "piston speed" if task.plant.positioner else "voltage"
-    series: list[tuple[str, Any, tuple[float, float]]] = [
-        (command, answer.commands, task.command), ("stroke", V[1:], task.volume),
-        ("speed", w[1:], task.speed), ("depth", z[1:], task.depth),
-    ]  # fmt: skip
-    sizes = scale_of(task)
-    size = dict(
-        zip((command, "stroke", "depth", "speed"), (sizes.command, *sizes.state[1:]), strict=True)
-    )
-    return {
-        name: float(
-            np.mean((x <= low + _AT_LIMIT * size[name]) | (x >= high - _AT_LIMIT * size[name]))
-        )
-        for name, x, (low, high) in series
-    }
+    sizes, shares = scale_of(task), {}
+    for name, x, (low, high), size in (
+        (command, answer.commands, task.command, sizes.command),
+        ("stroke", V[1:], task.volume, sizes.state[1]),
+        ("speed", w[1:], task.speed, sizes.state[3]),
+        ("depth", z[1:], task.depth, sizes.state[2]),
+    ):
+        at = (x <= low + _AT_LIMIT * size) | (x >= high - _AT_LIMIT * size)
+        shares[name] = float(np.mean(at))
+    return shares

@@ -9,7 +9,7 @@ Trans. Automatic Control 23, 1978, 395).
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,17 @@ def drag_along(p: Plant, w: Array) -> tuple[Array, Array]:
     return found[:, 0], found[:, 1]
 
 
+class Limits(TypedDict, total=False):
+    """What `task_of` takes beside the vehicle and the two depths."""
+
+    sample_time: float | None
+    supply: float | None
+    band: float
+    margin: float
+    speed_limit: float | None
+    bottom_depth: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Task:
     """A step of depth, sampled, with what limits it; low and high of a limit in SI."""
@@ -140,55 +151,60 @@ def task_of(
     """
     if sample_time is None:
         if vehicle.controller is None:
-            raise InputError(
-                "the vehicle has no controller, so a plan needs a sample time",
-                field="--sample-time", unit="s", remedy='Give one, like "0.3 s"',
-            )  # fmt: skip
+            what = "the vehicle has no controller, so a plan needs a sample time"
+            remedy = 'Give one, like "0.3 s"'
+            raise InputError(what, field="--sample-time", unit="s", remedy=remedy)
         sample_time = vehicle.controller.sample_time
     if vehicle.controller is not None:
         own_law(vehicle)
     check_number(sample_time, "--sample-time", "s", above=0.0)
     if speed_limit is not None:
         check_number(speed_limit, "--speed-limit", "m/s", above=0.0)
-    for name, share in (("--band", band), ("--margin", margin)):
-        if not (0.0 < share < 1.0 or (share == 0.0 and name == "--margin")):
-            raise InputError(
-                "must be 0 or more, and less than the whole" if name == "--margin"
-                else "must be more than 0, and less than the whole",
-                field=name, value=100.0 * share, unit="%", remedy='Write it like "5 %"',
-            )  # fmt: skip
+    for name, share, fits, least in (
+        ("--band", band, 0.0 < band < 1.0, "more than 0"),
+        ("--margin", margin, 0.0 <= margin < 1.0, "0 or more"),
+    ):
+        if not fits:
+            what, remedy = f"must be {least}, and less than the whole", 'Write it like "5 %"'
+            raise InputError(what, field=name, value=100.0 * share, unit="%", remedy=remedy)
     if supply is not None:
-        vehicle = _with_supply(vehicle, supply)
+        if vehicle.supply is None:
+            what = "the vehicle's actuator takes a volume, not a voltage"
+            raise InputError(what, field="--supply", value=supply, remedy="Leave the supply out")
+        check_number(supply, "--supply", "V", above=0.0)
+        vehicle = with_supply(vehicle, supply)
     p = plant(vehicle, bottom_depth=bottom_depth)
     shallowest = max(p.z_surface, 0.0)
     rating = vehicle.hull.depth_limit
     deepest = min(bottom_depth, math.inf if rating is None else rating)
     for name, depth in (("the start", start), ("the target", target)):
         if not shallowest <= depth <= deepest:
-            limit = f"{shallowest:g} m, where it begins to emerge"
+            what = f"{name} is beyond {shallowest:g} m, where it begins to emerge"
             if depth > deepest:
-                limit = f"{deepest:g} m, " + ("the bottom" if bottom_depth == deepest else
-                                              "its rating (hull.depth_limit)")  # fmt: skip
-            raise InputError(
-                f"{name} is beyond {limit}", field="--step", value=depth, unit="m",
-                remedy=f"Stay between {shallowest:g} and {deepest:g} m",
-            )  # fmt: skip
+                end = "the bottom" if bottom_depth == deepest else "its rating (hull.depth_limit)"
+                what = f"{name} is beyond {deepest:g} m, {end}"
+            remedy = f"Stay between {shallowest:g} and {deepest:g} m"
+            raise InputError(what, field="--step", value=depth, unit="m", remedy=remedy)
     if start == target:
-        raise InputError(
-            "start and target are the same depth", field="--step", value=start, unit="m",
-            remedy='Give two depths, like "1.5:3 m"',
-        )  # fmt: skip
-    most = p.rate if p.positioner else p.supply
+        what, remedy = "start and target are the same depth", 'Give two depths, like "1.5:3 m"'
+        raise InputError(what, field="--step", value=start, unit="m", remedy=remedy)
+    most = (p.rate if p.positioner else p.supply) * (1.0 - margin)
     low, high = vehicle.stroke.lowest, vehicle.stroke.highest
-    middle, half = 0.5 * (high + low), 0.5 * (high - low)
+    middle, half = 0.5 * (high + low), 0.5 * (high - low) * (1.0 - margin)
     fastest = math.inf if speed_limit is None else speed_limit
     task = Task(
-        vehicle=vehicle, plant=p, start=start, target=target, sample_time=sample_time,
+        vehicle=vehicle,
+        plant=p,
+        start=start,
+        target=target,
+        sample_time=sample_time,
         band=band * abs(target - start),
-        command=(-most * (1.0 - margin), most * (1.0 - margin)),
-        volume=(middle - half * (1.0 - margin), middle + half * (1.0 - margin)),
-        speed=(-fastest, fastest), depth=(shallowest, deepest), margin=margin,
-    )  # fmt: skip
+        command=(-most, most),
+        volume=(middle - half, middle + half),
+        speed=(-fastest, fastest),
+        depth=(shallowest, deepest),
+        margin=margin,
+    )
     for depth in (start, target):
         _check_held(task, depth)
     return task
@@ -215,14 +231,3 @@ def _check_held(task: Task, depth: float) -> None:
             f"below {limit:.4g} m, and {depth:g} m is asked for. It takes a higher supply, or "
             "less depth"
         )
-
-
-def _with_supply(vehicle: Vehicle, supply: float) -> Vehicle:
-    """Return the vehicle with that voltage [V]."""
-    if vehicle.supply is None:
-        raise InputError(
-            "the vehicle's actuator takes a volume, not a voltage", field="--supply", value=supply,
-            remedy="Leave the supply out",
-        )  # fmt: skip
-    check_number(supply, "--supply", "V", above=0.0)
-    return with_supply(vehicle, supply)
