@@ -7,7 +7,7 @@ from string import Formatter
 import pytest
 
 import swimbladder.estimation
-from swimbladder.estimation.estimates import _PER_SI, _SENTENCES, finding, sentence
+from swimbladder.estimation.estimates import _PER_SI, _SENTENCES, Finding, sentence
 from swimbladder.units import unit_factor
 
 ROOM = Path(swimbladder.estimation.__file__).parent
@@ -20,11 +20,10 @@ def calls():
     """Yield the literal places that the code names, and the names of values given there."""
     for path in ROOM.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            named = isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-            if named and node.func.id in ("finding", "sentence"):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Finding.of", "sentence"):
                 words = [a.value for a in node.args if isinstance(a, ast.Constant)]
                 given = {k.arg for k in node.keywords}
-                yield path.name, node.func.id, words, given, len(node.args)
+                yield path.name, ast.unparse(node.func), words, given, len(node.args)
 
 
 def fields(text):
@@ -38,7 +37,7 @@ def test_every_call_gives_the_values_that_its_sentence_names():
         if len(words) < 2 or None in given:
             continue
         room, key, *other = words
-        text = "text" if function == "finding" or not other else other[0]
+        text = "text" if function == "Finding.of" or not other else other[0]
         if function == "sentence" and count != len(words):
             continue
         assert fields(_SENTENCES[room][key][text]) == given, (file, room, key)
@@ -69,6 +68,6 @@ def test_a_number_is_written_in_the_unit_of_the_sentence():
 
 
 def test_a_finding_has_the_kind_and_severity_of_its_table_unless_another_is_given():
-    assert finding("motion", "adds little", name="psi")[:2] == ("prior", "note")
+    assert Finding.of("motion", "adds little", name="psi")[:2] == ("prior", "note")
     values = {"log": "a.csv", "out": 3, "used": 9, "largest": 0.5}
-    assert finding("motion", "outliers", "warning", **values)[:2] == ("outliers", "warning")
+    assert Finding.of("motion", "outliers", "warning", **values)[:2] == ("outliers", "warning")

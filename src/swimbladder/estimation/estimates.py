@@ -8,7 +8,11 @@ from pathlib import Path
 from string import Formatter
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from swimbladder.errors import InputError
+from swimbladder.estimation.series import Array
+from swimbladder.io.answers import as_json
 from swimbladder.vehicle.schema import did_you_mean
 
 Origin = Literal["data", "prior", "set", "none"]
@@ -31,6 +35,15 @@ class Finding(NamedTuple):
     severity: Severity
     sentence: str
 
+    @classmethod
+    def of(
+        cls, room: str, key: str, severity: Severity | None = None, /, **values: Any
+    ) -> "Finding":
+        """Return the finding whose text is at that place in sentences.toml."""
+        known = _SENTENCES[room][key]
+        kind = known.get("kind", key)
+        return cls(kind, severity or known["severity"], sentence(room, key, **values))
+
 
 _SENTENCES = tomllib.loads(Path(__file__).with_name("sentences.toml").read_text(encoding="utf-8"))
 _PER_SI = _SENTENCES.pop("per SI")
@@ -47,13 +60,6 @@ class _Shown(Formatter):
 def sentence(room: str, key: str, text: str = "text", /, **values: Any) -> str:
     """Return a text of sentences.toml with the values that it names."""
     return _Shown().format(_SENTENCES[room][key][text], **values)
-
-
-def finding(room: str, key: str, severity: Severity | None = None, /, **values: Any) -> Finding:
-    """Return the finding whose text is at that place in sentences.toml."""
-    known = _SENTENCES[room][key]
-    kind = known.get("kind", key)
-    return Finding(kind, severity or known["severity"], sentence(room, key, **values))
 
 
 def check_names(
@@ -91,34 +97,44 @@ class Estimate:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
-        return {
-            "value": self.value if self.known else None,
-            "std": self.std if self.known else None,
-            "ci95": list(self.ci95),
-            "unit": self.unit,
-            "origin": self.origin,
-        }
+        return as_json(self, "value std ci95 unit origin")
 
+    @classmethod
+    def of(
+        cls,
+        value: float,
+        std: float,
+        unit: str,
+        *,
+        logarithmic: bool = False,
+        origin: Origin = "data",
+        reach: float | None = None,
+    ) -> "Estimate":
+        """Return the estimate of a normal quantity or, where `logarithmic`, of a log-normal one.
 
-def estimate(
-    value: float,
-    std: float,
-    unit: str,
-    *,
-    logarithmic: bool = False,
-    origin: Origin = "data",
-    reach: float | None = None,
-) -> Estimate:
-    """Return the estimate of a normal quantity or, where `logarithmic`, of a log-normal one.
+        std: of the value [unit], in the logarithmic case value times that of the logarithm. reach:
+        half the interval, where it is not that of a normal distribution.
+        """
+        reach = Z95 * std if reach is None else reach
+        if logarithmic and value > 0.0:
+            factor = math.exp(min(reach / value, 700.0))
+            return cls(value, std, (value / factor, value * factor), unit, origin)
+        return cls(value, std, (value - reach, value + reach), unit, origin)
 
-    std: of the value [unit], in the logarithmic case value times that of the logarithm. reach: half
-    the interval, where it is not that of a normal distribution.
-    """
-    reach = Z95 * std if reach is None else reach
-    if logarithmic and value > 0.0:
-        factor = math.exp(min(reach / value, 700.0))
-        return Estimate(value, std, (value / factor, value * factor), unit, origin)
-    return Estimate(value, std, (value - reach, value + reach), unit, origin)
+    @classmethod
+    def given(cls, value: float, unit: str) -> "Estimate":
+        """Return what the user set."""
+        return cls(value, 0.0, (value, value), unit, "set")
+
+    @classmethod
+    def bounded(cls, low: float, high: float, unit: str, why: str) -> "Estimate":
+        """Return an estimate that is only an interval."""
+        return cls(math.nan, math.nan, (low, high), unit, "none", why)
+
+    @classmethod
+    def unknown(cls, unit: str, why: str) -> "Estimate":
+        """Return an estimate without value: not identifiable."""
+        return cls.bounded(math.nan, math.nan, unit, why)
 
 
 def crossing(
@@ -144,16 +160,27 @@ def crossing(
     return float(brentq(beyond, near, far, xtol=xtol))
 
 
-def given(value: float, unit: str) -> Estimate:
-    """Return what the user set."""
-    return Estimate(value, 0.0, (value, value), unit, "set")
+def bounded_fit(
+    residual: Callable[[Array], Array],
+    slope: Callable[[Array], Array],
+    begin: Array,
+    limits: tuple[Array, Array],
+    *,
+    ends: tuple[float, float, float],
+    most: int,
+    edge: float = 0.0,
+    scale: float | Array = 1.0,
+) -> tuple[float, Array]:
+    """Return half the least sum of squares that is found from `begin` on, and its place.
 
+    ends: relative changes of place and sum that end the search, and the size of the gradient;
+    most: evaluations; edge: by how much it begins inside the limits; scale: of a place.
+    """
+    from scipy.optimize import least_squares
 
-def bounded(low: float, high: float, unit: str, why: str) -> Estimate:
-    """Return an estimate that is only an interval."""
-    return Estimate(math.nan, math.nan, (low, high), unit, "none", why)
-
-
-def not_identifiable(unit: str, why: str) -> Estimate:
-    """Return an estimate without value: not identifiable."""
-    return bounded(math.nan, math.nan, unit, why)
+    xtol, ftol, gtol = ends
+    x = np.clip(begin, limits[0] + edge, limits[1] - edge)
+    found = least_squares(
+        residual, x, slope, limits, "trf", ftol, xtol, gtol, x_scale=scale, max_nfev=most
+    )
+    return float(found.cost), np.asarray(found.x, float)

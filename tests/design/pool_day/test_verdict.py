@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.design.pool_day.tasks import Task, next_task, paper_tasks, undone
 from swimbladder.design.pool_day.verdict import MARGIN, State, Target, forecast, judge
-from swimbladder.estimation.estimates import estimate
+from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.motion import Finding, Prior
 from swimbladder.io.config import load_vehicle
 
@@ -21,7 +21,7 @@ def found(*, n=8, K2=0.01, T2=0.01, psi=0.02, correlation=0.0, findings=()):
     R[0, 2] = R[2, 0] = correlation
     size = np.array(list(values.values())) * share
     parameters = {
-        name: estimate(v, s, "", logarithmic=name != "psi")
+        name: Estimate.of(v, s, "", logarithmic=name != "psi")
         for (name, v), s in zip(values.items(), size, strict=True)
     }
     return SimpleNamespace(

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from swimbladder.estimation.actuator.bench import autoregression, changes, quantum, spikes
 from swimbladder.estimation.actuator.estimate import pool, shown, student
-from swimbladder.estimation.estimates import bounded, estimate, given, not_identifiable
+from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.series import WHITE
 
 
@@ -104,14 +104,14 @@ def test_the_mean_of_what_differs_is_within_its_interval_as_often_as_it_says():
 
 
 def test_intervals():
-    assert estimate(2.0, 0.1, "s").ci95 == pytest.approx((2.0 - 0.1959964, 2.0 + 0.1959964))
-    low, high = estimate(2.0, 0.1, "s", reach=0.1 * student(4.0), logarithmic=True).ci95
+    assert Estimate.of(2.0, 0.1, "s").ci95 == pytest.approx((2.0 - 0.1959964, 2.0 + 0.1959964))
+    low, high = Estimate.of(2.0, 0.1, "s", reach=0.1 * student(4.0), logarithmic=True).ci95
     assert (np.log(high / 2.0), low * high) == pytest.approx((2.776445 * 0.05, 4.0))
-    assert given(3.0, "V").to_json()["origin"] == "set"
-    assert not_identifiable("V", "why").to_json() | {"ci95": None} == {
+    assert Estimate.given(3.0, "V").to_json()["origin"] == "set"
+    assert Estimate.unknown("V", "why").to_json() | {"ci95": None} == {
         "value": None, "std": None, "ci95": None, "unit": "V", "origin": "none",
     }  # fmt: skip
-    assert not_identifiable("V", "why").why == "why"
-    assert bounded(0.0, 0.2, "s", "short").ci95 == (0.0, 0.2)
+    assert Estimate.unknown("V", "why").why == "why"
+    assert Estimate.bounded(0.0, 0.2, "s", "short").ci95 == (0.0, 0.2)
     assert shown(0.005245, "m/s") == "5.245 mm/s"
     assert shown(1.25, "-") == "1.25"

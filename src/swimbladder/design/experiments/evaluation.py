@@ -21,7 +21,7 @@ from swimbladder.design.experiments.conditions import (
     follow,
     problem_of,
 )
-from swimbladder.estimation.estimates import Estimate, Finding, estimate
+from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.estimation.motion.diagnose import not_identifiable
 from swimbladder.estimation.motion.fit import Fit, refine
 from swimbladder.estimation.motion.model import NAMES
@@ -151,7 +151,7 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
     return Prediction(
         names=names,
         parameters={
-            name: estimate(values[name], std, NAMES[name].unit, logarithmic=log)
+            name: Estimate.of(values[name], std, NAMES[name].unit, logarithmic=log)
             for name, std, log in zip(names, stds, problem.logarithmic, strict=True)
         },
         covariance=covariance,

@@ -6,8 +6,8 @@ a voltage, `moves` finds motion at full speed, and fits how it begins and how fa
 holds what was found, `run` puts it together.
 """
 
-from swimbladder.estimation.actuator.result import ActuatorIdentification
-from swimbladder.estimation.actuator.run import PARAMETERS, identify_actuator
+from swimbladder.estimation.actuator.result import PARAMETERS, ActuatorIdentification
+from swimbladder.estimation.actuator.run import identify_actuator
 from swimbladder.estimation.estimates import Estimate
 
 __all__ = ["PARAMETERS", "ActuatorIdentification", "Estimate", "identify_actuator"]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.series import Array, Autoregression, Index, Mask, stretches
@@ -104,6 +105,12 @@ class Bench:
     noise: float
     depth: float  # m, the greatest; 0 where not logged
     notes: tuple[str, ...]
+
+    @property
+    def volts(self) -> Array:
+        """The voltage of a bench that has one [V]."""
+        assert self.voltage is not None
+        return self.voltage
 
     @property
     def driven(self) -> Driven:
@@ -233,9 +240,7 @@ def _without_leakage(
     area = vehicle.piston_area if quantity == "piston" else 1.0
     if k_l == 0.0 or area is None or not depth.any():
         return position
-    between = 0.5 * (depth[1:] + depth[:-1]) * np.diff(time)
-    leaked: Array = k_l / area * np.concatenate(([0.0], np.cumsum(between)))
-    return position + leaked
+    return position + k_l / area * cumulative_trapezoid(depth, time, initial=0)
 
 
 IDLE = 0.02  # of the largest voltage: none
@@ -259,11 +264,11 @@ def cut(bench: Bench, log: int) -> list[Block]:
     first and the last few say nothing and are left out, as are readings that only repeat the one
     before while it stands: they are one reading.
     """
-    assert bench.voltage is not None
-    least = IDLE * float(np.abs(bench.voltage).max(initial=0.0))
+    size = np.abs(bench.volts)
+    least = IDLE * float(size.max(initial=0.0))
     blocks = []
     for number, (first, after) in enumerate(bench.runs):
-        idle = np.abs(bench.voltage[first:after]) <= least
+        idle = size[first:after] <= least
         kept, ends = _rests(bench, first, idle)
         edges = [0, *ends, after - first]
         for low, high in itertools.pairwise(edges):

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator.model import Problem, tolerance
-from swimbladder.estimation.estimates import Estimate, estimate
+from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.series import Array
 from swimbladder.units import format_quantity
 
@@ -179,7 +179,7 @@ class Pooled(NamedTuple):
 
     def estimate(self, unit: str, *, positive: bool = False) -> Estimate:
         """Return it as an estimate; what is `positive` has an interval that is."""
-        found = estimate(self.mean, self.std, unit, reach=student(self.df) * self.std)
+        found = Estimate.of(self.mean, self.std, unit, reach=student(self.df) * self.std)
         low, high = found.ci95
         return replace(found, ci95=(max(low, 0.0), high)) if positive else found
 

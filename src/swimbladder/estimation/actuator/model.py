@@ -138,7 +138,12 @@ class Whitener:
 
     def along(self, column: Array, white: Array) -> Array:
         """Return the inner product of two columns for each block."""
-        return np.bincount(self.block, column * white, minlength=len(self.keep)).astype(float)
+        return _sums(self.block, column * white, len(self.keep))
+
+
+def _sums(block: Index, values: Array, count: int) -> Array:
+    """Return the sum of values in each of so many blocks."""
+    return np.bincount(block, values, minlength=count).astype(float)
 
 
 class Problem:
@@ -160,7 +165,7 @@ class Problem:
     ) -> None:
         self.benches, self.blocks, self.free = benches, blocks, free
         self.fixed, self.moving = dict(fixed), dict(moving)
-        self.top = max(float(np.abs(_voltage(b)).max()) for b in benches)
+        self.top = max(float(np.abs(b.volts).max()) for b in benches)
         starts = np.cumsum([0, *(len(b.time) for b in benches)])
         self.at = np.concatenate([starts[b.log] + b.samples for b in blocks])
         self.block = np.repeat(np.arange(len(blocks)), [len(b.samples) for b in blocks])
@@ -206,7 +211,7 @@ class Problem:
 
     def _strokes(self, block: Block) -> float:
         """Return how many moves a block holds: stretches of a voltage of one sign and size."""
-        u = _voltage(self.benches[block.log])[block.samples]
+        u = self.benches[block.log].volts[block.samples]
         turned = np.abs(np.diff(u)) > _TURNS * self.top
         turned |= np.sign(u[1:]) != np.sign(u[:-1])
         number = np.append(0, np.cumsum(turned))
@@ -217,9 +222,8 @@ class Problem:
         drive = drive_of(self.values(q))
         found = []
         for log, bench in enumerate(self.benches):
-            voltage = _voltage(bench)
             for run, (first, after) in enumerate(bench.runs):
-                u = voltage[first:after]
+                u = bench.volts[first:after]
                 begun = steady_speed(float(u[0]), drive) if self.moving[(log, run)] else 0.0
                 found.append(respond(bench.time[first:after], u, drive, first_speed=begun)[0])
         return np.asarray(np.concatenate(found)[self.at])
@@ -230,8 +234,8 @@ class Problem:
 
     def centred(self, residual: Array) -> Array:
         """Return residuals less the mean of their block, outliers not counted."""
-        count = np.bincount(self.block, self.used, minlength=len(self.blocks))
-        total = np.bincount(self.block, residual * self.used, minlength=len(self.blocks))
+        count = _sums(self.block, self.used, len(self.blocks))
+        total = _sums(self.block, residual * self.used, len(self.blocks))
         return residual - (total / np.maximum(count, 1.0))[self.block]
 
     def without_own_gains(self, q: Array, residual: Array) -> Array:
@@ -241,8 +245,8 @@ class Problem:
         """
         travel = self.centred(self.travels(q))
         count = len(self.blocks)
-        size = np.bincount(self.block, travel**2 * self.used, minlength=count)
-        along = np.bincount(self.block, travel * residual * self.used, minlength=count)
+        size = _sums(self.block, travel**2 * self.used, count)
+        along = _sums(self.block, travel * residual * self.used, count)
         kept = np.ones(count) if self.whiten is None else self.whiten.keep
         own = (1.0 - kept**2) * along / np.maximum(size, 1e-300)
         return residual - travel * own[self.block]
@@ -259,31 +263,21 @@ class Problem:
 
     def whitened_with(self, q: Array, noise: Autoregression, spread: float, sigma: float) -> None:
         """Choose the whitener: `noise`, and gains that differ by `spread` (a share) by block."""
-        block = self.block[self.used]
+        block, count = self.block[self.used], len(self.blocks)
         travel = self.travels(q)[self.used]
-        matrix = noise.matrix(np.bincount(block, minlength=len(self.blocks)))
-        count = len(self.blocks)
-
-        def inner(a: Array, b: Array) -> Array:
-            return np.bincount(block, a * b, minlength=count).astype(float)
-
+        matrix = noise.matrix(np.bincount(block, minlength=count))
         first = np.full(count, 0.0)
         first[block[::-1]] = travel[::-1]
         one: Array = matrix @ np.ones(len(block))
-        one /= np.sqrt(np.maximum(inner(one, one), 1e-300))[block]
+        one /= np.sqrt(np.maximum(_sums(block, one * one, count), 1e-300))[block]
         gain: Array = matrix @ (travel - first[block])
-        gain = gain - one * inner(one, gain)[block]
-        length = np.sqrt(inner(gain, gain))
+        gain = gain - one * _sums(block, one * gain, count)[block]
+        length = np.sqrt(_sums(block, gain * gain, count))
         gain = gain / np.maximum(length, 1e-300)[block]
         size = length / np.sqrt(self.strokes)
         ratio = spread / sigma if sigma > 0.0 else 0.0
         keep = 1.0 / np.sqrt(1.0 + (ratio * size) ** 2)
         self.whiten = Whitener(matrix, one, gain, size, keep, block)
-
-
-def _voltage(bench: Bench) -> Array:
-    assert bench.voltage is not None
-    return bench.voltage
 
 
 _SEEN = 4.0  # times noise and quantum that motion exceeds
@@ -296,11 +290,10 @@ def speeds(bench: Bench) -> Array:
     The speed is the median over the stretch's second half; a voltage that never lasts is taken in
     windows, with its mean.
     """
-    assert bench.voltage is not None
-    alike = IDLE * float(np.abs(bench.voltage).max(initial=0.0))
+    alike = IDLE * float(np.abs(bench.volts).max(initial=0.0))
     rows, brief = [], []
     for first, after in bench.runs:
-        u, x, t = (a[first:after] for a in (bench.voltage, bench.position, bench.time))
+        u, x, t = (a[first:after] for a in (bench.volts, bench.position, bench.time))
         turns = np.flatnonzero(np.abs(np.diff(u)) > alike) + 1
         edges = [0, *turns.tolist(), len(u)]
         for low, high in itertools.pairwise(edges):
@@ -333,7 +326,7 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
     Raises NoAnswerError where nothing moves, LogError where it moves against the voltage.
     """
     rows = np.concatenate([speeds(b) for b in benches])
-    top = max(float(np.abs(b.voltage).max()) for b in benches if b.voltage is not None)
+    top = max(float(np.abs(b.volts).max()) for b in benches)
     if top == 0.0 or not len(rows):
         raise NoAnswerError(
             "The logs have no voltage steps: the actuator is not identifiable. Apply voltages that "
@@ -364,30 +357,26 @@ def guess_from(rows: Array, top: float, free: Sequence[str]) -> dict[str, float]
     moving = (np.abs(u) > IDLE * top) & (np.abs(v) > 0.1 * size)
     gain = float(np.median(np.abs(v[moving] / u[moving]))) if moving.any() else size / top
 
-    def off(q: Array) -> Array:
+    open_ = [True, "dead_zone" in free, "load_voltage" in free, "asymmetry" in free]
+
+    def full(x: Array) -> Array:
+        q = np.zeros(4)
+        q[open_] = x
+        return q
+
+    def off(x: Array) -> Array:
+        q = full(x)
         K, d, b, ratio = math.exp(q[0]), max(q[1], 0.0) * top, q[2] * top, math.exp(q[3])
         over = u - b
         each = np.where(over > 0.0, K * math.sqrt(ratio), K / math.sqrt(ratio))
         calm = np.sign(over) * each * np.maximum(np.abs(over) - d, 0.0) - v
         return np.asarray(calm / (0.02 * size) * np.sqrt(np.minimum(n, 50.0)))
 
-    open_ = [True, "dead_zone" in free, "load_voltage" in free, "asymmetry" in free]
-    best = None
+    ends = []
     for share in (0.0, 0.05, 0.2):
-        q = np.array([math.log(gain / (1.0 - share)), share if open_[1] else 0.0, 0.0, 0.0])
-
-        def partly(x: Array, q: Array = q) -> Array:
-            full = q.copy()
-            full[open_] = x
-            return off(full)
-
-        found = least_squares(partly, q[open_], loss="soft_l1", max_nfev=50)
-        if best is None or found.cost < best[0]:
-            full = q.copy()
-            full[open_] = found.x
-            best = (found.cost, full)
-    assert best is not None
-    K, d, b, ratio = best[1].tolist()
+        q = np.array([math.log(gain / (1.0 - share)), share, 0.0, 0.0])[open_]
+        ends.append(least_squares(off, q, loss="soft_l1", max_nfev=50))
+    K, d, b, ratio = full(min(ends, key=lambda end: float(end.cost)).x).tolist()
     return {
         "K1": math.exp(K),
         "dead_zone": min(max(d, 0.0), 0.9) * top,

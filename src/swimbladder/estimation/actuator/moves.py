@@ -23,7 +23,7 @@ import numpy as np
 from swimbladder.estimation.actuator.bench import Bench, autoregression, changes, spikes
 from swimbladder.estimation.actuator.estimate import Pooled, pool, student
 from swimbladder.estimation.actuator.result import Step
-from swimbladder.estimation.estimates import Estimate, bounded, crossing, estimate, not_identifiable
+from swimbladder.estimation.estimates import Estimate, bounded_fit, crossing
 from swimbladder.estimation.series import WHITE, Array, Index, Mask, stretches
 
 _MOVES = 0.5  # of the full speed: it moves
@@ -277,12 +277,12 @@ class StartUp:
     """T1 of some moves, and for each move what the fit says it did.
 
     ramp: length of a ramp [s] that is by far likelier than an exponential, None where it is not.
-    fitted: for each move that shows its start (index into the moves, samples, position [m]).
+    fitted: by index into the moves, samples and position [m] of each that shows its start.
     """
 
     T1: Estimate
     ramp: float | None
-    fitted: tuple[tuple[int, Index, Array], ...]
+    fitted: dict[int, tuple[Index, Array]]
 
 
 def start_up(bench: Bench, moves: Sequence[Move]) -> StartUp:
@@ -292,15 +292,14 @@ def start_up(bench: Bench, moves: Sequence[Move]) -> StartUp:
         why = "no move begins from rest within the log"
         if bench.reference is not None:
             why = "what follows a reference is judged at full speed only"
-        return StartUp(T1=not_identifiable("s", why), ramp=None, fitted=())
+        return StartUp(T1=Estimate.unknown("s", why), ramp=None, fitted={})
     fit = _Fit([_window(bench, move) for _, move in shown], bench.step, bench.quantum)
-    fitted = []
-    for (k, move), window, travel in zip(shown, fit.windows, fit.travels(), strict=True):
-        assert move.begin is not None
-        start = bench.position[move.begin]
-        fitted.append((k, window.samples, start + move.direction * travel))
+    fitted = {
+        k: (w.samples, bench.position[move.begin] + move.direction * (w.travel - left))
+        for (k, move), w, left in zip(shown, fit.windows, fit.left(), strict=True)
+    }
     T1 = fit.estimate()
-    return StartUp(T1=T1, ramp=_ramp(fit) if T1.known else None, fitted=tuple(fitted))
+    return StartUp(T1=T1, ramp=_ramp(fit) if T1.known else None, fitted=fitted)
 
 
 def _ramp(fit: _Fit) -> float | None:
@@ -315,15 +314,10 @@ def _window(bench: Bench, move: Move) -> _Window:
     assert move.begin is not None
     taken = move.first - move.begin
     last = min(move.first + max(_LONG * taken, _LEAST), move.last)
-    t = bench.time[move.begin : last + 1]
-    x = move.direction * (bench.position[move.begin : last + 1] - bench.position[move.begin])
-    return _Window(
-        np.arange(move.begin, last + 1),
-        t - t[0],
-        x,
-        float(bench.time[move.first] - bench.time[move.begin]),
-        last - move.first >= _LEAST - 3,
-    )
+    samples = np.arange(move.begin, last + 1)
+    time = bench.time[samples] - bench.time[move.begin]
+    travel = move.direction * (bench.position[samples] - bench.position[move.begin])
+    return _Window(samples, time, travel, float(time[taken]), last - move.first >= _LEAST - 3)
 
 
 class _Fit:
@@ -337,11 +331,11 @@ class _Fit:
         self.best = self._solve(self._first())
         self.windows = [
             w.only(~spikes(r, 4.0 * quantum + _GROSS * float(np.ptp(w.travel))))
-            for w, r in zip(windows, self._left(), strict=True)
+            for w, r in zip(windows, self.left(), strict=True)
         ]
         for _ in range(2):
             self.best = self._solve(self.best)
-            left = self._left()
+            left = self.left()
             self.noise = autoregression(left)
             lost = sum(5 if w.trend else 4 for w in self.windows)
             total = sum(len(w.time) for w in self.windows)
@@ -356,24 +350,23 @@ class _Fit:
         first = sum(math.log(v) for v in self.noise.variances[:-1])
         return max(free, 1) * math.log(max(power, 1e-300)) + len(self.windows) * first
 
-    def travels(self) -> list[Array]:
-        """Return the travel that fits best, for each window [m]."""
-        return [w.travel - r for w, r in zip(self.windows, self._left(), strict=True)]
-
-    def _left(self) -> list[Array]:
+    def left(self) -> list[Array]:
+        """Return measured less fitted travel of each window at the best [m]."""
         found = []
-        T1 = math.exp(self.best[0])
         for window, t0 in zip(self.windows, self.best[1:].tolist(), strict=True):
-            columns = window.columns(t0, T1, ramp=self.ramp)
-            white = self.noise.whiten(np.column_stack([columns, window.travel]))
+            columns, white = self._white(window, float(self.best[0]), t0)
             linear = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)[0]
             found.append(window.travel - columns @ linear)
         return found
 
+    def _white(self, window: _Window, log_T1: float, t0: float) -> tuple[Array, Array]:
+        """Return the columns of a window, and these and its travel whitened."""
+        columns = window.columns(t0, math.exp(log_T1), ramp=self.ramp)
+        return columns, self.noise.whiten(np.column_stack([columns, window.travel]))
+
     def _one(self, window: _Window, log_T1: float, t0: float) -> Array:
         """Return the residual of a window, whitened, in units of its standard deviation."""
-        columns = window.columns(t0, math.exp(log_T1), ramp=self.ramp)
-        white = self.noise.whiten(np.column_stack([columns, window.travel]))
+        _, white = self._white(window, log_T1, t0)
         basis, _ = np.linalg.qr(white[:, :-1])
         y = white[:, -1] / math.sqrt(self.variance)
         return np.asarray(y - basis @ (basis.T @ y))
@@ -381,7 +374,7 @@ class _Fit:
     def _first(self) -> Array:
         """Return the best of a grid: T1 of all, t0 of each."""
         longest = max(float(w.time[-1]) for w in self.windows)
-        best: tuple[float, Array] | None = None
+        tried: list[tuple[float, list[float]]] = []
         for log_T1 in np.log(np.geomspace(0.1 * self.step, 0.5 * longest, _TRIALS)).tolist():
             total, t0 = 0.0, []
             for w in self.windows:
@@ -389,38 +382,36 @@ class _Fit:
                 sums = [float(np.abs(self._one(w, log_T1, t)).sum()) for t in trials]
                 total += min(sums)
                 t0.append(trials[int(np.argmin(sums))])
-            if best is None or total < best[0]:
-                best = (total, np.array([log_T1, *t0]))
-        assert best is not None
-        return best[1]
+            tried.append((total, [log_T1, *t0]))
+        return np.array(min(tried, key=lambda one: one[0])[1])
 
     def _solve(self, q: Array, log_T1: float | None = None) -> Array:
         """Return ln T1 and t0 at their best from `q` on; with ln T1 given, t0 alone."""
-        from scipy.optimize import least_squares
-
-        fixed = log_T1 is not None
-        start = q.copy() if log_T1 is None else np.array([log_T1, *q[1:]])
+        skip, start = 0, q
+        if log_T1 is not None:
+            skip, start = 1, np.array([log_T1, *q[1:]])
         least = np.array([math.log(1e-4 * self.step), *(-self.step for _ in self.windows)])
         most = np.array([math.log(1e6 * self.step), *(w.latest for w in self.windows)])
-        edge = 1e-9 * self.step
-        skip = int(fixed)
-
-        def full(x: Array) -> Array:
-            return np.array([start[0], *x]) if fixed else x
+        size = np.array([1.0, *(self.step for _ in self.windows)])[skip:]
 
         def residual(x: Array) -> Array:
-            return self._residual(full(x))
+            return self._residual(np.append(start[:skip], x))
 
         def slope(x: Array) -> Array:
-            return self._slope(full(x))[:, skip:]
+            return self._slope(np.append(start[:skip], x))[:, skip:]
 
-        found = least_squares(
-            residual, np.clip(start, least + edge, most - edge)[skip:], slope,
-            bounds=(least[skip:], most[skip:]),
-            x_scale=np.array([1.0, *(self.step for _ in self.windows)])[skip:],
-            xtol=1e-6, ftol=1e-7, gtol=1e-12, max_nfev=20,
-        )  # fmt: skip
-        return full(np.asarray(found.x, float))
+        ends, limits = (1e-6, 1e-7, 1e-12), (least[skip:], most[skip:])
+        _, found = bounded_fit(
+            residual,
+            slope,
+            start[skip:],
+            limits,
+            ends=ends,
+            most=20,
+            edge=1e-9 * self.step,
+            scale=size,
+        )
+        return np.append(start[:skip], found)
 
     def _residual(self, q: Array) -> Array:
         pairs = zip(self.windows, q[1:].tolist(), strict=True)
@@ -450,17 +441,17 @@ class _Fit:
         if none - least < _CHI2 * inflation:
             bound = self._crossing(none + _ONE_SIDED * inflation)
             if bound > max(float(w.time[-1]) for w in self.windows):
-                return not_identifiable("s", _TOO_SHORT)
+                return Estimate.unknown("s", _TOO_SHORT)
             why = (
                 f"shorter than samples every {self.step:.3g} s resolve; below {bound:.3g} s with "
                 "a confidence of 95 %"
             )
-            return bounded(0.0, bound, "s", why)
+            return Estimate.bounded(0.0, bound, "s", why)
         std = math.sqrt(inflation / max(information, 1e-12))
         if std > 1.0:
-            return not_identifiable("s", _TOO_SHORT)
+            return Estimate.unknown("s", _TOO_SHORT)
         T1 = math.exp(self.best[0])
-        return estimate(T1, T1 * std, "s", reach=student(df) * T1 * std, logarithmic=True)
+        return Estimate.of(T1, T1 * std, "s", reach=student(df) * T1 * std, logarithmic=True)
 
     def _information(self) -> tuple[float, float, float]:
         """Return by what the variance of ln T1 exceeds that of the noise, its degrees of freedom,
@@ -539,15 +530,14 @@ def fit_moves(bench: Bench) -> MovesFit:
         if begun.ramp is not None:
             ramps[f"{name}ward"] = begun.ramp
     parameters = {
-        "K1": not_identifiable(f"{unit}/V", _NO_VOLTAGE),
+        "K1": Estimate.unknown(f"{unit}/V", _NO_VOLTAGE),
         "T1": start.T1,
-        "dead_zone": not_identifiable("V", _NO_VOLTAGE),
-        "load_voltage": not_identifiable("V", _NO_VOLTAGE),
+        "dead_zone": Estimate.unknown("V", _NO_VOLTAGE),
+        "load_voltage": Estimate.unknown("V", _NO_VOLTAGE),
         **_both(pooled, unit),
     }
-    starts = {k: (samples, fitted) for k, samples, fitted in start.fitted}
     steps = tuple(
-        _step(bench, move, rate, starts.get(k))
+        _step(bench, move, rate, start.fitted.get(k))
         for k, (move, rate) in enumerate(zip(found, rates, strict=True))
     )
     kept = [step.residual[step.used] for step in steps]
@@ -568,11 +558,11 @@ def _both(pooled: dict[int, Pooled], unit: str) -> dict[str, Estimate]:
     """Return rate, the geometric mean of both directions, and asymmetry, their ratio."""
     if not pooled:
         why = "no move at full speed is in the log"
-        return {"asymmetry": not_identifiable("-", why), "rate": not_identifiable(unit, why)}
+        return {"asymmetry": Estimate.unknown("-", why), "rate": Estimate.unknown(unit, why)}
     if len(pooled) == 1:
         ((way, one),) = pooled.items()
         why = f"the log has moves {_WAYS[way]}ward only"
-        return {"asymmetry": not_identifiable("-", why), "rate": one.estimate(unit)}
+        return {"asymmetry": Estimate.unknown("-", why), "rate": one.estimate(unit)}
     out, in_ = pooled[1], pooled[-1]
     a, b = out.std / out.mean, in_.std / in_.mean
     rate, ratio = math.sqrt(out.mean * in_.mean), out.mean / in_.mean
@@ -580,22 +570,17 @@ def _both(pooled: dict[int, Pooled], unit: str) -> dict[str, Estimate]:
     # Satterthwaite's degrees of freedom of a sum of two variances
     fourth = a**4 / out.df + b**4 / in_.df
     df = both**4 / fourth if fourth > 0.0 else math.inf
-    found = {}
-    for name, value, share, of in (
-        ("asymmetry", ratio, both, "-"),
-        ("rate", rate, 0.5 * both, unit),
-    ):
-        std = share * value
-        found[name] = estimate(value, std, of, reach=student(df) * std, logarithmic=True)
-    return found
+
+    def found(value: float, std: float, of: str) -> Estimate:
+        return Estimate.of(value, std, of, reach=student(df) * std, logarithmic=True)
+
+    return {
+        "asymmetry": found(ratio, both * ratio, "-"),
+        "rate": found(rate, 0.5 * both * rate, unit),
+    }
 
 
-def _step(
-    bench: Bench,
-    move: Move,
-    rate: Rate,
-    start: tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray] | None,
-) -> Step:
+def _step(bench: Bench, move: Move, rate: Rate, start: tuple[Index, Array] | None) -> Step:
     """Return a move with its fit: of the start where there is one, then of the speed."""
     first = move.first if start is None else int(start[0][0])
     samples = np.arange(first, move.last + 1)
@@ -607,14 +592,14 @@ def _step(
         fitted[start[0] - first] = start[1]
         used[start[0] - first] = True
     known = np.isfinite(fitted)
+    seen, label = samples[known], f"{_WAYS[move.direction]}ward"
     return Step(
-        source=bench.source,
-        label=f"{_WAYS[move.direction]}ward",
-        time=bench.time[samples][known],
-        position=bench.position[samples][known],
-        fitted=fitted[known],
-        voltage=None,
-        used=used[known],
+        bench.source,
+        label,
+        bench.time[seen],
+        bench.position[seen],
+        fitted[known],
+        used[known],
         speed=rate.value,
         start=0 if start is None else len(start[0]),
     )

@@ -15,6 +15,7 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator.bench import Driven, Quantity
 from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.estimation.series import Array, Mask, rms
+from swimbladder.io.answers import as_json
 from swimbladder.physics.actuator import reduced, to_identified
 from swimbladder.vehicle import (
     Actuator,
@@ -26,6 +27,16 @@ from swimbladder.vehicle import (
 )
 
 Source = Literal["logs", "set", "vehicle", "not known"]
+
+PARAMETERS: Mapping[str, str] = {
+    "K1": "m/s/V",
+    "T1": "s",
+    "dead_zone": "V",
+    "load_voltage": "V",
+    "asymmetry": "",
+    "rate": "m/s",
+}
+"""Name and unit of what is identified."""
 
 NINE: Mapping[str, tuple[str, str]] = {
     "K1": ("m/s/V", "piston speed per volt, eq. (23)"),
@@ -132,7 +143,7 @@ def _origin(vehicle: Vehicle, place: str) -> str:
     return f"the file of {vehicle.name}, which does not say where from"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Step:
     """A stretch that was fitted: time since the log's first sample, measured and fitted position.
 
@@ -145,10 +156,10 @@ class Step:
     time: Array  # s
     position: Array  # m, or m3
     fitted: Array
-    voltage: Array | None  # V
     used: Mask
-    speed: float | None  # m/s, at full speed, where no voltage is known
-    start: int
+    voltage: Array | None = None  # V
+    speed: float | None = None  # m/s, at full speed, where no voltage is known
+    start: int = 0
 
     @property
     def residual(self) -> Array:
@@ -304,15 +315,10 @@ class ActuatorIdentification:
     def to_json(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""
         return {
-            "identified": self.identified,
-            "driven_by": self.driven,
-            "position": self.quantity,
+            **as_json(self, "identified driven_by=driven position=quantity"),
             "parameters": _json(self.parameters),
             "derived": _json(self.derived),
-            "asked": list(self.asked),
-            "residual_std": self.noise,
-            "correlation": self.correlation,
-            "nine": [known._asdict() for known in self.nine],
+            **as_json(self, "asked residual_std=noise correlation nine"),
             "logs": [
                 {"log": fit.source, "parameters": _json(fit.parameters), "refusal": fit.refusal}
                 for fit in self.logs
@@ -326,14 +332,11 @@ class ActuatorIdentification:
                     "duration_s": float(s.time[-1] - s.time[0]),
                     "samples": len(s.time),
                     "outliers": int((~s.used).sum()),
-                    "rms": s.rms,
-                    "speed": s.speed,
+                    **as_json(s, "rms speed"),
                 }
                 for number, s in enumerate(self.steps, start=1)
             ],
-            "findings": [f._asdict() for f in self.findings],
-            "assumptions": list(self.assumptions),
-            "notes": list(self.notes),
+            **as_json(self, "findings assumptions notes"),
         }
 
 

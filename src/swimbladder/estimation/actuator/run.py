@@ -10,7 +10,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator.bench import Bench, Driven, bench
 from swimbladder.estimation.actuator.estimate import shown
 from swimbladder.estimation.actuator.moves import MovesFit, fit_moves, together
-from swimbladder.estimation.actuator.result import ActuatorIdentification, LogFit, nine
+from swimbladder.estimation.actuator.result import PARAMETERS, ActuatorIdentification, LogFit, nine
 from swimbladder.estimation.actuator.voltage import (
     SoftStart,
     VoltageFit,
@@ -21,14 +21,7 @@ from swimbladder.estimation.actuator.voltage import (
     soft_start,
     steps_of,
 )
-from swimbladder.estimation.estimates import (
-    Estimate,
-    Finding,
-    Severity,
-    check_names,
-    finding,
-    sentence,
-)
+from swimbladder.estimation.estimates import Estimate, Finding, Severity, check_names, sentence
 from swimbladder.io.logs import Log
 from swimbladder.vehicle import Positioner, Vehicle
 
@@ -46,40 +39,40 @@ def of_voltage(
     problem, spread = fit.problem, fit.spread
     out = int((~problem.used & ~problem.early).sum())
     if out:
-        yield finding("actuator", "outliers", out=f"{out} of {len(problem.used)}")
+        yield Finding.of("actuator", "outliers", out=f"{out} of {len(problem.used)}")
     if problem.early.any():
-        yield finding("actuator", "start", early=int(problem.early.sum()))
+        yield Finding.of("actuator", "start", early=int(problem.early.sum()))
     if spread.significant:
         severity: Severity = "warning" if spread.likely > _SEVERAL else "note"
-        yield finding("actuator", "gains differ", severity, share=spread.likely)
+        yield Finding.of("actuator", "gains differ", severity, share=spread.likely)
     elif fit.widened >= _WIDE:
         few = "No step was" if fit.repeats < 1 else "Few steps were"
-        yield finding("actuator", "repeat", few=few, allowed=spread.typical, widened=fit.widened)
+        yield Finding.of("actuator", "repeat", few=few, allowed=spread.typical, widened=fit.widened)
     if soft is not None:
-        yield finding("actuator", "soft start", top=problem.top, soft=soft)
+        yield Finding.of("actuator", "soft start", top=problem.top, soft=soft)
     T1, step = parameters["T1"], min(b.step for b in benches)
     if T1.origin == "data" and T1.value < step:
-        yield finding("actuator", "time constant", step=step)
+        yield Finding.of("actuator", "time constant", step=step)
 
 
 def of_moves(fits: Sequence[MovesFit]) -> Iterator[Finding]:
     """Yield what is to be said of fits to moves at full speed."""
     out = sum(fit.outliers for fit in fits)
     if out:
-        yield finding("actuator", "outliers", out=out)
+        yield Finding.of("actuator", "outliers", out=out)
     ramps = [(way, length) for fit in fits for way, length in fit.ramps.items()]
     if ramps:
         ways = " and ".join(sorted({way for way, _ in ramps}, reverse=True))
         low, high = (shown(end([length for _, length in ramps]), "s", 3) for end in (min, max))
         length = low if low == high else f"{low} to {high}"
-        yield finding("actuator", "ramp", ways=ways, length=length)
+        yield Finding.of("actuator", "ramp", ways=ways, length=length)
     between = max(fit.between for fit in fits)
     if between > 0.25 * _SEVERAL:
-        yield finding("actuator", "moves differ", between=between)
+        yield Finding.of("actuator", "moves differ", between=between)
     change = max((fit.trend * fit.lasting for fit in fits), key=abs)
     if abs(change) > _SEVERAL:
         word = "gains" if change > 0.0 else "loses"
-        yield finding("actuator", "load", word=word, change=abs(change))
+        yield Finding.of("actuator", "load", word=word, change=abs(change))
 
 
 def logs_differ(
@@ -94,14 +87,8 @@ def logs_differ(
         ranges.append(f"{name} from {shown(low, known[0].unit)} to {shown(high, known[0].unit)}")
     if ranges:
         severity: Severity = "warning" if most > _SEVERAL else "note"
-        yield finding("actuator", "logs differ", severity, ranges=", ".join(ranges))
+        yield Finding.of("actuator", "logs differ", severity, ranges=", ".join(ranges))
 
-
-PARAMETERS: Mapping[str, str] = {
-    "K1": "m/s/V", "T1": "s", "dead_zone": "V", "load_voltage": "V", "asymmetry": "",
-    "rate": "m/s",
-}  # fmt: skip
-"""Name and unit of what is identified."""
 
 _DIFFERENT = 0.01  # probability below which logs are said to differ
 
@@ -257,7 +244,10 @@ def _result(
     missing = [n for n in asked if not parameters[n].known]
     findings = [
         *findings,
-        *(finding("actuator", "not identifiable", name=n, why=parameters[n].why) for n in missing),
+        *(
+            Finding.of("actuator", "not identifiable", name=n, why=parameters[n].why)
+            for n in missing
+        ),
     ]
     one = benches[0]
     names = "the log" if len(benches) == 1 else f"the {len(benches)} logs"

@@ -32,17 +32,8 @@ from swimbladder.estimation.actuator.model import (
     steady_speed,
     tolerance,
 )
-from swimbladder.estimation.actuator.result import Step
-from swimbladder.estimation.estimates import (
-    Z95,
-    Estimate,
-    bounded,
-    crossing,
-    estimate,
-    given,
-    not_identifiable,
-    sentence,
-)
+from swimbladder.estimation.actuator.result import PARAMETERS, Step
+from swimbladder.estimation.estimates import Z95, Estimate, bounded_fit, crossing, sentence
 from swimbladder.estimation.series import WHITE, Array, Autoregression, Mask
 
 _OUTLIER = 10.0  # deviance that leaving a sample out costs
@@ -115,9 +106,7 @@ class VoltageFit:
 
 def named(fit: VoltageFit) -> tuple[str, ...]:
     """Return the free parameters that no blind direction touches."""
-    if not fit.blind.size:
-        return fit.problem.free
-    touched = (fit.blind**2).max(axis=1) > 0.02
+    touched = (fit.blind**2).max(axis=1, initial=0.0) > 0.02
     return tuple(n for n, hit in zip(fit.problem.free, touched.tolist(), strict=True) if not hit)
 
 
@@ -157,9 +146,7 @@ def _one_way(benches: Sequence[Bench], blocks: Sequence[Block], guess: Mapping[s
     """Return whether the voltages that move the actuator all have one sign."""
     signs = set()
     for block in blocks:
-        u = benches[block.log].voltage
-        assert u is not None
-        over = u[block.samples] - guess["load_voltage"]
+        over = benches[block.log].volts[block.samples] - guess["load_voltage"]
         moved = np.abs(over) > guess["dead_zone"] * 1.02
         signs |= set(np.sign(over[moved]).tolist())
     return len(signs - {0.0}) < 2
@@ -171,12 +158,9 @@ def _driven_at_once(
     """Return for each run whether it begins under a voltage that moves the actuator."""
     found = {}
     for log, bench in enumerate(benches):
-        assert bench.voltage is not None
+        least = guess["dead_zone"] + 0.02 * float(np.abs(bench.volts).max())
         for run, (first, _) in enumerate(bench.runs):
-            over = abs(float(bench.voltage[first]) - guess["load_voltage"])
-            found[(log, run)] = over > guess["dead_zone"] + 0.02 * float(
-                np.abs(bench.voltage).max()
-            )
+            found[log, run] = abs(float(bench.volts[first]) - guess["load_voltage"]) > least
     return found
 
 
@@ -241,10 +225,7 @@ def _whiten(problem: Problem, q: Array, noise: Autoregression) -> Spread:
 
 def solve(problem: Problem, q: Array) -> Array:
     """Return the free parameters, as they are turned, that make the whitened residuals small."""
-    from scipy.optimize import least_squares
-
     size = max(tolerance(problem.benches), 1e-12)
-    bounds = problem.bounds()
 
     def residual(x: Array) -> Array:
         return problem.white(x) / size
@@ -252,11 +233,8 @@ def solve(problem: Problem, q: Array) -> Array:
     def jacobian(x: Array) -> Array:
         return slope(problem, x) / size
 
-    found = least_squares(
-        residual, np.clip(q, *bounds), jacobian,
-        bounds=bounds, xtol=1e-8, ftol=1e-9, gtol=1e-9, max_nfev=40,
-    )  # fmt: skip
-    return np.asarray(found.x, float)
+    ends = (1e-8, 1e-9, 1e-9)
+    return bounded_fit(residual, jacobian, q, problem.bounds(), ends=ends, most=40)[1]
 
 
 def _leave_out(problem: Problem, q: Array) -> None:
@@ -343,11 +321,11 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
             f"T1 is shorter than samples every {step:.3g} s resolve: below {bound:.3g} s with a "
             "confidence of 95 %"
         )
-        return bounded(0.0, bound, "s", why)
+        return Estimate.bounded(0.0, bound, "s", why)
     low = _crossing(root, best, -std, Z95)
     high = _crossing(root, best, std, Z95)
     value = math.exp(best)
-    found = estimate(value, value * std, "s")
+    found = Estimate.of(value, value * std, "s")
     return replace(found, ci95=(math.exp(low), math.exp(high)))
 
 
@@ -378,13 +356,12 @@ def _crossing(root: _Root, best: float, std: float, level: float, *, offset: flo
     """
     above = math.hypot(level, offset)
     farthest = math.log(_SLOWEST)
-    found = crossing(
-        lambda x: root(best + x) - above,
-        level * std,
-        farthest=farthest,
-        growth=1.7,
-        xtol=1e-3 * abs(std),
-    )
+    fine = 1e-3 * abs(std)
+
+    def beyond(x: float) -> float:
+        return root(best + x) - above
+
+    found = crossing(beyond, level * std, farthest=farthest, growth=1.7, xtol=fine)
     return best + (math.copysign(farthest, std) if found is None else found)
 
 
@@ -425,8 +402,7 @@ def slewed(bench: Bench, most: float) -> Bench:
 
     What a sample has is the mean until the next, as the voltage is taken to be held.
     """
-    assert bench.voltage is not None
-    asked, step = bench.voltage, np.diff(bench.time)
+    asked, step = bench.volts, np.diff(bench.time)
     mean, now = asked.copy(), float(asked[0])
     for k, (goal, h) in enumerate(zip(asked[:-1].tolist(), step.tolist(), strict=True)):
         way = goal - now
@@ -442,42 +418,34 @@ def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[s
 
     chosen: what the user has set; unit: of the position.
     """
-    units = {
-        "K1": f"{unit}/s/V", "T1": "s", "dead_zone": "V", "load_voltage": "V", "asymmetry": "-",
-        "rate": f"{unit}/s",
-    }  # fmt: skip
     values, identified = fit.values, named(fit)
     found: dict[str, Estimate] = {}
-    for name, of in units.items():
+    for name, in_metres in PARAMETERS.items():
+        of = in_metres.replace("m", unit) or "-"
         if name in chosen:
-            found[name] = given(chosen[name], of)
+            found[name] = Estimate.given(chosen[name], of)
         elif name not in fit.problem.free:
-            found[name] = (
-                _rate(fit, identified, of)
-                if name == "rate"
-                else not_identifiable(of, _ONE_WAY[name])
-            )
+            no_limit = name == "rate"
+            found[name] = _rate(fit, of) if no_limit else Estimate.unknown(of, _ONE_WAY[name])
         elif name == "T1" and (name in identified or "K1" in identified):
             found[name] = profile_of_T1(fit)
         elif name not in identified or ("K1" in fit.problem.free and "K1" not in identified):
-            found[name] = not_identifiable(of, _blind(fit))
+            found[name] = Estimate.unknown(of, _blind(fit))
         else:
-            logarithmic = name in LOGARITHMIC
-            size = values[name] if logarithmic else fit.problem.top
-            found[name] = _along(
-                fit, values[name], size, of, logarithmic=logarithmic, **{name: 1.0}
-            )
+            alone = {name: 1.0}
+            found[name] = _along(fit, values[name], of, logarithmic=name in LOGARITHMIC, **alone)
             if name == "dead_zone" and found[name].ci95[0] < 0.0:
                 found[name] = replace(found[name], ci95=(0.0, found[name].ci95[1]))
     return found
 
 
 def _along(
-    fit: VoltageFit, value: float, size: float, unit: str, *, logarithmic: bool, **weights: float
+    fit: VoltageFit, value: float, unit: str, *, logarithmic: bool, **weights: float
 ) -> Estimate:
-    """Return the estimate of what changes by `size` times the weighted sum of what is turned."""
+    """Return the estimate of what changes with the weighted sum of what is turned."""
+    size = value if logarithmic else fit.problem.top
     std, reach = fit.spread_along(np.array([weights.get(name, 0.0) for name in fit.problem.free]))
-    return estimate(value, size * std, unit, reach=size * reach, logarithmic=logarithmic)
+    return Estimate.of(value, size * std, unit, reach=size * reach, logarithmic=logarithmic)
 
 
 _ONE_WAY = {
@@ -486,21 +454,20 @@ _ONE_WAY = {
 }
 
 
-def _rate(fit: VoltageFit, identified: tuple[str, ...], unit: str) -> Estimate:
-    if "K1" in fit.problem.free and "K1" not in identified:
-        return not_identifiable(unit, _blind(fit))
+def _rate(fit: VoltageFit, unit: str) -> Estimate:
+    if "K1" in fit.problem.free and "K1" not in named(fit):
+        return Estimate.unknown(unit, _blind(fit))
     drive, top = drive_of(fit.values), fit.problem.top
     fastest = max(abs(steady_speed(top, drive)), abs(steady_speed(-top, drive)))
     why = (
         f"no limit is seen: at {top:.3g} V, the largest voltage, it reaches {shown(fastest, unit)}"
     )
-    return bounded(fastest, math.inf, unit, why)
+    return Estimate.bounded(fastest, math.inf, unit, why)
 
 
 def _blind(fit: VoltageFit) -> str:
     """Return the sentence on what the logs cannot distinguish."""
-    free, hit = fit.problem.free, (fit.blind**2).max(axis=1) > 0.02
-    names = {name for name, one in zip(free, hit.tolist(), strict=True) if one}
+    names = set(fit.problem.free) - set(named(fit))
     if {"K1", "T1"} <= names and "dead_zone" not in names:
         return sentence("actuator", "K1 and T1")
     if "dead_zone" in names and names & {"K1", "asymmetry"}:
@@ -524,16 +491,13 @@ def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict
     if identified("K1", "asymmetry"):
         drive = drive_of(values)
         for name, value, sign in (("K1_out", drive.K_out, 0.5), ("K1_in", drive.K_in, -0.5)):
-            result[name] = _along(
-                fit, value, value, f"{unit}/s/V", logarithmic=True, K1=1.0, asymmetry=sign
-            )
+            gains = {"K1": 1.0, "asymmetry": sign}
+            result[name] = _along(fit, value, f"{unit}/s/V", logarithmic=True, **gains)
     if identified("dead_zone", "load_voltage"):
         for name, sign in (("threshold_out", 1.0), ("threshold_in", -1.0)):
             value = sign * values["load_voltage"] + values["dead_zone"]
-            result[name] = _along(
-                fit, value, fit.problem.top, "V", logarithmic=False,
-                dead_zone=1.0, load_voltage=sign,
-            )  # fmt: skip
+            edges = {"dead_zone": 1.0, "load_voltage": sign}
+            result[name] = _along(fit, value, "V", logarithmic=False, **edges)
     return result
 
 
@@ -551,27 +515,15 @@ def covariance_of(fit: VoltageFit, found: dict[str, Estimate]) -> dict[str, dict
 
 def steps_of(fit: VoltageFit) -> tuple[Step, ...]:
     """Return what was fitted, block by block."""
-    found = []
-    problem = fit.problem
+    found, problem = [], fit.problem
+    alike = 0.02 * problem.top
     for k, block in enumerate(problem.blocks):
         own = problem.block == k
         bench = problem.benches[block.log]
-        assert bench.voltage is not None
-        u, x = bench.voltage[block.samples], bench.position[block.samples]
-        sizes = u[np.abs(u) > 0.02 * problem.top]
+        u, x = bench.volts[block.samples], bench.position[block.samples]
+        sizes = u[np.abs(u) > alike]
         low, high = (float(sizes.min()), float(sizes.max())) if len(sizes) else (0.0, 0.0)
-        found.append(
-            Step(
-                source=bench.source,
-                label=f"{low:.3g} V" if abs(high - low) < 0.02 * problem.top
-                else f"{low:.3g} to {high:.3g} V",
-                time=bench.time[block.samples],
-                position=x,
-                fitted=x - fit.residual[own],
-                voltage=u,
-                used=problem.used[own],
-                speed=None,
-                start=0,
-            )
-        )  # fmt: skip
+        label = f"{low:.3g} V" if high - low < alike else f"{low:.3g} to {high:.3g} V"
+        time, fitted, used = bench.time[block.samples], x - fit.residual[own], problem.used[own]
+        found.append(Step(bench.source, label, time, x, fitted, used, voltage=u))
     return tuple(found)

@@ -24,6 +24,7 @@ from swimbladder.estimation.comparison.record import Record, record
 from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.kalman.depth_filter import Bank, Member, Noise, Start, filter_bank
 from swimbladder.estimation.series import Array, Index, rms
+from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
@@ -215,18 +216,9 @@ class Horizon:
 
     def to_json(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""
-        return {
-            "seconds": self.seconds,
-            "n": self.n,
-            "rms_m": self.rms,
-            "bias_m": self.bias,
-            "predicted_std_m": self.spread,
-            "coverage95": self.coverage,
-            "persistence_rms_m": self.persistence_rms,
-            "integrator_rms_m": self.integrator_rms,
-            "skill_persistence": self.skill["persistence"],
-            "skill_integrator": self.skill["integrator"],
-        }
+        keys = "rms_m bias_m predicted_std_m=spread coverage95=coverage persistence_rms_m"
+        found = as_json(self, f"seconds n {keys} integrator_rms_m")
+        return found | {f"skill_{name}": value for name, value in self.skill.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,7 +251,7 @@ class Ahead:
             name: {"value": value, "unit": UNITS[name], "origin": self.origins[name]}
             for name, value in self.noise.items()
         }
-        return {"horizons": [h.to_json() for h in self.horizons], "noise": noise}
+        return as_json(self, "horizons") | {"noise": noise}
 
 
 def predict_ahead(

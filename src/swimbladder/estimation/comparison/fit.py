@@ -6,6 +6,7 @@ once, or in windows that each start from what was measured.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.comparison.water import follow_in
-from swimbladder.estimation.estimates import check_names
+from swimbladder.estimation.estimates import bounded_fit, check_names
 from swimbladder.estimation.series import Array, Mask
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import Solution, drive, simulate
@@ -354,14 +355,9 @@ class _Problem:
 
     def solve(self, q: Array, windows: list[Window]) -> tuple[float, Array]:
         """Return (cost, place) of the minimum that is found from `q`."""
-        from scipy.optimize import least_squares
-
-        found = least_squares(
-            self.residual, np.clip(q, self.least + _STEP, self.most - _STEP), self.slope,
-            bounds=(self.least, self.most), args=(windows,), xtol=1e-7, ftol=1e-9, gtol=1e-12,
-            max_nfev=60,
-        )  # fmt: skip
-        return float(found.cost), found.x
+        residual, slope = (partial(of, windows=windows) for of in (self.residual, self.slope))
+        ends, limits = (1e-7, 1e-9, 1e-12), (self.least, self.most)
+        return bounded_fit(residual, slope, q, limits, ends=ends, most=60, edge=_STEP)
 
     def at_limit(self, q: Array) -> Mask:
         return np.asarray((q < self.least + 2.0 * _STEP) | (q > self.most - 2.0 * _STEP))

@@ -191,6 +191,13 @@ class Record:
         return Samples(self.time, self.volume, self.depth, use, self.layers)
 
     @property
+    def inputs(self) -> Array:
+        """What drives an open loop: volume [m3] or voltage [V]."""
+        inputs = self.volume if self.drive == "volume" else self.voltage
+        assert inputs is not None  # record() checks it
+        return inputs
+
+    @property
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.time[-1] - self.time[0])

@@ -11,6 +11,7 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.comparison.fit import Fitted, adjust, default_names, run
 from swimbladder.estimation.comparison.record import Drive, Record, record
 from swimbladder.estimation.series import Array, rms
+from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import Solution
@@ -68,22 +69,16 @@ class Comparison:
 
     def to_json(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""
-        area = self.vehicle.piston_area
-        known = self.volume_rms is not None and area is not None
+        area, off = self.vehicle.piston_area, self.volume_rms
         return {
             "log": self.source,
             "vehicle": self.vehicle.name,
             "drive": self.record.drive,
-            "rms_m": self.rms,
-            "bias_m": self.bias,
-            "variance_explained": self.variance_explained,
-            "largest_m": self.largest,
-            "fitted": {name: dict(vars(f)) for name, f in self.fitted.items()},
-            "n": self.n,
+            **as_json(self, "rms_m bias_m variance_explained largest_m fitted n"),
             "n_not_compared": len(self.record.time) - self.n,
             "duration_s": self.record.duration,
-            "volume_rms_m3": self.volume_rms,
-            "piston_rms_m": self.volume_rms / area if known else None,  # type: ignore[operator]
+            "volume_rms_m3": off,
+            "piston_rms_m": None if off is None or area is None else off / area,
             "notes": list(self.notes),
         }
 

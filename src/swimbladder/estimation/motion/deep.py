@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import Estimate, Prior, estimate, sentence
+from swimbladder.estimation.estimates import Estimate, Prior, sentence
 from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
 from swimbladder.estimation.motion.deep_filter import displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep
@@ -36,6 +36,7 @@ from swimbladder.estimation.motion.deep_model import (
 )
 from swimbladder.estimation.motion.deep_vehicle import identified_vehicle, out_of_place
 from swimbladder.estimation.series import Array, rms
+from swimbladder.io.answers import as_json
 from swimbladder.io.float_log import FloatLog
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
@@ -235,46 +236,36 @@ class DeepIdentification:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
+        fit, unknown = self.fit, {"std": None, "ci95": None} if self.inconsistent else {}
+        noise = "pressure_Pa water_m_s water_lasts_s=lasts drift_m3_s0.5 runs"
+        over_noise = "imbalance_over_noise speed_over_noise=speeds distance"
         return {
             "vehicle": self.vehicle.name,
             "identified": self.identified,
-            "parameters": {
-                name: e.to_json() | ({"std": None, "ci95": None} if self.inconsistent else {})
-                for name, e in self.parameters.items()
-            },
-            "noise": {
-                "pressure_Pa": self.fit.noise.pressure,
-                "water_m_s": self.fit.noise.water,
-                "water_lasts_s": self.fit.noise.lasts,
-                "drift_m3_s0.5": self.fit.noise.drift,
-                "runs": self.fit.noise.runs,
-            },
-            "tempering": self.fit.tempering,
-            "random_effects": effects_json(self.fit),
+            "parameters": {name: e.to_json() | unknown for name, e in self.parameters.items()},
+            "noise": as_json(fit.noise, noise),
+            "tempering": fit.tempering,
+            "random_effects": effects_json(fit),
             "dives": [
                 {
-                    "source": fits.dive.name,
-                    "samples": len(fits.imbalance),
-                    "deepest_Pa": float(fits.dive.pressure.max()),
-                    "start_volume": fits.start.to_json()
-                    | ({"std": None, "ci95": None} if self.inconsistent else {}),
-                    "imbalance_rms_m3": rms(fits.imbalance),
-                    "speed_rms_m_s": rms(fits.speed),
-                    "imbalance_over_noise": fits.misfit.imbalance,
-                    "speed_over_noise": fits.misfit.speeds,
-                    "distance": fits.misfit.distance,
-                    "replay_rms_Pa": rms(fits.replay.at(fits.dive.time) - fits.dive.pressure),
+                    "source": one.dive.name,
+                    "samples": len(one.imbalance),
+                    "deepest_Pa": float(one.dive.pressure.max()),
+                    "start_volume": one.start.to_json() | unknown,
+                    "imbalance_rms_m3": rms(one.imbalance),
+                    "speed_rms_m_s": rms(one.speed),
+                    **as_json(one.misfit, over_noise),
+                    "replay_rms_Pa": rms(one.replay.at(one.dive.time) - one.dive.pressure),
                 }
-                for fits in self.dives
+                for one in self.dives
             ],
-            "imbalance_rms_m3": rms(np.concatenate([fits.imbalance for fits in self.dives])),
+            "imbalance_rms_m3": rms(np.concatenate([one.imbalance for one in self.dives])),
             "priors": {
-                name: {"mean": prior.mean, "std": prior.std}
-                for name, prior in self.fit.priors.items()
-                if name in self.fit.names or name in CAST
+                name: prior._asdict()
+                for name, prior in fit.priors.items()
+                if name in fit.names or name in CAST
             },
-            "sentences": list(self.sentences),
-            "assumptions": list(self.assumptions),
+            **as_json(self, "sentences assumptions"),
         }
 
 
@@ -343,14 +334,14 @@ def _check_place(
 
 def _estimate(fit: DeepFit, name: str, fixed: Mapping[str, float]) -> Estimate:
     origin = "set" if name in fixed else "data" if fit.identified(name) else "prior"
-    return estimate(fit.values[name], fit.std(name), DEEP[name].unit, origin=origin)  # type: ignore[arg-type]
+    return Estimate.of(fit.values[name], fit.std(name), DEEP[name].unit, origin=origin)  # type: ignore[arg-type]
 
 
 def _dive_fit(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> DiveFit:
     i = len(fit.names) + k
     start = float(fit.starts[k])
     return DiveFit(
-        dive=dive, start=estimate(start, float(np.sqrt(fit.covariance[i, i])), "m3"),
+        dive=dive, start=Estimate.of(start, float(np.sqrt(fit.covariance[i, i])), "m3"),
         imbalance=balance(body, fit.values, start, dive), speed=fit.residuals[k],
         replay=replay(body, fit.values, start, dive), misfit=misfit_of(body, fit, k, dive),
     )  # fmt: skip

@@ -1,30 +1,23 @@
-"""What the data say against the model, which questions they leave open, and for which model they
-speak.
+"""What the data say of each log and against the model, which questions they leave open, and for
+which model they speak.
 
 A question is open along a direction of the parameters on which the data have too little
 information. Models differ by their drag law, and by whether psi belongs in them.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2, linregress
 
-from swimbladder.estimation.estimates import (
-    Estimate,
-    Finding,
-    Severity,
-    estimate,
-    finding,
-    sentence,
-)
+from swimbladder.estimation.estimates import Estimate, Finding, Severity, sentence
 from swimbladder.estimation.motion.fit import Fit, backwards, refine
 from swimbladder.estimation.motion.model import LAWS, Model, default_names, model_of
-from swimbladder.estimation.motion.noise import autocovariance
-from swimbladder.estimation.motion.problem import VOLUME, Problem
+from swimbladder.estimation.motion.noise import autocovariance, whiteness
+from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Problem
 from swimbladder.estimation.motion.result import Choice, ExperimentFit
 from swimbladder.estimation.series import Array, rms
 from swimbladder.vehicle import Vehicle
@@ -36,10 +29,10 @@ _REFUSED = 3.0  # times what another drag law leaves over
 _DECISIVE = 10.0  # difference of the criterion, "very strong" in Kass and Raftery 1995
 
 
-def choices(problem: Problem, fit: Fit, models: Mapping[str, Model]) -> tuple[Choice, ...]:
+def choices(problem: Problem, fit: Fit, vehicle: Vehicle) -> tuple[Choice, ...]:
     """Return every drag law with psi as it is and otherwise, best first.
 
-    models: of the vehicle, by law. All see the same samples; autocorrelated residuals count as the
+    All see the same samples; autocorrelated residuals count as the
     number of independent samples that it is worth under the model reported.
     """
     counts = np.diff(problem.rows)
@@ -49,12 +42,13 @@ def choices(problem: Problem, fit: Fit, models: Mapping[str, Model]) -> tuple[Ch
     worth = float((each * counts).sum() / counts.sum())
     found = []
     for law in LAWS:
+        model = model_of(vehicle, law=law, bottom_depth=problem.model.base.z_bottom)
         for psi in _psis(problem):
             same = law == problem.model.law and psi == _psi(problem)
             if same:
                 other, result = problem, fit
             else:
-                other = _problem(problem, models[law], law, psi)
+                other = _problem(problem, model, psi)
                 result = refine(other, _begin(other, problem, fit))
             found.append(_choice(other, result, psi, worth, reported=same))
     found.sort(key=lambda c: c.bic)
@@ -73,7 +67,7 @@ def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
         refused = reported.rms > _REFUSED * best.rms and reported.drag != best.drag
         texts = {"reported": _words(reported), "best": _words(best), "least": best.rms}
         texts |= {"gap": gap, "rms": reported.rms, "remedy": _consider(best, reported)}
-        yield finding("motion", "refused" if refused else "model", **texts)
+        yield Finding.of("motion", "refused" if refused else "model", **texts)
     same = [c for c in listed if c.drag == reported.drag]
     zero = next((c for c in same if c.psi == "zero"), None)
     if zero is not None and reported.psi != "zero" and zero.bic - reported.bic > _DECISIVE:
@@ -83,13 +77,19 @@ def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
             if name in ("K2", "T2", "mass") and name in zero.values
         ]
         shift = " and ".join(shifts)
-        yield finding("motion", "psi", shifts=shift, without=zero.rms, rms=reported.rms)
+        yield Finding.of("motion", "psi", shifts=shift, without=zero.rms, rms=reported.rms)
+
+
+_PSI = {
+    "free": "psi estimated",
+    "prior": "psi with its prior",
+    "set": "psi as set",
+    "zero": "no psi",
+}
 
 
 def _words(c: Choice) -> str:
-    psi = {"free": "psi estimated", "prior": "psi with its prior", "set": "psi as set",
-           "zero": "no psi"}[c.psi]  # fmt: skip
-    return f"{c.drag} drag, {psi}"
+    return f"{c.drag} drag, {_PSI[c.psi]}"
 
 
 def _consider(best: Choice, reported: Choice) -> str:
@@ -109,20 +109,16 @@ def _psi(problem: Problem) -> Psi:
 
 def _psis(problem: Problem) -> tuple[Psi, ...]:
     own = _psi(problem)
-    return (
-        (own, "free") if own == "zero" else (own, "free", "zero") if own == "set" else (own, "zero")
-    )
+    return {"zero": (own, "free"), "set": (own, "free", "zero")}.get(own, (own, "zero"))
 
 
-def _problem(problem: Problem, model: Model, law: str, psi: Psi) -> Problem:
+def _problem(problem: Problem, model: Model, psi: Psi) -> Problem:
     """Return the problem of another model of the same data."""
     actuator = [name for name in problem.names if name in ("K1", "T1")]
-    fixed: dict[str, float] = {
-        name: problem.values[name] for name in ("K1", "T1") if name in problem.values
-    }
+    fixed = {name: x for name, x in problem.values.items() if name in ("K1", "T1")}
     if psi in ("zero", "set"):
         fixed["psi"] = 0.0 if psi == "zero" else problem.values["psi"]
-    names = [*default_names(law, list(fixed)), *actuator]
+    names = [*default_names(model.law, list(fixed)), *actuator]
     priors = {n: p for n, p in problem.priors.items() if n in names}
     assumed = problem.assumed._replace(fixed=fixed, priors=priors)
     return Problem(problem.experiments, model, names, assumed)
@@ -150,14 +146,16 @@ def _begin(other: Problem, problem: Problem, fit: Fit) -> Array:
 
 
 def _usual_speed(problem: Problem) -> float:
-    speeds = [0.0]
+    ends = [(t, z, end) for t, z in _stretches(problem) for end in (len(z) - 1, len(z) // 2)]
+    speeds = [abs(float(z[end] - z[0])) / float(t[end] - t[0]) for t, z, end in ends]
+    return max(float(np.mean(speeds)), 1e-3)
+
+
+def _stretches(problem: Problem) -> Iterator[tuple[Array, Array]]:
+    """Yield time and depth of every stretch under way."""
     for e in problem.experiments:
         for s in e.segments:
-            t, z = e.record.time[s.first : s.last + 1], e.record.depth[s.first : s.last + 1]
-            speeds.append(abs(float(z[-1] - z[0])) / float(t[-1] - t[0]))
-            half = len(z) // 2
-            speeds.append(abs(float(z[half] - z[0])) / float(t[half] - t[0]))
-    return max(float(np.mean(speeds[1:])), 1e-3)
+            yield e.record.time[s.first : s.last + 1], e.record.depth[s.first : s.last + 1]
 
 
 def _worth(coefficients: tuple[float, ...], n: int) -> float:
@@ -176,11 +174,6 @@ def _choice(problem: Problem, fit: Fit, psi: Psi, worth: float, *, reported: boo
         log_likelihood=likelihood, bic=-2.0 * likelihood + problem.shared * math.log(samples),
         weight=math.nan, values={n: values[n] for n in problem.names}, reported=reported,
     )  # fmt: skip
-
-
-def models_of(vehicle: Vehicle, bottom_depth: float) -> dict[str, Model]:
-    """Return the vehicle's model under every law that can be identified."""
-    return {law: model_of(vehicle, law=law, bottom_depth=bottom_depth) for law in LAWS}
 
 
 LIMIT = 0.3  # of a parameter, or of what is large for one that may be 0: more is not known
@@ -227,7 +220,7 @@ def not_identifiable(problem: Problem, fit: Fit) -> Iterator[Finding]:
     def of(parts: list[int]) -> Finding:
         names = [problem.names[i] for i in parts]
         what = _what(names, float(std[parts[0]]), problem)
-        found = finding("motion", "not identifiable", what=what, remedy=_remedy(names, problem))
+        found = Finding.of("motion", "not identifiable", what=what, remedy=_remedy(names, problem))
         return found._replace(kind="trade-off") if len(names) > 1 else found
 
     for direction in reversed(directions(problem, fit)) if left else ():
@@ -256,12 +249,10 @@ def _limit(problem: Problem, fit: Fit, i: int) -> float:
 
 def _fastest(problem: Problem) -> float:
     """Return the largest speed of the experiments, by and large [m/s]."""
-    found = [0.0]
-    for e in problem.experiments:
-        for s in e.segments:
-            t, z = e.record.time[s.first : s.last + 1], e.record.depth[s.first : s.last + 1]
-            n = max(2, len(t) // 10)
-            found.append(float(np.abs((z[n:] - z[:-n]) / (t[n:] - t[:-n])).max()))
+    found = []
+    for t, z in _stretches(problem):
+        n = max(2, len(t) // 10)
+        found.append(float(np.abs((z[n:] - z[:-n]) / (t[n:] - t[:-n])).max()))
     return max(found)
 
 
@@ -317,10 +308,10 @@ def drift(problem: Problem, fit: Fit, j: int) -> Estimate:
     clean = s - J[:, own] @ np.linalg.lstsq(A, b, rcond=1e-12)[0]
     information = float((weight * clean * s).sum())
     if information <= 0.0:
-        return estimate(0.0, math.inf, "m3/s")
+        return Estimate.of(0.0, math.inf, "m3/s")
     inflation = _inflation(fit.ar[j])
     value = float((weight * clean * fit.residual[part]).sum()) / information
-    return estimate(value, math.sqrt(inflation / information), "m3/s")
+    return Estimate.of(value, math.sqrt(inflation / information), "m3/s")
 
 
 def single_gains(problem: Problem, fit: Fit) -> list[tuple[float, float, float]]:
@@ -352,6 +343,46 @@ def single_gains(problem: Problem, fit: Fit) -> list[tuple[float, float, float]]
     return found
 
 
+def each_experiment(problem: Problem, found: Fit) -> tuple[ExperimentFit, ...]:
+    """Return the fit of each log: residuals, weights, and what belongs to it alone."""
+    gains = single_gains(problem, found)
+    return tuple(
+        _experiment(problem, found, j, gains[j][1:] if gains else None)
+        for j in range(len(problem.experiments))
+    )
+
+
+def _experiment(
+    problem: Problem, found: Fit, j: int, gain: tuple[float, float] | None
+) -> ExperimentFit:
+    e, part = problem.experiments[j], slice(problem.rows[j], problem.rows[j + 1])
+    n = len(e.record.time)
+    residual, weight, predicted = np.full(n, np.nan), np.zeros(n), np.full(n, np.nan)
+    residual[e.used], weight[e.used] = found.residual[part], found.weight[part]
+    predicted[e.used] = e.record.depth[e.used] - found.residual[part]
+    std = np.sqrt(np.diag(found.covariance))
+    at = problem.starts_at[j]
+    own = {
+        "neutral_error": (problem.shared + j, VOLUME, "m3"),
+        "start_depth": (at, DEPTH, "m"),
+        "start_speed": (at + 1, SPEED, "m/s"),
+    }
+    left = residual[weight > 0.0]
+    return ExperimentFit(
+        source=e.source, record=e.record, reference_depth=e.reference, predicted=predicted,
+        residual=residual, weight=weight,
+        estimates={
+            name: Estimate.of(float(found.x[i] * per), float(std[i] * per), unit)
+            for name, (i, per, unit) in own.items()
+        },
+        drift=drift(problem, found, j), noise=float(found.noise[j]),
+        rms=rms(left) if len(left) else math.nan,
+        ar=found.ar[j], whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
+        outliers=int((weight[e.used] < 0.5).sum()), step=e.step(),
+        own_gain=gain if gain and 0.0 < gain[1] < 1.0 else None,
+    )  # fmt: skip
+
+
 def diagnose(
     problem: Problem, fit: Fit, experiments: tuple[ExperimentFit, ...], *, dry_mass: float | None
 ) -> list[Finding]:
@@ -377,7 +408,7 @@ def _inflation(coefficients: tuple[float, ...]) -> float:
 def _autocorrelated(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
     bad = [e for e in experiments if e.whiteness_p < 1e-3 / len(experiments)]
     if bad:
-        yield finding("motion", "autocorrelated", bad=len(bad), logs=len(experiments))
+        yield Finding.of("motion", "autocorrelated", bad=len(bad), logs=len(experiments))
 
 
 def _outliers(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
@@ -388,7 +419,7 @@ def _outliers(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
             largest = float(np.abs(away).max()) if away.size else 0.0
             severity: Severity = "warning" if e.outliers > 0.1 * used else "note"
             counts = {"out": e.outliers, "used": used, "largest": largest}
-            yield finding("motion", "outliers", severity, log=e.source, **counts)
+            yield Finding.of("motion", "outliers", severity, log=e.source, **counts)
 
 
 def _drifts(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
@@ -396,7 +427,7 @@ def _drifts(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
     for e in experiments:
         if abs(e.drift.value) > bound * e.drift.std:
             over = e.drift.value * float(np.ptp(e.record.time))
-            yield finding("motion", "drift", log=e.source, over=over, drift=e.drift.value)
+            yield Finding.of("motion", "drift", log=e.source, over=over, drift=e.drift.value)
 
 
 def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:
@@ -415,7 +446,7 @@ def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:
     name = "K2" if "K2" in problem.names else "1/k_dt"
     change = math.exp(slope * math.log(high / low)) - 1.0
     why = sentence("motion", "step-size trend", "falls" if slope < 0.0 else "rises")
-    yield finding(
+    yield Finding.of(
         "motion", "step-size trend", name=name, change=change, low=low, high=high, why=why
     )
 
@@ -427,7 +458,7 @@ def _neutral(problem: Problem, fit: Fit) -> Iterator[Finding]:
     if float(chi2.sf(float((e**2).sum()), len(e))) <= 1e-3:
         std = problem.neutral_std
         off = {"largest": float(np.abs(e).max()) * std, "rms": rms(e) * std}
-        yield finding("motion", "neutral prior", **off, assumed=std)
+        yield Finding.of("motion", "neutral prior", **off, assumed=std)
 
 
 def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> Iterator[Finding]:
@@ -441,11 +472,11 @@ def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> Iterator[Findin
         severity: Severity = "warning" if least < m < most else "no"
         masses = {"dry": dry_mass, "water": of_water, "times": m / of_water}
         why = sentence("motion", "mass", wrong, **masses)
-        yield finding("motion", "mass", severity, mass=m, wrong=why)
+        yield Finding.of("motion", "mass", severity, mass=m, wrong=why)
 
 
 def _backwards(problem: Problem, fit: Fit) -> Iterator[Finding]:
     total = float(np.std(problem.measured))
     left = float(np.sqrt(np.mean(fit.residual**2)))
     if left >= _FOLLOWED * total and backwards(problem.experiments):
-        yield finding("motion", "backwards")
+        yield Finding.of("motion", "backwards")

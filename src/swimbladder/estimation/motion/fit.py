@@ -22,8 +22,9 @@ from itertools import islice, pairwise
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import lsq_linear
 
+from swimbladder.estimation.estimates import bounded_fit
 from swimbladder.estimation.motion.model import Model
 from swimbladder.estimation.motion.noise import (
     ArNoise,
@@ -82,43 +83,6 @@ def regression(
     least = np.full(A.shape[1], -np.inf)
     least[[0, 2, 3]] = 0.0
     found = lsq_linear(A / size, b, bounds=(least, np.full(A.shape[1], np.inf))).x / size
-    return _sensible(found, model, psi)
-
-
-def _rows(
-    experiments: Sequence[Experiment], *, psi: float | None, law: str, free_neutral: bool
-) -> tuple[Array, Array]:
-    """Return the regression's matrix [windows, 4 + experiments] and left side [windows].
-
-    None at all where a volume is not known.
-    """
-    rows: list[Array] = []
-    left: list[float] = []
-    if not all(e.ramps for e in experiments):
-        return np.zeros((0, 4 + len(experiments))), np.zeros(0)
-    for j, e in enumerate(experiments):
-        for s in e.segments:
-            for values, integral in _windows(e, s):
-                drive, depth, one, laminar, turbulent = values
-                row = np.zeros(4 + len(experiments))
-                if psi is None:
-                    row[0], row[1] = -drive, depth
-                else:
-                    row[0] = psi * depth - drive
-                if law != "quadratic":
-                    row[2] = laminar
-                if law != "linear":
-                    row[3] = -turbulent
-                if free_neutral:
-                    row[4 + j] = one
-                rows.append(row)
-                left.append(integral)
-    return np.array(rows).reshape(-1, 4 + len(experiments)), np.array(left)
-
-
-def _sensible(
-    found: Array, model: Model, psi: float | None
-) -> tuple[dict[str, float], Array] | None:
     a_b, stiff, d_l, d_t = found[:4].tolist()
     if a_b <= 0.0:
         return None
@@ -135,8 +99,34 @@ def _sensible(
     return values, found[4:] / a_b
 
 
-def _windows(e: Experiment, s: Segment) -> list[tuple[tuple[float, ...], float]]:
-    """Return, for overlapping windows, the integrals of the equation's terms and of its left side.
+def _rows(
+    experiments: Sequence[Experiment], *, psi: float | None, law: str, free_neutral: bool
+) -> tuple[Array, Array]:
+    """Return the regression's matrix [windows, 4 + experiments] and left side [windows].
+
+    None at all where a volume is not known.
+    """
+    if not all(e.ramps for e in experiments):
+        experiments = ()
+    found = [
+        (j, *terms)
+        for j, e in enumerate(experiments)
+        for s in e.segments
+        for terms in _windows(e, s)
+    ]
+    j, drive, depth, one, laminar, turbulent, left = np.array(found).reshape(-1, 7).T
+    A = np.zeros((len(left), 4 + len(experiments)))
+    A[:, 0] = -drive if psi is None else psi * depth - drive
+    A[:, 1] = depth if psi is None else 0.0
+    A[:, 2] = laminar if law != "quadratic" else 0.0
+    A[:, 3] = -turbulent if law != "linear" else 0.0
+    if free_neutral:
+        A[np.arange(len(left)), 4 + j.astype(int)] = one
+    return A, left
+
+
+def _windows(e: Experiment, s: Segment) -> Iterator[list[float]]:
+    """Yield, for overlapping windows, the integrals of the equation's terms and of its left side.
 
     The terms: volume against neutral, depth against the reference, 1, speed (by parts), speed
     squared with its sign.
@@ -149,7 +139,6 @@ def _windows(e: Experiment, s: Segment) -> list[tuple[tuple[float, ...], float]]
     span = float(time[-1] - time[0])
     half = 0.5 * min(_WINDOW, span)
     speed = _speed(time, depth)
-    found = []
     for centre in np.arange(time[0] + half, time[-1] - half + 1e-9, half / 2.0):
         inside = np.abs(time - centre) <= half
         if inside.sum() < 6:
@@ -162,13 +151,7 @@ def _windows(e: Experiment, s: Segment) -> list[tuple[tuple[float, ...], float]]
         z, w = depth[inside], speed[inside]
         middle = float(z.mean())  # of no effect but on rounding and the trapezoidal rule
         terms = (f * volume[inside], f * z, f, df * (z - middle), f * w * np.abs(w))
-        found.append(
-            (
-                tuple(float(np.trapezoid(term, t)) for term in terms),
-                float(np.trapezoid(ddf * (z - middle), t)),
-            )
-        )
-    return found
+        yield [float(np.trapezoid(term, t)) for term in (*terms, ddf * (z - middle))]
 
 
 def _speed(time: Array, depth: Array) -> Array:
@@ -231,12 +214,9 @@ class Shooting(Problem):
 
     def prior_rows(self, x: Array) -> tuple[Array, Array]:
         """Return the priors' rows, and after them two for each gap."""
-        residuals, slopes = super().prior_rows(x)
-        gaps, by = self._gaps(x)
-        return (
-            np.concatenate([residuals, gaps / self.gap]),
-            np.concatenate([slopes, by / self.gap]),
-        )
+        pairs = zip(super().prior_rows(x), self._gaps(x), strict=True)
+        residuals, slopes = (np.concatenate([own, gaps / self.gap]) for own, gaps in pairs)
+        return residuals, slopes
 
     def _gaps(self, x: Array) -> tuple[Array, Array]:
         """Return by how much stretches miss the next ones [2 for each, m], and the derivatives."""
@@ -332,14 +312,12 @@ def refine(problem: Problem, x: Array) -> Fit:
 
 def _best_of(problem: Problem, starts: list[Array]) -> Found:
     """Return the best solution from the starts, the first that is clean."""
-    costs = [_cost(problem, x) for x in starts]
-    best: Found | None = None
-    for k in np.argsort(costs).tolist():
-        found = _solve(problem, starts[k])
-        best = found if best is None or found[0] < best[0] else best
+    found: list[Found] = []
+    for start in sorted(starts, key=lambda x: float(np.abs(problem.residual(x)).sum())):
+        found.append(_solve(problem, start))
+        best = min(found, key=lambda one: one[0])
         if _excess(problem, best[2]) < _CLEAN:
             break
-    assert best is not None  # there is a start
     return best
 
 
@@ -384,9 +362,8 @@ def _starts(problem: Problem) -> list[Array]:
     values, errors = found
     low, high = problem.bounds()
     other = np.clip(problem.begin(values), low + 1e-6, high - 1e-6)
-    if free:
-        other[problem.shared : problem.first_start] = errors / VOLUME
-        own[problem.shared : problem.first_start] = errors / VOLUME
+    for x in (own, other) if free else ():
+        x[problem.shared : problem.first_start] = errors / VOLUME
     return [own, other]
 
 
@@ -402,10 +379,6 @@ def _others(problem: Problem, start: Array) -> Iterator[Array]:
         x = _solve(tiled, x)[1]
         shared = x[: problem.first_start]
         yield joined(tiled, x, problem)
-
-
-def _cost(problem: Problem, x: Array) -> float:
-    return float(np.abs(problem.residual(x)).sum())
 
 
 def _excess(problem: Problem, noise: Array) -> float:
@@ -452,7 +425,7 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
     low, high = problem.bounds()
     x = np.clip(x, low, high)
     coordinates = Coordinates(problem)
-    least, most = coordinates.bounds()
+    limits = coordinates.bounds()
     residual = problem.residual(x)
     noise = _noise(problem, residual, None)
     settled = False
@@ -468,13 +441,11 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
         def slopes(y: Array, root: Array = root) -> Array:
             return -coordinates.slope(y, problem.weighted_slope(coordinates.back(y), root))
 
-        fine = 1e-8 if n > 1 else 1e-4  # the weights are not final yet
-        begin = np.clip(coordinates.of(x), least + 1e-9, most - 1e-9)
-        done = least_squares(
-            rows, begin, slopes, bounds=(least, most), xtol=fine, ftol=fine, gtol=1e-10,
-            max_nfev=40 if n == 0 else 12,
-        )  # fmt: skip
-        before, x = x, np.clip(coordinates.back(done.x), low, high)
+        fine, most = 1e-8 if n > 1 else 1e-4, 40 if n == 0 else 12  # weights are not final at first
+        _, y = bounded_fit(
+            rows, slopes, coordinates.of(x), limits, ends=(fine, fine, 1e-10), most=most, edge=1e-9
+        )
+        before, x = x, np.clip(coordinates.back(y), low, high)
         step = float(np.abs(x - before).max())
         residual = problem.residual(x)
         if settled and step < 1e-3:
@@ -512,10 +483,10 @@ def finish(problem: Problem, x: Array) -> Fit:
     rows = [slice(a, b) for a, b in pairwise(problem.rows)]
     root = np.sqrt(weight) / _each(problem, noise)
     slopes = [root[part, None] * slope[part] for part in rows]
+    left = [root[part] * residual[part] for part in rows]
     A = sum((X.T @ X for X in slopes), np.zeros((len(x), len(x))))
     prior = P.T @ P
     inverse = inverse_of(A + prior)
-    left = [root[part] * residual[part] for part in rows]
     seen = tuple(autoregression(u) for u in left)
     found = ar_noises(slopes, left, seen, inverse, prior)
     B = information(slopes, found)

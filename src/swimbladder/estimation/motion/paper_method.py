@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from swimbladder.estimation.motion.result import ExperimentFit, Identification
+from swimbladder.io.answers import as_json
 from swimbladder.sim.pool import Fit, Record, average, fit_depth, fit_speed
 from swimbladder.units import rounded
 
@@ -46,24 +47,20 @@ class PaperFits:
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
-            "by_speed": _json(self.by_speed, "rms_m_s"),
-            "by_depth": _json(self.by_depth, "rms_m"),
+            **_fits(self),
             "experiments": [
-                {
-                    "log": fit.source,
-                    "step_m3": fit.step,
-                    "by_speed": _json(fit.by_speed, "rms_m_s"),
-                    "by_depth": _json(fit.by_depth, "rms_m"),
-                    "why": fit.why,
-                }
+                as_json(fit, "log=source step_m3") | _fits(fit) | {"why": fit.why}
                 for fit in self.each
             ],
             "sentence": self.sentence,
         }
 
 
-def _json(fit: Fit | None, rms: str) -> dict[str, float] | None:
-    return None if fit is None else {"K2": fit.K2, "T2": fit.T2, rms: fit.rms}
+def _fits(of: PaperFit | PaperFits) -> dict[str, Any]:
+    return {
+        "by_speed": of.by_speed and as_json(of.by_speed, "K2 T2 rms_m_s"),
+        "by_depth": of.by_depth and as_json(of.by_depth, "K2 T2 rms_m"),
+    }
 
 
 def paper_fits(found: Identification) -> PaperFits:

@@ -52,7 +52,7 @@ class Segment(NamedTuple):
     speed: float  # m/s, likewise
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Experiment:
     """A log as the fit takes it. The neutral volume at `reference` is `neutral` + its error."""
 
@@ -60,10 +60,10 @@ class Experiment:
     record: Record
     inputs: Array  # volume [m3] or voltage [V]
     ramps: bool  # the inputs are volumes, linear between samples
+    segments: tuple[Segment, ...]
     reference: float  # m, where the error of the neutral volume counts from
     neutral: float  # m3, assumed at the reference, in the zero of `inputs`
     added: float = 0.0  # m3, what the water's layers add at the reference: in `neutral` already
-    segments: tuple[Segment, ...]
 
     @property
     def used(self) -> Mask:
@@ -102,27 +102,20 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
     neutral; an absolute one from mid-stroke, neutral at depth 0 with the vehicle's trim.
     Raises LogError where no stretch of it is under way, clear of surface and bottom, long enough.
     """
-    volume = record.volume
-    if record.drive == "volume" and volume is not None:
-        absolute = record.volume_absolute
-        inputs = volume if absolute else volume - volume[0]
-        reference = 0.0 if absolute else _first_depth(record)
-        neutral = vehicle.trim_error if absolute else 0.0
-    else:
-        assert record.voltage is not None  # record() checks it
-        inputs, reference, neutral = record.voltage, _first_depth(record), 0.0
-        absolute = False
-    ramps = record.drive == "volume"
+    ramps, inputs = record.drive == "volume", record.inputs
+    absolute = ramps and record.volume_absolute
+    if ramps and not absolute:
+        inputs = inputs - inputs[0]
+    reference = 0.0 if absolute else _first_depth(record)
+    neutral = vehicle.trim_error if absolute else 0.0
     segments = _stretches(record) if ramps else _whole(record)
     if not segments:
         what = f"no stretch of {_SHORTEST:g} s or more is clear of surface and bottom"
         remedy = "Check the unit of the depth, --bottom and --surface-margin"
         value = float(record.depth.max())
         raise LogError(what, file=source, field="depth_m", value=value, unit="m", remedy=remedy)
-    return Experiment(
-        source=source, record=record, inputs=inputs, ramps=ramps, reference=reference,
-        neutral=neutral, added=0.0 if absolute else record.layers.at(reference), segments=segments,
-    )  # fmt: skip
+    added = 0.0 if absolute else record.layers.at(reference)
+    return Experiment(source, record, inputs, ramps, segments, reference, neutral, added)
 
 
 def _first_depth(record: Record) -> float:
@@ -239,15 +232,10 @@ class Problem:
         x = np.zeros(self.size)
         now = {**self.values, **(values or {})}
         for i, name in enumerate(self.names):
-            x[i] = self._entry(i, now[name])
-        for j, e in enumerate(self.experiments):
-            for k, segment in enumerate(e.segments):
-                at = self.starts_at[j] + 2 * k
-                x[at], x[at + 1] = segment.depth / DEPTH, segment.speed / SPEED
+            x[i] = math.log(now[name]) if self.logarithmic[i] else now[name] / self.scale[i]
+        starts = [(s.depth / DEPTH, s.speed / SPEED) for e in self.experiments for s in e.segments]
+        x[self.first_start :] = np.ravel(starts)
         return x
-
-    def _entry(self, i: int, value: float) -> float:
-        return math.log(value) if self.logarithmic[i] else value / self.scale[i]
 
     def value(self, x: Array, i: int) -> float:
         """Return the i-th parameter of the vehicle, in SI units."""
@@ -300,26 +288,22 @@ class Problem:
 
     def prior_rows(self, x: Array) -> tuple[Array, Array]:
         """Return the priors as residuals [k], in standard deviations, with derivatives [k, n]."""
-        residuals, slopes = [], []
+        rows = []  # residual, entry of x, by how much it counts
         per_entry = self.per_entry(x)
         for name, prior in self.priors.items():
             i = self.names.index(name)
-            residuals.append((prior.mean - self.value(x, i)) / prior.std)
-            slopes.append((i, per_entry[i] / prior.std))
-        if math.isfinite(self.neutral_std):
-            for j in range(len(self.experiments)):
-                at, per = self.shared + j, VOLUME / self.neutral_std
-                residuals.append(-x[at] * per)
-                slopes.append((at, per))
-        if math.isfinite(self.speed_std):
-            for j in range(len(self.experiments)):  # a stretch later on is under way
-                at, per = self.starts_at[j] + 1, SPEED / self.speed_std
-                residuals.append(-x[at] * per)
-                slopes.append((at, per))
-        P = np.zeros((len(residuals), self.size))
-        for row, (at, per) in enumerate(slopes):
+            rows.append(((prior.mean - self.value(x, i)) / prior.std, i, per_entry[i] / prior.std))
+        speeds = [at + 1 for at in self.starts_at[:-1]]  # a stretch later on is under way
+        for places, unit, std in (
+            (range(self.shared, self.first_start), VOLUME, self.neutral_std),
+            (speeds, SPEED, self.speed_std),
+        ):
+            if math.isfinite(std):
+                rows += [(-x[at] * (unit / std), at, unit / std) for at in places]
+        P = np.zeros((len(rows), self.size))
+        for row, (_, at, per) in enumerate(rows):
             P[row, at] = per
-        return np.array(residuals), P
+        return np.array([residual for residual, *_ in rows]), P
 
     def weighted(self, x: Array, root: Array) -> Array:
         """Return residuals times `root` [rows], and the priors' rows: what a search makes small."""
@@ -358,7 +342,7 @@ class Problem:
         e = self.experiments[j]
         own = self.shared + j
         shared = [*range(self.shared), own]
-        columns = shared + list(range(self.starts_at[j], self.starts_at[j + 1]))
+        columns = [*shared, *range(self.starts_at[j], self.starts_at[j + 1])]
         plants = self._plants(x, e, own, shared if derivatives else [])
         depths, slopes = [], []
         for k, course in enumerate(courses or self.courses[j]):

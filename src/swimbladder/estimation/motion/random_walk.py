@@ -20,16 +20,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.estimates import (
-    Z95,
-    Estimate,
-    Finding,
-    crossing,
-    estimate,
-    finding,
-    given,
-    sentence,
-)
+from swimbladder.estimation.estimates import Z95, Estimate, Finding, crossing, sentence
 from swimbladder.estimation.kalman.depth_filter import (
     GATE,
     Filtered,
@@ -49,6 +40,7 @@ from swimbladder.estimation.motion.result import (
     trim_of,
 )
 from swimbladder.estimation.series import Array, Index
+from swimbladder.io.answers import as_json
 from swimbladder.vehicle import Vehicle
 
 _SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known
@@ -327,16 +319,9 @@ class RandomWalkFit:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
-        return {
-            "parameters": {name: e.to_json() for name, e in self.estimates.items()},
-            "neutral_walk": self.random_walk.to_json(),
-            "depth_noise": self.depth_noise.to_json(),
-            "acceleration_noise": self.acceleration.to_json(),
-            "log_likelihood": self.log_likelihood,
-            "likelihood_ratio": self.likelihood_ratio,
-            "p_value": self.p_value,
-            "travelled_m3": list(self.travelled),
-        }
+        keys = "parameters=estimates neutral_walk=random_walk depth_noise"
+        more = "log_likelihood likelihood_ratio p_value travelled_m3"
+        return as_json(self, f"{keys} acceleration_noise=acceleration {more}")
 
 
 def fit_random_walk(
@@ -370,7 +355,7 @@ def fit_random_walk(
     estimates: dict[str, Estimate] = {}
     for i, q in enumerate(full.quantities):
         unit = NAMES[q.name].unit if q.name in NAMES else _UNITS[q.name]
-        estimates[q.name] = estimate(
+        estimates[q.name] = Estimate.of(
             q.value(float(x[i])), float(std[i]), unit, logarithmic=q.logarithmic
         )
     p, values = len(names), full.named(x)
@@ -380,7 +365,7 @@ def fit_random_walk(
     for j, path in zip(full.record, paths, strict=True):
         of_each[j].append(path)
     travelled = tuple(float(np.ptp(np.concatenate(each))) for each in of_each)
-    nothing = given(0.0, _UNITS["acceleration"])
+    nothing = Estimate.given(0.0, _UNITS["acceleration"])
     return RandomWalkFit(
         names=names, law=problem.model.law, estimates={name: estimates[name] for name in names},
         covariance=C[:p, :p] * np.outer(per[:p], per[:p]), random_walk=walk,
@@ -470,15 +455,7 @@ def _interval(
 
 
 # Findings on neutral volumes that stay.
-_CONSTANT = (
-    "trade-off",
-    "not identifiable",
-    "profile",
-    "prior",
-    "step-size trend",
-    "drift",
-    "model",
-)
+_STILL = ("trade-off", "not identifiable", "profile", "prior", "step-size trend", "drift", "model")
 
 
 def with_random_walk(
@@ -491,7 +468,7 @@ def with_random_walk(
     dropped; parameters that are not identifiable with random walks are reported.
     """
     C, model, records = fit.covariance, problem.model, [e.record for e in problem.experiments]
-    findings = [f for f in found.findings if f.kind not in _CONSTANT]
+    findings = [f for f in found.findings if f.kind not in _STILL]
     findings += [*_not_identifiable(fit, model), _summary(fit)]
     identified = all(f.severity != "no" for f in findings)
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
@@ -520,7 +497,7 @@ def _not_identifiable(fit: RandomWalkFit, model: Model) -> Iterator[Finding]:
     for name, e in fit.estimates.items():
         if model.logarithmic(name) and _share(e) > LIMIT:
             share = f"{100.0 * _share(e):.0f} %" if _share(e) < 10.0 else "any factor"
-            yield finding("motion", "unidentified with it", name=name, share=share)
+            yield Finding.of("motion", "unidentified with it", name=name, share=share)
 
 
 def _differ(vehicle: Vehicle) -> Finding:
@@ -533,7 +510,7 @@ def _differ(vehicle: Vehicle) -> Finding:
         for name, value in zip(known.names, known.values, strict=True)
     )
     drift = f"{3.6e9 * b.neutral_drift:.2g} +- {3.6e9 * b.neutral_drift_std:.2g}"
-    return finding("motion", "logs differ", psi=b.psi, drag=b.drag, drift=drift, means=means)
+    return Finding.of("motion", "logs differ", psi=b.psi, drag=b.drag, drift=drift, means=means)
 
 
 def _share(e: Estimate) -> float:
@@ -543,7 +520,7 @@ def _share(e: Estimate) -> float:
 def _summary(fit: RandomWalkFit) -> Finding:
     minute = math.sqrt(60.0)
     low, high = (f"{1e6 * minute * end:.2g}" for end in fit.random_walk.ci95)
-    return finding(
+    return Finding.of(
         "motion", "random_walk", minute=minute * fit.random_walk.value, low=low, high=high,
         sure="" if fit.drifts else ", which the logs do not require", p=fit.p_value,
         farthest=max(fit.travelled, default=0.0),

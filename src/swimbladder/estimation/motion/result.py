@@ -14,6 +14,7 @@ from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
 from swimbladder.estimation.motion.model import Model
 from swimbladder.estimation.series import Array
+from swimbladder.io.answers import as_json, plain
 from swimbladder.vehicle import (
     Drag,
     Identified,
@@ -62,7 +63,8 @@ class Choice:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
-        return {"rms_m" if name == "rms" else name: value for name, value in vars(self).items()}
+        keys = "drag psi parameters rms_m log_likelihood bic weight values reported"
+        return as_json(self, keys)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,19 +96,12 @@ class ExperimentFit:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
+        keys = "outliers whiteness_p autoregression=ar reference_depth_m drift step_m3 own_gain"
         return {
-            "log": self.source,
-            "rms_m": self.rms,
-            "noise_m": self.noise,
+            **as_json(self, "log=source rms_m noise_m"),
             "samples": int((self.weight > 0.0).sum()),
-            "outliers": self.outliers,
-            "whiteness_p": self.whiteness_p,
-            "autoregression": list(self.ar),
-            "reference_depth_m": self.reference_depth,
-            "drift": self.drift.to_json(),
-            "step_m3": self.step,
-            "own_gain": None if self.own_gain is None else list(self.own_gain),
-            **{name: e.to_json() for name, e in self.estimates.items()},
+            **as_json(self, keys),
+            **plain(self.estimates),
         }
 
 
@@ -160,41 +155,28 @@ class Identification:
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON; without numbers of what is not identifiable."""
         identified = self.identified
-        unknown = {"value": None, "std": None, "ci95": None}
+        unknown = {} if identified else {"value": None, "std": None, "ci95": None}
+
+        def shown(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+            return {
+                name: e.to_json() | ({} if e.origin == "set" else unknown)
+                for name, e in estimates.items()
+            }
+
         return {
             "vehicle": self.result_vehicle.name,
             "identified": identified,
             "drag": self.law,
-            "parameters": {
-                name: e.to_json() if identified or e.origin == "set" else {**e.to_json(), **unknown}
-                for name, e in self.parameters.items()
-            },
-            "derived": {
-                name: e.to_json() if identified else {**e.to_json(), **unknown}
-                for name, e in self.derived.items()
-            },
+            "parameters": shown(self.parameters),
+            "derived": shown(self.derived),
             "names": list(self.names),
             "covariance": self.covariance.tolist() if identified else None,
-            "correlation": self.correlation.tolist(),
-            "experiments": [e.to_json() for e in self.experiments],
-            "findings": [f._asdict() for f in self.findings],
-            "choices": [
-                {**c.to_json(), **({} if identified else {"values": {}})} for c in self.choices
-            ],
+            **as_json(self, "correlation experiments findings"),
+            "choices": [c.to_json() | ({} if identified else {"values": {}}) for c in self.choices],
             "profiles": {
-                name: {
-                    "values": p.values.tolist(),
-                    "deviance": p.deviance.tolist(),
-                    "ci95": list(p.ci95),
-                    "unit": p.unit,
-                }
-                for name, p in self.profiles.items()
+                name: as_json(p, "values deviance ci95 unit") for name, p in self.profiles.items()
             },
-            "assumptions": list(self.assumptions),
-            "notes": list(self.notes),
-            "depth_noise_m": self.depth_noise,
-            "random_walk": None if self.random_walk is None else self.random_walk.to_json(),
-            "posterior": None if self.posterior is None else self.posterior.to_json(),
+            **as_json(self, "assumptions notes depth_noise_m random_walk posterior"),
         }
 
 
@@ -248,14 +230,12 @@ def identified_vehicle(
         update = {"K1": values["K1"], "T1": values["T1"]}
         changes["actuator"] = vehicle.actuator.model_copy(update=update)
     changes["provenance"] = _provenance(vehicle, names, logs, trim=trim_error is not None)
-    changes["identified"] = Identified.model_validate(
-        {
-            "names": names,
-            "values": tuple(float(values[name]) for name in names),
-            "covariance": tuple(tuple(map(float, row)) for row in covariance),
-            "logs": logs,
-            **noise,
-        }
+    changes["identified"] = Identified(
+        names=names,
+        values=tuple(float(values[name]) for name in names),
+        covariance=tuple(tuple(map(float, row)) for row in covariance),
+        logs=logs,
+        **noise,
     )
     return vehicle.model_copy(update=changes)
 
@@ -274,14 +254,11 @@ def _motion(
     if model.law == "blended" and values["drag_quadratic"] <= 0.0:
         terms = {"law": "linear", "k_dl": terms["k_dl"]}
     m = model.mass(values)
-    parts = {"dry_mass": m, "entrained_mass": 0.0, "added_mass": 0.0}
+    dry, water, drag = m, 0.0, Drag(**terms)
     if isinstance(old, PhysicalMotion) and m >= old.dry_mass + old.entrained_mass:
-        parts = {
-            "dry_mass": old.dry_mass,
-            "entrained_mass": old.entrained_mass,
-            "added_mass": m - old.dry_mass - old.entrained_mass,
-        }
-    return PhysicalMotion(**parts, drag=Drag(**terms))
+        dry, water = old.dry_mass, old.entrained_mass
+    added = m - dry - water
+    return PhysicalMotion(dry_mass=dry, entrained_mass=water, added_mass=added, drag=drag)
 
 
 def _provenance(
@@ -293,16 +270,10 @@ def _provenance(
     kept = {
         key: text
         for key, text in vehicle.provenance.items()
-        if not key.startswith("motion") and key not in ("identified", "hull.psi", "trim_error")
+        if not key.startswith("motion") and key != "identified"
     }
-    for key in ("hull.psi", "trim_error"):
-        if key in vehicle.provenance:
-            kept[key] = vehicle.provenance[key]
-    kept["motion"] = origin
-    if "psi" in names:
-        kept["hull.psi"] = origin
+    own = {"psi": ("hull.psi",), "K1": ("actuator.K1", "actuator.T1")}
+    kept |= dict.fromkeys(["motion", *(key for name in names for key in own.get(name, ()))], origin)
     if trim:
         kept["trim_error"] = f"{origin}: the mean of their neutral volumes"
-    if "K1" in names:
-        kept["actuator.K1"] = kept["actuator.T1"] = origin
     return kept

@@ -11,39 +11,26 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
-from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.comparison.record import Drive, Record, record
 from swimbladder.estimation.comparison.water import water_of_each
-from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, estimate, finding, given
+from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, bounded_fit
 from swimbladder.estimation.motion.diagnose import choices as list_choices
 from swimbladder.estimation.motion.diagnose import (
     diagnose,
-    drift,
+    each_experiment,
     judge,
-    models_of,
     not_identifiable,
-    single_gains,
 )
 from swimbladder.estimation.motion.fit import Fit, inverse_of
 from swimbladder.estimation.motion.fit import fit as solve
-from swimbladder.estimation.motion.model import NAMES
-from swimbladder.estimation.motion.noise import whiteness
+from swimbladder.estimation.motion.model import NAMES, default_names
 from swimbladder.estimation.motion.posterior import sample
-from swimbladder.estimation.motion.problem import (
-    DEPTH,
-    SPEED,
-    VOLUME,
-    Assumed,
-    Experiment,
-    Problem,
-    posed,
-)
+from swimbladder.estimation.motion.problem import Assumed, Problem, posed
 from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
 from swimbladder.estimation.motion.result import (
-    ExperimentFit,
     Identification,
     Profile,
     dry_mass,
@@ -51,7 +38,7 @@ from swimbladder.estimation.motion.result import (
     neutral_spread,
     trim_of,
 )
-from swimbladder.estimation.series import Array, rms
+from swimbladder.estimation.series import Array
 from swimbladder.io.logs import Log
 from swimbladder.physics.seawater import Column
 from swimbladder.units import format_quantity, shown_unit
@@ -87,12 +74,9 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
         def slopes(y: Array) -> Array:
             return -problem.weighted_slope(full(y), fit.root)[:, others]
 
-        done = least_squares(
-            rows, np.clip(start, low[others] + 1e-9, high[others] - 1e-9), slopes,
-            bounds=(low[others], high[others]), xtol=1e-6, ftol=1e-6, gtol=1e-8,
-            max_nfev=_EVALUATIONS,
-        )  # fmt: skip
-        return 2.0 * float(done.cost), done.x
+        ends, limits = (1e-6, 1e-6, 1e-8), (low[others], high[others])
+        cost, y = bounded_fit(rows, slopes, start, limits, ends=ends, most=_EVALUATIONS, edge=1e-9)
+        return 2.0 * cost, y
 
     at_best, _ = held(fit.x[i], fit.x[others])
     entries, deviance = [fit.x[i]], [0.0]
@@ -124,50 +108,6 @@ def _interval(u: Array, deviance: Array, best: float) -> Array:
     )
 
 
-def each_experiment(problem: Problem, found: Fit) -> tuple[ExperimentFit, ...]:
-    """Return the fit of each log: residuals, weights, and what belongs to it alone."""
-    gains: list[tuple[float, float] | None] = [
-        (gain, std) if 0.0 < std < 1.0 else None for _, gain, std in single_gains(problem, found)
-    ]
-    return tuple(
-        _experiment(problem, found, j, e, gain)
-        for (j, e), gain in zip(
-            enumerate(problem.experiments), gains or [None] * len(problem.experiments), strict=True
-        )
-    )
-
-
-def _experiment(
-    problem: Problem, found: Fit, j: int, e: Experiment, gain: tuple[float, float] | None
-) -> ExperimentFit:
-    part = slice(problem.rows[j], problem.rows[j + 1])
-    n = len(e.record.time)
-    residual, weight, predicted = np.full(n, np.nan), np.zeros(n), np.full(n, np.nan)
-    residual[e.used], weight[e.used] = found.residual[part], found.weight[part]
-    predicted[e.used] = e.record.depth[e.used] - found.residual[part]
-    std = np.sqrt(np.diag(found.covariance))
-    at = problem.starts_at[j]
-    own = {
-        "neutral_error": (problem.shared + j, VOLUME, "m3"),
-        "start_depth": (at, DEPTH, "m"),
-        "start_speed": (at + 1, SPEED, "m/s"),
-    }
-    kept = weight[e.used] > 0.0
-    left = found.residual[part][kept]
-    return ExperimentFit(
-        source=e.source, record=e.record, reference_depth=e.reference, predicted=predicted,
-        residual=residual, weight=weight,
-        estimates={
-            name: estimate(float(found.x[i] * per), float(std[i] * per), unit)
-            for name, (i, per, unit) in own.items()
-        },
-        drift=drift(problem, found, j), noise=float(found.noise[j]),
-        rms=rms(left) if len(left) else math.nan,
-        ar=found.ar[j], whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
-        outliers=int((weight[e.used] < 0.5).sum()), step=e.step(), own_gain=gain,
-    )  # fmt: skip
-
-
 _OFF = 0.1  # of the half interval, from which the profile's interval is given
 _PRIOR_ONLY = 0.9  # of the prior's deviation is left
 _CONTRADICTED = 3.0  # standard deviations from the prior
@@ -182,20 +122,20 @@ def parameters(
     findings: list[Finding] = []
     for i, name in enumerate(problem.names):
         unit, log = NAMES[name].unit, problem.logarithmic[i]
-        e = estimate(problem.value(found.x, i), float(std[i]), unit, logarithmic=log)
+        e = Estimate.of(problem.value(found.x, i), float(std[i]), unit, logarithmic=log)
         prior = problem.priors.get(name)
         if prior is not None:
             findings += _against(name, e, prior)
         if prior is not None and e.std > _PRIOR_ONLY * prior.std:
             e = replace(e, origin="prior")
-            findings.append(finding("motion", "adds little", name=name))
+            findings.append(Finding.of("motion", "adds little", name=name))
         if name in drawn:
             ends = drawn[name].ci95
             half = 0.5 * (e.ci95[1] - e.ci95[0])
             apart = max(abs(a - b) for a, b in zip(ends, e.ci95, strict=True))
             if not apart <= _OFF * half:
                 e = replace(e, ci95=ends)
-                findings.append(finding("motion", "profile", name=name))
+                findings.append(Finding.of("motion", "profile", name=name))
         if name == "drag_quadratic" and not log:  # it is never below 0
             e = replace(e, ci95=(max(e.ci95[0], 0.0), e.ci95[1]))
         estimates[name] = e
@@ -203,7 +143,7 @@ def parameters(
         if name in ("psi", "K2", "T2") and name not in estimates and (
             name == "psi" or problem.model.law != "quadratic"
         ):  # fmt: skip
-            estimates[name] = given(value, NAMES[name].unit)
+            estimates[name] = Estimate.given(value, NAMES[name].unit)
     return estimates, findings
 
 
@@ -215,7 +155,7 @@ def _against(name: str, e: Estimate, prior: Prior) -> Iterator[Finding]:
             format_quantity(value, e.unit, shown_unit(e.unit), digits=3)
             for value in (e.value, prior.mean, prior.std)
         )
-        yield finding("motion", "contradicts", name=name, found=found, mean=mean, std=std)
+        yield Finding.of("motion", "contradicts", name=name, found=found, mean=mean, std=std)
 
 
 def derived(problem: Problem, found: Fit) -> dict[str, Estimate]:
@@ -230,7 +170,9 @@ def derived(problem: Problem, found: Fit) -> dict[str, Estimate]:
             moved = found.x.copy()
             moved[i] += 1e-5
             slope[i] = (quantity(problem.named(moved)) - at) / 1e-5
-        return estimate(at, math.sqrt(max(float(slope @ C @ slope), 0.0)), unit, logarithmic=True)
+        return Estimate.of(
+            at, math.sqrt(max(float(slope @ C @ slope), 0.0)), unit, logarithmic=True
+        )
 
     k_b = problem.model.specific_weight
     result = {}
@@ -258,9 +200,8 @@ def check_logs(
 
 def check_std(field: str, value: float, unit: str) -> None:
     """Raise InputError for a standard deviation that is not above 0."""
-    if not value > 0.0:
-        remedy = "Give a standard deviation, or none for no assumption"
-        raise InputError("it must be above 0", field=field, value=value, unit=unit, remedy=remedy)
+    remedy = "Give a standard deviation, or none for no assumption"
+    check_number(value, field, unit, above=0.0, finite=False, remedy=remedy)
 
 
 def check_motion(records: Sequence[Record]) -> None:
@@ -281,9 +222,9 @@ def driven_by(log: Log, vehicle: Vehicle) -> Drive:
     return "voltage" if vehicle.voltage_driven else "volume"
 
 
-def assumptions(problem: Problem, records: Sequence[Record], vehicle: Vehicle) -> tuple[str, ...]:
+def assumptions(problem: Problem, vehicle: Vehicle) -> tuple[str, ...]:
     """Return what the answer rests on: law, priors, what is held, the water."""
-    said = [f"drag law: {problem.model.law}"]
+    said, records = [f"drag law: {problem.model.law}"], [e.record for e in problem.experiments]
     if math.isfinite(problem.neutral_std):
         std = format_quantity(problem.neutral_std, "m3", "cm3", digits=3)
         said.append(f"each log's neutral volume is known to {std} (1 sigma)")
@@ -296,11 +237,8 @@ def assumptions(problem: Problem, records: Sequence[Record], vehicle: Vehicle) -
         said.append(f"each log starts at rest, to {std} (1 sigma)")
     for name, prior in problem.priors.items():
         said.append(f"prior: {name} = {prior.mean:g} +- {prior.std:g} {NAMES[name].unit}")
-    for name in ("psi", "K2", "T2", "mass", "drag_quadratic"):
-        inert = {"linear": ("mass", "drag_quadratic"), "quadratic": ("K2", "T2"),
-                 "blended": ("mass",)}[problem.model.law]  # fmt: skip
-        if name not in problem.names and name not in inert:
-            said.append(f"held: {name} = {problem.values[name]:g} {NAMES[name].unit}")
+    held = sorted(default_names(problem.model.law, problem.names), key="psi".__ne__)
+    said += [f"held: {name} = {problem.values[name]:g} {NAMES[name].unit}" for name in held]
     water = vehicle.water
     if any(len(r.layers.table) for r in records):
         said.append(
@@ -357,7 +295,7 @@ def identify(
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         share = 0.3 if random_walk or posterior is not None else 1.0
         found = _answer(
-            problem, vehicle, records, advance=lambda part: report(share * part),
+            problem, vehicle, advance=lambda part: report(share * part),
             profiles=profiles and not random_walk, choices=choices and not random_walk,
             posterior=posterior,
         )  # fmt: skip
@@ -369,8 +307,8 @@ def identify(
 
 
 def _answer(
-    problem: Problem, vehicle: Vehicle, records: Sequence[Record], *,
-    advance: Callable[[float], None], profiles: bool, choices: bool, posterior: int | None,
+    problem: Problem, vehicle: Vehicle, *, advance: Callable[[float], None], profiles: bool,
+    choices: bool, posterior: int | None,
 ) -> Identification:  # fmt: skip
     report, names, model = advance, problem.names, problem.model
     found = solve(problem)
@@ -381,9 +319,7 @@ def _answer(
         if profiles and not findings:
             drawn[name] = profile(problem, found, i)
         report(0.3 / len(names) * profiles)
-    listed = (
-        list_choices(problem, found, models_of(vehicle, model.base.z_bottom)) if choices else ()
-    )
+    listed = list_choices(problem, found, vehicle) if choices else ()
     report(0.3 * choices)
     each = each_experiment(problem, found)
     findings += judge(listed)
@@ -408,9 +344,9 @@ def _answer(
         derived=derived(problem, found), covariance=covariance,
         correlation=covariance / np.outer(size, size), experiments=each,
         findings=tuple(findings), choices=listed, profiles=drawn,
-        assumptions=assumptions(problem, records, vehicle), priors=dict(problem.priors),
+        assumptions=assumptions(problem, vehicle), priors=dict(problem.priors),
         neutral_std=problem.neutral_std,
-        notes=tuple(dict.fromkeys(note for r in records for note in r.notes)),
+        notes=tuple(dict.fromkeys(note for e in each for note in e.record.notes)),
         depth_noise=noise, posterior=drawn_points,
         result_vehicle=(
             vehicle

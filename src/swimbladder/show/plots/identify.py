@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.stats import chi2, norm
 
-from swimbladder.estimation.estimates import Z95, estimate
+from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion import NAMES, Estimate, ExperimentFit, Identification
 from swimbladder.show.plots import style
 from swimbladder.show.plots.style import Ink, grid_of, legend_beside, new_figure, styled
@@ -166,7 +166,7 @@ def _profile(axes: Axes, found: Identification, name: str) -> None:
     label = "quadratic approximation"
     axes.plot(per * values, quadratic, "--", color=Ink.VERMILION, lw=1.3, label=label)
     axes.axhline(Z95**2, color=Ink.GREY, lw=0.9, ls=":", label="95 %: 3.84")
-    plain = estimate(e.value, e.std, e.unit, logarithmic=log)
+    plain = Estimate.of(e.value, e.std, e.unit, logarithmic=log)
     for ends, color, height in ((p.ci95, Ink.BLUE, -0.5), (plain.ci95, Ink.VERMILION, -1.15)):
         _interval(axes, per, ends, color, height)
     _prior_band(axes, found, name, vertical=True, label=None)
