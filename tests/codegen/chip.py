@@ -151,11 +151,7 @@ def _first(made: Library) -> float:
 
 def twin_of(made: Library) -> ControllerTwin:
     """Return the twin of a library's controller."""
-    low, high = made.limits
-    return ControllerTwin(
-        twin(made.law), made.parameters, tick_s=made.tick_s, low=low, high=high, first=_first(made),
-        seconds=made.drive is not None,
-    )  # fmt: skip
+    return made.controller(made.twin())
 
 
 class Flight(NamedTuple):
@@ -181,8 +177,8 @@ def fly(made: Library, chip: Chip, *, duration: float = 400.0, blind: range = ra
         return float(command)
 
     flown = simulate(
-        made.vehicle, law=law, setpoints=[(0.0, made.target)], duration=duration,
-        start_depth=made.start_depth, seed=1, sample_time=made.tick_s,
+        made.vehicle, law=law, setpoints=[(0.0, made.mission.target)], duration=duration,
+        start_depth=made.mission.start, seed=1, sample_time=made.tick_s,
     )  # fmt: skip
     return Flight(len(flown.time), unequal, float(flown.depth[-1]), chip.cycles)
 
@@ -204,8 +200,8 @@ def fly_supervised(
         return float(command)
 
     flown = simulate(
-        made.vehicle, law=law, setpoints=[(0.0, made.target)], duration=duration,
-        start_depth=made.start_depth, seed=1, sample_time=made.tick_s,
+        made.vehicle, law=law, setpoints=[(0.0, made.mission.target)], duration=duration,
+        start_depth=made.mission.start, seed=1, sample_time=made.tick_s,
     )  # fmt: skip
     flight = Flight(len(flown.time), unequal, float(flown.depth[-1]), chip.cycles)
     return flight, beside

@@ -12,7 +12,7 @@ import pytest
 
 import swimbladder as sb
 from swimbladder.cli import main
-from swimbladder.codegen.float_flight import fly_float
+from swimbladder.codegen.golden import fly_float
 from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.codegen.pump_valve import board_law

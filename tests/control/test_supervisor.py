@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from swimbladder.codegen.golden import command_limits
 from swimbladder.codegen.safety import supervisor_parameters
-from swimbladder.codegen.twin import command_limits
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import SUPERVISOR

@@ -130,15 +130,18 @@ def _shown(made: Library) -> Iterator[object]:
 
     golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
     low, high = made.limits
-    end, way = float(golden.depth[-1]), f"{made.start_depth:g} to {made.target:g} m"
+    start, target, _ = made.mission
+    end, way = float(golden.depth[-1]), f"{start:g} to {target:g} m"
     commands = f"command {low:.6g} to {high:.6g} {unit}"
     to_do = "fill in the two functions of an example"
-    there = abs(end - made.target) <= _ARRIVED * abs(made.target - made.start_depth)
+    there = abs(end - made.mission.target) <= _ARRIVED * abs(
+        made.mission.target - made.mission.start
+    )
     if made.drive is not None:
         commands, way = "command seconds of pump and valve", f"{way} and up again"
         to_do = "fill in one function of an example, and check its pins"
         there = end <= made.drive.parameters.surface.shallow
-        if golden.depth.max() < (1.0 - _ARRIVED) * made.target:
+        if golden.depth.max() < (1.0 - _ARRIVED) * target:
             end, there = float(golden.depth.max()), False
     yield f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}"
     yield (

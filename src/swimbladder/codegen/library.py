@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -14,22 +14,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from swimbladder.codegen.c99 import write_c99
 from swimbladder.codegen.c_places import c_field, c_float, c_law, c_number
 from swimbladder.codegen.clock import MOST_TURNS, SOON
-from swimbladder.codegen.pool import PoolDay, PoolOptions, plan_pool_day
-from swimbladder.codegen.pump_valve import BoardLaw, board_law
+from swimbladder.codegen.golden import BoardProgram, Golden, Mission, command_limits, fly
+from swimbladder.codegen.pool import PoolDay, PoolOptions, in_float32, plan_pool_day
+from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.safety import supervisor_parameters, time_limit
 from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.tree import COUNT, FLOAT, Program
-from swimbladder.codegen.twin import (
-    Golden,
-    asked_of_float,
-    command_limits,
-    fly,
-    fly_on_seconds,
-    twin,
-)
+from swimbladder.codegen.tree import COUNT, FLOAT
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
-from swimbladder.control.records import leaves
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import SUPERVISOR
 from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched
@@ -43,34 +35,19 @@ _ON_BOARD = 100  # rows of the golden trace that a board checks
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
 
 
-class Mission(NamedTuple):
-    """A golden mission: from where to where, and for how long."""
-
-    start: float  # m
-    target: float  # m
-    duration: float  # s
-
-
 STEP = Mission(1.5, 3.0, 400.0)
 DIVE = Mission(0.0, 100.0, 5400.0)
 """What a float does instead; its target is half the depth limit where that is less."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Library:
+class Library(BoardProgram):
     """The files of a library, and what they were made of."""
 
     vehicle: Vehicle
-    law: Law
-    parameters: Any
-    tick_s: float
-    limits: tuple[float, float]  # V or m3, s of pump and valve
-    start_depth: float  # m, of the golden mission
-    target: float  # m
+    mission: Mission
     golden: Golden
-    supervisor: SupervisorParameters
     pool: PoolDay | None
-    drive: BoardLaw | None  # of a pump and valve
     files: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
@@ -81,30 +58,17 @@ class Library:
             "command": self.law.command,
             "command_limits": list(self.limits),
             "tick_s": self.tick_s,
-            "parameters": {
-                name: {"value": float(np.float32(value)), "unit": self.law.units[name]}
-                for name, value in leaves(self.parameters).items()
-            },
-            "supervisor": {
-                name: {"value": _finite(value), "unit": SUPERVISOR.units[name]}
-                for name, value in leaves(self.supervisor).items()
-            },
+            "parameters": in_float32(self.parameters, self.law),
+            "supervisor": in_float32(self.supervisor, SUPERVISOR),
             "golden": {
-                "start_depth_m": self.start_depth,
-                "target_depth_m": self.target,
+                "start_depth_m": self.mission.start,
+                "target_depth_m": self.mission.target,
                 "ticks": len(self.golden.depth),
                 "final_depth_m": float(self.golden.depth[-1]),
                 "float32_difference_m": self.golden.difference,
             },
             "pool": None if self.pool is None else self.pool.to_json(),
         } | ({} if self.drive is None else {"drive": self.drive.to_json()})
-
-
-def _finite(value: float) -> float | None:
-    """Return a limit as float32, or as the count it is; None where it is off."""
-    if isinstance(value, int):
-        return None if value == NEVER else value
-    return None if math.isinf(value) else float(np.float32(value))
 
 
 def make_library(
@@ -133,45 +97,28 @@ def make_library(
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
     limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
     usual = DIVE if floats else STEP
-    if floats and target is None and usual.target > limit:
+    if floats and usual.target > limit:
         usual = usual._replace(target=0.5 * limit)
-    start_depth = usual.start if start_depth is None else start_depth
-    target = usual.target if target is None else target
-    duration = usual.duration if duration is None else duration
-    for name, depth in (("start", start_depth), ("target", target)):
+    asked = (start_depth, target, duration)
+    mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
+    for name, depth in (("start", mission.start), ("target", mission.target)):
         if depth > limit:
-            raise InputError(
-                "deeper than the supervisor allows", field=f"--{name}", value=depth, unit="m",
-                remedy=f"Give up to {limit:.4g} m, or say more of the vehicle "
-                "in its [supervisor] table",
-            )  # fmt: skip
-    made = make_program(vehicle, depths=(start_depth, target), in_pool=pool is not None)
-    law, parameters, tick_s, drive = made.law, made.parameters, made.tick_s, made.drive
-    own = twin(law, made.program)
+            remedy = (
+                f"Give up to {limit:.4g} m, or say more of the vehicle in its [supervisor] table"
+            )
+            what = "deeper than the supervisor allows"
+            raise InputError(what, field=f"--{name}", value=depth, unit="m", remedy=remedy)
+    made = make_program(vehicle, depths=mission[:2], in_pool=pool is not None)
+    drive = made.drive
     if floats:
-        _check_dive(start_depth, target, duration, parameters.surface.shallow)
-        asked = asked_of_float(target, duration, tick_s)
-        golden = fly_on_seconds(
-            vehicle,
-            (own, law),
-            parameters,
-            tick_s=tick_s,
-            start_depth=start_depth,
-            asked=asked,
-            seed=seed,
-            progress=progress,
-        )
-    else:
-        golden = fly(
-            vehicle, law, own, parameters, tick_s=tick_s, start_depth=start_depth,
-            target=target, duration=duration, seed=seed, first=made.first, progress=progress,
-        )  # fmt: skip
-    day = None if pool is None else plan_pool_day(vehicle, pool, made.limits, seed=seed)
+        _check_dive(mission, made.parameters.surface.shallow)
+    golden = fly(vehicle, made, mission, seed, progress)
+    day = None if pool is None else plan_pool_day(vehicle, pool, made.supervisor, seed=seed)
     facts = made.facts | {
-        "start": start_depth, "goal": target, "ticks": len(golden.depth), "pool": day,
-        "pool_units": POOL.units, "day": False, "pushes": made.limits.proof.same_tried < NEVER,
-        "positioner": made.limits.rate.positioner > 0.0, "drive": drive,
-        "time_limit": time_limit(made.limits), "launch_min": LAUNCH, "dive_min": UNDER_WATER,
+        "start": mission.start, "goal": mission.target, "ticks": len(golden.depth), "pool": day,
+        "pool_units": POOL.units, "day": False, "pushes": made.supervisor.proof.same_tried < NEVER,
+        "positioner": made.supervisor.rate.positioner > 0.0, "drive": drive,
+        "time_limit": time_limit(made.supervisor), "launch_min": LAUNCH, "dive_min": UNDER_WATER,
         "lined": getattr(vehicle.actuator, "line", None) is not None,
     }  # fmt: skip
     rows = [
@@ -192,7 +139,7 @@ def make_library(
         "examples/GoldenTrace/GoldenTrace.ino": render("GoldenTrace.ino.j2", facts),
         "examples/GoldenTrace/golden.h": render("golden.h.j2", facts | {"rows": rows}),
         "extras/check.c": render("check.c.j2", facts),
-        "extras/golden.csv": _table(golden, tick_s, made.facts["column"]),
+        "extras/golden.csv": _table(golden, made.tick_s, made.facts["column"]),
     }
     if drive is not None:
         files |= {
@@ -213,26 +160,8 @@ def make_library(
             ),
         }
     return Library(
-        vehicle=vehicle, law=law, parameters=parameters, tick_s=tick_s,
-        limits=made.ends, start_depth=start_depth, target=target, golden=golden,
-        supervisor=made.limits, pool=day, drive=drive, files=files,
-    )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True)
-class BoardProgram:
-    """A controller and its supervisor as a board's program: what a library is made around."""
-
-    law: Law  # as the board runs it
-    parameters: Any
-    tick_s: float
-    first: float  # V, m3 or s: the command until there is one
-    ends: tuple[float, float]  # of the command
-    limits: SupervisorParameters
-    drive: BoardLaw | None  # of a pump and valve
-    program: Program
-    facts: dict[str, Any]  # for templates
-    sources: dict[str, str]  # C by its files' names
+        **vars(made), vehicle=vehicle, mission=mission, golden=golden, pool=day, files=files
+    )
 
 
 def make_program(
@@ -278,8 +207,8 @@ def make_program(
         "swb_vehicle.c": render("swb_vehicle.c.j2", facts),
     }
     return BoardProgram(
-        law=law, parameters=parameters, tick_s=tick_s, first=first, ends=ends, limits=limits,
-        drive=drive, program=program, facts=facts, sources=sources,
+        law=law, parameters=parameters, tick_s=tick_s, first=first, limits=ends,
+        supervisor=limits, drive=drive, program=program, facts=facts, sources=sources,
     )  # fmt: skip
 
 
@@ -292,8 +221,9 @@ def _controller(vehicle: Vehicle) -> tuple[Law, Any, float]:
     return law, parameters, vehicle.controller.sample_time
 
 
-def _check_dive(start: float, target: float, duration: float, shallow: float) -> None:
+def _check_dive(mission: Mission, shallow: float) -> None:
     """Raise InputError where a float's golden mission is none."""
+    start, target, duration = mission
     for option, value, good, unit, what in (
         ("--start", start, start >= 0.0, "m", "a float starts at the surface, 0 m, or below it"),
         ("--target", target, target > shallow, "m", f"a float dives deeper than {shallow:.3g} m"),

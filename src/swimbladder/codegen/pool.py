@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.cascade import CascadeParameters
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.protocol import MARGIN, POOL, Does, Phase, PoolParameters, procedure_for
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind
@@ -191,11 +191,20 @@ class PoolDay(NamedTuple):
             "depth_m": self.options.depth,
             "rounds": self.options.rounds,
             "minutes": self.rehearsal.minutes,
-            "parameters": {
-                name: {"value": float(np.float32(value)), "unit": POOL.units[name]}
-                for name, value in leaves(self.parameters).items()
-            },
+            "parameters": in_float32(self.parameters, POOL),
         }
+
+
+def in_float32(parameters: Any, law: Law) -> dict[str, dict[str, Any]]:
+    """Return numbers as the board has them, with units; None for a limit of it that is off."""
+
+    def on_board(value: float) -> float | None:
+        if isinstance(value, int):
+            return None if value == NEVER else value
+        return None if math.isinf(value) else float(np.float32(value))
+
+    units = law.units
+    return {n: {"value": on_board(v), "unit": units[n]} for n, v in leaves(parameters).items()}
 
 
 def plan_pool_day(

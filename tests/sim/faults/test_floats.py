@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
-from swimbladder.codegen.float_flight import fly_float
+from swimbladder.codegen.clock import VehicleTwin
+from swimbladder.codegen.golden import fly_float
 from swimbladder.codegen.library import make_program
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
@@ -212,13 +212,10 @@ def against_radau(rig, *fault_rows, sea=None, ticks=80, depth=400.0, target=340.
 def test_a_mission_without_faults_is_that_of_the_twin_in_the_loop(rig):
     """The C law and supervisor, from the surface to 30 m: commands to the bit, depths to 1e-9 m."""
     made = make_program(rig.course.vehicle, depths=())
-    low, high = made.ends
-    controller = ControllerTwin(
-        twin(made.law, made.program), made.parameters, tick_s=TICK, low=low, high=high, seconds=True
-    )
     board = VehicleTwin(
-        controller, made.limits, supervisor=twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
-    )
+        made.controller(made.twin()), made.supervisor,
+        supervisor=twin(SUPERVISOR, read_law(SUPERVISOR, Watched)),
+    )  # fmt: skip
 
     def tick(seen, asked):
         watched = Watched(seen.depth, 0.0, math.nan, 14.4, False, 0, 0)
