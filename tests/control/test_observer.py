@@ -16,8 +16,7 @@ from swimbladder.control.motion import (
     motion_over_sample,
     runaway,
 )
-from swimbladder.control.observer import OBSERVER, initial, step
-from swimbladder.control.observers import Estimate, Trust, estimate, moves
+from swimbladder.control.observer import OBSERVER, Estimate, Trust, estimate, initial, moves, step
 from swimbladder.control.records import from_leaves, leaves, numbers
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.io.config import load_vehicle

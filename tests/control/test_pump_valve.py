@@ -8,13 +8,13 @@ import pytest
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.pump_valve import (
     DriveParameters,
+    SurfacingParameters,
     delivery,
     in_steps,
     run_length,
     timed,
     valve_rate,
 )
-from swimbladder.control.surfacing import SurfacingParameters
 
 # 1 cm3/s at the surface, 0.6 at 1000 m, 2 cm3 lost at a start; a head of 0.1 bar and 0.1 bar/m.
 DRIVE = DriveParameters(

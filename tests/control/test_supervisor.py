@@ -11,9 +11,8 @@ from swimbladder.codegen.golden import command_limits
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SUPERVISOR
+from swimbladder.control.supervisor import SUPERVISOR, expected_rate, times
 from swimbladder.control.supervisor_records import Reason, Watched, reasons_in
-from swimbladder.control.supervisor_watches import expected_rate, times
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor

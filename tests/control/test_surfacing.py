@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from swimbladder.control.surfacing import (
+from swimbladder.control.pump_valve import (
     IN,
     LAW,
     OUT,

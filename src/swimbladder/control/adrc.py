@@ -23,7 +23,7 @@ from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
 from swimbladder.control.ability import learn_ability
-from swimbladder.control.observers import limited
+from swimbladder.control.observer import limited
 from swimbladder.control.profile import Target, aim, approach, is_behind, moves
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none

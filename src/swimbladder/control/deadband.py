@@ -24,7 +24,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control.law import Knobs, Law, Measurement, Recipe, Setting, stiffness
-from swimbladder.control.observers import limited
+from swimbladder.control.observer import limited
 from swimbladder.errors import InputError
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none

@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
 from swimbladder.control.ability import BEHIND, learn_ability, usable
-from swimbladder.control.observers import (
+from swimbladder.control.observer import (
     Estimate,
     Observed,
     begin_estimate,

@@ -12,7 +12,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
-from swimbladder.control.observers import (
+from swimbladder.control.observer import (
     Estimate,
     Observed,
     begin_estimate,

@@ -8,33 +8,332 @@ What each detector does and why: docs/explanation/supervisor.md.
 Ticks are counted in whole numbers of 16 bits, which stay at their ends; the time of a dive in two
 of them. Each watch changes the state where it stands. What a vehicle's numbers switch off is asked
 for by a comparison of numbers alone, so that a compiler that knows them leaves it out.
+
+The watches come first, each detector's step, with the reasons that follow from all of them.
 """
+
+from __future__ import annotations
+
+import math
 
 from swimbladder.control.law import NEVER, Count, Law, less, more
 from swimbladder.control.supervisor_records import (
+    BoardLimits,
+    BoardWatch,
+    DeepLimits,
+    DepthLimits,
+    DepthWatch,
+    MotionLimits,
+    MotionWatch,
     PushWatch,
+    RateWatch,
+    RestLimits,
+    RestWatch,
+    SameLimits,
+    SameWatch,
     SupervisorParameters,
     SupervisorState,
+    TimeLimits,
+    TimeWatch,
+    VolumeLimits,
+    VolumeWatch,
     Watched,
     initial,
 )
-from swimbladder.control.supervisor_watches import (
-    believable,
-    count_blind,
-    count_time,
-    count_unmeasured,
-    expected_rate,
-    first_of,
-    reasons_of,
-    rests,
-    watch_board,
-    watch_deep,
-    watch_motion,
-    watch_rate,
-    watch_reach,
-    watch_sameness,
-    watch_still,
-)
+
+_BLOCK = 4096  # ticks that the fine count of time holds
+_MOST_LOST = _BLOCK - 1  # ticks that are counted at once
+_REASONS = 15
+
+
+def tally(bad: bool, n: Count, most: Count) -> Count:
+    """Return the count of bad ticks; a good one takes two away, `most` stays for good."""
+    if n >= most:
+        return n
+    if bad:
+        return more(n, 1)
+    return less(n, 2)
+
+
+def share(bad: Count, n: Count, most: Count) -> Count:
+    """Return the count of quarters of bad ticks; none takes one away, `most` stays for good."""
+    if n >= most:
+        return n
+    if bad > 0:
+        return min(more(n, bad), most)
+    return less(n, 1)
+
+
+def smoothed(old: float, new: float, weight: float) -> float:
+    """Return a low pass after its next sample."""
+    return old + weight * (new - old)
+
+
+def times(n: Count, each: float) -> float:
+    """Return n each: for small n less work than to make a float of it, where there is no unit."""
+    total = 0.0
+    bit: Count = 1
+    for _ in range(16):
+        if bit <= n:
+            if n & bit > 0:
+                total = total + each
+            each = each + each
+        bit = more(bit, bit)
+    return total
+
+
+def count_time(p: TimeLimits, s: TimeWatch, lost: Count) -> TimeWatch:
+    """Count the ticks that were lost, and this one."""
+    half = more(lost, lost)
+    s = s._replace(lost=share(more(half, half), s.lost, p.lost_quarters))
+    if p.time_blocks == NEVER:
+        return s
+    tick = more(s.tick, min(lost, _MOST_LOST))
+    if tick >= _BLOCK:
+        tick = less(tick, _BLOCK)
+        s = s._replace(block=more(s.block, 1))
+    return s._replace(tick=more(tick, 1))
+
+
+def expected_rate(p: SupervisorParameters, s: SupervisorState) -> float:
+    """Return the volume rate [m3/s] that the last command should give at the last depth."""
+    if p.rate.positioner > 0.0:
+        gap = (s.command - s.volume.volume) * p.per_tick
+        return min(max(gap, -p.rate.rate), p.rate.rate)
+    push = s.command - p.rate.load_drive * s.depth.depth
+    back = s.command - p.rate.load_back * s.depth.depth
+    if p.rate.friction > 0.0:
+        push = push - p.rate.friction
+        back = back + p.rate.friction
+    if push <= 0.0:
+        push = min(back, 0.0)
+    rate = p.rate.rate * push
+    if p.rate.leakage > 0.0:
+        rate = rate - p.rate.leakage * s.depth.depth
+    return rate
+
+
+def watch_stops(
+    p: SupervisorParameters, s: RateWatch, asked: float, rate: float, volume: float
+) -> RateWatch:
+    """Count the ticks in which a push outward ended where those before it did."""
+    beyond = volume - s.top
+    if beyond > p.push.grown:
+        s = s._replace(top=volume, stops=0)
+    if asked > p.rate.stop_rate and abs(rate) < p.rate.stop_least:
+        s = s._replace(stops=tally(beyond >= -p.push.grown, s.stops, p.rate.stops))
+        if s.stops == 0:
+            s = s._replace(top=volume)
+    return s
+
+
+def watch_rate(
+    p: SupervisorParameters, s: RateWatch, asked: float, rate: float, volume: float
+) -> RateWatch:
+    """Compare the volume's rate with what the command should give, both smoothed alike."""
+    low, high = p.volume.volume_low, p.volume.volume_high
+    if (asked > 0.0 and volume > high) or (asked < 0.0 and volume < low):
+        asked = rate  # at its end, or nearly: it may stop
+    if p.rate.stop_rate < math.inf:
+        s = watch_stops(p, s, asked, rate, volume)
+    lag = smoothed(s.lag, asked - rate, p.rate.rate_smoothing)
+    asked = smoothed(s.asked, asked, p.rate.rate_smoothing)
+    wrong = abs(lag) > p.rate.rate_share * abs(asked) + p.rate.rate_least
+    most = p.rate.following
+    following = most if s.stops >= p.rate.stops else tally(wrong, s.following, most)
+    return s._replace(lag=lag, asked=asked, following=following)
+
+
+def believable(p: DepthLimits, depth: float, last: float, since: Count) -> bool:
+    """Return whether a depth can be: in the sensor's range, near the last good one."""
+    possible = p.depth_least <= depth <= p.depth_most
+    change = abs(depth - last)
+    near = change <= p.step or since == NEVER or change <= times(since, p.fastest) + p.jump
+    return possible and near
+
+
+def count_blind(p: DepthLimits, s: DepthWatch, depth: float, late: bool, good: bool) -> DepthWatch:
+    """Count the quarters of ticks without a good depth; at the limit tell why."""
+    blind = share(0 if good else 4, s.blind, p.blind_quarters)
+    if blind >= p.blind_quarters and s.blind < p.blind_quarters:
+        if late:
+            blind = more(blind, 2)
+        elif math.isfinite(depth):
+            blind = more(blind, 1)
+    return s._replace(blind=blind)
+
+
+def count_unmeasured(p: VolumeLimits, s: VolumeWatch, volume: float, measured: bool) -> VolumeWatch:
+    """Count the ticks without a good volume; at the limit tell why."""
+    blind = tally(not measured, s.volume_blind, p.blind)
+    if blind >= p.blind and s.volume_blind < p.blind and math.isfinite(volume):
+        blind = more(blind, 1)
+    return s._replace(volume_blind=blind)
+
+
+def rests(p: RestLimits, depth: float, n: float, room: float) -> bool:
+    """Return whether the vehicle may be afloat, or lie on the bottom."""
+    afloat = depth <= p.surface and n >= -room
+    return afloat or (p.aground < math.inf and depth >= p.aground and n <= room)
+
+
+def watch_still(p: RestLimits, s: RestWatch, depth: float) -> RestWatch:
+    """Count the ticks in which the depth stayed where it was."""
+    if abs(depth - s.anchor) > p.still_distance:
+        return s._replace(anchor=depth, still=0)
+    return s._replace(still=more(s.still, 1))
+
+
+def smooth_motion(s: MotionWatch, depth: float, n: float, weight: float) -> MotionWatch:
+    """Put depth and volume through two low passes each; a weight of 1 begins them anew."""
+    s = s._replace(z1=smoothed(s.z1, depth, weight))
+    s = s._replace(z2=smoothed(s.z2, s.z1, weight))
+    s = s._replace(n1=smoothed(s.n1, n, weight))
+    return s._replace(n2=smoothed(s.n2, s.n1, weight))
+
+
+def needed(p: MotionLimits, s: MotionWatch, depth: float) -> float:
+    """Return the volume beyond the neutral one [m3] that the motion takes, eq. (13)."""
+    later = s.z1 - s.z2
+    drag = later * p.drag_linear
+    if p.epsilon < math.inf:
+        speed = later * p.per_tau
+        if abs(speed) > p.epsilon:
+            blunt = math.copysign(p.drag_0 + p.drag_square * speed * speed, speed)
+            drag = p.drag_blunt * speed + blunt
+    return (depth - s.z1 - later) * p.inertia + drag
+
+
+def learn(p: MotionLimits, s: MotionWatch, depth: float, n: float, room: float) -> MotionWatch:
+    """Learn which neutral volume this dive has, within what is known of it before."""
+    weight = s.weight
+    if weight > p.forgetting:
+        s = s._replace(weight=weight - weight * weight)
+    s = s._replace(known=more(s.known, 1), own_depth=smoothed(s.own_depth, depth, weight))
+    return s._replace(own=min(max(smoothed(s.own, n, weight), -room), room))
+
+
+def watch_motion(
+    p: SupervisorParameters, s: MotionWatch, depth: float, n: float, room: float, stands: bool,
+    anew: bool,
+) -> MotionWatch:  # fmt: skip
+    """Ask which neutral volume the motion means, and whether the vehicle can have it."""
+    s = smooth_motion(s, depth, n, 1.0 if anew else p.motion.smoothing)
+    s = s._replace(settled=0 if anew else more(s.settled, 1))
+    own = room
+    center = 0.0
+    if s.known >= p.motion.known:
+        own = p.motion.neutral_change + p.neutral.psi_range * abs(depth - s.own_depth)
+        center = s.own
+    off = abs(s.n1 - center) if stands else 0.0
+    if s.settled >= p.motion.settle:
+        push = needed(p.motion, s, depth)
+        missed = p.motion.model_error * abs(push)
+        off = max(off, abs(s.n2 + push - center) - missed)
+        if missed < p.motion.calm:
+            s = learn(p.motion, s, depth, s.n2 + push, room)
+    bad = off > own and not anew
+    wrong = s.wrong
+    if bad and off > own + own:  # beyond doubt: it counts three times
+        wrong = min(more(wrong, 2), p.motion.wrong)
+    return s._replace(wrong=tally(bad, wrong, p.motion.wrong))
+
+
+def watch_sameness(
+    p: SameLimits, s: SameWatch, depth: float, before: float, n1: float, old: bool, resting: bool
+) -> SameWatch:
+    """Count the ticks of the very same depth; a sample that is not new, `old`, says nothing.
+
+    Noise that turns the depth more often than on the edge between two quanta is seen for good.
+    """
+    same = s.same
+    if not old:
+        rose = depth < before
+        sank = depth > before
+        same = 0 if rose or sank else more(same, 1)
+        if s.noisy < p.noisy:
+            fro = 1.0 if (rose and s.sank) or (sank and s.rose) else 0.0
+            s = s._replace(noisy=smoothed(s.noisy, fro, p.noisy_weight))
+        s = s._replace(rose=rose, sank=sank)
+    same_volume = s.same_volume
+    if same <= p.same_begun:
+        same_volume = n1
+    frozen = s.frozen or (p.same < NEVER and same >= p.same)
+    frozen = frozen or (same >= p.same_noisy and s.noisy >= p.noisy)
+    away = same >= p.same_moved and not resting and abs(n1 - same_volume) > p.moved
+    return s._replace(same=same, same_volume=same_volume, frozen=frozen or away)
+
+
+def watch_deep(p: DeepLimits, deep: Count, depth: float, speed: float, volume: float) -> Count:
+    """Return the ticks in which the vehicle was too deep, or was to be before it can turn round."""
+    wrong = depth > p.depth_limit
+    if not wrong:
+        turn = max(p.neutral_deepest - volume, 0.0) * p.per_turn_rate + p.coast
+        wrong = speed * turn > p.deepest - depth
+    return tally(wrong, deep, p.deep)
+
+
+def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched) -> BoardWatch:
+    """Count the ticks of a low battery, of a leak, and the calls without a command."""
+    low = p.battery_low > 0.0 and seen.battery < p.battery_low
+    battery = tally(low, s.battery, p.battery)
+    leak = tally(seen.leak, s.leak, p.leak)
+    missed = s.missed
+    if missed < p.missed:
+        missed = min(seen.missed, p.missed)
+    return s._replace(battery=battery, leak=leak, missed=missed)
+
+
+def watch_reach(p: SupervisorParameters, s: SupervisorState, beyond: float) -> Count:
+    """Ask for a push outward of a vehicle that begins to sink and has shown none of late.
+
+    Also where its depth was the very same for long, to see whether it can change.
+    """
+    if beyond > p.proof.reach or s.volume.volume > p.volume.volume_high:
+        return 0
+    due = s.unproven >= p.proof.unproven and beyond < -p.proof.sinks
+    return NEVER if due or s.same.same >= p.proof.same_tried else more(s.unproven, 1)
+
+
+def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:
+    """Return the bits of the reasons that there are."""
+    bits: Count = 1 if s.restarted else 0
+    if s.board.leak >= p.board.leak:
+        bits = bits | 2
+    if s.deep >= p.deep.deep:
+        bits = bits | 4
+    if s.depth.blind >= p.depth.blind_quarters:
+        kind = less(s.depth.blind, p.depth.blind_quarters)
+        bits = bits | (8 if kind == 0 else (16 if kind == 1 else 32))
+    if s.same.frozen:
+        bits = bits | 64
+    if s.volume.volume_blind >= p.volume.blind:
+        bits = bits | (128 if s.volume.volume_blind == p.volume.blind else 256)
+    if s.rate.following >= p.rate.following:
+        bits = bits | 512
+    if s.motion.wrong >= p.motion.wrong:
+        bits = bits | 1024
+    if s.board.battery >= p.board.battery:
+        bits = bits | 2048
+    if s.board.missed >= p.board.missed:
+        bits = bits | 4096
+    if s.time.lost >= p.time.lost_quarters:
+        bits = bits | 8192
+    if p.time.time_blocks < NEVER and s.time.block >= p.time.time_blocks:
+        over = s.time.block > p.time.time_blocks or s.time.tick > p.time.time_ticks
+        bits = bits | (16384 if over else 0)
+    return bits
+
+
+def first_of(bits: Count) -> Count:
+    """Return the number of the lowest bit, 1 for that of 1; 0 where there is none."""
+    number: Count = 0
+    bit: Count = 1
+    for i in range(_REASONS):
+        if number == 0 and bits & bit > 0:
+            number = more(i, 1)
+        bit = more(bit, bit)
+    return number
 
 
 def watch_push(

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Law
+from swimbladder.control.pump_valve import SurfacingParameters
 from swimbladder.control.records import leaves
-from swimbladder.control.surfacing import SurfacingParameters
 from swimbladder.physics.dynamics import Plant, drag_force
 from swimbladder.physics.seawater import Column, uniform_column
 from swimbladder.sim.closed_loop.accounts import Books

@@ -5,9 +5,10 @@ exponentials of `lane`. Its steps are as long as the motion lets, to the
 next call of the law at most; what lies between is read off the cubic of the last step.
 
 The processor calls the law when it asked to be called and no run of pump or valve lasts. Near the
-surface it acts itself, see `control.surfacing`; afterwards the law begins anew. Where `Pumped.wide`
-is given the law does all that itself, as that of a board does: it is called at every tick, and
-commands the seconds of it for which the pump is to run, or, below 0, a valve is to be open.
+surface it acts itself, see `control.pump_valve`; afterwards the law begins anew. Where
+`Pumped.wide` is given the law does all that itself, as that of a board does: it is called at every
+tick, and commands the seconds of it for which the pump is to run, or, below 0, a valve is to be
+open.
 """
 
 import math
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
-from swimbladder.control.surfacing import (
+from swimbladder.control.pump_valve import (
     IN,
     LAW,
     OUT,
@@ -70,7 +71,7 @@ class Pumped(NamedTuple):
     notes: Any  # [lanes, k] of NOTE; nothing is noted where k is 0
     counts: NDArray[np.int64]  # [lanes, 3]
     work: Array  # [lanes, 6, 8]
-    board: Array  # [lanes, BOARD]: the parameters of `control.surfacing`, and see below
+    board: Array  # [lanes, BOARD]: the parameters of `control.pump_valve`, and see below
     segment: Array  # [lanes, SEGMENT]: begin and end of the last step [s], z, w, V there, Doing
     wide: Any = None  # [lanes] of a law that commands seconds; 1: those below 0 are of the bypass
 

@@ -157,7 +157,7 @@ def change_volume(p, table, x, at, accounts, notes, counts, volume, wanted, long
 def take_in(p, table, x, at, accounts, notes, counts, volume, wanted, longest):  # type: ignore[no-untyped-def]
     """Let in volume near the surface by valve or bypass, whichever is quicker there.
 
-    volume: as it was measured [m3]; wanted: of `control.surfacing` [m3]; longest [s].
+    volume: as it was measured [m3]; wanted: of `control.pump_valve` [m3]; longest [s].
     """
     by_valve, by_bypass = (
         value(table, p.step, Table.RATE_IN, 0.0)[0],
