@@ -23,7 +23,7 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 from swimbladder.control import law
-from swimbladder.control.records import from_leaves
+from swimbladder.control.records import from_leaves, leaf_names
 
 
 class Trust(NamedTuple):
@@ -137,16 +137,32 @@ def feedback(s: law.Setting, k: law.Knobs) -> dict[str, float]:
     walk = k.learning * jolt * k.frequency / a
     F, G0, G1 = motion_over_sample(p, h)
     L = filter_gains(p, h, depth=s.noise, acceleration=jolt, neutral_walk=walk)
+    k_z = k.frequency**2 / a
     return {
         "f_zz": F[0, 0], "f_zw": F[0, 1], "f_wz": F[1, 0], "f_ww": F[1, 1],
         "g_z0": G0[0], "g_z1": G1[0], "g_w0": G0[1], "g_w1": G1[1], "turbulent": h * p.d_t,
         "l_z": L[0], "l_w": L[1], "l_b": L[2],
         "neutral": p.V_0, "neutral_range": s.neutral_range, "psi": p.psi,
-        "k_z": k.frequency**2 / a, "k_w": (2.0 * k.damping * k.frequency - d) / a,
+        "k_z": k_z, "k_w": (2.0 * k.damping * k.frequency - d) / a,
         "k_V": k.inner / p.gain if p.gain > 0.0 else 0.0, "dead": k.dead,
         "depth_voltage": p.load_drive, "limit": k.volts * s.limit,
         "volume_min": p.V_min, "volume_max": p.V_max, "S_p": h,
+        "farthest": law.STROKE * law.room_of(p) / k_z,  # it asks for half the room, by k_z
     }  # fmt: skip
+
+
+def resting_gains(s: law.Setting, k: law.Knobs, ahead: float) -> dict[str, float]:
+    """Return what the laws that rest near the set-point have in common, by name.
+
+    ahead [s]: how far ahead a depth error is predicted.
+    """
+    from swimbladder.control.motion import filter_gains, held_motion
+
+    F, G = held_motion(s.plant, ahead)
+    # While nothing moves, the walk of the neutral volume is all that has to be followed.
+    N = filter_gains(s.plant, s.sample_time, depth=s.noise, acceleration=0.0, neutral_walk=s.walk)
+    predicted = {"band": k.band, "a_z": F[0, 0], "a_w": F[0, 1], "a_V": G[0]}
+    return predicted | {"n_z": N[0], "n_w": N[1], "n_b": N[2]}
 
 
 def jitter(parameters: Any, s: law.Setting) -> float:
@@ -246,24 +262,13 @@ def step(
 
 def _gains(s: law.Setting, k: law.Knobs) -> ObserverParameters:
     found = feedback(s, k)
-    names = "near", "pause", "band", "a_z", "a_w", "a_V", "r_z", "r_w", "n_z", "n_w", "n_b"
-    rest = dict.fromkeys(names, 0.0)
+    rest = dict.fromkeys(set(leaf_names(ObserverParameters)) - set(found), 0.0)
     if k.pause > 0.0:
-        from swimbladder.control.motion import filter_gains, held_motion, hold_gains
+        from swimbladder.control.motion import hold_gains
 
-        F, G = held_motion(s.plant, k.pause)
         r_z, r_w = hold_gains(s.plant, k.pause)
-        # While nothing moves, the walk of the neutral volume is all that has to be followed.
-        N = filter_gains(
-            s.plant, s.sample_time, depth=s.noise, acceleration=0.0, neutral_walk=s.walk
-        )
-        rest = {
-            "near": _NEAR * k.band, "pause": _REST * k.pause, "band": k.band,
-            "a_z": float(F[0, 0]), "a_w": float(F[0, 1]), "a_V": float(G[0]), "r_z": r_z,
-            "r_w": r_w, "n_z": float(N[0]), "n_w": float(N[1]), "n_b": float(N[2]),
-        }  # fmt: skip
-    # A depth error that asks for half the room, by k_z.
-    rest["farthest"] = law.STROKE * law.room_of(s.plant) / found["k_z"]
+        rest = {"near": _NEAR * k.band, "pause": _REST * k.pause, "r_z": r_z, "r_w": r_w}
+        rest |= resting_gains(s, k, k.pause)
     return from_leaves(ObserverParameters, found | rest)
 
 

@@ -80,9 +80,7 @@ def step(
 
 
 def _gains(s: law.Setting, k: law.Knobs) -> PositionObserverParameters:
-    found = feedback(s, k)
-    own = {"rate": s.plant.rate, "farthest": law.STROKE * law.room_of(s.plant) / found["k_z"]}
-    return from_leaves(PositionObserverParameters, found | own)
+    return from_leaves(PositionObserverParameters, feedback(s, k) | {"rate": s.plant.rate})
 
 
 POSITION_OBSERVER = law.Law(

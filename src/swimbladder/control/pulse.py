@@ -32,9 +32,10 @@ from swimbladder.control.observer import (
     feedback,
     limited,
     moves,
+    resting_gains,
     trusted,
 )
-from swimbladder.control.records import from_leaves
+from swimbladder.control.records import from_leaves, leaf_names
 
 _LEAST = 0.4  # share of its rate that a motor is believed to have
 _MOST = 2.5  # likewise
@@ -208,27 +209,20 @@ def step(
 
 def _gains(s: law.Setting, k: law.Knobs) -> PulseParameters:
     """A pulse is as large as the band: out and back at one rate, its area the speed it gives."""
-    p, h = s.plant, s.sample_time
-    found = feedback(s, k)
-    names = "near", "band", "a_z", "a_w", "a_V", "homing", "p_z", "rate", "swing", "learn"
-    rest = {**dict.fromkeys(names, 0.0), "n_z": found["l_z"], "n_w": found["l_w"]}
-    rest |= {"n_b": found["l_b"], "acceleration": law.stiffness(p)[1]}
+    found, a = feedback(s, k), law.stiffness(s.plant)[1]
+    rest = dict.fromkeys(set(leaf_names(PulseParameters)) - set(found), 0.0)
+    rest |= {"acceleration": a, "n_z": found["l_z"], "n_w": found["l_w"], "n_b": found["l_b"]}
     if k.pause > 0.0:
-        from swimbladder.control.motion import filter_gains, held_motion, pulse_gains
+        from swimbladder.control.motion import pulse_gains
 
-        F, G = held_motion(p, _AHEAD * k.pause)
-        w, p_z = pulse_gains(p, k.pause)
-        N = filter_gains(p, h, depth=s.noise, acceleration=0.0, neutral_walk=s.walk)
-        small = _SMALL * (p.V_max - p.V_min) / s.least_move
-        rate = 4.0 * -w * k.band / (law.stiffness(p)[1] * (k.pulse * k.pause) ** 2)
-        rest |= {
-            # The feedback leaves the error of a neutral volume that is wrong to them.
-            "near": max(_PULSES * k.band, _WRONG * s.neutral_range / found["k_z"]),
-            "band": k.band, "a_z": F[0, 0], "a_w": F[0, 1],
-            "a_V": G[0], "homing": -w, "p_z": p_z, "rate": rate, "swing": rate / p.gain,
-            "learn": _BELIEVED * small, "n_z": N[0], "n_w": N[1], "n_b": N[2],
-        }  # fmt: skip
-    rest["farthest"] = law.STROKE * law.room_of(p) / found["k_z"]
+        w, p_z = pulse_gains(s.plant, k.pause)
+        small = _SMALL * (s.plant.V_max - s.plant.V_min) / s.least_move
+        rate = 4.0 * -w * k.band / (a * (k.pulse * k.pause) ** 2)
+        rest |= resting_gains(s, k, _AHEAD * k.pause)
+        # The feedback leaves the error of a neutral volume that is wrong to them.
+        rest["near"] = max(_PULSES * k.band, _WRONG * s.neutral_range / found["k_z"])
+        rest |= {"homing": -w, "p_z": p_z, "rate": rate, "swing": rate / s.plant.gain}
+        rest["learn"] = _BELIEVED * small
     return from_leaves(PulseParameters, found | rest)
 
 

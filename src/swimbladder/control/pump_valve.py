@@ -116,16 +116,16 @@ class DriveState(NamedTuple):
 
     asked: float  # m, depth asked for last
     last: float  # m, depth measured last
-    clock: float  # ticks, since the law began
-    since: float  # ticks, since the last sample of the law
-    wait: float  # s, from that to the next
-    run: float  # s, of the run: positive pump, negative valve
-    ran: float  # ticks of it
-    wide: float  # -, 1: it is the bypass that is open
-    primes: float  # m3, that its start still falls short
-    volume: float  # m3, what the runs since the surface make it
-    floats: float  # -, 1: all volume is out, pumped a little beyond
-    anew: float  # -, 1: the law begins anew when it is called
+    clock: float = 0.0  # ticks, since the law began
+    since: float = 0.0  # ticks, since the last sample of the law
+    wait: float = 0.0  # s, from that to the next
+    run: float = 0.0  # s, of the run: positive pump, negative valve
+    ran: float = 0.0  # ticks of it
+    wide: float = 0.0  # -, 1: it is the bypass that is open
+    primes: float = 0.0  # m3, that its start still falls short
+    volume: float = 0.0  # m3, what the runs since the surface make it
+    floats: float = 0.0  # -, 1: all volume is out, pumped a little beyond
+    anew: float = 1.0  # -, 1: the law begins anew when it is called
 
 
 def delivery(p: DriveParameters, depth: float) -> float:
@@ -258,20 +258,7 @@ def timed(law: Law) -> Law:
         p, depth, volume = parameters.surface, measurement.depth, measurement.volume
         if not math.isfinite(volume):
             volume = p.full if depth <= p.shallow else p.neutral
-        drive = DriveState(
-            asked=reference,
-            last=depth,
-            clock=0.0,
-            since=0.0,
-            wait=0.0,
-            run=0.0,
-            ran=0.0,
-            wide=0.0,
-            primes=0.0,
-            volume=volume,
-            floats=0.0,
-            anew=1.0,
-        )
+        drive = DriveState(asked=reference, last=depth, volume=volume)
         inner = first(parameters.law, measurement, reference)
         return TimedState(inner, SurfacingState(depth, 0.0), drive)
 
