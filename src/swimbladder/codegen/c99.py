@@ -9,11 +9,10 @@ arithmetic would not be that of float32.
 one rounding and small functions to the bit, stands in ``templates/arithmetic.h``.
 """
 
-import dataclasses
 import math
 import re
 import textwrap
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from importlib.resources import files
 from typing import NamedTuple
 
@@ -30,6 +29,7 @@ from swimbladder.codegen.c_places import (
     c_record,
     c_type,
     calls_of,
+    children,
     fields_read,
     home_of,
     in_place,
@@ -46,11 +46,8 @@ HELPERS = {block.partition("(")[0].split()[-1]: block for block in _BLOCKS}
 
 _CHOICE, _LOGIC, _COMPARE, _SUM, _PRODUCT, _UNARY, _ATOM = range(7)
 _LEVEL = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT}
-_FUNCTIONS = {
-    "min": "swb_min", "max": "swb_max", "abs": "swb_abs", "sqrt": "sqrtf",
-    "isfinite": "swb_isfinite", "copysign": "swb_copysign",
-}  # fmt: skip
-_ON_COUNTS = {"min": "swb_lesser", "max": "swb_greater", "more": "swb_more", "less": "swb_less"}
+_ELSEWHERE = {"sqrt": "sqrtf"}  # the others are swb_ and the name
+_ON_COUNTS = {"min": "swb_lesser", "max": "swb_greater"}
 
 
 class ExpressionText:
@@ -92,6 +89,9 @@ class ExpressionText:
         text, own = self._text(e)
         return text if own >= level else f"({text})"
 
+    def _sums(self, *of: tree.Expression) -> list[str]:
+        return [self._at(e, _SUM) for e in of]
+
     def _text(self, e: tree.Expression) -> tuple[str, int]:
         """Return (text, how strongly it binds)."""
         if isinstance(e, tree.Number):
@@ -116,26 +116,26 @@ class ExpressionText:
             level = _LEVEL[e.operator]
             return f"{self._at(e.left, level)} {e.operator} {self._at(e.right, level + 1)}", level
         if isinstance(e, tree.Compare):
-            return f"{self._at(e.left, _SUM)} {e.operator} {self._at(e.right, _SUM)}", _COMPARE
+            left, right = self._sums(e.left, e.right)
+            return f"{left} {e.operator} {right}", _COMPARE
         if isinstance(e, tree.Logic):
             operator = "&&" if e.operator == "and" else "||"
             return f" {operator} ".join(self._at(o, _COMPARE) for o in e.of), _LOGIC
         if isinstance(e, tree.Not):
             return f"!{self._at(e.of, _ATOM)}", _UNARY
         if isinstance(e, tree.Choice):
-            parts = [self._at(x, _LOGIC if x is e.condition else _SUM)
-                     for x in (e.condition, e.yes, e.no)]  # fmt: skip
-            return f"{parts[0]} ? {parts[1]} : {parts[2]}", _CHOICE
+            condition, yes, no = self._at(e.condition, _LOGIC), *self._sums(e.yes, e.no)
+            return f"{condition} ? {yes} : {no}", _CHOICE
         if isinstance(e, tree.Builtin) and e.name == "float":
             return f"(float){self._at(e.arguments[0], _UNARY)}", _UNARY
         if isinstance(e, tree.Builtin) and e.name == "count":
             (counter,) = e.arguments
             assert isinstance(counter, tree.Name)
             return f"(uint16_t){self.names[counter.name]}", _UNARY
-        if isinstance(e, tree.Builtin) and e.type == tree.COUNT:
-            return f"{_ON_COUNTS[e.name]}({', '.join(map(self.value, e.arguments))})", _ATOM
         if isinstance(e, tree.Builtin):
-            return f"{_FUNCTIONS[e.name]}({', '.join(map(self.value, e.arguments))})", _ATOM
+            known = _ON_COUNTS if e.type == tree.COUNT else _ELSEWHERE
+            name = known.get(e.name, f"swb_{e.name}")
+            return f"{name}({', '.join(map(self.value, e.arguments))})", _ATOM
         if isinstance(e, tree.Call):
             given = [
                 self.address(a) if isinstance(a.type, tree.Record) else self.value(a)
@@ -195,46 +195,34 @@ class FunctionText:
         head = f"static {called}{returns} {name}({', '.join(given)})"
         return self._written(head, [self.names[p] for p, _ in self.function.parameters])
 
-    def step(self, head: str) -> str:
-        """Return the text of the law's step."""
-        self._ends = "step"
-        self._entry(("p", "state", "m", "reference"), ("next_s",))
-        return self._written(head, ["p", "state", "m", "reference"])
-
-    def initial(self, head: str) -> str:
-        """Return the text of the law's first state."""
-        self._ends = "initial"
-        self._entry(("p", "m", "reference"), ("state",))
-        return self._written(head, ["p", "m", "reference"])
-
-    def _entry(self, given: tuple[str, ...], more: tuple[str, ...]) -> None:
-        self.taken |= {*given, *more}
+    def entry(self, ends: str, head: str) -> str:
+        """Return the text of the law's `step`, or of its first state, as `ends` says."""
+        self._ends = ends
+        given = ("p", "state", "m", "reference") if ends == "step" else ("p", "m", "reference")
+        self.taken |= {*given, "next_s" if ends == "step" else "state"}
         for (python, kind), c in zip(self.function.parameters, given, strict=True):
             self.names[python] = c
             if isinstance(kind, tree.Record):
                 self.pointers.add(python)
+        return self._written(head, given)
 
     def _name(self, python: str) -> str:
         if python not in self.names:
             self.names[python] = c_local(python, self.taken)
         return self.names[python]
 
-    def _written(self, head: str, parameters: list[str]) -> str:
+    def _written(self, head: str, parameters: Sequence[str]) -> str:
         given = dict(self.function.parameters)
         for own in self.home - set(given):  # it lives where the state stands
             self.names[own] = next(self.names[n] for n in self.home & set(given))
-        variables = [n for n, _ in self.function.variables if n in self._counts and n not in given]
-        variables = [n for n in variables if n not in self.home]
+        known = given.keys() | self.home
+        variables = [n for n, _ in self.function.variables if n in self._counts.keys() - known]
         self._block(self.body, variables)
         written = "\n".join(self.lines)
         unused = [f"    (void){c};" for c in parameters if not _mentions(written, c)]
         words = f"/* {shortened(self.function.words)}. */\n" if self.function.words else ""
-        if self._ends in ("step", "initial"):
-            words = ""
-        text = "\n".join(
-            [*map(wrapped, head.splitlines()), "{", *unused, *map(wrapped, self.lines), "}", ""]
-        )
-        return words + text
+        lines = [*map(wrapped, head.splitlines()), "{", *unused, *map(wrapped, self.lines), "}", ""]
+        return ("" if self._ends in ("step", "initial") else words) + "\n".join(lines)
 
     def _line(self, text: str) -> None:
         self.lines.append(self.indent + text)
@@ -327,12 +315,9 @@ class FunctionText:
     def _return(self, value: tree.Expression) -> None:
         if self._ends == "value":
             self._line(f"return {self.expressions.value(value)};")
-        elif self._ends == "place":
-            self._change(value)
-            if len(self.indent) > 4:
-                self._line("return;")
-        elif self._ends == "initial":
-            self._write_state(value)
+        elif self._ends in ("place", "initial"):
+            write = self._change if self._ends == "place" else self._write_state
+            write(value)
             if len(self.indent) > 4:
                 self._line("return;")
         elif isinstance(value, tree.Make):
@@ -344,11 +329,8 @@ class FunctionText:
         else:  # what another step returned
             whole = self.expressions.address(value)
             at = f"{whole}->" if not whole.startswith("&") else f"{whole[1:]}."
-            names = (
-                [name for name, _ in value.type.fields]
-                if isinstance(value.type, tree.Record)
-                else []
-            )
+            assert isinstance(value.type, tree.Record)
+            names = [name for name, _ in value.type.fields]
             self._line(f"*state = {at}{names[1]};")
             self._line(f"*next_s = {at}{names[2]};")
             self._line(f"return {at}{names[0]};")
@@ -407,16 +389,14 @@ class FunctionText:
             elif not (isinstance(root, tree.Name) and root.name in old and names == (*path, name)):
                 yield (*path, name), e
 
-    def _reads(self, e: tree.Expression) -> list[Path]:
+    def _reads(self, e: object) -> list[Path]:
         """Return the places in the old state that an expression reads."""
         old = self._old()
         if isinstance(e, tree.Name | tree.Field):
             root, names = tree.place_of(e)
             if isinstance(root, tree.Name):
                 return [names] if root.name in old else []
-        inner = (getattr(e, f.name) for f in dataclasses.fields(e) if f.name != "type")
-        flat = (x for part in inner for x in (part if isinstance(part, tuple) else (part,)))
-        return [p for x in flat if isinstance(x, tree.Expression) for p in self._reads(x)]
+        return [place for part in children(e) for place in self._reads(part)]
 
 
 def _meet(a: Path, b: Path) -> bool:
@@ -452,31 +432,37 @@ def write_c99(program: tree.Program, *, private: bool = False) -> CSource:
 
 
 def _header(program: tree.Program, private: bool) -> str:
-    law = c_law(program.name)
-    guard = f"SWB_{law.upper()}_H"
+    """Return the text of the header: the law's own records, save what every law sees."""
+    guard = f"SWB_{c_law(program.name).upper()}_H"
+    own = [record for record in program.own() if record.name != "measurement"]
+    kinds = {kind for record in program.own() for _, kind in record.fields}
+    seen = ['#include "swb_measurement.h"', ""] if program.measurement not in own else []
+    wanted = {tree.BOOL: "#include <stdbool.h>", tree.COUNT: "#include <stdint.h>"}
+    standard = [line for kind, line in wanted.items() if kind in kinds]
+    initial, step = _prototypes(program)
+    entries = [
+        "/* The state to begin with. */",
+        f"{initial};\n",
+        _remark(
+            f"{shortened(program.step.words)}. Writes the new state, and to next_s the time to the "
+            "next call [s]."
+        ),
+        f"{step};\n",
+    ]
     parts = [
         _remark(
             f"The control law {program.name}: {shortened(program.words)}. Written by swimbladder "
             "from the law's Python source; all numbers are SI."
         ),
-        f"#ifndef {guard}", f"#define {guard}", "", *_included(program), *_standard(program),
-        "#ifdef __cplusplus", 'extern "C" {', "#endif", "", *_structs(program),
-        *([] if private else _prototypes(program)),
-        "#ifdef __cplusplus", "}", "#endif", "", "#endif", "",
-    ]  # fmt: skip
+        f"#ifndef {guard}\n#define {guard}\n",
+        *seen,
+        *([*standard, ""] if standard else []),
+        '#ifdef __cplusplus\nextern "C" {\n#endif\n',
+        *(_struct(program.name, record) for record in own),
+        *([] if private else entries),
+        "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
+    ]
     return "\n".join(parts)
-
-
-def _prototypes(program: tree.Program) -> list[str]:
-    return [
-        "/* The state to begin with. */",
-        f"void {_initial(program)};", "",
-        _remark(
-            f"{shortened(program.step.words)}. Writes the new state, and to next_s the time to the "
-            "next call [s]."
-        ),
-        f"float {_step(program)};", "",
-    ]  # fmt: skip
 
 
 def _remark(text: str) -> str:
@@ -484,38 +470,14 @@ def _remark(text: str) -> str:
     return "/* " + "\n * ".join(textwrap.wrap(text, 94)) + " */"
 
 
-def _included(program: tree.Program) -> list[str]:
-    return ['#include "swb_measurement.h"', ""] if program.measurement.name == "measurement" else []
-
-
-def _standard(program: tree.Program) -> list[str]:
-    """Return the headers of the types that the law's own records have."""
-    kinds = {kind for record in program.own() for _, kind in record.fields}
-    wanted = {tree.BOOL: "#include <stdbool.h>", tree.COUNT: "#include <stdint.h>"}
-    found = [line for kind, line in wanted.items() if kind in kinds]
-    return [*found, ""] if found else []
-
-
-def _structs(program: tree.Program) -> list[str]:
-    """Return the law's own records, save what it sees where every law sees that."""
-    return [
-        _struct(program.name, record) for record in program.own() if record.name != "measurement"
-    ]
-
-
-def _initial(program: tree.Program) -> str:
-    law, seen = c_law(program.name), c_record(program.name, program.measurement)
+def _prototypes(program: tree.Program) -> tuple[str, str]:
+    """Return those of the first state and of the step."""
+    law, seen = f"swb_{c_law(program.name)}", c_record(program.name, program.measurement)
     return (
-        f"swb_{law}_initial(const swb_{law}_parameters *p, const {seen} *m,\n"
-        f"                  float reference, swb_{law}_state *state)"
-    )
-
-
-def _step(program: tree.Program) -> str:
-    law, seen = c_law(program.name), c_record(program.name, program.measurement)
-    return (
-        f"swb_{law}_step(const swb_{law}_parameters *p, swb_{law}_state *state,\n"
-        f"               const {seen} *m, float reference, float *next_s)"
+        f"void {law}_initial(const {law}_parameters *p, const {seen} *m,\n"
+        f"                  float reference, {law}_state *state)",
+        f"float {law}_step(const {law}_parameters *p, {law}_state *state,\n"
+        f"               const {seen} *m, float reference, float *next_s)",
     )
 
 
@@ -547,12 +509,12 @@ def _source(program: tree.Program, private: bool) -> str:
         )
         for f in program.helpers
     }
-    initial = text_of(program.initial)
-    step = text_of(program.step, home_of(program.step, program.state, placed))
+    home = home_of(program.step, program.state, placed)
     linkage = "static " if private else ""
+    initial, step = _prototypes(program)
     entries = [
-        initial.initial(f"{linkage}void {_initial(program)}"),
-        step.step(f"{linkage}float {_step(program)}"),
+        text_of(program.initial).entry("initial", f"{linkage}{initial}"),
+        text_of(program.step, home).entry("step", f"{linkage}{step}"),
     ]
     used = _used("\n".join(entries), helpers)
     functions = "\n".join([*(helpers[n] for n in helpers if n in used), *entries])
@@ -600,11 +562,9 @@ def _helper(name: str, types: set[str]) -> str:
 def _used(text: str, helpers: dict[str, str]) -> set[str]:
     """Return the helpers that a text calls, and those that they call."""
     found: set[str] = set()
-    texts = [text]
-    while texts:
-        now = texts.pop()
-        for name, body in helpers.items():
-            if name not in found and f"{name}(" in now:
-                found.add(name)
-                texts.append(body)
-    return found
+    while True:
+        texts = [text, *(helpers[name] for name in found)]
+        now = {name for name in helpers if any(f"{name}(" in one for one in texts)}
+        if now == found:
+            return found
+        found = now

@@ -32,16 +32,22 @@ def always_returns(statements: Sequence[tree.Statement]) -> bool:
     return isinstance(last, tree.Return)
 
 
+def children(node: object) -> Iterator[object]:
+    """Yield the statements and expressions next within one, or within several."""
+    inner = node if isinstance(node, tuple) else [v for k, v in vars(node).items() if k != "type"]
+    for part in inner:
+        if isinstance(part, tuple):
+            yield from children(part)
+        elif dataclasses.is_dataclass(part) and not isinstance(part, tree.Function):
+            yield part
+
+
 def parts(node: object) -> Iterator[object]:
-    """Yield a statement or expression and all that is in it, but no function that it calls."""
-    if isinstance(node, tuple):
-        for part in node:
-            yield from parts(part)
-    elif dataclasses.is_dataclass(node) and not isinstance(node, tree.Function):
+    """Yield a statement or expression, or several, and all within, but no function called."""
+    if not isinstance(node, tuple):
         yield node
-        for f in dataclasses.fields(node):
-            if f.name != "type":
-                yield from parts(getattr(node, f.name))
+    for part in children(node):
+        yield from parts(part)
 
 
 def names_read(node: object) -> set[str]:

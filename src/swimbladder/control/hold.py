@@ -9,31 +9,42 @@ also holds a vehicle that runs away faster than it comes to a steady speed.
 Depths count from the one that is held, where `neutral` is the volume at rest.
 """
 
-from swimbladder.control.deadband import DeadbandParameters, DeadbandState, decide, predict
+from swimbladder.control.deadband import (
+    DeadbandParameters,
+    DeadbandState,
+    Decision,
+    decide,
+    predict,
+)
 from swimbladder.control.law import Measurement
+
+
+def remembered(decision: Decision, depth: float, volume: float, waited: float) -> DeadbandState:
+    """Return the state after a decision, with the volume there will be [m3] in a time [s]."""
+    return DeadbandState(
+        begun=1.0,
+        depth=depth,
+        speed=decision.speed,
+        depth_slope=0.0,
+        speed_slope=0.0,
+        neutral=decision.neutral,
+        volume=volume,
+        voltage=0.0,
+        share=1.0,
+        acting=decision.acting,
+        moving=0.0,
+        sleep=decision.sleep,
+        waited=waited,
+        goal=0.0,
+        volume_reference=decision.volume_reference,
+    )
 
 
 def begin(parameters: DeadbandParameters, measurement: Measurement, speed: float) -> DeadbandState:
     """Start at a speed [m/s] that drag balances with the volume as it is."""
-    p = parameters
-    depth, volume = measurement.depth, measurement.volume
-    return DeadbandState(
-        begun=1.0,
-        depth=depth,
-        speed=speed,
-        depth_slope=0.0,
-        speed_slope=0.0,
-        neutral=volume + speed / p.K2 - p.psi * depth,
-        volume=volume,
-        voltage=0.0,
-        share=1.0,
-        acting=0.0,
-        moving=0.0,
-        sleep=p.interval,
-        waited=0.0,
-        goal=0.0,
-        volume_reference=volume,
-    )
+    p, depth, volume = parameters, measurement.depth, measurement.volume
+    neutral = volume + speed / p.K2 - p.psi * depth
+    return remembered(Decision(speed, neutral, 0.0, 0.0, p.interval, volume), depth, volume, 0.0)
 
 
 def step(
@@ -46,26 +57,8 @@ def step(
     p, volume = parameters, measurement.volume
     now = predict(p, state, volume)
     decision = decide(p, state, now, measurement, 0.0)
-    change = 0.0
-    if decision.moves > 0.0:
-        change = decision.volume_reference - volume
+    change = decision.volume_reference - volume if decision.moves > 0.0 else 0.0
     if abs(change) <= p.tolerance:
         change = 0.0
-    after = DeadbandState(
-        begun=1.0,
-        depth=measurement.depth,
-        speed=decision.speed,
-        depth_slope=0.0,
-        speed_slope=0.0,
-        neutral=decision.neutral,
-        volume=volume + change,
-        voltage=0.0,
-        share=1.0,
-        acting=decision.acting,
-        moving=0.0,
-        sleep=decision.sleep,
-        waited=decision.sleep,
-        goal=0.0,
-        volume_reference=decision.volume_reference,
-    )
+    after = remembered(decision, measurement.depth, volume + change, decision.sleep)
     return change, after, decision.sleep

@@ -151,17 +151,17 @@ def feedback(s: law.Setting, k: law.Knobs) -> dict[str, float]:
     }  # fmt: skip
 
 
-def resting_gains(s: law.Setting, k: law.Knobs, ahead: float) -> dict[str, float]:
+def resting_gains(s: law.Setting, band: float, ahead: float) -> dict[str, float]:
     """Return what the laws that rest near the set-point have in common, by name.
 
-    ahead [s]: how far ahead a depth error is predicted.
+    band [m]: of predicted errors that are left alone; ahead [s]: how far ahead they are predicted.
     """
     from swimbladder.control.motion import filter_gains, held_motion
 
     F, G = held_motion(s.plant, ahead)
     # While nothing moves, the walk of the neutral volume is all that has to be followed.
     N = filter_gains(s.plant, s.sample_time, depth=s.noise, acceleration=0.0, neutral_walk=s.walk)
-    predicted = {"band": k.band, "a_z": F[0, 0], "a_w": F[0, 1], "a_V": G[0]}
+    predicted = {"band": band, "a_z": F[0, 0], "a_w": F[0, 1], "a_V": G[0]}
     return predicted | {"n_z": N[0], "n_w": N[1], "n_b": N[2]}
 
 
@@ -268,7 +268,7 @@ def _gains(s: law.Setting, k: law.Knobs) -> ObserverParameters:
 
         r_z, r_w = hold_gains(s.plant, k.pause)
         rest = {"near": _NEAR * k.band, "pause": _REST * k.pause, "r_z": r_z, "r_w": r_w}
-        rest |= resting_gains(s, k, k.pause)
+        rest |= resting_gains(s, k.band, k.pause)
     return from_leaves(ObserverParameters, found | rest)
 
 

@@ -218,7 +218,7 @@ def _gains(s: law.Setting, k: law.Knobs) -> PulseParameters:
         w, p_z = pulse_gains(s.plant, k.pause)
         small = _SMALL * (s.plant.V_max - s.plant.V_min) / s.least_move
         rate = 4.0 * -w * k.band / (a * (k.pulse * k.pause) ** 2)
-        rest |= resting_gains(s, k, _AHEAD * k.pause)
+        rest |= resting_gains(s, k.band, _AHEAD * k.pause)
         # The feedback leaves the error of a neutral volume that is wrong to them.
         rest["near"] = max(_PULSES * k.band, _WRONG * s.neutral_range / found["k_z"])
         rest |= {"homing": -w, "p_z": p_z, "rate": rate, "swing": rate / s.plant.gain}
