@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.codegen.c99 import CSource, write_c99
-from swimbladder.codegen.c_places import c_law
+from swimbladder.codegen.c99 import CSource, c_law, write_c99
 from swimbladder.codegen.library import render
 from swimbladder.codegen.subset import read_law
 from swimbladder.control.law import Law, Measurement

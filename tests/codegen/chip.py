@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.codegen.c_places import c_law
+from swimbladder.codegen.c99 import c_law
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
 from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.subset import read_law

@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from swimbladder.codegen.c_places import c_law
+from swimbladder.codegen.c99 import c_law
 from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.pool import PoolOptions
 from tests.codegen.build import run

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.codegen.c99 import write_c99
-from swimbladder.codegen.c_places import in_place, remarks
+from swimbladder.codegen.c99 import remarks, write_c99
 from swimbladder.codegen.subset import read_law
+from swimbladder.codegen.tree import in_place
 from swimbladder.codegen.twin import twin
 from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.law import Law, Measurement

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from swimbladder.codegen.c99 import write_c99
-from swimbladder.codegen.c_places import c_float
+from swimbladder.codegen.c99 import c_float, write_c99
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER, Count, Law, Measurement, less, more

@@ -9,6 +9,7 @@ arithmetic would not be that of float32.
 one rounding and small functions to the bit, stands in ``templates/arithmetic.h``.
 """
 
+import inspect
 import math
 import re
 import textwrap
@@ -16,33 +17,120 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from importlib.resources import files
 from typing import NamedTuple
 
+import numpy as np
+
 from swimbladder.codegen import tree
-from swimbladder.codegen.c_places import (
-    Home,
-    alive,
-    assigned,
-    c_field,
-    c_float,
-    c_law,
-    c_local,
-    c_number,
-    c_record,
-    c_type,
-    calls_of,
-    children,
-    fields_read,
-    home_of,
-    in_place,
-    inner_home,
-    mentioned,
-    remarks,
-    wrapped,
-)
+from swimbladder.control.records import units
 
 _TEXT = files("swimbladder.codegen").joinpath("templates/arithmetic.h").read_text("utf-8")
 ARITHMETIC, CALLED, *_BLOCKS = (f"{block.strip()}\n" for block in _TEXT.split("\n\n"))
 HELPERS = {block.partition("(")[0].split()[-1]: block for block in _BLOCKS}
 """What a law's file needs to compute as the twin does, and the functions that it may call."""
+
+# Words of C and C++, and macros of <math.h>, <stdbool.h> and Arduino that a field might meet.
+_WORDS = """
+    alignas alignof and asm auto bitand bitor bool break case catch char class compl const
+    constexpr const_cast continue decltype default delete do double dynamic_cast else enum explicit
+    export extern false final float for friend goto if inline int long mutable namespace new
+    noexcept not nullptr operator or override private protected public register reinterpret_cast
+    restrict return short signed sizeof static static_assert static_cast struct switch template this
+    throw true try typedef typeid typename union unsigned using virtual void volatile wchar_t while
+    xor NULL NAN INFINITY HUGE_VAL isfinite isnan isinf signbit fpclassify M_PI PI HALF_PI TWO_PI
+    EULER HIGH LOW INPUT OUTPUT DEFAULT EXTERNAL INTERNAL CHANGE FALLING RISING DEC HEX OCT BIN F
+    SERIAL DISPLAY SP SREG B0 B1 B00 B01 B10 B11 abs min max round radians degrees sq bit byte
+    boolean word interrupts constrain yield
+"""
+_TAKEN = frozenset(_WORDS.split())
+_FIELD = re.compile(r"^\s+(\w+)\s*:[^#\n]*#\s*(.+?)\s*$", re.MULTILINE)
+
+
+def c_law(name: str) -> str:
+    """Return a law's name as a part of a C name: ``position-pid`` -> ``position_pid``."""
+    return re.sub(r"\W", "_", name)
+
+
+def c_field(name: str) -> str:
+    """Return a field's name; one that C, C++ or Arduino takes gets an underscore."""
+    return f"{name}_" if name in _TAKEN else name
+
+
+def c_local(name: str, taken: set[str]) -> str:
+    """Return a variable's name that is not `taken` yet, and take it."""
+    plain = name.strip("_") or "unused"
+    while plain in taken or plain in _TAKEN or plain.lower().startswith("swb"):
+        plain += "_"
+    taken.add(plain)
+    return plain
+
+
+def c_record(law: str, record: tree.Record) -> str:
+    """Return the type of a record: ``swb_measurement``, ``swb_cascade_state``."""
+    if record.name == "measurement":
+        return "swb_measurement"
+    return f"swb_{c_law(law)}_{record.name}"
+
+
+def c_type(law: str, kind: tree.Type) -> str:
+    """Return a type."""
+    if isinstance(kind, tree.Record):
+        return c_record(law, kind)
+    return "uint16_t" if kind == tree.COUNT else kind.name
+
+
+def c_number(value: float, kind: tree.Type) -> str:
+    """Return the literal of a number, a count or a truth."""
+    if kind == tree.COUNT:
+        return f"{int(value)}u"
+    if kind == tree.BOOL:
+        return "true" if value else "false"
+    return c_float(value)
+
+
+def c_float(value: float) -> str:
+    """Return a literal that the compiler reads as exactly the float32 nearest to `value`."""
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return "INFINITY" if value > 0.0 else "-INFINITY"
+    with np.errstate(all="ignore"):
+        return f"{np.float32(value)!s}f"
+
+
+def remarks(kind: type | None) -> dict[str, str]:
+    """Return the unit of each field of a NamedTuple, and what stands beside it in the source."""
+    try:
+        text = inspect.getsource(kind) if kind is not None else ""
+    except (OSError, TypeError):
+        text = ""
+    known = {name: unit or "-" for name, unit in units(kind).items()} if kind is not None else {}
+    for name, said in _FIELD.findall(text):
+        unit = known.get(name, "")
+        known[name] = said if said.startswith(unit) else f"{unit}, {said}"
+    return {name: said.replace("*/", "* /") for name, said in known.items()}
+
+
+def wrapped(line: str, width: int = 100) -> str:
+    """Return a line of C, broken after commas and before operators where it is too long."""
+    indent = line[: len(line) - len(line.lstrip())] + "    "
+    done = []
+    while len(line) > width:
+        at = _break(line, len(indent), width)
+        if at <= len(indent):
+            break
+        done.append(line[:at].rstrip())
+        line = indent + line[at:].lstrip()
+    return "\n".join([*done, line])
+
+
+def _break(line: str, start: int, end: int) -> int:
+    """Return where to break a line, preferring the later of the weaker bonds; 0: nowhere."""
+    for marks in ((", ", " && ", " || "), (" ? ", " : ", " + ", " - "), (" * ", " / ")):
+        found = [(line.rfind(mark, start, end - 1), mark) for mark in marks]
+        at, mark = max(found)
+        if at > start:
+            return at + 1 if mark == ", " else at
+    return line.find(", ", end) + 1
+
 
 _CHOICE, _LOGIC, _COMPARE, _SUM, _PRODUCT, _UNARY, _ATOM = range(7)
 _LEVEL = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT}
@@ -161,19 +249,19 @@ class FunctionText:
 
     def __init__(
         self, law: str, function: tree.Function, names: dict[tree.Function, str],
-        fields: dict[str, set[str]], home: Home | None = None,
+        fields: dict[str, set[str]], home: tree.Home | None = None,
         placed: Collection[tree.Function] = (),
     ) -> None:  # fmt: skip
         self.law, self.function, self.placed = law, function, placed
         self.home = {name for name in home or () if name is not None}
-        self.body = alive(function.body)
+        self.body = tree.alive(function.body)
         self.taken: set[str] = set()
         self.names: dict[str, str] = {}
         self.pointers: set[str] = set(self.home)
         self.expressions = ExpressionText(law, names, self.names, self.pointers, fields, self._keep)
         self.lines: list[str] = []
         self.indent = "    "
-        self._counts = assigned(self.body)
+        self._counts = tree.assigned(self.body)
         self._ends = "value"
 
     def helper(self, name: str, calls: int) -> str:
@@ -238,8 +326,8 @@ class FunctionText:
         homes: dict[int, list[str]] = {}  # of variables that live in one branch or loop only
         first: dict[int, list[str]] = {}
         for name in variables:
-            where = [n for n, s in enumerate(statements) if name in mentioned(s)]
-            inner = len(where) == 1 and inner_home(statements[where[0]], name) is not None
+            where = [n for n, s in enumerate(statements) if name in tree.mentioned(s)]
+            inner = len(where) == 1 and tree.inner_home(statements[where[0]], name) is not None
             (homes if inner else first).setdefault(where[0], []).append(name)
         for n, s in enumerate(statements):
             born = first.get(n, [])
@@ -289,7 +377,7 @@ class FunctionText:
             self._line(f"{self.expressions.value(value)};")
 
     def _if(self, s: tree.If, variables: list[str], word: str = "if") -> None:
-        yes = [name for name in variables if inner_home(s, name) is s.yes]
+        yes = [name for name in variables if tree.inner_home(s, name) is s.yes]
         self._line(f"{word} ({self.expressions.value(s.condition)}) {{")
         self._inner(s.yes, yes)
         no = [name for name in variables if name not in yes]
@@ -302,7 +390,9 @@ class FunctionText:
 
     def _else_if(self, s: tree.Statement, variables: list[str]) -> bool:
         """Write ``else if`` where the second condition needs nothing that stands before it."""
-        if not isinstance(s, tree.If) or any(inner_home(s, name) is None for name in variables):
+        if not isinstance(s, tree.If) or any(
+            tree.inner_home(s, name) is None for name in variables
+        ):
             return False
         before = len(self.lines)
         self.expressions.value(s.condition)
@@ -396,7 +486,7 @@ class FunctionText:
             root, names = tree.place_of(e)
             if isinstance(root, tree.Name):
                 return [names] if root.name in old else []
-        return [place for part in children(e) for place in self._reads(part)]
+        return [place for part in tree.children(e) for place in self._reads(part)]
 
 
 def _meet(a: Path, b: Path) -> bool:
@@ -496,20 +586,20 @@ def _source(program: tree.Program, private: bool) -> str:
     law = c_law(program.name)
     types = {c_record(program.name, r) for r in program.records}
     names = {f: _helper(f"swb_{law}_{f.name}", types) for f in program.helpers}
-    fields = fields_read(program)
-    placed = in_place(program)
+    fields = tree.fields_read(program)
+    placed = tree.in_place(program)
 
-    def text_of(f: tree.Function, home: Home | None = None) -> FunctionText:
+    def text_of(f: tree.Function, home: tree.Home | None = None) -> FunctionText:
         return FunctionText(program.name, f, names, fields, home, placed)
 
-    calls = calls_of(program)
+    calls = tree.calls_of(program)
     helpers = {
-        names[f]: text_of(f, home_of(f, f.returns, placed) if f in placed else None).helper(
+        names[f]: text_of(f, tree.home_of(f, f.returns, placed) if f in placed else None).helper(
             names[f], calls[f]
         )
         for f in program.helpers
     }
-    home = home_of(program.step, program.state, placed)
+    home = tree.home_of(program.step, program.state, placed)
     linkage = "static " if private else ""
     initial, step = _prototypes(program)
     entries = [

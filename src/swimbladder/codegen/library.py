@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from swimbladder.codegen.c99 import write_c99
-from swimbladder.codegen.c_places import c_field, c_float, c_law, c_number
+from swimbladder.codegen.c99 import c_field, c_float, c_law, c_number, write_c99
 from swimbladder.codegen.clock import MOST_TURNS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, command_limits, fly
 from swimbladder.codegen.pool import PoolDay, PoolOptions, in_float32, plan_pool_day

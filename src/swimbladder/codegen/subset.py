@@ -16,6 +16,7 @@ import inspect
 import math
 import re
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Hashable, Mapping
 from types import FunctionType, ModuleType
 from typing import Any, NoReturn, TypeGuard
@@ -23,7 +24,6 @@ from typing import Any, NoReturn, TypeGuard
 import numpy as np
 
 from swimbladder.codegen import tree
-from swimbladder.codegen.c_places import always_returns, parts, stores
 from swimbladder.control.law import NEVER, Count, Law, Measurement, less, more
 from swimbladder.control.records import field_types, is_record, leaf_names
 from swimbladder.errors import InputError
@@ -62,6 +62,12 @@ _INSTEAD: dict[type[ast.AST], str] = {
     ast.FloorDiv: "Divide with /, and compare",
 }
 _MOST_TURNS = 32767  # an int of 16 bits counts them
+
+
+def stores(of: ast.AST) -> Counter[str]:
+    """Return how often each name is assigned to."""
+    names = (node for node in ast.walk(of) if isinstance(node, ast.Name))
+    return Counter(name.id for name in names if isinstance(name.ctx, ast.Store))
 
 
 def is_count(function: Callable[..., Any], written: Any) -> bool:
@@ -419,7 +425,7 @@ class Body(Expressions):
                 parameters.append((name, kind))
         self.parameters = dict(parameters)
         body += self._block(self.tree.body)
-        if not always_returns(body):
+        if not tree.always_returns(body):
             self.refuse(None, "the function may end without a return", "Return everywhere")
         assert self.returns is not None
         words = (ast.get_docstring(self.tree) or "").split("\n\n")[0]
@@ -438,7 +444,7 @@ class Body(Expressions):
             text = getattr(statement, "value", None) if isinstance(statement, ast.Expr) else None
             if n == 0 and isinstance(text, ast.Constant) and isinstance(text.value, str):
                 continue
-            if always_returns(done):
+            if tree.always_returns(done):
                 self.refuse(statement, "what comes after a return is never done", "Remove it")
             done += self.visit(statement)
         return done
@@ -536,9 +542,9 @@ class Body(Expressions):
         yes = self._block(node.body)
         after_yes, self.meaning = self.meaning, before
         no = self._block(node.orelse)
-        if always_returns(no):
+        if tree.always_returns(no):
             self.meaning = after_yes
-        elif not always_returns(yes):  # a name means something only where it does after both
+        elif not tree.always_returns(yes):  # a name means something only where it does after both
             self.meaning = {n: v for n, v in self.meaning.items() if after_yes.get(n) == v}
         return [tree.If(condition, tuple(yes), tuple(no))]
 
@@ -561,7 +567,7 @@ class Body(Expressions):
         before = self.meaning.get(counter)
         self.meaning[counter] = tree.Name(counter, tree.INT)
         body = tuple(self._block(node.body))
-        if any(isinstance(s, tree.Return) for s in parts(body)):
+        if any(isinstance(s, tree.Return) for s in tree.parts(body)):
             self.refuse(node, "a law does not return out of a loop", "Return after it")
         self.meaning.pop(counter)
         if before is not None:
