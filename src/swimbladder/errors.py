@@ -96,8 +96,12 @@ def check_number(
     if value >= least and value > above and value <= most and (math.isfinite(value) or not finite):
         return
     bound = f"above {above:g}" if above > -math.inf else f"{least:g} or more"
-    ends = f" and {most:g} at most" if most < math.inf else ""
-    what = f"it must be {bound}{ends}"
+    if most < math.inf:
+        bound += f" and {most:g} at most"
+    elif value == math.inf:
+        bound += " and finite"
+    unbounded = max(least, above) == -math.inf and most == math.inf
+    what = "not a finite number" if unbounded else f"it must be {bound}"
     raise InputError(what, field=field, value=value, unit=unit, remedy=remedy)
 
 

@@ -193,7 +193,7 @@ def fly_float(
     medium = medium_of(vehicle, None, reach=deepest)
     plants = np.array(medium.plant)[:, None]
     stepper, start = float_model(vehicle, medium, None, reach=deepest).lanes(
-        {}, plants, np.array([start_depth]), np.array([math.nan]), np.zeros(1)
+        {}, plants, np.array([[0.0], [math.nan], [start_depth], [0.0]])
     )
     stepper, measured = stepper._replace(wide=np.zeros(1)), []
 
@@ -205,11 +205,11 @@ def fly_float(
 
     law, held, _ = as_law(vehicle, commanded, tick)
     ticks = np.arange(n, dtype=np.int64)
-    block = Block.lay_out(
+    block = Block(
         plants=plants, law=law, parameters=held._asdict(),
         clock=Schedule(tick=tick, turn=ticks, given=ticks), parts=1, depths=asked[:, None],
         start=start, sensors=vehicle.sensors, seeds=None if seed is None else [[seed, 0]],
-        record=True, stepper=stepper,
+        recorded=True, stepper=stepper,
     )  # fmt: skip
     run_function(block, commanded, progress)
     if block.work[Row.STOPPED, 0] != 0.0:

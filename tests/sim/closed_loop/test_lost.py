@@ -20,14 +20,13 @@ def block_of(vehicle, *, command, lanes, ticks, start, tick=0.3, record=True, bo
     """A block of lanes that all hold one command."""
     law, _, _ = as_law(vehicle, lambda *_: 0.0, tick)
     p = plant(vehicle, bottom_depth=bottom)
-    block = Block.lay_out(
+    block = Block(
         plants=np.repeat(np.array(p)[:, None], lanes, axis=1), law=law,
         parameters={"command": command, "pause": 0.0},
         clock=schedule([0.0], ticks * tick, tick), parts=1, depths=np.full((1, lanes), start[2]),
-        start=np.repeat(np.array(start)[:, None], lanes, axis=1), sensors=Sensors(), seeds=None,
-        record=record, books=False, events=False,
+        start=np.repeat(np.array(start)[:, None], lanes, axis=1), sensors=Sensors(),
+        recorded=record, loses=True,
     )  # fmt: skip
-    block.loses = True
     return block, p
 
 

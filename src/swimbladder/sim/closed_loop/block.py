@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.sim.engine.modes import COUNT
 from swimbladder.vehicle import Sensors
 
+Array = NDArray[np.float64]
 _EVENTS = 2000  # passages kept of each vehicle; more are counted
 _V_0 = Row.PLANT + Plant._fields.index("V_0")
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
@@ -53,102 +54,96 @@ def schedule(times: Sequence[float], duration: float, tick: float) -> Schedule:
     return Schedule(tick=tick, turn=turn, given=given)
 
 
-def work_space(lanes: int) -> NDArray[np.float64]:
+def work_space(lanes: int) -> Array:
     """Return room for the exponentials of so many lanes; only what is used takes memory."""
     return np.empty((lanes, COUNT, LEVELS + 1, COEFFICIENTS))
 
 
 @dataclass(kw_only=True)
 class Block:
-    """Lanes that run together; see closed_loop.lanes for the layout of `work`."""
+    """Lanes that run together; see closed_loop.lanes for the layout of `work`.
 
-    lanes: int
+    plants [len(Plant), lanes] start at (q, V, z, w) [4, lanes]; of a stepper, those of
+    `dynamics.body_plant`. parameters: of the law by name, each a number or an array [lanes]; then
+    the law's own, for their types. seeds: of the sensors' noise, one for each lane; None: ideal
+    sensors. recorded, booked, logged: whether what they name is kept, beyond summaries.
+    """
+
+    plants: InitVar[Array]
     law: Law
     parameters: Any
     clock: Schedule
     parts: int
-    nonlinear: bool
-    depths: NDArray[np.float64]  # [set-points, lanes]
-    work: NDArray[np.float64]  # [rows, lanes]
-    noise: list[np.random.Generator] | None
-    record: NDArray[np.float64]
-    books: NDArray[np.float64]
-    log: NDArray[np.float64]
-    noted: NDArray[np.int64]
-    depth_error: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m, beyond the noise
-    neutral: NDArray[np.float64] | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0
-    layers: Layers = NO_LAYERS  # of the water, beyond the plant's psi z + V_0
+    depths: Array  # [set-points, lanes]
+    start: InitVar[Array]
+    sensors: InitVar[Sensors]
+    seeds: InitVar[Sequence[Sequence[int]] | None] = None
+    recorded: InitVar[bool] = False
+    booked: InitVar[bool] = False
+    logged: InitVar[bool] = False
+    depth_error: Array | None = None  # [ticks + 1, lanes], m, beyond the noise
+    neutral: Array | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0, from a tick on
+    layers: Layers = NO_LAYERS  # of the water of all lanes, beyond the plant's psi z + V_0
     hooks: Any = ()  # what stands between the parts of the loop, see `hooks`
     stepper: Pumped | None = None  # what moves the lanes, if not their modes' exponentials
     loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `hooks`
+    lanes: int = field(init=False)
+    nonlinear: bool = field(init=False)
+    work: Array = field(init=False)  # [rows, lanes]
+    noise: list[np.random.Generator] | None = field(init=False)
+    record: Array = field(init=False)
+    books: Array = field(init=False)
+    log: Array = field(init=False)
+    noted: NDArray[np.int64] = field(init=False)
 
-    @classmethod
-    def lay_out(
-        cls, *, plants: NDArray[np.float64], law: Law, parameters: Any, clock: Schedule, parts: int,
-        depths: NDArray[np.float64], start: NDArray[np.float64], sensors: Sensors,
-        seeds: Sequence[Sequence[int]] | None, record: bool = False,
-        books: bool = False, events: bool = False,
-        depth_error: NDArray[np.float64] | None = None,
-        neutral: NDArray[np.float64] | None = None, layers: Layers = NO_LAYERS,
-        stepper: Pumped | None = None,
-    ) -> Block:  # fmt: skip
-        """Return a block of plants [len(Plant), lanes] that start at (q, V, z, w) [4, lanes].
-
-        parameters: of the law by name, each a number or an array [lanes]. depth_error [m] and
-        neutral [m3], [ticks + 1, lanes]: added to the measured depth, and to the neutral volume
-        from a tick on. layers: of the water, for all lanes. stepper: of pump and valve, see
-        `pumped`; plants are then those of `dynamics.body_plant`.
-        """
-        lanes = plants.shape[1]
-        index = Plant._fields.index
-        names = leaf_names(law.parameters)
-        work = _aligned(rows(len(names), len(leaf_names(law.state))), lanes)
+    def __post_init__(
+        self, plants: Array, start: Array, sensors: Sensors,
+        seeds: Sequence[Sequence[int]] | None, recorded: bool, booked: bool, logged: bool,
+    ) -> None:  # fmt: skip
+        """Lay the lanes out."""
+        p, names = Plant(*plants), leaf_names(self.law.parameters)
+        lanes = self.lanes = plants.shape[1]
+        work = self.work = _aligned(rows(len(names), len(leaf_names(self.law.state))), lanes)
         work[Row.Q : Row.Q + 4] = start
-        work[Row.PLANT : Row.PLANT + len(Plant._fields)] = plants
+        work[Row.PLANT : Row.PLANT + len(p)] = plants
         own = work[Row.LAW : Row.LAW + len(names)]
         for row, name in zip(own, names, strict=True):
-            row[:] = parameters[name]
-        positioner = plants[index("positioner")] != 0.0
-        supply = plants[index("supply")]
-        least = np.maximum(plants[index("V_min")], plants[index("switch_in")])
-        most = np.minimum(plants[index("V_max")], plants[index("switch_out")])
-        work[Row.LOW_U] = np.where(positioner, least, -supply)
-        work[Row.HIGH_U] = np.where(positioner, most, supply)
-        if stepper is not None and stepper.wide is not None:
-            work[Row.LOW_U], work[Row.HIGH_U] = -clock.tick, clock.tick
+            row[:] = self.parameters[name]
+        self.parameters = from_numbers(self.law.parameters, own[:, 0].tolist())
+        positioner = p.positioner != 0.0
+        work[Row.LOW_U] = np.where(positioner, np.maximum(p.V_min, p.switch_in), -p.supply)
+        work[Row.HIGH_U] = np.where(positioner, np.minimum(p.V_max, p.switch_out), p.supply)
+        if self.stepper is not None and self.stepper.wide is not None:
+            work[Row.LOW_U], work[Row.HIGH_U] = -self.clock.tick, self.clock.tick
         work[Row.DEPTH_NOISE] = sensors.depth_noise
         work[Row.DEPTH_QUANTUM] = sensors.depth_quantum
         work[Row.VOLUME_NOISE] = sensors.volume_noise
         work[Row.VOLUME_QUANTUM] = sensors.volume_quantum
-        work[Row.SEEN_DEPTH], work[Row.SEEN_VOLUME] = start[2], start[1]
-        work[Row.Z_LOWEST] = work[Row.Z_HIGHEST] = start[2]
-        work[Row.V_LOWEST] = work[Row.V_HIGHEST] = start[1]
-        n = clock.ticks + 1
-        unset = np.full((len(RECORDED), n if record else 0, lanes), np.nan)
-        return cls(
-            lanes=lanes, law=law, clock=clock, parts=parts,
-            parameters=from_numbers(law.parameters, own[:, 0].tolist()),
-            nonlinear=bool(np.any(np.isfinite(plants[index("epsilon")]))),
-            # a copy: a view that cannot be written has a type, and so a kernel, of its own
-            depths=np.array(np.broadcast_to(depths, (len(clock.given), lanes)), order="C"),
-            work=work,
-            noise=None if seeds is None
-            else [np.random.Generator(np.random.Philox(np.random.SeedSequence(s))) for s in seeds],
-            record=unset,
-            books=np.zeros((lanes, len(Account) if books else 0)),
-            log=np.zeros((lanes, _EVENTS if events else 0, 3)),
-            noted=np.zeros((lanes, 1), np.int64),
-            depth_error=depth_error, neutral=neutral, layers=layers, stepper=stepper,
-        )  # fmt: skip
+        work[[Row.SEEN_DEPTH, Row.Z_LOWEST, Row.Z_HIGHEST]] = start[2]
+        work[[Row.SEEN_VOLUME, Row.V_LOWEST, Row.V_HIGHEST]] = start[1]
+        self.nonlinear = bool(np.any(np.isfinite(p.epsilon)))
+        # a copy: a view that cannot be written has a type, and so a kernel, of its own
+        self.depths = np.array(
+            np.broadcast_to(self.depths, (len(self.clock.given), lanes)), order="C"
+        )
+        self.noise = None
+        if seeds is not None:
+            streams = map(np.random.SeedSequence, seeds)
+            self.noise = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
+        samples = self.clock.ticks + 1 if recorded else 0
+        self.record = np.full((len(RECORDED), samples, lanes), np.nan)
+        self.books = np.zeros((lanes, len(Account) if booked else 0))
+        self.log = np.zeros((lanes, _EVENTS if logged else 0, 3))
+        self.noted = np.zeros((lanes, 1), np.int64)
 
-    def begin(self, chains: NDArray[np.float64] | None = None) -> Running:
+    def begin(self, chains: Array | None = None) -> Running:
         """Return the block under way, before its first tick; chains: see `run`."""
         return Running(self, work_space(self.lanes) if chains is None else chains)
 
     def run(
         self,
         progress: Callable[[int], None] | None = None,
-        chains: NDArray[np.float64] | None = None,
+        chains: Array | None = None,
         ask: Callable[[int], None] | None = None,
     ) -> None:
         """Run to the end; `progress` gets the number of ticks done after each chunk.
@@ -191,7 +186,7 @@ class Block:
         turns = 1 + np.flatnonzero(np.any(np.diff(self.neutral, axis=0), axis=1))
         yield from itertools.pairwise(sorted({*range(0, end, most), end, *turns.tolist()}))
 
-    def _amiss(self, first: int, last: int, sigma: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _amiss(self, first: int, last: int, sigma: Array) -> Array:
         """Return what the sensors add to the state over their noise, [ticks, 2, lanes], or nothing.
 
         sigma [m]: of the depth, by which its noise is multiplied where it has an error as well.
@@ -206,7 +201,7 @@ class Block:
             found[:, 0] = found[:, 0] * sigma + self.depth_error[first:last]
         return found
 
-    def _noise(self, ticks: int) -> NDArray[np.float64]:
+    def _noise(self, ticks: int) -> Array:
         assert self.noise is not None
         noise = np.empty((ticks, 2, self.lanes))
         for i, generator in enumerate(self.noise):
@@ -214,7 +209,7 @@ class Block:
         return noise
 
 
-def _aligned(rows: int, lanes: int) -> NDArray[np.float64]:
+def _aligned(rows: int, lanes: int) -> Array:
     """Return zeros that begin where a cache line does: the widest vectors then lie in one each."""
     room = np.zeros(rows * lanes + 7)
     first = -room.ctypes.data % 64 // room.itemsize
@@ -224,7 +219,7 @@ def _aligned(rows: int, lanes: int) -> NDArray[np.float64]:
 class Running:
     """A block under way: its kernel, and the work space that goes from span to span."""
 
-    def __init__(self, block: Block, chains: NDArray[np.float64]) -> None:
+    def __init__(self, block: Block, chains: Array) -> None:
         self.block, self.chains = block, chains
         self.flat = block.work.reshape(-1)
         self.token = (0.0,) * block.lanes
@@ -248,7 +243,7 @@ class Running:
             self.flat, self.token, b.clock.tick / b.parts, self.chains, self.built, b.layers
         )
 
-    def advance(self, first: int, last: int, noise: NDArray[np.float64]) -> None:
+    def advance(self, first: int, last: int, noise: Array) -> None:
         """Run from tick `first` to `last`; noise [ticks, 2, lanes], standard normal, or empty."""
         b = self.block
         chains = self.chains if b.stepper is None else None

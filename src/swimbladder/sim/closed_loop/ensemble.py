@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -25,22 +26,23 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.block import Block, Schedule, schedule, work_space
 from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
-from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.rows import RECORDED, Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
+from swimbladder.sim.closed_loop.solution import TIME, VARIABLES
 from swimbladder.sim.closed_loop.water import medium_of
-from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import base_steps, book_steps
-from swimbladder.sim.engine.layers import Layers
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
-from swimbladder.vehicle import Sensors, Vehicle
+from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
     import xarray
 
+Array = NDArray[np.float64]
+
 
 def vary_plants(
     p: Plant, numbers: Any, vary: Mapping[str, ArrayLike], count: int
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+) -> tuple[Array, dict[str, Array]]:
     """Return plants [len(Plant), count] and the law's parameters by name, each [count].
 
     Raises InputError for a name that neither has, or a mass or time constant that cannot be.
@@ -73,7 +75,7 @@ def vary_plants(
     return plants, values
 
 
-def spread(given: ArrayLike, count: int, field: str, unit: str) -> NDArray[np.float64]:
+def spread(given: ArrayLike, count: int, field: str, unit: str) -> Array:
     """Return a number or an array as [count]; raises InputError where it is neither."""
     array = np.asarray(given, float)
     if array.shape not in ((), (count,)):
@@ -86,15 +88,11 @@ def spread(given: ArrayLike, count: int, field: str, unit: str) -> NDArray[np.fl
     return np.broadcast_to(array, (count,)).copy()
 
 
-def series(
-    given: ArrayLike | None, clock: Schedule, count: int, field: str, unit: str
-) -> NDArray[np.float64] | None:
-    """Return what was given for every sample as [ticks + 1, count]; nothing where nothing was.
+def series(given: ArrayLike, clock: Schedule, count: int, field: str, unit: str) -> Array:
+    """Return what was given for every sample as [ticks + 1, count].
 
     Raises InputError for another shape, or for a value that is no finite number.
     """
-    if given is None:
-        return None
     array = np.asarray(given, float)
     samples = clock.ticks + 1
     if array.shape not in ((samples, count), (samples, 1)):
@@ -107,18 +105,15 @@ def series(
     return np.broadcast_to(array, (samples, count))
 
 
-def check_starts(
-    plants: NDArray[np.float64], z: NDArray[np.float64], V: NDArray[np.float64]
-) -> None:
+def check_starts(lanes: Plant, z: Array, V: Array) -> None:
     """Raise InputError for the first lane that cannot start where it should."""
-    row = Plant._fields.index
     for name, values, bad, why in (
-        ("start_depth", z, z > plants[row("z_bottom")], "is below the bottom"),
-        ("start_depth", z, z <= plants[row("z_air")], "is outside the water"),
-        ("start_volume", V, plants[row("V_max")] < V, "is beyond the stroke's maximum"),
-        ("start_volume", V, plants[row("V_min")] > V, "is beyond the stroke's minimum"),
+        ("start_depth", z, z > lanes.z_bottom, "is below the bottom"),
+        ("start_depth", z, z <= lanes.z_air, "is outside the water"),
+        ("start_volume", V, lanes.V_max < V, "is beyond the stroke's maximum"),
+        ("start_volume", V, lanes.V_min > V, "is beyond the stroke's minimum"),
     ):
-        if bad.any():
+        if np.any(bad):
             lane = int(np.argmax(bad))
             raise InputError(
                 f"lane {lane} of {len(z)} {why}", field=name, value=float(values[lane]),
@@ -129,22 +124,24 @@ def check_starts(
 _STATE = slice(int(Row.Q), int(Row.Q) + 4)
 BLOCK = 40  # lanes that run together: few enough for the first-level cache, no power of 2
 
-_SUMMARIES: dict[str, tuple[Row, dict[str, str]]] = {
-    "final_depth": (Row.Z, {"units": "m", "long_name": "depth at the end"}),
-    "final_speed": (Row.W, {"units": "m s-1", "long_name": "speed at the end, positive down"}),
-    "final_volume": (Row.V, {"units": "m3", "long_name": "volume at the end"}),
-    "least_depth": (Row.Z_LOWEST, {"units": "m", "long_name": "least depth at a sample"}),
-    "greatest_depth": (Row.Z_HIGHEST, {"units": "m", "long_name": "greatest depth at a sample"}),
-    "least_volume": (Row.V_LOWEST, {"units": "m3", "long_name": "least volume at a sample"}),
-    "greatest_volume": (Row.V_HIGHEST, {"units": "m3", "long_name": "greatest volume at a sample"}),
-    "actuator_travel": (Row.TRAVEL, {"units": "m3", "long_name": "volume moved to and fro"}),
+_SUMMARIES = {  # of a lane: row, unit, what it is
+    "final_depth": (Row.Z, "m", "depth at the end"),
+    "final_speed": (Row.W, "m s-1", "speed at the end, positive down"),
+    "final_volume": (Row.V, "m3", "volume at the end"),
+    "least_depth": (Row.Z_LOWEST, "m", "least depth at a sample"),
+    "greatest_depth": (Row.Z_HIGHEST, "m", "greatest depth at a sample"),
+    "least_volume": (Row.V_LOWEST, "m3", "least volume at a sample"),
+    "greatest_volume": (Row.V_HIGHEST, "m3", "greatest volume at a sample"),
+    "actuator_travel": (Row.TRAVEL, "m3", "volume moved to and fro"),
 }
-_TRAJECTORIES = {
-    "depth": (0, {"units": "m", "long_name": "depth of the pressure sensor", "positive": "down"}),
-    "speed": (1, {"units": "m s-1", "long_name": "vertical speed, positive down"}),
-    "volume": (2, {"units": "m3", "long_name": "change of displaced volume"}),
-    "command": (4, {"long_name": "command of the law, V or m3"}),
+_OF_DRIVE = {  # of a float: account, unit, what it is
+    "pump_runs": (FloatAccount.PUMP_RUNS, "1", "runs of the pump"),
+    "valve_runs": (FloatAccount.VALVE_RUNS, "1", "runs of valve and bypass"),
+    "pumped": (FloatAccount.PUMPED, "m3", "volume pressed out"),
 }
+_COMMAND = {"long_name": "command of the law, V or m3"}
+_TRAJECTORIES = {name: VARIABLES[name] for name in ("depth", "speed", "volume")}
+_TRAJECTORIES["command"] = _COMMAND
 
 
 def simulate_ensemble(
@@ -207,61 +204,65 @@ def simulate_ensemble(
     layers = medium.layers
     given = dict(vary or {})
     pumped = vehicle.command == "volume change"
-    rates = np.ones((len(RATES), count if pumped else 0))
-    for n, name in enumerate(RATES if pumped else ()):
-        rates[n] = spread(given.pop(name, 1.0), count, f"vary[{name!r}]", "")
+    rates = [
+        spread(given.pop(name, 1.0), count, f"vary[{name!r}]", "")
+        for name in (RATES if pumped else ())
+    ]
     plants, values = vary_plants(medium.plant, numbers, given, count)
-    row = Plant._fields.index
+    lanes = Plant(*plants)
     model = float_model(vehicle, medium, column, reach=reach) if pumped else None
-    neutral = plants[row("psi")] * z0 + plants[row("V_0")] + layers.along(z0)
+    V0 = lanes.psi * z0 + lanes.V_0 + layers.along(z0)
     if model is not None:
-        neutral[:] = np.nan  # as its stepper has it
-    V0 = neutral if start_volume is None else spread(start_volume, count, "start_volume", "m3")
+        V0 = np.full(count, np.nan)  # as its stepper has it
+    if start_volume is not None:
+        V0 = spread(start_volume, count, "start_volume", "m3")
     w0 = spread(start_speed, count, "start_speed", "m/s")
-    check_starts(plants, z0, V0)
+    check_starts(lanes, z0, V0)
     start = np.stack([np.zeros(count), V0, z0, w0])
     steps = book_steps if books else base_steps
     parts = 1 if pumped else steps(_stiffest(plants), tick, float(np.abs(w0).max()), layers)
-    run = _Run(
-        law=chosen, plants=plants, values=values, clock=clock, parts=parts, depths=depths,
-        start=start, sensors=vehicle.sensors, seed=seed, record=keep == "trajectory",
-        depth_error=series(depth_error, clock, count, "depth_error", "m"),
-        neutral=series(neutral_change, clock, count, "neutral_change", "m3"), books=books,
-        layers=layers, model=model, rates=rates,
+    own = {"plants": plants, "depths": depths, "start": start}
+    if pumped:
+        own["rates"] = np.stack(rates)
+    if depth_error is not None:
+        own["depth_error"] = series(depth_error, clock, count, "depth_error", "m")
+    if neutral_change is not None:
+        own["neutral"] = series(neutral_change, clock, count, "neutral_change", "m3")
+    lay_out = partial(
+        Block, law=chosen, clock=clock, parts=parts, sensors=vehicle.sensors, layers=layers,
+        recorded=keep == "trajectory", booked=books and not pumped,
     )  # fmt: skip
+    run = _Run(lay_out, own, values, seed, model)
     work = np.empty((int(Row.STEP), count))
-    record = np.empty((len(_TRAJECTORIES), clock.ticks + 1 if run.record else 0, count))
-    sums = np.empty((count, run.sums))
-    firsts = range(0, count, run.lanes)
+    samples = clock.ticks + 1 if keep == "trajectory" else 0
+    record, sums = np.empty((len(_TRAJECTORIES), samples, count)), []
+    firsts = range(0, count, run.together)
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
         for first, (rows, kept, sum_) in zip(firsts, pool.map(run.block, firsts), strict=True):
-            own = slice(first, first + rows.shape[1])
-            work[:, own], record[:, :, own], sums[own] = rows, kept, sum_
+            there = slice(first, first + rows.shape[1])
+            work[:, there], record[:, :, there] = rows, kept
+            sums.append(sum_)
             if progress is not None:
-                progress(own.stop)
+                progress(there.stop)
     data = _dataset(vehicle, chosen, clock, work, record)
     data.attrs["steps_per_sample"] = parts
+    accounts = np.concatenate(sums)
     if model is not None:
-        _add_drive(data, sums, model)
+        _add_drive(data, accounts, model)
     elif books:
         closed = [
-            close_books(
-                vehicle,
-                replace(medium, plant=Plant(*plants[:, n])),
-                sums[n],
-                start[:, n],
-                work[_STATE, n],
+            close_books(vehicle, replace(medium, plant=Plant(*plant)), sum_, begin, end)
+            for plant, sum_, begin, end in zip(
+                plants.T, accounts, start.T, work[_STATE].T, strict=True
             )
-            for n in range(count)
         ]
-        data["energy"] = (
-            "lane", [b.energy["source"] for b in closed],
-            {"units": "J", "long_name": closed[0].basis},
-        )  # fmt: skip
+        data["energy"] = _of_lanes(
+            np.array([one.energy["source"] for one in closed]), "J", closed[0].basis
+        )
     return data
 
 
-def _stiffest(plants: NDArray[np.float64]) -> Plant:
+def _stiffest(plants: Array) -> Plant:
     """Return a plant whose drag bends no less, at any speed it may reach, than that of any lane."""
     lanes = Plant(*plants)
     most = Plant(*plants.max(axis=1))
@@ -274,135 +275,93 @@ def _stiffest(plants: NDArray[np.float64]) -> Plant:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Run:
     """What all blocks of an ensemble share."""
 
-    law: Law
-    plants: NDArray[np.float64]
-    values: dict[str, NDArray[np.float64]]
-    clock: Schedule
-    parts: int
-    depths: NDArray[np.float64]
-    start: NDArray[np.float64]
-    sensors: Sensors
+    lay_out: Callable[..., Block]  # a block, of what holds for all lanes
+    own: dict[str, Array]  # what a block takes, each [..., lanes]
+    values: dict[str, Array]  # parameters of the law, each [lanes]
     seed: int | None
-    record: bool
-    depth_error: NDArray[np.float64] | None
-    neutral: NDArray[np.float64] | None
-    books: bool
-    layers: Layers
-    model: FloatModel | None = None  # of pump and valve
-    rates: NDArray[np.float64] = field(default_factory=lambda: np.ones((len(RATES), 0)))
+    model: FloatModel | None  # of pump and valve
     room: threading.local = field(default_factory=threading.local)  # of each worker
 
     @property
-    def lanes(self) -> int:
+    def together(self) -> int:
         """Lanes that run together; floats wait each for itself, and gain nothing by company."""
         return BLOCK if self.model is None else 1
 
-    @property
-    def sums(self) -> int:
-        """Number of accounts of a lane."""
-        if self.model is not None:
-            return len(FloatAccount)
-        return len(Account) if self.books else 0
-
-    def block(
-        self, first: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Run the block that begins at lane `first`; return its rows, its record and its sums.
+    def block(self, first: int) -> tuple[Array, Array, Array]:
+        """Run the block that begins at lane `first`; return its rows, its record and its accounts.
 
         The last block is filled up with copies of its last lane, so that one kernel serves all.
         """
-        count = self.plants.shape[1]
-        lanes = np.minimum(np.arange(first, first + self.lanes), count - 1)
-        plants = self.plants[:, lanes]
-        values = {n: v[lanes] for n, v in self.values.items()}
-        stepper, start = None, self.start[:, lanes]
+        count = self.own["plants"].shape[1]
+        lanes = np.minimum(np.arange(first, first + self.together), count - 1)
+        own: dict[str, Any] = {name: array[..., lanes] for name, array in self.own.items()}
+        values = {name: array[lanes] for name, array in self.values.items()}
         if self.model is not None:
-            stepper, start = self.model.lanes(
-                values, plants, start[2], start[1], start[3], rates=self.rates[:, lanes]
+            own["stepper"], own["start"] = self.model.lanes(
+                values, own["plants"], own["start"], rates=own.pop("rates")
             )
-        block = Block.lay_out(
-            plants=plants, law=self.law, parameters=values,
-            clock=self.clock, parts=self.parts, depths=self.depths[:, lanes],
-            start=start, sensors=self.sensors,
-            seeds=None if self.seed is None else [[self.seed, int(i)] for i in lanes],
-            record=self.record, books=self.books and stepper is None, events=False,
-            depth_error=None if self.depth_error is None else self.depth_error[:, lanes],
-            neutral=None if self.neutral is None else self.neutral[:, lanes],
-            layers=self.layers, stepper=stepper,
-        )  # fmt: skip
+        seeds = None if self.seed is None else [[self.seed, int(i)] for i in lanes]
+        block = self.lay_out(parameters=values, seeds=seeds, **own)
         if not hasattr(self.room, "chains"):
-            self.room.chains = work_space(self.lanes)
+            self.room.chains = work_space(self.together)
         block.run(chains=self.room.chains)
-        own = min(self.lanes, count - first)
-        chosen = [row for row, _ in _TRAJECTORIES.values()]
-        return (
-            block.work[: Row.STEP, :own].copy(),
-            block.record[chosen][:, :, :own],
-            block.books[:own] if stepper is None else stepper.accounts[:own],
-        )
+        accounts = block.books if block.stepper is None else block.stepper.accounts
+        kept = min(self.together, count - first)
+        chosen = [RECORDED.index(name) for name in _TRAJECTORIES]
+        rows = block.work[: Row.STEP, :kept].copy()
+        return rows, block.record[chosen][:, :, :kept], accounts[:kept]
 
 
-def _add_drive(data: xarray.Dataset, accounts: NDArray[np.float64], model: FloatModel) -> None:
+def _of_lanes(values: Array, unit: str, what: str) -> tuple[str, Array, dict[str, str]]:
+    """Return what a lane has a number of, as a dataset takes it."""
+    about = {"units": unit, "long_name": what} if unit else {"long_name": what}
+    return "lane", values, about
+
+
+def _add_drive(data: xarray.Dataset, accounts: Array, model: FloatModel) -> None:
     """Add what the drive of each float did, and its energy."""
-    a = FloatAccount
-    for name, account, unit, what in (
-        ("pump_runs", a.PUMP_RUNS, "1", "runs of the pump"),
-        ("valve_runs", a.VALVE_RUNS, "1", "runs of valve and bypass"),
-        ("pumped", a.PUMPED, "m3", "volume pressed out"),
-    ):
-        data[name] = ("lane", accounts[:, account], {"units": unit, "long_name": what})
+    for name, (account, unit, what) in _OF_DRIVE.items():
+        data[name] = _of_lanes(accounts[:, account], unit, what)
+    a, basis = FloatAccount, "electrical energy of pump and valve"
     energy = accounts[:, [a.PUMP_ENERGY, a.VALVE_ENERGY, a.HOLDING_ENERGY]].sum(axis=1)
-    basis = "electrical energy of pump and valve"
     if model.energy_unknown:
         energy, basis = accounts[:, a.PUMP_WORK], "work of the pump on the water"
-    data["energy"] = ("lane", energy, {"units": "J", "long_name": basis})
+    data["energy"] = _of_lanes(energy, "J", basis)
 
 
 def _dataset(
-    vehicle: Vehicle, law: Law, clock: Schedule, work: NDArray[np.float64],
-    record: NDArray[np.float64],
-) -> xarray.Dataset:  # fmt: skip
+    vehicle: Vehicle, law: Law, clock: Schedule, work: Array, record: Array
+) -> xarray.Dataset:
     import xarray
 
-    coords: dict[str, Any] = {"lane": np.arange(work.shape[1])}
-    data: dict[str, Any] = {
-        name: ("lane", work[row], attributes) for name, (row, attributes) in _SUMMARIES.items()
-    }
     stopped = work[Row.STOPPED] != 0.0
-    since = (clock.ticks - clock.given[-1]) * clock.tick
-    rise, outside = work[Row.RISE90], work[Row.OUTSIDE2]
-    data["overshoot"] = (
-        "lane", np.maximum(work[Row.FURTHEST] - 1.0, 0.0) * 100.0,
-        {"units": "%", "long_name": "of the last step, beyond its target"},
-    )  # fmt: skip
-    data["rise90"] = (
-        "lane", np.where(np.isfinite(rise), rise, np.nan),
-        {"units": "s", "long_name": "first sample past 90 % of the last step"},
-    )  # fmt: skip
+    ended = np.where(stopped, work[Row.STOP_TICK], clock.ticks)
+    overshoot = np.maximum(work[Row.FURTHEST] - 1.0, 0.0) * 100.0
+    rise = np.where(np.isfinite(work[Row.RISE90]), work[Row.RISE90], np.nan)
+    outside, since = work[Row.OUTSIDE2], (clock.ticks - clock.given[-1]) * clock.tick
     settled = (outside < since - 0.5 * clock.tick) & ~stopped
-    data["settle2"] = (
-        "lane", np.where(settled, np.maximum(outside, 0.0), np.nan),
-        {"units": "s", "long_name": "last sample outside 2 % of the last step"},
-    )  # fmt: skip
-    samples = np.where(stopped, work[Row.STOP_TICK], clock.ticks) - clock.given[-1] + 1
-    data["rms_error"] = (
-        "lane", np.sqrt(work[Row.SQUARES] / np.maximum(samples, 1)),
-        {"units": "m", "long_name": "depth error since the last set-point, root mean square"},
-    )  # fmt: skip
-    data["stop"] = ("lane", work[Row.STOPPED].astype(int), {"long_name": "code of StopReason"})
-    data["stop_time"] = (
-        "lane", np.where(stopped, work[Row.STOP_TICK], clock.ticks) * clock.tick,
-        {"units": "s", "long_name": "time at which the run ended"},
-    )  # fmt: skip
+    settle = np.where(settled, np.maximum(outside, 0.0), np.nan)
+    rms = np.sqrt(work[Row.SQUARES] / np.maximum(ended - clock.given[-1] + 1, 1))
+    error = "depth error since the last set-point, root mean square"
+    found = {name: (work[row], unit, what) for name, (row, unit, what) in _SUMMARIES.items()}
+    found |= {
+        "overshoot": (overshoot, "%", "of the last step, beyond its target"),
+        "rise90": (rise, "s", "first sample past 90 % of the last step"),
+        "settle2": (settle, "s", "last sample outside 2 % of the last step"),
+        "rms_error": (rms, "m", error),
+        "stop": (work[Row.STOPPED].astype(int), "", "code of StopReason"),
+        "stop_time": (ended * clock.tick, "s", "time at which the run ended"),
+    }
+    data: dict[str, Any] = {name: _of_lanes(*column) for name, column in found.items()}
+    coords: dict[str, Any] = {"lane": np.arange(work.shape[1])}
     if record.shape[1]:
-        axis = {"units": "s", "long_name": "time since the start", "axis": "T"}
-        coords["time"] = ("time", np.arange(clock.ticks + 1) * clock.tick, axis)
-        for (name, (_, attributes)), values in zip(_TRAJECTORIES.items(), record, strict=True):
-            data[name] = (("time", "lane"), values, attributes)
+        coords["time"] = ("time", np.arange(clock.ticks + 1) * clock.tick, TIME)
+        for (name, about), values in zip(_TRAJECTORIES.items(), record, strict=True):
+            data[name] = (("time", "lane"), values, about)
     about = {
         "title": f"Ensemble of {vehicle.name}, simulated",
         "source": "swimbladder",

@@ -11,16 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law
 from swimbladder.control.pump_valve import SurfacingParameters
-from swimbladder.control.records import leaves
 from swimbladder.physics.dynamics import Plant, drag_force
 from swimbladder.physics.seawater import Column, uniform_column
 from swimbladder.sim.closed_loop.accounts import Books
-from swimbladder.sim.closed_loop.block import Block, Schedule
+from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.pumped import BOARD, DIVES, FLOATS, PAUSE, SEGMENT, Pumped
-from swimbladder.sim.closed_loop.single import check_start, run_single
-from swimbladder.sim.closed_loop.solution import Event, Solution, assemble
+from swimbladder.sim.closed_loop.solution import Event, SingleRun, Solution, assemble
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
@@ -59,15 +56,15 @@ class FloatModel:
     energy_unknown: str  # why no electrical energy is known; "" where it is
 
     def lanes(
-        self, parameters: dict[str, Array], plants: Array, depth: Array, volume: Array,
-        speed: Array, *, noted: int = 0, rates: Array | None = None,
+        self, parameters: dict[str, Array], plants: Array, start: Array, *, noted: int = 0,
+        rates: Array | None = None,
     ) -> tuple[Pumped, Array]:  # fmt: skip
-        """Return a stepper of lanes that start at depths [m], and their states (q, V, z, w).
+        """Return a stepper of lanes that start at (q, V, z, w) [4, lanes], and these states.
 
         parameters: of the law by name, each [lanes]; plants [len(Plant), lanes]: of the body; what
-        a lane has of its own is taken from there. volume [m3]: nan in a lane: neutral, or at a
-        depth of 0 all out. noted: room for what happens with its time. rates: of pump and valve
-        over what the processor knows [len(RATES), lanes].
+        a lane has of its own is taken from there. A volume V that is nan: neutral, or at a depth
+        of 0 all out. noted: room for what happens with its time. rates: of pump and valve over
+        what the processor knows [len(RATES), lanes].
         """
         count = plants.shape[1]
         given = np.array([self.given] * count, GIVEN)
@@ -84,12 +81,13 @@ class FloatModel:
         at = np.zeros(count, AT)
         board = np.zeros((count, BOARD))
         for n in range(count):
-            asked = None if math.isnan(volume[n]) else float(volume[n])
-            z = float(depth[n])
-            if asked is not None:
+            _, asked, z, w = start[:, n].tolist()
+            if math.isnan(asked):
+                asked = None
+            else:
                 z = max(z, _AT_SURFACE)  # not afloat with all volume out
             x[n], at[n] = first_lane(given[n], self.table, z, volume=asked)
-            x["w"][n] = speed[n]
+            x["w"][n] = w
             own_law = {k: float(v[n]) for k, v in parameters.items()}
             up, pause = surfacing_of(self.vehicle, own_law)
             board[n, : len(up)], board[n, PAUSE] = up, pause
@@ -103,8 +101,7 @@ class FloatModel:
             counts=np.zeros((count, 3), dtype=np.int64), work=np.zeros((count, 6, 8)),
             board=board, segment=np.zeros((count, SEGMENT)),
         )  # fmt: skip
-        start = np.stack([np.zeros(count), x["v"], x["z"], x["w"]])
-        return stepper, start
+        return stepper, np.stack([np.zeros(count), x["v"], x["z"], x["w"]])
 
 
 def surfacing_of(
@@ -162,37 +159,21 @@ _POWER = {
 
 
 def run_float(
-    vehicle: Vehicle, medium: Medium, column: Column | None, *, law: Law, parameters: Any,
-    clock: Schedule, depths: list[float], start: tuple[float, float | None, float],
-    seed: int | None, function: Callable[..., Any] | None, progress: Callable[[int], None] | None,
+    model: FloatModel, parameters: dict[str, Array], start: Array, ticks: int,
+    lay_out: Callable[..., Block], run: Callable[[Block], SingleRun],
 ) -> Solution:  # fmt: skip
-    """Return the motion of a float from a depth [m], a volume [m3] or None, and a speed [m/s].
+    """Return the motion of a float from (q, V, z, w) [4, 1], with its V as `FloatModel.lanes` has.
 
-    A start at depth 0 without a volume is afloat with all volume out.
+    parameters: of the law by name, each [1]. lay_out: a block of what else holds.
     """
-    z, V, w = start
-    afloat = z == 0.0 and V is None
-    check_start(medium, z, medium.plant.V_max if afloat else V, w)
-    model = float_model(vehicle, medium, column, reach=max(z, *depths))
-    values = {name: np.array([value]) for name, value in leaves(parameters).items()}
-    plants = np.array(medium.plant)[:, None]
-    stepper, first = model.lanes(
-        values, plants, np.array([z]), np.array([math.nan if V is None else V]), np.array([w]),
-        noted=_ROOM + 4 * clock.ticks,
-    )  # fmt: skip
+    plants = np.array(model.plant)[:, None]
+    stepper, start = model.lanes(parameters, plants, start, noted=_ROOM + 4 * ticks)
     begin, emerges = stepper.x[0].copy(), bool(stepper.at["place"][0] == 1)
-    block = Block.lay_out(
-        plants=plants, law=law, parameters=values, clock=clock, parts=1,
-        depths=np.array(depths)[:, None], start=first, sensors=vehicle.sensors,
-        seeds=None if seed is None else [[seed, 0]], record=True, books=False, events=False,
-        stepper=stepper,
-    )  # fmt: skip
-    run = run_single(block, function, progress)
+    found = run(lay_out(parts=1, start=start, stepper=stepper))
     return assemble(
-        vehicle, medium.plant, law=law.name, time=run.time, reference=run.reference,
-        record=run.record, events=(_events(stepper, run.time, run.record), 0), stop=run.stop,
-        books=float_balance(model, stepper, 0, begin, emerges),
-        power=_power(model, run.record[0], run.record[5]),
+        model.vehicle, model.plant, found, (_events(stepper, found.time, found.record), 0),
+        float_balance(model, stepper, 0, begin, emerges),
+        _power(model, found.record[0], found.record[5]),
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from swimbladder.control.law import Law, Measurement
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
 from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.vehicle import Vehicle
@@ -42,10 +42,7 @@ def as_law(
         if vehicle.controller is None:
             raise InputError("a Python law needs a sample time", field="sample_time", unit="s")
         sample_time = vehicle.controller.sample_time
-    if not (math.isfinite(sample_time) and sample_time > 0.0):
-        raise InputError(
-            "must be a finite time above 0", field="sample_time", value=sample_time, unit="s"
-        )
+    check_number(sample_time, "sample_time", "s", above=0.0)
     law = Law(
         name=getattr(function, "__name__", type(function).__name__),
         summary="a Python function",

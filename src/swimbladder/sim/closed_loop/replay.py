@@ -12,7 +12,13 @@ from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.single import check_start
-from swimbladder.sim.closed_loop.solution import Solution, StopReason, assemble, name_events
+from swimbladder.sim.closed_loop.solution import (
+    SingleRun,
+    Solution,
+    StopReason,
+    assemble,
+    name_events,
+)
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.advance import begin, follow
 from swimbladder.sim.engine.books import Account
@@ -61,16 +67,16 @@ def drive(
     refuse_pump_and_valve(vehicle.actuator)
     medium = medium_of(vehicle, column, reach=start_depth, bottom_depth=bottom_depth)
     if volume is not None:
-        start: tuple[float, ...] = (0.0, float(inputs[0]), start_depth, start_speed)
-        unbound = medium.plant._replace(V_min=-math.inf, V_max=math.inf)
-        check_start(replace(medium, plant=unbound), start_depth, start[1], start_speed)
+        start_volume = float(inputs[0])
+        unbound = replace(medium, plant=medium.plant._replace(V_min=-math.inf, V_max=math.inf))
+        start = check_start(unbound, start_depth, start_volume, start_speed)
     else:
         start = check_start(medium, start_depth, start_volume, start_speed)
     return _follow(vehicle, medium, t, inputs, start, ramps=volume is not None)
 
 
 def _follow(
-    vehicle: Vehicle, medium: Medium, t: Any, inputs: Any, start: tuple[float, ...], *, ramps: bool
+    vehicle: Vehicle, medium: Medium, t: Any, inputs: Any, start: Any, *, ramps: bool
 ) -> Solution:
     p, layers = medium.plant, medium.layers
     flat = np.array(p)
@@ -78,8 +84,8 @@ def _follow(
     mode, x[0] = begin(flat, layers, *start)
     if ramps:
         mode = mode - mode % 10 + int(Act.PRESCRIBED)
-    steps = {h: book_steps(p, h, start[3], layers) for h in set(np.diff(t).tolist())}
-    parts = np.array([steps[h] for h in np.diff(t).tolist()], np.int64)
+    spans, place = np.unique(np.diff(t), return_inverse=True)
+    parts = np.array([book_steps(p, h, start[3], layers) for h in spans.tolist()], np.int64)[place]
     record = np.full((7, len(t)), np.nan)
     books = np.zeros(len(Account))
     log, noted = np.zeros((2000, 3)), np.zeros(1, np.int64)
@@ -89,12 +95,11 @@ def _follow(
     )  # fmt: skip
     if ramps:
         record[5] = np.nan
-    return assemble(
-        vehicle, p, law="none (recorded " + ("volume)" if ramps else "voltage)"), time=t[:reached],
-        reference=np.full(reached, np.nan), record=record[:, :reached],
-        events=name_events(log, int(noted[0])), stop=list(StopReason)[why],
-        books=close_books(vehicle, medium, books, np.array(start), x[:4], prescribed=ramps),
-    )  # fmt: skip
+    law, stop = f"none (recorded {'volume' if ramps else 'voltage'})", list(StopReason)[why]
+    unasked = np.full(reached, np.nan)
+    run = SingleRun(law, stop, t[:reached], unasked, record[:, :reached])
+    closed = close_books(vehicle, medium, books, start, x[:4], prescribed=ramps)
+    return assemble(vehicle, p, run, name_events(log, int(noted[0])), closed)
 
 
 def _check(t: Any, inputs: Any, name: str) -> None:

@@ -3,7 +3,8 @@
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law
 from swimbladder.control.records import leaf_names, leaves
 from swimbladder.control.registry import check_command, own_law
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
@@ -19,11 +20,21 @@ from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.block import Block, schedule
 from swimbladder.sim.closed_loop.checks import check_depths, check_sample_time
+from swimbladder.sim.closed_loop.floats import float_model, run_float
+from swimbladder.sim.closed_loop.function import as_law, run_function
 from swimbladder.sim.closed_loop.rows import Row
-from swimbladder.sim.closed_loop.solution import Solution, StopReason, assemble, name_events
+from swimbladder.sim.closed_loop.solution import (
+    SingleRun,
+    Solution,
+    StopReason,
+    assemble,
+    name_events,
+)
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.vehicle import Vehicle
+
+Array = NDArray[np.float64]
 
 
 def simulate(
@@ -64,18 +75,17 @@ def simulate(
         chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time, pumped=True)
         function = None
     else:
-        from swimbladder.sim.closed_loop.function import as_law
-
         chosen, numbers, tick = as_law(vehicle, law, sample_time)
         function = law
     check_counts(seed=(seed, 0), parts=(parts, 1))
     times, depths = check_setpoints(setpoints, duration, tick)
-    medium = medium_of(vehicle, column, reach=max(start_depth, *depths), bottom_depth=bottom_depth)
+    reach = max(start_depth, *depths)
+    medium = medium_of(vehicle, column, reach=reach, bottom_depth=bottom_depth)
     p, layers = medium.plant, medium.layers
     if checked:
         check_mass(vehicle)
         if column is not None and column.cast is not None:
-            check_cast_unit(column.cast, max(start_depth, *depths), vehicle.hull.depth_limit)
+            check_cast_unit(column.cast, reach, vehicle.hull.depth_limit)
         check_depths(
             vehicle, medium, setpoints=depths,
             start_depth=start_depth if start_volume is None else None,
@@ -84,43 +94,27 @@ def simulate(
             check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
+    values = {name: np.array([value]) for name, value in leaves(numbers).items()}
+    lay_out = partial(
+        Block, plants=np.array(p)[:, None], law=chosen, parameters=values, clock=clock,
+        depths=np.array(depths)[:, None], sensors=vehicle.sensors,
+        seeds=None if seed is None else [[seed, 0]], recorded=True, layers=layers,
+    )  # fmt: skip
+    fly = partial(run_single, function=function, progress=progress)
     if vehicle.command == "volume change":
         if parts is not None:
             raise InputError(
                 "the steps of a float are as long as its motion lets", field="parts", value=parts,
                 remedy="Leave it out",
             )  # fmt: skip
-        from swimbladder.sim.closed_loop.floats import run_float
-
-        return run_float(
-            vehicle, medium, column, law=chosen, parameters=numbers, clock=clock, depths=depths,
-            start=(start_depth, start_volume, start_speed), seed=seed, function=function,
-            progress=progress,
-        )  # fmt: skip
+        model = float_model(vehicle, medium, column, reach=reach)
+        start[1] = math.nan if start_volume is None else start_volume
+        return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
     divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
-    block = Block.lay_out(
-        plants=np.array(p)[:, None], law=chosen, parameters=leaves(numbers), clock=clock,
-        parts=divided,
-        depths=np.array(depths)[:, None], start=np.array(start)[:, None], sensors=vehicle.sensors,
-        seeds=None if seed is None else [[seed, 0]], record=True, books=True, events=True,
-        layers=layers,
-    )  # fmt: skip
-    run = run_single(block, function, progress)
-    last = block.work[Row.Q : Row.Q + 4, 0]
-    return assemble(
-        vehicle, p, law=chosen.name, time=run.time, reference=run.reference, record=run.record,
-        events=name_events(block.log[0], int(block.noted[0, 0])), stop=run.stop,
-        books=close_books(vehicle, medium, block.books[0], np.array(start), last),
-    )  # fmt: skip
-
-
-class SingleRun(NamedTuple):
-    """What a block of one vehicle gave, sample by sample."""
-
-    stop: StopReason
-    time: NDArray[np.float64]  # s
-    reference: NDArray[np.float64]  # m
-    record: NDArray[np.float64]  # [len(RECORDED), samples]
+    block = lay_out(parts=divided, start=start[:, None], booked=True, logged=True)
+    run = fly(block)
+    books = close_books(vehicle, medium, block.books[0], start, block.work[Row.Q : Row.Q + 4, 0])
+    return assemble(vehicle, p, run, name_events(block.log[0], int(block.noted[0, 0])), books)
 
 
 def run_single(
@@ -130,13 +124,12 @@ def run_single(
     if function is None:
         block.run(progress)
     else:
-        from swimbladder.sim.closed_loop.function import run_function
-
         run_function(block, function, progress)
     stop, clock = list(StopReason)[int(block.work[Row.STOPPED, 0])], block.clock
     n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
     time = np.arange(n, dtype=np.float64) * clock.tick
-    return SingleRun(stop, time, block.depths[clock.turn[:n], 0], block.record[:, :n, 0])
+    reference = block.depths[clock.turn[:n], 0]
+    return SingleRun(block.law.name, stop, time, reference, block.record[:, :n, 0])
 
 
 def choose_law(
@@ -172,8 +165,7 @@ def choose_law(
         )
     else:
         tick = sample_time
-    if not (math.isfinite(tick) and tick > 0.0):
-        raise InputError("must be a finite time above 0", field="sample_time", value=tick, unit="s")
+    check_number(tick, "sample_time", "s", above=0.0)
     if not isinstance(parameters, law.parameters):
         raise InputError(
             f"not the parameters of the law {law.name!r}",
@@ -187,88 +179,70 @@ def choose_law(
     return law, parameters, tick
 
 
-def check_start(
-    medium: Medium, depth: float, volume: float | None, speed: float
-) -> tuple[float, float, float, float]:
+def check_start(medium: Medium, depth: float, volume: float | None, speed: float) -> Array:
     """Return the first state (q, V, z, w); raises InputError where it cannot be."""
     p = medium.plant
     neutral = medium.neutral_volume(depth) if volume is None else volume
-    for field, value, unit in (
-        ("start_depth", depth, "m"),
-        ("start_volume", neutral, "m3"),
-        ("start_speed", speed, "m/s"),
-    ):
-        if not math.isfinite(value):
-            raise InputError("not a finite number", field=field, value=value, unit=unit)
+    check_number(depth, "start_depth", "m")
+    check_number(neutral, "start_volume", "m3")
+    check_number(speed, "start_speed", "m/s")
     if math.isnan(p.z_bottom):
         raise InputError(
             "not a number", field="bottom_depth", value=p.z_bottom, unit="m",
             remedy="Give the depth of the bottom, or leave it out",
         )  # fmt: skip
+    problem = partial(InputError, field="start_depth", value=depth, unit="m")
     if depth > p.z_bottom:
-        raise InputError(
-            f"the start is below the bottom at {p.z_bottom:g} m",
-            field="start_depth",
-            value=depth,
-            unit="m",
-            remedy="Start above the bottom",
+        raise problem(
+            f"the start is below the bottom at {p.z_bottom:g} m", remedy="Start above the bottom"
         )
     if depth <= p.z_air:
-        raise InputError(
-            "the vehicle starts outside the water", field="start_depth", value=depth, unit="m",
-            remedy="Start at the surface or below",
-        )  # fmt: skip
+        raise problem(
+            "the vehicle starts outside the water", remedy="Start at the surface or below"
+        )
     if not p.V_min <= neutral <= p.V_max:
-        raise InputError(
+        raise problem(
             f"the stroke, {p.V_min * 1e6:g} to {p.V_max * 1e6:g} cm3, does not hold "
             + ("this volume" if volume is not None else f"the neutral volume at {depth:g} m"),
-            field="start_volume" if volume is not None else "start_depth",
-            value=neutral,
-            unit="m3",
+            field="start_volume" if volume is not None else "start_depth", value=neutral, unit="m3",
             remedy="Start where the stroke can balance the vehicle, or give a start volume",
-        )
-    return 0.0, neutral, depth, speed
+        )  # fmt: skip
+    return np.array([0.0, neutral, depth, speed])
 
 
 def check_setpoints(
     setpoints: Sequence[tuple[float, float]], duration: float, tick: float
 ) -> tuple[list[float], list[float]]:
     """Return times [s] and depths [m]; raises InputError where they are not a schedule."""
-    if not (math.isfinite(duration) and duration > 0.0):
-        raise InputError(
-            "must be a finite time above 0", field="duration", value=duration, unit="s"
-        )
+    check_number(duration, "duration", "s", above=0.0)
+    too = partial(InputError, field="duration", value=duration, unit="s")
     if duration < tick:
-        raise InputError(
-            f"the duration is shorter than one sample of {tick:g} s", field="duration",
-            value=duration, unit="s", remedy="Lengthen it, or shorten the sample time",
-        )  # fmt: skip
+        raise too(
+            f"the duration is shorter than one sample of {tick:g} s",
+            remedy="Lengthen it, or shorten the sample time",
+        )
     if duration / tick > 1e8:
-        raise InputError(
-            f"this is {duration / tick:.2g} samples", field="duration", value=duration, unit="s",
+        raise too(
+            f"this is {duration / tick:.2g} samples",
             remedy="Simulate at most 100 million samples at a time",
-        )  # fmt: skip
+        )
+    problem = partial(InputError, field="setpoints")
     if not setpoints:
-        raise InputError("no set-point", field="setpoints", remedy="Give at least (0, depth)")
+        raise problem("no set-point", remedy="Give at least (0, depth)")
     try:
         times = [float(time) for time, _ in setpoints]
         depths = [float(depth) for _, depth in setpoints]
     except (TypeError, ValueError):
-        raise InputError(
-            "not a list of (time, depth)", field="setpoints", value=setpoints, unit="s, m",
-            remedy="Give pairs of numbers: [(0.0, 3.0), (200.0, 1.5)]",
-        ) from None  # fmt: skip
+        remedy = "Give pairs of numbers: [(0.0, 3.0), (200.0, 1.5)]"
+        raise problem(
+            "not a list of (time, depth)", value=setpoints, unit="s, m", remedy=remedy
+        ) from None
     if not all(map(math.isfinite, times + depths)):
-        raise InputError("not a finite number", field="setpoints", value=list(setpoints))
+        raise problem("not a finite number", value=list(setpoints))
     if times[0] != 0.0:
-        raise InputError(
-            "the first set-point must be given at time 0", field="setpoints", value=times[0],
-            unit="s",
-        )  # fmt: skip
+        raise problem("the first set-point must be given at time 0", value=times[0], unit="s")
     if any(b <= a for a, b in itertools.pairwise(times)):
-        raise InputError(
-            "the times of the set-points must grow", field="setpoints", value=times, unit="s"
-        )
+        raise problem("the times of the set-points must grow", value=times, unit="s")
     return times, depths
 
 

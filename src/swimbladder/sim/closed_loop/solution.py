@@ -157,8 +157,8 @@ class Solution:
         """Return the arrays as an xarray Dataset with CF attributes (units, names, direction)."""
         import xarray
 
-        data = xarray.Dataset(coords={"time": ("time", self.time, _TIME)})
-        for name, attributes in _VARIABLES.items():
+        data = xarray.Dataset(coords={"time": ("time", self.time, TIME)})
+        for name, attributes in VARIABLES.items():
             values = getattr(self, name)
             if not np.all(np.isnan(values)):
                 data[name] = ("time", values, attributes)
@@ -172,8 +172,8 @@ class Solution:
         return data
 
 
-_TIME = {"units": "s", "long_name": "time since the start", "axis": "T"}
-_VARIABLES: dict[str, dict[str, Any]] = {
+TIME = {"units": "s", "long_name": "time since the start", "axis": "T"}
+VARIABLES: dict[str, dict[str, Any]] = {
     "depth": {
         "units": "m", "standard_name": "depth", "long_name": "depth of the pressure sensor",
         "positive": "down",
@@ -222,22 +222,29 @@ def _passages(before: int, after: int) -> tuple[str, ...]:
     return tuple(found)
 
 
-def assemble(
-    vehicle: Vehicle, p: Plant, *, law: str, time: Array, reference: Array, record: Array,
-    events: tuple[tuple[Event, ...], int], stop: StopReason, books: Books,
-    power: Array | None = None,
-) -> Solution:  # fmt: skip
-    """Return a Solution from the kernel's record [7, n], with current and power where known.
+class SingleRun(NamedTuple):
+    """What the kernel gave of one vehicle, sample by sample."""
 
-    power [W]: of pump and valve, whose record has what they do in the place of the voltage.
+    law: str
+    stop: StopReason
+    time: Array  # s
+    reference: Array  # m
+    record: Array  # [len(RECORDED), samples]
+
+
+def assemble(
+    vehicle: Vehicle, p: Plant, run: SingleRun, events: tuple[tuple[Event, ...], int],
+    books: Books, power: Array | None = None,
+) -> Solution:  # fmt: skip
+    """Return a Solution of a run, with current and power where known.
+
+    events: and how many found no room. power [W]: of pump and valve, whose record has what they do
+    in the place of the voltage.
     """
-    depth, speed, volume, motor_rate, command, applied, volume_reference = record
-    unknown = np.full_like(time, np.nan)
-    voltage, current, drive = unknown, unknown, unknown
-    if power is not None:
-        drive = applied
-    else:
-        power = unknown
+    depth, speed, volume, motor_rate, command, applied, volume_reference = run.record
+    voltage = current = unknown = np.full_like(run.time, np.nan)
+    drive = unknown if power is None else applied
+    power = unknown if power is None else power
     if vehicle.voltage_driven:
         voltage = _as_supplied(p, applied, motor_rate)
         resistance = reduced(vehicle.actuator, vehicle.water).resistance
@@ -248,11 +255,11 @@ def assemble(
             )
             power = p.supply * drawn
     return Solution(
-        vehicle=vehicle, law=law, time=time, reference=reference, depth=depth, speed=speed,
-        volume=volume, motor_rate=motor_rate, command=command, voltage=voltage,
+        vehicle=vehicle, law=run.law, time=run.time, reference=run.reference, depth=depth,
+        speed=speed, volume=volume, motor_rate=motor_rate, command=command, voltage=voltage,
         volume_reference=volume_reference, current=current, power=power, drive=drive,
-        events=_with_limit(events[0], vehicle, time, depth),
-        events_left_out=events[1], stop=stop, books=books,
+        events=_with_limit(events[0], vehicle, run.time, depth), events_left_out=events[1],
+        stop=run.stop, books=books,
     )  # fmt: skip
 
 

@@ -452,12 +452,10 @@ def fly(
     board = Board(*functions, room.memory, np.zeros(7, np.float32), np.zeros(4, np.float32))
     stepper, start = None, np.array([[0.0], [c.start_volume], [c.start_depth], [0.0]])
     if room.model is not None:
-        stepper, start = room.model.lanes(
-            {}, mission.plant[:, None], start[2], start[1], start[0],
-            rates=np.array(mission.drive)[:, None],
-        )  # fmt: skip
+        rates = np.array(mission.drive)[:, None]
+        stepper, start = room.model.lanes({}, mission.plant[:, None], start, rates=rates)
         stepper = stepper._replace(wide=np.zeros(1))
-    block = Block.lay_out(
+    block = Block(
         plants=mission.plant[:, None], law=_LAW, parameters=dict.fromkeys(Board._fields, 0.0),
         clock=Schedule(
             tick=c.tick, turn=np.zeros(int(c.end) + 1, np.int64), given=np.zeros(1, np.int64)
@@ -468,9 +466,9 @@ def fly(
             depth_noise=c.depth_noise, depth_quantum=c.depth_quantum, volume_noise=c.volume_noise,
             volume_quantum=c.volume_quantum,
         ),
-        seeds=None, layers=mission.layers,
+        layers=mission.layers, loses=True,
     )  # fmt: skip
-    block.parameters, block.loses = board, True
+    block.parameters = board
     block.hooks = Faults(
         m, board, room.before, mission.layers, room.late, stepper, room.pump, record
     )

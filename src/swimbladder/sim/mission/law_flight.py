@@ -132,12 +132,11 @@ class ByLaws:
         """Lay out the block of the law that is to fly from a state (q, V, z, w)."""
         now: Any = self.way[0]
         law, medium = self.plan.laws[int(now["law"])], self.medium
-        block = Block.lay_out(
+        block = Block(
             plants=np.array(medium.plant)[:, None], law=law.law, parameters=leaves(law.parameters),
             clock=Schedule(tick=law.sample_time, turn=MANY, given=np.zeros(1, np.int64)),
             parts=int(now["parts"]), depths=np.zeros((1, 1)), start=start[:, None],
-            sensors=self.vehicle.sensors, seeds=None, books=True, events=True,
-            layers=medium.layers,
+            sensors=self.vehicle.sensors, booked=True, logged=True, layers=medium.layers,
         )  # fmt: skip
         block.hooks = Sampled(
             self.phases, self._numbers(law.sample_time), now, self.tasks, block.books, block.log,
