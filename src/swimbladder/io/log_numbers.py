@@ -6,7 +6,7 @@ by the numbers that are asked for.
 
 import math
 import re
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import NamedTuple
 
@@ -45,41 +45,6 @@ def reads_text(column: LogColumn) -> bool:
     return unit in ("iso", "clock") or bool(re.search("%[A-Za-z]", unit))
 
 
-def text_seconds(
-    texts: list[str], dates: list[str] | None, column: LogColumn, missing: Set[str], file: LogFile
-) -> tuple[Array, list[int]]:
-    """Return times in seconds, NaN where missing, and which of them are no times.
-
-    Times of the day are unwound over midnight. Raises LogError where the unit is no pattern or
-    some times have a zone and others have none.
-    """
-    instant = _instant(column, file)
-    between = "T" if column.unit == "iso" else " "
-    values = np.full(len(texts), np.nan)
-    bad: list[int] = []
-    zones: dict[bool, int] = {}
-    for k, text in enumerate(texts):
-        day, time = "" if dates is None else dates[k].strip(), text.strip()
-        if time.lower() in missing or (dates is not None and day.lower() in missing):
-            continue
-        try:
-            values[k], zoned = instant(time if dates is None else f"{day}{between}{time}")
-        except (ValueError, OverflowError):
-            bad.append(k)
-        else:
-            zones.setdefault(zoned, k)
-    if len(zones) == 2:
-        raise file.refused(
-            "some times have a zone and others have none",
-            "Give all of them a zone, or none",
-            column.name,
-            value=texts[zones[max(zones, key=lambda zoned: zones[zoned])]].strip(),
-        )
-    if column.unit == "clock" or (dates is None and _dateless(column.unit or "")):
-        values = _unwound(values, _DAY)[0]
-    return values, bad
-
-
 def counter_seconds(
     values: Array, column: LogColumn, line: NDArray[np.int64], file: LogFile
 ) -> tuple[Array, float | None]:
@@ -94,10 +59,9 @@ def counter_seconds(
             remedy = 'Add tick = "30.5 us", or tick = "32768 Hz", to the [log] table'
             raise file.refused("the length of a tick is missing", remedy, "tick")
         tick = form.tick
-    elif form.tick is not None:
-        what = "the length of a tick has no use: the unit of the time is not tick"
-        remedy = 'Map the time with unit = "tick", or leave tick out'
-        raise file.refused(what, remedy, "tick", value=form.tick, unit="s")
+    else:
+        remedy = 'Map the time with unit = "tick", or leave {} out'
+        file.refuse_unused(["tick"], "the unit of the time is not tick", remedy)
     if form.counter_bits is None:
         if form.rows == "ordered":
             _refuse_unsaid_turn(values, column, line, file)
@@ -268,16 +232,6 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-
 _LARGEST = 1e15  # in SI: no number of a log is larger, and their products stay finite
 
 
-class _Bad(NamedTuple):
-    """What is wrong with a row, and where."""
-
-    what: str
-    field: str
-    value: object
-    remedy: str
-    unit: str = ""
-
-
 class ColumnReader:
     """Turns the texts of columns into numbers; remembers which rows hold something else."""
 
@@ -293,7 +247,7 @@ class ColumnReader:
         self.columns, self.line, self.conversions = columns, line, list[str]()
         self.times = TimeColumn()
         self._missing = frozenset(_MISSING | {text.strip().lower() for text in self.form.missing})
-        self._bad: dict[int, _Bad] = {}
+        self._bad: dict[int, LogError] = {}  # by row
 
     def read(self, name: str, column: LogColumn) -> Array:
         """Return the numbers of a column as they are written; times that are text in seconds."""
@@ -304,16 +258,15 @@ class ColumnReader:
     def refuse_bad(self) -> None:
         """Raise LogError for the first row with anything but a number, unless such rows may go."""
         if self._bad and (self.form.bad_rows == "refuse" or len(self._bad) > len(self.line) / 2):
-            row = min(self._bad)
-            raise self.file.refused(line=self.line[row], **self._bad[row]._asdict())
+            raise self._bad[min(self._bad)]
 
     def in_unit(self, name: str, column: LogColumn, values: Array) -> Array:
         """Return a column in the unit of its name; raises LogError where its own unit is none."""
-        if name == "time_s" and reads_text(column):
-            self.times = TimeColumn(column.name, None)
-            return values
         factor = None
         if name == "time_s":
+            if reads_text(column):
+                self.times = TimeColumn(column.name, None)
+                return values
             values, factor = counter_seconds(values, column, self.line, self.file)
         factor = factor if factor is not None else self._factor(name, column)
         if name == "time_s":
@@ -326,15 +279,10 @@ class ColumnReader:
             self.conversions.append(f"{name} read from {column.name!r}, {stated}")
         values = values if factor is None else _scaled(values, factor)
         wild = np.flatnonzero(np.abs(values) > _LARGEST)
+        what = "too large for anything measured"
+        remedy = "Check the unit; if it stands for no number, add it to missing in a [log] table"
         for k in wild.tolist():
-            bad = _Bad(
-                "too large for anything measured",
-                column.name,
-                float(values[k]),
-                "Check the unit; if it stands for no number, add it to missing in a [log] table",
-                unit,
-            )
-            self._bad.setdefault(k, bad)
+            self._spoilt(k, what, remedy, column, float(values[k]), unit)
         values[wild] = np.nan
         return values
 
@@ -343,28 +291,57 @@ class ColumnReader:
         self.refuse_bad()
         kept = np.ones(len(self.line), dtype=bool)
         if self._bad:
-            row = min(self._bad)
-            first = self._bad[row]
+            first = self._bad[min(self._bad)]
             self.file.report.append(
                 f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first "
-                f"on line {self.line[row]} ({first.field}: {str(first.value)[:40]!r})"
+                f"on line {first.line} ({first.field}: {str(first.value)[:40]!r})"
             )
             kept[list(self._bad)] = False
         return kept
 
+    def _spoilt(
+        self, k: int, what: str, remedy: str, column: LogColumn, value: object, unit: str = ""
+    ) -> None:
+        """Remember that row k holds no number, and where that was first found."""
+        if k not in self._bad:
+            line = self.line[k]
+            self._bad[k] = self.file.refused(
+                what, remedy, column.name, line=line, value=value, unit=unit
+            )
+
     def _times(self, column: LogColumn) -> Array:
-        """Return times that are text, in seconds from the first."""
-        for option in ("tick", "counter_bits"):
-            if getattr(self.form, option) is not None:
-                what = f"{option} has no use: the time is no number but {column.unit}"
-                raise self.file.refused(what, f"Leave {option} out", option)
-        texts = column_texts(self.columns[column.name])
-        dates = None if column.date is None else column_texts(self.columns[column.date])
-        values, bad = text_seconds(texts, dates, column, self._missing, self.file)
-        for k in bad:
-            text = texts[k].strip() if dates is None else f"{dates[k]} {texts[k]}".strip()
-            what = "not a time in ISO 8601" if column.unit == "iso" else "not a time"
-            self._bad[k] = _Bad(what, column.name, text, time_remedy(column, text))
+        """Return times that are text, in seconds from the first; NaN where missing.
+
+        Times of the day are unwound over midnight. Raises LogError where the unit is no pattern or
+        some times have a zone and others have none.
+        """
+        why = f"the time is no number but {column.unit}"
+        self.file.refuse_unused(("tick", "counter_bits"), why)
+        instant = _instant(column, self.file)
+        texts = [text.strip() for text in column_texts(self.columns[column.name])]
+        days = [""] * len(texts)
+        if column.date is not None:
+            days = [text.strip() for text in column_texts(self.columns[column.date])]
+        between = "T" if column.unit == "iso" else " "
+        values = np.full(len(texts), np.nan)
+        zones: dict[bool, int] = {}
+        for k, (day, time) in enumerate(zip(days, texts, strict=True)):
+            if time.lower() in self._missing or (column.date and day.lower() in self._missing):
+                continue
+            try:
+                values[k], zoned = instant(f"{day}{between}{time}" if column.date else time)
+            except (ValueError, OverflowError):
+                what = "not a time in ISO 8601" if column.unit == "iso" else "not a time"
+                text = f"{day} {time}".strip()
+                self._spoilt(k, what, time_remedy(column, text), column, text)
+            else:
+                zones.setdefault(zoned, k)
+        if len(zones) == 2:
+            what = "some times have a zone and others have none"
+            remedy, other = "Give all of them a zone, or none", texts[max(zones.values())]
+            raise self.file.refused(what, remedy, column.name, value=other)
+        if column.unit == "clock" or (column.date is None and _dateless(column.unit or "")):
+            values = _unwound(values, _DAY)[0]
         found = values[np.isfinite(values)]
         how = {"iso": "ISO 8601", "clock": "times of the day"}.get(column.unit or "", column.unit)
         self.conversions.append(
@@ -390,8 +367,8 @@ class ColumnReader:
                 values[k] = math.nan if text.strip() in stated else number(text, comma=comma)
             except ValueError:
                 values[k] = math.nan
-                if text.strip().lower() not in missing and k not in self._bad:
-                    self._bad[k] = self._not_a_number(name, column, k, text.strip())
+                if text.strip().lower() not in missing:
+                    self._not_a_number(name, column, k, text.strip())
         values[~np.isfinite(values)] = np.nan
         return values
 
@@ -410,8 +387,8 @@ class ColumnReader:
                 error.what, remedy, name, value=column.unit or column.name, unit=self.units[name]
             ) from None
 
-    def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> _Bad:
-        """Return the refusal of a field that is no number, with what it looks like as remedy."""
+    def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> None:
+        """Remember a field that is no number, with what it looks like as remedy."""
         remedy = time_remedy(column, text) if name == "time_s" else ""
         if not remedy and "," in text and self.form.decimal == ".":
             remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
@@ -421,7 +398,7 @@ class ColumnReader:
             "Correct the field, leave it empty where nothing was measured, or set "
             'bad_rows = "drop" in a [log] table'
         )
-        return _Bad("not a number", column.name, text, remedy)
+        self._spoilt(k, "not a number", remedy, column, text)
 
 
 def _scaled(values: Array, factor: float) -> Array:

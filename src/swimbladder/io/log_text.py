@@ -4,6 +4,7 @@ import codecs
 import gzip
 import io
 import zlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -55,6 +56,19 @@ class LogFile:
         return LogError(
             what, file=self.path, line=number, field=field, value=value, unit=unit, remedy=remedy
         )
+
+    def refuse_unused(
+        self, names: Iterable[str], why: str, remedy: str = "Leave {} out", idle: object = None
+    ) -> None:
+        """Raise LogError where the format states one of these options, which has no use.
+
+        idle: a value, beside none, that changes nothing.
+        """
+        for name in names:
+            value = getattr(self.form, name)
+            if name in self.form.model_fields_set and value not in (None, idle):
+                what = f"{name} has no use: {why}"
+                raise self.refused(what, remedy.format(name), name, value=value)
 
 
 def counted(number: int, noun: str) -> str:

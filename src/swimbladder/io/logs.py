@@ -47,7 +47,10 @@ def to_depth(data: dict[str, Array], source: str, file: LogFile) -> Array:
         depth = _from_pressure(data, file)
     else:
         depth = data["depth_m"]
-        _refuse_unused(file)
+        names = ["atmospheric_pressure", "gravity"]
+        names += [] if form.logger_density is not None else ["water_density"]
+        remedy = "Map pressure_Pa, or leave {} out"
+        file.refuse_unused(names, "depth_m is read as a depth", remedy)
         if form.logger_density is not None and form.water_density is not None:
             depth = depth * (form.logger_density / form.water_density)
             report.append(
@@ -91,10 +94,8 @@ def _from_pressure(data: dict[str, Array], file: LogFile) -> Array:
             'or "first" (its first reading is at the surface) to the [log] table'
         )
         raise file.refused(what, remedy, "atmospheric_pressure")
-    for name in ("logger_density", "depth_positive"):
-        if name in form.model_fields_set and getattr(form, name) not in (None, "down"):
-            what = f"{name} has no use: the depth comes from pressure_Pa"
-            raise file.refused(what, f"Leave {name} out", name, value=getattr(form, name))
+    why = "the depth comes from pressure_Pa"
+    file.refuse_unused(("logger_density", "depth_positive"), why, idle="down")
     surface, how = _surface_pressure(form.atmospheric_pressure, pressure, data["time_s"])
     file.report.append(
         f"depth_m from pressure_Pa, less {surface:.6g} Pa at the surface ({how}), over "
@@ -116,19 +117,6 @@ def _surface_pressure(said: float | str, pressure: Array, time: Array) -> tuple[
     at = at[time[at] <= time[at[0]] + seconds]
     how = "the first reading" if seconds == 0.0 else f"median of the first {seconds:g} s"
     return float(np.median(pressure[at])), how
-
-
-def _refuse_unused(file: LogFile) -> None:
-    """Raise LogError where the format has what only pressure needs."""
-    form = file.form
-    names = ["atmospheric_pressure", "gravity"]
-    if form.logger_density is None:
-        names.append("water_density")
-    unused = [n for n in names if n in form.model_fields_set and getattr(form, n) is not None]
-    if unused:
-        what = f"{unused[0]} has no use: depth_m is read as a depth"
-        remedy = f"Map pressure_Pa, or leave {unused[0]} out"
-        raise file.refused(what, remedy, unused[0], value=getattr(form, unused[0]))
 
 
 REQUIRED = ("time_s", "depth_m")
