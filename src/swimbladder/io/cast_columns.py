@@ -63,6 +63,13 @@ class RawCast:
     def __len__(self) -> int:
         return len(self.row)
 
+    @property
+    def down(self) -> Array:
+        """Pressures [dbar], or depths [m] where it has none."""
+        found = self.depth if self.pressure is None else self.pressure
+        assert found is not None
+        return found
+
     def at(self, k: int) -> str:
         """Return where row k stands: "line 12"."""
         return f"{self.row_name} {self.row[k]}"

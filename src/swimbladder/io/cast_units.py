@@ -58,9 +58,7 @@ def _temperature(raw: RawCast) -> None:
     middle = float(np.median(raw.temperature))
     what = f"a temperature of {middle:.4g} degC is none that water has in the sea"
     if COLDEST <= middle <= WARMEST:
-        down = raw.depth if raw.pressure is None else raw.pressure
-        assert down is not None
-        deep = raw.temperature[np.abs(down) > _DEEP]
+        deep = raw.temperature[np.abs(raw.down) > _DEEP]
         if len(deep) < _ROWS or not np.median(deep) > _WARM:
             return
         middle = float(np.median(deep))
@@ -110,7 +108,7 @@ def _downward(raw: RawCast) -> RawCast:
 def _pressure(raw: RawCast) -> RawCast:
     p = raw.pressure
     if p is None:
-        deepest = float(np.max(raw.depth)) if raw.depth is not None else 0.0
+        deepest = float(np.max(raw.down))
         if deepest > DEEPEST:
             remedy = "Check the unit: a depth in cm is mapped as NAME@cm"
             raise raw.refused("deeper than any sea", remedy, "depth_m", value=deepest)

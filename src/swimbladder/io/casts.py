@@ -7,8 +7,9 @@ stands in `Cast.report`.
 Formats that are no table of text are swimbladder's own, and those of other packages.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -21,7 +22,7 @@ from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_sources, raw
 from swimbladder.io.cast_netcdf import is_netcdf, netcdf_cast
 from swimbladder.io.cast_rows import Inversions, averaged, one_leg, stable, without_spikes
 from swimbladder.io.cast_units import MOST_SALT, by_depth, check_units
-from swimbladder.io.log_format import LogColumn, LogFormat, format_of
+from swimbladder.io.log_format import LogFormat, format_of
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, read_bytes
 from swimbladder.physics.seawater import Cast
@@ -71,13 +72,14 @@ def _guarded(function: Callable[..., Any], name: str) -> Callable[..., Any]:
 
 
 CAST_FORMATS: Registry[CastFormat] = Registry(
-    "swimbladder.cast_formats", "cast format",
-    own={
+    "swimbladder.cast_formats",
+    "cast format",
+    {
         "netcdf": lambda: CastFormat(recognises=is_netcdf, read=netcdf_cast),
         "cnv": lambda: CastFormat(recognises=is_cnv, read=cnv_cast),
     },
-    accept=_accept,
-)  # fmt: skip
+    _accept,
+)
 
 
 def recognised(data: bytes, path: Path) -> tuple[CastFormat | None, list[str]]:
@@ -131,7 +133,7 @@ def read_cast(
     Raises LogError, an InputError, with file, line, column, value and remedy.
     """
     check_reading(latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions)
-    file = Path(path)
+    file, columns, where = Path(path), columns or {}, where or {}
     data = read_bytes(file)
     binary, said = recognised(data, file)
     if binary is not None:
@@ -139,17 +141,15 @@ def read_cast(
             what = "rows and log formats are chosen in CSV and Parquet only"
             remedy = "Choose a profile with --profile N, variables with --column"
             raise LogError(what, file=file, field="where" if where else "log_format", remedy=remedy)
-        raw, profile = binary.read(data, file, columns or {}, profile)
+        raw, profile = binary.read(data, file, columns, profile)
     else:
-        raw = _text_cast(file, columns or {}, where or {}, form, salinity)
+        text = LogFile(file, format_of(form))
+        raw = _text_cast(text, columns, where, salted=salinity is not None)
     raw.report.extend(said)
-    raw = replace(
-        raw,
-        latitude=raw.latitude if latitude is None else latitude,
-        longitude=raw.longitude if longitude is None else longitude,
-    )
-    if "@" in (columns or {}).get("pressure_dbar", ""):
-        raw = replace(raw, unit_stated=True)
+    stated: dict[str, Any] = {"latitude": latitude, "longitude": longitude}
+    if "@" in columns.get("pressure_dbar", ""):
+        stated["unit_stated"] = True
+    raw = replace(raw, **{name: value for name, value in stated.items() if value is not None})
     return _cast(_whole(_salted(raw, salinity)), profile, inversions)
 
 
@@ -177,27 +177,16 @@ def check_reading(
 
 
 def _text_cast(
-    path: Path, columns: Mapping[str, str], where: Mapping[str, str | float],
-    given: LogFormat | str | Path | None, salinity: float | None,
-) -> RawCast:  # fmt: skip
+    file: LogFile, columns: Mapping[str, str], where: Mapping[str, str | float], *, salted: bool
+) -> RawCast:
     """Return the cast of a text or a Parquet file, read as logs are."""
-    file = LogFile(path, format_of(given))
-    found: dict[str, LogColumn] = {}
-
-    def sources(header: Sequence[str]) -> dict[str, LogColumn]:
-        found.update(cast_sources(file, columns, header, salted=salinity is not None))
-        return found
-
-    table = read_table(file, {**file.form.where, **where}, sources, [], CAST_COLUMNS)
-    down = found.get("pressure_dbar")
-    return raw_cast(
-        table.values,
-        file,
-        row=table.line,
-        name=", ".join(f"{name}={value}" for name, value in where.items()),
-        names={name: column.name for name, column in found.items()},
-        unit_named=None if down is None else down.unit,
-    )
+    choose = partial(cast_sources, file, columns, salted=salted)
+    table = read_table(file, {**file.form.where, **where}, choose, [], CAST_COLUMNS)
+    down = table.sources.get("pressure_dbar")
+    name = ", ".join(f"{name}={value}" for name, value in where.items())
+    names = {name: column.name for name, column in table.sources.items()}
+    unit = None if down is None else down.unit
+    return raw_cast(table.values, file, row=table.line, name=name, names=names, unit_named=unit)
 
 
 def _salted(raw: RawCast, salinity: float | None) -> RawCast:
@@ -217,7 +206,7 @@ def _salted(raw: RawCast, salinity: float | None) -> RawCast:
 def _whole(raw: RawCast) -> RawCast:
     """Return the rows that hold all that is needed; raises LogError where they are too few."""
     needed = {
-        "pressure_dbar": raw.pressure if raw.pressure is not None else raw.depth,
+        "pressure_dbar": raw.down,
         "temperature_degC": raw.temperature,
         "salinity": raw.salinity if raw.salinity is not None else raw.conductivity,
     }
@@ -251,9 +240,7 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
     raw = check_units(raw)
     other = raw.unit_named not in (None, "dbar")  # who writes that has looked
     unit_known = raw.unit_stated or other or raw.pressure is None or by_depth(raw)
-    guide = raw.pressure if raw.pressure is not None else raw.depth
-    assert guide is not None
-    raw = raw.only(one_leg(raw, guide, profile))
+    raw = raw.only(one_leg(raw, raw.down, profile))
     latitude = _LATITUDE if raw.latitude is None else raw.latitude
     if raw.latitude is None:
         raw.report.append(
@@ -263,8 +250,8 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
     pressure = _pressure(raw, latitude)
     if raw.salinity is None:
         assert raw.conductivity is not None
-        raw = replace(raw, salinity=gsw.SP_from_C(10.0 * raw.conductivity, raw.temperature,
-                                                  np.maximum(pressure, 0.0)))  # fmt: skip
+        mS_cm, down = 10.0 * raw.conductivity, np.maximum(pressure, 0.0)
+        raw = replace(raw, salinity=gsw.SP_from_C(mS_cm, raw.temperature, down))
     kept = without_spikes(raw, pressure)
     raw, pressure = averaged(raw.only(kept), pressure[kept])
     assert raw.salinity is not None
@@ -274,12 +261,18 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
         what = "there is one pressure only"
         raise raw.refused(what, "Give a cast that goes down", "pressure_dbar")
     SA, CT = stable(raw, pressure, SA, CT, inversions)
+    column = None if unit_known else raw.names.get("pressure_dbar", "NAME")
     return Cast(
-        pressure=pressure, SA=SA, CT=CT, latitude=latitude, longitude=raw.longitude,
-        name=f"{raw.path.name} {raw.name}".strip(), report=tuple(raw.report),
-        pressure_column=None if unit_known else raw.names.get("pressure_dbar", "NAME"),
+        pressure=pressure,
+        SA=SA,
+        CT=CT,
+        latitude=latitude,
+        longitude=raw.longitude,
+        name=f"{raw.path.name} {raw.name}".strip(),
+        report=tuple(raw.report),
+        pressure_column=column,
         unit_named=raw.unit_named is not None,
-    )  # fmt: skip
+    )
 
 
 def _pressure(raw: RawCast, latitude: float) -> Array:

@@ -163,10 +163,12 @@ Choose = Callable[[list[str]], dict[str, LogColumn]]
 class Table:
     """Columns of numbers in the units of their names, NaN where there is none.
 
-    parts: how many times the header stands in the file; times: where the times are from.
+    sources: the column of the file for each. parts: how many times the header stands in the file;
+    times: where the times are from.
     """
 
     values: dict[str, Array]
+    sources: Mapping[str, LogColumn]
     line: NDArray[np.int64]
     parts: int
     times: TimeColumn
@@ -192,10 +194,8 @@ def read_table(
     numbered in their order. Raises LogError with file, line, column and value.
     """
     sheet = open_sheet(file, [*wanted, *({name} for name in where)])
-    sources = {
-        name: _with_unit(name, column, sheet, units, file)
-        for name, column in choose(sheet.header).items()
-    }
+    chosen = choose(sheet.header)
+    sources = {name: _with_unit(name, c, sheet, units, file) for name, c in chosen.items()}
     tests = [RowTest(file, sheet.header, name, value) for name, value in where.items()]
     dates = {column.date for column in sources.values() if column.date is not None}
     line, columns = sheet.take({*(column.name for column in sources.values()), *dates, *where})
@@ -204,19 +204,20 @@ def read_table(
         what = "the log has a header and no rows"
         raise file.refused(what, "Give a log with a row per sample", "rows")
     if tests:
-        chosen = np.logical_and.reduce([test.of(columns[test.name]) for test in tests])
-        if not chosen.any():
+        kept = np.logical_and.reduce([test.of(columns[test.name]) for test in tests])
+        if not kept.any():
             raise none_chosen(file, len(line), where, columns)
-        report.append(f"{int(chosen.sum())} of {len(line)} rows chosen")
-        line = line[chosen]
-        columns = {name: _only(column, chosen) for name, column in columns.items()}
+        report.append(f"{int(kept.sum())} of {len(line)} rows chosen")
+        line = line[kept]
+        columns = {name: _only(column, kept) for name, column in columns.items()}
     for name in sorted(set(labels) & set(sources)):
         columns[sources[name].name] = _numbered(columns[sources[name].name])
     reader = ColumnReader(file, columns, line, units)
     written = {name: reader.read(name, column) for name, column in sources.items()}
     reader.refuse_bad()  # first: it may be why the rest makes no sense
     values = {name: reader.in_unit(name, sources[name], written[name]) for name in sources}
-    table = Table(values=values, line=line, parts=sheet.parts, times=reader.times)
+    parts, times = sheet.parts, reader.times
+    table = Table(values=values, sources=chosen, line=line, parts=parts, times=times)
     table = table.only(reader.good_rows())
     used = {column.name for column in sources.values()} | dates | set(where)
     unused = [name for name in sheet.header if name and name not in used]
