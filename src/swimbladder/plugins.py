@@ -12,6 +12,7 @@ package, and is left out where all are listed: it is in nobody else's way.
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Generic, TypeVar
 
@@ -20,24 +21,23 @@ from swimbladder.errors import InputError
 Kind = TypeVar("Kind")
 
 
+@dataclass(eq=False, repr=False)
 class Registry(Mapping[str, Kind], Generic[Kind]):
     """Things of one kind by name: swimbladder's own, then those of other packages.
 
     Names that cannot be loaded are in it, and raise InputError where they are asked for, but are
     not among those that it counts and goes through; `broken` says why.
+
+    group: of entry points. what: "law", as messages have it. own: swimbladder's, each loaded by a
+    call. accept: given what another package has and its name, returns it as it is to be used;
+    raises InputError.
     """
 
-    def __init__(
-        self, group: str, what: str, own: Mapping[str, Callable[[], Kind]],
-        accept: Callable[[Any, str], Kind],
-    ) -> None:  # fmt: skip
-        """Hold the things of an entry point group.
-
-        what: "law", as messages have it. own: swimbladder's, each loaded by a call. accept: given
-        what another package has and its name, returns it as it is to be used; raises InputError.
-        """
-        self.group, self.what, self.own, self._accept = group, what, own, accept
-        self._loaded: dict[Any, Kind] = {}
+    group: str
+    what: str
+    own: Mapping[str, Callable[[], Kind]]
+    accept: Callable[[Any, str], Kind]
+    _loaded: dict[Any, Kind] = field(default_factory=dict, init=False)
 
     def names(self) -> list[str]:
         """Return all names, loaded or not."""
@@ -92,7 +92,7 @@ class Registry(Mapping[str, Kind], Generic[Kind]):
     def _from_outside(self, name: str, point: Any) -> Kind:
         package = _package(point)
         try:
-            return self._accept(point.load(), name)
+            return self.accept(point.load(), name)
         except Exception as error:  # whatever another package does
             why, remedy = f"{type(error).__name__}: {error}", f"Update {package}, or uninstall it"
             if isinstance(error, InputError):

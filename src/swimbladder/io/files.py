@@ -14,6 +14,8 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextvars import ContextVar
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from swimbladder.errors import InputError
@@ -99,10 +101,8 @@ def _alive(process: int) -> bool:
         return True
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)
     return True
 
 
@@ -121,25 +121,20 @@ def write_through(path: str | Path, write: Callable[[Path], object]) -> Path:
     For writers that want a name (matplotlib, netCDF); the temporary name keeps the suffix.
     Raises InputError where the file cannot be written.
     """
-    target = Path(path)
-    temporary: Path | None = None
+    target, prefix = Path(path), _prefix(os.getpid())
     try:
-        handle, name = tempfile.mkstemp(
-            dir=target.parent, prefix=_prefix(os.getpid()), suffix=target.suffix
-        )
-        os.close(handle)
-        temporary = Path(name)
-        write(temporary)
-        _publish_mode(temporary, 0o666)  # as open() would have made it
-        temporary.replace(target)
+        with contextlib.ExitStack() as stack:
+            handle, name = tempfile.mkstemp(target.suffix, prefix, target.parent)
+            os.close(handle)
+            temporary = Path(name)
+            stack.callback(temporary.unlink, missing_ok=True)
+            write(temporary)
+            _publish_mode(temporary, 0o666)  # as open() would have made it
+            temporary.replace(target)
     except OSError as error:
         what = f"cannot write the file: {error.strerror or error}"
         remedy = "Choose a place that exists and can be written"
         raise InputError(what, file=target, field="output", remedy=remedy) from error
-    finally:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                temporary.unlink()
     return target
 
 
@@ -192,31 +187,30 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
     is there stays. Raises InputError where that is not possible.
     """
     try:
-        temporary = temporary_folder(out.parent)
+        with contextlib.ExitStack() as stack:
+            temporary = temporary_folder(out.parent)
+            stack.callback(shutil.rmtree, temporary, ignore_errors=True)
+            write(temporary)
+            if out.exists():
+                # the page last: it names the others
+                files = sorted(p for p in temporary.rglob("*") if p.is_file())
+                for path in sorted(files, key=lambda p: p.suffix == ".html"):
+                    target = out / path.relative_to(temporary)
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    path.replace(target)
+            else:
+                _publish_mode(temporary, 0o777)  # as mkdir would have made it
+                temporary.rename(out)
     except OSError as error:
-        raise _refused(out, error) from error
-    try:
-        write(temporary)
-        if out.exists():
-            # the page last: it names the others
-            files = sorted(p for p in temporary.rglob("*") if p.is_file())
-            for path in sorted(files, key=lambda p: p.suffix == ".html"):
-                target = out / path.relative_to(temporary)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                path.replace(target)
-        else:
-            _publish_mode(temporary, 0o777)  # as mkdir would have made it
-            temporary.rename(out)
-    except OSError as error:
-        raise _refused(out, error) from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        what = f"cannot write the files: {error.strerror or error}"
+        remedy = "Choose a folder that can be written with --out"
+        raise InputError(what, file=out, field="--out", remedy=remedy) from error
 
 
-def _refused(out: Path, error: OSError) -> InputError:
-    what = f"cannot write the files: {error.strerror or error}"
-    remedy = "Choose a folder that can be written with --out"
-    return InputError(what, file=out, field="--out", remedy=remedy)
+def shipped(package: str) -> dict[str, Traversable]:
+    """Return the TOML files of a package by name, sorted."""
+    files = (file for file in resources.files(package).iterdir() if file.name.endswith(".toml"))
+    return {f.name.removesuffix(".toml"): f for f in sorted(files, key=lambda file: file.name)}
 
 
 def source_hash(paths: Iterable[Path]) -> str:

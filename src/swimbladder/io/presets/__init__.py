@@ -1,8 +1,7 @@
 """The vehicles that come with swimbladder: one TOML file each, with where its numbers come from."""
 
-from importlib import resources
-
 from swimbladder.errors import InputError
+from swimbladder.io.files import shipped
 from swimbladder.vehicle.schema import did_you_mean
 
 __all__ = ["preset_names", "preset_text"]
@@ -10,8 +9,7 @@ __all__ = ["preset_names", "preset_text"]
 
 def preset_names() -> list[str]:
     """Return the names of all presets, sorted."""
-    files = resources.files(__name__).iterdir()
-    return sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml"))
+    return list(shipped(__name__))
 
 
 def preset_text(name: str) -> str:
@@ -19,12 +17,10 @@ def preset_text(name: str) -> str:
 
     Raises InputError where there is none of that name.
     """
-    known = preset_names()
+    known = shipped(__name__)
     if name not in known:
         what = "there is no preset of that name, and no such file"
-        remedy = (
-            f"{did_you_mean(name, known)}Presets: {', '.join(known)}; "
-            "or give the path of a TOML file"
-        )
+        presets = f"{did_you_mean(name, known)}Presets: {', '.join(known)}"
+        remedy = f"{presets}; or give the path of a TOML file"
         raise InputError(what, field="vehicle", value=name, remedy=remedy)
-    return resources.files(__name__).joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return known[name].read_text(encoding="utf-8")
