@@ -38,7 +38,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
-from swimbladder.io.files import make_folder, source_hash, write_through
+from swimbladder.io.files import make_folder, source_hash, write_atomically, write_through
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -50,6 +50,14 @@ EXECUTORS = ("threads", "processes", "dask")
 _POLL = 0.5  # s, between two reads of the markers
 _PATIENCE = 10.0  # s, with a scheduler that does not answer
 _TRIES = 3  # times that workers may die one after the other without a chunk that is done
+
+
+# How the answers of a store are read, by the endings of their files.
+_LOADERS: dict[str, Callable[[Any], Any]] = {
+    ".npy": np.load,
+    ".npz": lambda file: dict(np.load(file)),
+    ".json": json.load,
+}
 
 
 @cache
@@ -117,14 +125,10 @@ class Store:
             return None
         stem = self._stem(asked)
         try:
-            for suffix in (".npy", ".npz", ".json"):
-                path = stem.with_name(stem.name + suffix)
-                if path.exists():
-                    if suffix == ".json":
-                        return json.loads(path.read_text(encoding="utf-8"))
-                    with path.open("rb") as file:
-                        found = np.load(file)
-                        return found if suffix == ".npy" else dict(found)
+            for suffix, load in _LOADERS.items():
+                if os.path.exists(stem + suffix):
+                    with open(stem + suffix, "rb") as file:
+                        return load(file)
         except (OSError, ValueError, EOFError, BadZipFile):
             pass  # spoilt: it is computed anew
         return None
@@ -135,16 +139,13 @@ class Store:
             return
         make_folder(self.folder)
         stem = self._stem(asked)
+        parts = answer.values() if isinstance(answer, Mapping) else [None]
         if isinstance(answer, np.ndarray):
-            write_through(stem.with_name(stem.name + ".npy"), lambda at: np.save(at, answer))
-        elif isinstance(answer, Mapping) and all(
-            isinstance(part, np.ndarray) for part in answer.values()
-        ):
-            write_through(stem.with_name(stem.name + ".npz"), lambda at: np.savez(at, **answer))
+            write_through(f"{stem}.npy", lambda at: np.save(at, answer))
+        elif all(isinstance(part, np.ndarray) for part in parts):
+            write_through(f"{stem}.npz", lambda at: np.savez(at, **answer))
         else:
-            text = json.dumps(answer)
-            path = stem.with_name(stem.name + ".json")
-            write_through(path, lambda at: at.write_text(text, encoding="utf-8"))
+            write_atomically(f"{stem}.json", json.dumps(answer))
 
     def get(self, compute: Callable[[], Answer], *asked: Any) -> Answer:
         """Return the answer that is kept, or compute and keep it; tuples may return as lists."""
@@ -159,9 +160,9 @@ class Store:
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _stem(self, asked: tuple[Any, ...]) -> Path:
+    def _stem(self, asked: tuple[Any, ...]) -> str:
         assert self.folder is not None
-        return self.folder / f"{asked[0]}-{identity(software(), self._about, asked)}"
+        return str(self.folder / f"{asked[0]}-{identity(software(), self._about, asked)}")
 
 
 def each(
@@ -349,14 +350,9 @@ def _by_dask(job: Job, chunks: list[int], workers: Workers, report: Callable[[],
     with contextlib.ExitStack() as stack:
         address: Any = workers.scheduler
         if address is None:
-            address = stack.enter_context(
-                distributed.LocalCluster(
-                    n_workers=workers.local,
-                    threads_per_worker=1,
-                    dashboard_address=None,
-                    silence_logs=50,
-                )
-            )
+            quiet = {"dashboard_address": None, "silence_logs": 50}
+            local = distributed.LocalCluster(n_workers=workers.local, threads_per_worker=1, **quiet)
+            address = stack.enter_context(local)
         elif Path(address).is_file():
             address = _written_address(Path(address))
         client = stack.enter_context(_client(distributed, address))
