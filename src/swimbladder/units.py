@@ -31,47 +31,39 @@ class _Unit:
         )
 
 
-_POUND_FORCE_PER_SQUARE_INCH = Fraction("4.4482216152605") / Fraction("0.0254") ** 2
-# A temperature in degC and a difference in K are two kinds: 15 degC is no 15 K.
-_TABLE: dict[tuple[int, int, int, int, int, int, int], dict[str, str | float | Fraction]] = {
-    # (metre, kilogram, second, ampere, radian, kelvin, degree Celsius): {name: factor}
-    (0, 0, 0, 0, 0, 0, 0): {"%": "1e-2", "ppm": "1e-6"},
-    (1, 0, 0, 0, 0, 0, 0): {
-        "m": "1", "km": "1e3", "dm": "1e-1", "cm": "1e-2", "mm": "1e-3", "um": "1e-6",
-        "in": "0.0254", "ft": "0.3048",
-    },
-    (3, 0, 0, 0, 0, 0, 0): {
-        "L": "1e-3", "l": "1e-3", "dL": "1e-4", "mL": "1e-6", "ml": "1e-6", "uL": "1e-9",
-        "cc": "1e-6",
-    },
-    (0, 1, 0, 0, 0, 0, 0): {"kg": "1", "g": "1e-3", "mg": "1e-6", "t": "1e3", "lb": "0.45359237"},
-    (0, 0, 1, 0, 0, 0, 0): {
-        "s": "1", "ms": "1e-3", "us": "1e-6", "min": "60", "h": "3600", "d": "86400",
-        "year": "31557600",
-    },
-    (0, 0, -1, 0, 0, 0, 0): {"Hz": "1", "kHz": "1e3"},
-    (0, 0, 0, 1, 0, 0, 0): {"A": "1", "mA": "1e-3", "uA": "1e-6"},
-    (2, 1, -3, -1, 0, 0, 0): {"V": "1", "mV": "1e-3", "uV": "1e-6", "kV": "1e3"},
-    (2, 1, -3, -2, 0, 0, 0): {"ohm": "1", "mohm": "1e-3", "kohm": "1e3", "Ω": "1"},
-    (2, 1, -2, -2, 0, 0, 0): {"H": "1", "mH": "1e-3", "uH": "1e-6"},
-    (1, 1, -2, 0, 0, 0, 0): {"N": "1", "mN": "1e-3", "kN": "1e3"},
-    (-1, 1, -2, 0, 0, 0, 0): {
-        "Pa": "1", "hPa": "1e2", "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "bar": "1e5",
-        "mbar": "1e2", "dbar": "1e4", "atm": "101325", "psi": _POUND_FORCE_PER_SQUARE_INCH,
-    },
-    (2, 1, -3, 0, 0, 0, 0): {"W": "1", "mW": "1e-3", "kW": "1e3"},
-    (2, 1, -2, 0, 0, 0, 0): {"J": "1", "mJ": "1e-3", "kJ": "1e3", "Wh": "3600"},
-    (0, 0, 0, 0, 1, 0, 0): {"rad": "1", "deg": math.pi / 180.0, "rev": 2.0 * math.pi},
-    (0, 0, -1, 0, 1, 0, 0): {"rpm": 2.0 * math.pi / 60.0},
-    (-2, -1, 3, 2, 0, 0, 0): {"S": "1", "mS": "1e-3", "uS": "1e-6"},
-    (0, 0, 0, 0, 0, 1, 0): {"K": "1"},
-    (0, 0, 0, 0, 0, 0, 1): {"degC": "1"},
-}  # fmt: skip
+# Units and their factors by powers of metre, kilogram, second, ampere, radian, kelvin and degree
+# Celsius. A temperature in degC and a difference in K are two kinds: 15 degC is no 15 K.
+_TABLE = {
+    (0, 0, 0, 0, 0, 0, 0): "% 1e-2, ppm 1e-6",
+    (1, 0, 0, 0, 0, 0, 0): "m 1, km 1e3, dm 1e-1, cm 1e-2, mm 1e-3, um 1e-6, in 0.0254, ft 0.3048",
+    (3, 0, 0, 0, 0, 0, 0): "L 1e-3, l 1e-3, dL 1e-4, mL 1e-6, ml 1e-6, uL 1e-9, cc 1e-6",
+    (0, 1, 0, 0, 0, 0, 0): "kg 1, g 1e-3, mg 1e-6, t 1e3, lb 0.45359237",
+    (0, 0, 1, 0, 0, 0, 0): "s 1, ms 1e-3, us 1e-6, min 60, h 3600, d 86400, year 31557600",
+    (0, 0, -1, 0, 0, 0, 0): "Hz 1, kHz 1e3",
+    (0, 0, 0, 1, 0, 0, 0): "A 1, mA 1e-3, uA 1e-6",
+    (2, 1, -3, -1, 0, 0, 0): "V 1, mV 1e-3, uV 1e-6, kV 1e3",
+    (2, 1, -3, -2, 0, 0, 0): "ohm 1, mohm 1e-3, kohm 1e3, Ω 1",
+    (2, 1, -2, -2, 0, 0, 0): "H 1, mH 1e-3, uH 1e-6",
+    (1, 1, -2, 0, 0, 0, 0): "N 1, mN 1e-3, kN 1e3",
+    (-1, 1, -2, 0, 0, 0, 0): "Pa 1, hPa 1e2, kPa 1e3, MPa 1e6, GPa 1e9, bar 1e5, mbar 1e2, "
+    "dbar 1e4, atm 101325",
+    (2, 1, -3, 0, 0, 0, 0): "W 1, mW 1e-3, kW 1e3",
+    (2, 1, -2, 0, 0, 0, 0): "J 1, mJ 1e-3, kJ 1e3, Wh 3600",
+    (0, 0, 0, 0, 1, 0, 0): "rad 1",
+    (-2, -1, 3, 2, 0, 0, 0): "S 1, mS 1e-3, uS 1e-6",
+    (0, 0, 0, 0, 0, 1, 0): "K 1",
+    (0, 0, 0, 0, 0, 0, 1): "degC 1",
+}
 _UNITS = {
     name: _Unit(Fraction(factor), dimension)
-    for dimension, names in _TABLE.items()
-    for name, factor in names.items()
+    for dimension, units in _TABLE.items()
+    for name, factor in map(str.split, units.split(","))
 }
+_UNITS["deg"] = _Unit(Fraction(math.pi / 180.0), _UNITS["rad"].dimension)
+_UNITS["rev"] = _Unit(Fraction(2.0 * math.pi), _UNITS["rad"].dimension)
+_UNITS["rpm"] = _Unit(Fraction(2.0 * math.pi / 60.0), (0, 0, -1, 0, 1, 0, 0))
+_POUND_FORCE = Fraction("4.4482216152605")  # N
+_UNITS["psi"] = _Unit(_POUND_FORCE / Fraction("0.0254") ** 2, _UNITS["Pa"].dimension)
 _NONE = _Unit(Fraction(1), (0, 0, 0, 0, 0, 0, 0))
 
 _TOKEN = re.compile(
