@@ -173,11 +173,14 @@ def _stamp(instant: datetime) -> tuple[float, bool]:
     return instant.timestamp(), True
 
 
-def number(text: str, *, comma: bool) -> float:
-    """Return a text as a number; raises ValueError where it is none."""
+def number(text: str, *, comma: bool) -> float | None:
+    """Return a text as a number; None where it is none."""
     if "_" in text or (comma and "." in text):
-        raise ValueError(text)
-    return float((text.replace(",", ".") if comma else text).replace("−", "-"))
+        return None
+    try:
+        return float((text.replace(",", ".") if comma else text).replace("−", "-"))
+    except ValueError:
+        return None
 
 
 def column_texts(column: Column) -> list[str]:
@@ -209,10 +212,7 @@ class RowTest:
     def _same(self, text: str) -> bool:
         if text == self._text or self._number is None:
             return text == self._text
-        try:
-            return number(text, comma=self._comma) == self._number
-        except ValueError:
-            return False
+        return number(text, comma=self._comma) == self._number
 
 
 def none_chosen(
@@ -357,18 +357,17 @@ class ColumnReader:
             raise self.file.refused(what, remedy, name, value=column.date)
         given = self.columns[column.name]
         if not isinstance(given, list):
-            absent = [float(text) for text in self.form.missing if _is_number(text)]
+            texts = [number(text, comma=False) for text in self.form.missing]
+            absent = [value for value in texts if value is not None]
             return np.where(np.isfinite(given) & ~np.isin(given, absent), given, np.nan)
         values = np.empty(len(given))
         comma, missing = self.form.decimal == ",", self._missing
         stated = frozenset(text.strip() for text in self.form.missing)
         for k, text in enumerate(given):
-            try:
-                values[k] = math.nan if text.strip() in stated else number(text, comma=comma)
-            except ValueError:
-                values[k] = math.nan
-                if text.strip().lower() not in missing:
-                    self._not_a_number(name, column, k, text.strip())
+            found = math.nan if text.strip() in stated else number(text, comma=comma)
+            values[k] = math.nan if found is None else found
+            if found is None and text.strip().lower() not in missing:
+                self._not_a_number(name, column, k, text.strip())
         values[~np.isfinite(values)] = np.nan
         return values
 
@@ -406,10 +405,3 @@ def _scaled(values: Array, factor: float) -> Array:
     parts = round(1.0 / factor) if factor < 1.0 else 1
     with np.errstate(over="ignore"):
         return values / parts if parts > 1 and 1.0 / parts == factor else values * factor
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return math.isfinite(number(text, comma=False))
-    except ValueError:
-        return False

@@ -43,12 +43,8 @@ def wanted_names(mapped: Mapping[str, LogColumn | str], needed: Sequence[str]) -
     wanted = [set(column_readings(given)) for given in mapped.values()]
     dates = [given.date for given in mapped.values() if isinstance(given, LogColumn)]
     wanted += [{date} for date in dates if date is not None]
-    for name in needed:
-        if name == "depth_m" and "pressure_Pa" not in mapped and name not in mapped:
-            wanted.append({"depth_m", "pressure_Pa"})
-        elif name not in mapped and not (name == "depth_m" and "pressure_Pa" in mapped):
-            wanted.append({name})
-    return wanted
+    choices = [{"depth_m", "pressure_Pa"} if name == "depth_m" else {name} for name in needed]
+    return wanted + [names for names in choices if names.isdisjoint(mapped)]
 
 
 def column_readings(given: LogColumn | str) -> dict[str, LogColumn]:

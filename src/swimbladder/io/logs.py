@@ -237,8 +237,8 @@ def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Seque
     _turn(data, form, report)
     gaps = find_gaps(table, file)
     suspect = suspects(table, gaps, file)
-    chosen = ", ".join(f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}"
-                       for name, value in where.items())  # fmt: skip
+    texts = [f"{value:g}" if isinstance(value, float) else value for value in where.values()]
+    chosen = ", ".join(f"{name}={text}" for name, text in zip(where, texts, strict=True))
     others: dict[str, Any] = {field: data[n] for n, field in _FIELDS.items() if n in data}
     log = Log(
         source=f"{file.path} ({chosen})" if chosen else str(file.path),
