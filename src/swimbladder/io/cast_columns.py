@@ -7,7 +7,7 @@ order.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -226,8 +226,9 @@ def cast_sources(
     """
     check_names(mapped, file)
     sources = {name: _given(file, name, given, header) for name, given in mapped.items()}
+    kinds = [(column, *(kind_of(column) or ("", None))) for column in header]
     for name in CAST_COLUMNS:
-        found = list(_meaning(name, header))
+        found = [LogColumn(name=c, unit=unit) for c, meant, unit in kinds if meant == name]
         if name in sources or not found:
             continue
         if len(found) > 1 and name in header:
@@ -239,13 +240,6 @@ def cast_sources(
         sources[name] = found[0]
     _need(file, sources, header, salted=salted)
     return sources
-
-
-def _meaning(name: str, header: Collection[str]) -> Iterator[LogColumn]:
-    for column in header:
-        kind = kind_of(column)
-        if kind is not None and kind[0] == name:
-            yield LogColumn(name=column, unit=kind[1])
 
 
 def _given(file: LogFile, name: str, given: str | LogColumn, header: Sequence[str]) -> LogColumn:
@@ -273,8 +267,6 @@ def _need(
                 absolute = [column for column in header if _ABSOLUTE.search(column.lower())]
                 if absolute:
                     more += f" ({absolute[0]} is not practical: gsw.SP_from_SA makes it so)"
-            remedy = (
-                f'Say which column it is with --column "{names[0]}=NAME"{more}; columns of '
-                f"the file: {listed(header)}"
-            )
+            columns = f"columns of the file: {listed(header)}"
+            remedy = f'Say which column it is with --column "{names[0]}=NAME"{more}; {columns}'
             raise file.refused(f"the cast has {what}", remedy, names[0])

@@ -5,7 +5,7 @@ Small density inversions are noise and averaged, large ones are refused.
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,8 +208,8 @@ def without_spikes(raw: RawCast, pressure: Array) -> Mask:
         spiky[good] = _spikes(values[good], floor)
         if spiky.any():
             k = int(np.flatnonzero(spiky)[np.argmax(np.abs(values[spiky]))])
-            _say(raw, spiky, f"with {name} far off those around ({values[k]:.4g} at "
-                 f"{pressure[k]:.1f} dbar)")  # fmt: skip
+            where = f"{values[k]:.4g} at {pressure[k]:.1f} dbar"
+            _say(raw, spiky, f"with {name} far off those around ({where})")
         good &= ~spiky
     return good
 
@@ -257,8 +257,7 @@ def averaged(raw: RawCast, pressure: Array) -> tuple[RawCast, Array]:
         return np.asarray(np.bincount(back, weights=values) / count)
 
     assert raw.salinity is not None
-    binned = replace(
-        raw.only(first), temperature=mean(raw.temperature), salinity=mean(raw.salinity),
-        pressure=mean(pressure), depth=None, conductivity=None, density=None,
-    )  # fmt: skip
-    return binned, mean(pressure)
+    found: dict[str, Any] = dict.fromkeys(("depth", "conductivity", "density"))
+    found |= {"temperature": mean(raw.temperature), "salinity": mean(raw.salinity)}
+    found["pressure"] = mean(pressure)
+    return replace(raw.only(first), **found), found["pressure"]

@@ -259,21 +259,19 @@ def _salt(raw: RawCast) -> None:
         what = f"a salinity of {middle:.4g} is that of no sea"
         remedy = "A conductivity is mapped as conductivity_S_m=NAME@mS/cm, in its unit"
         raise raw.refused(what, remedy, "salinity", value=round(middle, 4))
-    if raw.conductivity is None:
-        return
+    elif raw.conductivity is not None:
+        _refuse_salt(raw, raw.conductivity)
+
+
+def _refuse_salt(raw: RawCast, C: Array) -> None:
+    """Raise LogError where conductivities are those of no water, with the unit that fits."""
     import gsw
 
     p = np.zeros(len(raw)) if raw.pressure is None else raw.pressure
-    C = raw.conductivity
 
     def median_salt(factor: float) -> float:
         return float(np.nanmedian(gsw.SP_from_C(10.0 * factor * C, raw.temperature, p)))
 
-    _refuse_salt(raw, C, median_salt)
-
-
-def _refuse_salt(raw: RawCast, C: Array, median_salt: Callable[[float], float]) -> None:
-    """Raise LogError where conductivities are those of no water, with the unit that fits."""
     found = median_salt(1.0)
     if 0.0 < found <= MOST_SALT:
         return

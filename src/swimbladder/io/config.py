@@ -168,30 +168,23 @@ def load_vehicle(
 
 
 def _check_parts_fit(vehicle: Vehicle) -> None:
-    """Raise InputError where the actuator, the supply and the control law do not go together."""
+    """Raise InputError where the actuator, the supply and the control law do not go together.
+
+    Also where a parameter of the law `rate` is out of range: a float that looks without a pause is
+    flown for ever.
+    """
     if vehicle.command != "volume change":
         plant(vehicle)
     if vehicle.controller is None:
         return
     law, parameters = own_law(vehicle, sampled=False)
-    _check_ranges(law.name, parameters)
-
-
-def _check_ranges(law: str, parameters: Any) -> None:
-    """Raise InputError where a parameter of the law `rate` is out of range.
-
-    A float that looks without a pause is flown for ever.
-    """
-    for name, value in parameters._asdict().items() if law == RATE.name else ():
+    for name, value in parameters._asdict().items() if law.name == RATE.name else ():
         least = _LEAST.get(name, 0.0)
         if value < least or (value == 0.0 and name in _ABOVE_0):
-            raise InputError(
-                "must be above 0" if name in _ABOVE_0 else f"must be {least:g} or more",
-                field=f"controller.parameters.{name}",
-                value=value,
-                unit=RATE.units[name],
-                remedy="Check the number and its unit",
-            )
+            what = "must be above 0" if name in _ABOVE_0 else f"must be {least:g} or more"
+            place, unit = f"controller.parameters.{name}", RATE.units[name]
+            remedy = "Check the number and its unit"
+            raise InputError(what, field=place, value=value, unit=unit, remedy=remedy)
 
 
 def vehicle_text(name_or_path: str | Path) -> str:

@@ -67,18 +67,13 @@ def read_float_log(
 def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:
     """Return which column of the file each column of the log is read from."""
     found = named_columns(file, mapped, header, FLOAT_COLUMNS)
+    columns = f"columns of the file: {listed(header)}"
     for name in _NEEDED:
         if name not in found:
-            remedy = (
-                f"Say which one it is with --column {name}=NAME; columns of the file: "
-                f"{listed(header)}"
-            )
+            remedy = f"Say which one it is with --column {name}=NAME; {columns}"
             raise file.refused(f"the float's log has no column {name}", remedy, name)
     if not {f"{device}_s" for device in DEVICES} & set(found):
-        remedy = (
-            "Say which columns hold their seconds with --column pump_s=NAME; columns of "
-            f"the file: {listed(header)}"
-        )
+        remedy = f"Say which columns hold their seconds with --column pump_s=NAME; {columns}"
         raise file.refused("the float's log does not say when pump or valve ran", remedy, "pump_s")
     return found
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -66,13 +67,10 @@ def read_pump_runs(
     """
     mapped, file = dict(columns or {}), LogFile(path, format_of(form))
     check_columns(file, mapped, RUN_COLUMNS, "a table of runs")
-
-    def choose(header: list[str]) -> dict[str, LogColumn]:
-        return _sources(file, mapped, header)
-
     wanted = [set(column_readings(given)) for given in mapped.values()]
     wanted += [{name} for name in ("duration_s", "pressure_Pa") if name not in mapped]
-    found = read_table(file, where or {}, choose, wanted, RUN_COLUMNS, ("dive",))
+    choose, labels = partial(_sources, file, mapped), ("dive",)
+    found = read_table(file, where or {}, choose, wanted, RUN_COLUMNS, labels)
     values = found.values
     power = values.get("power_W")
     if power is None:
@@ -94,41 +92,32 @@ def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dic
     for name in needed:
         if name not in sources:
             or_both = ", or power_W" if name in ("voltage_V", "current_A") else ""
-            remedy = (
-                f'Say which one it is with --column "{name}=NAME@UNIT"; columns of the '
-                f"file: {listed(header)}"
-            )
+            columns = f"columns of the file: {listed(header)}"
+            remedy = f'Say which one it is with --column "{name}=NAME@UNIT"; {columns}'
             raise file.refused(f"the table has no column {name}{or_both}", remedy, name)
     return sources
 
 
 def _check(values: Mapping[str, Array], line: NDArray[np.int64], file: LogFile) -> None:
     """Raise LogError for numbers that no run of a pump has."""
-    for name, low, high, unit, remedy in (
-        ("duration_s", 0.0, _LONGEST, "s", "duration_s=NAME@ms"),
-        ("pressure_Pa", -2e5, 1.2e8, "Pa", "pressure_Pa=NAME@dbar"),
-        ("temperature_degC", -5.0, 60.0, "degC", "temperature_degC=NAME@degC"),
-        ("volume_m3", -0.1, 0.1, "m3", "volume_m3=NAME@mL"),
-        ("voltage_V", -_HIGHEST, _HIGHEST, "V", "voltage_V=NAME@mV"),
+    for name, low, high, likely in (
+        ("duration_s", 0.0, _LONGEST, "ms"),
+        ("pressure_Pa", -2e5, 1.2e8, "dbar"),
+        ("temperature_degC", -5.0, 60.0, "degC"),
+        ("volume_m3", -0.1, 0.1, "mL"),
+        ("voltage_V", -_HIGHEST, _HIGHEST, "mV"),
     ):
-        v = values.get(name)
-        if v is None:
-            continue
-        bad = np.flatnonzero((v < low) | (v > high))
-        if bad.size:
-            below = name == "duration_s" and v[bad[0]] < 0.0
-            raise file.refused(
-                "a run lasts no less than 0 s" if below else "no run of a pump has this",
-                (
+        v = values.get(name, np.zeros(0))
+        for row in np.flatnonzero((v < low) | (v > high))[:1]:
+            what = "no run of a pump has this"
+            remedy = f'State its unit: --column "{name}=NAME@{likely}"'
+            if name == "duration_s" and v[row] < 0.0:
+                what = "a run lasts no less than 0 s"
+                remedy = (
                     "Mend the row, or leave the cell empty: a run that is not known is left out"
-                    if below
-                    else f'State its unit: --column "{remedy}"'
-                ),
-                name,
-                line=line[bad[0]],
-                value=float(v[bad[0]]),
-                unit=unit,
-            )
+                )
+            value, unit = float(v[row]), RUN_COLUMNS[name]
+            raise file.refused(what, remedy, name, line=line[row], value=value, unit=unit)
     pressure = values["pressure_Pa"]
     known = pressure[np.isfinite(pressure)]
     if known.size and float(np.max(known)) < 2.5e4:
@@ -146,14 +135,9 @@ def _check_power(power: Array, field: str, file: LogFile) -> None:
     if 0.0 < middle < _MOST:
         return
     small = "mW" if field == "power_W" else "mA"
-    what = (
-        f"half of the runs take less than {middle:.4g} W"
-        if middle <= 0.0
-        else f"half of the runs take more than {middle:.4g} W"
-    )
-    remedy = (
-        "Give what is drawn as positive numbers"
-        if middle <= 0.0
-        else f'State its unit: --column "{field}=NAME@{small}"'
-    )
+    what = f"half of the runs take more than {middle:.4g} W"
+    remedy = f'State its unit: --column "{field}=NAME@{small}"'
+    if middle <= 0.0:
+        what = f"half of the runs take less than {middle:.4g} W"
+        remedy = "Give what is drawn as positive numbers"
     raise file.refused(what, remedy, field)

@@ -56,12 +56,10 @@ def toml_lines(
         if isinstance(value, dict):
             lines += ["", f"[{dotted(place)}]"]
             lines += [f"{_key(key)} = {toml_value(item)}" for key, item in value.items()]
-        for item in value if isinstance(value, tuple) else [value]:
-            if isinstance(item, BaseModel):
-                heading = (
-                    f"[[{dotted(place)}]]" if isinstance(value, tuple) else f"[{dotted(place)}]"
-                )
-                lines += ["", heading, *toml_lines(item, kept, text, place)]
+        if isinstance(value, BaseModel):
+            lines += ["", f"[{dotted(place)}]", *toml_lines(value, kept, text, place)]
+        for item in value if isinstance(value, tuple) else ():
+            lines += ["", f"[[{dotted(place)}]]", *toml_lines(item, kept, text, place)]
     return lines
 
 
