@@ -23,6 +23,7 @@ Some of the times are wrong: which to believe is decided over all lines.
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -160,7 +161,7 @@ class _Reader:
         self.first: float | None = None
         self.now = 0.0
         self.pressures: list[tuple[float, float, float, int]] = []
-        self.actions: list[dict[str, Any]] = []
+        self.actions: list[Action] = []
         self.known: dict[str, Any] = {}
         self.settings: dict[str, str] = {}
         self.stages: dict[int, Stage] = {}
@@ -204,30 +205,34 @@ class _Reader:
             self.speeds = (a, b)
             return max(abs(a), abs(b)) < 1e5
         if found := re.match(r"need to transfer ([+-]\d+)mL \((\w+) during (\d+)ms\)", text):
-            speeds = self.speeds or (np.nan, np.nan)
+            a, b = self.speeds or (np.nan, np.nan)
+            volume, lasts = float(found[1]) * 1e-6, float(found[3]) / 1000.0
             self.target = Target(
-                time=self.now, speed_from=speeds[0], speed_to=speeds[1],
-                change=float(found[1]) * 1e-6, seconds=float(found[3]) / 1000.0,
-            )  # fmt: skip
+                time=self.now, speed_from=a, speed_to=b, change=volume, seconds=lasts
+            )
             self.speeds = None
         return True
 
     def begun(self, device: Device, milliseconds: str) -> None:
         target = self.target if self.target and self.now - self.target.time < 30.0 else None
-        self.actions.append(
-            {
-                "device": device, "time": self.now, "asked": float(milliseconds) / 1000.0,
-                "target": target, "before": self.before, "stage": self.stage,
-            }
-        )  # fmt: skip
+        asked, stage = float(milliseconds) / 1000.0, None if self.stage == -2 else self.stage
+        action = Action(device=device, time=self.now, asked=asked, seconds=asked)
+        self.actions.append(replace(action, before=self.before, target=target, stage=stage))
         self.target = self.before = None
+
+    def changed(self, **facts: Any) -> None:
+        self.actions[-1] = replace(self.actions[-1], **facts)
+
+    def ended(self, until: float) -> None:
+        last = self.actions[-1]
+        self.changed(seconds=min(last.asked, until - last.time))
 
     def worked(self, text: str, *, device: Device) -> None:
         if found := re.match(r"(?:(?:pump )?during|(?:\w+ )?opening(?: for)?) (\d+)ms", text):
             self.begun(device, found[1])
         elif (found := re.match(r"aborted, (\d+)ticks remain", text)) and self.actions:
             last = self.actions[-1]
-            last["until"] = last["time"] + last["asked"] - _TICK * float(found[1])
+            self.ended(last.time + last.asked - _TICK * float(found[1]))
         elif found := re.search(r"(\d+)mV[,/] *(\d+)uA", text):
             reading = Reading(
                 time=self.now, voltage=float(found[1]) / 1e3, current=float(found[2]) / 1e6
@@ -235,14 +240,14 @@ class _Reader:
             if "warmup" in text:
                 self.before = reading
             elif self.actions and "opening" in text:
-                self.actions[-1]["before"] = reading
+                self.changed(before=reading)
             elif self.actions:
-                self.actions[-1]["after"] = reading
-                self.actions[-1]["pressure"] = _pressure(text)
+                self.changed(after=reading, pressure=_pressure(text))
 
     def surfaced(self, text: str) -> None:
-        if "bladder full" in text and self.actions and self.actions[-1]["device"] == "pump":
-            self.actions[-1].setdefault("until", self.now)
+        last = self.actions[-1] if self.actions else None
+        if "bladder full" in text and last and last.device == "pump" and last.seconds == last.asked:
+            self.ended(self.now)
 
     def staged(self, text: str) -> None:
         if found := re.match(r"[Ss]tage ?\[(\d+)\] (\d+)mbar \(\+/-(\d+)mbar\) (\d+)s", text):
@@ -289,12 +294,11 @@ class _Reader:
             ns, a, b, ew, c, d = found.groups()
             latitude = (float(a) + float(b) / 60.0) * (1.0 if ns == "N" else -1.0)
             longitude = (float(c) + float(d) / 60.0) * (1.0 if ew == "E" else -1.0)
-            self.known.setdefault("positions", []).append((latitude, longitude))
+            self.known["position"] = latitude, longitude
 
     def log(self, source: str) -> FloatLog:
         """Return what the lines hold."""
-        columns = np.array([row[:3] for row in self.pressures]).T
-        positions = self.known.pop("positions", None)
+        time, pressure, temperature, stage = zip(*self.pressures, strict=True)
         said = [
             f"{counted(len(lines), 'line')} {what}, the first in line {lines[0]}"
             for what, lines in self.oddities.items()
@@ -302,22 +306,18 @@ class _Reader:
         if self.colder:
             said.append(f"{counted(self.colder, 'sample')} without a temperature that a sea has")
         return FloatLog(
-            source=source, start=written(self.first),
-            time=columns[0], pressure=columns[1], temperature=columns[2],
-            stage=np.array([row[3] for row in self.pressures], dtype=np.int64),
-            actions=tuple(_action(found) for found in self.actions),
-            stages=tuple(self.stages[n] for n in sorted(self.stages)), settings=self.settings,
-            position=positions[-1] if positions else None, report=tuple(said), **self.known,
-        )  # fmt: skip
-
-
-def _action(found: dict[str, Any]) -> Action:
-    """Return an action; one that the full bladder ended lasted until then."""
-    until = found.pop("until", None)
-    asked: float = found["asked"]
-    stage: int = found.pop("stage")
-    seconds = asked if until is None else min(asked, until - found["time"])
-    return Action(**found, seconds=seconds, stage=None if stage == -2 else stage)
+            source=source,
+            start=written(self.first),
+            time=np.array(time),
+            pressure=np.array(pressure),
+            temperature=np.array(temperature),
+            stage=np.array(stage, dtype=np.int64),
+            actions=tuple(self.actions),
+            stages=tuple(self.stages[n] for n in sorted(self.stages)),
+            settings=self.settings,
+            report=tuple(said),
+            **self.known,
+        )
 
 
 # What takes the lines of a part; it returns False for one whose numbers cannot be.
