@@ -225,11 +225,7 @@ class NetCDF:
                 if np.isfinite(self._numbers(adjusted)[n]).any():
                     found = adjusted
                 elif mode in ("A", "D"):
-                    what = f"in mode {mode} no value of {plain} was found fit to be adjusted"
-                    remedy = (
-                        "Take another profile; if you trust its raw values, write them to a CSV"
-                    )
-                    raise self.file.refused(f"{what}: none is good", remedy, adjusted)
+                    self._refuse_raw(plain, mode)
             if self.variables[found].values.shape != self.variables["PRES"].values.shape:
                 remedy = "Fetch the file anew: every profile has a value per level"
                 raise self.file.refused("not as many values as pressures", remedy, found)
@@ -238,6 +234,11 @@ class NetCDF:
             if name.upper() in self.variables:
                 rows[name] = np.ravel(self._numbers(name.upper()))[n : n + 1]
         return raw_cast(rows, self.file, name=self._platform(n))
+
+    def _refuse_raw(self, name: str, mode: str) -> None:
+        what = f"in mode {mode} no value of {name} was found fit to be adjusted: none is good"
+        remedy = "Take another profile; if you trust its raw values, write them to a CSV"
+        raise self.file.refused(what, remedy, f"{name}_ADJUSTED")
 
     def _numbers(self, name: str) -> Array:
         return np.asarray(self.variables[name].values, dtype=np.float64)
@@ -315,10 +316,9 @@ class NetCDF:
         shape = values["temperature_degC"].shape
         down = next((n for n in ("pressure_dbar", "depth_m") if n in values), None)
         if down is not None and len(shape) > 1 and values[down].size in shape:
-            what = (
-                f"the temperatures are a grid of {' x '.join(map(str, shape))} values over "
-                f"{values[down].size} of {down.split('_')[0]}: several profiles side by side"
-            )
+            grid = f"a grid of {' x '.join(map(str, shape))} values"
+            over = f"{values[down].size} of {down.split('_')[0]}"
+            what = f"the temperatures are {grid} over {over}: several profiles side by side"
             raise self.file.refused(what, "Write the profile that you mean to a CSV", down)
 
     def _chosen(

@@ -39,15 +39,12 @@ def stable(
         return SA, CT
     count = counted(int((jumps < 0.0).sum()), "density inversion")
     where = f"the largest {size:.2g} kg/m3 at {pressure[worst + 1]:.1f} dbar"
+    noise, option = f"more than noise makes ({INVERSION:g})", "with --inversions average"
     if size > INVERSION and inversions == "refuse":
-        what = (
-            f"the water at {pressure[worst + 1]:.1f} dbar is {size:.2g} kg/m3 lighter than that at "
-            f"{pressure[worst]:.1f} dbar above it, more than noise makes ({INVERSION:g})"
-        )
-        remedy = (
-            "Take out what is no water there (a spike, a lagging sensor, the bottom), or "
-            "mix the neighbours with --inversions average"
-        )
+        lighter = f"{size:.2g} kg/m3 lighter than that at {pressure[worst]:.1f} dbar above it"
+        what = f"the water at {pressure[worst + 1]:.1f} dbar is {lighter}, {noise}"
+        culprits = "a spike, a lagging sensor, the bottom"
+        remedy = f"Take out what is no water there ({culprits}), or mix the neighbours {option}"
         raise raw.refused(what, remedy, "density", k=worst + 1, value=round(size, 4), unit="kg/m3")
     if inversions == "keep":
         raw.report.append(f"{count} kept, {where}")
@@ -56,18 +53,12 @@ def stable(
     change = np.abs(gsw.rho(*mixed, pressure) - gsw.rho(SA, CT, pressure))
     most = int(np.argmax(change))
     if change[most] > INVERSION and inversions == "refuse":
-        what = (
-            f"the water gets lighter downwards around {pressure[most]:.1f} dbar, by little from "
-            f"row to row and by {change[most]:.2g} kg/m3 in all, more than noise makes "
-            f"({INVERSION:g})"
-        )
-        remedy = (
-            "Check salinity and temperature there (a sensor that drifts?), or mix the water "
-            "with --inversions average"
-        )
-        raise raw.refused(
-            what, remedy, "density", k=most, value=round(float(change[most]), 4), unit="kg/m3"
-        )
+        where = f"downwards around {pressure[most]:.1f} dbar, by little from row to row"
+        by = f"by {change[most]:.2g} kg/m3 in all"
+        what = f"the water gets lighter {where} and {by}, {noise}"
+        check = "Check salinity and temperature there (a sensor that drifts?)"
+        remedy, value = f"{check}, or mix the water {option}", round(float(change[most]), 4)
+        raise raw.refused(what, remedy, "density", k=most, value=value, unit="kg/m3")
     raw.report.append(
         f"{count} averaged with the water beside, {where}; density changes by "
         f"{change[most]:.2g} kg/m3 at most"

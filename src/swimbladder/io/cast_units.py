@@ -79,10 +79,8 @@ def _abyss(raw: RawCast) -> None:
         deep = raw.temperature[raw.pressure > limit]
         if len(deep) >= _ROWS and np.median(deep) > warm:
             what = f"{np.median(deep):.4g} degC below {limit:g} dbar is warmer than any sea as deep"
-            remedy = (
-                f"Is it in kPa or mbar? Then map it with {_map(raw, 'kPa')} (or @mbar); if "
-                "not, check which column is the temperature"
-            )
+            likely = f"Is it in kPa or mbar? Then map it with {_map(raw, 'kPa')} (or @mbar)"
+            remedy = f"{likely}; if not, check which column is the temperature"
             raise raw.refused(what, remedy, "pressure_dbar", value=float(np.max(raw.pressure)))
 
 
@@ -96,10 +94,8 @@ def _downward(raw: RawCast) -> RawCast:
         return replace(raw, depth=-depth)
     k = int(np.argmin(depth))
     if depth[k] < -min(_ABOVE * float(np.max(np.abs(depth))), _HIGHEST):
-        what = (
-            f"the depths go from {depth[k]:.6g} m to {np.max(depth):.6g} m: they count neither "
-            "downward nor upward"
-        )
+        ends = f"from {depth[k]:.6g} m to {np.max(depth):.6g} m"
+        what = f"the depths go {ends}: they count neither downward nor upward"
         remedy = "Make them all positive, downward, or all negative; or leave the bad row out"
         raise raw.refused(what, remedy, "depth_m", value=float(depth[k]), k=k)
     return raw
@@ -126,10 +122,8 @@ def _pressure(raw: RawCast) -> RawCast:
         sizes = {unit: most * unit_factor(unit, "dbar") for unit in _PRESSURES}
         fitting = [f"{u} ({v:.5g} dbar)" for u, v in sizes.items() if _SURE <= v <= DEEPEST]
         what = f"{most:.6g} dbar is deeper than any sea"
-        remedy = (
-            f"It may be in {' or '.join(fitting) or 'no unit of pressure'}: say so with "
-            + _map(raw, "UNIT")
-        )
+        units = " or ".join(fitting) or "no unit of pressure"
+        remedy = f"It may be in {units}: say so with {_map(raw, 'UNIT')}"
         raise raw.refused(what, remedy, "pressure_dbar", value=most, k=int(np.argmax(p)))
     return raw
 
@@ -146,14 +140,11 @@ def _by_air(raw: RawCast, least: float) -> None:
     for unit in _IN_AIR:
         in_unit = least * unit_factor(unit, "dbar")
         if _ATMOSPHERE[0] <= in_unit <= _ATMOSPHERE[1]:
-            what = (
-                f"the pressures begin at {least:.6g}: in {unit} that is the atmosphere, in dbar a "
-                "cast that begins deep"
-            )
-            remedy = (
-                f"Say which: {_map(raw, unit)}, with {10.1325 / unit_factor(unit, 'dbar'):g}"
-                f" {unit} of air subtracted in the file before; or {_map(raw, 'dbar')}"
-            )
+            meant = f"in {unit} that is the atmosphere, in dbar a cast that begins deep"
+            what = f"the pressures begin at {least:.6g}: {meant}"
+            air = f"{10.1325 / unit_factor(unit, 'dbar'):g} {unit} of air"
+            inside = f"{_map(raw, unit)}, with {air} subtracted in the file before"
+            remedy = f"Say which: {inside}; or {_map(raw, 'dbar')}"
             raise raw.refused(what, remedy, "pressure_dbar", value=least, unit="")
 
 
@@ -183,11 +174,9 @@ def _by_depth(raw: RawCast, p: Array, depth: Array) -> RawCast:
     fitting = [u for u in _PRESSURES if abs(ratio / unit_factor(u, "dbar") - 1.0) <= _FITS]
     k = int(np.argmax(depth))
     what = f"{p[k]:.6g} dbar at a depth of {depth[k]:.6g} m, where about {due.max():.5g} are due"
-    remedy = (
-        f"In {fitting[0]} it fits: map it with {_map(raw, fitting[0])}"
-        if fitting
-        else "No unit of pressure fits: check which columns are pressure and depth"
-    )
+    remedy = "No unit of pressure fits: check which columns are pressure and depth"
+    if fitting:
+        remedy = f"In {fitting[0]} it fits: map it with {_map(raw, fitting[0])}"
     raise raw.refused(what, remedy, "pressure_dbar", value=float(p[k]), k=k)
 
 
@@ -235,13 +224,8 @@ def _refuse_misfit(
     sizes = {unit: miss(unit_factor(unit, "dbar")) for unit in _PRESSURES}
     best = min(sizes, key=lambda unit: sizes[unit])
     if sizes[best] < fits:
-        raise raw.refused(
-            f"at {np.max(p):.5g} dbar {what}",
-            f"In {best} they agree: map it with {_map(raw, best)}",
-            "pressure_dbar",
-            value=float(np.max(p)),
-            unit="dbar",
-        )
+        most, remedy = float(np.max(p)), f"In {best} they agree: map it with {_map(raw, best)}"
+        raise raw.refused(f"at {most:.5g} dbar {what}", remedy, "pressure_dbar", value=most)
 
 
 def _salt(raw: RawCast) -> None:
@@ -249,10 +233,9 @@ def _salt(raw: RawCast) -> None:
         middle, most = float(np.median(raw.salinity)), float(np.max(raw.salinity))
         if 0.0 < most < _SHARES and middle >= 0.0:
             what = f"a salinity of {most:.4g} at most is next to none"
-            remedy = (
-                f"As kg/kg or g/g it is {1e3 * most:.4g} g/kg: multiply the column by 1000 "
-                f"in the file; for a lake as fresh as that give --salinity {most:.2g}"
-            )
+            share = f"As kg/kg or g/g it is {1e3 * most:.4g} g/kg"
+            lake = f"for a lake as fresh as that give --salinity {most:.2g}"
+            remedy = f"{share}: multiply the column by 1000 in the file; {lake}"
             raise raw.refused(what, remedy, "salinity", value=round(most, 6))
         if 0.0 <= middle <= MOST_SALT:
             return
@@ -284,10 +267,8 @@ def _refuse_salt(raw: RawCast, C: Array) -> None:
     most = max(signs.values())
     fitting = [unit for unit, found in signs.items() if found == most > 0]
     what = f"a conductivity of {middle:.4g} S/m is that of no sea"
-    remedy = (
-        f"In {' or '.join(fitting)} it fits: map it with "
-        + " or ".join(_map(raw, unit, "conductivity_S_m") for unit in fitting)
-        if fitting
-        else "Check which column is the conductivity"
-    )
+    remedy = "Check which column is the conductivity"
+    if fitting:
+        options = " or ".join(_map(raw, unit, "conductivity_S_m") for unit in fitting)
+        remedy = f"In {' or '.join(fitting)} it fits: map it with {options}"
     raise raw.refused(what, remedy, "conductivity_S_m", value=middle)

@@ -61,10 +61,8 @@ def _guarded(function: Callable[..., Any], name: str) -> Callable[..., Any]:
             raise
         except Exception as error:  # whatever another package does
             package = CAST_FORMATS.package(name)
-            what = (
-                f"the cast format {name!r} of the package {package} fails: "
-                f"{type(error).__name__}: {' '.join(str(error).split())}"
-            )
+            why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            what = f"the cast format {name!r} of the package {package} fails: {why}"
             remedy = f"Update {package}, or uninstall it"
             raise InputError(what, field="--cast", remedy=remedy) from error
 
@@ -99,10 +97,8 @@ def recognised(data: bytes, path: Path) -> tuple[CastFormat | None, list[str]]:
             said.append(str(error))
     if len(known) > 1:
         what = f"several cast formats know it as theirs: {' and '.join(known)}"
-        remedy = (
-            "Uninstall the packages of all but one: "
-            f"{', '.join(str(CAST_FORMATS.package(name)) for name in known)}"
-        )
+        packages = ", ".join(str(CAST_FORMATS.package(name)) for name in known)
+        remedy = f"Uninstall the packages of all but one: {packages}"
         raise InputError(what, file=path, field="--cast", remedy=remedy)
     return next(iter(known.values()), None), said
 
@@ -195,10 +191,8 @@ def _salted(raw: RawCast, salinity: float | None) -> RawCast:
         raw.report.append(f"a salinity of {salinity:g} is taken all the way down, as stated")
         return replace(raw, salinity=np.full(len(raw), salinity), conductivity=None)
     if raw.salinity is None and raw.conductivity is None:
-        remedy = (
-            'Say which column it is with --column "salinity=NAME"; for a lake state '
-            "--salinity, 0 in fresh water"
-        )
+        lake = "for a lake state --salinity, 0 in fresh water"
+        remedy = f'Say which column it is with --column "salinity=NAME"; {lake}'
         raise raw.refused("the cast has neither salinity nor conductivity", remedy, "salinity")
     return raw
 

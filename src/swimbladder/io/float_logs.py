@@ -87,18 +87,14 @@ def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> Floa
     if known.sum() < 2:
         what = "fewer than two pressures"
         raise file.refused(what, "Check the column's name and unit", "pressure_Pa")
-    if _ABSOLUTE[0] < float(pressure[known].min()) < _ABSOLUTE[1]:
+    least, deepest = float(pressure[known].min()), float(pressure[known].max())
+    if _ABSOLUTE[0] < least < _ABSOLUTE[1]:
         what = "the pressure never is that of the surface: it looks absolute"
         remedy = "Give pressures above the atmosphere, 0 at the surface"
-        raise file.refused(
-            what, remedy, "pressure_Pa", value=float(pressure[known].min()), unit="Pa"
-        )
-    deepest = float(pressure[known].max())
+        raise file.refused(what, remedy, "pressure_Pa", value=least, unit="Pa")
     if deepest < _SHALLOW:
-        what = (
-            f"the greatest pressure is {deepest:.4g} Pa, that of {deepest / 1e4:.2g} m of water: "
-            "it is likely in kPa, dbar or bar"
-        )
+        size = f"{deepest:.4g} Pa, that of {deepest / 1e4:.2g} m of water"
+        what = f"the greatest pressure is {size}: it is likely in kPa, dbar or bar"
         raise file.refused(what, 'State its unit: --column "pressure_Pa=NAME@dbar"', "pressure_Pa")
     _check_seconds(values, float(time[-1] - time[0]), file)
     _refuse_dives(time[known], pressure[known] > _UNDER, pressure[known] < _UP, file)
@@ -129,10 +125,8 @@ def _refuse_dives(
     turns = np.flatnonzero(np.diff(state[kept]) > 0)  # from the surface down
     again = [kept[k + 1] for k in turns if under[: kept[k]].any()]
     if again:
-        what = (
-            f"the log holds {len(again) + 1} dives: after {time[again[0]] - time[0]:.6g} s the "
-            "float dives again"
-        )
+        after = f"after {time[again[0]] - time[0]:.6g} s the float dives again"
+        what = f"the log holds {len(again) + 1} dives: {after}"
         remedy = "Give a file for each dive, or choose the rows of one with --where COLUMN=VALUE"
         raise file.refused(what, remedy, "log")
 

@@ -39,9 +39,8 @@ def in_order(table: Table, file: LogFile, several: str) -> Table:
         at = int(back[0]) + 1
         what = f"time goes back, {counted(len(back), 'time')} in the log"
         remedy = f'If the file is in disorder, {several}or set rows = "sort" in its [log] table'
-        raise file.refused(
-            what, remedy, "time_s", line=table.line[at], value=float(time[at]), unit="s"
-        )
+        line, value = table.line[at], float(time[at])
+        raise file.refused(what, remedy, "time_s", line=line, value=value, unit="s")
     again = np.append(False, np.diff(table.values["time_s"]) <= 0.0)
     if not again.any():
         return table

@@ -232,10 +232,9 @@ def log_format(name_or_path: str | Path) -> LogFormat:
     named = isinstance(name_or_path, Path) or path.suffix == ".toml" or len(path.parts) != 1
     if not named and not path.is_file():
         what = "there is no log format of that name, and no such file"
-        remedy = (
-            f"{did_you_mean(text, FORMATS.names())}Log formats: "
-            f"{', '.join(FORMATS.names())}; or give the path of a TOML file with a [log] table"
-        )
+        known = FORMATS.names()
+        formats = f"{did_you_mean(text, known)}Log formats: {', '.join(known)}"
+        remedy = f"{formats}; or give the path of a TOML file with a [log] table"
         raise InputError(what, field="--log-format", value=text, remedy=remedy)
     return read_model(_LogFile, file_text(path), path, versioned=False).log
 

@@ -223,9 +223,8 @@ def none_chosen(
     choices = ", ".join(text[:40] for text in found[:40]) + (", ..." if len(found) > 40 else "")
     what = f"none of {total} rows is chosen"
     remedy = f"Choose one of: {choices}"
-    return file.refused(
-        what, remedy, "where", value=", ".join(f"{name}={value}" for name, value in where.items())
-    )
+    asked = ", ".join(f"{name}={value}" for name, value in where.items())
+    return file.refused(what, remedy, "where", value=asked)
 
 
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-inf", "nat", "#n/a"}
@@ -382,9 +381,8 @@ class ColumnReader:
                 remedy += f'; state the unit with --column "{name}={column.name}@UNIT"'
             if name == "time_s":
                 remedy += "; for times that are no numbers see iso, clock and patterns"
-            raise self.file.refused(
-                error.what, remedy, name, value=column.unit or column.name, unit=self.units[name]
-            ) from None
+            given, unit = column.unit or column.name, self.units[name]
+            raise self.file.refused(error.what, remedy, name, value=given, unit=unit) from None
 
     def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> None:
         """Remember a field that is no number, with what it looks like as remedy."""

@@ -329,10 +329,8 @@ class Rows:
         """Report the rows that are damaged; raise LogError where they are more than a tenth."""
         words = f"{counted(len(ragged), 'row')} without the header's {self._fields} fields"
         if len(junk) * 10 > whole:
-            what = (
-                f"{len(junk)} of {whole + len(ragged) + len(junk)} rows have characters that are "
-                "no text"
-            )
+            total = whole + len(ragged) + len(junk)
+            what = f"{len(junk)} of {total} rows have characters that are no text"
             remedy = "Check that this is a log, and set encoding in a [log] table"
             raise self.file.refused(what, remedy, "row", line=junk[0])
         if len(ragged) * 10 > whole:

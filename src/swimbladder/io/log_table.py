@@ -122,11 +122,10 @@ def column_sources(
         sources.pop(other, None)
     for name in needed:
         if name not in sources and not (name == "depth_m" and source):
-            or_pressure = ", or a pressure with pressure_Pa=NAME" if name == "depth_m" else ""
-            remedy = (
-                f"Say which one it is with --column {name}=NAME or in a [log] table"
-                f"{or_pressure}; columns of the file: {listed(header)}{_likely(header, sources)}"
-            )
+            how = f"with --column {name}=NAME or in a [log] table"
+            how += ", or a pressure with pressure_Pa=NAME" if name == "depth_m" else ""
+            columns = f"columns of the file: {listed(header)}{_likely(header, sources)}"
+            remedy = f"Say which one it is {how}; {columns}"
             raise file.refused(f"the log has no column {name}", remedy, name)
     return sources
 

@@ -79,16 +79,12 @@ def _from_pressure(data: dict[str, Array], file: LogFile) -> Array:
     first = float(known[0]) if len(known) else 0.0
     if form.water_density is None:
         what = "the density that turns pressure_Pa into depth is missing"
-        remedy = (
-            'Add a line water_density = "998 kg/m3" (or sea water, "1025 kg/m3") to the [log] table'
-        )
+        line = 'water_density = "998 kg/m3" (or sea water, "1025 kg/m3")'
+        remedy = f"Add a line {line} to the [log] table"
         raise file.refused(what, remedy, "water_density")
     if form.atmospheric_pressure is None:
-        looks = "absolute" if first > 7e4 else "gauge"
-        what = (
-            f"what pressure_Pa reads at the surface is not said; its first reading, {first:.6g} "
-            f"Pa, looks {looks}"
-        )
+        looks = f"{first:.6g} Pa, looks {'absolute' if first > 7e4 else 'gauge'}"
+        what = f"what pressure_Pa reads at the surface is not said; its first reading, {looks}"
         remedy = (
             'Add atmospheric_pressure = "gauge", "1013 mbar" (what the sensor reads there) '
             'or "first" (its first reading is at the surface) to the [log] table'
@@ -270,9 +266,8 @@ def _complete(table: Table, source: str | None, needed: Sequence[str], file: Log
         holes = {name: int((~np.isfinite(values)).sum()) for name, values in found.items()}
         what = f"{gone} of {len(keep)} rows have no {' or no '.join(words)}"
         remedy = "Check that the right columns are mapped"
-        raise file.refused(
-            what, remedy, max(holes, key=lambda name: holes[name]), line=table.line[~keep][0]
-        )
+        emptiest = max(holes, key=lambda name: holes[name])
+        raise file.refused(what, remedy, emptiest, line=table.line[~keep][0])
     return table.only(keep)
 
 

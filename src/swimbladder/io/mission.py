@@ -82,10 +82,8 @@ class Phase(Parameters):
                 raise refusal(f"a phase {self.kind!r} has none", "Leave the line out", name)
         if self.kind == "park" and self.timeout is not None:
             what = "a phase 'park' has none: it lasts for its duration, the way there included"
-            remedy = (
-                'Leave the line out, lengthen the duration, or write kind = "hold", which lasts '
-                "from its arrival"
-            )
+            other = 'write kind = "hold", which lasts from its arrival'
+            remedy = f"Leave the line out, lengthen the duration, or {other}"
             raise refusal(what, remedy, "timeout")
         if self.rest_band is not None and self.kind not in ("park", "hold"):
             raise refusal(f"a phase {self.kind!r} has none", "Leave the line out", "rest_band")

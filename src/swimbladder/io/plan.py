@@ -132,10 +132,8 @@ class Plan(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if not 0.0 <= self.shallowest < self.deepest <= self.pool_depth:
-            what = (
-                f"a range from {self.shallowest:g} to {self.deepest:g} m is not inside a pool of "
-                f"{self.pool_depth:g} m"
-            )
+            ends = f"from {self.shallowest:g} to {self.deepest:g} m"
+            what = f"a range {ends} is not inside a pool of {self.pool_depth:g} m"
             remedy = "Give the shallowest above the deepest, both between surface and bottom"
             raise refusal(what, remedy, "shallowest")
         for k, one in enumerate(self.experiments):
