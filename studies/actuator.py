@@ -20,7 +20,7 @@ from studies.benches import Motor, random_bench, random_motor, random_moves
 from swimbladder.cli.common import progress
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification, identify_actuator
-from swimbladder.estimation.actuator import estimate as spreads
+from swimbladder.estimation.actuator import model as spreads
 
 __all__ = ["CASES", "Score", "main", "same_gains", "score"]
 

@@ -26,9 +26,8 @@ from scipy.stats import norm
 
 from studies import deep_drawn
 from studies.deep_drawn import again, drawn, known, the_vehicle
-from swimbladder.estimation.motion.deep_dive import deep_dive
 from swimbladder.estimation.motion.deep_fit import fit_deep
-from swimbladder.estimation.motion.deep_model import DEFAULT, body_of
+from swimbladder.estimation.motion.deep_model import DEFAULT, body_of, deep_dive
 from swimbladder.io.files import source_hash
 from swimbladder.jobs import Store, each
 

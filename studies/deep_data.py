@@ -9,7 +9,7 @@ import gsw
 import numpy as np
 import pandas as pd
 
-from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
+from swimbladder.estimation.motion.deep_model import DeepDive, deep_dive
 from swimbladder.io.float_log import Action, Device, FloatLog, Stage, Target
 from swimbladder.physics.seawater import Cast, Column, cast_column
 from swimbladder.vehicle import Vehicle

@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 from studies.deep_data import dives_of
 from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion.deep import effects_json
-from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep, start_volume
 from swimbladder.estimation.motion.deep_model import (
     DEEP,
     DEFAULT,
     Body,
+    DeepDive,
     Replay,
     body_of,
     priors_of,

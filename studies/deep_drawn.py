@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from swimbladder.estimation.estimates import Prior
+from swimbladder.estimation.motion.deep import identified_vehicle
 from swimbladder.estimation.motion.deep_model import DEEP, DEFAULT, priors_of
-from swimbladder.estimation.motion.deep_vehicle import identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.float_log import Action, Device, FloatLog
 from swimbladder.io.mission import Mission

@@ -29,10 +29,9 @@ from numpy.typing import NDArray
 from studies.deep_data import columns_of, dives_of, logs_of
 from studies.deep_dives import float_vehicle
 from studies.deep_readings import RUN, creep_at_rest, hull_time, rests, speed_scatter, warmer
-from swimbladder.estimation.motion.deep_dive import DeepDive
+from swimbladder.estimation.motion.deep import identified_vehicle
 from swimbladder.estimation.motion.deep_fit import DeepFit, fit_deep
-from swimbladder.estimation.motion.deep_model import DEFAULT, body_of, priors_of
-from swimbladder.estimation.motion.deep_vehicle import identified_vehicle
+from swimbladder.estimation.motion.deep_model import DEFAULT, DeepDive, body_of, priors_of
 from swimbladder.io.float_log import FloatLog, Stage
 from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import even_drag

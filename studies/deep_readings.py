@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize_scalar
 from scipy.special import log_ndtr
 
-from swimbladder.estimation.motion.deep_dive import DeepDive
-from swimbladder.estimation.motion.deep_model import Body, drag_volume, hull_volume
+from swimbladder.estimation.motion.deep_model import Body, DeepDive, drag_volume, hull_volume
 from swimbladder.physics.seawater import Column
 
 __all__ = [

@@ -24,12 +24,12 @@ from studies.deep_data import dives_of
 from studies.deep_dives import float_vehicle
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep import effects_json
-from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_fit import DeepFit, balance, fit_deep
 from swimbladder.estimation.motion.deep_model import (
     CAST,
     DEFAULT,
     Body,
+    DeepDive,
     body_of,
     priors_of,
     run_volumes,

@@ -4,7 +4,7 @@ import pytest
 
 from studies import actuator
 from studies.actuator import main, same_gains, score
-from swimbladder.estimation.actuator import estimate as spreads
+from swimbladder.estimation.actuator import model as spreads
 
 CASE = "steps, gains differ by 2 %"
 

@@ -13,8 +13,7 @@ from studies.deep_readings import (
     rests,
     speed_scatter,
 )
-from swimbladder.estimation.motion.deep_dive import DeepDive
-from swimbladder.estimation.motion.deep_model import Body
+from swimbladder.estimation.motion.deep_model import Body, DeepDive
 from swimbladder.physics.seawater import Column
 
 NONE = np.zeros(0)

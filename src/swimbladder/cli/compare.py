@@ -148,7 +148,7 @@ def compare(
     v = load_vehicle(vehicle, sampled=True)
     options, horizons = fit.given(), ahead.asked()
     tasks = [_Task(log) for log in reading.chosen(logs)]
-    from swimbladder.estimation.comparison.water import water_of_each
+    from swimbladder.estimation.comparison.record import water_of_each
 
     waters = water_of_each(len(tasks), casts.water(v.hull.depth_limit))
     for task, name, water in zip(tasks, _file_names(tasks), waters, strict=True):
@@ -282,7 +282,7 @@ def _row(r: Comparison | None) -> tuple[str, ...]:
 
 def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:
     """Give what was fitted, the notes not yet said, and the files."""
-    from swimbladder.estimation.comparison.fit import FITTABLE
+    from swimbladder.estimation.comparison.run import FITTABLE
 
     for name, fitted in r.fitted.items():
         unit = shown_unit(fitted.unit)

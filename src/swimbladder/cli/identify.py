@@ -167,7 +167,7 @@ def _shown(found: Identification, paper: PaperFits | None, seconds: float) -> It
 
 def _posterior(drawn: Posterior) -> Table:
     """Return median and interval of the draws as a table."""
-    from swimbladder.estimation.motion.model import NAMES
+    from swimbladder.estimation.motion.problem import NAMES
     from swimbladder.units import shown_unit, unit_factor
 
     rows = []

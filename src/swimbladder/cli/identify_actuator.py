@@ -94,7 +94,7 @@ def identify_actuator(
 
 
 def _row(name: str, e: Estimate) -> tuple[str, ...]:
-    from swimbladder.estimation.actuator.estimate import shown
+    from swimbladder.estimation.actuator.model import shown
 
     low, high = e.ci95
     if not e.known:

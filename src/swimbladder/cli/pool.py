@@ -107,7 +107,7 @@ class Procedure(Options):
 
 def _targets(text: str, option: str) -> list[Target]:
     from swimbladder.design.pool_day import Target
-    from swimbladder.estimation.motion.model import NAMES
+    from swimbladder.estimation.motion.problem import NAMES
 
     found = []
     for item in text.split(","):

@@ -86,7 +86,7 @@ def deviation(unit: str) -> Callable[[str, str], float]:
 
 
 def _units() -> dict[str, str]:
-    from swimbladder.estimation.motion.model import NAMES
+    from swimbladder.estimation.motion.problem import NAMES
 
     return {name: about.unit for name, about in NAMES.items()}
 

@@ -46,8 +46,7 @@ class Autoregression(NamedTuple):
         for lag in range(1, top + 1):
             row = np.flatnonzero(place >= lag)
             order = np.minimum(place[row], top)
-            ahead = np.array([0.0 if k < lag else self.predictors[k][lag - 1]
-                              for k in range(top + 1)])  # fmt: skip
+            ahead = np.array([0.0] * lag + [own[lag - 1] for own in self.predictors[lag:]])
             values.append(-ahead[order])
             rows.append(row)
             columns.append(row - lag)

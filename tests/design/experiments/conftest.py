@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 import swimbladder as sb
 from swimbladder.design.experiments import design_experiment
 from swimbladder.design.experiments.conditions import Conditions, Question, Setting, ramps
-from swimbladder.estimation.motion.model import model_of
+from swimbladder.estimation.motion.problem import model_of
 
 
 @pytest.fixture(autouse=True, scope="session")

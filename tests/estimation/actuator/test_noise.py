@@ -7,7 +7,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 from swimbladder.estimation.actuator.bench import autoregression, changes, quantum, spikes
-from swimbladder.estimation.actuator.estimate import pool, shown, student
+from swimbladder.estimation.actuator.model import pool, shown, student
 from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.series import WHITE
 

@@ -8,7 +8,7 @@ import pytest
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison import compare
 from swimbladder.estimation.comparison.ahead import predict_ahead
-from swimbladder.estimation.comparison.water import follow_in, layers_of, water_of_each
+from swimbladder.estimation.comparison.record import follow_in, layers_of, water_of_each
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.hull import along_hull, linear_psi
 from swimbladder.physics.seawater import Column, uniform_column

@@ -7,7 +7,14 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from scipy.stats import chi2, multivariate_normal
 
-from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, filter_depth
+from swimbladder.estimation.kalman.depth_filter import (
+    Member,
+    Noise,
+    Samples,
+    Start,
+    filter_bank,
+    filter_depth,
+)
 from swimbladder.estimation.kalman.kernels import (
     CLIPPED,
     COUNTED,
@@ -151,7 +158,8 @@ def test_a_prediction_conditions_on_what_was_measured_before():
     z = C[::3, ::3]
     gain = z[14, seen] @ np.linalg.inv(z[seen, seen] + NOISE.depth**2 * np.eye(9))
     expected = mean[14, 0] + gain @ (samples.depth[seen] - mean[seen, 0])
-    depth, std = filtered(samples).ahead(np.array([8]), np.array([14]))
+    bank = filter_bank(samples, [Member(PLANT, NOISE, START, drift=0.0)], gate=math.inf)
+    depth, std = bank.ahead(np.array([8]), np.array([14]))
     assert depth[0] == pytest.approx(expected, rel=1e-10)
     assert std[0] == pytest.approx(math.sqrt(z[14, 14] - gain @ z[seen, 14]), rel=1e-7)
 

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
-from swimbladder.estimation.motion.deep_model import Body, replay
+from swimbladder.estimation.motion.deep_model import Body, DeepDive, deep_dive, replay
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.float_log import Action, FloatLog
 from swimbladder.physics.seawater import Cast, Column, cast_column

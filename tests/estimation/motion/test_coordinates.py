@@ -7,8 +7,13 @@ import pytest
 
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion.fit import refine
-from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import Assumed, Coordinates, Problem, experiment
+from swimbladder.estimation.motion.problem import (
+    Assumed,
+    Coordinates,
+    Problem,
+    experiment,
+    model_of,
+)
 from swimbladder.io.config import load_vehicle
 from tests.estimation.motion.pool import G, campaign
 

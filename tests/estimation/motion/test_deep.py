@@ -11,18 +11,17 @@ from scipy.stats import binom
 from studies.deep_calibration import outcome, summary
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.deep import contradictions, identify_deep
-from swimbladder.estimation.motion.deep_dive import deep_dive
+from swimbladder.estimation.motion.deep import contradictions, identified_vehicle, identify_deep
 from swimbladder.estimation.motion.deep_fit import balance, fit_deep, start_volume
 from swimbladder.estimation.motion.deep_model import (
     DEFAULT,
     body_of,
+    deep_dive,
     hull_volume,
     priors_of,
     replay,
     run_volumes,
 )
-from swimbladder.estimation.motion.deep_vehicle import identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import neutral_volume, weight_mass
 from swimbladder.vehicle import Oil, Valve

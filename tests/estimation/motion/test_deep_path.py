@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from studies import deep_drawn as study
-from swimbladder.estimation.motion.deep_dive import deep_dive
 from swimbladder.estimation.motion.deep_model import (
     Noise,
     body_of,
+    deep_dive,
     deep_path,
     drive_volume,
     filtered,

@@ -7,10 +7,8 @@ import pytest
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.deep import identify_deep
-from swimbladder.estimation.motion.deep_dive import deep_dive
-from swimbladder.estimation.motion.deep_model import body_of, priors_of
-from swimbladder.estimation.motion.deep_vehicle import identified_vehicle, out_of_place
+from swimbladder.estimation.motion.deep import identified_vehicle, identify_deep, out_of_place
+from swimbladder.estimation.motion.deep_model import body_of, deep_dive, priors_of
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.vehicle_file import vehicle_file
 from tests.estimation.motion.deep import dived, made_up_column, made_up_vehicle

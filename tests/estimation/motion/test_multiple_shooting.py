@@ -7,8 +7,7 @@ import swimbladder
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion import identify
 from swimbladder.estimation.motion.fit import Shooting, growth
-from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import Assumed, Problem, experiment
+from swimbladder.estimation.motion.problem import Assumed, Problem, experiment, model_of
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from tests.estimation.motion.pool import FEUP, trace

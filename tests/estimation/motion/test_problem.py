@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 from swimbladder.estimation.comparison.record import record
-from swimbladder.estimation.motion.model import model_of
-from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Assumed, Problem, experiment
+from swimbladder.estimation.motion.problem import (
+    DEPTH,
+    SPEED,
+    VOLUME,
+    Assumed,
+    Problem,
+    experiment,
+    model_of,
+)
 from swimbladder.io.config import load_vehicle
 from tests.estimation.motion.pool import FEUP, G, pool_log, trace
 

@@ -19,8 +19,14 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.model import Model
-from swimbladder.estimation.motion.problem import VOLUME, Assumed, Experiment, Problem, Segment
+from swimbladder.estimation.motion.problem import (
+    VOLUME,
+    Assumed,
+    Experiment,
+    Model,
+    Problem,
+    Segment,
+)
 from swimbladder.io.plan import Move
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import drive

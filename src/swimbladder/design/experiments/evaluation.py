@@ -24,9 +24,8 @@ from swimbladder.design.experiments.conditions import (
 from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.estimation.motion.diagnose import not_identifiable
 from swimbladder.estimation.motion.fit import Fit, refine
-from swimbladder.estimation.motion.model import NAMES
 from swimbladder.estimation.motion.noise import ArNoise
-from swimbladder.estimation.motion.problem import VOLUME, Problem
+from swimbladder.estimation.motion.problem import NAMES, VOLUME, Problem
 
 Array = NDArray[np.float64]
 

@@ -39,7 +39,7 @@ from swimbladder.estimation.motion import (
     Prior,
     identify,
 )
-from swimbladder.estimation.motion.model import NAMES, check_names, default_names, model_of
+from swimbladder.estimation.motion.problem import NAMES, check_names, default_names, model_of
 from swimbladder.estimation.motion.run import check_std
 from swimbladder.io.answers import as_json
 from swimbladder.io.plan import Plan

@@ -1,7 +1,7 @@
 """K1, T1, dead zone, asymmetry and rate of an actuator, from logs of its steps (eqs 21-24).
 
 `bench` makes a log into positions and what drove them, cut into blocks. Where that is a voltage,
-`model` simulates it exactly, and `voltage` fits it with the spread of gains of `estimate`. Without
+`model` simulates it exactly and has the spread of its gains, and `voltage` fits it. Without
 a voltage, `moves` finds motion at full speed, and fits how it begins and how fast it goes. `result`
 holds what was found, `run` puts it together.
 """

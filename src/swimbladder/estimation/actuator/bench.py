@@ -165,7 +165,8 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
     voltage = log.voltage
     if voltage is not None:
         voltage = _for_the_motor(log, voltage, vehicle, depth, notes)
-        position = _without_leakage(log, time, position, vehicle, quantity)
+        if vehicle is not None:
+            position = _without_leakage(log, time, position, vehicle, quantity)
     edges = np.flatnonzero(np.diff(time) > _GAP * step) + 1
     if len(edges):
         notes.append(f"{len(edges)} gaps in time: what happened in them is not used")
@@ -230,11 +231,9 @@ def _for_the_motor(
 
 
 def _without_leakage(
-    log: Log, time: Array, position: Array, vehicle: Vehicle | None, quantity: Quantity
+    log: Log, time: Array, position: Array, vehicle: Vehicle, quantity: Quantity
 ) -> Array:
     """Return the position with what leaked, k_l z of eq. (33), put back."""
-    if vehicle is None or isinstance(vehicle.actuator, Positioner):
-        return position
     k_l = reduced(vehicle.actuator, vehicle.water).k_l
     depth = np.nan_to_num(log.depth)
     area = vehicle.piston_area if quantity == "piston" else 1.0

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swimbladder.estimation.actuator.bench import Bench, autoregression, changes, spikes
-from swimbladder.estimation.actuator.estimate import Pooled, pool, student
+from swimbladder.estimation.actuator.model import Pooled, pool, student
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.estimation.estimates import Estimate, bounded_fit, crossing
 from swimbladder.estimation.series import WHITE, Array, Index, Mask, stretches
@@ -186,8 +186,7 @@ class Rate(NamedTuple):
     value: float
     std: float
     trend: float  # share of the speed that is gained in a second
-    samples: Index
-    fitted: Array  # m, the position at these
+    fitted: Array  # m, the position at the samples of the move
     used: Mask
 
 
@@ -224,8 +223,7 @@ def rate_of(bench: Bench, move: Move, T1: float = 0.0) -> Rate:
     std = max(math.sqrt(float(covariance[1, 1])), least)
     speed = float(best[1]) / half
     trend = 2.0 * float(best[2]) / half**2 / speed if len(s) > 6 else 0.0
-    samples = np.arange(first, move.last + 1)
-    return Rate(speed, std / half, trend, samples, move.direction * (columns @ best), keep)
+    return Rate(speed, std / half, trend, move.direction * (columns @ best), keep)
 
 
 _LONG = 3  # times the samples that the start takes are looked at, or
@@ -586,8 +584,8 @@ def _step(bench: Bench, move: Move, rate: Rate, start: tuple[Index, Array] | Non
     samples = np.arange(first, move.last + 1)
     fitted = np.full(len(samples), np.nan)
     used = np.ones(len(samples), bool)
-    fitted[rate.samples - first] = rate.fitted
-    used[rate.samples - first] = rate.used
+    fitted[move.first - first :] = rate.fitted
+    used[move.first - first :] = rate.used
     if start is not None:
         fitted[start[0] - first] = start[1]
         used[start[0] - first] = True

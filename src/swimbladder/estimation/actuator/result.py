@@ -5,6 +5,7 @@ The paper counts nine and names four of them, which shallow-water experiments gi
 Eqs (32) and (33) hold, beside these, A, k_z/k_u, k_l and psi; eq. (28) needs rho g.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
@@ -70,7 +71,7 @@ def nine(
 
     parameters: as identified; vehicle: where the others may stand; logs: what the logs are called.
     """
-    found = []
+    found, of_vehicle = [], {} if vehicle is None else _of_vehicle(vehicle)
     for symbol, (unit, meaning) in NINE.items():
         estimate = parameters.get(symbol)
         if estimate is not None and estimate.known:
@@ -78,60 +79,45 @@ def nine(
             origin = logs if source == "logs" else "given with --set"
             found.append(Known(symbol, estimate.value, unit, meaning, source, origin))
             continue
-        value, origin = _of_vehicle(symbol, vehicle)
+        value, origin = of_vehicle.get(symbol, (None, "no vehicle was given"))
         source = "not known" if value is None else "vehicle"
         found.append(Known(symbol, value, unit, meaning, source, origin))
     return tuple(found)
 
 
-_PLACES = {
-    "A": "actuator.piston_area",
-    "k_z/k_u": "actuator.depth_voltage",
-    "psi": "hull.psi",
-    "rho g": "water.density",
-}
-
-
-def _of_vehicle(symbol: str, vehicle: Vehicle | None) -> tuple[float | None, str]:
-    """Return what the vehicle's file says of a parameter, and where it has it from."""
-    if vehicle is None:
-        return None, "no vehicle was given"
-    place = _PLACES.get(symbol, f"actuator.{symbol}")
-    if symbol in ("K2", "T2"):
-        return _of_motion(symbol, vehicle)
-    if symbol == "psi":
-        return vehicle.hull.psi, _origin(vehicle, place)
-    if symbol == "rho g":
-        return vehicle.water.specific_weight, _origin(vehicle, place)
-    actuator = vehicle.actuator
-    if symbol == "A":
-        area = vehicle.piston_area
-        if area is None:
-            return None, f"an actuator of kind {actuator.kind} has no piston area in its file"
-        inner = "actuator.drive.piston_area"
-        return area, _origin(vehicle, inner if actuator.kind == "electromechanical" else place)
+def _of_vehicle(vehicle: Vehicle) -> dict[str, tuple[float | None, str]]:
+    """Return by symbol what the vehicle's file says of it, and where it has it from."""
+    actuator, motion, drag = vehicle.actuator, vehicle.motion, vehicle.drag
+    area, k_b = vehicle.piston_area, vehicle.water.specific_weight
+    inner = "drive.piston_area" if actuator.kind == "electromechanical" else "piston_area"
+    found: dict[str, tuple[float | None, str]] = {
+        "psi": (vehicle.hull.psi, _origin(vehicle, "hull.psi")),
+        "rho g": (k_b, _origin(vehicle, "water.density")),
+        "A": (None, f"an actuator of kind {actuator.kind} has no piston area in its file")
+        if area is None
+        else (area, _origin(vehicle, f"actuator.{inner}")),
+    }
     if isinstance(actuator, Positioner):
-        return None, "a positioner has none: it goes to positions at a constant speed"
-    a = reduced(actuator, vehicle.water)
-    if symbol == "K1":
-        area = vehicle.piston_area
-        value = None if area is None else a.gain / area
+        why = "a positioner has none: it goes to positions at a constant speed"
+        found |= dict.fromkeys(("K1", "T1", "k_z/k_u", "k_l"), (None, why))
     else:
-        value = {"T1": a.T1, "k_z/k_u": a.load_drive, "k_l": a.k_l}[symbol]
-    if isinstance(actuator, IdentifiedActuator):
-        return value, _origin(vehicle, place)
-    return value, "follows from motor and drive: " + _origin(vehicle, "actuator")
-
-
-def _of_motion(symbol: str, vehicle: Vehicle) -> tuple[float | None, str]:
-    if isinstance(vehicle.motion, IdentifiedMotion):
-        value = vehicle.motion.K2 if symbol == "K2" else vehicle.motion.T2
-        return value, _origin(vehicle, f"motion.{symbol}")
-    drag = vehicle.drag.k_dl
-    if drag <= 0.0:
-        return None, f"the drag law of the vehicle, {vehicle.drag.law}, has no laminar part"
-    upper = vehicle.water.specific_weight if symbol == "K2" else vehicle.mass
-    return upper / drag, "follows from masses and drag: " + _origin(vehicle, "motion.drag")
+        a = reduced(actuator, vehicle.water)
+        values = {"K1": None if area is None else a.gain / area, "T1": a.T1}
+        for symbol, value in {**values, "k_z/k_u": a.load_drive, "k_l": a.k_l}.items():
+            place = "depth_voltage" if symbol == "k_z/k_u" else symbol
+            origin = _origin(vehicle, f"actuator.{place}")
+            if not isinstance(actuator, IdentifiedActuator):
+                origin = "follows from motor and drive: " + _origin(vehicle, "actuator")
+            found[symbol] = value, origin
+    for symbol, upper in (("K2", k_b), ("T2", vehicle.mass)):
+        if isinstance(motion, IdentifiedMotion):
+            found[symbol] = getattr(motion, symbol), _origin(vehicle, f"motion.{symbol}")
+        elif drag.k_dl <= 0.0:
+            found[symbol] = None, f"the drag law of the vehicle, {drag.law}, has no laminar part"
+        else:
+            origin = "follows from masses and drag: " + _origin(vehicle, "motion.drag")
+            found[symbol] = upper / drag.k_dl, origin
+    return found
 
 
 def _origin(vehicle: Vehicle, place: str) -> str:
@@ -173,7 +159,7 @@ class Step:
         return rms(kept) if len(kept) else 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class LogFit:
     """The estimates from one log alone; refusal: why there are none."""
 
@@ -197,7 +183,6 @@ class ActuatorIdentification:
     derived: dict[str, Estimate]
     asked: tuple[str, ...]
     noise: float  # m, 1 sigma of the residual
-    correlation: dict[str, dict[str, float]]
     covariance: dict[str, dict[str, float]]  # SI
     logs: tuple[LogFit, ...]
     steps: tuple[Step, ...]
@@ -206,6 +191,15 @@ class ActuatorIdentification:
     assumptions: tuple[str, ...]
     notes: tuple[str, ...]
     given: Vehicle | None
+
+    @property
+    def correlation(self) -> dict[str, dict[str, float]]:
+        """The covariance over both standard deviations."""
+        std = {name: math.sqrt(max(row[name], 1e-150)) for name, row in self.covariance.items()}
+        return {
+            a: {b: value / std[a] / std[b] for b, value in row.items()}
+            for a, row in self.covariance.items()
+        }
 
     @property
     def identified(self) -> bool:
@@ -295,7 +289,6 @@ class ActuatorIdentification:
     def columns(self) -> dict[str, Array]:
         """Return the columns of steps.csv by name, the steps one after the other."""
         unit = "m" if self.quantity == "piston" else "m3"
-        name = "piston" if self.quantity == "piston" else "volume"
         sources = list(dict.fromkeys(step.source for step in self.steps))
         parts = [
             {
@@ -303,8 +296,8 @@ class ActuatorIdentification:
                 "step": np.full(len(s.time), float(number)),
                 "time_s": s.time,
                 "voltage_V": np.full(len(s.time), np.nan) if s.voltage is None else s.voltage,
-                f"{name}_{unit}": s.position,
-                f"{name}_fitted_{unit}": s.fitted,
+                f"{self.quantity}_{unit}": s.position,
+                f"{self.quantity}_fitted_{unit}": s.fitted,
                 f"residual_{unit}": s.residual,
                 "used": s.used.astype(float),
             }

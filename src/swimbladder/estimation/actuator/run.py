@@ -8,9 +8,15 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator.bench import Bench, Driven, bench
-from swimbladder.estimation.actuator.estimate import shown
+from swimbladder.estimation.actuator.model import shown
 from swimbladder.estimation.actuator.moves import MovesFit, fit_moves, together
-from swimbladder.estimation.actuator.result import PARAMETERS, ActuatorIdentification, LogFit, nine
+from swimbladder.estimation.actuator.result import (
+    PARAMETERS,
+    ActuatorIdentification,
+    LogFit,
+    Step,
+    nine,
+)
 from swimbladder.estimation.actuator.voltage import (
     SoftStart,
     VoltageFit,
@@ -126,19 +132,49 @@ def identify_actuator(
         if vehicle is not None and isinstance(vehicle.actuator, Positioner):
             asked = ("rate",)
         asked = tuple(name for name in asked if name not in fixed)
-    question = _Question(benches, vehicle, fixed, tuple(asked), advance or (lambda _: None))
+    report = advance or (lambda _: None)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        return _voltage(question) if driven == "voltage" else _moves(question)
+        found = _voltage(benches, fixed, report) if driven == "voltage" else _moves(benches, report)
+    missing = [(n, found.parameters[n].why) for n in asked if not found.parameters[n].known]
+    refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
+    one = benches[0]
+    which = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
+
+    def called(name: str) -> str:
+        return "K1A" if name == "K1" and one.quantity == "volume" else name
+
+    parameters = {called(name): e for name, e in found.parameters.items()}
+    return ActuatorIdentification(
+        driven=driven,
+        quantity=one.quantity,
+        parameters=parameters,
+        derived=found.derived,
+        asked=tuple(map(called, asked)),
+        noise=found.noise,
+        covariance={
+            called(a): {called(b): value for b, value in row.items()}
+            for a, row in found.covariance.items()
+        },
+        logs=tuple(found.logs),
+        steps=tuple(found.steps),
+        nine=nine(parameters, vehicle, which),
+        findings=(*found.findings, *refused),
+        assumptions=tuple(sentence("actuator", driven).split("\n")),
+        notes=tuple(dict.fromkeys(note for b in benches for note in b.notes)),
+        given=vehicle,
+    )
 
 
-class _Question(NamedTuple):
-    """What is asked of which logs."""
+class _Found(NamedTuple):
+    """What logs of one kind say."""
 
-    benches: Sequence[Bench]
-    vehicle: Vehicle | None
-    fixed: dict[str, float]
-    asked: tuple[str, ...]
-    advance: Callable[[float], None]
+    parameters: dict[str, Estimate]
+    findings: list[Finding]
+    covariance: dict[str, dict[str, float]]
+    derived: dict[str, Estimate]
+    noise: float
+    logs: Sequence[LogFit]
+    steps: Sequence[Step]
 
 
 def _one_kind(benches: Sequence[Bench]) -> Driven:
@@ -159,8 +195,9 @@ def _one_kind(benches: Sequence[Bench]) -> Driven:
 _WHAT = {"voltage": "a voltage", "reference": "what was asked for", "nothing": "nothing else"}
 
 
-def _voltage(question: _Question) -> ActuatorIdentification:
-    benches, fixed, advance = question.benches, question.fixed, question.advance
+def _voltage(
+    benches: Sequence[Bench], fixed: Mapping[str, float], advance: Callable[[float], None]
+) -> _Found:
     unit = benches[0].unit
     share = 1.0 / (len(benches) + 1)
     fit = fit_voltage(benches, fixed)
@@ -168,7 +205,7 @@ def _voltage(question: _Question) -> ActuatorIdentification:
     advance(share)
     alone: list[LogFit] = []
     for one in benches:
-        single = LogFit(source=one.source, parameters=parameters)
+        single = LogFit(one.source, parameters)
         alone.append(single if len(benches) == 1 else _alone(one, fixed))
         advance(share)
     soft = soft_start(fit) if parameters["T1"].known else None
@@ -178,14 +215,9 @@ def _voltage(question: _Question) -> ActuatorIdentification:
     apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
     parameters |= {name: mean[name] for name in apart}
     findings += logs_differ(apart, per_log)
-    covariance = covariance_of(fit, parameters)
-    return _result(
-        question, parameters, findings, covariance,
-        derived=by_direction(fit, parameters, unit),
-        noise=fit.noise,
-        logs=tuple(alone),
-        steps=steps_of(fit),
-    )  # fmt: skip
+    covariance, derived = covariance_of(fit, parameters), by_direction(fit, parameters, unit)
+    steps = steps_of(fit)
+    return _Found(parameters, findings, covariance, derived, fit.noise, alone, steps)
 
 
 def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
@@ -193,12 +225,11 @@ def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
     try:
         fit = fit_voltage([one], fixed)
     except NoAnswerError as error:
-        return LogFit(source=one.source, parameters={}, refusal=str(error))
-    return LogFit(source=one.source, parameters=from_voltage(fit, dict(fixed), one.unit))
+        return LogFit(one.source, {}, refusal=str(error))
+    return LogFit(one.source, from_voltage(fit, fixed, one.unit))
 
 
-def _moves(question: _Question) -> ActuatorIdentification:
-    benches, advance = question.benches, question.advance
+def _moves(benches: Sequence[Bench], advance: Callable[[float], None]) -> _Found:
     fits: list[MovesFit] = []
     for one in benches:
         fits.append(fit_moves(one))
@@ -213,70 +244,14 @@ def _moves(question: _Question) -> ActuatorIdentification:
     findings = [*of_moves(fits)]
     apart = [name for name, p in {**chance, **chance_by_way}.items() if p < _DIFFERENT]
     findings += logs_differ(apart, [{**f.parameters, **f.derived} for f in fits])
-    logs = tuple(
-        LogFit(
-            source=one.source,
-            parameters={**fit.parameters, **fit.derived},
-            refusal=None if fit.steps else "no move at full speed is in the log",
-        )
+    why = "no move at full speed is in the log"
+    logs = [
+        LogFit(one.source, {**fit.parameters, **fit.derived}, None if fit.steps else why)
         for one, fit in zip(benches, fits, strict=True)
-    )
+    ]
     covariance = {
         name: {name: parameters[name].std ** 2} for name in ("T1", "rate") if parameters[name].known
     }
-    return _result(
-        question, parameters, findings, covariance,
-        derived=derived,
-        noise=max(fit.noise for fit in fits if not math.isnan(fit.noise)),
-        logs=logs,
-        steps=tuple(step for fit in fits for step in fit.steps),
-    )  # fmt: skip
-
-
-def _result(
-    question: _Question,
-    parameters: dict[str, Estimate],
-    findings: list[Finding],
-    covariance: dict[str, dict[str, float]],
-    **fields: object,
-) -> ActuatorIdentification:
-    benches, vehicle, asked = question.benches, question.vehicle, question.asked
-    missing = [n for n in asked if not parameters[n].known]
-    findings = [
-        *findings,
-        *(
-            Finding.of("actuator", "not identifiable", name=n, why=parameters[n].why)
-            for n in missing
-        ),
-    ]
-    one = benches[0]
-    names = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
-
-    def called(name: str) -> str:
-        return "K1A" if name == "K1" and one.quantity == "volume" else name
-
-    shown = {called(name): e for name, e in parameters.items()}
-    covariance = {
-        called(a): {called(b): value for b, value in row.items()} for a, row in covariance.items()
-    }
-    correlation = {
-        a: {
-            b: value / math.sqrt(max(covariance[a][a] * covariance[b][b], 1e-300))
-            for b, value in row.items()
-        }
-        for a, row in covariance.items()
-    }
-    return ActuatorIdentification(
-        driven=one.driven,
-        quantity=one.quantity,
-        parameters=shown,
-        asked=tuple(map(called, asked)),
-        correlation=correlation,
-        covariance=covariance,
-        nine=nine(shown, vehicle, names),
-        findings=tuple(findings),
-        assumptions=tuple(sentence("actuator", one.driven).split("\n")),
-        notes=tuple(dict.fromkeys(note for b in benches for note in b.notes)),
-        given=vehicle,
-        **fields,  # type: ignore[arg-type]
-    )
+    noise = max(fit.noise for fit in fits if not math.isnan(fit.noise))
+    steps = [step for fit in fits for step in fit.steps]
+    return _Found(parameters, findings, covariance, derived, noise, logs, steps)

@@ -20,14 +20,18 @@ from typing import NamedTuple
 import numpy as np
 
 from swimbladder.estimation.actuator.bench import Bench, Block, autoregression, cut, scale, spikes
-from swimbladder.estimation.actuator.estimate import FINEST, Spread, gains, shown, slope
 from swimbladder.estimation.actuator.model import (
+    FINEST,
     LOGARITHMIC,
     Problem,
+    Spread,
     drive_of,
     first_guess,
+    gains,
     guess_from,
     robustly,
+    shown,
+    slope,
     speeds,
     steady_speed,
     tolerance,
@@ -310,59 +314,43 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
     """
     at = fit.problem.free.index("T1")
     best, std = float(fit.q[at]), math.sqrt(float(fit.covariance[at, at])) or 0.3
+    others = [k for k in range(len(fit.q)) if k != at]
+    problem = fit.problem.changed(tuple(name for name in fit.problem.free if name != "T1"))
+    least = float(np.sum(fit.problem.white(fit.q) ** 2))
+
+    def root(log_T1: float) -> float:
+        """Return the root of the deviance at a T1, everything else fitted anew."""
+        problem.fixed = {**fit.problem.fixed, "T1": math.exp(log_T1)}
+        q = solve(problem, fit.q[others]) if others else fit.q[others]
+        left = float(np.sum(problem.white(q) ** 2))
+        return math.sqrt(max(left - least, 0.0)) / fit.sigma
+
+    def end(begin: float, std: float, level: float, offset: float = 0.0) -> float:
+        """Return the T1 [s] to one side where the root of the deviance is `level`.
+
+        offset: the root that is taken as the best one. `std` is a first guess, its sign the side.
+        Where the root stays below, the farthest T1 that is looked at.
+        """
+        above, farthest, fine = math.hypot(level, offset), math.log(_SLOWEST), 1e-3 * abs(std)
+
+        def beyond(x: float) -> float:
+            return root(begin + x) - above
+
+        x = crossing(beyond, level * std, farthest=farthest, growth=1.7, xtol=fine)
+        return math.exp(begin + (math.copysign(farthest, std) if x is None else x))
+
     step = min(b.step for b in fit.problem.benches)
-    root = _Root(fit, at)
-    nothing = root(math.log(_FASTEST * step))
+    shortest = math.log(_FASTEST * step)
+    nothing = root(shortest)
     if nothing < Z95:
-        begin = max(best, math.log(_FASTEST * step))
-        high = _crossing(root, begin, max(std, 0.3), _ONE_SIDED, offset=nothing)
-        bound = math.exp(high)
+        bound = end(max(best, shortest), max(std, 0.3), _ONE_SIDED, nothing)
         why = (
             f"T1 is shorter than samples every {step:.3g} s resolve: below {bound:.3g} s with a "
             "confidence of 95 %"
         )
         return Estimate.bounded(0.0, bound, "s", why)
-    low = _crossing(root, best, -std, Z95)
-    high = _crossing(root, best, std, Z95)
-    value = math.exp(best)
-    found = Estimate.of(value, value * std, "s")
-    return replace(found, ci95=(math.exp(low), math.exp(high)))
-
-
-class _Root:
-    """The root of the deviance at a T1, everything else fitted anew."""
-
-    def __init__(self, fit: VoltageFit, at: int) -> None:
-        self.fit, self.at = fit, at
-        problem = fit.problem
-        free = tuple(name for name in problem.free if name != "T1")
-        self.others = [k for k in range(len(fit.q)) if k != at]
-        self.begun = fit.q[self.others]
-        self.problem = problem.changed(free)
-        self.least = float(np.sum(problem.white(fit.q) ** 2))
-
-    def __call__(self, log_T1: float) -> float:
-        self.problem.fixed = {**self.fit.problem.fixed, "T1": math.exp(log_T1)}
-        q = solve(self.problem, self.begun) if self.others else self.begun
-        left = float(np.sum(self.problem.white(q) ** 2))
-        return math.sqrt(max(left - self.least, 0.0)) / self.fit.sigma
-
-
-def _crossing(root: _Root, best: float, std: float, level: float, *, offset: float = 0.0) -> float:
-    """Return the ln T1 to one side of the best at which the root of the deviance is `level`.
-
-    offset: the root that is taken as the best one. `std` is a first guess, its sign the side.
-    Where the root stays below, the farthest ln T1 that is looked at.
-    """
-    above = math.hypot(level, offset)
-    farthest = math.log(_SLOWEST)
-    fine = 1e-3 * abs(std)
-
-    def beyond(x: float) -> float:
-        return root(best + x) - above
-
-    found = crossing(beyond, level * std, farthest=farthest, growth=1.7, xtol=fine)
-    return best + (math.copysign(farthest, std) if found is None else found)
+    value, ends = math.exp(best), (end(best, -std, Z95), end(best, std, Z95))
+    return replace(Estimate.of(value, value * std, "s"), ci95=ends)
 
 
 _RAMPS = (0.3, 0.6, 1.0, 1.5, 2.0, 3.0)  # of the fitted T1: a ramp to the largest voltage
@@ -383,15 +371,18 @@ def soft_start(fit: VoltageFit) -> SoftStart | None:
         return None
     values = fit.values
     n = int(problem.used.sum())
-    least = float(np.sum(problem.white(fit.q) ** 2))
-    best, found = n * math.log(max(least, 1e-300)) - _SEEN, None
+
+    def deviance(problem: Problem, q: Array) -> float:
+        return n * math.log(max(float(np.sum(problem.white(q) ** 2)), 1e-300))
+
+    best, found = deviance(problem, fit.q) - _SEEN, None
     for share in _RAMPS:
         ramp = share * values["T1"]
         slow = [slewed(b, problem.top / ramp) for b in problem.benches]
         other = problem.changed(problem.free, slow)
         guess = {**values, "T1": max(values["T1"] - 0.4 * ramp, 0.1 * values["T1"])}
         q = solve(other, other.turned(guess))
-        left = n * math.log(max(float(np.sum(other.white(q) ** 2)), 1e-300))
+        left = deviance(other, q)
         if left < best:
             best, found = left, SoftStart(ramp, other.values(q)["T1"])
     return found
@@ -413,7 +404,7 @@ def slewed(bench: Bench, most: float) -> Bench:
     return replace(bench, voltage=mean)
 
 
-def from_voltage(fit: VoltageFit, chosen: dict[str, float], unit: str) -> dict[str, Estimate]:
+def from_voltage(fit: VoltageFit, chosen: Mapping[str, float], unit: str) -> dict[str, Estimate]:
     """Return K1, T1, dead_zone, load_voltage, asymmetry and rate; not identifiable ones say why.
 
     chosen: what the user has set; unit: of the position.

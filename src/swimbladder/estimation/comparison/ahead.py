@@ -88,10 +88,9 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
     """
     for name, value in tuning._asdict().items():
         if value is not None and not 0.0 < value < math.inf:
-            raise InputError(
-                "no such noise", field=f"--{name.replace('_', '-')}", value=value,
-                unit=UNITS[name], remedy="Give a standard deviation above 0",
-            )  # fmt: skip
+            what, remedy = "no such noise", "Give a standard deviation above 0"
+            field = f"--{name.replace('_', '-')}"
+            raise InputError(what, field=field, value=value, unit=UNITS[name], remedy=remedy)
     said, volume = vehicle.identified, vehicle.hull.displaced_volume
     between = None if said is None else said.between
     stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
@@ -114,15 +113,15 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
         else:
             noises[name] = Normal(math.log(guess[0]), guess[1])
             origins[name] = "learnt from the log, up to each instant"
-    neutral = _NEUTRAL * stroke if said is None else max(_NEUTRAL * stroke, said.neutral_std)
-    return Unknowns(
-        neutral=Normal(vehicle.trim_error, neutral),
-        psi=Normal(vehicle.hull.psi, _PSI * volume if between is None else between.psi),
-        drag=Normal(0.0, _DRAG if between is None else between.drag),
-        drift=Normal(0.0, _DRIFT * volume) if between is None
-        else Normal(between.neutral_drift, between.neutral_drift_std),
-        **noises,
-    ), origins  # fmt: skip
+    neutral = Normal(
+        vehicle.trim_error, max(_NEUTRAL * stroke, 0.0 if said is None else said.neutral_std)
+    )
+    psi, drag, drift = _PSI * volume, _DRAG, Normal(0.0, _DRIFT * volume)
+    if between is not None:
+        psi, drag = between.psi, between.drag
+        drift = Normal(between.neutral_drift, between.neutral_drift_std)
+    hull = Normal(vehicle.hull.psi, psi)
+    return Unknowns(neutral, hull, Normal(0.0, drag), drift, **noises), origins
 
 
 def places(count: int) -> Array:
@@ -143,28 +142,17 @@ def draw(
     if rec.afloat:
         zero = _afloat_reading(rec)
         base = base._replace(z_surface=zero, z_air=base.z_air - base.z_surface + zero)
-    wide = math.sqrt(1.0 - _OWN**2)
-    members = []
-    for place in places(count):
-        x = Unknowns(
-            *(Normal(n.mean + n.std * float(at), 0.0) for n, at in zip(u, place, strict=True))
+    wide, members = math.sqrt(1.0 - _OWN**2), []
+    speed_std = _AFLOAT if rec.afloat else _UNDER_WAY
+    for place in places(count).tolist():
+        drawn = [n.mean + n.std * at for n, at in zip(u, place, strict=True)]
+        neutral, psi, drag, drift, *noise = drawn
+        neutral = u.neutral.mean + wide * (neutral - u.neutral.mean)
+        start = Start(
+            float(rec.depth[0]), 0.0, neutral, _START_DEPTH, speed_std, _OWN * u.neutral.std
         )
-        neutral = u.neutral.mean + wide * (x.neutral.mean - u.neutral.mean)
-        members.append(
-            Member(
-                plant=_with(base, psi=x.psi.mean, drag=math.exp(x.drag.mean)),
-                noise=Noise(
-                    depth=math.exp(x.depth_noise.mean), random_walk=math.exp(x.random_walk.mean),
-                    acceleration=math.exp(x.acceleration_noise.mean),
-                ),
-                start=Start(
-                    depth=float(rec.depth[0]), speed=0.0, neutral=neutral, depth_std=_START_DEPTH,
-                    speed_std=_AFLOAT if rec.afloat else _UNDER_WAY,
-                    neutral_std=_OWN * u.neutral.std,
-                ),
-                drift=x.drift.mean,
-            )
-        )  # fmt: skip
+        noises = Noise(*map(math.exp, noise))
+        members.append(Member(_with(base, psi=psi, drag=math.exp(drag)), noises, start, drift))
     return tuple(members)
 
 
@@ -324,11 +312,12 @@ def _pairs(rec: Record, seconds: float) -> tuple[Index, Index]:
     ahead = nearest > np.arange(len(time))
     (origin,) = np.nonzero(close & ahead & rec.compared & rec.compared[nearest])
     if not len(origin):
-        raise InputError(
+        what = (
             "no two samples that count are so far apart: of a log of "
-            f"{rec.duration:.4g} s with one every {apart:.3g} s, clear of surface and bottom",
-            field="--ahead", value=seconds, unit="s", remedy="Give a time between these",
-        )  # fmt: skip
+            f"{rec.duration:.4g} s with one every {apart:.3g} s, clear of surface and bottom"
+        )
+        remedy = "Give a time between these"
+        raise InputError(what, field="--ahead", value=seconds, unit="s", remedy=remedy)
     return origin, nearest[origin]
 
 

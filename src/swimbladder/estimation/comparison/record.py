@@ -5,26 +5,80 @@ Integrated twice, m z'' + k z' = -k_b (V - psi z - V_0) needs no derivative of a
 (int z dt + z/d) and the double integral of -a_b/d (V - psi z) then differ by a cubic only, which
 takes up start, speed, neutral volume and its drift. With times read 1000 times too long one is
 10 000 times the other.
+
+Where a cast is given, a record has its layers as the vehicle meets them: what they add to
+psi z + trim_error.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.estimation.comparison.water import layers_of
-from swimbladder.estimation.kalman.depth_filter import Samples
+from swimbladder.estimation.kalman.depth_filter import Samples, follow
 from swimbladder.estimation.series import Array, Mask, stretches
 from swimbladder.io.logs import Log
-from swimbladder.physics.dynamics import plant
+from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.engine.layers import NO_LAYERS, Layers
+from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layers_from
 from swimbladder.units import unit_factor
 from swimbladder.vehicle import Vehicle
+
+_QUICKEST = 5.0  # of a span between samples times the rate of the motion: a hundred steps
+_LOST = 50.0  # m off, where a search has lost the log
+
+
+def water_of_each(logs: int, columns: Sequence[Column]) -> tuple[Column | None, ...]:
+    """Return the water of each of so many logs: that of the only cast, or of each its own.
+
+    Raises InputError where there are several casts and not as many as logs.
+    """
+    if len(columns) <= 1:
+        return (columns[0] if columns else None,) * logs
+    if len(columns) != logs:
+        what = f"{len(columns)} casts for {logs} log{'s' if logs > 1 else ''}"
+        remedy = "Give one cast for all logs, or one for each in their order"
+        raise InputError(what, field="--cast", remedy=remedy)
+    return tuple(columns)
+
+
+def layers_of(vehicle: Vehicle, column: Column) -> Layers:
+    """Return what the water of a column adds to the neutral volume psi z + trim_error.
+
+    Nothing in the vehicle's own [water]: trim_error keeps its meaning, neutral at the surface of
+    that, and psi is what the hull loses beyond the column's water. Parts of the hull and trapped
+    air are left to psi, as the motion has them. The density is that of `along_hull`.
+    """
+    bare = vehicle.hull.model_copy(update={"psi": 0.0, "parts": (), "trapped_air": 0.0})
+    plain = vehicle.model_copy(update={"hull": bare})
+    volume = neutral_volume(plain, along_hull(column, vehicle.hull)) - vehicle.trim_error
+    return layers_from(volume, column.step)
+
+
+def follow_in(
+    layers: Layers, plants: Sequence[Plant], time: Array, volume: Array, starts: Array
+) -> Array:
+    """Return the depths [lanes, n] in m of vehicles in layered water, as `kalman` has it.
+
+    starts [lanes, 2]: depth [m] and speed [m/s]. nan from where a vehicle left the water, and
+    throughout where the first of them is quicker than any: a search that tried it looks elsewhere.
+    """
+    p = plants[0]
+    spare = float(np.abs(volume - p.V_0).max() + np.abs(layers.table[:, 0]).max())
+    net = p.a_b * (spare + abs(p.psi) * _LOST)
+    fastest = max(math.sqrt(net / p.d_t) if p.d_t > 0.0 else 0.0, float(np.abs(starts[:, 1]).max()))
+    rate = max(p.d_l, p.d_b + 2.0 * p.d_t * fastest)
+    rate += math.sqrt(p.a_b * (abs(p.psi) + layers.steepest))
+    if not float(np.diff(time).max()) * rate < _QUICKEST:
+        return np.full((len(plants), len(time)), np.nan)
+    return follow(plants, layers, time, volume, starts)
+
 
 _UNITS = {
     "s": "seconds", "ms": "milliseconds", "us": "microseconds", "min": "minutes", "h": "hours",
@@ -38,15 +92,14 @@ _SMALL = 0.02  # m, less motion than which has no information
 
 
 def refuse_wrong_clock(
-    log: Log, vehicle: Vehicle, under: Mask, *, volume: Array | None,
-    voltage: Array | None,
-) -> None:  # fmt: skip
+    log: Log, vehicle: Vehicle, under: Mask, *, volume: Array | None, voltage: Array | None
+) -> None:
     """Raise LogError where the times of a log cannot be in their unit, with the one that fits.
 
     under: which samples are clear of surface and bottom. volume [m3], voltage [V]: the one that
     drives the vehicle, neither where a set-point does.
     """
-    part = _longest(under)
+    part = slice(*max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0)))
     z, t = log.depth[part], log.time[part]
     if (volume is None and voltage is None) or len(t) < _LEAST or np.ptp(z) < _SMALL:
         return
@@ -63,19 +116,17 @@ def refuse_wrong_clock(
         found = read_with(factor)
         if not (found.near(*_ALIKE) and found.explained > _EXPLAINED):
             continue
-        only, remedy = (
-            f"{factor:.3g} times as long only",
-            "Check what the times count, and their pattern",
-        )
+        only = f"{factor:.3g} times as long only"
+        remedy = "Check what the times count, and their pattern"
         if unit is not None:
             only = f"{_UNITS[unit]} only"
             remedy = f'Map them as what they are: --column "time_s={log.times.name}@{unit}"'
-        raise LogError(
+        what = (
             f"as read the samples are {np.median(np.diff(t)):.4g} s apart, and what drives the "
-            f"vehicle goes with its depths where the times are {only}",
-            file=log.source, field="time_s", value=float(log.time[-1] - log.time[0]),
-            unit="s from first to last", remedy=remedy,
-        )  # fmt: skip
+            f"vehicle goes with its depths where the times are {only}"
+        )
+        span, unit = float(log.time[-1] - log.time[0]), "s from first to last"
+        raise LogError(what, file=log.source, field="time_s", value=span, unit=unit, remedy=remedy)
 
 
 def _others(seconds: float | None) -> list[tuple[float, str | None]]:
@@ -136,11 +187,6 @@ def _pumped(time: Array, depth: Array, voltage: Array, vehicle: Vehicle) -> Arra
 
 def _integral(y: Array, t: Array) -> Array:
     return np.append(0.0, np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t)))
-
-
-def _longest(kept: Mask) -> slice:
-    """Return the longest run of samples that are kept."""
-    return slice(*max(stretches(kept), key=lambda run: run[1] - run[0], default=(0, 0)))
 
 
 Drive = Literal["volume", "voltage", "setpoint"]
@@ -255,13 +301,12 @@ def record(
         stroke = vehicle.stroke
         over, whole = float(np.ptp(volume)), stroke.maximum - stroke.minimum
         if over > _STROKES * whole:
-            raise LogError(
-                f"the volume goes over {1e6 * over:.3g} cm3, the vehicle's stroke is "
-                f"{1e6 * whole:.3g} cm3",
-                file=log.source, field="piston_m" if log.volume is None else "volume_m3",
-                remedy="State the column's unit, piston_m=NAME@mm or volume_m3=NAME@cm3, or give "
-                "the vehicle that the log is of",
-            )  # fmt: skip
+            what = f"the volume goes over {1e6 * over:.3g} cm3, the vehicle's stroke is "
+            what += f"{1e6 * whole:.3g} cm3"
+            remedy = "State the column's unit, piston_m=NAME@mm or volume_m3=NAME@cm3, or give the "
+            remedy += "vehicle that the log is of"
+            field = "piston_m" if log.volume is None else "volume_m3"
+            raise LogError(what, file=log.source, field=field, remedy=remedy)
         beyond = np.maximum(volume - stroke.maximum, stroke.minimum - volume)
         if (beyond > 1e-9).any():
             notes.append(
@@ -272,8 +317,7 @@ def record(
     if deepest > bottom_depth + _BELOW_BOTTOM:
         what = f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m"
         remedy = "Check --bottom, and the unit of the logged depth"
-        value = round(deepest, 3)
-        raise LogError(what, file=log.source, field="depth_m", value=value, unit="m", remedy=remedy)
+        raise bad_depth(log.source, what, round(deepest, 3), remedy)
     surface = vehicle.hull.emergence_depth
     under = log.depth >= surface + surface_margin
     clear = log.depth <= bottom_depth - _BOTTOM_MARGIN
@@ -292,8 +336,7 @@ def record(
             if np.median(log.depth) < 0.0
             else "Check the unit of the depth, or give another --surface-margin or --bottom"
         )
-        value = float(log.depth.max())
-        raise LogError(what, file=log.source, field="depth_m", value=value, unit="m", remedy=remedy)
+        raise bad_depth(log.source, what, float(log.depth.max()), remedy)
     refuse_wrong_clock(
         log, vehicle, under & clear, volume=volume if chosen == "volume" else None,
         voltage=log.voltage if chosen == "voltage" else None,
@@ -318,6 +361,11 @@ def record(
     )
 
 
+def bad_depth(source: str, what: str, value: float, remedy: str) -> LogError:
+    """Return the error that says what is wrong with a log's depth [m]."""
+    return LogError(what, file=source, field="depth_m", value=value, unit="m", remedy=remedy)
+
+
 def _layers(log: Log, vehicle: Vehicle, column: Column, drive: Drive) -> Layers:
     """Return the layers of a cast; raises an error where they are no use to the log."""
     if drive != "volume":
@@ -326,12 +374,10 @@ def _layers(log: Log, vehicle: Vehicle, column: Column, drive: Drive) -> Layers:
         raise InputError(what, field="--cast", value=column.source, remedy=remedy)
     deepest = _deepest(log)
     if deepest > column.deepest + column.step:
-        raise LogError(
-            f"the log goes down to {deepest:.4g} m, the cast {column.source} ends at "
-            f"{column.deepest:.4g} m",
-            file=log.source, field="depth_m", value=round(deepest, 3), unit="m",
-            remedy="Take a cast that goes as deep, and check the units of both",
-        )  # fmt: skip
+        ends = f"the cast {column.source} ends at {column.deepest:.4g} m"
+        what = f"the log goes down to {deepest:.4g} m, {ends}"
+        remedy = "Take a cast that goes as deep, and check the units of both"
+        raise bad_depth(log.source, what, round(deepest, 3), remedy)
     return layers_of(vehicle, column)
 
 
@@ -365,12 +411,9 @@ def _first_drive(log: Log, vehicle: Vehicle) -> Drive:
         return "voltage"
     if log.reference_depth is not None:
         return "setpoint"
-    raise LogError(
-        "the log has nothing that drives the vehicle",
-        file=log.source,
-        field="volume_m3, piston_m, voltage_V or reference_depth_m",
-        remedy=_REMEDIES["volume"],
-    )
+    what = "the log has nothing that drives the vehicle"
+    field = "volume_m3, piston_m, voltage_V or reference_depth_m"
+    raise LogError(what, file=log.source, field=field, remedy=_REMEDIES["volume"])
 
 
 def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
@@ -395,9 +438,8 @@ def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
     series = {"volume": volume, "voltage": log.voltage, "setpoint": log.reference_depth}
     found = series[drive]
     if found is None:
-        raise LogError(
-            f"the log has no {drive}", file=log.source, field=drive, remedy=_REMEDIES[drive]
-        )
+        what = f"the log has no {drive}"
+        raise LogError(what, file=log.source, field=drive, remedy=_REMEDIES[drive])
     return found
 
 

@@ -1,21 +1,434 @@
-"""The comparison itself: fit, predict, and say how far apart model and log are."""
+"""The comparison itself: fit, predict, and say how far apart model and log are.
+
+What is asked to be adjusted is adjusted so that the predicted depth meets the measured one, by
+name, in a vehicle and in the start of a run. The model is run along a record at once, or in windows
+that each start from what was measured.
+"""
+
+from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.errors import NoAnswerError
-from swimbladder.estimation.comparison.fit import Fitted, adjust, default_names, run
-from swimbladder.estimation.comparison.record import Drive, Record, record
-from swimbladder.estimation.series import Array, rms
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.comparison.record import Drive, Record, follow_in, record
+from swimbladder.estimation.estimates import bounded_fit, check_names
+from swimbladder.estimation.series import Array, Mask, rms
 from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log
+from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.closed_loop import Solution
-from swimbladder.vehicle import Vehicle
+from swimbladder.sim.closed_loop import Solution, drive, simulate
+from swimbladder.vehicle import IdentifiedMotion, Vehicle
+
+_SPAN = 3.0  # s to each side, for the depth and speed at which a window starts
+_WINDOWS = (10.0, 20.0, 40.0, 80.0, 160.0)  # s
+_HORIZONS = (0.125, 0.25, 0.5)  # of the record
+
+
+class Start(NamedTuple):
+    """The state in which a run starts, and how its neutral volume drifts from there."""
+
+    depth: float | None  # m; None: afloat
+    speed: float  # m/s
+    drift: float = 0.0  # m3/s
+
+
+class Window(NamedTuple):
+    """A stretch of a record, its last sample included."""
+
+    first: int
+    last: int
+
+
+def stages(rec: Record) -> list[list[Window]]:
+    """Return ever harder tasks for a fit: the last is the whole record in one run.
+
+    A vehicle that floats freely doubles any error of its neutral volume over and over, so a fit
+    over the whole of a record has many local minima. Short windows have one.
+    With a logged volume each window starts from what was measured; with a voltage the volume on
+    the way is not known, and the horizon grows instead; in closed loop errors do not grow.
+    """
+    whole = Window(0, len(rec.time) - 1)
+    if rec.drive == "volume":
+        return [*(_tiles(rec, w) for w in _WINDOWS if w < rec.duration), [whole]]
+    if rec.drive == "voltage":
+        ends = [int(np.searchsorted(rec.time, part * rec.duration)) for part in _HORIZONS]
+        return [*([Window(0, end)] for end in ends if end >= 10), [whole]]
+    return [[whole]]
+
+
+def _tiles(rec: Record, length: float) -> list[Window]:
+    count = max(round(rec.duration / length), 1)
+    edges = np.searchsorted(rec.time, np.linspace(0.0, rec.duration, count + 1)[1:-1])
+    bounds = [0, *sorted({int(e) for e in edges} - {0, len(rec.time) - 1}), len(rec.time) - 1]
+    return [Window(a, b) for a, b in pairwise(bounds)]
+
+
+def measured_start(rec: Record, at: int) -> Start:
+    """Return depth and speed at sample `at`, as logged; without a logged speed from a parabola
+    through the depths around it.
+    """
+    if rec.speed is not None and np.isfinite(rec.speed[at]):
+        return Start(float(rec.depth[at]), float(rec.speed[at]))
+    near = np.abs(rec.time - rec.time[at]) <= _SPAN
+    if near.sum() < 4:
+        return Start(float(rec.depth[at]), 0.0)
+    parabola = np.polyfit(rec.time[near] - rec.time[at], rec.depth[near], 2)
+    return Start(float(parabola[2]), float(parabola[1]))
+
+
+def predict(vehicle: Vehicle, rec: Record, windows: list[Window], start: Start) -> Array:
+    """Return the depth at every sample [m]; the first window starts as `start` says."""
+    depth = np.empty_like(rec.depth)
+    for window in windows:
+        begin = start
+        if window.first:
+            begin = measured_start(rec, window.first)._replace(drift=start.drift)
+        samples = slice(window.first + (window.first > 0), window.last + 1)
+        depth[samples] = _run(vehicle, rec, window, begin)[0][-len(depth[samples]) :]
+    return depth
+
+
+def run(vehicle: Vehicle, rec: Record, start: Start) -> tuple[Array, Array, Solution | None]:
+    """Return depth [m] and volume [m3] at every sample, and the Solution they are from.
+
+    In the water of a cast there is none, and a depth is nan from where the vehicle left the water.
+    """
+    return _run(vehicle, rec, Window(0, len(rec.time) - 1), start)
+
+
+def _run(
+    vehicle: Vehicle, rec: Record, window: Window, start: Start
+) -> tuple[Array, Array, Solution | None]:
+    part = slice(window.first, window.last + 1)
+    time = rec.time[part] - rec.time[window.first]
+    volume = None if rec.volume is None else rec.volume[part]
+    depth = start.depth
+    if depth is None:
+        added = rec.layers.at(vehicle.hull.emergence_depth)
+        depth = _afloat(vehicle, None if volume is None else float(volume[0]) - added)
+    highest = vehicle.hull.emergence_depth - 0.9 * vehicle.hull.height  # nearly out of the water
+    depth = min(max(depth, highest), rec.bottom_depth)
+    at = vehicle.neutral_volume(depth)  # where the log does not say, at rest if the stroke lets it
+    if volume is not None and rec.volume_absolute:
+        at = float(volume[0])
+    begin = min(max(at, vehicle.stroke.minimum), vehicle.stroke.maximum)
+    known: dict[str, Any] = {
+        "start_depth": depth,
+        "start_speed": start.speed,
+        "bottom_depth": rec.bottom_depth,
+    }
+    if rec.drive == "setpoint":
+        asked: dict[str, Any] = {"setpoints": list(rec.setpoints), "duration": float(time[-1])}
+        solution = simulate(vehicle, **asked, start_volume=begin, checked=False, **known)
+        return _hermite(time, solution), np.interp(time, solution.time, solution.volume), solution
+    if rec.drive == "volume" and volume is not None:
+        # Only volume less neutral volume moves the vehicle.
+        moving = volume - start.drift * rec.time[part]
+        if len(rec.layers.table):
+            plants = [plant(vehicle, bottom_depth=rec.bottom_depth)]
+            starts = np.array([[depth, start.speed]])
+            return follow_in(rec.layers, plants, time, moving, starts)[0], volume, None
+        solution = drive(vehicle, time=time, volume=moving, **known)
+    else:
+        solution = drive(vehicle, time=time, voltage=rec.inputs[part], start_volume=begin, **known)
+    pad = (0, len(time) - len(solution.depth))
+    return np.pad(solution.depth, pad, "edge"), np.pad(solution.volume, pad, "edge"), solution
+
+
+def _afloat(vehicle: Vehicle, volume: float | None) -> float:
+    """Return the depth [m] at which a vehicle of this volume [m3] floats at the surface."""
+    hull = vehicle.hull
+    if volume is None:
+        return hull.emergence_depth
+    spare = max(volume - vehicle.neutral_volume(hull.emergence_depth), 0.0)
+    return hull.emergence_depth - spare / hull.waterplane_area
+
+
+def _hermite(time: Array, s: Solution) -> Array:
+    """Return the depth [m] of a solution between its samples, from depths and speeds there."""
+    if len(s.time) < 2:
+        return np.full_like(time, s.depth[0])
+    k = np.clip(np.searchsorted(s.time, time, side="right") - 1, 0, len(s.time) - 2)
+    h = s.time[k + 1] - s.time[k]
+    x = np.clip((time - s.time[k]) / h, 0.0, 1.0)
+    rise = s.depth[k + 1] - s.depth[k]
+    a, b = h * s.speed[k] - rise, rise - h * s.speed[k + 1]
+    return np.asarray(s.depth[k] + x * (rise + (1.0 - x) * (a * (1.0 - x) + b * x)))
+
+
+class Fittable(NamedTuple):
+    """A quantity that can be fitted: its unit, and a difference that a log shows."""
+
+    unit: str
+    scale: float
+    meaning: str
+
+
+FITTABLE: Mapping[str, Fittable] = {
+    "neutral_volume": Fittable("m3", 1e-7, "neutral volume at depth 0, against mid-stroke"),
+    "neutral_drift": Fittable("m3/s", 1e-10, "how fast the neutral volume grows"),
+    "mass": Fittable("kg", 0.1, "all that is accelerated"),
+    "drag": Fittable("N s/m", 0.05, "laminar coefficient k_dl"),
+    "drag_quadratic": Fittable("N s2/m2", 0.5, "turbulent coefficient k_dt"),
+    "psi": Fittable("m3/m", 1e-8, "volume lost per metre against the water's"),
+    "start_depth": Fittable("m", 0.01, "depth at the first sample"),
+    "start_speed": Fittable("m/s", 0.01, "speed at the first sample, positive down"),
+}
+
+
+def first_and_limits(name: str, vehicle: Vehicle, start: Start) -> tuple[float, float, float]:
+    """Return what a fit of `name` begins with, and its bounds.
+
+    These are where physics ends, or so far off that the log is another's.
+    """
+    stroke, motion, drag = vehicle.stroke, vehicle.motion, vehicle.drag
+    span, m, psi = stroke.maximum - stroke.minimum, vehicle.mass, vehicle.hull.psi
+    least_mass = 1e-2 * m
+    if not isinstance(motion, IdentifiedMotion):
+        least_mass = motion.dry_mass + motion.entrained_mass
+    depth, speed = 0.0 if start.depth is None else start.depth, start.speed
+    return {
+        "neutral_volume": (vehicle.trim_error, stroke.minimum - span, stroke.maximum + span),
+        "neutral_drift": (start.drift, -span / 10.0, span / 10.0),
+        "mass": (m, least_mass, 100.0 * m),
+        "drag": (drag.k_dl, 1e-3 * drag.k_dl, 1e3 * drag.k_dl),
+        "drag_quadratic": (drag.k_dt, 0.0, 1e3 * drag.k_dt),
+        "psi": (psi, -span, span),
+        "start_depth": (depth, depth - 1.0, depth + 1.0),
+        "start_speed": (speed, speed - 1.0, speed + 1.0),
+    }[name]
+
+
+def put(name: str, value: float, vehicle: Vehicle, start: Start) -> tuple[Vehicle, Start]:
+    """Return vehicle and start with `name` at `value`, everything else as it was."""
+    if name == "neutral_volume":
+        return vehicle.model_copy(update={"trim_error": value}), start
+    if name == "psi":
+        hull = vehicle.hull.model_copy(update={"psi": value})
+        return vehicle.model_copy(update={"hull": hull}), start
+    if name in ("mass", "drag", "drag_quadratic"):
+        motion = vehicle.motion.model_copy(update=_motion(name, value, vehicle))
+        return vehicle.model_copy(update={"motion": motion}), start
+    field = {"neutral_drift": "drift", "start_depth": "depth", "start_speed": "speed"}[name]
+    return vehicle, start._replace(**{field: value})
+
+
+def _motion(name: str, value: float, vehicle: Vehicle) -> dict[str, Any]:
+    motion = vehicle.motion
+    if isinstance(motion, IdentifiedMotion):  # K2 = k_b/k_dl and T2 = m/k_dl, eqs (28)-(29)
+        m = value if name == "mass" else vehicle.mass
+        k_dl = value if name == "drag" else vehicle.drag.k_dl
+        return {"K2": vehicle.water.specific_weight / k_dl, "T2": m / k_dl}
+    if name == "mass":
+        return {"added_mass": value - motion.dry_mass - motion.entrained_mass}
+    field = "k_dl" if name == "drag" else "k_dt"
+    return {"drag": motion.drag.model_copy(update={field: value})}
+
+
+_LARGEST = 10.0  # m, a residual beyond this says no more
+_STEP = 1e-3  # of a parameter's scale, for the derivative
+_SHIFTS = [s * m for m in (3e-8, 1e-7, 3e-7, 1e-6, 3e-6) for s in (1.0, -1.0)]  # m3
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fitted number, its standard deviation (None where it is not identifiable) and unit.
+
+    The deviation allows for residuals that resemble their neighbours; it holds as far as the
+    model is right, which it does not test.
+    """
+
+    value: float
+    std: float | None
+    unit: str
+
+
+class Outcome(NamedTuple):
+    """What a fit found."""
+
+    vehicle: Vehicle
+    start: Start
+    fitted: dict[str, Fitted]
+
+
+def default_names(rec: Record) -> tuple[str, ...]:
+    """Return what is fitted unless asked otherwise.
+
+    The neutral volume, and the state at the start of an open loop that is under way there.
+    """
+    if rec.drive == "setpoint" or rec.afloat:
+        return ("neutral_volume",)
+    return ("neutral_volume", "start_depth", "start_speed")
+
+
+def adjust(
+    vehicle: Vehicle,
+    rec: Record,
+    names: Sequence[str],
+    *,
+    advance: Callable[[float], None] | None = None,
+) -> Outcome:
+    """Fit `names` by least squares on the depths compared, best of several ways there.
+
+    Every stage begins where the one before ended; the whole record is then fitted from each of
+    these ends and from others beside them, until three ways lead to the same best place and that
+    explains nine tenths of the variance.
+    advance: called with the share of the work done since it was last called.
+    Raises InputError for a name that cannot be fitted.
+    """
+    _check(names, vehicle, rec)
+    first = Start(None, 0.0) if rec.afloat else measured_start(rec, 0)
+    if not names:
+        return Outcome(vehicle, first, {})
+    problem = _Problem(vehicle, rec, tuple(names), first)
+    *easier, whole = stages(rec)
+    met = [problem.begin()]
+    for windows in easier:
+        if rec.compared[: windows[-1].last + 1].any():
+            met.append(problem.solve(met[-1], windows)[1])
+        if advance is not None:
+            advance(0.5 / len(easier))
+    enough = 0.05 * float(np.var(rec.depth[rec.compared])) * rec.compared.sum()
+    best, q, agreed = np.inf, met[-1], 0
+    for begin in _ways(problem, met, whole):
+        end, found = problem.solve(begin, whole)
+        agreed = agreed + 1 if abs(end - best) <= 1e-3 * best else 1 if end < best else agreed
+        if end < best:
+            best, q = end, found
+        if agreed == 3 and best < enough:
+            break
+    spread = _spread(problem.residual(q, whole), problem.slope(q, whole)) * problem.scale
+    spread[problem.at_limit(q)] = np.nan
+    # a deviation wider than all that is possible: not identifiable
+    spread[spread > (problem.most - problem.least) * problem.scale] = np.nan
+    values = q * problem.scale
+    fitted = {
+        name: Fitted(value, std if np.isfinite(std) else None, FITTABLE[name].unit)
+        for name, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
+    }
+    return Outcome(*_apply(names, values, vehicle, first), fitted)
+
+
+class _Problem:
+    """The residuals of a record as a function of what is fitted, each in its own scale."""
+
+    def __init__(self, vehicle: Vehicle, rec: Record, names: tuple[str, ...], first: Start) -> None:
+        self.vehicle, self.rec, self.names, self.first = vehicle, rec, names, first
+        self.scale = np.array([FITTABLE[name].scale for name in names])
+        found = np.array([first_and_limits(name, vehicle, first) for name in names])
+        self.start, self.least, self.most = (found / self.scale[:, None]).T
+
+    def begin(self) -> Array:
+        begun: Array = self.start.copy()
+        if "neutral_volume" in self.names:
+            at = self.names.index("neutral_volume")
+            begun[at] = _guess(self.vehicle, self.rec) / self.scale[at]
+        return begun
+
+    def residual(self, q: Array, windows: list[Window]) -> Array:
+        changed, start = _apply(self.names, q * self.scale, self.vehicle, self.first)
+        upto = windows[-1].last + 1
+        off = predict(changed, self.rec, windows, start) - self.rec.depth
+        off = off[:upto][self.rec.compared[:upto]]
+        return np.clip(np.nan_to_num(off, nan=_LARGEST), -_LARGEST, _LARGEST)
+
+    def slope(self, q: Array, windows: list[Window]) -> Array:
+        here = self.residual(q, windows)
+        steps = _STEP * np.eye(len(q))
+        return np.stack([(self.residual(q + h, windows) - here) / _STEP for h in steps], axis=1)
+
+    def cost(self, q: Array, windows: list[Window]) -> float:
+        return 0.5 * float(np.sum(self.residual(q, windows) ** 2))
+
+    def solve(self, q: Array, windows: list[Window]) -> tuple[float, Array]:
+        """Return (cost, place) of the minimum that is found from `q`."""
+        residual, slope = (partial(of, windows=windows) for of in (self.residual, self.slope))
+        ends, limits = (1e-7, 1e-9, 1e-12), (self.least, self.most)
+        return bounded_fit(residual, slope, q, limits, ends=ends, most=60, edge=_STEP)
+
+    def at_limit(self, q: Array) -> Mask:
+        return np.asarray((q < self.least + 2.0 * _STEP) | (q > self.most - 2.0 * _STEP))
+
+
+def _ways(problem: _Problem, met: list[Array], whole: list[Window]) -> Iterator[Array]:
+    """Yield places to begin the last fit at: the ends of the stages, then others beside them."""
+    yield from reversed(met)
+    if "neutral_volume" not in problem.names:
+        return
+    axis = problem.names.index("neutral_volume")
+    unit = np.eye(len(problem.names))[axis] / problem.scale
+    beside = [q + shift * unit for q in (met[0], met[-1]) for shift in _SHIFTS]
+    yield from sorted(beside, key=lambda q: problem.cost(q, whole))[:2]
+    if len(problem.names) > 1:  # what more is fitted must not make it worse
+        alone = adjust(problem.vehicle, problem.rec, ("neutral_volume",)).fitted
+        begin = problem.begin()
+        begin[axis] = alone["neutral_volume"].value / problem.scale[axis]
+        yield begin
+
+
+def _apply(
+    names: Sequence[str], values: Array, vehicle: Vehicle, start: Start
+) -> tuple[Vehicle, Start]:
+    for name, value in zip(names, values.tolist(), strict=True):
+        vehicle, start = put(name, value, vehicle, start)
+    return vehicle, start
+
+
+def _check(names: Sequence[str], vehicle: Vehicle, rec: Record) -> None:
+    """Raise InputError for a name that cannot be fitted to this vehicle and record."""
+    coefficients = {"drag": vehicle.drag.k_dl, "drag_quadratic": vehicle.drag.k_dt}
+    check_names(names, FITTABLE, "--fit", "this cannot be fitted", "; or none")
+    for name in names:
+        what = remedy = ""
+        if coefficients.get(name) == 0.0:
+            what = f"the vehicle's drag law, {vehicle.drag.law}, has no such term"
+            remedy = 'Choose law = "blended" in [motion.drag], or fit the other term'
+        elif name.startswith("start") and rec.afloat:
+            what = "the log starts with the vehicle afloat, at rest at the surface"
+            remedy = "Leave it out, or cut the log to where the vehicle is under way"
+        elif name == "neutral_drift" and rec.drive != "volume":
+            what = "a drift can be fitted only where the logged volume drives the vehicle"
+            remedy = "Choose --drive volume, or leave it out"
+        if what:
+            raise InputError(what, field="--fit", value=name, remedy=remedy)
+
+
+def _guess(vehicle: Vehicle, rec: Record) -> float:
+    """Return a first neutral volume [m3]: the one at which the vehicle mostly was, under water."""
+    if rec.volume is None or not rec.volume_absolute:
+        return vehicle.trim_error
+    depth = rec.depth[rec.compared]
+    resting = vehicle.hull.psi * depth + rec.layers.along(depth)
+    return float(np.median(rec.volume[rec.compared] - resting))
+
+
+def _spread(residual: Array, slope: Array) -> Array:
+    """Return the standard deviations of the parameters, for residuals that are correlated.
+
+    The variance is taken up by the number of samples that carry the information of one:
+    1 + 2 sum of the residual's autocorrelation up to its first zero.
+    """
+    n, count = slope.shape
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    alike = 1.0
+    if power > 0.0:
+        correlation = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * n)) ** 2)[:n] / power
+        ends = np.flatnonzero(correlation <= 0.0)
+        alike = 2.0 * float(correlation[: ends[0] if len(ends) else n].sum()) - 1.0
+    variance = float(residual @ residual) / max(n - count, 1) * max(alike, 1.0)
+    _, singular, rotation = np.linalg.svd(slope, full_matrices=False)
+    if singular[-1] <= 1e-10 * singular[0]:
+        return np.full(count, np.nan)
+    return np.asarray(np.sqrt(variance * ((rotation / singular[:, None]) ** 2).sum(axis=0)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,8 +546,7 @@ def compare(
     measured, used = rec.depth[rec.compared], rec.compared
     off = predicted[used] - measured
     compared_volume = rec.volume if rec.drive != "volume" else None
-    notes = list(rec.notes)
-    notes += _fitted_before(vehicle)
+    notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
     if explained < 0.5:
         notes.append(

@@ -84,20 +84,6 @@ class Filtered:
     fate: NDArray[np.int8]  # [n], UNSEEN ... RESTARTED of kernels
     slopes: Array  # [n, 3, 3], of each predicted state by the one before
 
-    def ahead(self, first: Index, last: Index) -> tuple[Array, Array]:
-        """Return depth [m] and its standard deviation [m] at samples `last`.
-
-        Each from the state after the sample `first`, with the volume on the way known; the
-        deviation is of the depth itself, without the measurement's noise.
-        """
-        depth, variance = np.empty(len(first)), np.empty(len(first))
-        predict_kernel(
-            np.array(self.plant), self.samples.layers, self.samples.time, self.samples.volume,
-            self.mean[first], self.covariance[first], first, last, self.noise.variances(), depth,
-            variance,
-        )  # fmt: skip
-        return depth, np.sqrt(variance)
-
     def smoothed(self) -> tuple[Array, Array]:
         """Return states [n, 3] and covariances [n, 3, 3] given all samples, earlier and later."""
         mean, covariance = self.mean.copy(), self.covariance.copy()
@@ -170,9 +156,8 @@ class Bank:
     samples: Samples
     members: tuple[Member, ...]
     weight: Array  # [members, n], given all depths up to each sample
-    rows: tuple[Index, ...]  # of each member, the samples at which its state is kept
-    mean: tuple[Array, ...]  # [rows, 3]
-    covariance: tuple[Array, ...]  # [rows, 3, 3]
+    # By member: samples at which its state counts, the state [rows, 3] and its covariance there.
+    states: dict[int, tuple[Index, Array, Array]]
 
     def ahead(self, first: Index, last: Index) -> tuple[Array, Array]:
         """Return mean and standard deviation of the depth [m] at samples `last`.
@@ -181,16 +166,14 @@ class Bank:
         the deviation is of the depth itself, without the measurement's noise.
         """
         mean, square, total = np.zeros(len(first)), np.zeros(len(first)), np.zeros(len(first))
-        for i, member in enumerate(self.members):
-            weight = self.weight[i, first]
+        for i, (rows, states, covariances) in self.states.items():
+            member, weight = self.members[i], self.weight[i, first]
             (worth,) = np.nonzero(weight > _WORTH)
-            if not len(worth):
-                continue
-            at = np.searchsorted(self.rows[i], first[worth])
+            at = np.searchsorted(rows, first[worth])
             depth, variance = np.empty(len(worth)), np.empty(len(worth))
             predict_kernel(
                 np.array(member.plant), self.samples.layers, self.samples.time,
-                _drifted(self.samples, member).volume, self.mean[i][at], self.covariance[i][at],
+                _drifted(self.samples, member).volume, states[at], covariances[at],
                 first[worth], last[worth], member.noise.variances(), depth, variance,
             )  # fmt: skip
             mean[worth] += weight[worth] * depth
@@ -209,18 +192,13 @@ def filter_bank(samples: Samples, members: Sequence[Member], *, gate: float = GA
     likelihood = np.stack([log_likelihood(samples, member, gate=gate) for member in members])
     weight = np.exp(likelihood - likelihood.max(axis=0))
     weight /= weight.sum(axis=0)
-    rows, mean, covariance = [], [], []
+    states = {}
     for i, member in enumerate(members):  # once more: all states of all would not fit
         (kept,) = np.nonzero((weight[i] > _WORTH) & (samples.use == 1))
-        rows.append(kept)
         if len(kept):
             found = _run(samples, member, gate)
-            mean.append(found.mean[kept])
-            covariance.append(found.covariance[kept])
-        else:
-            mean.append(np.empty((0, 3)))
-            covariance.append(np.empty((0, 3, 3)))
-    return Bank(samples, tuple(members), weight, tuple(rows), tuple(mean), tuple(covariance))
+            states[i] = kept, found.mean[kept], found.covariance[kept]
+    return Bank(samples, tuple(members), weight, states)
 
 
 def _run(samples: Samples, member: Member, gate: float) -> Filtered:

@@ -6,7 +6,7 @@ other models; `run` finds intervals and puts all together, `result` holds it.
 """
 
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
-from swimbladder.estimation.motion.model import NAMES
+from swimbladder.estimation.motion.problem import NAMES
 from swimbladder.estimation.motion.result import Choice, ExperimentFit, Identification, Profile
 from swimbladder.estimation.motion.run import NEUTRAL_STD, identify
 

@@ -4,19 +4,25 @@ Goodness of fit is whether one set of parameters describes all dives. A fit to d
 belong together has narrow intervals as any other. Where a dive's volume balance, or its pressures
 from sample to sample, are off by many times what sensors, moving water, the cast's error and
 drifting volumes explain, the parameters do not describe it and are not identified.
+
+The parameters go into the vehicle's file (`identified_vehicle`); `out_of_place` says which have no
+place there.
 """
 
+from __future__ import annotations
+
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import BaseModel
 from scipy.special import ndtri
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import Estimate, Prior, sentence
-from swimbladder.estimation.motion.deep_dive import DeepDive, deep_dive
+from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence
 from swimbladder.estimation.motion.deep_filter import displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep
 from swimbladder.estimation.motion.deep_model import (
@@ -24,22 +30,142 @@ from swimbladder.estimation.motion.deep_model import (
     DEEP,
     DEFAULT,
     Body,
+    DeepDive,
     Noise,
     Replay,
     body_of,
     cast_volume,
     check_deep_request,
+    deep_dive,
     drag_volume,
     priors_of,
     replay,
     run_volumes,
 )
-from swimbladder.estimation.motion.deep_vehicle import identified_vehicle, out_of_place
 from swimbladder.estimation.series import Array, rms
 from swimbladder.io.answers import as_json
 from swimbladder.io.float_log import FloatLog
+from swimbladder.physics.hull import weighing
 from swimbladder.physics.seawater import Column
-from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
+from swimbladder.vehicle import (
+    HullPart,
+    PhysicalMotion,
+    PowerLawPump,
+    PumpAndValve,
+    Vehicle,
+    field_unit,
+)
+
+_STIFFENS = 1e-20  # 1/Pa2, the least that a vehicle's file has
+
+_HULL = "the cast, and the mass and hull in the vehicle's file"
+_WARM = "temperature_degC of the log, its unit, and whether it is of the hull"
+_SECONDS = "the {0}'s seconds in the log, and its {1} in the vehicle's file"
+
+# Where a vehicle's file holds each, and what to check when it comes out strange.
+_PLACES: dict[str, tuple[str, str]] = {
+    "drag": ("motion.drag.k_dt", "the pressures and the mass in the vehicle's file"),
+    "drag_up": ("motion.drag.rising_ratio", "whether the water was that of the cast while it rose"),
+    "compressibility": ("hull.parts.0.compressibility", _HULL),
+    "stiffening": ("hull.parts.0.stiffening", _HULL),
+    "thermal_expansion": ("hull.parts.0.thermal_expansion", _WARM),
+    "trapped_air": ("hull.trapped_air", "the cast near the surface"),
+    "pump_delivery": ("actuator.pump.delivery", _SECONDS.format("pump", "delivery")),
+    "pump_slip": ("actuator.pump.slip", _SECONDS.format("pump", "slip")),
+    "pump_start": ("actuator.start_volume", "the pump's seconds in the log"),
+    "valve": ("actuator.valve.flow", _SECONDS.format("valve", "flow")),
+    "bypass": ("actuator.bypass.flow", _SECONDS.format("bypass", "flow")),
+    "creep": ("actuator.creep", "the cast, and whether the log leaves out runs"),
+}
+_BOUNDS = {
+    "gt": (operator.gt, "more than {:g}"),
+    "ge": (operator.ge, "{:g} or more"),
+    "lt": (operator.lt, "less than {:g}"),
+    "le": (operator.le, "{:g} or less"),
+}
+
+
+def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle of these values, but for what its file has no place for.
+
+    That is the delivery of a pump that is described by its motor. Mass and hull without trapped air
+    are those of `body_of`, so trim_error moves with trapped air, and with the hull's warmth where
+    [water] is not as warm as reference_temperature.
+    """
+    return weighing(_filled(vehicle, values), body_of(vehicle).mass)
+
+
+def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle with these values, before its trim_error follows them."""
+    body, actuator = body_of(vehicle), vehicle.actuator
+    assert isinstance(actuator, PumpAndValve)
+
+    changed: dict[str, Any] = {}
+    for name in ("valve", "bypass"):
+        device = getattr(actuator, name)
+        if device is not None:
+            changed[name] = device.model_copy(update={"flow": device.flow * values[name]})
+    pump = actuator.pump
+    if isinstance(pump, PowerLawPump):
+        delivery = pump.delivery * values["pump_delivery"]
+        slip = pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"]
+        changed["pump"] = pump.model_copy(update={"delivery": delivery, "slip": slip})
+    changed["start_volume"] = max(actuator.start_volume + values["pump_start"], 0.0)
+    changed["creep"] = max(values["creep"], 0.0)
+    stiffening = values["stiffening"] if abs(values["stiffening"]) >= _STIFFENS else 0.0
+    soft = {"compressibility": max(values["compressibility"], 0.0), "stiffening": stiffening}
+    soft["thermal_expansion"] = values["thermal_expansion"]
+    part = HullPart(name="hull", volume=body.volume, compressibility=0.0).model_copy(update=soft)
+    drag = {"k_dt": values["drag"], "rising_ratio": values["drag_up"]}
+    motion: dict[str, Any] = {"drag": vehicle.drag.model_copy(update=drag)}
+    if isinstance(vehicle.motion, PhysicalMotion):
+        more = (values["inertia"] - 1.0) * vehicle.mass
+        motion["added_mass"] = max(vehicle.motion.added_mass + more, 0.0)
+    air = values["trapped_air"]
+    hull = {"displaced_volume": body.volume + air, "parts": (part,), "trapped_air": air}
+    updates = {"actuator": changed, "hull": hull, "motion": motion}
+    new = {name: getattr(vehicle, name).model_copy(update=own) for name, own in updates.items()}
+    return vehicle.model_copy(update=new)
+
+
+def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[str]) -> list[str]:
+    """Say of each of `names` whose value no vehicle's file may hold: the number and the bound.
+
+    What `identified_vehicle` holds at 0 has a place, but a compressibility.
+    """
+    file, found = _filled(vehicle, values), []
+    for name in names:
+        path, check = _PLACES.get(name, ("", ""))
+        *way, field = path.split(".")
+        holder: Any = file
+        for key in way:
+            holder = holder[int(key)] if key.isdigit() else getattr(holder, key)
+        model = type(holder)
+        if field not in getattr(model, "model_fields", {}):
+            continue
+        written = values[name] if name == "compressibility" else getattr(holder, field)
+        bounds = _broken(model, field, written)
+        if bounds:
+            unit, stands = field_unit(model, field), ""
+            if name in ("pump_delivery", "pump_slip", "valve", "bypass"):
+                stands = f"{field} would be {written:.4g} {unit}, and "
+            texts = {"name": name, "field": field, "check": check, "stands": stands}
+            value = f"{values[name]:.4g} {DEEP[name].unit}".rstrip()
+            limits = f"{' and '.join(bounds)} {unit}".rstrip()
+            found.append(sentence("deep", "out of place", **texts, value=value, bounds=limits))
+    return found
+
+
+def _broken(model: type[BaseModel], field: str, value: float) -> list[str]:
+    """Return the bounds of a field that a value breaks, in words."""
+    found = []
+    for bound in model.model_fields[field].metadata:
+        for key, (keeps, words) in _BOUNDS.items():
+            limit = getattr(bound, key, None)
+            if limit is not None and not keeps(value, limit):
+                found.append(words.format(limit))
+    return found
+
 
 # Of `Misfit`, and of how far dives are apart over what they say. Simulated dives of
 # `studies.deep_calibration` have 1.1 at most, and six real dives of `studies.deep_dives` together
@@ -86,14 +212,10 @@ def _noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
     Noise counts at most for its prior value times its factor: a fit that cannot describe a dive
     takes all for noise.
     """
-    noise = Noise(*(
-        min(found, typical * float(np.exp(width)))
-        for found, typical, width in zip(fit.noise, NOISES, FACTOR, strict=True)
-    ))  # fmt: skip
+    noise = Noise(*np.minimum(fit.noise, NOISES * np.exp(FACTOR)).tolist())
     p = dive.pieces
-    per_speed = 2.0 * np.abs(
-        drag_volume(fit.values, p.speed, p.density, dive.gravity) / _no_zero(p.speed)
-    )
+    carried = np.abs(drag_volume(fit.values, p.speed, p.density, dive.gravity))
+    per_speed = 2.0 * carried / np.maximum(np.abs(p.speed), np.finfo(float).tiny)
     measured = np.sqrt(2.0) * noise.pressure / (p.density * dive.gravity * p.duration)
     layers = np.interp(p.pressure, dive.water_pressure, dive.water_layers)
     moved = displaced_variance(noise.water**2, noise.lasts)
@@ -102,10 +224,6 @@ def _noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
     variance += noise.runs**2 * (p.before @ run_volumes(fit.values, dive) ** 2)
     variance += layers**2 * moved + cast_volume(body, fit.priors, layers) ** 2
     return np.asarray(np.sqrt(variance))
-
-
-def _no_zero(speed: Array) -> Array:
-    return np.where(speed == 0.0, np.finfo(float).tiny, speed)
 
 
 def inconsistent(found: Sequence[Misfit], tempering: float) -> bool:
@@ -280,24 +398,23 @@ def identify_deep(
     given. Raises InputError for a vehicle without pump and valve, for logs without dives and for
     what cannot be identified.
     """
-    check_deep_request(
-        vehicle, len(logs), len(columns), free=free, fixed=list(fixed or {}),
-        priors=priors or {},
-    )  # fmt: skip
+    held, known = fixed or {}, priors or {}
+    check_deep_request(vehicle, len(logs), len(columns), free=free, fixed=list(held), priors=known)
     each = list(columns) * (len(logs) if len(columns) == 1 else 1)
     dives = [
         deep_dive(log, column, vehicle, name=Path(log.source).name)
         for log, column in zip(logs, each, strict=True)
     ]
-    body, known = body_of(vehicle), priors_of(vehicle, priors or {})
-    _check_place(vehicle, known, fixed or {}, priors or {})
+    body = body_of(vehicle)
+    known = priors_of(vehicle, known)
+    _check_place(vehicle, known, held, priors or {})
     run = ("bypass",) if any(dive.action_bypass.any() for dive in dives) else ()
-    names = tuple(free or [n for n in (*DEFAULT, *run) if n not in (fixed or {})])
+    names = tuple(free or [n for n in (*DEFAULT, *run) if n not in held])
     advance(0.1)
     fit = fit_deep(
         body, dives, known, free=names, fixed=fixed, advance=lambda share: advance(0.8 * share)
     )
-    parameters = {name: _estimate(fit, name, fixed or {}) for name in (*fit.names, *(fixed or {}))}
+    parameters = {name: _estimate(fit, name, held) for name in (*fit.names, *held)}
     fits = tuple(_dive_fit(body, fit, k, dive) for k, dive in enumerate(dives))
     advance(0.1)
     weak = [name for name in fit.names if not fit.identified(name)]
@@ -326,25 +443,26 @@ def _check_place(
     for option, names in (("--set", fixed), ("--prior", priors)):
         for name in names:
             if name in DEEP and out_of_place(vehicle, values, [name]):
-                raise InputError(
-                    "no vehicle's file may hold it", field=option, unit=DEEP[name].unit,
-                    value=f"{name}={values[name]:g}", remedy="Check the number and its unit",
-                )  # fmt: skip
+                what, remedy = "no vehicle's file may hold it", "Check the number and its unit"
+                value, unit = f"{name}={values[name]:g}", DEEP[name].unit
+                raise InputError(what, field=option, value=value, unit=unit, remedy=remedy)
 
 
 def _estimate(fit: DeepFit, name: str, fixed: Mapping[str, float]) -> Estimate:
-    origin = "set" if name in fixed else "data" if fit.identified(name) else "prior"
-    return Estimate.of(fit.values[name], fit.std(name), DEEP[name].unit, origin=origin)  # type: ignore[arg-type]
+    origin: Origin = "set" if name in fixed else "data" if fit.identified(name) else "prior"
+    return Estimate.of(fit.values[name], fit.std(name), DEEP[name].unit, origin=origin)
 
 
 def _dive_fit(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> DiveFit:
-    i = len(fit.names) + k
-    start = float(fit.starts[k])
+    start, std = float(fit.starts[k]), np.sqrt(np.diag(fit.covariance))[len(fit.names) + k]
     return DiveFit(
-        dive=dive, start=Estimate.of(start, float(np.sqrt(fit.covariance[i, i])), "m3"),
-        imbalance=balance(body, fit.values, start, dive), speed=fit.residuals[k],
-        replay=replay(body, fit.values, start, dive), misfit=misfit_of(body, fit, k, dive),
-    )  # fmt: skip
+        dive=dive,
+        start=Estimate.of(start, float(std), "m3"),
+        imbalance=balance(body, fit.values, start, dive),
+        speed=fit.residuals[k],
+        replay=replay(body, fit.values, start, dive),
+        misfit=misfit_of(body, fit, k, dive),
+    )
 
 
 def _sentences(
@@ -393,20 +511,21 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> t
     ]
     body, actuator = body_of(vehicle), vehicle.actuator
     assert isinstance(actuator, PumpAndValve)
-    bypass: tuple[str, ...] = ()
+    found = [
+        f"known before: {'; '.join(said)}",
+        sentence("deep", "hull", mass=body.mass, volume=body.volume),
+    ]
     if actuator.bypass is not None and "bypass" not in fit.names:
         share = fit.values["bypass"]
         said_of = "as in the vehicle's file" if share == 1.0 else f"{share:.4g} of its file's"
-        bypass = (sentence("deep", "bypass", share=said_of),)
-    lost = [
-        *([] if isinstance(actuator.pump, PowerLawPump) else ["pump_delivery"]),
-        *(["a creep below 0"] if fit.values["creep"] < 0.0 else []),
-    ]
-    place = (f"{' and '.join(lost)} has no place in vehicle.toml",) if lost else ()
-    hull = sentence("deep", "hull", mass=body.mass, volume=body.volume)
+        found.append(sentence("deep", "bypass", share=said_of))
+    lost = [] if isinstance(actuator.pump, PowerLawPump) else ["pump_delivery"]
+    if fit.values["creep"] < 0.0:
+        lost.append("a creep below 0")
+    if lost:
+        found.append(f"{' and '.join(lost)} has no place in vehicle.toml")
     off = ", ".join(f"{name} 0 +- {fit.priors[name].std:.2g} {x.unit}" for name, x in CAST.items())
-    cast = sentence("deep", "cast", cast=off, noise=fit.noise)
-    return (f"known before: {'; '.join(said)}", hull, *bypass, *place, *_warmths(dives), cast)
+    return (*found, *_warmths(dives), sentence("deep", "cast", cast=off, noise=fit.noise))
 
 
 def _warmths(dives: Sequence[DeepDive]) -> list[str]:

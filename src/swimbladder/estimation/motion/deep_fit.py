@@ -36,10 +36,10 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.deep_dive import DeepDive
 from swimbladder.estimation.motion.deep_filter import GATE, V0
 from swimbladder.estimation.motion.deep_model import (
     Body,
+    DeepDive,
     Filtered,
     Noise,
     Path,
@@ -262,18 +262,16 @@ def fit_deep(
             "nothing is left to identify", field="--free", remedy="Leave one parameter free"
         )
     paths, count = [deep_path(d, body, priors) for d in dives], len(names)
-    problem, apiece = _Problem(body, paths, priors, names, fixed), 1.0
-    if len(paths) > 1:  # and each by itself, which takes as long together
-        apiece = 0.5
+    problem = _Problem(body, paths, priors, names, fixed)
+    apiece = 0.5 if len(paths) > 1 else 1.0  # and each by itself, which takes as long together
     differing: RandomEffects | None = None
     with threadpool_limits(limits=1):
         x, found = _searched(problem, lambda share: advance(apiece * share))
         covariance = np.linalg.inv(found.scores[0].information + np.eye(count))
         if len(paths) > 1:
-            differing = random_effects([
-                _alone(_Problem(body, [path], priors, names, fixed), advance, apiece / len(paths))
-                for path in paths
-            ])  # fmt: skip
+            part = apiece / len(paths)
+            alone = [_Problem(body, [path], priors, names, fixed) for path in paths]
+            differing = random_effects([_alone(one, advance, part) for one in alone])
             covariance = square_error(differing, x[:count])
     tempering = min(1.0, 1.0 / overdispersion(found.scores))
     # Of the starts: what the filter does not know, and what the parameters do not.
@@ -314,6 +312,13 @@ class _Slopes(NamedTuple):
     scores: list[DiveScore]  # of each dive, of the parameters
 
 
+def _joined(found: Sequence[Filtered]) -> tuple[Array, Array, Array]:
+    """Return innovations and their variances of all dives, and the start of each."""
+    innovation = np.concatenate([f.innovation for f in found])
+    variance = np.concatenate([f.variance for f in found])
+    return innovation, variance, np.array([f.start for f in found])
+
+
 class _Problem:
     """Minus the log posterior of x: deviations of the parameters, of the logarithms of noises."""
 
@@ -335,11 +340,8 @@ class _Problem:
 
     def noise(self, x: Array) -> Noise:
         """Return the noises at x."""
-        at = x[len(self.names) :].tolist()
-        return Noise(*(
-            math.hypot(typical * math.exp(width * a), least)
-            for typical, width, a, least in zip(NOISES, FACTOR, at, _LEAST, strict=True)
-        ))  # fmt: skip
+        parts = zip(NOISES, FACTOR, x[len(self.names) :].tolist(), _LEAST, strict=True)
+        return Noise(*(math.hypot(u * math.exp(w * a), least) for u, w, a, least in parts))
 
     def filtered(self, x: Array) -> list[Filtered]:
         """Return what the filter makes of each dive at x."""
@@ -351,9 +353,8 @@ class _Problem:
 
         variance: of the innovations [Pa2], that of the filter unless given.
         """
-        found = self.filtered(x)
-        v = np.concatenate([f.innovation for f in found])
-        S = np.concatenate([f.variance for f in found]) if variance is None else variance
+        v, S, _ = _joined(self.filtered(x))
+        S = S if variance is None else variance
         if not (S > 0.0).all():
             return math.inf
         z = np.abs(v) / np.sqrt(S)
@@ -362,46 +363,40 @@ class _Problem:
         return total if math.isfinite(total) else math.inf
 
     def slopes(
-        self, x: Array, free: Index, information: Array | None = None,
-        stride: float = _WHITE,
-    ) -> _Slopes:  # fmt: skip
+        self, x: Array, free: Index, information: Array | None = None, stride: float = _WHITE
+    ) -> _Slopes:
         """Return the likelihood at x with its slopes along the places `free` of x.
 
         information: near there, whose axes are gone along by `stride` deviations [x, x].
         """
         here = self.filtered(x)
-        v = np.concatenate([f.innovation for f in here])
-        S = np.concatenate([f.variance for f in here])
+        v, S, _ = _joined(here)
         dv, dS = np.zeros((len(v), len(x))), np.zeros((len(v), len(x)))
         starts = np.zeros((len(here), len(x)))
         axes = _STEP * np.eye(len(free))
         if information is not None:
             size, ways = np.linalg.eigh(information[np.ix_(free, free)])
             axes = stride * ways / np.sqrt(size)
-        along, wider = np.zeros((len(v), len(free))), np.zeros((len(v), len(free)))
-        begun = np.zeros((len(here), len(free)))
-        for k, axis in enumerate(axes.T):
+        changes = []  # of innovations, variances and starts along each axis
+        for axis in axes.T:
             far = np.zeros(len(x))
             far[free] = axis
-            there, back = self.filtered(x + far), self.filtered(x - far)
-            for target, what in ((along, "innovation"), (wider, "variance")):
-                ahead, behind = (np.concatenate([getattr(f, what) for f in fs])
-                                 for fs in (there, back))  # fmt: skip
-                target[:, k] = 0.5 * (ahead - behind)
-            begun[:, k] = [0.5 * (a.start - b.start) for a, b in zip(there, back, strict=True)]
+            sides = (_joined(self.filtered(x + h)) for h in (far, -far))
+            changes.append([0.5 * (ahead - behind) for ahead, behind in zip(*sides, strict=True)])
         per = np.linalg.inv(axes)
-        dv[:, free], dS[:, free], starts[:, free] = along @ per, wider @ per, begun @ per
+        for target, along in zip((dv, dS, starts), zip(*changes, strict=True), strict=True):
+            target[:, free] = np.stack(along, axis=1) @ per
         counts = np.minimum(1.0, GATE * np.sqrt(S) / np.maximum(np.abs(v), 1e-300))
         dS[:, : len(self.names)] = 0.0
         gradient = (counts * v / S) @ dv + (0.5 * (1.0 - counts * v * v / S) / S) @ dS + x
         information = (dv * (counts / S)[:, None]).T @ dv
         information += 0.5 * (dS * (counts / S**2)[:, None]).T @ dS + np.eye(len(x))
         ends = np.cumsum([len(f.innovation) for f in here])[:-1]
-        scores, known = [], dv[:, : len(self.names)] / np.sqrt(S)[:, None]
-        for f, d, share in zip(here, *(np.split(a, ends) for a in (known, counts)), strict=True):
-            scores.append(DiveScore(
-                (share * f.innovation / np.sqrt(f.variance)) @ d, (d * share[:, None]).T @ d
-            ))  # fmt: skip
+        off, known = counts * v / np.sqrt(S), dv[:, : len(self.names)] / np.sqrt(S)[:, None]
+        scores = [
+            DiveScore(z @ d, (d * share[:, None]).T @ d)
+            for z, d, share in zip(*(np.split(a, ends) for a in (off, known, counts)), strict=True)
+        ]
         return _Slopes(here, S, gradient, information, starts, scores)
 
 

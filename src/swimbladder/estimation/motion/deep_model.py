@@ -15,12 +15,18 @@ A dive is filtered by `deep_filter`, in steps that `deep_path` cuts. It is also 
 beginning, by the logged runs of pump and valve alone: m w' = rho g E - k_dt w|w|, implicit in the
 drag, so that a step of many seconds ends at the steady speed; the volume is that of the runs so
 far, each spread over its seconds.
+
+A log becomes a `DeepDive`: where the vehicle was, and what pump and valve had done. The drive's
+volume is not measured on most floats. What is known is how long pump and valve ran, and at which
+pressure; the vehicle's datasheet turns that into nominal volumes, and the identification into real
+ones. The volume at the beginning of a dive is unknown, and each dive has its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -28,12 +34,200 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior, check_names
 from swimbladder.estimation.motion import deep_filter as of
-from swimbladder.estimation.motion.deep_dive import DeepDive, nodes
 from swimbladder.estimation.motion.deep_filter import displaced_variance, filter_kernel
-from swimbladder.estimation.series import Array, Index
-from swimbladder.physics.hull import hull_parts, weight_mass
-from swimbladder.physics.seawater.column import ATMOSPHERE
+from swimbladder.estimation.series import Array, Index, Mask
+from swimbladder.io.float_log import FloatLog
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.hull import hull_parts, layered_volume, weight_mass
+from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
+from swimbladder.physics.seawater import Column
+from swimbladder.physics.seawater.column import ATMOSPHERE, slopes
 from swimbladder.vehicle import PumpAndValve, Vehicle
+
+SHORTEST = 50.0  # s between two samples for a speed: 10 mbar of resolution are 2 mm/s then
+LONGEST = 4000.0  # s, likewise; longer ones hide how it went
+SETTLING = 5.0  # s before and 25 s after, in which an action still shows
+_AFTER = 25.0  # s
+_WITHIN = np.linspace(0.1, 0.9, 5)  # of a run, where its rate is looked up
+_LEAST = 1e5  # Pa; above it hull and bladder may be out of the water, and the bypass open
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pieces:
+    """The parts of a dive between two samples in which nothing ran [n]."""
+
+    time: Array  # s, their middle
+    elapsed: Array  # s, since the dive began
+    idle: Array  # s of those in which nothing ran
+    duration: Array  # s
+    pressure: Array  # Pa, at their middle
+    speed: Array  # m/s, positive down
+    acceleration: Array  # m/s2, 0 where the neighbours are of other legs
+    density: Array  # kg/m3, of the water
+    temperature: Array  # degC, of the hull
+    before: Mask  # [n, m], which actions were before
+    leaked: Array  # m3, as the vehicle's file has it, since the dive began
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeepDive:
+    """A dive: samples [n], actions [m] and the water."""
+
+    name: str
+    time: Array  # s [n]
+    pressure: Array  # Pa [n]
+    temperature: Array  # degC of the hull [n]
+    unwarmed: int  # samples without a logged temperature of the hull
+    leaked: Array  # m3 [n], as the vehicle's file has it, since the dive began
+    action_time: Array  # s [m], the beginning
+    action_seconds: Array  # s [m]
+    action_pumps: Mask  # [m]
+    action_bypass: Mask  # [m]; what is neither is the valve's
+    action_volume: Array  # m3 [m], nominal, positive: rate times seconds, mean on the way
+    action_short: Array  # m3 [m], what the start falls short of it, nominal; 0 without a pump
+    action_pressure: Array  # Pa [m], mean on the way
+    water_pressure: Array  # Pa [k], of the cast, and half as deep again
+    water_density: Array  # kg/m3 [k]; below the cast it grows as at its end
+    water_layers: Array  # m3/m [k], neutral volume over depth but for what pressure does to it
+    gravity: float  # m/s2
+    stroke: float  # m3
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The parts between two samples, `SHORTEST` to `LONGEST` long, in which nothing runs."""
+        ends = nodes(self.time)
+        first, last = ends[:-1], ends[1:]
+        a, b = self.time[first], self.time[last]
+        over = self.action_time + self.action_seconds + _AFTER
+        busy = (self.action_time < b[:, None]) & (over > a[:, None] + SETTLING)
+        kept = (b - a <= LONGEST) & ~busy.any(axis=1)
+        first, last, a, b = first[kept], last[kept], a[kept], b[kept]
+        middle = 0.5 * (a + b)
+        p = 0.5 * (self.pressure[first] + self.pressure[last])
+        density = np.interp(p, self.water_pressure, self.water_density)
+        before = self.action_time < middle[:, None]
+        speed = (self.pressure[last] - self.pressure[first]) / (b - a) / (density * self.gravity)
+        elapsed = middle - self.time[0]
+        return Pieces(
+            time=middle, elapsed=elapsed, idle=elapsed - before @ self.action_seconds,
+            duration=b - a, pressure=p, density=density, speed=speed,
+            acceleration=_acceleration(middle, speed, before.sum(axis=1)),
+            temperature=0.5 * (self.temperature[first] + self.temperature[last]), before=before,
+            leaked=np.interp(middle, self.time, self.leaked),
+        )  # fmt: skip
+
+
+def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = "") -> DeepDive:
+    """Return the part of a log in which the vehicle was under water by itself.
+
+    Where the log has stages, those of the mission; else all from the first to the last sample
+    below 10 m. Missing temperatures of the hull are filled, all of them with the water's. Raises
+    InputError where there is no dive, where no action of the drive is logged, or where the cast
+    ends above it.
+    """
+    staged = bool(np.any(log.stage >= 0))
+    used = log.stage >= 0 if staged else np.ones(len(log), dtype=bool)
+    used &= np.isfinite(log.pressure)
+    deep = np.flatnonzero(used & (log.pressure > _LEAST))
+    if len(deep) < 10:
+        what = f"{len(deep)} samples below 10 m are no dive"
+        raise InputError(what, file=log.source, field="log", remedy="Give the log of a dive")
+    used[: deep[0]] = False
+    used[deep[-1] + 1 :] = False
+    # The last row may stand twice, or out of order after a restart of the clock.
+    time = log.time[used]
+    rising = np.append(True, np.diff(np.maximum.accumulate(time)) > 0.0)
+    time, pressure = time[rising], log.pressure[used][rising]
+    missing = float(pressure.max() - column.pressure[-1])
+    if missing > 0.02 * float(pressure.max()):
+        ends = f"{column.pressure[-1] / 1e4:.0f} dbar, {missing / 1e4:.0f} dbar above the dive's"
+        what, remedy = f"the cast ends at {ends} deepest sample", "Give a cast that goes as deep"
+        raise InputError(what, file=log.source, field="--cast", remedy=remedy)
+    logged = log.temperature[used][rising]
+    temperature = _warmth(time, logged, np.interp(pressure, column.pressure, column.temperature))
+    actions = [a for a in log.actions if time[0] - 1.0 <= a.time <= time[-1]]
+    if not actions:
+        what = "the log has no runs of pump or valve"
+        remedy = "Give a log with pump_s and valve_s, or identify with a logged volume"
+        raise InputError(what, file=log.source, field="log", remedy=remedy)
+    begun = np.array([a.time for a in actions])
+    seconds = np.array([a.seconds for a in actions])
+    pumps = np.array([a.device == "pump" for a in actions])
+    bypass = np.array([a.device == "bypass" for a in actions])
+    actuator = vehicle.actuator
+    assert isinstance(actuator, PumpAndValve)
+    if bypass.any() and actuator.bypass is None:
+        what = "the log has runs of a bypass, and the vehicle has none"
+        remedy = "Describe the bypass in the vehicle's file"
+        raise InputError(what, file=log.source, field="actuator.bypass", remedy=remedy)
+    # A run of minutes goes through some 30 dbar.
+    within = begun[:, None] + _WITHIN * seconds[:, None]
+    at = np.maximum(np.interp(within, time, pressure), 0.0)
+    map_ = drive_map(vehicle, at.ravel(), power=False)
+    out, let_in, by = (
+        rate.reshape(at.shape).mean(axis=1)
+        for rate in (map_.rate_out, map_.rate_in, map_.bypass_in)
+    )
+    head = np.maximum(pressure + ATMOSPHERIC_PRESSURE - actuator.internal_pressure, 0.0)
+    leaks = actuator.leakage * head
+    leaked = np.append(0.0, np.cumsum(0.5 * (leaks[1:] + leaks[:-1]) * np.diff(time)))
+    levels, density = _deepened(column)
+    layers = slopes(layered_volume(vehicle, column), column.step)
+    return DeepDive(
+        name=name or log.source, time=time, pressure=pressure, temperature=temperature,
+        unwarmed=int(np.sum(~np.isfinite(logged))), leaked=leaked, action_time=begun,
+        action_seconds=seconds, action_pumps=pumps, action_bypass=bypass,
+        action_volume=np.where(pumps, out, np.where(bypass, by, let_in)) * seconds,
+        action_short=np.where(pumps, map_.start_volume.reshape(at.shape)[:, 0], 0.0),
+        action_pressure=at.mean(axis=1), water_pressure=levels, water_density=density,
+        water_layers=np.interp(levels, column.pressure, layers), gravity=column.gravity,
+        stroke=vehicle.stroke.maximum - vehicle.stroke.minimum,
+    )  # fmt: skip
+
+
+def _warmth(time: Array, logged: Array, water: Array) -> Array:
+    """Return the hull's temperature [degC] [n], where it is not logged from its neighbours in time.
+
+    Between them its difference from the water's of the cast is linear; without any it is 0.
+    """
+    known = np.isfinite(logged)
+    if not known.any():
+        return water
+    apart = np.interp(time, time[known], (logged - water)[known])
+    return np.where(known, logged, water + apart)
+
+
+def _acceleration(time: Array, speed: Array, leg: Index) -> Array:
+    """Return it [m/s2] [n], from both neighbours; 0 where one of them is of another leg."""
+    found = np.zeros(len(time))
+    inner = np.flatnonzero((leg[2:] == leg[1:-1]) & (leg[:-2] == leg[1:-1])) + 1
+    found[inner] = (speed[inner + 1] - speed[inner - 1]) / (time[inner + 1] - time[inner - 1])
+    return found
+
+
+def _deepened(column: Column) -> tuple[Array, Array]:
+    """Return pressure and density of a column, and half as deep again with the slope at its end.
+
+    A model that errs may sink below the cast, where water of constant density would not stop it.
+    """
+    p, rho = column.pressure, column.density
+    i = int(np.searchsorted(p, p[-1] - min(1e6, 0.5 * float(p[-1]))))
+    slope = float((rho[-1] - rho[i]) / (p[-1] - p[i]))
+    more = float(p[-1]) * np.array([1.25, 1.5])
+    return np.append(p, more), np.append(rho, rho[-1] + slope * (more - p[-1]))
+
+
+def nodes(time: Array) -> Index:
+    """Return samples `SHORTEST` apart at least."""
+    found, last = [0], time[0]
+    for i, t in enumerate(time):
+        if t - last >= SHORTEST:
+            found.append(i)
+            last = t
+    return np.array(found, dtype=np.int64)
 
 
 class DeepName(NamedTuple):
@@ -43,6 +237,7 @@ class DeepName(NamedTuple):
     meaning: str
     relative: float  # standard deviation of its default prior, as a share of its mean
     absolute: float  # [unit], added to it
+    mean: float = 0.0  # [unit], unless the vehicle's file says it
 
 
 DEEP: dict[str, DeepName] = {
@@ -52,15 +247,15 @@ DEEP: dict[str, DeepName] = {
     "stiffening": DeepName("1/Pa2", "how that falls with pressure", 0.0, 1e-17),
     "thermal_expansion": DeepName("1/K", "of volume, with the logged temperature", 0.5, 5e-5),
     "trapped_air": DeepName("m3", "at the surface; Boyle", 0.5, 2e-5),
-    "pump_delivery": DeepName("", "what the pump gives, as a share of its datasheet", 0.3, 0.0),
+    "pump_delivery": DeepName("", "what the pump gives, a share of its datasheet", 0.3, 0.0, 1.0),
     "pump_slip": DeepName("1/Pa", "what that share loses per pressure", 0.0, 5e-9),
     "pump_start": DeepName(
         "m3", "what a start falls short by, beyond the vehicle's file", 0.0, 2e-6
     ),
-    "valve": DeepName("", "what the valve lets in, as a share of its datasheet", 0.3, 0.0),
-    "bypass": DeepName("", "what the bypass lets in, as a share of its datasheet", 0.3, 0.0),
+    "valve": DeepName("", "what the valve lets in, as a share of its datasheet", 0.3, 0.0, 1.0),
+    "bypass": DeepName("", "what the bypass lets in, as a share of its datasheet", 0.3, 0.0, 1.0),
     "creep": DeepName("m3/s", "volume lost with time: leaks, creep, cooling", 0.0, 3e-10),
-    "inertia": DeepName("", "mass that is accelerated, as a share of the file's", 0.05, 0.0),
+    "inertia": DeepName("", "mass that is accelerated, as a share of the file's", 0.05, 0.0, 1.0),
 }
 # Errors of a cast are no parameters: their deviations say how far it is believed. Sensors are off
 # by 0.002 K and 0.01 in salinity, most of it alike at all depths, which moves only the volume at
@@ -100,21 +295,14 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
     actuator = vehicle.actuator
     parts = hull_parts(vehicle)
     volume = sum(part.volume for part in parts)
-    mean = {
+    mean = {name: about.mean for name, about in (DEEP | CAST).items()} | {
         "drag": vehicle.drag.k_dt,
         "drag_up": vehicle.drag.rising_ratio,
         "compressibility": sum(x.volume * x.compressibility for x in parts) / volume,
         "stiffening": sum(x.volume * x.stiffening for x in parts) / volume,
         "thermal_expansion": sum(x.volume * x.thermal_expansion for x in parts) / volume,
         "trapped_air": vehicle.hull.trapped_air,
-        "pump_delivery": 1.0,
-        "pump_slip": 0.0,
-        "pump_start": 0.0,
-        "valve": 1.0,
-        "bypass": 1.0,
         "creep": actuator.creep if isinstance(actuator, PumpAndValve) else 0.0,
-        "inertia": 1.0,
-        **dict.fromkeys(CAST, 0.0),
     }
     if not mean["drag"] > 0.0 and "drag" not in given:
         what = "deep dives identify quadratic drag, and the vehicle has none to begin with"
@@ -154,11 +342,10 @@ def check_deep_request(
     check_deep_names([name for name in priors if name not in CAST], "--prior")
     for name, about in CAST.items():
         if name in priors and priors[name].mean != 0.0:
-            raise InputError(
-                "it is an error that is not known to either side", field="--prior", value=name,
-                remedy="Correct the cast, and give "
-                f'--prior "{name}=0 +- {priors[name].std:g} {about.unit}"',
-            )  # fmt: skip
+            what = "it is an error that is not known to either side"
+            mended = f'--prior "{name}=0 +- {priors[name].std:g} {about.unit}"'
+            remedy = f"Correct the cast, and give {mended}"
+            raise InputError(what, field="--prior", value=name, remedy=remedy)
 
 
 def hull_volume(
@@ -189,11 +376,8 @@ def excess(body: Body, values: Mapping[str, float], start: float | Array, dive: 
     pieces = dive.pieces
     drive = start + pieces.before @ run_volumes(values, dive)
     drive = drive - pieces.leaked - values["creep"] * pieces.idle
-    return np.asarray(
-        body.mass / pieces.density
-        - hull_volume(body, values, pieces.pressure, pieces.temperature)
-        - drive
-    )
+    hull = hull_volume(body, values, pieces.pressure, pieces.temperature)
+    return np.asarray(body.mass / pieces.density - hull - drive)
 
 
 def drag_volume(values: Mapping[str, float], speed: Array, density: Array, gravity: float) -> Array:
@@ -366,18 +550,25 @@ def neutral_table(body: Body, values: Mapping[str, float], path: Path) -> Array:
 
     N is for a hull at its reference temperature; what its warmth adds counts with the drive.
     """
-    cold = {**values, "thermal_expansion": 0.0}
-    hull = hull_volume(body, cold, path.grid, np.zeros(len(path.grid)))
-    neutral = body.mass / path.density - hull
+    neutral = cold_neutral(body, values, path.grid, path.density)
     return np.stack([neutral, path.density * path.dive.gravity, path.layers], axis=1)
+
+
+def cold_neutral(body: Body, values: Mapping[str, float], grid: Array, density: Array) -> Array:
+    """Return what is neutral at pressures of the water but for the hull's warmth [m3] [k]."""
+    cold = {**values, "thermal_expansion": 0.0}
+    return body.mass / density - hull_volume(body, cold, grid, np.zeros(len(grid)))
+
+
+def warmed(body: Body, values: Mapping[str, float], temperature: Array) -> Array:
+    """Return what the warmth of the hull [degC] adds to its volume [m3] [n]."""
+    return body.volume * values["thermal_expansion"] * (temperature - body.reference_temperature)
 
 
 def filtered(body: Body, values: Mapping[str, float], noise: Noise, path: Path) -> Filtered:
     """Return what the filter makes of a dive with these parameters."""
     water = neutral_table(body, values, path)
-    volume = drive_volume(values, path)
-    warm = path.warmth - body.reference_temperature
-    volume = volume + body.volume * values["thermal_expansion"] * warm
+    volume = drive_volume(values, path) + warmed(body, values, path.warmth)
     down = values["drag"]
     up = down * values["drag_up"]
     x = np.zeros(of.DYNAMIC + len(path.knots))
@@ -446,34 +637,27 @@ def replay(
     marks = np.unique(
         np.concatenate([np.arange(t0, t1, step), [t1], turns[(turns > t0) & (turns < t1)]])
     )
-    volume = _volume(values, dive, marks)
-    warmth = np.interp(marks, dive.time, dive.temperature)
-    still = {**values, "thermal_expansion": 0.0}
-    grid, density, g = dive.water_pressure, dive.water_density, dive.gravity
-    # What is neutral at each pressure of the column, but for the hull's temperature.
-    neutral = body.mass / density - hull_volume(
-        body, still, grid, np.full(len(grid), body.reference_temperature)
-    )
-    heat = body.volume * values["thermal_expansion"] * (warmth - body.reference_temperature)
-    asked = start + volume + heat
+    heat = warmed(body, values, np.interp(marks, dive.time, dive.temperature))
+    asked = (start + _volume(values, dive, marks) + heat).tolist()
+    grid = dive.water_pressure
+    neutral = cold_neutral(body, values, grid, dive.water_density)
+
+    def water(p: float, volume: float) -> tuple[float, float]:
+        """Return the excess of volume at a pressure, and the water's weight [N/m3]."""
+        heavy = float(np.interp(p, grid, neutral)) - volume
+        return heavy, float(np.interp(p, grid, dive.water_density)) * dive.gravity
+
     p = float(np.interp(t0, dive.time, dive.pressure)) if pressure is None else pressure
-    first = _excess(p, grid, neutral, asked[0])
-    rho_g = float(np.interp(p, grid, density)) * g
-    w = float(np.sign(first) * np.sqrt(abs(first) * rho_g / _drag(values, first)))
-    found, speeds = [p], [w]
-    for i in range(1, len(marks)):
-        dt = float(marks[i] - marks[i - 1])
-        heavy = _excess(p, grid, neutral, float(asked[i]))
-        rho_g = float(np.interp(p, grid, density)) * g
+    heavy, rho_g = water(p, asked[0])
+    w = float(np.sign(heavy) * np.sqrt(abs(heavy) * rho_g / _drag(values, heavy)))
+    found = [(p, w)]
+    for volume, dt in zip(asked[1:], np.diff(marks).tolist(), strict=True):
+        heavy, rho_g = water(p, volume)
         w = _after(w, rho_g * heavy, body.inertia * values["inertia"], values, dt)
         p = max(p + rho_g * w * dt, 0.0)
-        found.append(p)
-        speeds.append(w)
-    return Replay(time=marks, pressure=np.array(found), speed=np.array(speeds))
-
-
-def _excess(p: float, grid: Array, neutral: Array, asked: float) -> float:
-    return float(np.interp(p, grid, neutral)) - asked
+        found.append((p, w))
+    pressures, speeds = np.array(found).T
+    return Replay(time=marks, pressure=pressures, speed=speeds)
 
 
 def _drag(values: Mapping[str, float], way: float) -> float:
@@ -482,10 +666,10 @@ def _drag(values: Mapping[str, float], way: float) -> float:
 
 def _after(w: float, force: float, mass: float, values: Mapping[str, float], dt: float) -> float:
     """Return the speed after dt [s] under a force [N] and quadratic drag, by implicit Euler."""
-    push = mass / dt * w + force
+    a = mass / dt
+    push = a * w + force
     k = _drag(values, push)
     # k w|w| + (m/dt) w = push has one root, of the sign of push.
-    a = mass / dt
     size = (np.sqrt(a * a + 4.0 * k * abs(push)) - a) / (2.0 * k)
     return float(np.copysign(size, push))
 

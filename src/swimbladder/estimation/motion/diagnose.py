@@ -15,9 +15,17 @@ from scipy.stats import chi2, linregress
 
 from swimbladder.estimation.estimates import Estimate, Finding, Severity, sentence
 from swimbladder.estimation.motion.fit import Fit, backwards, refine
-from swimbladder.estimation.motion.model import LAWS, Model, default_names, model_of
 from swimbladder.estimation.motion.noise import autocovariance, whiteness
-from swimbladder.estimation.motion.problem import DEPTH, SPEED, VOLUME, Problem
+from swimbladder.estimation.motion.problem import (
+    DEPTH,
+    LAWS,
+    SPEED,
+    VOLUME,
+    Model,
+    Problem,
+    default_names,
+    model_of,
+)
 from swimbladder.estimation.motion.result import Choice, ExperimentFit
 from swimbladder.estimation.series import Array, rms
 from swimbladder.vehicle import Vehicle

@@ -25,7 +25,6 @@ from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
 
 from swimbladder.estimation.estimates import bounded_fit
-from swimbladder.estimation.motion.model import Model
 from swimbladder.estimation.motion.noise import (
     ArNoise,
     ar_noises,
@@ -42,6 +41,7 @@ from swimbladder.estimation.motion.problem import (
     VOLUME,
     Coordinates,
     Experiment,
+    Model,
     Problem,
     Segment,
 )
@@ -241,17 +241,10 @@ class Shooting(Problem):
         # a stretch that the vehicle left the water in misses by as much as a residual may
         return np.clip(np.nan_to_num(missed, nan=LOST), -LOST, LOST), slopes
 
-    def begin_like(self, x: Array) -> Array:
-        """Return an x of the stretches with what a whole problem's x says but of the starts."""
-        found = self.begin()
-        found[: self.first_start] = x[: self.first_start]
-        return found
-
 
 def joined(cut: Problem, x: Array, whole: Problem) -> Array:
     """Return the x of the whole problem: each record starts as the first of its stretches does."""
-    found = whole.begin()
-    found[: whole.first_start] = x[: cut.first_start]
+    found = whole.begin_like(x)
     for j, e in enumerate(whole.experiments):
         parts = {s.first: k for k, s in enumerate(cut.experiments[j].segments)}
         for k, s in enumerate(e.segments):
@@ -369,16 +362,12 @@ def _starts(problem: Problem) -> list[Array]:
 
 def _others(problem: Problem, start: Array) -> Iterator[Array]:
     """Yield starts from fits to short stretches, each begun where the one before ended."""
-    shared = start[: problem.first_start]
     for length in _TILES:
         if length > 0.7 * longest(problem):
             return
         tiled = problem.tiled(length)
-        x = tiled.begin()
-        x[: problem.first_start] = shared
-        x = _solve(tiled, x)[1]
-        shared = x[: problem.first_start]
-        yield joined(tiled, x, problem)
+        start = _solve(tiled, tiled.begin_like(start))[1]
+        yield joined(tiled, start, problem)
 
 
 def _excess(problem: Problem, noise: Array) -> float:

@@ -51,7 +51,7 @@ class Posterior:
 
 def sample(
     problem: Problem, fit: Fit, *, seed: int, steps: int = _STEPS, walkers: int = _WALKERS,
-    advance: Callable[[float], None] | None = None,
+    advance: Callable[[float], None] = lambda _: None,
 ) -> Posterior:  # fmt: skip
     """Return draws from the posterior around a fit, its noise and outliers' weights as they are.
 
@@ -76,8 +76,7 @@ def sample(
     sampler = emcee.EnsembleSampler(walkers, p, density)
     sampler.random_state = np.random.RandomState(seed).get_state()
     for _ in sampler.sample(begin, iterations=steps):
-        if advance is not None:
-            advance(1.0 / steps)
+        advance(1.0 / steps)
     times = sampler.get_autocorr_time(tol=0)
     slowest = float(np.max(times))
     if not math.isfinite(slowest) or steps < _BURN * slowest * 2.0:
@@ -96,18 +95,14 @@ class _Density:
     """The logarithm of the posterior density of the vehicle's entries of x."""
 
     def __init__(self, problem: Problem, fit: Fit) -> None:
-        self.problem, self.p = problem, problem.shared
-        self.root = fit.root
-        self.low, self.high = (bound[: self.p] for bound in problem.bounds())
-        self.centre = fit.x
-        naive = np.linalg.inv(fit.information)[: self.p, : self.p]
-        wide = fit.covariance[: self.p, : self.p]
+        p = problem.shared
+        self.problem, self.p, self.root, self.centre = problem, p, fit.root, fit.x
+        self.low, self.high = (bound[:p] for bound in problem.bounds())
+        naive = np.linalg.inv(fit.information)[:p, :p]
         # how much wider, by and large over the directions of the parameters
-        self.flat = self.p / float(np.trace(np.linalg.solve(naive, wide)))
-        ridge = np.linalg.solve(
-            fit.information[self.p :, self.p :], fit.information[self.p :, : self.p]
-        )
-        self.ridge = -ridge  # how what belongs to the experiments follows
+        self.flat = p / float(np.trace(np.linalg.solve(naive, fit.covariance[:p, :p])))
+        # how what belongs to the experiments follows
+        self.ridge = -np.linalg.solve(fit.information[p:, p:], fit.information[p:, :p])
 
     def __call__(self, u: Array) -> float:
         if (u <= self.low).any() or (u >= self.high).any():

@@ -10,7 +10,8 @@ one compiled call.
 quadratic one, a step in the logarithm of T2 leads to no drag at all, and the way back is flat; in
 the rate 1/T2 the same step is right at once.
 
-A record becomes an experiment by its informative stretches, and by what drives them.
+`NAMES` are the quantities that can be identified, and a `Model` makes a plant of their values. A
+record becomes an experiment by its informative stretches, and by what drives them.
 """
 
 from __future__ import annotations
@@ -25,15 +26,150 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import median_filter
 
-from swimbladder.errors import InputError, LogError, check_number
-from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.comparison.water import follow_in
+from swimbladder.errors import InputError, check_number
+from swimbladder.estimation.comparison.record import Record, bad_depth, follow_in
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.model import NAMES, Model, check_names, default_names, model_of
+from swimbladder.estimation.estimates import check_names as check_known
 from swimbladder.estimation.series import Array, Mask
-from swimbladder.physics.dynamics import Plant
+from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop.bundle import Course
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import IdentifiedActuator, Vehicle
+
+LAWS = ("linear", "quadratic", "blended")
+
+
+class Name(NamedTuple):
+    """A quantity of the vehicle that can be identified."""
+
+    unit: str
+    logarithmic: bool  # fitted as its logarithm: positive, and known to a share of itself
+    meaning: str
+
+
+NAMES: Mapping[str, Name] = {
+    "K2": Name("1/m2/s", True, "speed per volume, rho g/k_dl, eq. (28)"),
+    "T2": Name("s", True, "time constant of the speed, m/k_dl, eq. (29)"),
+    "mass": Name("kg", True, "all that is accelerated m"),
+    "drag_quadratic": Name("N s2/m2", False, "turbulent drag coefficient k_dt"),
+    "psi": Name("m3/m", False, "volume the hull loses per metre beyond the water's, eq. (31)"),
+    "K1": Name("m/s/V", True, "piston speed per volt, eq. (23)"),
+    "T1": Name("s", True, "time constant of the motor, eq. (24)"),
+}
+
+_OF_LAW = {
+    "linear": ("K2", "T2"),
+    "quadratic": ("mass", "drag_quadratic"),
+    "blended": ("K2", "T2", "drag_quadratic"),
+}
+_TYPICAL_SPEED = 0.1  # m/s, at which a law that is not known yet is taken to have the other's drag
+
+
+class Model(NamedTuple):
+    """A vehicle under one drag law: its plant, and the values of everything that has a name."""
+
+    base: Plant
+    law: str
+    specific_weight: float  # N/m3, rho g
+    waterplane: float  # m2
+    piston_area: float  # m2; nan where there is none
+    displaced: float  # m3
+    values: dict[str, float]
+
+    @property
+    def psi_scale(self) -> float:
+        """A psi that is large for this hull [m3/m]: 1e-4 of its volume a metre."""
+        return 1e-4 * self.displaced
+
+    def scale(self, name: str) -> float:
+        """Return what counts as a whole of a quantity that is not fitted as its logarithm."""
+        if name == "psi":
+            return self.psi_scale
+        return max(self.values["drag_quadratic"], 1e-6)
+
+    def logarithmic(self, name: str) -> bool:
+        """Whether a quantity is fitted as its logarithm; a drag that may be none is not."""
+        return NAMES[name].logarithmic or (name == "drag_quadratic" and self.law == "quadratic")
+
+    def mass(self, values: Mapping[str, float]) -> float:
+        """Return the mass that is accelerated [kg]."""
+        if self.law == "quadratic":
+            return values["mass"]
+        return self.specific_weight * values["T2"] / values["K2"]
+
+    def plant(self, values: Mapping[str, float], neutral: float) -> Plant:
+        """Return the plant of these values; `neutral` is the neutral volume at depth 0 [m3]."""
+        m = self.mass(values)
+        laminar = 0.0 if self.law == "quadratic" else 1.0 / values["T2"]
+        changes = {
+            "a_b": self.specific_weight / m,
+            "a_s": self.specific_weight * self.waterplane / m,
+            "psi": values["psi"],
+            "V_0": neutral,
+            "d_l": laminar,
+            "d_b": laminar if self.law == "blended" else 0.0,
+            "d_0": 0.0,
+            "d_t": 0.0 if self.law == "linear" else values["drag_quadratic"] / m,
+            "epsilon": math.inf if self.law == "linear" else 0.0,
+        }
+        if "K1" in values:
+            changes |= {"gain": values["K1"] * self.piston_area, "T1": values["T1"]}
+        return self.base._replace(**changes)
+
+
+def model_of(vehicle: Vehicle, *, law: str | None = None, bottom_depth: float) -> Model:
+    """Return the model of a vehicle under a drag law, its own where none is given.
+
+    Raises InputError for a law that cannot be identified.
+    """
+    drag = vehicle.drag
+    wanted = law or drag.law
+    if wanted not in LAWS:
+        what, remedy = "this drag law cannot be identified", f"Choose --drag {', '.join(LAWS)}"
+        field = "--drag" if law else "motion.drag.law"
+        raise InputError(what, field=field, value=wanted, remedy=remedy)
+    k_b, m = vehicle.water.specific_weight, vehicle.mass
+    k_dl = drag.k_dl or drag.k_dt * _TYPICAL_SPEED
+    k_dt = drag.k_dt or (k_dl / _TYPICAL_SPEED if wanted == "quadratic" else 0.0)
+    if wanted == "blended" and drag.k_dt == 0.0:
+        k_dl, k_dt = 0.5 * k_dl, 0.5 * k_dl / _TYPICAL_SPEED
+    values = {
+        "K2": k_b / k_dl, "T2": m / k_dl, "mass": m, "drag_quadratic": k_dt, "psi": vehicle.hull.psi
+    }  # fmt: skip
+    area = math.nan
+    if isinstance(vehicle.actuator, IdentifiedActuator):
+        area = vehicle.actuator.piston_area
+        values |= {"K1": vehicle.actuator.K1, "T1": vehicle.actuator.T1}
+    return Model(
+        base=plant(vehicle, bottom_depth=bottom_depth), law=wanted, specific_weight=k_b,
+        waterplane=vehicle.hull.waterplane_area, piston_area=area,
+        displaced=vehicle.hull.displaced_volume, values=values,
+    )  # fmt: skip
+
+
+def default_names(law: str, given: Sequence[str]) -> tuple[str, ...]:
+    """Return what is identified unless asked otherwise: the drag law's own and psi.
+
+    given: names whose values are set, which are not identified.
+    """
+    return tuple(name for name in (*_OF_LAW[law], "psi") if name not in given)
+
+
+def check_names(names: Sequence[str], model: Model, *, voltage: bool, option: str) -> None:
+    """Raise InputError for a name that this vehicle and record do not have."""
+    check_known(names, NAMES, option, "there is no such parameter")
+    for name in names:
+        what = remedy = ""
+        if name in ("K1", "T1") and "K1" not in model.values:
+            what, remedy = "the vehicle's actuator has none", "Choose a vehicle of kind identified"
+        elif name in ("K1", "T1") and not voltage:
+            what = "a logged volume does not identify the actuator"
+            remedy = "Use `swimbladder identify-actuator`, or --drive voltage"
+        elif name not in (*_OF_LAW[model.law], "psi", "K1", "T1"):
+            what = f"the drag law {model.law} has no such parameter"
+            remedy = f"It has {', '.join(_OF_LAW[model.law])}; or choose another --drag"
+        if what:
+            raise InputError(what, field=option, value=name, remedy=remedy)
+
 
 _FEWEST = 12  # samples of a stretch
 _SHORTEST = 3.0  # s of a stretch
@@ -112,8 +248,7 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
     if not segments:
         what = f"no stretch of {_SHORTEST:g} s or more is clear of surface and bottom"
         remedy = "Check the unit of the depth, --bottom and --surface-margin"
-        value = float(record.depth.max())
-        raise LogError(what, file=source, field="depth_m", value=value, unit="m", remedy=remedy)
+        raise bad_depth(source, what, float(record.depth.max()), remedy)
     added = 0.0 if absolute else record.layers.at(reference)
     return Experiment(source, record, inputs, ramps, segments, reference, neutral, added)
 
@@ -236,6 +371,12 @@ class Problem:
         starts = [(s.depth / DEPTH, s.speed / SPEED) for e in self.experiments for s in e.segments]
         x[self.first_start :] = np.ravel(starts)
         return x
+
+    def begin_like(self, x: Array) -> Array:
+        """Return an x with what that of other stretches of the same records says but of starts."""
+        found = self.begin()
+        found[: self.first_start] = x[: self.first_start]
+        return found
 
     def value(self, x: Array, i: int) -> float:
         """Return the i-th parameter of the vehicle, in SI units."""
@@ -437,12 +578,11 @@ def check_parameters(
             remedy = f"Name it in --free, which has {', '.join(names)}"
             raise InputError(what, field="--prior", value=name, remedy=remedy)
         if not prior.std > 0.0 or (NAMES[name].logarithmic and not prior.mean > 0.0):
-            raise InputError(
-                "no such prior: the deviation has to be above 0, and the mean of a positive "
-                "quantity too",
-                field="--prior", value=f"{name}={prior.mean:g} +- {prior.std:g}",
-                unit=NAMES[name].unit, remedy="What is known exactly is fixed: `fixed`",
-            )  # fmt: skip
+            what = "no such prior: the deviation has to be above 0, and the mean of a positive "
+            what += "quantity too"
+            remedy, unit = "What is known exactly is fixed: `fixed`", NAMES[name].unit
+            given = f"{name}={prior.mean:g} +- {prior.std:g}"
+            raise InputError(what, field="--prior", value=given, unit=unit, remedy=remedy)
 
 
 _SIZE = 30.0  # s, of the T2 whose rate is 1
@@ -452,41 +592,36 @@ class Coordinates:
     """The entries of x, but log(K2/T2) and 1/T2 for log K2 and log T2 where both are fitted."""
 
     def __init__(self, problem: Problem) -> None:
-        both = "K2" in problem.names and "T2" in problem.names
-        self._at = (problem.names.index("K2"), problem.names.index("T2")) if both else None
-        self._problem = problem
+        names, self._problem = problem.names, problem
+        both = "K2" in names and "T2" in names
+        self._at = [(names.index("K2"), names.index("T2"))] if both else []
 
     def of(self, x: Array) -> Array:
         """Return the coordinates of x."""
         y = x.copy()
-        if self._at is not None:
-            K, T = self._at
+        for K, T in self._at:
             y[K], y[T] = x[K] - x[T], _SIZE * math.exp(-x[T])
         return y
 
     def back(self, y: Array) -> Array:
         """Return the x of coordinates."""
         x = y.copy()
-        if self._at is not None:
-            K, T = self._at
+        for K, T in self._at:
             x[T] = math.log(_SIZE / y[T])
             x[K] = y[K] + x[T]
         return x
 
     def slope(self, y: Array, J: Array) -> Array:
         """Return derivatives by the coordinates y, from those by x [rows, len(x)]."""
-        if self._at is None:
-            return J
-        K, T = self._at
         moved = J.copy()
-        moved[:, T] = -(J[:, T] + J[:, K]) / y[T]
+        for K, T in self._at:
+            moved[:, T] = -(J[:, T] + J[:, K]) / y[T]
         return moved
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the least and largest coordinates that a permitted x can have."""
         low, high = self._problem.bounds()
-        if self._at is not None:
-            K, T = self._at
+        for K, T in self._at:
             low[K], high[K] = low[K] - high[T], high[K] - low[T]
             low[T], high[T] = _SIZE * math.exp(-high[T]), _SIZE * math.exp(-low[T])
         return low, high

@@ -18,7 +18,7 @@ from swimbladder.estimation.comparison.ahead import Normal, Tuning, Unknowns, dr
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.kalman.depth_filter import log_likelihood
 from swimbladder.estimation.series import Array
-from swimbladder.vehicle import Between, Drag, Identified, IdentifiedMotion, Motion, Vehicle
+from swimbladder.vehicle import Between, Identified, IdentifiedMotion, Motion, Vehicle
 
 FEWEST = 4  # logs
 _COUNT = 1023  # of filters for each log
@@ -146,13 +146,11 @@ def _values(
 ) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
     """Return the values at the means, and their covariance: that of means of so many logs too."""
     old = np.array(known.values)
-    new = np.array([
-        found.psi.mean if name == "psi" else value * share ** _OF_DRAG.get(name, 0.0)
-        for name, value in zip(known.names, known.values, strict=True)
-    ])  # fmt: skip
     is_psi = np.array([name == "psi" for name in known.names])
+    of_drag = np.array([_OF_DRAG.get(name, 0.0) for name in known.names])
+    new = np.where(is_psi, found.psi.mean, old * share**of_drag)
     scale = np.where(is_psi, 1.0, new / np.where(old == 0.0, 1.0, old))
-    by_drag = found.drag.std * new * [_OF_DRAG.get(name, 0.0) for name in known.names]
+    by_drag = found.drag.std * new * of_drag
     by_psi = found.psi.std * is_psi
     C = np.array(known.covariance) * np.outer(scale, scale)
     C += (np.outer(by_drag, by_drag) + np.outer(by_psi, by_psi)) / logs
@@ -164,7 +162,5 @@ def _dragged(motion: Motion, share: float) -> Motion:
     if isinstance(motion, IdentifiedMotion):
         return IdentifiedMotion(K2=motion.K2 / share, T2=motion.T2 / share)
     drag = motion.drag
-    scaled = Drag(
-        law=drag.law, k_dl=drag.k_dl * share, k_dt=drag.k_dt * share, epsilon=drag.epsilon
-    )
-    return motion.model_copy(update={"drag": scaled})
+    update = {"k_dl": drag.k_dl * share, "k_dt": drag.k_dt * share}
+    return motion.model_copy(update={"drag": drag.model_copy(update=update)})

@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,8 +31,7 @@ from swimbladder.estimation.kalman.depth_filter import (
     filter_depth,
 )
 from swimbladder.estimation.motion.diagnose import LIMIT
-from swimbladder.estimation.motion.model import NAMES, Model
-from swimbladder.estimation.motion.problem import Experiment, Problem
+from swimbladder.estimation.motion.problem import NAMES, Experiment, Model, Problem
 from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
 from swimbladder.estimation.motion.result import (
     Identification,
@@ -98,6 +98,7 @@ class Likelihood:
         self.record = np.array([i for i, _ in parts])  # of each stretch
         self.samples = tuple(s for _, s in parts)
         self.ends = np.cumsum([0, *(len(s.time) for s in self.samples)])
+        self.record_of_samples = np.repeat(self.record, np.diff(self.ends))
 
     def begin(self) -> Array:
         """Return x at the values to begin with."""
@@ -166,22 +167,20 @@ class Likelihood:
         The information is Fisher's for normal innovations e of variance S, e weighted as it counts:
         the sum of de de'/S + dS dS'/(2 S^2).
         """
-        p = len(x)
-        scores, information, at = np.empty((int(self.ends[-1]), p)), np.zeros((p, p)), 0
-        sides = [(self.filtered(x + h), self.filtered(x - h)) for h in _STEP * np.eye(p)]
-        for stretch in range(len(self.samples)):
-            pairs = [(ahead[stretch], back[stretch]) for ahead, back in sides]
-            n = len(self.samples[stretch].time)
-            de = np.stack([a.innovation - b.innovation for a, b in pairs], axis=1) / (2.0 * _STEP)
-            dS = np.stack([a.variance - b.variance for a, b in pairs], axis=1) / (2.0 * _STEP)
-            part = np.stack([a.contribution - b.contribution for a, b in pairs], axis=1)
-            scores[at : at + n] = part / (2.0 * _STEP)
-            S = pairs[0][0].variance[:, None]
-            believed = np.abs(pairs[0][0].innovation[:, None]) <= GATE * np.sqrt(S)
-            de, dS = de * believed / np.sqrt(S), dS * believed / S
-            information += de.T @ de + 0.5 * dS.T @ dS
-            at += n
-        return scores, information
+
+        def along(x: Array) -> Array:
+            """Return innovation, variance and log likelihood of every sample [3, samples]."""
+            parts = [(f.innovation, f.variance, f.contribution) for f in self.filtered(x)]
+            return np.concatenate(parts, axis=1)
+
+        steps = _STEP * np.eye(len(x))
+        sides = [(along(x + h), along(x - h)) for h in steps]
+        slopes = np.stack([ahead - back for ahead, back in sides], axis=2) / (2.0 * _STEP)
+        e, S, _ = sides[0][0][..., None]
+        believed = np.abs(e) <= GATE * np.sqrt(S)
+        de, dS = slopes[0] * believed / np.sqrt(S), slopes[1] * believed / S
+        parts = [(de[a:b], dS[a:b]) for a, b in pairwise(self.ends)]
+        return slopes[2], np.sum([e.T @ e + 0.5 * s.T @ s for e, s in parts], axis=0)
 
 
 def _samples(e: Experiment) -> list[Samples]:
@@ -269,7 +268,7 @@ def covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
 def _blocks(full: Likelihood, quantities: int) -> Index | None:
     """Return the number of the block that each sample is in, None where blocks are too few."""
     if len(full.records) >= _ENOUGH * quantities:
-        return np.repeat(full.record, np.diff(full.ends))
+        return full.record_of_samples
     found, last = [], 0
     for s in full.samples:
         within = ((s.time - s.time[0]) // _BLOCK).astype(np.int64)
@@ -360,11 +359,9 @@ def fit_random_walk(
         )
     p, values = len(names), full.named(x)
     walk = _interval(full, x, best, ratio, estimates["random_walk"], likelihood)
-    paths = [f.smoothed()[0][:, 2] for f in full.filtered(x)]
-    of_each: list[list[Array]] = [[] for _ in full.records]
-    for j, path in zip(full.record, paths, strict=True):
-        of_each[j].append(path)
-    travelled = tuple(float(np.ptp(np.concatenate(each))) for each in of_each)
+    path = np.concatenate([f.smoothed()[0][:, 2] for f in full.filtered(x)])
+    of_each = [path[full.record_of_samples == j] for j in range(len(full.records))]
+    travelled = tuple(float(np.ptp(each)) for each in of_each)
     nothing = Estimate.given(0.0, _UNITS["acceleration"])
     return RandomWalkFit(
         names=names, law=problem.model.law, estimates={name: estimates[name] for name in names},
@@ -448,10 +445,9 @@ def _interval(
     step = min(max(Z95 * found.std / found.value, 0.3), 1.5)
     low = crossing(beyond, -step, farthest=_FARTHEST, xtol=0.02) if ratio > Z95**2 else None
     high = crossing(beyond, step, farthest=_FARTHEST, xtol=0.02)
-    return replace(found, ci95=(
-        0.0 if low is None else math.exp(middle + low),
-        math.inf if high is None else math.exp(middle + high),
-    ))  # fmt: skip
+    least = 0.0 if low is None else math.exp(middle + low)
+    most = math.inf if high is None else math.exp(middle + high)
+    return replace(found, ci95=(least, most))
 
 
 # Findings on neutral volumes that stay.

@@ -12,7 +12,7 @@ import numpy as np
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
-from swimbladder.estimation.motion.model import Model
+from swimbladder.estimation.motion.problem import Model
 from swimbladder.estimation.series import Array
 from swimbladder.io.answers import as_json, plain
 from swimbladder.vehicle import (

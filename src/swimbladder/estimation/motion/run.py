@@ -14,8 +14,7 @@ from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError, check_number
-from swimbladder.estimation.comparison.record import Drive, Record, record
-from swimbladder.estimation.comparison.water import water_of_each
+from swimbladder.estimation.comparison.record import Drive, Record, record, water_of_each
 from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, bounded_fit
 from swimbladder.estimation.motion.diagnose import choices as list_choices
 from swimbladder.estimation.motion.diagnose import (
@@ -26,9 +25,8 @@ from swimbladder.estimation.motion.diagnose import (
 )
 from swimbladder.estimation.motion.fit import Fit, inverse_of
 from swimbladder.estimation.motion.fit import fit as solve
-from swimbladder.estimation.motion.model import NAMES, default_names
 from swimbladder.estimation.motion.posterior import sample
-from swimbladder.estimation.motion.problem import Assumed, Problem, posed
+from swimbladder.estimation.motion.problem import NAMES, Assumed, Problem, default_names, posed
 from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
 from swimbladder.estimation.motion.result import (
     Identification,
@@ -139,11 +137,8 @@ def parameters(
         if name == "drag_quadratic" and not log:  # it is never below 0
             e = replace(e, ci95=(max(e.ci95[0], 0.0), e.ci95[1]))
         estimates[name] = e
-    for name, value in problem.values.items():
-        if name in ("psi", "K2", "T2") and name not in estimates and (
-            name == "psi" or problem.model.law != "quadratic"
-        ):  # fmt: skip
-            estimates[name] = Estimate.given(value, NAMES[name].unit)
+    for name in ("psi",) if problem.model.law == "quadratic" else ("K2", "T2", "psi"):
+        estimates.setdefault(name, Estimate.given(problem.values[name], NAMES[name].unit))
     return estimates, findings
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification
-from swimbladder.estimation.actuator.estimate import shown_unit
+from swimbladder.estimation.actuator.model import shown_unit
 from swimbladder.estimation.actuator.result import Known, LogFit, Step
 from swimbladder.io.config import file_text
 from swimbladder.io.vehicle_file import vehicle_file

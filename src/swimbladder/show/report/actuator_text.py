@@ -4,7 +4,7 @@ import math
 from pathlib import PurePath
 
 from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
-from swimbladder.estimation.actuator.estimate import shown, shown_unit
+from swimbladder.estimation.actuator.model import shown, shown_unit
 from swimbladder.show.report.html import TEXTS
 from swimbladder.show.report.text import STRONG, row, trade_off
 from swimbladder.units import rounded, unit_factor
