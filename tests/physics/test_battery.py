@@ -1,7 +1,5 @@
 """The battery against SciPy's integration, closed limits and hand-made loads."""
 
-import math
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -44,19 +42,14 @@ def test_cold_holds_back_a_share_of_the_full_battery():
 
 @pytest.mark.parametrize("temperature", [20.0, 2.0])
 @pytest.mark.parametrize("s", [0.0, 2e-9])
-def test_endurance_ends_where_the_charge_does(temperature, s):
-    supply = SUPPLY.model_copy(update={"self_discharge": s})
-    found = battery.endurance(supply, 0.3, temperature)
+def test_the_needed_capacity_is_gone_when_its_energy_is(temperature, s):
+    duration, share = 3e6, battery.usable_share(SUPPLY, temperature)
+    full = battery.needed_capacity(0.3 * duration, duration, share, s)
 
     def left(t):
-        charge = battery.charge_after(3.6e6, 0.3, t, s)
-        return charge - 3.6e6 * (1.0 - battery.usable_share(supply, temperature))
+        return battery.charge_after(full, 0.3, t, s) - full * (1.0 - share)
 
-    assert found == pytest.approx(brentq(left, 0.0, 1e8), rel=1e-9)
-
-
-def test_nothing_drawn_lasts_for_ever():
-    assert battery.endurance(Supply(voltage=5.0, capacity=10.0), 0.0) == math.inf
+    assert brentq(left, 0.0, 1e8) == pytest.approx(duration, rel=1e-9)
 
 
 def test_loads_count_in_their_phases_and_at_surfacings():
@@ -82,5 +75,5 @@ def test_a_battery_that_is_not_stated_is_named():
     with pytest.raises(NoAnswerError, match=r"supply\.capacity"):
         battery.capacity(load_vehicle("feup-em"))
     with pytest.raises(NoAnswerError, match=r"supply\.capacity"):
-        battery.endurance(Supply(voltage=12.0), 1.0)
+        battery.usable_charge(Supply(voltage=12.0), 1.0, 20.0)
     assert battery.capacity(load_vehicle("example-float")) == 1500.0 * 3600.0

@@ -21,11 +21,15 @@ def capacity(vehicle: Vehicle) -> float:
 
     Raises NoAnswerError where it is not stated.
     """
-    if vehicle.supply is None or vehicle.supply.capacity is None:
+    return _stated(vehicle.supply)
+
+
+def _stated(supply: Supply | None) -> float:
+    if supply is None or supply.capacity is None:
         raise NoAnswerError(
             "what the battery holds is not stated: add supply.capacity (in Wh or J) to the vehicle"
         )
-    return vehicle.supply.capacity
+    return supply.capacity
 
 
 def share_in_cold(cold_share: Any, temperature: Any) -> Any:
@@ -47,9 +51,7 @@ def usable_charge(supply: Supply, charge: Any, temperature: Any) -> Any:
 
     Raises NoAnswerError where the capacity is not stated.
     """
-    if supply.capacity is None:
-        raise NoAnswerError("what the battery holds is not stated: add supply.capacity")
-    held_back = (1.0 - usable_share(supply, temperature)) * supply.capacity
+    held_back = (1.0 - usable_share(supply, temperature)) * _stated(supply)
     return np.maximum(np.asarray(charge, float) - held_back, 0.0)[()]
 
 
@@ -69,8 +71,8 @@ def needed_capacity(energy: Any, duration: Any, share: Any, self_discharge: Any)
     """Return the full charge [J] of which `energy` [J], drawn evenly over `duration` [s], is there.
 
     share: of the full charge that may be gone by then [-]; the cold, or a reserve, keeps the rest.
-    self_discharge [1/s]. The inverse of `endurance`: C e^{-x} - E (1 - e^{-x})/x = C (1 - share)
-    with x = s t. inf where self-discharge alone takes more than that share. Arrays too.
+    self_discharge [1/s]. It solves C e^{-x} - E (1 - e^{-x})/x = C (1 - share) with x = s t, and is
+    inf where self-discharge alone takes more than that share. Arrays too.
     """
     x = np.asarray(self_discharge, float) * np.asarray(duration, float)
     mean = np.divide(-np.expm1(-x), x, out=np.ones(np.shape(x)), where=x > 0.0)
@@ -80,26 +82,6 @@ def needed_capacity(energy: Any, duration: Any, share: Any, self_discharge: Any)
         taken, left, out=np.full(np.broadcast_shapes(taken.shape, left.shape), np.inf),
         where=left > 0.0,
     )[()]  # fmt: skip
-
-
-def endurance(supply: Supply, power: float, temperature: float = WARM) -> float:
-    """Return the time [s] for which a full battery gives a constant `power` [W] at a temperature.
-
-    It ends where what is left is what the cold [degC] holds back; inf where nothing is drawn or
-    lost. Raises NoAnswerError where the capacity is not stated.
-    """
-    if supply.capacity is None:
-        raise NoAnswerError("what the battery holds is not stated: add supply.capacity")
-    usable = usable_charge(supply, supply.capacity, temperature)
-    s, left = supply.self_discharge, supply.capacity - usable
-    if usable == 0.0:
-        return 0.0
-    if s == 0.0:
-        return float(usable / power) if power > 0.0 else float("inf")
-    if power == 0.0 and left == 0.0:
-        return float("inf")
-    # C e^{-st} - (P/s)(1 - e^{-st}) = left
-    return float(np.log((supply.capacity + power / s) / (left + power / s)) / s)
 
 
 def hotel_power(vehicle: Vehicle, phase: Phase | None = None) -> float:

@@ -83,12 +83,16 @@ def drive_map(
         return _pump_and_valve(vehicle, a, p, np.asarray(temperature, float))
     if isinstance(a, Positioner):
         return _positioner(vehicle, a, p)
-    if isinstance(a, IdentifiedActuator):
-        return _rates_only(vehicle, p)
-    found = unified(a, vehicle.water)
-    if found.resistance is None or found.emf_constant is None:
-        return _rates_only(vehicle, p)
-    return _voltage_driven(vehicle, found, p)
+    motor = _known_motor(vehicle)
+    return _rates_only(vehicle, p) if motor is None else _voltage_driven(vehicle, motor, p)
+
+
+def _known_motor(vehicle: Vehicle) -> UnifiedActuator | None:
+    """Return an actuator whose electrical power is known; None for a positioner, or without."""
+    if isinstance(vehicle.actuator, Positioner | IdentifiedActuator):
+        return None
+    found = unified(vehicle.actuator, vehicle.water)
+    return None if found.resistance is None or found.emf_constant is None else found
 
 
 def check_power_known(vehicle: Vehicle) -> None:
@@ -184,15 +188,13 @@ def steady_point(
     """
     a, supply = vehicle.actuator, vehicle.supply
     p = np.atleast_1d(np.asarray(pressure, float))
-    if supply is None or isinstance(a, Positioner | IdentifiedActuator):
-        return None
     if isinstance(a, PumpAndValve):
-        if not isinstance(a.pump, DatasheetPump):
+        if supply is None or not isinstance(a.pump, DatasheetPump):
             return None
         head = np.maximum(p + ATMOSPHERIC_PRESSURE - a.internal_pressure, 0.0)
         return datasheet_point(a.pump, head, vehicle.water, supply, vehicle.driver, share)
-    found = unified(a, vehicle.water)
-    if found.resistance is None or found.emf_constant is None:
+    found = _known_motor(vehicle)
+    if supply is None or found is None:
         return None
     z = p / vehicle.water.specific_weight
     u = share * full_voltage(found, supply, found.k_z * z + found.friction_torque)
@@ -274,15 +276,10 @@ def _from_battery(power: Array, supply: Supply | None, what: str) -> Array:
 def _positioner(vehicle: Vehicle, a: Positioner, p: Array) -> DriveMap:
     moving = held = np.full(p.shape, np.nan)
     if a.moving_power is not None:
-        moving, held = (
-            _from_battery(
-                terminal_power(np.full(p.shape, power), vehicle.driver), vehicle.supply, what
-            )
-            for power, what in (
-                (a.moving_power, "the positioner's motor"),
-                (a.holding_power, "holding the positioner"),
-            )
-        )
+        drawn = np.full((2, *p.shape), np.array([[a.moving_power], [a.holding_power]]))
+        of_motor, of_holding = terminal_power(drawn, vehicle.driver)
+        moving = _from_battery(of_motor, vehicle.supply, "the positioner's motor")
+        held = _from_battery(of_holding, vehicle.supply, "holding the positioner")
     rate, nothing = np.full(p.shape, a.speed * a.piston_area), np.zeros(p.shape)
     return DriveMap(p, rate, moving, rate, moving, nothing, held, *4 * (nothing,))
 

@@ -13,11 +13,12 @@ A positioner moves V at a constant rate; its q is that rate.
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import ReducedActuator, reduced, refuse_pump_and_valve
-from swimbladder.vehicle import Drag, IdentifiedMotion, Positioner, Stroke, Supply, Vehicle
+from swimbladder.vehicle import Drag, IdentifiedMotion, Positioner, Supply, Vehicle
 
 
 class State(NamedTuple):
@@ -75,23 +76,16 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
             field="motion.drag.rising_ratio", value=vehicle.drag.rising_ratio,
             remedy="Leave the line out here, and give a drag between the two",
         )  # fmt: skip
-    if isinstance(vehicle.actuator, Positioner):
-        driven = dict(
-            positioner=1.0, T1=1.0, gain=0.0, load_drive=0.0, load_back=0.0, friction=0.0, k_l=0.0,
-            rate=vehicle.actuator.speed * vehicle.actuator.piston_area,
-            supply=math.inf, sag=0.0, kappa=0.0,
-        )  # fmt: skip
+    body, actuator = body_plant(vehicle, bottom_depth=bottom_depth), vehicle.actuator
+    if isinstance(actuator, Positioner):
+        a, supply, sag = ReducedActuator(1.0, *5 * (0.0,), None, None), math.inf, 0.0
+        body = body._replace(positioner=1.0, rate=actuator.speed * actuator.piston_area)
     else:
-        a = reduced(vehicle.actuator, vehicle.water)
         assert vehicle.supply is not None  # Vehicle checks it
-        sag = _sag(vehicle.supply, a)
-        driven = dict(
-            positioner=0.0, T1=a.T1, gain=a.gain, load_drive=a.load_drive, load_back=a.load_back,
-            friction=a.friction, k_l=a.k_l, rate=0.0, supply=vehicle.supply.voltage,
-            sag=sag,
-            kappa=a.kappa if a.kappa is not None else 0.0,
-        )  # fmt: skip
-    return body_plant(vehicle, bottom_depth=bottom_depth)._replace(**driven)
+        a, supply = reduced(actuator, vehicle.water), vehicle.supply.voltage
+        body, sag = body._replace(positioner=0.0, rate=0.0), _sag(vehicle.supply, a)
+    driven = {name: value for name, value in a._asdict().items() if name in Plant._fields}
+    return body._replace(**driven | {"supply": supply, "sag": sag, "kappa": a.kappa or 0.0})
 
 
 def body_plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
@@ -104,14 +98,10 @@ def body_plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
         a_b=k_b / m, psi=hull.psi, V_0=vehicle.trim_error,
         d_l=d_l, d_b=d_b, d_0=d_0, d_t=d_t, epsilon=epsilon,
         z_surface=hull.emergence_depth, a_s=k_b * hull.waterplane_area / m,
-        z_air=hull.emergence_depth - hull.height, z_bottom=bottom_depth, **_switches(stroke),
+        z_air=hull.emergence_depth - hull.height, z_bottom=bottom_depth,
+        switch_in=-math.inf if stroke.switch_margin is None else stroke.lowest,
+        switch_out=math.inf if stroke.switch_margin is None else stroke.highest,
     )  # fmt: skip
-
-
-def _switches(stroke: Stroke) -> dict[str, float]:
-    if stroke.switch_margin is None:
-        return {"switch_in": -math.inf, "switch_out": math.inf}
-    return {"switch_in": stroke.lowest, "switch_out": stroke.highest}
 
 
 def _sag(supply: Supply, actuator: ReducedActuator) -> float:
@@ -121,24 +111,19 @@ def _sag(supply: Supply, actuator: ReducedActuator) -> float:
     """
     if supply.internal_resistance == 0.0:
         return 0.0
-    field, unit = "supply.internal_resistance", "ohm"
+    R_b = supply.internal_resistance
+    problem = partial(InputError, field="supply.internal_resistance", value=R_b, unit="ohm")
     if actuator.resistance is None or actuator.kappa is None:
-        raise InputError(
+        raise problem(
             "the supply has an internal resistance, but the motor's resistance and k_emf, which "
             "decide how far the voltage sags, are not known",
-            field=field,
-            value=supply.internal_resistance,
-            unit=unit,
             remedy="Give the motor's data, or leave the internal resistance out",
         )
-    sag = supply.internal_resistance / actuator.resistance
+    sag = R_b / actuator.resistance
     if sag > 1.0:
-        raise InputError(
+        raise problem(
             f"the supply's internal resistance is above the motor's, {actuator.resistance:g} ohm: "
             "the supply would lose more than it gives",
-            field=field,
-            value=supply.internal_resistance,
-            unit=unit,
             remedy="Check both resistances and their units",
         )
     return sag

@@ -37,11 +37,6 @@ def copper_loss(*, i: _F, R: float) -> _F:
     return R * i * i
 
 
-def mechanical_power(*, i: _F, omega: _F, k_T: float) -> _F:
-    """Power that the motor develops before its friction, k_T i omega [W]."""
-    return k_T * i * omega
-
-
 def supply_current(*, P: _F, E: float, R_b: float) -> _F:
     """Current i_b [A] of a battery that delivers the power P [W] at its terminals.
 
@@ -52,11 +47,6 @@ def supply_current(*, P: _F, E: float, R_b: float) -> _F:
     root: Any = np.sqrt(np.where(discriminant >= 0.0, discriminant, np.nan))
     current: Any = 2.0 * P / (E + root)
     return current  # type: ignore[no-any-return]
-
-
-def terminal_voltage(*, E: float, R_b: float, i_b: _F) -> _F:
-    """Voltage at the terminals of the battery E - R_b i_b [V]."""
-    return E - R_b * i_b
 
 
 def largest_voltage(*, E: float, sag: float, emf: _F, direction: float = 1.0) -> _F:

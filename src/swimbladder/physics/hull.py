@@ -184,25 +184,14 @@ def along_hull(column: Column, hull: Hull) -> Column:
     water does not count, and below the column its last density goes on. In water whose density
     bends within a hull's height, as in a halocline, its buoyancy is that of the mean.
     """
+    from scipy.interpolate import make_interp_spline
+
     z, rho = column.depth, column.density
     deep = np.append(z, z[-1] + hull.height + abs(hull.emergence_depth))
-    means = 0.5 * (rho + np.append(rho[1:], rho[-1]))
-    weight = np.append(0.0, np.cumsum(means * np.diff(deep)))
+    mass = make_interp_spline(deep, np.append(rho, rho[-1]), k=1).antiderivative()  # kg/m2 above
     top = np.maximum(z - hull.emergence_depth, 0.0)
     low = np.maximum(z - hull.emergence_depth + hull.height, column.step)
-    above, below = (_integral(column, deep, weight, at) for at in (top, low))
-    return replace(column, density=(below - above) / (low - top))
-
-
-def _integral(column: Column, deep: Array, weight: Array, at: Array) -> Array:
-    """Return the integral of density over depth from 0 to `at` [kg/m2], density straight between
-    rows.
-    """
-    k = np.clip(np.searchsorted(deep, at, side="right") - 1, 0, len(deep) - 2)
-    rho = np.append(column.density, column.density[-1])
-    x = at - deep[k]
-    slope = (rho[k + 1] - rho[k]) / (deep[k + 1] - deep[k])
-    return np.asarray(weight[k] + x * (rho[k] + 0.5 * slope * x))
+    return replace(column, density=(mass(low) - mass(top)) / (low - top))
 
 
 def layered_volume(vehicle: Vehicle, column: Column) -> Array:
@@ -222,14 +211,10 @@ def layered_volume(vehicle: Vehicle, column: Column) -> Array:
 
 def psi_terms(vehicle: Vehicle, column: Column, depth: float) -> PsiTerms:
     """Return dV_neutral/dz at a depth [m], by cause."""
-    p, rho, T = (
-        float(np.interp(depth, column.depth, v))
-        for v in (column.pressure, column.density, column.temperature)
-    )
-    dp, drho, dT = (
-        float(np.interp(depth, column.depth, slopes(v, column.step)))
-        for v in (column.pressure, column.density, column.temperature)
-    )
+    water = (column.pressure, column.density, column.temperature)
+    rates = (slopes(values, column.step) for values in water)
+    p, rho, T = (float(np.interp(depth, column.depth, values)) for values in water)
+    dp, drho, dT = (float(np.interp(depth, column.depth, values)) for values in rates)
     hull, parts = vehicle.hull, hull_parts(vehicle)
     kelvin = hull.reference_temperature + _ZERO_CELSIUS
     boyle = hull.trapped_air * ATMOSPHERE / (ATMOSPHERE + p) / kelvin

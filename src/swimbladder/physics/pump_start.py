@@ -133,17 +133,16 @@ def line_curves(
 
 def _stall(rate: Law, highest: float) -> float:
     """Return the head [Pa] from which on a pump counts as stalled, `highest` where it does not."""
+    from scipy.optimize import bisect
+
     least = _STALLS * float(rate(np.zeros(1))[0])
-    low, high = 0.0, highest
-    if rate(np.array([high]))[0] > least:
-        return high
-    while high - low > 1e-12 * highest:
-        middle = 0.5 * (low + high)
-        if rate(np.array([middle]))[0] > least:
-            low = middle
-        else:
-            high = middle
-    return low
+
+    def beyond(head: float) -> float:
+        return float(rate(np.array([head]))[0]) - least
+
+    if beyond(highest) > 0.0:
+        return highest
+    return float(bisect(beyond, 0.0, highest, xtol=1e-12 * highest))
 
 
 def _fall(

@@ -115,7 +115,7 @@ def test_what_is_no_profile_is_refused(pressure, salinity):
 
 @pytest.mark.parametrize(("deepest", "step"), [(0.0, 1.0), (float("nan"), 1.0), (10.0, -1.0)])
 def test_a_column_needs_a_depth_and_a_step(deepest, step):
-    with pytest.raises(InputError, match="not above 0"):
+    with pytest.raises(InputError, match="above 0"):
         uniform_column(Water(), deepest, step=step)
 
 

@@ -5,6 +5,7 @@ a standard ocean: in a lake the two differ by 2.7 %.
 """
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from swimbladder.errors import InputError
 from swimbladder.physics.seawater.column import Column, grid
 
 Array = NDArray[np.float64]
+_problem = partial(InputError, field="cast")
 _DBAR = 1e4  # Pa
 _LAYER = 10.0  # dbar
 _FINE = 1.0  # dbar between two points of the hydrostatic integral
@@ -42,16 +44,14 @@ class Cast:
         """Refuse what is no profile."""
         n = len(self.pressure)
         if n < 2 or len(self.SA) != n or len(self.CT) != n:
-            raise InputError(
+            raise _problem(
                 f"{n} pressures, {len(self.SA)} salinities and {len(self.CT)} temperatures are no "
                 "profile",
-                field="cast",
                 remedy="Give two rows at least, and as many of each",
             )
         if not (np.diff(self.pressure) > 0.0).all() or self.pressure[0] < 0.0:
-            raise InputError(
+            raise _problem(
                 "the pressures of a profile do not increase from 0",
-                field="cast",
                 remedy="Sort the rows and average those of one pressure",
             )
 
@@ -69,34 +69,32 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
     z_fine = depth_of_pressure(cast, fine)
     bottom = float(z_fine[-1])
     if deepest is not None and deepest > bottom + step:
-        raise InputError(
+        raise _problem(
             f"the cast {cast.name or 'given'} ends at {bottom:.0f} m ({end:.0f} dbar), "
             f"{deepest - bottom:.0f} m above {deepest:.0f} m",
-            field="cast",
             value=round(bottom, 1),
             unit="m",
             remedy="Take a cast that goes as deep, or ask for a lesser depth",
         )
     wanted = bottom if deepest is None else deepest
     if wanted < step:
-        raise InputError(
+        raise _problem(
             f"the cast ends at {bottom:.2f} m, above the first step of the column, {step:g} m",
-            field="cast",
             remedy="Take a deeper cast, or a smaller step",
         )
     depth = grid(wanted, step)
-    if deepest is None and depth[-1] > bottom:
-        depth = depth[:-1] if len(depth) > 2 else depth
+    if deepest is None and depth[-1] > bottom and len(depth) > 2:
+        depth = depth[:-1]
     slope = _DBAR / (float(gsw.rho(cast.SA[-1], cast.CT[-1], end)) * _gravity(cast, end))
     z_ends = np.append(z_fine, bottom + slope * (2.0 * step / slope))
     pressure = np.interp(depth, z_ends, np.append(fine, end + 2.0 * step / slope))
     SA, CT = (np.interp(pressure, cast.pressure, v) for v in (cast.SA, cast.CT))
     report = list(cast.report)
     if top > max(_NEAR, min(_FAR, 0.5 * end)):
-        raise InputError(
+        raise _problem(
             f"the cast {cast.name or 'given'} begins at {top:.0f} dbar, and of the water above, "
             "where a vehicle floats and dives, it says nothing",
-            field="cast", value=round(top, 1), unit="dbar",
+            value=round(top, 1), unit="dbar",
             remedy="Take one that begins near the surface, or add a row at 0 dbar with the "
             "temperature and salinity that the surface has",
         )  # fmt: skip
@@ -143,11 +141,11 @@ def depth_of_pressure(cast: Cast, pressure: Array) -> Array:
     pressure starts at 0. The integral of dp/(rho g), by trapezoids.
     """
     import gsw
+    from scipy.integrate import cumulative_trapezoid
 
     SA, CT = (np.interp(pressure, cast.pressure, v) for v in (cast.SA, cast.CT))
     per_dbar = _DBAR * gsw.specvol(SA, CT, pressure) / gsw.grav(cast.latitude, pressure)
-    means = 0.5 * (per_dbar[1:] + per_dbar[:-1])
-    return np.append(0.0, np.cumsum(means * np.diff(pressure)))
+    return np.asarray(cumulative_trapezoid(per_dbar, pressure, initial=0))
 
 
 def pressure_of_depth(depth: Array, SP: Array, temperature: Array, latitude: float) -> Array:

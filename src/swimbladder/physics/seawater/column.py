@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError
+from swimbladder.errors import check_number
 from swimbladder.vehicle import Water
 
 if TYPE_CHECKING:
@@ -63,10 +63,7 @@ def grid(deepest: float, step: float) -> Array:
     Raises InputError where one of the two is not above 0.
     """
     for name, value in (("deepest", deepest), ("step", step)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(
-                "not above 0", field=name, value=value, unit="m", remedy="Give a depth in metres"
-            )
+        check_number(value, name, "m", above=0.0, remedy="Give a depth in metres")
     count = max(math.ceil(deepest / step * (1.0 - 1e-12)), 1)
     return np.asarray(step * np.arange(count + 1.0))
 

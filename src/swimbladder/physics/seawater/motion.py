@@ -9,7 +9,7 @@ k = (2 pi/period)^2/g (e.g. Kundu, Cohen, Dowling, *Fluid Mechanics*, 5th ed., c
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,6 @@ from swimbladder.physics.seawater.column import Column
 from swimbladder.vehicle import Parameters, Unit
 
 Array = NDArray[np.float64]
-
-
-class MovedWater(NamedTuple):
-    """How water is moved at an instant: every layer displaced from its rest, and its speed."""
-
-    displacement: float  # m, positive down
-    speed: float  # m/s, positive down
 
 
 class InternalWave(Parameters):
@@ -105,8 +98,8 @@ def motion_table(motion: WaterMotion, gravity: float) -> Array:
 def moved(waves: Array, z: float, t: float) -> tuple[float, float]:
     """Return displacement [m] and speed [m/s] of the water at depth z [m] and time t [s].
 
-    waves: of `motion_table`; plain Python on scalars, for kernels to inline. The fields are those
-    of MovedWater.
+    Both are positive down; every layer is displaced from its rest. waves: of `motion_table`; plain
+    Python on scalars, for kernels to inline.
     """
     displacement, speed = 0.0, 0.0
     depth = max(z, 0.0)
