@@ -19,7 +19,7 @@ from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Measured, Runs, measure, summarise
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.closed_loop.function import as_law
+from swimbladder.sim.closed_loop.single import as_law
 
 FEUP = load_vehicle("feup-em")
 

@@ -187,7 +187,7 @@ def test_lanes_that_stop_do_not_stop_the_others() -> None:
     ("field", "says", "given"),
     [
         ("count", "at least 1", dict(count=0)),
-        ("vary['psy']", "Did you mean 'psi'", dict(vary={"psy": 1.0})),
+        ("vary['psy']", "Did you mean psi", dict(vary={"psy": 1.0})),
         ("vary['psi']", r"shape \(2,\)", dict(vary={"psi": [1.0, 2.0]})),
         ("vary['psi']", "not a number", dict(vary={"psi": math.nan})),
         ("start_depth", r"shape \(4,\)", dict(start_depth=[1.0] * 4)),

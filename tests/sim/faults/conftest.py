@@ -69,7 +69,6 @@ class Rig:
             ),
             turns=np.array([tick for tick, _ in turns]),
             depths=np.array([asked for _, asked in turns]),
-            onset=math.inf,
             layers=medium.layers,
         )
         assert len(p) == len(Plant._fields)

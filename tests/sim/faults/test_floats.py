@@ -300,7 +300,7 @@ def test_dives_begin_at_the_surface_and_leave_time_for_their_ways():
         assert 10.0 < min(m.depths[:-1]) <= max(m.depths[:-1]) <= 1620.0
         assert m.depths[-1] == -1.0
         assert m.turns[-1] * TICK >= m.depths[0] / 0.1 + 7200.0
-        assert m.onset < m.turns[-1]
+        assert m.fault_rows[0, 3] < m.turns[-1]
         assert all(0.5 < share < 1.5 for share in m.drive)
     assert course.time_limit > max(m.turns[-1] for m in drawn) + 1620.0 / 0.1
     assert {m.faults[0] for m in drawn} == set(kinds_of(FLOAT))

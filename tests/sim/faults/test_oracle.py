@@ -387,7 +387,7 @@ def test_a_drawn_mission_is_that_of_the_oracle_around_its_onset(number):
     fault_rows = [(Fault(int(h[0])), *h[1:]) for h in told.mission.fault_rows]
     for rows in told.rows[:2]:
         flown = {name: rows[:, index] for name, index in TRACE.items()}
-        first = min(int(told.mission.onset / tick) - 60, len(rows) - 200)
+        first = min(int(told.mission.fault_rows[0, 3]) - 60, len(rows) - 200)
         machine = Drawn(Plant(*told.mission.plant), vehicle)
         assert not any(
             h[0] in (Fault.BLOCKED_OUT, Fault.BLOCKED_IN) and h[3] < first for h in fault_rows

@@ -5,11 +5,11 @@ summaries or trajectories; `drive` replays a recorded volume or voltage. `step_m
 depth step looks like.
 """
 
-from swimbladder.sim.closed_loop.accounts import Books
 from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
 from swimbladder.sim.closed_loop.replay import drive
 from swimbladder.sim.closed_loop.single import simulate
 from swimbladder.sim.closed_loop.solution import (
+    Books,
     Event,
     Solution,
     StepMetrics,

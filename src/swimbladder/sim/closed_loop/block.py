@@ -193,20 +193,12 @@ class Block:
         """
         if self.noise is None and self.depth_error is None:
             return np.zeros((0, 2, self.lanes))
-        if self.noise is None:
-            found = np.zeros((last - first, 2, self.lanes))
-        else:
-            found = self._noise(last - first)
+        found = np.zeros((last - first, 2, self.lanes))
+        for i, generator in enumerate(self.noise or ()):
+            found[:, :, i] = generator.standard_normal((last - first, 2))
         if self.depth_error is not None:
             found[:, 0] = found[:, 0] * sigma + self.depth_error[first:last]
         return found
-
-    def _noise(self, ticks: int) -> Array:
-        assert self.noise is not None
-        noise = np.empty((ticks, 2, self.lanes))
-        for i, generator in enumerate(self.noise):
-            noise[:, :, i] = generator.standard_normal((ticks, 2))
-        return noise
 
 
 def _aligned(rows: int, lanes: int) -> Array:

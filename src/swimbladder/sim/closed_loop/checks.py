@@ -1,7 +1,7 @@
 """Whether a vehicle can be asked for depths, and whether its law holds it at its sample time."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -19,7 +19,7 @@ from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.vehicle import Vehicle
 
 _GROWS = 1e-4  # of an error over a sample; of three integrators, which do not, 1e-5 is computed
-_SHORTEST = 2.0**-12  # of the sample time, below which it is not what makes a loop unstable
+_HALVINGS = 12  # of the sample time, after which it is not what makes a loop unstable
 
 
 def check_depths(
@@ -58,21 +58,18 @@ def check_sample_time(
     linear around rest, or that holds the vehicle at no sample time.
     """
     for depth in (min(depths), max(depths)):
+        growth = partial(_growth, vehicle, law, parameters, depth=depth)
+        grows = growth(sample_time)
+        if grows is None or grows - 1.0 <= _GROWS:
+            continue
 
-        def held(h: float, depth: float = depth) -> bool:
-            grows = _growth(vehicle, law, parameters, h, depth)
+        def held(h: float, growth: Callable[[float], float | None] = growth) -> bool:
+            grows = growth(h)
             # in one time, not one sample: what grows at any sample time is not held by a short one
             return grows is not None and grows - 1.0 <= _GROWS * h / sample_time
 
-        grows = _growth(vehicle, law, parameters, sample_time, depth)
-        if grows is None or grows - 1.0 <= _GROWS:
-            continue
-        holds = sample_time
-        while holds > _SHORTEST * sample_time:
-            holds *= 0.5
-            if held(holds):
-                break
-        else:
+        holds = next(filter(held, (0.5**n * sample_time for n in range(1, _HALVINGS + 1))), None)
+        if holds is None:
             continue
         fails = 2.0 * holds
         while fails > 1.01 * holds:

@@ -5,7 +5,6 @@ What it is given holds for all lanes or lane by lane, and is checked.
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 import threading
@@ -23,16 +22,16 @@ from swimbladder.control.records import leaves
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.block import Block, Schedule, schedule, work_space
 from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
 from swimbladder.sim.closed_loop.rows import RECORDED, Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
-from swimbladder.sim.closed_loop.solution import TIME, VARIABLES
+from swimbladder.sim.closed_loop.solution import TIME, VARIABLES, close_books
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.chain import base_steps, book_steps
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.schema import did_you_mean
 
 if TYPE_CHECKING:
     import xarray
@@ -58,14 +57,10 @@ def vary_plants(
         else:
             own = [field for field in Plant._fields if not np.isnan(getattr(p, field))]
             known = (*own, *values)
-            near = difflib.get_close_matches(name, known, n=1)
             raise InputError(
-                "neither the plant nor the law has such a parameter",
-                field=f"vary[{name!r}]",
-                value=name,
-                remedy=(f"Did you mean {near[0]!r}? " if near else "")
-                + f"Known: {', '.join(known)}",
-            )
+                "neither the plant nor the law has such a parameter", field=f"vary[{name!r}]",
+                value=name, remedy=f"{did_you_mean(name, known)}Known: {', '.join(known)}",
+            )  # fmt: skip
     for name in ("T1", "a_b", "a_s"):
         least = plants[Plant._fields.index(name)].min()
         if least <= 0.0:

@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 from swimbladder.control.pump_valve import SurfacingParameters
 from swimbladder.physics.dynamics import Plant, drag_force
 from swimbladder.physics.seawater import Column, uniform_column
-from swimbladder.sim.closed_loop.accounts import Books
 from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.pumped import BOARD, DIVES, FLOATS, PAUSE, SEGMENT, Pumped
-from swimbladder.sim.closed_loop.solution import Event, SingleRun, Solution, assemble
+from swimbladder.sim.closed_loop.solution import Books, Event, SingleRun, Solution, assemble
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import AT, GIVEN, NOTE, NOW, Account, Doing, Note, Table
-from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.vehicle import Hull, PumpAndValve, Vehicle
 
 RATES = ("pump", "valve")
 """What a lane's drive may give over what its processor knows."""
@@ -33,18 +32,26 @@ _EXACT = Accuracy(
     relative=1e-6, depth=1e-5, speed=1e-7, volume=1e-12, rest_deep=1e-4, rest_afloat=1e-3
 )
 _AT_SURFACE = 1e-9  # m
-_SHALLOW = 5.0  # m, above which a float is about to dive, or has come up
+_SHALLOW = 5.0  # m, the least of `_shallow`
 _SPEED, _PAUSE = 0.1, 60.0  # m/s and s of a law that states neither
 _MARGIN, _BELOW = 1.2, 100.0  # of the deepest depth, and m: how far the table goes on
-_VARIED = {  # fields of Plant that a lane may have of its own, and where they stand
-    "d_l": "d_l", "d_b": "d_b", "d_0": "d_0", "d_t": "d_t",
-    "epsilon": "epsilon", "V_min": "v_min", "V_max": "v_max",
-    "z_surface": "z_surface", "a_s": "a_s", "z_air": "z_air",
-    "z_bottom": "z_bottom",
-}  # fmt: skip
+_VARIED = [
+    "d_l",
+    "d_b",
+    "d_0",
+    "d_t",
+    "epsilon",
+    "V_min",
+    "V_max",
+    "z_surface",
+    "a_s",
+    "z_air",
+    "z_bottom",
+]
+"""Fields of Plant that a lane may have of its own; in GIVEN they are in lower case."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FloatModel:
     """A float in its water, as the stepper takes it; lanes are made from it by `lanes`."""
 
@@ -69,8 +76,8 @@ class FloatModel:
         count = plants.shape[1]
         given = np.array([self.given] * count, GIVEN)
         rows = dict(zip(Plant._fields, plants, strict=True))
-        for name, place in _VARIED.items():
-            given[place] = rows[name]
+        for name in _VARIED:
+            given[name.lower()] = rows[name]
         own = self.plant
         given["mass"] = self.given["mass"] * own.a_b / rows["a_b"]
         if rates is not None:
@@ -116,7 +123,7 @@ def surfacing_of(
     own = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
     slack = parameters["coefficient"] * speed**2 if "coefficient" in parameters else own
     found = SurfacingParameters(
-        shallow=max(_SHALLOW, hull.emergence_depth + 0.1 * hull.height), neutral=vehicle.trim_error,
+        shallow=_shallow(hull), neutral=vehicle.trim_error,
         full=stroke.maximum, lacking=FULL * (stroke.maximum - stroke.minimum), slack=slack,
         measured=0.0 if isinstance(vehicle.actuator, PumpAndValve) else 1.0,
     )  # fmt: skip
@@ -134,16 +141,15 @@ def float_model(
     if column is None:
         column = uniform_column(vehicle.water, _MARGIN * max(reach, 0.0) + _BELOW)
     table, why = make_table(vehicle, column)
-    hull = vehicle.hull
-    shallow = max(_SHALLOW, hull.emergence_depth + 0.1 * hull.height)
-    given = given_of(
-        vehicle, column, bottom=medium.plant.z_bottom, accuracy=_EXACT,
-        asked={"shallow": shallow},
-    )  # fmt: skip
-    return FloatModel(
-        vehicle=vehicle, column=column, plant=medium.plant, given=given, table=table,
-        energy_unknown=why,
-    )  # fmt: skip
+    asked = {"shallow": _shallow(vehicle.hull)}
+    bottom = medium.plant.z_bottom
+    given = given_of(vehicle, column, bottom=bottom, accuracy=_EXACT, asked=asked)
+    return FloatModel(vehicle, column, medium.plant, given, table, why)
+
+
+def _shallow(hull: Hull) -> float:
+    """Return the depth [m] above which a float is about to dive, or has come up."""
+    return max(_SHALLOW, hull.emergence_depth + 0.1 * hull.height)
 
 
 _ROOM = 20_000  # notes, beside what runs of the drive add
@@ -217,8 +223,7 @@ def float_balance(
         sinks["pump and its driver"] = 0.0
         basis = "work of the pump on the water (its electrical power is not known)"
     residual = source - sum(sinks.values())
-    least = float(model.vehicle.water.specific_weight) * 1e-12
-    throughput = max(found.throughput, least)
+    throughput = max(found.throughput, model.vehicle.water.specific_weight * 1e-12)
     return Books(
         volume={**found.volume, "travel": found.volume["pumped"] + found.volume["let in"]},
         energy={"source": source, **sinks}, basis=basis, volume_residue=found.volume_residue,

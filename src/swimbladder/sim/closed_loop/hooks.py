@@ -12,7 +12,7 @@ d, which moves the hull just so, and leaves the exponentials as they are. d is h
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numba import types
@@ -63,29 +63,17 @@ def lose(S: Array, W_: int, i: int, p: Any, t: float, dt: float, layers: Any) ->
     S[Row.SEEN_VOLUME * W_ + i] = S[Row.V * W_ + i] + lost
 
 
-class Hooks(NamedTuple):
-    """The compiled functions of a class; each takes its named tuple, the lane's rows, the tick."""
-
-    begin: Callable[..., Any]  # (hooks, S, k, built) -> whether the run is over; before the sensors
-    sense: Callable[..., Any]  # (hooks, S, k): writes what the sensors give
-    ask: Callable[..., Any]  # (hooks, S, k) -> whether the law is called
-    drive: Callable[..., Any]  # (hooks, S, k, command) -> what the driver gives the actuator
-    starts: Callable[..., Any] | None = None  # (hooks, k) -> whether the law begins anew
-    # of a lane with pump and valve
-    bound: Callable[..., Any] | None = None  # (hooks, until) -> s that the lane goes to in a tick
-    set_off: Callable[..., Any] | None = None  # (hooks) -> loads [W], level [m] of `drive.move`
-    moved: Callable[..., Any] | None = None  # (hooks, event, time, depth before): a step was taken
-    settled: Callable[..., Any] | None = None  # (hooks): the drive has done what it does there
-
-
 P = ParamSpec("P")
 R = TypeVar("R")
 _TUPLES = types.NamedTuple | types.NamedUniTuple
-_HOOKS: dict[type[Any], Hooks] = {}
+_HOOKS: dict[type[Any], dict[str, Callable[..., Any]]] = {}
 
 
-def hook_in(kind: type[Any], functions: Hooks) -> None:
-    """Make the functions of a class of hooks known to the compiler."""
+def hook_in(kind: type[Any], **functions: Callable[..., Any]) -> None:
+    """Make the functions of a class of hooks known to the compiler, by the names they have below.
+
+    Each takes its named tuple, and what is written there.
+    """
     _HOOKS[kind] = functions
 
 
@@ -94,13 +82,13 @@ def _chosen(hook: Callable[P, R]) -> Callable[P, R]:
     name = hook.__name__
 
     def called(*given: P.args, **named: P.kwargs) -> R:
-        own = getattr(_HOOKS[type(given[0])], name) if given[0] else None
-        return (own or hook)(*given, **named)
+        own = _HOOKS[type(given[0])].get(name, hook) if given[0] else hook
+        return own(*given, **named)
 
     @overload(called, jit_options=OVERLOADED, strict=False)  # strict: same arguments
     def compiled(*kinds: Any) -> Any:
         form = kinds[0]
-        own = getattr(_HOOKS[form.instance_class], name) if isinstance(form, _TUPLES) else None
+        own = _HOOKS[form.instance_class].get(name) if isinstance(form, _TUPLES) else None
         return hook if own is None else (lambda *given: own(*given))
 
     return called
@@ -108,7 +96,7 @@ def _chosen(hook: Callable[P, R]) -> Callable[P, R]:
 
 @_chosen
 def begin(hooks: Any, S: Any, k: int, built: Any) -> bool:  # noqa: ARG001
-    """Begin a tick; return whether the run is over."""
+    """Begin a tick, before the sensors measure; return whether the run is over."""
     return False
 
 

@@ -8,13 +8,19 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
 from swimbladder.sim.closed_loop.hooks import ask, drive
-from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.rows import N_STEP, Row
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined, shared
 from swimbladder.sim.engine.chain import ALPHA, BETA, build_chain
 from swimbladder.sim.engine.modes import drag_at, resting_volume, split
 
 Array = NDArray[np.float64]
+_WHOLE = [at for r in range(4) for at in (*range(4 * r, 4 * r + 4), 20 + r, 25 + r)]
+_WHOLE += [30 + 5 * k + r for k in range(3) for r in range(4)]
+_HALF = [12, 13, 14, 15, 23, 28]
+_PLACE = np.array([*_WHOLE, *_HALF, ALPHA, BETA])
+"""Where each row from Row.STEP on stands in a chain: of a whole step, and of a half one."""
+_LEVEL = np.repeat([0, 1, 0], [len(_WHOLE), len(_HALF), 2])
 
 
 @shared
@@ -46,21 +52,8 @@ def set_mode(S, token, i, mode, chains, built, h, p, layers):  # type: ignore[no
     if built[mode] == 0:
         build_chain(p, mode, h, chains[mode])
         built[mode] = 1
-    c = chains[mode, 0]
-    half = chains[mode, 1]
-    for r in range(4):
-        for k in range(4):
-            S[(Row.STEP + 6 * r + k) * W_ + i] = c[4 * r + k]
-        S[(Row.STEP + 6 * r + 4) * W_ + i] = c[20 + r]
-        S[(Row.STEP + 6 * r + 5) * W_ + i] = c[25 + r]
-        for k in range(3):
-            S[(Row.STEP + 24 + 4 * k + r) * W_ + i] = c[30 + 5 * k + r]
-    for k in range(4):
-        S[(Row.STEP + 36 + k) * W_ + i] = half[12 + k]
-    S[(Row.STEP + 40) * W_ + i] = half[23]
-    S[(Row.STEP + 41) * W_ + i] = half[28]
-    S[(Row.STEP + 42) * W_ + i] = c[ALPHA]
-    S[(Row.STEP + 43) * W_ + i] = c[BETA]
+    for n in range(N_STEP):
+        S[(Row.STEP + n) * W_ + i] = chains[mode, _LEVEL[n], _PLACE[n]]
 
 
 @inlined
@@ -161,33 +154,19 @@ def within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h):  # type: ignore[no-untyped-
     dz = h * (abs(w) + abs(w1)) if w * w1 < 0.0 else 0.0
     leaks = S[(Row.PLANT + modes.K_L) * W_ + i] > 0.0
     dv = h * (abs(q) + abs(q1)) if (q * q1 < 0.0) | leaks else 0.0
-    ok = (
-        (q1 >= S[Row.LOW_Q * W_ + i])
-        & (q1 <= S[Row.HIGH_Q * W_ + i])
-        & (v - dv >= S[Row.LOW_V * W_ + i])
-        & (v1 - dv >= S[Row.LOW_V * W_ + i])
-        & (v + dv <= S[Row.HIGH_V * W_ + i])
-        & (v1 + dv <= S[Row.HIGH_V * W_ + i])
-        & (z1 - dz >= S[Row.LOW_Z * W_ + i])
-        & (z1 + dz <= S[Row.HIGH_Z * W_ + i])
-        & (z - dz >= S[Row.LOW_Z * W_ + i])
-        & (z + dz <= S[Row.HIGH_Z * W_ + i])
-        & (S[Row.SLOW * W_ + i] == 0.0)
-    )
-    return ok
+    ok = (q1 >= S[Row.LOW_Q * W_ + i]) & (q1 <= S[Row.HIGH_Q * W_ + i])
+    low, high = S[Row.LOW_V * W_ + i], S[Row.HIGH_V * W_ + i]
+    ok = ok & (v - dv >= low) & (v1 - dv >= low) & (v + dv <= high) & (v1 + dv <= high)
+    low, high = S[Row.LOW_Z * W_ + i], S[Row.HIGH_Z * W_ + i]
+    ok = ok & (z1 - dz >= low) & (z1 + dz <= high) & (z - dz >= low) & (z + dz <= high)
+    return ok & (S[Row.SLOW * W_ + i] == 0.0)
 
 
 @inlined
 def _row(S: Array, W_: int, c: int, q: float, v: float, z: float, w: float, u: float) -> Any:
     """Return one row of the tick's exponential, less 1, times the state and the input."""
-    return (
-        S[c] * q
-        + S[c + W_] * v
-        + S[c + 2 * W_] * z
-        + S[c + 3 * W_] * w
-        + S[c + 4 * W_] * u
-        + S[c + 5 * W_]
-    )
+    of_state = S[c] * q + S[c + W_] * v + S[c + 2 * W_] * z + S[c + 3 * W_] * w
+    return of_state + S[c + 4 * W_] * u + S[c + 5 * W_]
 
 
 @inlined

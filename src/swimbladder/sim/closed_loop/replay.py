@@ -10,16 +10,16 @@ from numpy.typing import ArrayLike
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.single import check_start
 from swimbladder.sim.closed_loop.solution import (
     SingleRun,
     Solution,
     StopReason,
     assemble,
+    close_books,
     name_events,
 )
-from swimbladder.sim.closed_loop.water import Medium, medium_of
+from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.advance import begin, follow
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS, book_steps
@@ -72,12 +72,7 @@ def drive(
         start = check_start(unbound, start_depth, start_volume, start_speed)
     else:
         start = check_start(medium, start_depth, start_volume, start_speed)
-    return _follow(vehicle, medium, t, inputs, start, ramps=volume is not None)
-
-
-def _follow(
-    vehicle: Vehicle, medium: Medium, t: Any, inputs: Any, start: Any, *, ramps: bool
-) -> Solution:
+    ramps = volume is not None
     p, layers = medium.plant, medium.layers
     flat = np.array(p)
     x = np.array([*start, 0.0])

@@ -1,15 +1,19 @@
-"""One vehicle under its controller (Fig. 15), sampled, with the input held between samples."""
+"""One vehicle under its controller (Fig. 15), sampled, with the input held between samples.
+
+The law may be any Python function: it is asked between ticks, and a law of the loop holds what it
+said.
+"""
 
 import itertools
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law
+from swimbladder.control.law import Law, Measurement
 from swimbladder.control.records import leaf_names, leaves
 from swimbladder.control.registry import check_command, own_law
 from swimbladder.errors import InputError, check_number
@@ -17,22 +21,107 @@ from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
-from swimbladder.sim.closed_loop.accounts import close_books
 from swimbladder.sim.closed_loop.block import Block, schedule
 from swimbladder.sim.closed_loop.checks import check_depths, check_sample_time
 from swimbladder.sim.closed_loop.floats import float_model, run_float
-from swimbladder.sim.closed_loop.function import as_law, run_function
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.solution import (
     SingleRun,
     Solution,
     StopReason,
     assemble,
+    close_books,
     name_events,
 )
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.vehicle import Vehicle
+
+
+class Held(NamedTuple):
+    """What a Python function commands, as the kernels know it: a law's parameters, and its state.
+
+    In the state it means nothing.
+    """
+
+    command: float = 0.0  # V or m3
+    pause: float = 0.0  # s until the next call, of changes of volume, which are not held
+
+
+def _step(
+    parameters: Held, state: Held, _seen: Measurement, _reference: float
+) -> tuple[float, Held, float]:
+    return parameters.command, state, parameters.pause
+
+
+def _initial(parameters: Held, _seen: Measurement, _reference: float) -> Held:
+    return parameters
+
+
+def as_law(
+    vehicle: Vehicle, function: Callable[..., Any], sample_time: float | None
+) -> tuple[Law, Held, float]:
+    """Return (law, parameters, sample time [s]) that stand for a Python function.
+
+    The sample time is the vehicle's controller's where not given; raises InputError without one.
+    """
+    if sample_time is None:
+        if vehicle.controller is None:
+            raise InputError("a Python law needs a sample time", field="sample_time", unit="s")
+        sample_time = vehicle.controller.sample_time
+    check_number(sample_time, "sample_time", "s", above=0.0)
+    law = Law(
+        name=getattr(function, "__name__", type(function).__name__),
+        summary="a Python function",
+        command=vehicle.command,
+        parameters=Held,
+        state=Held,
+        step=_step,
+        initial=_initial,
+    )
+    return law, Held(), sample_time
+
+
+def run_function(
+    block: Block, function: Callable[..., Any], progress: Callable[[int], None] | None = None
+) -> None:
+    """Run a block of one lane, of `as_law`, under ``function(measurement, reference)``.
+
+    It returns the command, or (command, next_sample_s).
+    """
+    work, clock, wait = block.work[:, 0], block.clock, 0.0
+    pumped = block.stepper is not None
+
+    def ask(k: int) -> None:
+        nonlocal wait
+        if (work[Row.WAIT] if pumped else wait) <= 0.0:
+            seen = Measurement(
+                k * clock.tick, float(work[Row.SEEN_DEPTH]), float(work[Row.SEEN_VOLUME])
+            )
+            said = function(seen, float(block.depths[clock.turn[k], 0]))
+            work[Row.LAW], wait = _understood(function, said, clock.tick)
+            work[Row.LAW + 1] = wait * clock.tick if pumped else 0.0
+        wait -= 1.0
+
+    block.run(progress, ask=ask)
+
+
+def _understood(function: Callable[..., Any], said: Any, tick: float) -> tuple[float, float]:
+    """Return (command, ticks until the next call) of what a function returned."""
+    try:
+        command, following = said if isinstance(said, tuple) else (said, tick)
+        command, ticks = float(command), float(following) / tick
+    except (TypeError, ValueError):
+        raise InputError(
+            f"{getattr(function, '__name__', 'the function')} returned neither a command nor "
+            "(command, next_sample_s)",
+            field="law",
+            value=said,
+            remedy="Return volts (a positioner: m3; a pump and valve: a change of it, in m3), or "
+            "these and the seconds until the next call",
+        ) from None
+    return command, math.ceil(ticks - 1e-9) if 1.0 < ticks < math.inf else max(1.0, ticks)
+
 
 Array = NDArray[np.float64]
 

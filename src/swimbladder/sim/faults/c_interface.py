@@ -8,6 +8,7 @@ and the generated code stand the same two calls for each controller.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import shutil
@@ -15,7 +16,6 @@ import subprocess
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from llvmlite import ir
@@ -30,7 +30,7 @@ _BYTES = ir.IntType(8).as_pointer()
 
 
 @intrinsic
-def call_begin(typingctx, address, memory, after_reset):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def call_begin(typingctx: Any, address: Any, memory: Any, after_reset: Any) -> Any:  # noqa: ARG001
     """Call ``void begin(void *memory, int after_reset)`` at an address."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
@@ -43,7 +43,7 @@ def call_begin(typingctx, address, memory, after_reset):  # type: ignore[no-unty
 
 
 @intrinsic
-def call_tick(typingctx, address, memory, seen, said):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def call_tick(typingctx: Any, address: Any, memory: Any, seen: Any, said: Any) -> Any:  # noqa: ARG001
     """Call ``float tick(void *memory, const float *seen, float *said)`` at an address."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
@@ -76,8 +76,10 @@ def compiler() -> str:
     )  # fmt: skip
 
 
-class Board:
-    """C sources compiled into a library that is loaded; a context that takes it away again.
+class Board(contextlib.ExitStack):
+    """C sources compiled into a library that is loaded; a context that deletes its files again.
+
+    The loaded library stays in memory where the system lets it.
 
     files: text by name, those that end with ``.c`` compiled. The glue among them defines
     ``int NAME_size(void)``, ``void NAME_begin(void *memory, int after_reset)`` and
@@ -85,13 +87,15 @@ class Board:
     """
 
     def __init__(self, files: Mapping[str, str], names: tuple[str, ...]) -> None:
+        super().__init__()
         cc = compiler()
-        self._folder = temporary_folder(Path(tempfile.gettempdir()))
-        try:
+        with contextlib.ExitStack() as until_loaded:
+            folder = temporary_folder(Path(tempfile.gettempdir()))
+            until_loaded.callback(shutil.rmtree, folder, ignore_errors=True)
             for name, text in files.items():
-                (self._folder / name).write_text(text, encoding="utf-8")
-            sources = [str(self._folder / name) for name in files if name.endswith(".c")]
-            made = self._folder / ("board.dll" if os.name == "nt" else "board.so")
+                (folder / name).write_text(text, encoding="utf-8")
+            sources = [str(folder / name) for name in files if name.endswith(".c")]
+            made = folder / ("board.dll" if os.name == "nt" else "board.so")
             done = subprocess.run(
                 [cc, *_FLAGS, *sources, "-o", str(made), "-lm"], capture_output=True, text=True,
                 check=False,
@@ -103,11 +107,10 @@ class Board:
                     remedy="Name another C compiler with the environment variable CC",
                 )
             self._library = ctypes.CDLL(str(made))
-        except BaseException:
-            self.__exit__(None, None, None)
-            raise
-        self.addresses = {name: (self._at(f"{name}_begin"), self._at(f"{name}_tick"))
-                          for name in names}  # fmt: skip
+            self.push(until_loaded.pop_all())
+        self.addresses = {
+            name: (self._at(f"{name}_begin"), self._at(f"{name}_tick")) for name in names
+        }
         # bytes that it remembers
         self.size = max(int(self._library[f"{name}_size"]()) for name in names)
 
@@ -115,16 +118,6 @@ class Board:
         address = ctypes.cast(self._library[name], ctypes.c_void_p).value
         assert address is not None
         return address
-
-    def __enter__(self) -> Board:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        where: TracebackType | None,
-    ) -> None:  # fmt: skip
-        """Delete the files; the loaded library stays in memory where the system lets it."""
-        shutil.rmtree(self._folder, ignore_errors=True)
 
 
 UNSUPERVISED, SUPERVISED, IDEAL = "unsupervised", "supervised", "ideal"

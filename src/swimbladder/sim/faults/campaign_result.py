@@ -18,13 +18,12 @@ from swimbladder.sim.faults.mission_records import FaultRow, Result
 Array = NDArray[np.float64]
 
 _FIELDS = [
-    ("onset", np.float64),  # s, of the first fault
     ("start", np.float64),  # m
     ("deepest", np.float64),  # m, set-point
     ("bottom", np.float64),  # m
     ("supply", np.float64),  # V
     ("faults", np.float64, (2, len(FaultRow._fields))),  # kind 0: none
-    ("flights", np.float64, (4, len(Result._fields))),  # see `run.Flights`
+    ("flights", np.float64, (4, len(Result._fields))),  # see `run.FaultCampaign.flights`
 ]
 ROW = np.dtype(_FIELDS)
 """A mission of a campaign."""
@@ -113,8 +112,7 @@ class Campaign:
     @property
     def tick(self) -> float:
         """The controller's sample time [s]."""
-        assert self.course.vehicle.controller is not None
-        return self.course.vehicle.controller.sample_time
+        return self.course.tick
 
     def fault_row(self, which: int, field: str) -> Array:
         """Return a field of the first (0) or the second (1) fault of each mission."""
@@ -247,16 +245,12 @@ class Campaign:
     def description(self, number: int) -> str:
         """Return what happened to a mission, in a line."""
         parts = []
-        for which in (0, 1):
-            code = int(self.fault_row(which, "kind")[number])
+        for code, first, _, *times in self.faulty["faults"][number].tolist():
             if code:
-                kind, begin = KINDS[code], self.fault_row(which, "begin")[number] * self.tick
-                severity = self.fault_row(which, "first")[number]
-                unit = f" {kind.first.unit}".rstrip() if kind.first is not None else ""
-                how = f" {severity:.3g}{unit}" if kind.first is not None else ""
-                end = self.fault_row(which, "end")[number] * self.tick
+                kind, (begin, end) = KINDS[int(code)], (tick * self.tick for tick in times)
                 lasts = f" for {end - begin:.0f} s" if math.isfinite(end) else ""
-                parts.append(f"{kind.name}{how} at {begin:.0f} s{lasts}")
+                how = f"{kind.name} {kind.size(first)}".rstrip()
+                parts.append(f"{how} at {begin:.0f} s{lasts}")
         late, reason = self.detection_time[number], self.reason(number)
         seen = f"{reason} {late:.0f} s after the first onset" if reason else "not detected"
         ended = Outcome(int(self.outcome(0)[number])).words

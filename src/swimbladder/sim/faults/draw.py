@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -64,7 +65,6 @@ class Mission:
     fault_rows: Array  # [faults, len(FaultRow)]
     turns: Array  # ticks
     depths: Array  # m
-    onset: float  # s, of the first fault; inf: none
     layers: Layers = NO_LAYERS  # of the water
     drive: tuple[float, float] = (1.0, 1.0)  # of a float: pump and valve over what is known
 
@@ -80,6 +80,11 @@ class Course(NamedTuple):
     end: float  # s
     medium: Medium  # the vehicle in the water
     column: Column | None  # the water; None: the vehicle's own
+
+    @property
+    def tick(self) -> float:
+        """The controller's sample time [s]."""
+        return _tick(self.vehicle)
 
     @property
     def floats(self) -> bool:
@@ -150,27 +155,32 @@ def course_of(
     )  # fmt: skip
 
 
+def _tick(vehicle: Vehicle) -> float:
+    assert vehicle.controller is not None  # own_law
+    return vehicle.controller.sample_time
+
+
 def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None) -> Range:
-    assert vehicle.controller is not None
-    limit = supervisor_parameters(vehicle, vehicle.controller.sample_time).deep.depth_limit
+    limit = supervisor_parameters(vehicle, _tick(vehicle)).deep.depth_limit
+    too_deep = partial(InputError, field="--depth")
     if depths is not None:
         if not (least <= depths[0] < depths[1]):
-            raise InputError(
-                f"the missions need depths that grow, from {least:g} m on", field="--depth",
-                value=f"{depths[0]:g}:{depths[1]:g}", unit="m", remedy='Write it like "1:40 m"',
+            raise too_deep(
+                f"the missions need depths that grow, from {least:g} m on", unit="m",
+                value=f"{depths[0]:g}:{depths[1]:g}", remedy='Write it like "1:40 m"',
             )  # fmt: skip
         if depths[1] > limit:
-            raise InputError(
-                f"the supervisor turns the vehicle round at {limit:.4g} m", field="--depth",
+            raise too_deep(
+                f"the supervisor turns the vehicle round at {limit:.4g} m",
                 value=f"{depths[1]:g} m",
                 remedy="Ask for less depth, or say more of the vehicle in its [supervisor] table",
-            )  # fmt: skip
+            )
         return Range(*depths, "as asked")
     if not math.isfinite(limit):
-        raise InputError(
-            "nothing of this vehicle limits the depth of its missions", field="--depth",
+        raise too_deep(
+            "nothing of this vehicle limits the depth of its missions",
             remedy='Say how deep it goes, like "1:40 m", or give hull.depth_limit',
-        )  # fmt: skip
+        )
     if RESERVE * limit <= least:
         raise InputError(
             f"the supervisor turns the vehicle round at {limit:.3g} m: too shallow for a mission",
@@ -189,25 +199,23 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     random = np.random.Generator(
         np.random.Philox(np.random.SeedSequence([seed, int(healthy), number]))
     )
-    assert vehicle.controller is not None
-    tick = vehicle.controller.sample_time
+    tick = course.tick
     p, drive = _plant(course, random)
     turns, targets = _set_points(course, p["z_surface"], random)
     if random.random() < 0.5:
         p["z_bottom"] = max(targets[:-1]) + random.uniform(1.0, 50.0)
     faults: tuple[int, ...] = ()
     fault_rows: list[FaultRow] = []
-    onset, times = math.inf, []
+    times: list[float] = []
     if not healthy:
         kinds = kinds_of(vehicle)
         faults = (kinds[number % len(kinds)],)
         latest = LATEST_DIVE if course.floats else LATEST
-        onset = random.uniform(SETTLE, latest * turns[-1])
-        times = [onset]
+        times.append(random.uniform(SETTLE, latest * turns[-1]))
         if random.random() < TOGETHER:
             others = [k for k in kinds if k != faults[0]]
             faults = (*faults, others[random.integers(len(others))])
-            times.append(onset + random.uniform(0.0, SECOND_WITHIN))
+            times.append(times[0] + random.uniform(0.0, SECOND_WITHIN))
         for fault, time in zip(faults, times, strict=True):
             first, second, lasts = draw_fault(fault, random)
             begin = math.ceil(time / tick)
@@ -215,14 +223,13 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
             fault_rows.append(FaultRow(float(fault), first, second, begin, end))
     rest = p["psi"] * targets[0] + p["V_0"] + course.medium.layers.at(targets[0])
     condition = _condition(
-        course, random, tick=tick, start=targets[0], V=rest,
-        full=p["supply"] if vehicle.voltage_driven else p["V_max"], stay=STAY,
-        quiet=max([turns[-1], *times]),
+        course, random, start=targets[0], V=rest, quiet=max([turns[-1], *times]),
+        full=p["supply"] if vehicle.voltage_driven else p["V_max"],
     )  # fmt: skip
     return Mission(
         number=number, faults=faults, plant=np.array(list(p.values())), condition=condition,
         fault_rows=np.array(fault_rows, float).reshape(-1, len(FaultRow._fields)),
-        turns=np.ceil(np.array(turns) / tick), depths=np.array(targets), onset=onset,
+        turns=np.ceil(np.array(turns) / tick), depths=np.array(targets),
         layers=course.medium.layers, drive=drive,
     )  # fmt: skip
 
@@ -245,10 +252,8 @@ def _plant(
     one = member(vehicle, s)
     p = course.medium.of(one.plant)._asdict()
     if course.floats:  # that is a piston as slow as its pump
-        p |= {
-            "positioner": 0.0,
-            "supply": 1.0 if vehicle.supply is None else vehicle.supply.voltage,
-        }
+        p["positioner"] = 0.0
+        p["supply"] = 1.0 if vehicle.supply is None else vehicle.supply.voltage
     p["V_0"] += random.uniform(-1.0, 1.0) * course.neutral
     p["supply"] *= random.uniform(LOW_SUPPLY, 1.0)
     return p, one.drive
@@ -284,11 +289,10 @@ def _rise_speed(medium: Medium, depth: float) -> float:
 
 
 def _condition(
-    course: Course, random: np.random.Generator, *, tick: float, start: float,
-    V: float, full: float,
-    stay: float, quiet: float,
+    course: Course, random: np.random.Generator, *, start: float, V: float, quiet: float,
+    full: float,
 ) -> Condition:  # fmt: skip
-    vehicle = course.vehicle
+    vehicle, tick = course.vehicle, course.tick
     stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
     sensors = vehicle.sensors
     noise = 0.5e-3 * 10.0 ** random.random()
@@ -320,7 +324,7 @@ def _condition(
         leak_input=threshold if has_input else math.inf,
         brown_out=BROWN_OUT * supply if MOTOR in parts_of(vehicle) else 0.0,
         boot=math.ceil(BOOT / tick), band=BAND, rated=math.inf if limit is None else limit,
-        stay=stay / tick, quiet_at=math.ceil(quiet / tick),
-full_after=math.ceil(RECOVERY / tick),
+        stay=STAY / tick, quiet_at=math.ceil(quiet / tick),
+        full_after=math.ceil(RECOVERY / tick),
         seed=float(random.integers(2**32)),
     )  # fmt: skip

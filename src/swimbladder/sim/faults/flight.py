@@ -15,7 +15,7 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
 from swimbladder.sim.closed_loop.floats import FloatModel
-from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
+from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.lane import limited
 from swimbladder.sim.closed_loop.lanes import OVER
 from swimbladder.sim.closed_loop.rows import N_PLANT, Row
@@ -156,29 +156,23 @@ def _keep(source: Any, target: Any) -> None:
 
 
 @inlined
-def _filled(
-    base: Array,
-    layers: Layers,
-    volume: float,
-    lifting: float,
-    z: float,
-    afloat: bool,
-    before: float,
-) -> float:
-    """Return 1 once a vehicle is heavy with all its volume [m3] out since it was at the surface.
+def _filled(faults: Faults, S: Array, afloat: bool) -> float:
+    """Return 1 once a vehicle is heavy with all its volume out since it was at the surface.
 
-    0: all out, and not heavy; -1: not all out, or not there. lifting [m3]: volume less the water.
-    What is filled stays so until it is at the surface again.
+    0: all out, and not heavy; -1: not all out, or not there. What is filled stays so until it is
+    at the surface again.
     """
+    base = faults.flight.base
+    before: float = faults.flight.result.filled
     if before > 0.0 and not afloat:
         return before
-    if volume < base[modes.V_MAX] - _NEARLY * (base[modes.V_MAX] - base[modes.V_MIN]):
+    stroke = base[modes.V_MAX] - base[modes.V_MIN]
+    if S[Row.V] + S[Row.LOST] < base[modes.V_MAX] - _NEARLY * stroke:
         return -1.0
     if afloat:
         return 0.0
-    if before == 0.0 and lifting < base[modes.V_0] + base[modes.PSI] * z + layered(layers, z)[0]:
-        return 1.0
-    return before
+    neutral = base[modes.V_0] + base[modes.PSI] * S[Row.Z] + layered(faults.layers, S[Row.Z])[0]
+    return 1.0 if before == 0.0 and S[Row.V] < neutral else before
 
 
 @inlined
@@ -196,10 +190,7 @@ def _surfaced(faults: Faults, S: Array, k: int) -> bool:
     now.below = 0.0 if afloat else now.below + 1.0
     if afloat and quiet and math.isnan(result.up):
         result.up = k
-    out, lifting = S[Row.V] + S[Row.LOST], S[Row.V]
-    result.filled = _filled(
-        faults.flight.base, faults.layers, out, lifting, z, afloat, result.filled
-    )
+    result.filled = _filled(faults, S, afloat)
     if not quiet or now.below > c.stay:  # one that came up fast bobs, and comes back sooner
         result.arrived = np.nan
     elif afloat and math.isnan(result.arrived):
@@ -304,15 +295,9 @@ def _sense(faults: Faults, S: Array, k: int) -> None:
     )
     volume = S[Row.V] + S[Row.LOST] + S[Row.VOLUME_NOISE] * other
     stroke = m.base[modes.V_MAX] - m.base[modes.V_MIN]
-    S[Row.SEEN_VOLUME] = see_volume(m.acts, k, c.tick, volume, S[Row.VOLUME_QUANTUM], stroke, kept)
-    S[Row.SEEN_VOLUME] = _measured(faults.stepper, S[Row.SEEN_VOLUME])
+    seen = see_volume(m.acts, k, c.tick, volume, S[Row.VOLUME_QUANTUM], stroke, kept)
+    S[Row.SEEN_VOLUME] = seen if faults.stepper is None else math.nan  # not measured by a float
     now.noise = noise
-
-
-@inlined
-def _measured(stepper: Any, volume: float) -> float:
-    """Return the volume that a board sees [m3]; nan of a float, whose volume is not measured."""
-    return volume if stepper is None else math.nan
 
 
 @inlined
@@ -422,7 +407,7 @@ class Room(threading.local):
         self.model, self.pump = model, pump
 
 
-hook_in(Faults, Hooks(_begin, _sense, _ask, _drive))
+hook_in(Faults, begin=_begin, sense=_sense, ask=_ask, drive=_drive)
 
 
 def fly(
@@ -455,6 +440,7 @@ def fly(
         rates = np.array(mission.drive)[:, None]
         stepper, start = room.model.lanes({}, mission.plant[:, None], start, rates=rates)
         stepper = stepper._replace(wide=np.zeros(1))
+    sensors = {name: getattr(c, name) for name in Sensors.model_fields}
     block = Block(
         plants=mission.plant[:, None], law=_LAW, parameters=dict.fromkeys(Board._fields, 0.0),
         clock=Schedule(
@@ -462,10 +448,7 @@ def fly(
         ),
         parts=base_steps(p, c.tick, 0.0) if stepper is None else 1,
         depths=mission.depths[:1, None], start=start, stepper=stepper,
-        sensors=Sensors.model_construct(
-            depth_noise=c.depth_noise, depth_quantum=c.depth_quantum, volume_noise=c.volume_noise,
-            volume_quantum=c.volume_quantum,
-        ),
+        sensors=Sensors.model_construct(**sensors),
         layers=mission.layers, loses=True,
     )  # fmt: skip
     block.parameters = board

@@ -99,6 +99,10 @@ class Kind:
     may_end: bool = True  # one in seven lasts for 5 to 300 s only
     needs: str = ""  # what a vehicle has to have, of `parts_of`
 
+    def size(self, severity: float) -> str:
+        """Return a severity as a reader has it; empty where the kind has none."""
+        return "" if self.first is None else f"{severity:.3g} {self.first.unit}".rstrip()
+
 
 MOTOR, SWITCHES, VALVE = "a motor on a battery", "limit switches", "a pump and a valve"
 VOLUME, TURNS = "a measured volume", "a drive that can turn the other way"

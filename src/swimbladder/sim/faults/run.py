@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,27 +35,20 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.void]  # of ROW
 
 
-class Flights(NamedTuple):
-    """How a mission ends, each [len(Result)]."""
-
-    supervised: Array
-    unsupervised: Array
-    full: Array  # ideal detection: full buoyancy 60 s after the last fault acts
-    early: Array  # 60 s after the first does; nan unless it is of two, and lost in both above
-
-
 def sources(course: Course) -> dict[str, str]:
     """Return the C files of a vehicle's controller and supervisor, and what calls them here."""
     made = make_program(course.vehicle, depths=(course.depths.least,))
     return made.sources | {"c_interface.c": c_interface(made.first, floats=course.floats)}
 
 
+_NO_ROWS = np.zeros((0, len(Trace._fields)))
+
+
 class FaultCampaign:
     """A board, and the room in which its missions are flown, by any thread."""
 
     def __init__(self, course: Course, board: Board) -> None:
-        assert course.vehicle.controller is not None
-        tick = course.vehicle.controller.sample_time
+        tick = course.tick
         latest = KINDS[FAULTS["DEPTH_LATE"]].first
         assert latest is not None
         self._board = board
@@ -66,28 +58,27 @@ class FaultCampaign:
             model = float_model(course.vehicle, course.medium, course.column, reach=reach)
         late = math.ceil(latest.most / tick) + 2
         self._room = Room(board.size, late, model, pump_table(course.vehicle))
-        self._none = np.zeros((0, len(Trace._fields)))
         limits = supervisor_parameters(course.vehicle, tick)
         # a slow actuator needs as many pushes
         self._longer = min(1.0 + limits.push.rest / limits.push.again, _LONGER)
 
-    def flights(self, mission: Mission) -> Flights:
-        """Return how a mission with faults ends."""
-        supervised = self.flown(mission, SUPERVISED, OWN, self._none)
-        unsupervised = self.flown(mission, UNSUPERVISED, OWN, self._none)
-        full = self.flown(mission, IDEAL, FULL, self._none)
-        early = np.full(len(Result._fields), np.nan)
+    def flights(self, mission: Mission) -> list[Array]:
+        """Return how a mission with faults ends: supervised, not, and twice with ideal detection.
+
+        That is full buoyancy 60 s after the last fault acts, and 60 s after the first does, for
+        a mission of two faults that is lost both supervised and with the former.
+        """
+        supervised = self.flown(mission, SUPERVISED, OWN)
+        unsupervised = self.flown(mission, UNSUPERVISED, OWN)
+        full = self.flown(mission, IDEAL, FULL)
+        flown = [supervised, unsupervised, full]
         tick = mission.condition.tick
         ended = outcomes(
             np.array([supervised, full]), tick=tick, stay=mission.condition.stay * tick
         )
         if len(mission.faults) > 1 and not np.any(ended == Outcome.SURFACED):
-            early = self.flown(mission, IDEAL, EARLY, self._none)
-        return Flights(supervised, unsupervised, full, early)
-
-    def supervised(self, mission: Mission) -> Array:
-        """Return how a supervised mission ends."""
-        return self.flown(mission, SUPERVISED, OWN, self._none)
+            flown.append(self.flown(mission, IDEAL, EARLY))
+        return flown
 
     def traced(self, mission: Mission, who: str, how: int) -> tuple[Array, Array]:
         """Return (result, rows [ticks flown, len(Trace)]) of a mission."""
@@ -101,7 +92,7 @@ class FaultCampaign:
         longer = self._longer if who == SUPERVISED else 1.0
         return condition._replace(end=math.ceil(longer * condition.end))
 
-    def flown(self, mission: Mission, who: str, how: int, record: Array) -> Array:
+    def flown(self, mission: Mission, who: str, how: int, record: Array = _NO_ROWS) -> Array:
         """Fly a mission with the board's functions `who`; fill record, return its result."""
         condition, functions = self._condition(mission, who), self._board.addresses[who]
         return fly(mission, condition, how, functions, self._room, record)
@@ -160,12 +151,9 @@ def run_missions(
         healthy = max(missions // 10, 1)
     for field, count in (("--missions", missions), ("--healthy", healthy)):
         if not 1 <= count <= 10_000_000:
-            raise InputError(
-                "must be a whole number from 1 to 10 million",
-                field=field,
-                value=count,
-                remedy="Give some hundreds to try, 100000 to prove",
-            )
+            what = "must be a whole number from 1 to 10 million"
+            remedy = "Give some hundreds to try, 100000 to prove"
+            raise InputError(what, field=field, value=count, remedy=remedy)
     course = course_of(vehicle, depths, column)
     files = sources(course)
     with Board(files, (UNSUPERVISED, SUPERVISED, IDEAL)) as board:
@@ -206,10 +194,9 @@ def _rows(
     rows["faults"][:, :, 0] = 0.0
     for row, number in zip(rows, range(first, end), strict=True):
         mission = draw(course, seed=seed, number=number, healthy=healthy)
-        row["onset"], row["start"] = mission.onset, mission.condition.start_depth
-        row["deepest"] = max(mission.depths)
+        row["start"], row["deepest"] = mission.condition.start_depth, max(mission.depths)
         row["bottom"], row["supply"] = mission.plant[Z_BOTTOM], mission.plant[SUPPLY]
         row["faults"][: len(mission.fault_rows)] = mission.fault_rows
-        flown = [campaign.supervised(mission)] if healthy else campaign.flights(mission)
+        flown = [campaign.flown(mission, SUPERVISED, OWN)] if healthy else campaign.flights(mission)
         row["flights"][: len(flown)] = flown
     return rows

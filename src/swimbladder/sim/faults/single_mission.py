@@ -130,44 +130,38 @@ class Flown:
                 for k, z in zip(m.turns, m.depths, strict=True)
             )
         ]
-        for fault, fault_row in zip(m.faults, m.fault_rows, strict=True):
-            kind = KINDS[fault]
-            how = "" if kind.first is None else f": {fault_row[1]:.3g} {kind.first.unit}".rstrip()
-            end = f" to {fault_row[4] * self.tick:.0f} s" if math.isfinite(fault_row[4]) else " on"
-            said.append(
-                f"from {fault_row[3] * self.tick:.0f} s{end}: {kind.name}, {kind.words}{how}"
-            )
+        for fault, (_, first, _, *times) in zip(m.faults, m.fault_rows, strict=True):
+            kind, (begin, end) = KINDS[fault], (tick * self.tick for tick in times)
+            how = ": ".join(filter(None, (kind.words, kind.size(first))))
+            until = f" to {end:.0f} s" if math.isfinite(end) else " on"
+            said.append(f"from {begin:.0f} s{until}: {kind.name}, {how}")
         if self.reason:
             said.append(f"the supervisor took over at {self.latched:.0f} s: {self.reason}")
         else:
             said.append("the supervisor detected no fault")
         names = ("with the supervisor", "without it", "with full buoyancy 60 s after fault onset")
-        for n, name in enumerate(names[: len(self.results)]):
-            r = self.results[n]
-            said.append(f"{name}: {self.outcome(n).words}, deepest {r.deepest:.1f} m, at the end "
-                        f"{max(r.depth, 0.0):.1f} m")  # fmt: skip
+        for n, (name, r) in enumerate(zip(names, self.results, strict=False)):
+            ends = f"deepest {r.deepest:.1f} m, at the end {max(r.depth, 0.0):.1f} m"
+            said.append(f"{name}: {self.outcome(n).words}, {ends}")
         return said
 
     def to_json(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
+        tick, names = self.tick, NAMES[: len(self.results)]
         return {
             "vehicle": self.course.vehicle.name,
             "water": self.course.water,
             "mission": self.mission.number,
             "healthy": self.healthy,
             "faults": [
-                {
-                    "kind": KINDS[fault].name, "severity": row[1], "onset_s": row[3] * self.tick,
-                    "end_s": row[4] * self.tick,
-                }
-                for fault, row in zip(self.mission.faults, self.mission.fault_rows, strict=True)
+                {"kind": KINDS[int(kind)].name, "severity": first}
+                | {"onset_s": begin * tick, "end_s": end * tick}
+                for kind, first, _, begin, end in self.mission.fault_rows
             ],
             "latched_s": self.latched,
             "reason": self.reason,
-            "outcomes": {
-                name: self.outcome(n).words for n, name in enumerate(NAMES[: len(self.results)])
-            },
-        }  # fmt: skip
+            "outcomes": {name: self.outcome(n).words for n, name in enumerate(names)},
+        }
 
 
 def fly_one(

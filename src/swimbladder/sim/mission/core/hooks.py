@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.rate import RateParameters
-from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
+from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import DIVES, FLOATS, PAUSE, one_lane
 from swimbladder.sim.closed_loop.rows import Row, rows
@@ -206,9 +206,14 @@ def settled(f: Phases) -> None:
 
 hook_in(
     Phases,
-    Hooks(
-        _begin, _sense, _ask, _drive, bound=_bound, set_off=_set_off, moved=_moved, settled=settled
-    ),
+    begin=_begin,
+    sense=_sense,
+    ask=_ask,
+    drive=_drive,
+    bound=_bound,
+    set_off=_set_off,
+    moved=_moved,
+    settled=settled,
 )
 
 

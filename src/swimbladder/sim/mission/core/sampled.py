@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.sim.closed_loop.hooks import Hooks, hook_in
+from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.rows import Row as Lane
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.engine.books import Account as Sums
@@ -343,4 +343,4 @@ def _drive(f: Sampled, S: Array, k: int, command: float) -> float:  # noqa: ARG0
     return float(command if f.now.called != 0.0 else f.now.held)
 
 
-hook_in(Sampled, Hooks(_begin, _sense, _ask, _drive, starts=_starts))
+hook_in(Sampled, begin=_begin, sense=_sense, ask=_ask, drive=_drive, starts=_starts)
