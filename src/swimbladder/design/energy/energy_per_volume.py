@@ -42,9 +42,7 @@ def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
     p = column.pressure
     found = drive_map(vehicle, p, temperature=column.temperature)
     per_volume, efficiency = _out(p, found.rate_out, found.power_out)
-    inwards = found.rate_in > 0.0
-    nothing = np.full(p.shape, np.nan)
-    per_in = np.divide(found.power_in, found.rate_in, out=nothing.copy(), where=inwards)
+    per_in = _ratio(found.power_in, found.rate_in, found.rate_in > 0.0)
     point = steady_point(vehicle, p)
     stages = {} if point is None else _stages(p, found, point)
     shares, efficiencies = np.empty(0), np.empty((0, p.size))
@@ -114,9 +112,13 @@ def _depth(column: Column, pressure: float) -> float:
 def _out(p: Array, rate: Array, power: Array) -> tuple[Array, Array]:
     """Return energy per volume [J/m3] and efficiency [-] where volume is pressed out."""
     drawn = (rate > 0.0) & (power > 0.0)
-    nothing = np.full(np.broadcast(rate, power).shape, np.nan)
-    per_volume = np.divide(power, rate, out=nothing.copy(), where=drawn)
-    return per_volume, np.divide(p, per_volume, out=nothing, where=drawn)
+    per_volume = _ratio(power, rate, drawn)
+    return per_volume, _ratio(p, per_volume, drawn)
+
+
+def _ratio(a: Array, b: Array, where: NDArray[np.bool_]) -> Array:
+    """Return a/b, NaN elsewhere."""
+    return np.asarray(np.divide(a, b, out=np.full(where.shape, np.nan), where=where))
 
 
 def _stages(p: Array, found: DriveMap, point: SteadyPoint) -> dict[str, Array]:
@@ -126,16 +128,13 @@ def _stages(p: Array, found: DriveMap, point: SteadyPoint) -> dict[str, Array]:
     pumped = np.asarray(d.sea + d.leakage)
     shaft = pumped + d.transmission
 
-    def ratio(out: Array, into: Array) -> Array:
-        found = np.full(p.shape, np.nan)
-        np.divide(out, into, out=found, where=works)
-        return found
-
-    return {
-        "battery": ratio(point.terminals, point.cells),
-        "driver": ratio(np.asarray(d.supply), point.terminals),
-        "motor": ratio(shaft, np.asarray(d.supply)),
-        "transmission": ratio(pumped, shaft),
-        "leakage": ratio(np.asarray(d.sea), pumped),
-        "reservoir": ratio(p * np.asarray(d.volume_rate), np.asarray(d.sea)),
+    powers = {  # from the cells to the water: what is left after each
+        "battery": point.terminals,
+        "driver": d.supply,
+        "motor": shaft,
+        "transmission": pumped,
+        "leakage": d.sea,
+        "reservoir": p * np.asarray(d.volume_rate),
     }
+    pairs = zip(powers.items(), (point.cells, *powers.values()), strict=False)
+    return {stage: _ratio(np.asarray(out), np.asarray(into), works) for (stage, out), into in pairs}

@@ -29,6 +29,8 @@ these authors have it, for errors of equal size that dives share in the proporti
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, get_args
 
@@ -63,20 +65,25 @@ def check_runs(runs: PumpRuns, kept: NDArray[np.bool_], *, depth_limit: float | 
         work = float(np.sum((runs.pressure * runs.volume)[deep]))
         energy = float(np.sum((runs.power * runs.duration)[deep]))
         if deep.sum() >= FEWEST and work > energy:
-            raise InputError(
+            what = (
                 f"the runs would press out {work:.3g} J of work against the sea for {energy:.3g} J "
-                f"from the battery, {work / energy:.3g} times as much", field="pressure_Pa",
-                unit="Pa", value=float(np.max(runs.pressure[deep])),
-                remedy="Pressure, volume, power or time is in the wrong unit: state it, as in "
-                '--column "pressure_Pa=NAME@dbar", --column "volume_m3=NAME@mL"',
-            )  # fmt: skip
+                f"from the battery, {work / energy:.3g} times as much"
+            )
+            remedy = (
+                "Pressure, volume, power or time is in the wrong unit: state it, as in "
+                '--column "pressure_Pa=NAME@dbar", --column "volume_m3=NAME@mL"'
+            )
+            raise _wrong_pressure(what, float(np.max(runs.pressure[deep])), remedy)
     deepest = float(np.max(runs.pressure[kept], initial=0.0))
     if depth_limit is not None and deepest > 1.5 * 1e4 * depth_limit:
-        raise InputError(
-            f"the greatest pressure is that of {deepest / 1e4:.5g} m, and the vehicle is rated for "
-            f"{depth_limit:g} m (hull.depth_limit)", field="pressure_Pa", unit="Pa", value=deepest,
-            remedy='State the unit of the pressure: --column "pressure_Pa=NAME@dbar"',
-        )  # fmt: skip
+        rated = f"the vehicle is rated for {depth_limit:g} m (hull.depth_limit)"
+        what = f"the greatest pressure is that of {deepest / 1e4:.5g} m, and {rated}"
+        remedy = 'State the unit of the pressure: --column "pressure_Pa=NAME@dbar"'
+        raise _wrong_pressure(what, deepest, remedy)
+
+
+def _wrong_pressure(what: str, pressure: float, remedy: str) -> InputError:
+    return InputError(what, field="pressure_Pa", unit="Pa", value=pressure, remedy=remedy)
 
 
 def check_groups(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None:
@@ -87,18 +94,17 @@ def check_groups(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None
             f"{len(groups)} {what} with duration, pressure and power are too few to show how sure "
             f"a power law is: log {FEWEST} or more"
         )
-    span = float(np.ptp(runs.pressure[kept]))
+    pressure = runs.pressure[kept]
+    span = float(np.ptp(pressure))
     if span < 1e4:
         raise NoAnswerError(
             f"all runs are within {span / 1e4:.2g} dbar: nothing shows how power and delivery "
             "depend on pressure. Log runs at several depths"
         )
-    if np.any(runs.pressure[kept] < -2e5) or np.any(runs.pressure[kept] > 1.2e8):
-        raise InputError(
-            "no pressure of a sea", field="pressure_Pa", unit="Pa",
-            value=float(runs.pressure[kept][np.argmax(np.abs(runs.pressure[kept]))]),
-            remedy='State its unit: --column "pressure_Pa=NAME@dbar"',
-        )  # fmt: skip
+    if np.any(pressure < -2e5) or np.any(pressure > 1.2e8):
+        worst = float(pressure[np.argmax(np.abs(pressure))])
+        remedy = 'State its unit: --column "pressure_Pa=NAME@dbar"'
+        raise _wrong_pressure("no pressure of a sea", worst, remedy)
 
 
 class Least(NamedTuple):
@@ -174,10 +180,14 @@ def _freedom(apart: Array, member: Array, shared: float) -> float:
 
 PowerAt = Literal["mean", "end"]
 _BLOCKS = 300  # groups of runs without dives, at most
-_UNITS = {
-    "idle_power": "W", "power_per_pressure": "W/Pa", "power_per_temperature": "W/K",
-    "lost_energy": "J", "delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3",
-}  # fmt: skip
+_POWER = {
+    "idle_power": "W",
+    "power_per_pressure": "W/Pa",
+    "power_per_temperature": "W/K",
+    "lost_energy": "J",
+}
+_VOLUME = {"delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3"}
+_UNITS = _POWER | _VOLUME
 _VOLTS = 0.005  # relative deviation of the voltages that shows whether power depends on them
 _ENOUGH = 15  # runs, five for each of three numbers, that may determine what a start loses
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
@@ -251,10 +261,8 @@ def fit_pump(
     determine what is asked, naming what lacks.
     """
     if power_at not in get_args(PowerAt):
-        raise InputError(
-            "a power is not read then", field="power_at", value=power_at,
-            remedy="Allowed: mean (over the run), end (of it)",
-        )  # fmt: skip
+        what, remedy = "a power is not read then", "Allowed: mean (over the run), end (of it)"
+        raise InputError(what, field="power_at", value=power_at, remedy=remedy)
     kept = usable_runs(runs, shortest)
     check_runs(runs, kept, depth_limit=depth_limit)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
@@ -264,89 +272,83 @@ def fit_pump(
         kept &= np.isfinite(warm)
     lasted = runs.duration[kept]  # enough, and of different lengths, where a start's loss shows
     start &= bool(lasted.size >= _ENOUGH and np.std(lasted) > _LENGTHS * np.mean(lasted))
-    design = _Design(runs, warm, power_at, start)
+    end = power_at == "end"
+    fitted = {"power_per_temperature": warm is not None, "lost_energy": start and not end}
+    names = [name for name in _POWER if fitted.get(name, True)]
+    weight = np.ones(kept.size) if end else runs.duration
     groups = np.unique(dive[kept])
     check_groups(runs, kept, groups)
-    powers, reference = _powers(design, kept, dive, _reference(runs, kept) if voltage else None)
-    parameters = _estimates(design.power_names, powers)
-    power_rms = float(np.sqrt(np.mean(powers.residual**2)))
-    volume_rms, volumes = float("nan"), None
-    measured = np.zeros(kept.size, bool)
-    if runs.volume is not None:
-        measured = kept & np.isfinite(runs.volume)
-        if len(np.unique(dive[measured])) >= FEWEST:
-            volumes = Least.of(*design.volume(measured), dive[measured])
-            parameters |= _estimates(design.volume_names, volumes)
-            volume_rms = float(np.sqrt(np.mean(volumes.residual**2)))
-    without = {
-        number: dict(zip(design.power_names, map(float, x), strict=True))
-        for number, x in powers.without.items()
-    }
-    for number, x in ({} if volumes is None else volumes.without).items():
-        without[number] |= dict(zip(design.volume_names, map(float, x), strict=True))
-    dives = () if runs.dive is None else tuple(
-        _predicted(runs, design, kept, measured, dive, number, powers, volumes)
-        for number in groups
-    )  # fmt: skip
+    powers = _Law.of(_columns(runs, names, None), runs.power, weight, dive, kept)
+    reference = _reference(runs, kept) if voltage else None
+    if reference is not None:
+        scaled = _Law.of(_columns(runs, names, reference), runs.power, weight, dive, kept)
+        better = scaled.missed < powers.missed
+        powers, reference = (scaled, reference) if better else (powers, None)
+    laws, volume = [powers], np.full(kept.size, np.nan) if runs.volume is None else runs.volume
+    measured = kept & np.isfinite(volume)
+    if len(np.unique(dive[measured])) >= FEWEST:
+        names = [name for name in _VOLUME if start or name != "start_volume"]
+        columns = _columns(runs, names, None)
+        laws.append(_Law.of(columns, volume, np.ones(kept.size), dive, measured))
+    rms = [float(np.sqrt(np.mean(law.found.residual**2))) for law in laws]
+    parameters: dict[str, Estimate] = {}
+    without: dict[float, dict[str, float]] = {float(number): {} for number in groups}
+    for law in laws:
+        parameters |= _estimates(law.names, law.found)
+        for number, x in law.found.without.items():
+            without[number] |= dict(zip(law.names, x.tolist(), strict=True))
+    dives = () if runs.dive is None else tuple(_predicted(runs, laws, number) for number in groups)
     return PumpFit(
-        runs=runs, kept=kept, parameters=parameters, power_rms=power_rms, volume_rms=volume_rms,
-        clusters=len(groups), dives=dives, without=without, reference_voltage=reference,
+        runs=runs, kept=kept, parameters=parameters, clusters=len(groups), dives=dives,
+        power_rms=rms[0], volume_rms=(*rms, math.nan)[1], without=without,
+        reference_voltage=reference,
     )  # fmt: skip
 
 
-class _Design:
-    """The rows of the two linear problems."""
+def _columns(runs: PumpRuns, names: Iterable[str], reference: float | None) -> dict[str, Array]:
+    """Return what each number of a law counts by in each run [n]; nan where that lacks.
 
-    def __init__(self, runs: PumpRuns, warm: Array | None, power_at: str, start: bool) -> None:
-        self.runs, self.warm, self.end = runs, warm, power_at == "end"
-        self.lost = start and not self.end
-        self.start = start
-        self.power_names = ["idle_power", "power_per_pressure"]
-        self.power_names += ["power_per_temperature"] if warm is not None else []
-        self.power_names += ["lost_energy"] if self.lost else []
-        self.volume_names = ["delivery", "slip"] + (["start_volume"] if start else [])
-        self.share: Array | None = None  # of the reference voltage, where the power goes with it
-
-    def power(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-        """Return matrix, powers [W] and weights of the powers of some rows."""
-        r = self.runs
-        columns = [np.ones(int(rows.sum())), r.pressure[rows]]
-        columns += [] if self.warm is None else [self.warm[rows] - REFERENCE_TEMPERATURE]
-        columns += [-1.0 / r.duration[rows]] if self.lost else []
-        weight = np.ones(int(rows.sum())) if self.end else r.duration[rows]
-        A = np.column_stack(columns)
-        return A if self.share is None else A * self.share[rows, None], r.power[rows], weight
-
-    def volume(self, rows: NDArray[np.bool_]) -> tuple[Array, Array, Array]:
-        """Return matrix, volumes [m3] and weights of the volumes of some rows."""
-        r = self.runs
-        assert r.volume is not None
-        t = r.duration[rows]
-        columns = [t, -r.pressure[rows] * t] + ([-np.ones(t.size)] if self.start else [])
-        return np.column_stack(columns), r.volume[rows], np.ones(t.size)
+    reference: voltage [V] that powers go with.
+    """
+    t, p, share = runs.duration, runs.pressure, _share(runs, reference)
+    T = np.full(t.size, np.nan) if runs.temperature is None else runs.temperature
+    started = np.divide(1.0, t, out=np.zeros(t.size), where=t > 0.0)
+    known = {
+        "idle_power": share,
+        "power_per_pressure": p * share,
+        "power_per_temperature": (T - REFERENCE_TEMPERATURE) * share,
+        "lost_energy": -started * share,
+        "delivery": t,
+        "slip": -p * t,
+        "start_volume": -np.ones(t.size),
+    }
+    return {name: known[name] for name in names}
 
 
-def _powers(
-    design: _Design, kept: NDArray[np.bool_], dive: Array, reference: float | None
-) -> tuple[Least, float | None]:
-    """Return the solution of the powers, and the reference voltage [V] where the voltage counts."""
-    plain = Least.of(*design.power(kept), dive[kept])
-    if reference is None:
-        return plain, None
-    missed = _missed(design, kept, dive, plain)
-    design.share = _share(design.runs, reference)
-    scaled = Least.of(*design.power(kept), dive[kept])
-    if _missed(design, kept, dive, scaled) < missed:
-        return scaled, reference
-    design.share = None
-    return plain, None
+class _Law(NamedTuple):
+    """A linear law fitted to some of the runs: `measured` of these, `rows` of all."""
 
+    names: list[str]
+    rows: NDArray[np.bool_]
+    dive: Array
+    measured: Array
+    found: Least
+    predicted: Array  # by the other dives
+    missed: float  # weighted squares of what the runs are off that
 
-def _missed(design: _Design, kept: NDArray[np.bool_], dive: Array, found: Least) -> float:
-    """Return the weighted squares of what the powers of each dive are off the others' law."""
-    A, power, weight = design.power(kept)
-    numbers = np.array([found.without[float(number)] for number in dive[kept]])
-    return float(weight @ (power - np.sum(A * numbers, axis=1)) ** 2)
+    @classmethod
+    def of(
+        cls, columns: Mapping[str, Array], measured: Array, weight: Array, dive: Array,
+        rows: NDArray[np.bool_],
+    ) -> _Law:  # fmt: skip
+        """Return the law of what was measured, columns by the numbers that they are for [n]."""
+        A = np.column_stack([*columns.values()])[rows]
+        y, weight, dive = measured[rows], weight[rows], dive[rows]
+        found = Least.of(A, y, weight, dive)
+        numbers = np.array([found.without[float(number)] for number in dive])
+        predicted = np.sum(A * numbers, axis=1)
+        missed = float(weight @ (y - predicted) ** 2)
+        return cls([*columns], rows, dive, y, found, predicted, missed)
 
 
 def _reference(runs: PumpRuns, kept: NDArray[np.bool_]) -> float | None:
@@ -367,37 +369,27 @@ def _share(runs: PumpRuns, reference: float | None) -> Array:
 
 def _estimates(names: list[str], found: Least) -> dict[str, Estimate]:
     factors = np.asarray(student.ppf(0.975, found.freedom), dtype=np.float64)
+    solution, std, reach = (x.tolist() for x in (found.solution, found.std, factors * found.std))
     return {
-        name: Estimate(float(x), float(s), (float(x - factor * s), float(x + factor * s)),
-                       _UNITS[name])
-        for name, x, s, factor in zip(names, found.solution, found.std, factors, strict=True)
-    }  # fmt: skip
+        name: Estimate(x, s, (x - r, x + r), _UNITS[name])
+        for name, x, s, r in zip(names, solution, std, reach, strict=True)
+    }
 
 
-def _predicted(
-    runs: PumpRuns,
-    design: _Design,
-    kept: NDArray[np.bool_],
-    measured: NDArray[np.bool_],
-    dive: Array,
-    number: float,
-    powers: Least,
-    volumes: Least | None,
-) -> Predicted:
-    rows = kept & (dive == number)
-    A, power, _ = design.power(rows)
-    t = runs.duration[rows]
-    energy = float((np.maximum(A @ powers.without[float(number)], 0.0) * t).sum())
-    volume = predicted = float("nan")
-    own = measured & rows
-    if volumes is not None and runs.volume is not None and own.any():
-        B, pressed, _ = design.volume(own)
-        volume = float(pressed.sum())
-        predicted = float(np.maximum(B @ volumes.without[float(number)], 0.0).sum())
-    return Predicted(
-        float(number), int(rows.sum()), float(runs.pressure[rows].max()),
-        float((power * t).sum()), energy, volume, predicted,
-    )  # fmt: skip
+def _predicted(runs: PumpRuns, laws: list[_Law], number: float) -> Predicted:
+    """Return a dive as it was and as the others have it, by the laws of powers and of volumes."""
+    powers, *others = laws
+    own = powers.dive == number
+    t, p = (values[powers.rows][own] for values in (runs.duration, runs.pressure))
+    energy = float((powers.measured[own] * t).sum())
+    predicted = float((np.maximum(powers.predicted[own], 0.0) * t).sum())
+    volumes = [math.nan, math.nan]
+    for law in others:
+        within = law.dive == number
+        if within.any():
+            expected = np.maximum(law.predicted[within], 0.0)
+            volumes = [float(law.measured[within].sum()), float(expected.sum())]
+    return Predicted(float(number), int(own.sum()), float(p.max()), energy, predicted, *volumes)
 
 
 def _blocks(count: int) -> Array:
@@ -430,24 +422,12 @@ class Band(NamedTuple):
     fitted: float  # -
 
 
-def fitted_power(fit: PumpFit) -> Array:
-    """Return what the law says of each run's power [W] [n]; nan where it lacks something."""
-    r = fit.runs
-    power = fit.value("idle_power") + fit.value("power_per_pressure") * r.pressure
-    if "power_per_temperature" in fit.parameters and r.temperature is not None:
-        power = power + fit.value("power_per_temperature") * (r.temperature - REFERENCE_TEMPERATURE)
-    lost = fit.value("lost_energy")
-    start = np.divide(lost, r.duration, out=np.zeros(r.duration.size), where=r.duration > 0.0)
-    return np.asarray((power - start) * fit.voltage_share)
-
-
-def fitted_volume(fit: PumpFit) -> Array:
-    """Return the volume of each run by the fitted law [m3] [n]; nan where it has none."""
-    r = fit.runs
-    if "delivery" not in fit.parameters:
-        return np.full(r.duration.size, np.nan)
-    rate = fit.value("delivery") - fit.value("slip") * r.pressure
-    return np.asarray(rate * r.duration - fit.value("start_volume"))
+def _fitted(fit: PumpFit, law: Mapping[str, str]) -> Array:
+    """Return what a law says of each run [n]; nan where it lacks something."""
+    names = [name for name in law if name in fit.parameters]
+    columns = _columns(fit.runs, names, fit.reference_voltage)
+    parts = [fit.value(name) * column for name, column in columns.items()]
+    return np.sum(parts, axis=0) if parts else np.full(fit.kept.size, np.nan)
 
 
 def run_columns(fit: PumpFit) -> dict[str, Array]:
@@ -459,7 +439,8 @@ def run_columns(fit: PumpFit) -> dict[str, Array]:
     r = fit.runs
     nothing = np.full(r.duration.size, np.nan)
     volume = nothing if r.volume is None else r.volume
-    energy, fitted = r.power * r.duration, fitted_power(fit) * r.duration
+    energy, pressed = r.power * r.duration, _fitted(fit, _VOLUME)
+    fitted = _fitted(fit, _POWER) * r.duration
     return {
         "time_s": nothing if r.time is None else r.time,
         "dive": nothing if r.dive is None else r.dive,
@@ -468,11 +449,14 @@ def run_columns(fit: PumpFit) -> dict[str, Array]:
         "volume_m3": volume,
         "energy_J": energy,
         "efficiency": _ratio(r.pressure * volume, energy),
-        "fitted_volume_m3": fitted_volume(fit),
+        "fitted_volume_m3": pressed,
         "fitted_energy_J": fitted,
-        "fitted_efficiency": _ratio(r.pressure * fitted_volume(fit), fitted),
+        "fitted_efficiency": _ratio(r.pressure * pressed, fitted),
         "counts": fit.kept.astype(float),
     }
+
+
+_SUMMED = ("pressure_Pa", "volume_m3", "energy_J", "fitted_volume_m3", "fitted_energy_J")
 
 
 def efficiency_bands(fit: PumpFit) -> list[Band]:
@@ -486,16 +470,10 @@ def efficiency_bands(fit: PumpFit) -> list[Band]:
     count = min(_BANDS, len(order) // _FEWEST)
     found = []
     for rows in np.array_split(order, count) if count else ():
-        p, v, e = (columns[name][rows] for name in ("pressure_Pa", "volume_m3", "energy_J"))
-        fitted = columns["fitted_volume_m3"][rows], columns["fitted_energy_J"][rows]
-        work, spent = np.array([p @ v, p @ fitted[0]]), np.array([e.sum(), fitted[1].sum()])
-        share = _ratio(work, spent)
-        found.append(
-            Band(
-                len(rows), float(p.mean()), float(v.mean()), float(e.mean()), float(share[0]),
-                float(share[1]),
-            )
-        )  # fmt: skip
+        p, v, e, v_fit, e_fit = (columns[name][rows] for name in _SUMMED)
+        shares = _ratio(np.array([p @ v, p @ v_fit]), np.array([e.sum(), e_fit.sum()])).tolist()
+        means = float(p.mean()), float(v.mean()), float(e.mean())
+        found.append(Band(len(rows), *means, *shares))
     return found
 
 
@@ -515,21 +493,19 @@ def voltage_factor(supply: Supply | None, fit: PumpFit) -> float:
     current = float(np.median(fit.runs.power[fit.kept] / volts))
     left = supply.voltage - supply.internal_resistance * current
     if left <= 0.0:
-        raise InputError(
-            f"the runs' median current, {current:.3g} A, takes all of the supply's "
-            f"{supply.voltage:g} V", field="supply.internal_resistance", unit="ohm",
-            value=supply.internal_resistance, remedy="State that of the battery that runs the pump",
-        )  # fmt: skip
+        what = f"the runs' median current, {current:.3g} A, takes all of the supply's"
+        what, place = f"{what} {supply.voltage:g} V", "supply.internal_resistance"
+        ohm, remedy = supply.internal_resistance, "State that of the battery that runs the pump"
+        raise InputError(what, field=place, unit="ohm", value=ohm, remedy=remedy)
     return left / fit.reference_voltage
 
 
 def pump_and_valve(vehicle: Vehicle) -> PumpAndValve:
     """Return the actuator of a vehicle that has a pump; raises InputError for another."""
     if not isinstance(vehicle.actuator, PumpAndValve):
-        raise InputError(
-            "a pump that runs or not is no part of this actuator", field="actuator.kind",
-            value=vehicle.actuator.kind, remedy="Give a vehicle of kind pump-valve, or none",
-        )  # fmt: skip
+        what, kind = "a pump that runs or not is no part of this actuator", vehicle.actuator.kind
+        remedy = "Give a vehicle of kind pump-valve, or none"
+        raise InputError(what, field="actuator.kind", value=kind, remedy=remedy)
     return vehicle.actuator
 
 
@@ -548,12 +524,15 @@ def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
     old = a.pump if isinstance(a.pump, PowerLawPump) else None
     known = "delivery" in fit.parameters
     if not known and old is None:
-        raise InputError(
+        what = (
             "without measured volumes the pump of the vehicle keeps its delivery, and one from "
-            "datasheets has none to keep", field="volume_m3",
-            remedy="Log the volume of each run, give the vehicle's pump as kind power-law, or "
-            "leave the vehicle out",
-        )  # fmt: skip
+            "datasheets has none to keep"
+        )
+        remedy = (
+            "Log the volume of each run, give the vehicle's pump as kind power-law, or leave the "
+            "vehicle out"
+        )
+        raise InputError(what, field="volume_m3", remedy=remedy)
     lack = ATMOSPHERIC_PRESSURE - a.internal_pressure
     factor = voltage_factor(vehicle.supply, fit)
     slip, per_pressure = max(fit.value("slip"), 0.0), max(fit.value("power_per_pressure"), 0.0)

@@ -53,10 +53,8 @@ class Thruster(NamedTuple):
     def checked(self) -> Thruster:
         """Return it; raises InputError where a number makes no sense."""
         check_number(self.diameter, "diameter", "m", above=0.0)
-        check_number(
-            self.efficiency, "efficiency", above=0.0, most=1.0,
-            remedy='Give a share above 0 and up to 1; "35 %" is 0.35',
-        )  # fmt: skip
+        remedy = 'Give a share above 0 and up to 1; "35 %" is 0.35'
+        check_number(self.efficiency, "efficiency", above=0.0, most=1.0, remedy=remedy)
         check_number(self.number, "number", least=1)
         check_number(self.idle_power, "idle_power", "W", least=0.0)
         return self
@@ -157,14 +155,22 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     lowest = np.minimum.accumulate(np.minimum(rising, sinking))
     fits = (highest <= vehicle.stroke.maximum) & (lowest >= vehicle.stroke.minimum)
     engine = np.where(fits, engine, np.nan)
-    pushed = np.array([
-        _pushed(thruster, k, z, neutral, density, column.gravity, (force, back), speed)
-        for k in range(z.size)
-    ])  # fmt: skip
+
+    def pushing(k: int) -> float:
+        """Return the energy [J] of the thruster for a dive to the k-th depth and back."""
+        part = neutral[: k + 1]
+        lift = weight[: k + 1] * (0.5 * (part.min() + part.max()) - part)
+        down, up = (
+            thruster.power(drag + way * lift, density[: k + 1], speed)
+            for drag, way in ((force, 1.0), (back, -1.0))
+        )
+        return float(_summed(down + up, z[: k + 1])[-1] / speed)
+
+    pushed = np.array([pushing(k) for k in range(z.size)])
+    reached = z[: np.argmin(fits)].max(initial=-math.inf)  # before the first that does not fit
     return Profiling(
         speed=speed, depth=z, engine=engine, thruster=pushed, drag=(force + back) * z,
-        stroke_depth=float(z[np.argmin(fits) - 1]) if not fits.all() and fits[0]
-        else (math.inf if fits.all() else -math.inf),
+        stroke_depth=math.inf if fits.all() else float(reached),
         break_even=_crossing(z, engine, pushed),
     )  # fmt: skip
 
@@ -178,36 +184,9 @@ def _summed(values: Array, z: Array) -> Array:
 def _along(volume: Array, out: Array, into: Array) -> Array:
     """Return the energy [J] of following a volume up to each of its places."""
     change = np.diff(volume)
-    cost = np.where(
-        change > 0.0, 0.5 * (out[1:] + out[:-1]) * change, -0.5 * (into[1:] + into[:-1]) * change
-    )
-    return np.concatenate(([0.0], np.cumsum(np.where(change == 0.0, 0.0, cost))))
-
-
-def _pushed(
-    thruster: Thruster,
-    k: int,
-    z: Array,
-    neutral: Array,
-    density: Array,
-    gravity: float,
-    force: tuple[float, float],
-    speed: float,
-) -> float:
-    """Return the energy [J] of a thruster for a dive to the k-th depth and back.
-
-    force: the drag down and up [N].
-    """
-    if k == 0:
-        return 0.0
-    part = neutral[: k + 1]
-    fixed = 0.5 * (part.min() + part.max())
-    lift = density[: k + 1] * gravity * (fixed - part)
-    power = sum(
-        thruster.power(one + way * lift, density[: k + 1], speed)
-        for one, way in zip(force, (1.0, -1.0), strict=True)
-    )  # fmt: skip
-    return float(_summed(np.asarray(power), z[: k + 1])[-1] / speed)
+    price = np.where(change > 0.0, out[1:] + out[:-1], -(into[1:] + into[:-1]))
+    cost = np.where(change == 0.0, 0.0, 0.5 * price * change)
+    return np.concatenate(([0.0], np.cumsum(cost)))
 
 
 def _crossing(z: Array, engine: Array, thruster: Array) -> float:
