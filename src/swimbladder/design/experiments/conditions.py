@@ -113,12 +113,13 @@ def ramps(vehicle: Vehicle, setting: Setting) -> Ramps:
     spare = 3.0 * setting.neutral_std if math.isfinite(setting.neutral_std) else 0.0
     most, least = stroke.maximum - max(neutral) - spare, stroke.minimum - min(neutral) + spare
     if not least < 0.0 < most:
-        raise InputError(
+        at = [f"{1e6 * V:g} cm3 at {z:g} m" for V, z in zip(neutral, depths, strict=True)]
+        what = (
             f"the stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3 leaves no "
-            f"change of volume: neutral is {1e6 * neutral[0]:g} cm3 at {depths[0]:g} m and "
-            f"{1e6 * neutral[1]:g} cm3 at {depths[1]:g} m",
-            field="stroke", remedy="Trim the vehicle (trim_error), or give it a longer stroke",
-        )  # fmt: skip
+            f"change of volume: neutral is {' and '.join(at)}"
+        )
+        remedy = "Trim the vehicle (trim_error), or give it a longer stroke"
+        raise InputError(what, field="stroke", remedy=remedy)
     most, least = min(most, setting.largest), max(least, -setting.largest)
     p = plant(vehicle)
     span, h = stroke.maximum - stroke.minimum, setting.sample_time
@@ -130,12 +131,10 @@ def ramps(vehicle: Vehicle, setting: Setting) -> Ramps:
     back = _at_full_voltage(vehicle, setting.shallowest, h, count, up=False)
     for way, limit in ((out, most), (back, -least)):
         if way[-1] < 1e-3 * limit:
-            raise InputError(
-                f"the actuator hardly moves in {setting.longest:g} s at {setting.deepest:g} m: its "
-                "supply does not beat the load of the sea",
-                field="supply.voltage", value=p.supply, unit="V",
-                remedy="Give more voltage, or a shallower pool",
-            )  # fmt: skip
+            where = f"in {setting.longest:g} s at {setting.deepest:g} m: its supply does not beat"
+            what = f"the actuator hardly moves {where} the load of the sea"
+            remedy, field = "Give more voltage, or a shallower pool", "supply.voltage"
+            raise InputError(what, field=field, value=p.supply, unit="V", remedy=remedy)
     return Ramps(out, back, min(most, float(out[-1])), max(least, -float(back[-1])))
 
 
@@ -148,10 +147,10 @@ def _at_full_voltage(vehicle: Vehicle, depth: float, h: float, count: int, *, up
     assert vehicle.supply is not None  # Vehicle checks it
     stroke, sign = vehicle.stroke, 1.0 if up else -1.0
     start = stroke.minimum if up else stroke.maximum
+    time, voltage = h * np.arange(count), np.full(count, sign * vehicle.supply.voltage)
     s = drive(
-        heavy, time=h * np.arange(count), voltage=np.full(count, sign * vehicle.supply.voltage),
-        start_depth=depth, start_volume=start, bottom_depth=depth,
-    )  # fmt: skip
+        heavy, time=time, voltage=voltage, start_depth=depth, start_volume=start, bottom_depth=depth
+    )
     return np.asarray(np.maximum.accumulate(sign * (s.volume - start)))
 
 
@@ -355,21 +354,19 @@ def covariance_of(question: Question, vehicle: Vehicle, uncertainty: float | Non
     uncertainty: share by which each parameter may be off, 1 sigma; where None, the covariance that
     the vehicle was identified with, else 0.3. A prior counts instead where there is one.
     """
-    names, values = question.names, question.values
+    names, size = question.names, question.sizes(question.names)
     each = 0.3 if uncertainty is None else uncertainty
-    spread = each * np.array([abs(values[n]) for n in names]) / question.sizes(names)
-    S = np.diag(spread**2)
+    S = np.diag((each * np.array([question.values[n] for n in names]) / size) ** 2)
     known = vehicle.identified
     if uncertainty is None and known is not None:
         both = [n for n in names if n in known.names]
         at, there = [names.index(n) for n in both], [known.names.index(n) for n in both]
-        size = question.sizes(both)
         C = np.array(known.covariance)
-        S[np.ix_(at, at)] = C[np.ix_(there, there)] / np.outer(size, size)
+        S[np.ix_(at, at)] = C[np.ix_(there, there)] / np.outer(size[at], size[at])
     for i, name in enumerate(names):
         if name in question.priors:
             S[i, :] = S[:, i] = 0.0
-            S[i, i] = (question.priors[name].std / question.size(name)) ** 2
+            S[i, i] = (question.priors[name].std / size[i]) ** 2
     return S
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from threadpoolctl import threadpool_limits
@@ -85,10 +86,9 @@ def design_experiment(
         report(0.05)
         limits = ramps(vehicle, s)
         if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
-            raise InputError(
-                "it must be between 0 and 100 %", field="--uncertainty", value=uncertainty,
-                remedy="Give the share by which the vehicle may be off, like 30%",
-            )  # fmt: skip
+            what = "it must be between 0 and 100 %"
+            remedy = "Give the share by which the vehicle may be off, like 30%"
+            raise InputError(what, field="--uncertainty", value=uncertainty, remedy=remedy)
         c = Conditions(question, s, limits)
         others = vehicles(question, covariance_of(question, vehicle, uncertainty))
         judged = criterion_of(criterion, question.names)
@@ -136,12 +136,11 @@ def _settling(
         run = run_procedure(vehicle, p, pool_depth=pool_depth, seed=None)
     except (InputError, NoAnswerError):
         return _SETTLING, "assumed: the procedure cannot be simulated with this vehicle's loop"
-    ends = [time for time, _, _ in run.phases[1:]]
-    waits = [
+    waits = (
         end - began
-        for (began, _, does), end in zip(run.phases[:-1], ends, strict=True)
+        for (began, _, does), (end, *_) in pairwise(run.phases)
         if does in (Does.HOLD, Does.HALT)
-    ]
+    )
     return sum(waits) / 2.0, "simulated: the procedure of section 3.1 with the vehicle's own loop"
 
 
@@ -150,35 +149,27 @@ def _setting(
     sample_time: float | None, neutral_std: float | None, drift_std: float | None, **others: Any,
 ) -> Setting:  # fmt: skip
     known, sensors = vehicle.identified, vehicle.sensors
-    noise = sensor_std
-    if noise is None:
-        noise = (known.depth_noise if known is not None else 0.0) or sensors.depth_noise
-    if quantum is None:
-        quantum = sensors.depth_quantum
+    noise, neutral, drift = 0.0, 0.0, DRIFT_STD
+    if known is not None:
+        noise, neutral = known.depth_noise, known.neutral_std
+        drift = known.neutral_walk / math.sqrt(_DRIFT_TIME) or DRIFT_STD
+    noise = (noise or sensors.depth_noise) if sensor_std is None else sensor_std
+    quantum = sensors.depth_quantum if quantum is None else quantum
     if not (noise > 0.0 or quantum > 0.0):
-        raise InputError(
-            "the noise of the depth sensor is not known"
-            if sensor_std is None
-            else "it must be above 0 where there is no --quantum: no sensor is without either",
-            field="--sensor-std", value=sensor_std, unit="m",
-            remedy="Give it, 1 sigma, like 2 mm: log the vehicle lying on the bottom to see it",
-        )  # fmt: skip
-    if neutral_std is None:
-        neutral_std = (known.neutral_std if known is not None else 0.0) or NEUTRAL_STD
-    if drift_std is None:
-        walk = known.neutral_walk if known is not None else 0.0
-        drift_std = walk / math.sqrt(_DRIFT_TIME) if walk > 0.0 else DRIFT_STD
+        what = "it must be above 0 where there is no --quantum: no sensor is without either"
+        what = "the noise of the depth sensor is not known" if sensor_std is None else what
+        remedy = "Give it, 1 sigma, like 2 mm: log the vehicle lying on the bottom to see it"
+        raise InputError(what, field="--sensor-std", value=sensor_std, unit="m", remedy=remedy)
     if sample_time is None:
         sample_time = vehicle.controller.sample_time if vehicle.controller is not None else 0.3
     s = Setting(
-        noise=noise, quantum=quantum, sample_time=sample_time, neutral_std=neutral_std,
-        drift_std=drift_std, **others,
-    )  # fmt: skip
-    _check_all(s)
-    return s
-
-
-def _check_all(s: Setting) -> None:
+        noise=noise,
+        quantum=quantum,
+        sample_time=sample_time,
+        neutral_std=(neutral or NEUTRAL_STD) if neutral_std is None else neutral_std,
+        drift_std=drift if drift_std is None else drift_std,
+        **others,
+    )
     check_number(s.noise, "--sensor-std", "m", least=0.0)
     check_number(s.quantum, "--quantum", "m", least=0.0)
     check_number(s.sample_time, "--sample-time", "s", above=0.0)
@@ -190,12 +181,11 @@ def _check_all(s: Setting) -> None:
     check_number(s.largest, "--largest", "m3", above=0.0, finite=False)
     check_number(s.moves, "--moves", "", least=1)
     if s.deepest - s.shallowest < _LEAST_TRAVEL:
-        raise InputError(
-            f"a pool of {s.pool_depth:g} m leaves no travel, {s.clearance:g} m from surface and "
-            "bottom",
-            field="--pool-depth", value=s.pool_depth, unit="m",
-            remedy="Choose a deeper pool or a smaller --clearance",
-        )  # fmt: skip
+        ends = f"{s.clearance:g} m from surface and bottom"
+        what = f"a pool of {s.pool_depth:g} m leaves no travel, {ends}"
+        remedy = "Choose a deeper pool or a smaller --clearance"
+        raise InputError(what, field="--pool-depth", value=s.pool_depth, unit="m", remedy=remedy)
+    return s
 
 
 def _rival(
@@ -208,12 +198,10 @@ def _rival(
         return paper_steps(PAPER, setting) if fits and own else []
     for dV in against:
         if dV == 0.0 or not limits.least <= dV <= limits.most:
-            raise InputError(
-                f"this change of volume is not within {1e6 * limits.least:.0f} to "
-                f"{1e6 * limits.most:.0f} cm3, or none",
-                field="--against", value=f"{1e6 * dV:g} cm3", unit="cm3",
-                remedy="Choose others",
-            )  # fmt: skip
+            within = f"{1e6 * limits.least:.0f} to {1e6 * limits.most:.0f} cm3"
+            what = f"this change of volume is not within {within}, or none"
+            value, remedy = f"{1e6 * dV:g} cm3", "Choose others"
+            raise InputError(what, field="--against", value=value, unit="cm3", remedy=remedy)
     return paper_steps(against, setting)
 
 
@@ -224,12 +212,11 @@ def _rival_name(against: Sequence[float] | None) -> str:
 
 
 def _assumptions(question: Question, s: Setting, how: str, count: int) -> tuple[str, ...]:
-    law, held = question.model.law, question.fixed
     known = "not known"
     if math.isfinite(s.neutral_std):
         known = f"known to {format_quantity(s.neutral_std, 'm3', 'cm3', 2)}"
     said = [
-        f"drag law: {law}",
+        f"drag law: {question.model.law}",
         f"depths every {s.sample_time:g} s, with a noise of {1e3 * s.depth_noise:.2g} mm (1 sigma, "
         "rounding included), white",
         f"each record begins {s.rest:g} s before the release; its neutral volume is {known} and "
@@ -238,9 +225,8 @@ def _assumptions(question: Question, s: Setting, how: str, count: int) -> tuple[
         f"good on average over {count} vehicles of the parameter region",
         "volumes and depths are measured without an error of scale: 1 % of either is 1 % of K2",
     ]
-    said += [
-        f"prior: {name} = {prior.mean:g} +- {prior.std:g} {NAMES[name].unit}"
-        for name, prior in question.priors.items()
-    ]
-    said += [f"held: {name} = {value:g} {NAMES[name].unit}" for name, value in held.items()]
+    for name, prior in question.priors.items():
+        said.append(f"prior: {name} = {prior.mean:g} +- {prior.std:g} {NAMES[name].unit}")
+    for name, value in question.fixed.items():
+        said.append(f"held: {name} = {value:g} {NAMES[name].unit}")
     return tuple(said)

@@ -4,6 +4,8 @@ A design chooses from releases (steps, and to and fro, of sizes and places on a 
 informative set in the available time.
 """
 
+from __future__ import annotations
+
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -92,8 +94,8 @@ def rounded(release: Release, setting: Setting) -> Release:
     """Return a release with volumes and depths of moves that a person can set."""
     span = setting.deepest - setting.shallowest
     grid = next((g for g in _GRIDS if g <= span / _GRID), _GRIDS[-1])
-    first = abs(release.moves[0].volume)
-    step = 10.0 ** (math.floor(math.log10(first)) - 1)  # two digits of the first volume
+    digits = math.floor(math.log10(abs(release.moves[0].volume)))
+    step = 10.0 ** (digits - 1)  # two digits of the first volume
     moves = []
     for move in release.moves:
         place = move.depth
@@ -144,13 +146,10 @@ def criterion(text: str, names: Sequence[str]) -> Criterion:
         return Criterion(kind=text, among=tuple(range(len(names))))
     wanted = [part.strip() for part in text.split(",")]
     if not all(part in names for part in wanted):
-        raise InputError(
-            "no such criterion", field="--criterion", value=text,
-            remedy=f"Choose largest, D or A, or name parameters: {', '.join(names)}",
-        )  # fmt: skip
-    return Criterion(
-        kind="largest", among=tuple(names.index(part) for part in dict.fromkeys(wanted))
-    )
+        remedy = f"Choose largest, D or A, or name parameters: {', '.join(names)}"
+        raise InputError("no such criterion", field="--criterion", value=text, remedy=remedy)
+    among = tuple(names.index(part) for part in dict.fromkeys(wanted))
+    return Criterion(kind="largest", among=among)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,17 +170,25 @@ class Table:
         C = np.linalg.inv(gain + self.prior + _UNKNOWN * np.eye(p))
         return np.asarray(self.judge(np.add(C, C @ drift @ C)).mean(axis=-1))
 
+    def sums(self, chosen: Sequence[int]) -> tuple[Array, Array]:
+        """Return the information of a set of candidates and what a drift does, each [d, p, p]."""
+        at = list(chosen)
+        return self.gain[at].sum(axis=0), self.drift[at].sum(axis=0)
+
+    @property
+    def whole(self) -> Table:
+        """The same, judged by the whole ellipsoid."""
+        return replace(self, judge=Criterion(kind="D", among=tuple(range(len(self.prior)))))
+
     def of(self, chosen: Sequence[int]) -> float:
         """Return the criterion of a set of candidates."""
-        at = list(chosen)
-        return float(self.value(self.gain[at].sum(axis=0), self.drift[at].sum(axis=0)))
+        gain, drift = self.sums(chosen)
+        return float(self.value(gain, drift))
 
     def with_each(self, chosen: Sequence[int]) -> Array:
         """Return the criterion of a set and each of the candidates added to it [c]."""
-        at = list(chosen)
-        return self.value(
-            self.gain[at].sum(axis=0) + self.gain, self.drift[at].sum(axis=0) + self.drift
-        )
+        gain, drift = self.sums(chosen)
+        return self.value(gain + self.gain, drift + self.drift)
 
 
 def choose(table: Table, budget: float, most: int) -> list[int]:
@@ -193,13 +200,11 @@ def choose(table: Table, budget: float, most: int) -> list[int]:
     any.
     """
     if not (table.cost <= budget).any():
-        raise InputError(
-            "the time is too short for one release", field="--time", value=round(budget), unit="s",
-            remedy=f"Give at least {table.cost.min() / 60.0:.1f} min, or a shorter --settling",
-        )  # fmt: skip
-    whole = replace(table, judge=Criterion(kind="D", among=tuple(range(len(table.prior)))))
+        remedy = f"Give at least {table.cost.min() / 60.0:.1f} min, or a shorter --settling"
+        what, value = "the time is too short for one release", round(budget)
+        raise InputError(what, field="--time", value=value, unit="s", remedy=remedy)
     found = []
-    for guide in (table, whole):
+    for guide in (table, table.whole):
         chosen = _greedy(guide, budget, most)
         for _ in range(_PASSES):
             better = _exchanged(table, chosen, budget, most)
@@ -249,13 +254,12 @@ def _exchanged(table: Table, chosen: list[int], budget: float, most: int) -> lis
 
 def in_order(table: Table, chosen: Sequence[int]) -> list[int]:
     """Return the chosen ones so that each next adds most to those before it."""
-    whole = replace(table, judge=Criterion(kind="D", among=tuple(range(len(table.prior)))))
     left: list[int] = list(chosen)
     order: list[int] = []
     while left:
         values = table.with_each(order)[left]
         if values.min() > _LITTLE:  # nothing is known of some parameter yet, whichever is next
-            values = whole.with_each(order)[left]
+            values = table.whole.with_each(order)[left]
         order.append(left.pop(int(np.argmin(values))))
     return order
 
@@ -292,10 +296,12 @@ class Search:
         """Return the information of all candidates."""
         found = [self.of(release) for release in candidates]
         return Table(
-            gain=np.array([f.gain for f in found]), drift=np.array([f.drift for f in found]),
-            cost=np.array([f.cost for f in found]), prior=self.conditions.question.prior(),
+            gain=np.array([f.gain for f in found]),
+            drift=np.array([f.drift for f in found]),
+            cost=np.array([f.cost for f in found]),
+            prior=self.conditions.question.prior(),
             judge=self.judge,
-        )  # fmt: skip
+        )
 
     def learn(self, family: Sequence[Release]) -> None:
         """Find a family's information: where a release cannot end, neither can one that goes on."""
@@ -403,10 +409,6 @@ def _release(kind: Release, numbers: Sequence[float], c: Conditions) -> Release:
     volumes[0] = math.copysign(max(abs(volumes[0]), 1e-9), kind.moves[0].volume)
     depths = np.clip(numbers[first:], setting.shallowest, setting.deepest).tolist()
     n = len(kind.moves)
-    return rounded(
-        Release.to_and_fro(
-            kind.start, [volumes[k % 2] for k in range(n)],
-            [depths[min(k % 2, len(depths) - 1)] for k in range(n - 1)],
-        ),
-        setting,
-    )  # fmt: skip
+    each, places = [volumes[k % 2] for k in range(n)], range(n - 1)
+    at = [depths[min(k % 2, len(depths) - 1)] for k in places]
+    return rounded(Release.to_and_fro(kind.start, each, at), setting)
