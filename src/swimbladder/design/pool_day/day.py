@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -399,8 +399,10 @@ def asked_of(
     for name, given in (("free", chosen), ("fixed", tuple(fixed)), ("priors", tuple(priors))):
         check_names(given, model, voltage=False, option=name)
     check_std("neutral_std", neutral_std, "m3")
-    known = Asked(targets=_targets(target, target_std, chosen), free=free, drag=drag)
-    return replace(known, fixed=fixed, priors=priors, neutral_std=neutral_std)
+    targets = _targets(target, target_std, chosen)
+    return Asked(
+        targets=targets, free=free, fixed=fixed, priors=priors, drag=drag, neutral_std=neutral_std
+    )
 
 
 def _targets(

@@ -317,8 +317,7 @@ class Window:
 
     def forget_before(self, time: float) -> None:
         """Drop the samples from before a time [s]."""
-        while self._first < self._end and self._rows[self._first, TIME] < time:
-            self._first += 1
+        self._first += int(np.searchsorted(self.rows[:, TIME], time))
 
     def clear(self) -> None:
         """Drop all samples."""

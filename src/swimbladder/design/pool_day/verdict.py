@@ -126,7 +126,8 @@ def forecast(
     limits = np.full(len(size), np.inf)
     for t in targets:
         if t.name in found.names:
-            limits[found.names.index(t.name)] = t.limit(found.parameters[t.name]) / MARGIN
+            i = found.names.index(t.name)
+            limits[i] = min(limits[i], t.limit(found.parameters[t.name]) / MARGIN)
     for more in range(1, _FAR + 1):
         C = np.linalg.inv(known + (total - known) * (n + more) / n)
         if (np.diag(C) <= (limits / size) ** 2).all():
