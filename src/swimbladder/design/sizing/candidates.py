@@ -38,41 +38,39 @@ _Mass = Annotated[float, Unit("kg"), Field(ge=0.0)]
 _Share = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
 _Speed = Annotated[float, Unit("rad/s"), _Positive]
 _Torque = Annotated[float, Unit("N m"), _Positive]
-_Inertia = Annotated[float, Unit("kg m2"), Field(ge=0.0)]
 _Volts = Annotated[float, Unit("V"), _Positive]
 _Leakage = Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)]
-_Pascal = Annotated[float, Unit("Pa"), _Positive]
-_Friction = Annotated[float, Unit("N m"), Field(ge=0.0)]
-_PerAmpere = Annotated[float, Unit("N m/A"), _Positive]
-_SpecificEnergy = Annotated[float, Unit("J/kg"), _Positive]
-_Resistance = Annotated[float, Unit("ohm/V"), Field(ge=0.0)]
-_Loss = Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)]
 _Viscous = Annotated[float, Unit("N m s/rad"), Field(ge=0.0)]
 
 
-class MotorPart(Parameters):
-    """A DC motor as its data sheet lists it for one winding."""
+class Part(Parameters):
+    """A part of a drive."""
 
     name: _Name
     """what it is called"""
+    mass: _Mass
+    """its mass"""
+
+
+class MotorPart(Part):
+    """A DC motor as its data sheet lists it for one winding."""
+
     voltage: _Volts
     """nominal voltage of the winding that the numbers are for"""
     resistance: Annotated[float, Unit("ohm"), _Positive]
     """of that winding"""
-    torque_constant: _PerAmpere
+    torque_constant: Annotated[float, Unit("N m/A"), _Positive]
     """of that winding"""
     rotor_inertia: Annotated[float, Unit("kg m2"), _Positive]
     """of the rotor"""
     viscous_friction: _Viscous = 0.0
     """loss in proportion to speed"""
-    friction_torque: _Friction = 0.0
+    friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = 0.0
     """dry friction"""
     rated_torque: _Torque
     """torque that it stands for hours"""
     largest_speed: _Speed
     """speed that it may turn at"""
-    mass: _Mass
-    """its mass"""
 
     def wound(self, voltage: float) -> Motor:
         """Return the motor with a winding for another nominal voltage [V].
@@ -90,11 +88,9 @@ class MotorPart(Parameters):
         )
 
 
-class Pump(Parameters):
+class Pump(Part):
     """A pump of constant displacement."""
 
-    name: _Name
-    """what it is called"""
     displacement: Annotated[float, Unit("m3/rev"), _Positive]
     """D_p"""
     efficiency: _Share
@@ -103,16 +99,14 @@ class Pump(Parameters):
     """k_pl"""
     resting_leakage: _Leakage | None = None
     """leakage while it rests, behind its check valve; not given: as while it runs"""
-    reflected_inertia: _Inertia = 0.0
+    reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = 0.0
     """of the pump at its shaft"""
     viscous_friction: _Viscous = 0.0
     """loss in proportion to speed"""
-    largest_pressure: _Pascal
+    largest_pressure: Annotated[float, Unit("Pa"), _Positive]
     """pressure it may work against"""
     largest_speed: _Speed
     """speed that it may turn at"""
-    mass: _Mass
-    """its mass"""
 
     @property
     def at_rest(self) -> float:
@@ -120,54 +114,40 @@ class Pump(Parameters):
         return self.leakage if self.resting_leakage is None else self.resting_leakage
 
 
-class Amplifier(Parameters):
+class Amplifier(Part):
     """Two pistons on a rod between pump and water; area ratio 1 and no mass: none at all."""
 
-    name: _Name
-    """what it is called"""
     area_ratio: Annotated[float, Unit(""), _Positive]
     """n_h = A1/A2"""
     efficiency: _Share
     """share of the work that its seals let through"""
-    mass: _Mass
-    """its mass"""
 
 
-class Gear(Parameters):
+class Gear(Part):
     """A reduction gear between motor and screw."""
 
-    name: _Name
-    """what it is called"""
     ratio: Annotated[float, Unit(""), Field(ge=1.0)]
     """motor turns per turn"""
     efficiency: _Share
     """its efficiency"""
     rated_torque: _Torque
     """torque that its output stands"""
-    mass: _Mass
-    """its mass"""
 
 
-class Screw(Parameters):
+class Screw(Part):
     """A spindle with its nut."""
 
-    name: _Name
-    """what it is called"""
     lead: Annotated[float, Unit("m/rev"), _Positive]
     """travel per turn"""
     efficiency: _Share
     """from turning to travel"""
     largest_force: Annotated[float, Unit("N"), _Positive]
     """axial load"""
-    mass: _Mass
-    """its mass"""
 
 
-class Piston(Parameters):
+class Piston(Part):
     """A piston in contact with the water."""
 
-    name: _Name
-    """what it is called"""
     area: Annotated[float, Unit("m2"), _Positive]
     """area in the water"""
     mass: _Mass
@@ -179,15 +159,15 @@ class BatteryKind(Parameters):
 
     name: _Name
     """what it is called"""
-    specific_energy: _SpecificEnergy
+    specific_energy: Annotated[float, Unit("J/kg"), _Positive]
     """energy per mass of the pack"""
     usable: _Share
     """share of it that can be taken out at 20 degC"""
-    resistance: _Resistance = 0.0
+    resistance: Annotated[float, Unit("ohm/V"), Field(ge=0.0)] = 0.0
     """internal resistance per open-circuit voltage"""
     cold_share: _Share = 1.0
     """share of what can be taken out at 20 degC that 0 degC leaves"""
-    self_discharge: _Loss = 0.0
+    self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = 0.0
     """share of what is in it that is lost per time"""
 
 
