@@ -49,12 +49,6 @@ FEWEST = 3  # dives, or runs without dives: fewer leave no spread to be known
 _DEEP = 2e5  # Pa: nearer to the surface the hydraulic work is next to none
 
 
-def usable_runs(runs: PumpRuns, shortest: float = 0.0) -> NDArray[np.bool_]:
-    """Return the runs with duration, pressure and power, no shorter than `shortest` [s] [n]."""
-    finite = np.isfinite(runs.duration) & np.isfinite(runs.pressure) & np.isfinite(runs.power)
-    return np.asarray(finite & (runs.duration > 0.0) & (runs.duration >= shortest))
-
-
 def check_runs(runs: PumpRuns, kept: NDArray[np.bool_], *, depth_limit: float | None) -> None:
     """Raise InputError where runs do more work on the sea than they take, or go too deep.
 
@@ -263,7 +257,8 @@ def fit_pump(
     if power_at not in get_args(PowerAt):
         what, remedy = "a power is not read then", "Allowed: mean (over the run), end (of it)"
         raise InputError(what, field="power_at", value=power_at, remedy=remedy)
-    kept = usable_runs(runs, shortest)
+    kept = np.isfinite([runs.duration, runs.pressure, runs.power]).all(axis=0)
+    kept &= (runs.duration > 0.0) & (runs.duration >= shortest)
     check_runs(runs, kept, depth_limit=depth_limit)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
     kept &= np.isfinite(dive)
