@@ -9,8 +9,7 @@ import pytest
 from swimbladder.control.registry import bind
 from swimbladder.design.linear.models import linearise
 from swimbladder.design.linear.sampled import SampledLoop
-from swimbladder.design.stability.around import look_around, modes
-from swimbladder.design.stability.run import modulus
+from swimbladder.design.stability.around import look_around, modes, modulus
 from swimbladder.design.tuning.margins import at_rest, exactly
 from swimbladder.design.tuning.region import member
 from swimbladder.io.config import load_vehicle

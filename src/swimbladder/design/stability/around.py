@@ -25,23 +25,27 @@ from scipy.optimize import minimize
 
 from swimbladder.control.law import Law
 from swimbladder.design.linear.margins import Margins, spectral_radius
-from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.pump_valve import Decision, DriveRates, drag_slope, drive_rates
-from swimbladder.design.linear.sampled import LinearLaw, Mode, SampledLoop, modes
+from swimbladder.design.linear.sampled import Mode, modes
 from swimbladder.design.tuning.margins import (
+    MARGINS,
+    Loop,
     Rest,
     at_rest,
     decisions_of,
     deliveries,
     exactly,
+    falls_short,
     going,
     least,
+    loop_of,
+    margin_words,
     radius_of,
     rest_of,
     roughly,
 )
-from swimbladder.design.tuning.region import Member, member, unit_points, unknowns
-from swimbladder.io.answers import as_json
+from swimbladder.design.tuning.region import Member, member, unknowns, with_middle
+from swimbladder.io.answers import as_json, plain
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
@@ -59,12 +63,6 @@ class Point(NamedTuple):
     worth: float  # the larger the worse
     at: Array  # in the unit ball or cube that the region is
     piece: Any
-
-
-def _points(vehicle: Vehicle) -> Array:
-    """Return the middle of the region, the ends of its axes and drawn points, in the unit ball."""
-    names, _ = unknowns(vehicle)
-    return np.concatenate([np.zeros((1, len(names))), unit_points(vehicle)])
 
 
 def _searched(
@@ -201,35 +199,24 @@ class Decided:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
+        of_way = "largest_eigenvalue=nominal coefficient_ratio=ratio time_constant_s delivery_s"
         ways = [
             {
                 "way": w.decision.way.name,
                 **as_json(w.decision, "speed_m_s too_fast=faster interval_s=period"),
-                **as_json(
-                    w,
-                    "largest_eigenvalue=nominal coefficient_ratio=ratio time_constant_s delivery_s",
-                ),
+                **as_json(w, of_way),
             }
             for w in self.ways
         ]
         of_rest = (
             "psi_m3_m growth_time_s period_s tolerance_halves_s=halves band_m tolerance_m held"
         )
-        return {
-            **as_json(
-                self, "largest_eigenvalue=radius worst_at=worst on_grid maps maps_searched=searched"
-            ),
-            "ways": ways,
-            "rest": as_json(self.rest, of_rest),
-        }
+        found = "largest_eigenvalue=radius worst_at=worst on_grid maps maps_searched=searched"
+        return {**as_json(self, found), "ways": ways, "rest": as_json(self.rest, of_rest)}
 
 
 def around_decisions(
-    vehicle: Vehicle,
-    law: Law,
-    parameters: Any,
-    *,
-    depths: Sequence[float],
+    vehicle: Vehicle, law: Law, parameters: Any, *, depths: Sequence[float]
 ) -> Decided:
     """Return the worst over region, ways and depths [m] of a law of volume changes."""
     decisions = decisions_of(law, parameters)
@@ -241,7 +228,7 @@ def around_decisions(
 
     grid = [
         Point(radius(one, piece), s, piece)
-        for s in _points(vehicle)
+        for s in with_middle(vehicle)
         for one in (member(vehicle, s),)
         for piece in pieces
     ]
@@ -258,12 +245,7 @@ def around_decisions(
     )
 
 
-def _way(
-    vehicle: Vehicle,
-    d: Decision,
-    nominal: Sequence[Point],
-    rates: DriveRates,
-) -> WayFound:
+def _way(vehicle: Vehicle, d: Decision, nominal: Sequence[Point], rates: DriveRates) -> WayFound:
     own = [g for g in nominal if g.piece[0] is d]
     one = member(vehicle, np.zeros(len(unknowns(vehicle)[0])))
     p, w = going(vehicle, one.plant, d.speed), abs(d.speed)
@@ -337,6 +319,67 @@ class Around(NamedTuple):
         """Where the largest eigenvalue is."""
         return next(f.spot for f in self.found if f.measure == "spectral radius")
 
+    def sentences(self, depths: tuple[float, float]) -> tuple[str, ...]:
+        """Return what a person wants to know, of `depths` from and to [m]."""
+        if not self.stable:
+            return (
+                f"UNSTABLE: with {self.worst_spot.words} small disturbances grow, the largest "
+                f"eigenvalue has the modulus {self.radius:.4f}.",
+                "A shorter sample time, less delay between sample and command, or gains tuned for "
+                "this region (swimbladder tune) would hold it.",
+            )
+        m, short = self.margins, falls_short(self.margins)
+        mode, at = self.slowest
+        damped, where = self.least_damped
+        deep = "the same" if self.same_at_all_depths else "not the same"
+        return (
+            f"Small disturbances decay from {depths[0]:g} to {depths[1]:g} m over the region: the "
+            f"largest eigenvalue found has the modulus {self.radius:.5f} "
+            f"({self.worst_spot.words}), with {1e3 * self.delay:.3g} ms from a sample to its "
+            "command.",
+            f"Looked at: {self.looked} loops of the region, then {self.searched} in a search for "
+            f"the worst; {deep} at all depths. It is the worst that was found, not a proof over "
+            "the region.",
+            f"The slowest mode decays e-fold in {mode.time_constant:.3g} s ({at.words}); the "
+            f"least damped oscillates every {_period(damped)} with a damping of "
+            f"{damped.damping:.2f} ({where.words}).",
+            f"Worst margins: {margin_words(m)}"
+            + (f"; less than is wanted: {', '.join(short)}." if short else ", as is wanted."),
+            f"With a whole sample of delay the nominal loop's largest eigenvalue is "
+            f"{modulus(self.whole_sample_radius)}: "
+            + ("unstable." if self.whole_sample_radius >= 1.0 else "still stable."),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON."""
+        return {
+            **as_json(
+                self,
+                "largest_eigenvalue=radius worst_at=worst_spot loops=looked "
+                "loops_searched=searched computation_delay_s=delay "
+                "largest_eigenvalue_with_a_sample_of_delay=whole_sample_radius",
+            ),
+            "margins": as_json(self.margins, MARGINS),
+            "slowest": _mode(*self.slowest),
+            "least_damped": _mode(*self.least_damped),
+            "searches": [as_json(f, "measure on_grid searched at=spot") for f in self.found],
+        }
+
+
+def _mode(mode: Mode, at: Spot) -> dict[str, Any]:
+    return as_json(mode, "frequency_rad_s damping time_constant_s") | {"at": plain(at)}
+
+
+def _period(mode: Mode) -> str:
+    return f"{2.0 * math.pi / mode.frequency:.3g} s" if mode.frequency > 0.0 else "never"
+
+
+def modulus(value: float) -> str:
+    """Return the modulus of an eigenvalue [-] with the digits that tell it from 1."""
+    off = abs(value - 1.0)
+    digits = 3 if off >= 1e-3 or off == 0.0 else min(1 - math.floor(math.log10(off)), 12)
+    return f"{value:.{digits}f}"
+
 
 def look_around(
     vehicle: Vehicle, law: Law, parameters: Any, *, depths: Sequence[float], sample_time: float,
@@ -352,48 +395,53 @@ def look_around(
         return None  # within its bands, or while it sleeps, a law that does nothing looks linear
     one_way = nominal.load_back == nominal.load_drive
     pieces = [(z, back) for z in depths for back in ((False,) if one_way else (False, True))]
+
+    def loop(p: Plant, piece: tuple[float, bool]) -> Loop:
+        depth, back = piece
+        return loop_of(p, laws[depth], depth=depth, delay=delay, back_driving=back)
+
     grid: list[tuple[Array, tuple[float, bool], dict[str, float]]] = []
-    points = _points(vehicle)
+    points = with_middle(vehicle)
     for s in points:
         p = member(vehicle, s).plant
-        grid += [(s, (z, back), _measures(p, laws[z], z, back, delay)) for z, back in pieces]
+        grid += [(s, piece, _measures(loop(p, piece))) for piece in pieces]
         advance(0.4 / len(points))
     radii = np.array([worth["spectral radius"] for *_, worth in grid]).reshape(-1, len(pieces))
 
     def value(measure: str, one: Member, piece: tuple[float, bool]) -> float:
-        z, back = piece
-        return _measures(one.plant, laws[z], z, back, delay, only=measure)[measure]
+        return _measures(loop(one.plant, piece), only=measure)[measure]
 
     calls, found, spots = 0, [], []
     for measure in MEASURES:
         listed = [Point(worth[measure], s, piece) for s, piece, worth in grid]
         worst, asked = _searched(vehicle, listed, partial(value, measure))
         calls += asked
-        one, (z, back) = member(vehicle, worst.at), worst.piece
-        spot = Spot(one.shares, z, back)
+        one = member(vehicle, worst.at)
+        spot = Spot(one.shares, *worst.piece)
         found.append(Found(measure, spot, max(g.worth for g in listed), worst.worth))
-        spots.append((one.plant, z, back, spot))
+        spots.append((loop(one.plant, worst.piece), spot))
         advance(0.5 / len(MEASURES))
-    every = [_exact(p, laws[z], z, back, delay) for p, z, back, _ in spots]
     here = [
         (mode, spot)
-        for p, z, back, spot in spots
-        for mode in modes(_loop(p, laws[z], z, back).closed(command_delay=delay), sample_time)
+        for one, spot in spots
+        for mode in modes(one.closed, sample_time)
         if abs(mode.z) > _GONE and mode.s.imag >= 0.0
     ]
     advance(0.1)
-    first = depths[0]
-    whole = _loop(nominal, laws[first], first, False).closed(command_delay=sample_time)
+    first = loop(nominal, pieces[0])
     return Around(
         radius=found[0].searched,
-        margins=reduce(least, [m for pair in every for m in pair]),
-        nominal=least(*_exact(nominal, laws[first], first, False, delay)),
+        margins=reduce(least, [_exact(one) for one, _ in spots]),
+        nominal=_exact(first),
         slowest=max(here, key=lambda m: m[0].time_constant),
         least_damped=min(here, key=lambda m: m[0].damping),
-        found=tuple(found), looked=len(grid), searched=calls,
+        found=tuple(found),
+        looked=len(grid),
+        searched=calls,
         same_at_all_depths=bool(np.all(np.ptp(radii, axis=1) < 1e-6)),
-        delay=delay, whole_sample_radius=spectral_radius(whole),
-    )  # fmt: skip
+        delay=delay,
+        whole_sample_radius=spectral_radius(first._replace(delay=sample_time).closed),
+    )
 
 
 def _within(x: Array, ball: bool) -> Array:
@@ -403,30 +451,16 @@ def _within(x: Array, ball: bool) -> Array:
     return np.clip(x, -1.0, 1.0)
 
 
-def _loop(p: Plant, law: LinearLaw, depth: float, back: bool) -> SampledLoop:
-    return SampledLoop(plant=linearise(p, depth=depth, back_driving=back), law=law)
-
-
-def _broken(loop: SampledLoop, delay: float) -> tuple[StateSpace, StateSpace]:
-    return loop.broken_at_command(command_delay=delay), loop.broken_at_depth(command_delay=delay)
-
-
-def _measures(
-    p: Plant, law: LinearLaw, depth: float, back: bool, delay: float, *, only: str | None = None
-) -> dict[str, float]:
+def _measures(loop: Loop, *, only: str | None = None) -> dict[str, float]:
     """Return every measure of a loop by its worse place to be broken; one that grows is inf."""
-    loop = _loop(p, law, depth, back)
-    radius = spectral_radius(loop.closed(command_delay=delay))
+    radius = spectral_radius(loop.closed)
     if only == "spectral radius":
         return {only: radius}
     if radius >= 1.0:
-        return {name: radius if name == "spectral radius" else math.inf for name in MEASURES}
-    both = [roughly(broken) for broken in _broken(loop, delay)]
+        return dict.fromkeys(MEASURES, math.inf) | {"spectral radius": radius}
+    both = [roughly(broken) for broken in (loop.at_command, loop.at_depth)]
     return {name: max(f(m, radius) for m in both) for name, f in MEASURES.items()}
 
 
-def _exact(
-    p: Plant, law: LinearLaw, depth: float, back: bool, delay: float
-) -> tuple[Margins, Margins]:
-    at_command, at_depth = _broken(_loop(p, law, depth, back), delay)
-    return exactly(at_command), exactly(at_depth)
+def _exact(loop: Loop) -> Margins:
+    return least(exactly(loop.at_command), exactly(loop.at_depth))

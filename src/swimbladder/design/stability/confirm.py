@@ -199,12 +199,13 @@ def hunting(
 
 
 def _predicted(
-    source: str, size: tuple[float, str], amplitude: float, period: float, error: float | None
-) -> Predicted:
+    source: str, size: float, unit: str, amplitude: float, period: float = math.nan,
+    error: float | None = None,
+) -> Predicted:  # fmt: skip
     """Return a prediction; amplitude [m], period [s], error: of both; None: they are bounds."""
     off = math.inf if error is None else error
     cycle = Cycle(amplitude, 2.0 * math.pi / period, True, 0.0, off, off)
-    return Predicted(source, *size, _DECISION, cycle, amplitude, error is None)
+    return Predicted(source, size, unit, _DECISION, cycle, amplitude, error is None)
 
 
 def on_the_way(p: Plant, q: RateParameters, *, down: bool) -> Predicted | None:
@@ -225,41 +226,34 @@ def on_the_way(p: Plant, q: RateParameters, *, down: bool) -> Predicted | None:
     # A speed that falls steadily and jumps back: the depth is off its mean way by parabolas.
     amplitude = falls * period * period / 16.0
     source = f"compressibility, {'sinking' if down else 'rising'}"
-    size = (q.coefficient * (wanted**2 - low**2), "m3")
-    return _predicted(source, size, amplitude, period, 0.5 * interval / period)
+    size = q.coefficient * (wanted**2 - low**2)
+    return _predicted(source, size, "m3", amplitude, period, 0.5 * interval / period)
 
 
 def _at_rest(vehicle: Vehicle, p: Plant, q: RateParameters, depth: float) -> list[Predicted]:
     found: list[Predicted] = []
+    quantum, step = vehicle.sensors.depth_quantum, q.volume_step
+
+    def add(one: Predicted, cycles: bool = True) -> None:
+        found.append(one if cycles else one._replace(cycle=None, bound=False))
+
     if p.psi > 0.0:
-        most = q.tolerance + least_band(vehicle, p.psi, q, q.volume_step)
-        found.append(_predicted("hull that gives way", (p.psi, "m3/m"), most, math.nan, None))
+        most = q.tolerance + least_band(vehicle, p.psi, q, step)
+        add(_predicted("hull that gives way", p.psi, "m3/m", most))
     elif p.psi < 0.0:
-        apart = q.volume_step / -p.psi
-        if apart > 2.0 * q.tolerance:
-            size = (q.volume_step, "m3")
-            found.append(_predicted("step of the volume", size, 0.5 * apart, math.nan, None))
-        elif q.volume_step > 0.0:
-            none = Predicted(
-                "step of the volume", q.volume_step, "m3", _DECISION, None, 0.5 * apart
-            )
-            found.append(none)
+        half = 0.5 * step / -p.psi
+        if step > 0.0:
+            one = _predicted("step of the volume", step, "m3", half)
+            add(one, cycles=half > q.tolerance)
         leak = drive_rates(vehicle, [depth]).leakage[0]
         if leak > 0.0 and leak / -p.psi < 0.5 * q.speed_step:
             period = 2.0 * q.tolerance * -p.psi / leak
-            size = (leak, "m3/s")
-            found.append(_predicted("leakage", size, q.tolerance, period, None))
-    quantum = vehicle.sensors.depth_quantum
+            add(_predicted("leakage", leak, "m3/s", q.tolerance, period))
     if quantum > 0.0:
         shown = quantum / q.window
-        acts = q.coefficient * shown**2 >= 0.5 * q.volume_step and shown >= 0.5 * q.speed_step
-        if acts and p.psi != 0.0:
-            amplitude = q.tolerance + 0.5 * quantum
-            size = (quantum, "m")
-            found.append(_predicted("quantum of the depth", size, amplitude, math.nan, None))
-        else:
-            none = Predicted("quantum of the depth", quantum, "m", _DECISION, None, math.nan)
-            found.append(none)
+        acts = q.coefficient * shown**2 >= 0.5 * step and shown >= 0.5 * q.speed_step
+        one = _predicted("quantum of the depth", quantum, "m", q.tolerance + 0.5 * quantum)
+        add(one, cycles=acts and p.psi != 0.0)
     return found
 
 
@@ -293,8 +287,7 @@ def _flown_rest(
 ) -> Seen:
     """Return what remains of a flight that begins off the depth, one cause left in."""
     leaks = one.source == "leakage"
-    known = one.cycle is not None and math.isfinite(one.cycle.period)
-    period = one.cycle.period if one.cycle is not None and known else 0.0
+    period = 0.0 if one.cycle is None or math.isnan(one.cycle.period) else one.cycle.period
     duration = min(max(10.0 * period, _SHORTEST * (q.dead + q.run)), _LONGEST)
     a = vehicle.actuator
     tight = a if leaks else a.model_copy(update={"leakage": 0.0, "creep": 0.0})

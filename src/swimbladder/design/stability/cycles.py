@@ -33,7 +33,7 @@ of the inner loop, 1/(K1 A k_pV), as a delay.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -308,20 +308,12 @@ def broken_at_volume(p: Plant, law: LinearLaw, *, depth: float, k_pV: float) -> 
 
     U = V + (u - c z)/k_pV: what an inner loop of that gain would bring V to.
     """
-    h, k = law.sample_time, law.system
-    body = discretise(
-        linearise(p._replace(positioner=1.0), depth=depth), h,
-        command_delay=1.0 / (p.gain * k_pV),
-    )  # fmt: skip
-    seen = [k.inputs.index(name) for name in body.outputs]
-    z, V = body.C[[body.outputs.index("depth")]], body.C[[body.outputs.index("volume")]]
-    wanted = np.hstack([V + (k.D[:, seen] @ body.C - p.load_drive * z) / k_pV, k.C / k_pV])
-    n, m = len(body.states), len(k.states)
-    A = np.block([[body.A, np.zeros((n, m))], [k.B[:, seen] @ body.C, k.A]])
-    return StateSpace(
-        A=A, B=np.vstack([body.B, np.zeros((m, 1))]), C=-wanted, D=np.zeros((1, 1)),
-        states=(*body.states, *k.states), inputs=("volume",), outputs=("volume",), sample_time=h,
-    )  # fmt: skip
+    plant, lag = linearise(p._replace(positioner=1.0), depth=depth), 1.0 / (p.gain * k_pV)
+    loop = SampledLoop(plant=plant, law=law).broken_at_command(command_delay=lag)
+    body = discretise(plant, law.sample_time, command_delay=lag)
+    z, V = (body.part(output=name, input="command").C for name in ("depth", "volume"))
+    own = np.pad(V - p.load_drive * z / k_pV, ((0, 0), (0, len(law.system.states))))
+    return replace(loop, C=loop.C / k_pV - own, inputs=("volume",), outputs=("volume",))
 
 
 def predict(
@@ -333,47 +325,42 @@ def predict(
     linear: the law's linear form, without its dead zone; depth_quantum [m]; voltage_quantum [V].
     """
     loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
-    h = linear.sample_time
-    at_voltage, at_depth = loop.broken_at_command(), loop.broken_at_depth()
+    h, known = linear.sample_time, leaves(parameters)
+    k_pV, rest = (float(known.get(name, 0.0)) for name in (law.volume_gain, law.dead_zone))
     from_voltage = discretise(loop.plant, h).part(output="depth", input="command")
+    # Where the loop is broken, and what takes the first harmonic from there to the depth.
+    places: dict[str, tuple[StateSpace, StateSpace | None]] = {
+        "voltage": (loop.broken_at_command(), from_voltage),
+        "depth": (loop.broken_at_depth(), None),
+    }
+    asked = [
+        ("voltage limit", p.supply, "V", "voltage", saturation(p.supply)),
+        ("quantum of the voltage", voltage_quantum, "V", "voltage", quantiser(voltage_quantum)),
+        ("quantum of the depth", depth_quantum, "m", "depth", quantiser(depth_quantum)),
+    ]
+    if k_pV > 0.0:
+        body = discretise(linearise(p._replace(positioner=1.0), depth=depth), h)
+        at_volume = broken_at_volume(p, linear, depth=depth, k_pV=k_pV)
+        places["volume"] = (at_volume, body.part(output="depth", input="command"))
+        held, rests = p.friction + 0.5 * (p.load_drive - p.load_back) * depth, _left(p, k_pV, h)
+        asked.append(("friction of the motor", held, "V", "volume", play(held / k_pV)))
+        if rest > 0.0:
+            switch = relay(0.5 * rest * (1.0 - rests), 0.5 * rest * (1.0 + rests))
+            asked.append(("dead zone of the law", rest, "m3", "volume", switch))
     found = []
-
-    def add(
-        source: str, size: float, unit: str, place: str, broken: StateSpace,
-        nonlinearity: Nonlinearity, to_depth: StateSpace | None,
-    ) -> None:  # fmt: skip
+    for source, size, unit, place, nonlinearity in asked:
+        if not size > 0.0:
+            continue
+        broken, to_depth = places[place]
         cycles = balance(broken, nonlinearity)
         for cycle in cycles:
             N = abs(complex(nonlinearity.gain(np.array([cycle.amplitude]))[0]))
-            depth_amplitude = cycle.amplitude
+            amplitude = cycle.amplitude
             if to_depth is not None:
-                depth_amplitude *= N * abs(to_depth.at(np.exp(1j * cycle.frequency * h))[0, 0, 0])
-            found.append(Predicted(source, size, unit, place, cycle, depth_amplitude))
+                amplitude *= N * abs(to_depth.at(np.exp(1j * cycle.frequency * h))[0, 0, 0])
+            found.append(Predicted(source, size, unit, place, cycle, amplitude))
         if not cycles:
             found.append(Predicted(source, size, unit, place, None, math.nan))
-
-    add("voltage limit", p.supply, "V", "voltage", at_voltage, saturation(p.supply), from_voltage)
-    if voltage_quantum > 0.0:
-        add("quantum of the voltage", voltage_quantum, "V", "voltage", at_voltage,
-            quantiser(voltage_quantum), from_voltage)  # fmt: skip
-    if depth_quantum > 0.0:
-        add("quantum of the depth", depth_quantum, "m", "depth", at_depth,
-            quantiser(depth_quantum), None)  # fmt: skip
-    known = leaves(parameters)
-    k_pV = float(known.get(law.volume_gain, 0.0))
-    if not k_pV > 0.0:
-        return tuple(found)
-    body = discretise(linearise(p._replace(positioner=1.0), depth=depth), h)
-    to_depth = body.part(output="depth", input="command")
-    at_volume = broken_at_volume(p, linear, depth=depth, k_pV=k_pV)
-    held = p.friction + 0.5 * (p.load_drive - p.load_back) * depth
-    if held > 0.0:
-        add("friction of the motor", held, "V", "volume", at_volume, play(held / k_pV), to_depth)
-    rest = float(known.get(law.dead_zone, 0.0))
-    if rest > 0.0:
-        rests = rest * _left(p, k_pV, h)
-        switch = relay(0.5 * (rest - rests), 0.5 * (rest + rests))
-        add("dead zone of the law", rest, "m3", "volume", at_volume, switch, to_depth)
     return tuple(found)
 
 

@@ -28,6 +28,7 @@ surface the vehicle floats.
 """
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -42,6 +43,7 @@ from scipy.optimize import brentq
 from swimbladder.control.law import Law
 from swimbladder.design.linear.pump_valve import moved_by_volume
 from swimbladder.design.tuning.trial import arrivals, fly
+from swimbladder.io.tables import rows_csv
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import Plant, acceleration, plant
 from swimbladder.units import rounded
@@ -173,20 +175,13 @@ class Map:
 
     def csv(self) -> str:
         """Return it as a table: both coordinates, what became of the run, and whether any could."""
-        names = [label.split(" [")[0].replace(",", "").replace(" ", "_") for label in
-                 (self.x_label, self.y_label)]  # fmt: skip
-        units = [label.split("[")[1].rstrip("]").replace("/", "_") for label in
-                 (self.x_label, self.y_label)]  # fmt: skip
-        lines = [f"{names[0]}_{units[0]},{names[1]}_{units[1]},verdict,recovered_s,hopeless"]
-        for i, y in enumerate(self.y):
-            for j, x in enumerate(self.x):
-                verdict = Verdict(int(self.verdicts[i, j]))
-                if verdict is not Verdict.NOT_ASKED:
-                    lines.append(
-                        f"{float(x)!r},{float(y)!r},{verdict.name.lower()},"
-                        f"{float(self.seconds[i, j])!r},{int(self.hopeless[i, j])}"
-                    )
-        return "\n".join(lines) + "\n"
+        labels = (self.x_label, self.y_label)
+        names = (re.sub(r"[^\w-]+", "_", label).strip("_") for label in labels)
+        i, j = np.nonzero(self.verdicts != Verdict.NOT_ASKED)
+        words = [Verdict(v).name.lower() for v in self.verdicts[i, j]]
+        hopeless = self.hopeless[i, j].astype(int)
+        rows = zip(self.x[j], self.y[i], words, self.seconds[i, j], hopeless, strict=True)
+        return rows_csv((*names, "verdict", "recovered_s", "hopeless"), rows)
 
     @property
     def asked(self) -> int:

@@ -8,7 +8,6 @@ parameters stands in this module: so its compiled kernel is found again.
 """
 
 import math
-from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Annotated, Any, NamedTuple
@@ -17,10 +16,8 @@ import numpy as np
 
 from swimbladder.control.law import Law
 from swimbladder.design.linear.margins import spectral_radius
-from swimbladder.design.linear.models import linearise
-from swimbladder.design.linear.sampled import SampledLoop
 from swimbladder.design.stability.cycles import without_rest
-from swimbladder.design.tuning.margins import at_rest
+from swimbladder.design.tuning.margins import at_rest, loop_of
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import Drawn, Step, measure, traces
 from swimbladder.jobs import Store
@@ -30,32 +27,24 @@ from swimbladder.vehicle import Vehicle
 _STEP = """
 def step(parameters, state, measurement, reference):
     p = parameters
-    held = state.w_held
-    passed = state.w_left - 0.5 * p.w_tick
-    command = state.w_next
-    left = passed
     inner = state.inner
+    held = command = state.w_next
+    left = state.w_left - 0.5 * p.w_tick
     if p.w_late < 0.5 or state.w_left <= 0.25 * p.w_tick:
         raw, inner, wait = law_step(p.inner, inner, measurement, reference)
-        scaled = p.w_gain * raw
+        command = p.w_gain * raw
         if p.w_quantum > 0.0:
-            scaled = p.w_quantum * math.floor(scaled / p.w_quantum + 0.5)
+            command = p.w_quantum * math.floor(command / p.w_quantum + 0.5)
         if p.w_late < 0.5:
-            return scaled, State(inner, scaled, scaled, 0.0), wait
+            return command, State(inner, command, 0.0), wait
         ticks = max(math.ceil(wait / p.w_tick - 1e-9), 1)
         left = ticks * p.w_tick - 0.5 * p.w_tick
-        held = command
-        command = scaled
-    else:
-        held = command
-    return held, State(inner, held, command, left), 0.5 * p.w_tick
+    return held, State(inner, command, left), 0.5 * p.w_tick
 
 
 def initial(parameters, measurement, reference):
     p = parameters
-    inner = law_initial(p.inner, measurement, reference)
-    rest = p.w_rest
-    return State(inner, rest, rest, 0.0)
+    return State(law_initial(p.inner, measurement, reference), p.w_rest, 0.0)
 """
 
 
@@ -82,21 +71,17 @@ class Wrapped(NamedTuple):
 
 def _record(name: str, inner: type[Any], more: Mapping[str, str]) -> Any:
     """Return a class of named tuples in this module: a law's own, and more numbers with units."""
-    made: Any = namedtuple(name, ("inner", *more))  # type: ignore[misc]
-    made.__module__, made.__annotations__ = (
-        __name__,
-        {"inner": inner} | {field: Annotated[float, unit] for field, unit in more.items()},
-    )
-    globals()[name] = made
+    make: Any = NamedTuple
+    numbers = [(field, Annotated[float, unit]) for field, unit in more.items()]
+    globals()[name] = made = make(name, [("inner", inner), *numbers])
+    made.__module__ = __name__
     return made
 
 
 def _wrap(law: Law) -> Wrapped:
-    import math
-
     name = "".join(part.title() for part in law.name.split("-"))
     given = {"w_gain": "", "w_late": "", "w_quantum": "V", "w_tick": "s", "w_rest": "V"}
-    kept = {"w_held": "V", "w_next": "V", "w_left": ""}
+    kept = {"w_next": "V", "w_left": ""}
     Parameters = _record(f"Wrapped{name}Parameters", law.parameters, given)
     State = _record(f"Wrapped{name}State", law.state, kept)
     space: dict[str, Any] = {
@@ -165,27 +150,22 @@ def robustness(
         wrong = form.parameters(
             parameters, sample_time=sample_time, gain=gain, late=late, rest=rest
         )
-        tick = form.tick(sample_time, late=late)
-        drawn = Drawn(draws, region, sample_time=tick)
+        drawn = Drawn(draws, region, sample_time=form.tick(sample_time, late=late))
         seen = traces(vehicle, form.law, wrong, step, drawn)
         found = measure(seen, float(seen.time[-1]) * 2.0 / 3.0)
         farthest = np.nan_to_num(found.farthest, nan=math.inf)
-        return [
-            float(np.mean(farthest <= band)), float(np.percentile(found.overshoot, 95.0)),
-            float(np.percentile(farthest, 95.0, method="higher")),
-            float(np.nanpercentile(found.rate, 95.0)),
-        ]  # fmt: skip
+        worst = np.percentile(farthest, 95.0, method="higher")
+        over, moved = np.percentile(found.overshoot, 95.0), np.nanpercentile(found.rate, 95.0)
+        return [float(x) for x in (np.mean(farthest <= band), over, worst, moved)]
 
     found = []
     for late in (False, True):
         for gain in gains:
             asked = ("robustness", law.name, parameters, gain, late, step, draws)
-            settled, over, farthest, moved = parts.get(partial(run, gain, late), *asked)
+            numbers = parts.get(partial(run, gain, late), *asked)
             delay = 0.5 * sample_time if late else 0.0
             radius = _radius(law, parameters, region, step.target, sample_time, gain, delay)
-            found.append(
-                Stood(law.name, gain, delay, settled, over, farthest, moved, radius, draws)
-            )
+            found.append(Stood._make((law.name, gain, delay, *numbers, radius, draws)))
             advance(0.5 / len(gains))
     return tuple(found)
 
@@ -199,9 +179,5 @@ def _radius(
     )
     if not linear.smooth or linear.sample_time != h:
         return math.nan
-    worst = 0.0
-    for p in region.plants:
-        loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
-        broken = loop.broken_at_command(command_delay=delay)
-        worst = max(worst, spectral_radius(broken.A - gain * broken.B @ broken.C))
-    return worst
+    broken = [loop_of(p, linear, depth=depth, delay=delay).at_command for p in region.plants]
+    return max(spectral_radius(one.A - gain * one.B @ one.C) for one in broken)

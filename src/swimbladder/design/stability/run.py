@@ -17,7 +17,6 @@ from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaves, numbers
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
-from swimbladder.design.linear.sampled import Mode
 from swimbladder.design.stability.around import Around, Decided, around_decisions, look_around
 from swimbladder.design.stability.confirm import Confirmed, Held, edge, hold, hunting
 from swimbladder.design.stability.cycles import Predicted, predict, without_rest
@@ -31,7 +30,7 @@ from swimbladder.design.tuning.gains import (
     tunable,
     tunable_names,
 )
-from swimbladder.design.tuning.margins import MARGINS, at_rest, decibels, falls_short
+from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Step
 from swimbladder.errors import InputError
@@ -65,62 +64,28 @@ class Stability:
     beyond: str = ""  # why part of the depths asked for is out of reach, whatever the law
 
     @property
+    def _small(self) -> Around | Decided | None:
+        return self.around if self.decided is None else self.decided
+
+    @property
     def stable(self) -> bool:
         """Whether small disturbances decay wherever it was looked; where not linear, any step."""
-        if self.decided is not None:
-            return self.decided.stable
-        if self.around is not None:
-            return self.around.stable
+        if self._small is not None:
+            return self._small.stable
         return not any(m.name == "steps" and m.count(Verdict.RECOVERED) == 0 for m in self.maps)
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What a person wants to know, in order."""
-        return (
-            *((self.beyond,) if self.beyond else ()),
-            *self._small(), *map(_cycle_words, self.cycles), *map(self._map_words, self.maps),
-            *self._stood_words(), *self.unmet,
-        )  # fmt: skip
-
-    def _small(self) -> tuple[str, ...]:
-        a = self.around
-        low, high = self.depths
-        if self.decided is not None:
-            return self.decided.sentences(self.depths)
-        if a is None:
-            return (
-                f"The law {self.law} is not linear around rest: it has no eigenvalues and no "
-                "margins. What follows is by simulation.",
-            )
-        if not a.stable:
-            return (
-                f"UNSTABLE: with {a.worst_spot.words} small disturbances grow, the largest "
-                f"eigenvalue has the modulus {a.radius:.4f}.",
-                "A shorter sample time, less delay between sample and command, or gains tuned for "
-                "this region (swimbladder tune) would hold it.",
-            )
-        m = a.margins
-        short = falls_short(m)
-        mode, spot = a.slowest
-        damped, where = a.least_damped
-        deep = "the same at all depths" if a.same_at_all_depths else "not the same at all depths"
-        return (
-            f"Small disturbances decay from {low:g} to {high:g} m over the region: the largest "
-            f"eigenvalue found has the modulus {a.radius:.5f} ({a.worst_spot.words}), with "
-            f"{1e3 * a.delay:.3g} ms from a sample to its command.",
-            f"Looked at: {a.looked} loops of the region, then {a.searched} in a search for the "
-            f"worst; {deep}. It is the worst that was found, not a proof over the region.",
-            f"The slowest mode decays e-fold in {mode.time_constant:.3g} s ({spot.words}); the "
-            f"least damped oscillates every {_period(damped)} with a damping of "
-            f"{damped.damping:.2f} ({where.words}).",
-            f"Worst margins: gain {decibels(m.gain_up)} up and {decibels(m.gain_down)} down, phase "
-            f"{math.degrees(m.phase):.0f} degrees, {m.delay:.2g} s more delay, peak sensitivity "
-            f"{m.peak_sensitivity:.2f}, balanced disk margin {m.disk:.2f}"
-            + (f"; less than is wanted: {', '.join(short)}." if short else ", as is wanted."),
-            f"With a whole sample of delay the nominal loop's largest eigenvalue is "
-            f"{modulus(a.whole_sample_radius)}: "
-            + ("unstable." if a.whole_sample_radius >= 1.0 else "still stable."),
+        small: tuple[str, ...] = (
+            f"The law {self.law} is not linear around rest: it has no eigenvalues and no margins. "
+            "What follows is by simulation.",
         )
+        if self._small is not None:
+            small = self._small.sentences(self.depths)
+        beyond = (self.beyond,) if self.beyond else ()
+        large = (*map(_cycle_words, self.cycles), *map(self._map_words, self.maps))
+        return (*beyond, *small, *large, *self._stood_words(), *self.unmet)
 
     def _map_words(self, m: Map) -> str:
         said = (
@@ -163,7 +128,7 @@ class Stability:
         """Return it in SI units, ready for JSON."""
         return {
             **as_json(self, "vehicle law sample_time_s depths_m stable sentences region=words"),
-            "linear": None if self.around is None else _around(self.around),
+            "linear": None if self.around is None else self.around.to_json(),
             **({} if self.decided is None else {"decisions": self.decided.to_json()}),
             "cycles_depth_m": self.depth,
             "cycles": [_cycle(c) for c in self.cycles],
@@ -176,26 +141,6 @@ class Stability:
                 for m in self.maps
             ],
         }  # fmt: skip
-
-
-_MODE = "frequency_rad_s damping time_constant_s"
-
-
-def _around(a: Around) -> dict[str, Any]:
-    return {
-        **as_json(
-            a,
-            "largest_eigenvalue=radius worst_at=worst_spot loops=looked loops_searched=searched "
-            "computation_delay_s=delay largest_eigenvalue_with_a_sample_of_delay="
-            "whole_sample_radius",
-        ),
-        "margins": as_json(a.margins, MARGINS),
-        **{
-            name: as_json(mode, _MODE) | {"at": spot._asdict()}
-            for name, (mode, spot) in (("slowest", a.slowest), ("least_damped", a.least_damped))
-        },
-        "searches": [as_json(f, "measure on_grid searched at=spot") for f in a.found],
-    }
 
 
 def _cycle(c: Confirmed) -> dict[str, Any]:
@@ -259,17 +204,6 @@ def _cycle_words(c: Confirmed) -> str:
 
 def _late(s: Stood) -> str:
     return f" and {s.delay:g} s late" if s.delay else ""
-
-
-def _period(mode: Mode) -> str:
-    return f"{2.0 * math.pi / mode.frequency:.3g} s" if mode.frequency > 0.0 else "never"
-
-
-def modulus(value: float) -> str:
-    """Return the modulus of an eigenvalue [-] with the digits that tell it from 1."""
-    off = abs(value - 1.0)
-    digits = 3 if off >= 1e-3 or off == 0.0 else min(1 - math.floor(math.log10(off)), 12)
-    return f"{value:.{digits}f}"
 
 
 def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:

@@ -14,7 +14,7 @@ margins, and the first few of these are tried, with few runs while they are comp
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from dataclasses import dataclass
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -236,9 +236,7 @@ def gains(name: str, setting: Setting, knobs: Any) -> Any:
     return recipe_of(name).gains(setting, knobs)
 
 
-_TRIED = 4
-_TRIED_QUIET = 8
-_TRIED_ENERGY = 5
+_TRIED = {"fast": 4, "quiet": 8, "energy": 5}
 _TRIED_RESTING = 3  # of a law that rests near the set-point, by gains of its own
 _FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
 _FINAL = 3  # options of a law that rests, whose band is fitted to the error that is allowed
@@ -265,17 +263,18 @@ class Found(NamedTuple):
     radius: float = math.nan
 
 
+@dataclass
 class _Search:
     """What is looked for, and how near anything came."""
 
-    def __init__(
-        self, name: str, setting: Setting, region: Region, depths: Sequence[float],
-        delay: float, report: Callable[[float], None],
-    ) -> None:  # fmt: skip
-        self.name, self.setting, self.region = name, setting, region
-        self.law, self.recipe = tunable(name), recipe_of(name)
-        self.depths, self.delay, self.report = depths, delay, report
-        self.near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
+    law: Law
+    recipe: Recipe
+    setting: Setting
+    region: Region
+    depths: Sequence[float]  # m
+    delay: float  # s, from sample to command
+    report: Callable[[float], None]
+    near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
 
     def over(
         self, knobs: Knobs, wanted: Margins, look: Callable[[StateSpace], Margins], *, nominal: bool
@@ -284,11 +283,11 @@ class _Search:
 
         Dead zone and pauses are none of the loop's around rest: margins are of its linear part.
         """
-        parameters = gains(self.name, self.setting, knobs._replace(dead=0.0, pause=0.0))
+        linear, count = knobs._replace(dead=0.0, pause=0.0), 1 if nominal else None
         m = worst(
-            self.law, parameters, self.region.plants[: 1 if nominal else None],
-            depths=self.depths[: 1 if nominal else None], sample_time=self.setting.sample_time,
-            delay=self.delay, look=look, wanted=None if nominal else wanted,
+            self.law, self.recipe.gains(self.setting, linear), self.region.plants[:count],
+            depths=self.depths[:count], sample_time=self.setting.sample_time, delay=self.delay,
+            look=look, wanted=None if nominal else wanted,
         )  # fmt: skip
         short = falls_short(m, wanted)
         if not short:
@@ -309,10 +308,8 @@ class _Search:
             if self.over(knobs, wanted, roughly, nominal=True) is not None:
                 kept.append((preference(goal, knobs), knobs))
         kept.sort(key=lambda pair: pair[0])
-        if goal != "fast":
-            kept = _spread(kept)
         found: list[Knobs] = []
-        for _, knobs in kept:
+        for _, knobs in kept if goal == "fast" else _spread(kept):
             if len(found) == most:
                 break
             if self.over(knobs, wanted, roughly, nominal=False) is not None:
@@ -341,73 +338,69 @@ def search(
     or where none holds the vehicle.
     """
     report = advance or (lambda _: None)
-    law, recipe, h = tunable(name), recipe_of(name), setting.sample_time
+    law, recipe = tunable(name), recipe_of(name)
     if recipe.candidates is not None:
         return _search_floats(name, vehicle, setting, asked, report)
     goal, held, depths, step, drawn = asked
     runs, region = drawn.runs, drawn.region
     assert region is not None
-    look = _Search(name, setting, region, depths, delay, report)
-    most = {"fast": _TRIED, "quiet": _TRIED_QUIET, "energy": _TRIED_ENERGY}[goal]
-    if recipe.holds and goal != "fast":
-        most = _TRIED_RESTING
+    look = _Search(law, recipe, setting, region, depths, delay, report)
+    most = _TRIED_RESTING if recipe.holds and goal != "fast" else _TRIED[goal]
     every = [
         option
         for knobs in look.candidates(goal, held, most, _tightened(wanted))
         for option in options(recipe, goal, knobs, setting, held=held, deepest=max(depths))
     ]
 
-    def tried(knobs: Knobs, drawn: Drawn) -> Trial:
-        return trial(vehicle, law, gains(name, setting, knobs), step, drawn)
+    def tried(knobs: Knobs, drawn: Drawn) -> tuple[tuple[float, ...], Knobs, Trial]:
+        found = trial(vehicle, law, recipe.gains(setting, knobs), step, drawn)
+        return score(goal, found, held), knobs, found
 
-    scored: list[tuple[tuple[float, ...], Knobs, Trial]] = []
+    scored = []
     for knobs in every:
-        few = tried(knobs, drawn._replace(runs=min(runs, _FEW[goal])))
-        scored.append((score(goal, few, held), knobs, few))
+        scored.append(tried(knobs, drawn._replace(runs=min(runs, _FEW[goal]))))
         report(0.45 / len(every))
     scored.sort(key=lambda one: one[0])
     if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
         final = []
-        for _, knobs, few in scored[:_FINAL]:
-            rms = few.rms
+        for _, knobs, over in scored[:_FINAL]:
             for _ in range(_FITTED):
-                knobs = knobs._replace(band=knobs.band * max(held / rms, 0.5))
-                over = tried(knobs, drawn)
-                rms = over.rms
-                final.append((score(goal, over, held), knobs, over))
+                fitted = knobs._replace(band=knobs.band * max(held / over.rms, 0.5))
+                _, knobs, over = one = tried(fitted, drawn)
+                final.append(one)
         scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
-    better = [n for n in tunable_names(law.command) if recipe_of(n).holds_best]
-    other = "" if recipe.holds_best or not better else f"the law {better[0]} or "
-    if goal != "fast" and scored and not scored[0][2].rms <= _LOST * held:
+    off = scored[0][2].rms if scored else 0.0
+    if goal != "fast" and not off <= _LOST * held:
+        better = [n for n in tunable_names(law.command) if recipe_of(n).holds_best]
+        other = "" if recipe.holds_best or not better else f"the law {better[0]} or "
         raise NoAnswerError(
             f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm rms "
-            f"over the region: the best has {1e3 * scored[0][2].rms:.3g} mm. A greater error "
-            f"allowed, a better depth sensor, {other}parameters known better would help"
+            f"over the region: the best has {1e3 * off:.3g} mm. A greater error allowed, a better "
+            f"depth sensor, {other}parameters known better would help"
         )
-    span = abs(step.target - step.start)
-    if goal == "fast" and scored and not scored[0][2].rms <= _AWAY * span:
+    if goal == "fast" and not off <= _AWAY * abs(step.target - step.start):
         raise NoAnswerError(
             f"no gains of the law {name!r} that were tried bring the vehicle through the step over "
-            f"the region: at its end the best is off by {scored[0][2].rms:.3g} m rms, with a depth "
-            f"noise of {1e3 * setting.noise:.3g} mm assumed. Another law, a better depth "
-            "sensor, a goal of quiet, a larger supply or parameters known better would help"
+            f"the region: at its end the best is off by {off:.3g} m rms, with a depth noise of "
+            f"{1e3 * setting.noise:.3g} mm assumed. Another law, a better depth sensor, a goal of "
+            "quiet, a larger supply or parameters known better would help"
         )
     for _, knobs, few in scored:
         m = look.over(knobs, wanted, exactly, nominal=False) if recipe.linear else None
         report(0.15 / len(scored))
         if m is not None or not recipe.linear:
-            over = few if few.runs == runs else tried(knobs, drawn)
-            parameters = gains(name, setting, knobs)
-            return Found(knobs, parameters, m, tried(knobs, drawn.nominal), over)
+            over = few if few.runs == runs else tried(knobs, drawn)[2]
+            nominal = tried(knobs, drawn.nominal)[2]
+            return Found(knobs, recipe.gains(setting, knobs), m, nominal, over)
     assert look.near is not None  # something was computed
     (_, unstable, _), short = look.near
-    nearest = "none makes a loop that is stable over it" if unstable else (
-        f"the nearest has {'; '.join(short)}"
-    )  # fmt: skip
+    nearest = f"the nearest has {'; '.join(short)}"
+    if unstable:
+        nearest = "none makes a loop that is stable over it"
     raise NoAnswerError(
         f"no gains of the law {name!r} have the margins over the region at a sample time of "
-        f"{h:g} s: {nearest}. A shorter sample time, a faster motor or parameters known better "
-        "would help"
+        f"{setting.sample_time:g} s: {nearest}. A shorter sample time, a faster motor or "
+        "parameters known better would help"
     )
 
 
@@ -443,20 +436,18 @@ def _search_floats(
             f"{why}. Parameters known better, a wider band (--hold) or a faster pump would help"
         )
 
-    tried = partial(trial, vehicle, law)
-    few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
+    def tried(numbers: Any, drawn: Drawn) -> tuple[tuple[float, ...], Trial]:
+        found = trial(vehicle, law, numbers, step, drawn)
+        return float_score(goal, found, held), found
 
     scored = []
-    for radius, chosen, numbers in kept:
-        seen = tried(numbers, step, few)
-        scored.append((float_score(goal, seen, held), radius, chosen, numbers))
+    for one in kept:
+        few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
+        scored.append((tried(one[2], few)[0], one))
         advance(0.5 / len(kept))
-    scored.sort(key=lambda one: one[0])
-    final = []
-    for _, radius, chosen, numbers in scored[: 1 if goal == "fast" else _AGAIN]:
-        over = tried(numbers, step, drawn)
-        final.append((float_score(goal, over, held), radius, chosen, numbers, over))
-    _, radius, chosen, numbers, over = min(final, key=lambda one: one[0])
+    best = sorted(scored, key=lambda pair: pair[0])[: 1 if goal == "fast" else _AGAIN]
+    final = [(*tried(one[2], drawn), one) for _, one in best]
+    _, over, (radius, chosen, numbers) = min(final, key=lambda found: found[0])
     span = abs(step.target - step.start)
     if over.settled < _ARRIVE or not over.rms <= _LOST * held:
         raise NoAnswerError(
@@ -466,16 +457,14 @@ def _search_floats(
             "wider band (--hold), a faster pump, more stroke or parameters known better would help"
         )
     advance(0.3)
-    nominal = tried(numbers, step, drawn.nominal)
-    return Found(chosen, numbers, None, nominal, over, radius)
+    return Found(chosen, numbers, None, tried(numbers, drawn.nominal)[1], over, radius)
 
 
 def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:
     """Return the first of every frequency and damping: how slow is too slow only a trial tells."""
     first: dict[tuple[float, float], tuple[float, Knobs]] = {}
-    for pair in kept:
-        knobs = pair[1]
-        first.setdefault((round(knobs.frequency / knobs.inner, 6), knobs.damping), pair)
+    for worth, k in kept:
+        first.setdefault((round(k.frequency / k.inner, 6), k.damping), (worth, k))
     return list(first.values())
 
 

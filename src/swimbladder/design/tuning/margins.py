@@ -27,7 +27,7 @@ from swimbladder.design.linear.pump_valve import (
     with_drag,
 )
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
-from swimbladder.design.tuning.region import Member, member, unit_points, unknowns
+from swimbladder.design.tuning.region import Member, member, with_middle
 from swimbladder.physics.dynamics import Plant, drag_force
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.mission.orders import runaway
@@ -70,12 +70,10 @@ def deliveries(
     The processor takes the drive to give what is known: its runs are as long as that says.
     """
     a = vehicle.actuator
-    longest = math.inf
-    if isinstance(a, PumpAndValve) and a.longest_run is not None:
-        longest = a.longest_run
-    rate = rates.pump[k] if d.pumps else rates.valve[k]
-    start = rates.start_volume[k] if d.pumps else 0.0
-    share = one.drive[0] if d.pumps else one.drive[1]
+    longest = (isinstance(a, PumpAndValve) and a.longest_run) or math.inf
+    rate, share, start = rates.valve[k], one.drive[1], 0.0
+    if d.pumps:
+        rate, share, start = rates.pump[k], one.drive[0], rates.start_volume[k]
     if rate <= 0.0:
         return [Delivery(0.0, 0.0)]
     whole = (d.largest + start) / rate
@@ -122,13 +120,9 @@ def rest_of(vehicle: Vehicle, law: Law, parameters: Any, rates: DriveRates, medi
     """Return what happens at rest, with the psi of region and depths that gives way most."""
     a = vehicle.actuator
     shortest = a.quantum * max(*rates.pump, *rates.valve) if isinstance(a, PumpAndValve) else 0.0
-    names, _ = unknowns(vehicle)
-    points = np.concatenate([np.zeros((1, len(names))), unit_points(vehicle)])
-    every = [member(vehicle, s) for s in points]
-    p = max(
-        (in_water(medium, one, z).plant for one in every for z in rates.depths),
-        key=lambda p: p.psi,
-    )
+    every = [member(vehicle, s) for s in with_middle(vehicle)]
+    plants = (in_water(medium, one, z).plant for one in every for z in rates.depths)
+    p = max(plants, key=lambda p: p.psi)
     tolerance = float(leaves(parameters)[law.band])
     sigma = math.sqrt(p.a_b * abs(p.psi))
     hull = vehicle.hull.model_copy(update={"psi": p.psi})
@@ -137,12 +131,12 @@ def rest_of(vehicle: Vehicle, law: Law, parameters: Any, rates: DriveRates, medi
         smallest = max(parameters.volume_step, shortest)
         softest = vehicle.model_copy(update={"hull": hull})
         band = least_band(softest, p.psi, parameters, smallest)
+    growth_time = period = halves = math.inf
     if p.psi > 0.0:
-        return Rest(1.0 / sigma, math.inf, math.inf, band, tolerance, p.psi)
-    if p.psi == 0.0:
-        return Rest(math.inf, math.inf, math.inf, band, tolerance, p.psi)
-    period = 2.0 * math.pi / sigma
-    return Rest(math.inf, period, _halves(p, sigma, tolerance), band, tolerance, p.psi)
+        growth_time = 1.0 / sigma
+    elif p.psi < 0.0:
+        period, halves = 2.0 * math.pi / sigma, _halves(p, sigma, tolerance)
+    return Rest(growth_time, period, halves, band, tolerance, p.psi)
 
 
 def least_band(vehicle: Vehicle, psi: float, law: RateParameters, volume_step: float) -> float:
@@ -236,12 +230,35 @@ def worst(
 
 
 class Loop(NamedTuple):
-    """A loop that is broken at two places; number: of its plant."""
+    """A plant under a law that is linear at rest; number: of the plant."""
 
-    number: int
-    depth: float  # m
-    at_command: StateSpace
-    at_depth: StateSpace
+    sampled: SampledLoop
+    delay: float  # s, from a sample to its command
+    number: int = 0
+
+    @property
+    def at_command(self) -> StateSpace:
+        """The loop broken at the command."""
+        return self.sampled.broken_at_command(command_delay=self.delay)
+
+    @property
+    def at_depth(self) -> StateSpace:
+        """The loop broken at the measured depth."""
+        return self.sampled.broken_at_depth(command_delay=self.delay)
+
+    @property
+    def closed(self) -> Array:
+        """The matrix from one sample to the next."""
+        return self.sampled.closed(command_delay=self.delay)
+
+
+def loop_of(
+    p: Plant, law: LinearLaw, *, depth: float, delay: float, back_driving: bool = False
+) -> Loop:
+    """Return the loop of a plant at a depth [m]; delay [s]: from a sample to its command."""
+    return Loop(
+        SampledLoop(plant=linearise(p, depth=depth, back_driving=back_driving), law=law), delay
+    )
 
 
 def loops(
@@ -252,11 +269,7 @@ def loops(
     for depth in depths:
         linear = at_rest(law, parameters, plants[0], depth=depth, sample_time=sample_time)
         for number, p in enumerate(plants):
-            loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
-            yield Loop(
-                number, depth, loop.broken_at_command(command_delay=delay),
-                loop.broken_at_depth(command_delay=delay),
-            )  # fmt: skip
+            yield loop_of(p, linear, depth=depth, delay=delay)._replace(number=number)
 
 
 def exactly(loop: StateSpace) -> Margins:
@@ -329,6 +342,15 @@ def lacking(m: Margins, wanted: Margins = WANTED) -> float:
     ratios = wanted.gain_up / m.gain_up, m.gain_down / wanted.gain_down, over
     angles = ((wanted.phase, m.phase), (wanted.disk, m.disk))
     return max(*ratios, *(w / had if had > 0.0 else math.inf for w, had in angles))
+
+
+def margin_words(m: Margins) -> str:
+    """Return margins in words, as a list."""
+    return (
+        f"gain {decibels(m.gain_up)} up and {decibels(m.gain_down)} down, phase "
+        f"{math.degrees(m.phase):.0f} degrees, {m.delay:.2g} s more delay, peak sensitivity "
+        f"{m.peak_sensitivity:.2f}, balanced disk margin {m.disk:.2f}"
+    )
 
 
 def decibels(gain: float) -> str:

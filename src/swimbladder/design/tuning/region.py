@@ -90,6 +90,12 @@ def unit_points(vehicle: Vehicle, *, drawn: int = _DRAWN) -> Array:
     return (_sphere if ball else _box)(len(names), drawn)
 
 
+def with_middle(vehicle: Vehicle) -> Array:
+    """Return the middle of the region, then where else it is looked at."""
+    points = unit_points(vehicle)
+    return np.concatenate([np.zeros_like(points[:1]), points])
+
+
 def region(vehicle: Vehicle, *, drawn: int = _DRAWN) -> Region:
     """Return the region of a vehicle's parameters that holds 95 % of the probability."""
     known = vehicle.identified

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.control.law import Law, Setting
 from swimbladder.control.records import leaves
-from swimbladder.control.registry import bind, check_command, own_law
+from swimbladder.control.registry import bind, check_command, controller_of, own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
@@ -32,7 +32,7 @@ from swimbladder.design.tuning.gains import (
     tunable,
     tunable_names,
 )
-from swimbladder.design.tuning.margins import MARGINS, Loop, decibels, loops
+from swimbladder.design.tuning.margins import MARGINS, Loop, loops, margin_words
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.trial import (
     Drawn,
@@ -50,7 +50,7 @@ from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.layers import Layers
-from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
+from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
 
 _MORE = 1.05  # times the rms that was asked for: as near as trials tell
 _WIDER = 3.0  # times the rms of a hold, that a band has to be to stand out from it
@@ -145,12 +145,7 @@ class Tuning:
                 "The law is not linear around rest and has no margins: only trials judge it."
             )
         else:
-            sentences.append(
-                f"Over {len(self.plants)} vehicles of the region: gain {decibels(m.gain_up)} up "
-                f"and {decibels(m.gain_down)} down, phase {math.degrees(m.phase):.0f} degrees, "
-                f"{m.delay:.2g} s more delay, peak sensitivity {m.peak_sensitivity:.2f}, balanced "
-                f"disk margin {m.disk:.2f}."
-            )
+            sentences.append(f"Over {len(self.plants)} vehicles of the region: {margin_words(m)}.")
         return tuple(sentences)
 
     @property
@@ -303,24 +298,16 @@ def tune(
             advance=advance,
         )  # fmt: skip
     numbers = found.parameters
-    controller = Controller(
-        law=law, sample_time=h,
-        parameters={n: v for n, v in leaves(numbers).items() if n != "S_p"},
-    )  # fmt: skip
+    controller = controller_of(chosen, numbers, sample_time=h)
     flown = partial(traces, vehicle, chosen, numbers, watched)
     few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
     shown = flown(few[0]), flown(few[1])
-    origin = f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"
+    origin = {"controller.parameters": f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"}
+    made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
     return Tuning(
-        vehicle=vehicle.model_copy(
-            update={
-                "controller": controller,
-                "provenance": {**vehicle.provenance, "controller.parameters": origin},
-            }
-        ),
-        law=chosen, goal=goal, setting=setting, **found._asdict(), shown=shown,
-        step=watched, sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least,
-        held=held,
+        vehicle=vehicle.model_copy(update=made),
+        law=chosen, goal=goal, setting=setting, **found._asdict(), shown=shown, step=watched,
+        sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least, held=held,
         band=arrival_band(chosen, numbers, watched) if pumped else 0.0,
         assumptions=(
             *around.words,
