@@ -16,9 +16,10 @@ from pydantic import TypeAdapter
 
 from swimbladder.control.law import Law
 from swimbladder.control.registry import LAWS, bind, controller_of, own_law
-from swimbladder.design.linear.depths import stall
+from swimbladder.design.linear.depths import neutral_end, stall
 from swimbladder.design.linear.pump_valve import pump_stall
 from swimbladder.design.tuning import tune
+from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
@@ -32,7 +33,6 @@ from swimbladder.vehicle.schema import did_you_mean
 LOW_SUPPLY = 0.9  # of the supply's voltage: what `tune` takes for a battery that is nearly empty
 _REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered
 _UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
-_NEAR = (1.5, 0.3)  # m below the least depth, and at most this share of the range: as `tune` steps
 _WATCHED = 20.0  # times the least time of a step, that it is watched at least
 _HOUR = 3600.0  # s
 _SLOW = 0.03  # m/s
@@ -147,12 +147,9 @@ def _reach(vehicle: Vehicle) -> tuple[float, str]:
     """Return the depth [m] that ends the vehicle's range, and what happens there."""
     floats = vehicle.command == "volume change"
     p = body_plant(vehicle) if floats else plant(vehicle)
-    found = [(math.inf, "")]
+    found = [(math.inf, ""), (neutral_end(p), "its neutral volume leaves the stroke")]
     if vehicle.hull.depth_limit is not None:
         found.append((vehicle.hull.depth_limit, "its rating ends"))
-    if p.psi != 0.0:
-        end = p.V_max if p.psi > 0.0 else p.V_min
-        found.append(((end - p.V_0) / p.psi, "its neutral volume leaves the stroke"))
     if vehicle.voltage_driven:
         weak = p._replace(supply=LOW_SUPPLY * p.supply)
         held = stall(weak, depth=0.0, depth_limit=None).holding_depth
@@ -171,7 +168,7 @@ def place(scenario: Scenario, vehicle: Vehicle, where: Places) -> Placed:
     """
     span = where.most - where.least
     size = min(abs(scenario.size), scenario.share * span)
-    shallow = where.least + min(_NEAR[0], _NEAR[1] * span)
+    shallow, _ = usual_step(where.least, where.most)
     near = shallow if scenario.at == "shallow" else where.most - size
     far = near + size if scenario.at == "shallow" else where.most
     start, target = (far, near) if scenario.size < 0.0 else (near, far)

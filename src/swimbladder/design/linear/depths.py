@@ -121,12 +121,13 @@ def _ratio(free: float, load: float) -> float:
 def neutral_volume(p: Plant, *, down_to: float, points: int = 11) -> NeutralVolume:
     """Return the neutral volume psi z + V0 at `points` depths down to `down_to` [m]."""
     depths = tuple(float(z) for z in np.linspace(0.0, down_to, points))
+    return NeutralVolume(depths, tuple(p.psi * z + p.V_0 for z in depths), neutral_end(p))
+
+
+def neutral_end(p: Plant) -> float:
+    """Return the depth at which the neutral volume leaves the stroke [m]; inf where none does."""
     end = p.V_max if p.psi > 0.0 else p.V_min
-    return NeutralVolume(
-        depths=depths,
-        volumes=tuple(p.psi * z + p.V_0 for z in depths),
-        leaves_stroke=(end - p.V_0) / p.psi if p.psi else math.inf,
-    )
+    return (end - p.V_0) / p.psi if p.psi else math.inf
 
 
 def stiff_hull(p: Plant) -> StiffHull | None:

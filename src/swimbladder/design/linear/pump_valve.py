@@ -44,7 +44,6 @@ from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle
 
 _SPEEDS = (0.02, 0.05, 0.1)  # m/s, of a vehicle whose law asks for none
 _DEEPEST = 20_000.0  # m, below any sea
-_HALVINGS = 60
 
 
 class DriveRates(NamedTuple):
@@ -143,15 +142,12 @@ def pump_stall(vehicle: Vehicle, *, depth: float) -> Stall:
     a, supply, limit = vehicle.actuator, vehicle.supply, vehicle.hull.depth_limit
     assert isinstance(a, PumpAndValve)  # analyse_linear
     stiff = vehicle
-    if supply is not None and supply.internal_resistance > 0.0:
-        stiff = vehicle.model_copy(
-            update={"supply": supply.model_copy(update={"internal_resistance": 0.0})}
-        )
-    weight = vehicle.water.specific_weight
+    if supply is not None:
+        without = supply.model_copy(update={"internal_resistance": 0.0})
+        stiff = vehicle.model_copy(update={"supply": without})
 
     def leaks(z: float) -> float:
-        head = weight * z + ATMOSPHERIC_PRESSURE - a.internal_pressure
-        return a.leakage * max(head, 0.0) + a.creep
+        return a.leakage * max(_head(vehicle, a, z), 0.0) + a.creep
 
     deepest = _last(lambda z: _pump_rate(vehicle, a, z) > 0.0)
     return Stall(
@@ -165,23 +161,24 @@ def pump_stall(vehicle: Vehicle, *, depth: float) -> Stall:
     )
 
 
+def _head(vehicle: Vehicle, a: PumpAndValve, depth: float) -> float:
+    return vehicle.water.specific_weight * depth + ATMOSPHERIC_PRESSURE - a.internal_pressure
+
+
 def _pump_rate(vehicle: Vehicle, a: PumpAndValve, depth: float) -> float:
-    head = vehicle.water.specific_weight * depth + ATMOSPHERIC_PRESSURE - a.internal_pressure
-    rate = float(running_pump(vehicle, a, np.array([head]), 15.0)[0][0])
+    rate = float(running_pump(vehicle, a, np.array([_head(vehicle, a, depth)]), 15.0)[0][0])
     return rate if math.isfinite(rate) else 0.0
 
 
 def _last(goes: Callable[[float], bool]) -> float:
     """Return the greatest depth [m] down to which something goes; inf beyond any sea."""
+    from scipy.optimize import bisect
+
     if goes(_DEEPEST):
         return math.inf
-    low, high = 0.0, _DEEPEST
-    if not goes(low):
+    if not goes(0.0):
         return 0.0
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if goes(middle) else (low, middle)
-    return low
+    return float(bisect(lambda z: 1.0 if goes(z) else -1.0, 0.0, _DEEPEST))
 
 
 Array = NDArray[np.float64]

@@ -126,34 +126,25 @@ def transfer_functions(p: Plant, *, m: float, k_b: float) -> tuple[TransferFunct
     """
     k_dl, k_def = p.d_l * m, k_b * p.psi
     K2, T2 = (k_b / k_dl, m / k_dl) if k_dl > 0.0 else (math.inf, math.inf)
-    found: list[tuple[str, Ratio]] = []
+    found: dict[str, Ratio] = {}
+    if k_def != 0.0:
+        found["20 Z/V"] = depth_per_volume_physical(k_b=k_b, k_def=k_def, k_dl=k_dl, m=m)
+    if k_dl > 0.0:
+        found["30 Z/V"] = depth_per_volume_identified(K2=K2, T2=T2, k_def=k_def, k_dl=k_dl)
+        found["32 Z/V"] = depth_per_volume(K2=K2, T2=T2, psi=p.psi)
     if not p.positioner:
         ratios = dict(inertia=p.T1, k_v=1.0, k_q=p.gain)  # those of k_u = k_v = 1
-        found += [
-            ("9 V/U", volume_per_voltage(k_u=1.0, **ratios)),
-            ("9 V/Z", volume_per_depth(k_z=p.load_drive, k_l=p.k_l, **ratios)),
-        ]
-    if k_def != 0.0:
-        found += [("20 Z/V", depth_per_volume_physical(k_b=k_b, k_def=k_def, k_dl=k_dl, m=m))]
-    if k_dl > 0.0:
-        found += [
-            ("30 Z/V", depth_per_volume_identified(K2=K2, T2=T2, k_def=k_def, k_dl=k_dl)),
-            ("32 Z/V", depth_per_volume(K2=K2, T2=T2, psi=p.psi)),
-        ]
-    if not p.positioner:
         drive = dict(K1=p.gain, A=1.0, T1=p.T1)  # only the product K1 A enters
         loads = dict(depth_voltage=p.load_drive, k_l=p.k_l)
-        found += [
-            ("33 V/U", volume_per_voltage_identified(**drive)),
-            ("33 V/Z", volume_per_depth_identified(**drive, **loads)),
-        ]
+        found["9 V/U"] = volume_per_voltage(k_u=1.0, **ratios)
+        found["9 V/Z"] = volume_per_depth(k_z=p.load_drive, k_l=p.k_l, **ratios)
+        found["33 V/U"] = volume_per_voltage_identified(**drive)
+        found["33 V/Z"] = volume_per_depth_identified(**drive, **loads)
         if k_dl > 0.0:
-            motion = dict(K2=K2, T2=T2)
-            found += [
-                ("34 Z/U", depth_per_voltage(psi=p.psi, **drive, **motion, **loads)),
-                ("35 Z/U", depth_per_voltage_without_loads(**drive, **motion)),
-            ]
-    return tuple(_transfer_function(key, ratio) for key, ratio in found)
+            motion = dict(K2=K2, T2=T2, **drive)
+            found["34 Z/U"] = depth_per_voltage(psi=p.psi, **motion, **loads)
+            found["35 Z/U"] = depth_per_voltage_without_loads(**motion)
+    return tuple(_transfer_function(key, found[key]) for key in _SYMBOLS if key in found)
 
 
 _SYMBOLS = {

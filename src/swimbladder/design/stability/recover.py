@@ -36,11 +36,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from swimbladder.control.law import Law
+from swimbladder.design.linear.depths import neutral_end
 from swimbladder.design.linear.pump_valve import moved_by_volume
 from swimbladder.design.tuning.trial import arrivals, fly
 from swimbladder.io.tables import rows_csv
@@ -71,7 +72,7 @@ def fastest_rate(p: Plant) -> float:
 
 def holdable_depth(p: Plant) -> float:
     """Return the depth below which the whole stroke does not balance the vehicle [m]."""
-    return (p.V_max - p.V_0) / p.psi if p.psi > 0.0 else math.inf
+    return neutral_end(p) if p.psi > 0.0 else math.inf
 
 
 def mode_bound(p: Plant, volume: float) -> float:
@@ -128,14 +129,12 @@ def edge_speed(p: Plant, *, depth: float, volume: float) -> float:
         return math.inf
     if math.isinf(p.epsilon):
         return mode_bound(p, volume) - (p.d_l + unstable_rate(p)) * depth
-    if falls(p, depth=depth, speed=-_FASTEST, volume=volume):
-        return -math.inf
-    if not falls(p, depth=depth, speed=_FASTEST, volume=volume):
-        return math.inf
 
     def side(speed: float) -> float:
         return 1.0 if falls(p, depth=depth, speed=speed, volume=volume) else -1.0
 
+    if side(-_FASTEST) == side(_FASTEST):
+        return -side(_FASTEST) * math.inf
     return float(brentq(side, -_FASTEST, _FASTEST, xtol=1e-4))
 
 
@@ -211,14 +210,13 @@ def recovery_maps(
     held = holdable_depth(p)
     maps: list[Map] = []
 
-    def add(
-        runs: tuple[Array, Array, Array, Array], asked: NDArray[np.bool_], **about: Any
-    ) -> None:
-        verdicts, seconds = made.run(*runs, asked, lambda x: advance(0.25 * x))
+    def add(starts: tuple[ArrayLike, ...], asked: NDArray[np.bool_], **about: Any) -> None:
+        stacked = np.stack(np.broadcast_arrays(*starts))
+        verdicts, seconds = made.run(stacked, asked, lambda x: advance(0.25 * x))
         maps.append(Map(verdicts=verdicts, seconds=seconds, **about))
 
     add(
-        (Z, goal, np.zeros_like(Z), neutral), asked, name="steps",
+        (Z, goal, 0.0, neutral), asked, name="steps",
         title="set-point changes from rest", x_label="depth now [m]",
         y_label="change of the set-point [m]", x=depth, y=change, edge=held - depth,
         hopeless=np.maximum(goal, Z) >= held,
@@ -233,8 +231,8 @@ def recovery_maps(
         E, S = np.meshgrid(error, speed)
         edge = np.array([edge_speed(p, depth=reference + e, volume=volume) for e in error])
         add(
-            (reference + E, np.full_like(E, reference), S, np.full_like(E, volume)),
-            reference + E <= made.deepest, name=f"errors-{n + 1}",
+            (reference + E, reference, S, volume), reference + E <= made.deepest,
+            name=f"errors-{n + 1}",
             title=f"errors and speeds about {rounded(reference, 3)} m",
             x_label="depth less set-point [m]", y_label="speed, down [m/s]", x=error, y=speed,
             edge=edge, hopeless=(S - edge >= 0.0) | (reference >= held),
@@ -267,25 +265,25 @@ class _Runs:
         return rating if self.law.ways is not None and rating is not None else math.inf
 
     def run(
-        self, depth: Array, target: Array, speed: Array, volume: Array, asked: NDArray[np.bool_],
-        advance: Callable[[float], None],
-    ) -> tuple[NDArray[np.int64], Array]:  # fmt: skip
-        """Return verdicts and times [s] of runs from depth [m], speed [m/s] and volume [m3]."""
-        verdicts = np.full(depth.shape, int(Verdict.NOT_ASKED))
-        seconds = np.full(depth.shape, math.nan)
+        self, starts: Array, asked: NDArray[np.bool_], advance: Callable[[float], None]
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Return verdicts and times [s] of runs.
+
+        starts [4, rows, columns]: depth [m], set-point [m], speed [m/s], volume [m3].
+        """
+        verdicts = np.full(asked.shape, int(Verdict.NOT_ASKED))
+        seconds = np.full(asked.shape, math.nan)
         cells = np.argwhere(asked)
         for first in range(0, len(cells), _CHUNK):
-            chosen = tuple(cells[first : first + _CHUNK].T)
-            starts = np.stack([a[chosen] for a in (depth, target, speed, volume)])
-            found = self.parts.get(partial(self._chunk, *starts), "map", starts)
-            verdicts[chosen] = found["verdicts"]
-            seconds[chosen] = [math.nan if t is None else t for t in found["seconds"]]
-            advance(min(_CHUNK, len(cells) - first) / len(cells))
+            rows, columns = cells[first : first + _CHUNK].T
+            some = starts[:, rows, columns]
+            found = self.parts.get(partial(self._chunk, *some), "map", some)
+            verdicts[rows, columns] = found["verdicts"]
+            seconds[rows, columns] = found["seconds"]
+            advance(len(rows) / len(cells))
         return verdicts, seconds
 
-    def _chunk(
-        self, depth: Array, target: Array, speed: Array, volume: Array
-    ) -> dict[str, list[Any]]:
+    def _chunk(self, depth: Array, target: Array, speed: Array, volume: Array) -> dict[str, Any]:
         p = plant(moved_by_volume(self.vehicle))
         runs = fly(
             self.vehicle, self.law, self.parameters, target=target,
@@ -294,15 +292,14 @@ class _Runs:
         )  # fmt: skip
         deep = np.nan_to_num(runs.depth, nan=math.inf).max(axis=0) > self.deepest
         since = arrivals(runs.time, ~(np.abs(runs.depth - target) <= self.band))
-        verdicts, seconds = [], []
-        ends = (runs.depth[-1], runs.speed[-1], runs.volume[-1], deep | runs.stopped)
-        for t, z, w, V, out in zip(since.tolist(), *ends, strict=True):
-            settled = math.isfinite(t) and not out
-            seconds.append(t if settled else None)
-            if settled:
-                verdicts.append(int(Verdict.SLOW if t > self.within else Verdict.RECOVERED))
-            elif out or falls(p, depth=float(z), speed=float(w), volume=float(V)):
-                verdicts.append(int(Verdict.LOST))
-            else:
-                verdicts.append(int(Verdict.UNSETTLED))
-        return {"verdicts": verdicts, "seconds": seconds}
+        lost = deep | runs.stopped
+        there = np.isfinite(since) & ~lost
+        ends = np.stack([runs.depth[-1], runs.speed[-1], runs.volume[-1]], axis=1).tolist()
+        for k in np.flatnonzero(~there & ~lost):
+            lost[k] = falls(p, **dict(zip(("depth", "speed", "volume"), ends[k], strict=True)))
+        cases = [there & (since <= self.within), there, lost]
+        ranks = [int(v) for v in (Verdict.RECOVERED, Verdict.SLOW, Verdict.LOST)]
+        return {
+            "verdicts": np.select(cases, ranks, int(Verdict.UNSETTLED)),
+            "seconds": np.where(there, since, math.nan),
+        }

@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaves, numbers
 from swimbladder.control.registry import own_law
+from swimbladder.design.linear.depths import neutral_end
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.stability.around import Around, Decided, around_decisions, look_around
 from swimbladder.design.stability.confirm import Confirmed, Held, edge, hold, hunting
@@ -32,7 +33,7 @@ from swimbladder.design.tuning.gains import (
 )
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import Step
+from swimbladder.design.tuning.trial import Step, usual_step
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
 from swimbladder.jobs import Store
@@ -249,7 +250,6 @@ def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
 _SOON = 600.0  # s, in which a disturbance is to be gone
 _AROUND = 1.5  # times its tolerance: a law of volume changes lets it drift to the edge of that
 _BAND = 0.05  # m, from the set-point, that counts as there
-_STEP = 1.5  # m, of the robustness trials, where the range has room
 _TUNED = 20  # runs of a tuning that only serves a comparison
 _STILL = {"depth_noise": 0.0, "volume_noise": 0.0, "depth_quantum": 0.0, "volume_quantum": 0.0}
 # A stroke and a sea without ends, for a cycle of the voltage's limit alone.
@@ -352,14 +352,12 @@ def _beyond(vehicle: Vehicle, deepest: float) -> str:
                 f"Below {stalls:.4g} m more leaks back than the pump presses out: no law brings "
                 "the vehicle up from there."
             )
-    if p.psi != 0.0:
-        end = (p.V_max if p.psi > 0.0 else p.V_min) - p.V_0
-        neutral = end / p.psi
-        if neutral < deepest:
-            return (
-                f"Below {neutral:.4g} m the stroke no longer makes the vehicle neutral: no law "
-                "holds it there, and what is said of small disturbances ends there."
-            )
+    neutral = neutral_end(p)
+    if neutral < deepest:
+        return (
+            f"Below {neutral:.4g} m the stroke no longer makes the vehicle neutral: no law holds "
+            "it there, and what is said of small disturbances ends there."
+        )
     if rating is not None and rating < deepest:
         return f"The hull is rated for {rating:g} m only; the depths asked for go beyond."
     return ""
@@ -446,8 +444,7 @@ def _robustness(
     assert vehicle.controller is not None
     h = vehicle.controller.sample_time
     low = max(depths[0], vehicle.hull.emergence_depth)
-    start = low + min(_STEP, 0.3 * (depths[1] - low))
-    step = Step(start, min(start + _STEP, depths[1]), math.ceil(within / h) * h)
+    step = Step(*usual_step(low, depths[1]), math.ceil(within / h) * h)
     around = region(vehicle)
     chosen = [(law, numbers)]
     for name in dict.fromkeys(laws):

@@ -163,16 +163,9 @@ def setting_of(
     p = plant(moved_by_volume(vehicle))
     volume_noise = math.hypot(sensors.volume_noise, sensors.volume_quantum / math.sqrt(12.0))
     least = max(3.0 * volume_noise, _LEAST * (p.V_max - p.V_min))
-    return Setting(
-        p,
-        sample_time,
-        max(noise, _FINEST),
-        supply,
-        neutral_range,
-        least,
-        neutral_walk(vehicle),
-        _drive(vehicle, supply, depths, neutral_range),
-    )
+    numbers = (sample_time, max(noise, _FINEST), supply, neutral_range, least)
+    drive = _drive(vehicle, supply, depths, neutral_range)
+    return Setting(p, *numbers, neutral_walk(vehicle), drive)
 
 
 def _drive(

@@ -41,6 +41,7 @@ from swimbladder.design.tuning.trial import (
     Trial,
     arrival_band,
     traces,
+    usual_step,
 )
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
@@ -456,15 +457,14 @@ def _check_reach(
 
 
 def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tuple[float, float]:
-    if given is not None:
-        if not (given[0] != given[1] and min(given) >= 0.0 and max(given) < math.inf):
-            raise InputError(
-                "no step of depth", field="--step", value=f"{given[0]:g}:{given[1]:g}", unit="m",
-                remedy="Give two different depths, like 1.5:3",
-            )  # fmt: skip
-        return given
-    shallow = depths[0] + min(1.5, 0.3 * (depths[1] - depths[0]))
-    return shallow, min(shallow + 1.5, depths[1])
+    if given is None:
+        return usual_step(*depths)
+    if not (given[0] != given[1] and min(given) >= 0.0 and max(given) < math.inf):
+        raise InputError(
+            "no step of depth", field="--step", value=f"{given[0]:g}:{given[1]:g}", unit="m",
+            remedy="Give two different depths, like 1.5:3",
+        )  # fmt: skip
+    return given
 
 
 def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str]:

@@ -57,6 +57,7 @@ _FIELDS = ("a_b", "a_s", "d_l", "d_b", "d_0", "d_t", "psi", "gain", "T1")
 _FINEST = 1e-3  # s, of the times between a law's samples
 _LONGEST = 30.0  # s, of a tick: runs of the drive that last longer than a sleep end at one
 _SHARE = 0.02  # of the step
+_USUAL = 1.5  # m, of a step
 
 
 class Step(NamedTuple):
@@ -65,6 +66,12 @@ class Step(NamedTuple):
     start: float  # m
     target: float  # m
     duration: float  # s
+
+
+def usual_step(low: float, high: float) -> tuple[float, float]:
+    """Return a step of 1.5 m, near the least of the depths [m], where the range has room."""
+    start = low + min(_USUAL, 0.3 * (high - low))
+    return start, min(start + _USUAL, high)
 
 
 class Drawn(NamedTuple):
