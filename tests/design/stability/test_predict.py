@@ -60,7 +60,7 @@ def test_the_voltage_limit_makes_an_edge_where_the_balance_says_how_sure_it_is()
     assert abs(period) <= one.cycle.period_error
     # Below the edge it decays, above it does not.
     for factor, decays in ((0.97, True), (1.03, False)):
-        end = hold(held, factor * disturbance, 60.0, at_rest=True)
+        end = hold(held, factor * disturbance, 60.0, kick=0.0)
         assert (end.farthest < 0.05) is decays
 
 

@@ -22,15 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.law_comparison.contenders import BAND, Contender, Placed, Swell
+from swimbladder.design.tuning import trial
 from swimbladder.design.tuning.region import Region
-from swimbladder.design.tuning.trial import (
-    Measured,
-    arrivals,
-    draw,
-    fly,
-    measure,
-    random_walk,
-)
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.buoyancy_engine import check_power_known, winding
 from swimbladder.physics.dynamics import plant
@@ -102,7 +95,7 @@ def fly_scenario(
     runs: int,
     seed: int,
     column: Column | None = None,
-) -> tuple[Measured, Array, Array]:
+) -> tuple[trial.Measured, Array, Array]:
     """Return what was measured, and time [s] and depth [m] of the first run, to be looked at.
 
     column: the water, the vehicle's own where not given. Every law meets the same noise, waves,
@@ -112,7 +105,7 @@ def fly_scenario(
     medium = medium_of(vehicle, column, reach=max(placed.start, placed.target))
     given: dict[str, Any] = {"vary": {}}
     if s.drawn:
-        given["vary"] = draw(region, runs=runs, seed=seed, medium=medium)
+        given["vary"] = trial.draw(region, runs=runs, seed=seed, medium=medium)
     if vehicle.voltage_driven:
         given["vary"]["supply"] = s.supply * plant(vehicle).supply
     if s.swell is not None:
@@ -121,25 +114,24 @@ def fly_scenario(
             s.swell, vehicle, time, depth=placed.target, runs=runs, seed=seed
         )
     if s.drift > 0.0:
-        given["neutral_change"] = random_walk(
+        given["neutral_change"] = trial.random_walk(
             s.drift, placed.duration, sample_time=h, runs=runs, seed=seed
         )
     pumped = vehicle.command == "volume change"
     if not pumped:  # neutral is otherwise what its stepper makes of it
         given["start_volume"] = medium.neutral_volume(placed.start)
-    flown = fly(
+    flown = trial.fly(
         vehicle, who.law, who.parameters, target=placed.target, duration=placed.duration,
         sample_time=h, count=runs, start_depth=placed.start, seed=seed, column=column,
         books=no_energy(vehicle) is None, workers=1, **given,
     )  # fmt: skip
     time, depth = flown.time, flown.depth
     rating = math.inf if vehicle.hull.depth_limit is None else vehicle.hull.depth_limit
-    found = measure(flown, s.counted)
+    found = trial.measure(flown, s.counted)
     found = found._replace(lost=np.maximum(found.lost, np.nanmax(depth, axis=0) > rating))
     if pumped:
-        found = found._replace(
-            settle=np.maximum(arrivals(time, ~(np.abs(depth - placed.target) <= BAND)) - h, 0.0),
-            starts=flown.drive_runs / float(time[-1]), turns=np.zeros(runs),
-        )  # fmt: skip
+        settle = trial.arrivals(time, ~(np.abs(depth - placed.target) <= BAND)) - h
+        starts, turns = flown.drive_runs / float(time[-1]), np.zeros(runs)
+        found = found._replace(settle=np.maximum(settle, 0.0), starts=starts, turns=turns)
     kept = time <= (placed.duration if placed.is_step else _SHOWN)
     return found, time[kept], depth[kept, 0]

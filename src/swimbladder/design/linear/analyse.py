@@ -7,32 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from swimbladder.design.linear.depths import (
-    NeutralVolume,
-    Stall,
-    StiffHull,
-    double_integrator_phase_margin,
-    doubling_time,
-    neutral_volume,
-    stall,
-    stiff_hull,
-)
+from swimbladder.design.linear import depths, models, pump_valve
 from swimbladder.design.linear.margins import Margins
-from swimbladder.design.linear.models import (
-    OperatingPoint,
-    StateSpace,
-    linearise,
-    operating_point,
-    polynomials,
-)
-from swimbladder.design.linear.pump_valve import (
-    DriveRates,
-    Motion,
-    drive_rates,
-    motions,
-    moved_by_volume,
-    pump_stall,
-)
 from swimbladder.design.linear.routh import RouthTable, routh_table
 from swimbladder.design.linear.sampled import ClosedLoop, LinearLaw, close
 from swimbladder.design.linear.transfer import TransferFunction, transfer_functions
@@ -311,18 +287,18 @@ class Analysis:
 
     vehicle: Vehicle
     depth: float  # m
-    operating_point: OperatingPoint
-    model: StateSpace
+    operating_point: models.OperatingPoint
+    model: models.StateSpace
     transfer_functions: tuple[TransferFunction, ...]
     open_loop: OpenLoop
-    stiff_hull: StiffHull | None  # voltage-driven, psi not 0
+    stiff_hull: depths.StiffHull | None  # voltage-driven, psi not 0
     double_integrator_phase_margin: float | None  # rad, eq. (35) under a gain of 1 V/m
-    stall: Stall | None  # voltage-driven, pump and valve
-    neutral: NeutralVolume
+    stall: depths.Stall | None  # voltage-driven, pump and valve
+    neutral: depths.NeutralVolume
     closed_loop: ClosedLoop | None  # vehicles with a controller
     notes: tuple[str, ...] = ()  # what was left out, and why
-    drive: DriveRates | None = None  # pump and valve
-    motions: tuple[Motion, ...] = ()  # pump and valve: the body at rest and on its way
+    drive: pump_valve.DriveRates | None = None  # pump and valve
+    motions: tuple[pump_valve.Motion, ...] = ()  # pump and valve: the body at rest and on its way
 
     @property
     def stable(self) -> bool | None:
@@ -420,23 +396,23 @@ def analyse_linear(
     """
     check_depth(depth)
     pumped = isinstance(vehicle.actuator, PumpAndValve)
-    p = plant(moved_by_volume(vehicle))
+    p = plant(pump_valve.moved_by_volume(vehicle))
     m, k_b = vehicle.mass, vehicle.water.specific_weight
-    model = linearise(p, depth=depth)
+    model = models.linearise(p, depth=depth)
     limit = vehicle.hull.depth_limit
     phase = None
     if not p.positioner and p.d_l > 0.0:
-        phase = double_integrator_phase_margin(
+        phase = depths.double_integrator_phase_margin(
             K1=p.gain, K2=p.a_b / p.d_l, A=1.0, T1=p.T1, T2=1.0 / p.d_l
         )
-    rest, load, drive = operating_point(p, depth=depth), None, None
-    neutral = neutral_volume(p, down_to=max(limit or 100.0, depth))
+    rest, load, drive = models.operating_point(p, depth=depth), None, None
+    neutral = depths.neutral_volume(p, down_to=max(limit or 100.0, depth))
     if pumped:
-        load = pump_stall(vehicle, depth=depth)
-        drive = drive_rates(vehicle, neutral.depths)
-        rest = rest._replace(motor_rate=drive_rates(vehicle, (depth,)).leakage[0])
+        load = pump_valve.pump_stall(vehicle, depth=depth)
+        drive = pump_valve.drive_rates(vehicle, neutral.depths)
+        rest = rest._replace(motor_rate=pump_valve.drive_rates(vehicle, (depth,)).leakage[0])
     elif not p.positioner:
-        load = stall(p, depth=depth, depth_limit=limit)
+        load = depths.stall(p, depth=depth, depth_limit=limit)
     return Analysis(
         vehicle=vehicle,
         depth=depth,
@@ -444,14 +420,14 @@ def analyse_linear(
         model=model,
         transfer_functions=transfer_functions(p, m=m, k_b=k_b),
         open_loop=_open_loop(model, p.T1, p.d_l),
-        stiff_hull=stiff_hull(p),
+        stiff_hull=depths.stiff_hull(p),
         double_integrator_phase_margin=phase,
         stall=load,
         neutral=neutral,
         closed_loop=None if law is None else close(p, law, name=law_name, depth=depth),
         notes=notes,
         drive=drive,
-        motions=motions(vehicle, p) if pumped else (),
+        motions=pump_valve.motions(vehicle, p) if pumped else (),
     )
 
 
@@ -464,17 +440,17 @@ def check_depth(depth: float, *, field: str = "depth") -> None:
         )  # fmt: skip
 
 
-def _open_loop(model: StateSpace, T1: float, d_l: float) -> OpenLoop:
+def _open_loop(model: models.StateSpace, T1: float, d_l: float) -> OpenLoop:
     """The numerical model's Z over its command, times T1 T2 as far as they exist."""
     positioner = model.inputs == ("V",)
     factor = (1.0 if positioner else T1) * (1.0 / d_l if d_l > 0.0 else 1.0)
-    numerator, denominator = polynomials(model.part(output="z", input=model.inputs[0]))
+    numerator, denominator = models.polynomials(model.part(output="z", input=model.inputs[0]))
     scaled = tuple(factor * c for c in denominator)
     return OpenLoop(
         input="V" if positioner else "U",
         numerator=tuple(factor * c for c in numerator),
         denominator=scaled,
         poles=tuple(complex(x) for x in model.poles),
-        doubling_time=doubling_time(model),
+        doubling_time=depths.doubling_time(model),
         routh=routh_table(scaled),
     )

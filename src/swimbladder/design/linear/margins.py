@@ -125,7 +125,7 @@ def frequency_response(loop: StateSpace, *, step: float = 0.05) -> tuple[Array, 
     from point to point; between any two crossings of the real axis or the unit circle there is one.
     """
     h = _sample_time(loop)
-    L = _response(loop)
+    L = response(loop)
     modes = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(loop.A - loop.B @ loop.C)])
     s = equivalent_poles(modes[np.abs(modes) > 1e-6], h)
     rates = np.abs(s[np.abs(s) > 1e-7 / h])
@@ -158,7 +158,7 @@ def loop_margins(loop: StateSpace) -> Margins | None:
     if spectral_radius(loop.A - loop.B @ loop.C) >= 1.0:
         return None
     w, values = frequency_response(loop)
-    L = _response(loop)
+    L = response(loop)
     sensitivity = _peak(lambda x: np.abs(1.0 / (1.0 + x)), L, w, values)
     # S - T over 2; at infinite gain it is -1/2.
     skew, w_disk = _peak(lambda x: np.abs(0.5 * (1.0 - x) / (1.0 + x)), L, w, values)
@@ -173,7 +173,7 @@ def _sample_time(loop: StateSpace) -> float:
     return loop.sample_time
 
 
-def _response(loop: StateSpace) -> Callable[[ArrayLike], Complex]:
+def response(loop: StateSpace) -> Callable[[ArrayLike], Complex]:
     """L at each of some frequencies [rad/s]."""
     h = _sample_time(loop)
     return lambda w: loop.at(np.exp(1j * np.asarray(w) * h))[:, 0, 0]
@@ -184,7 +184,7 @@ Limit = tuple[float, float]  # a margin, and its frequency [rad/s]
 
 def _gains(loop: StateSpace, w: Array, values: Complex) -> tuple[Limit, Limit]:
     """The nearest gains up and down at which a root of 1 + k L really leaves the unit circle."""
-    L = _response(loop)
+    L = response(loop)
     candidates = [(float(-1.0 / values[-1].real), float(w[-1]))] if values[-1].real < 0.0 else []
     steady = _steady(loop)
     if steady is not None and steady < 0.0:
@@ -228,7 +228,7 @@ def _steady(loop: StateSpace) -> float | None:
 
 def _phases(loop: StateSpace, w: Array, values: Complex) -> tuple[Limit, Limit]:
     """Smallest turn that brings L to -1, and smallest delay, each with its frequency."""
-    L = _response(loop)
+    L = response(loop)
     with np.errstate(divide="ignore"):
         log = np.log(np.abs(values))
     phase, delay = (math.inf, math.nan), (math.inf, math.nan)

@@ -27,23 +27,7 @@ from swimbladder.control.law import Law
 from swimbladder.design.linear.margins import Margins, spectral_radius
 from swimbladder.design.linear.pump_valve import Decision, DriveRates, drag_slope, drive_rates
 from swimbladder.design.linear.sampled import Mode, modes
-from swimbladder.design.tuning.margins import (
-    MARGINS,
-    Loop,
-    Rest,
-    at_rest,
-    decisions_of,
-    deliveries,
-    exactly,
-    falls_short,
-    going,
-    least,
-    loop_of,
-    margin_words,
-    radius_of,
-    rest_of,
-    roughly,
-)
+from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.region import Member, member, unknowns, with_middle
 from swimbladder.io.answers import as_json, plain
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
@@ -129,7 +113,7 @@ class Decided:
     worst: WorstWay
     on_grid: float  # -, before the search
     ways: tuple[WayFound, ...]
-    rest: Rest
+    rest: margins.Rest
     maps: int  # on the grid
     searched: int  # maps beyond
 
@@ -219,12 +203,12 @@ def around_decisions(
     vehicle: Vehicle, law: Law, parameters: Any, *, depths: Sequence[float]
 ) -> Decided:
     """Return the worst over region, ways and depths [m] of a law of volume changes."""
-    decisions = decisions_of(law, parameters)
+    decisions = margins.decisions_of(law, parameters)
     rates = drive_rates(vehicle, depths)
     pieces = [(d, k) for d in decisions for k in range(len(depths))]
 
     def radius(one: Member, piece: tuple[Decision, int]) -> float:
-        return radius_of(vehicle, one, piece[0], rates, piece[1])
+        return margins.radius_of(vehicle, one, piece[0], rates, piece[1])
 
     grid = [
         Point(radius(one, piece), s, piece)
@@ -239,7 +223,9 @@ def around_decisions(
         worst=WorstWay(worst.shares, depths[k], d.way.name, d.speed > 0.0, d.faster),
         on_grid=max(g.worth for g in grid),
         ways=tuple(_way(vehicle, one, grid[: len(pieces)], rates) for one in decisions),
-        rest=rest_of(vehicle, law, parameters, rates, medium_of(vehicle, None, reach=depths[-1])),
+        rest=margins.rest_of(
+            vehicle, law, parameters, rates, medium_of(vehicle, None, reach=depths[-1])
+        ),
         maps=len(grid),
         searched=calls,
     )
@@ -248,7 +234,7 @@ def around_decisions(
 def _way(vehicle: Vehicle, d: Decision, nominal: Sequence[Point], rates: DriveRates) -> WayFound:
     own = [g for g in nominal if g.piece[0] is d]
     one = member(vehicle, np.zeros(len(unknowns(vehicle)[0])))
-    p, w = going(vehicle, one.plant, d.speed), abs(d.speed)
+    p, w = margins.going(vehicle, one.plant, d.speed), abs(d.speed)
     slope = drag_slope(p, w)
     c_true = drag_per_mass(w, p) / (p.a_b * w * w)
     c = sum(abs(s) * (d.samples[-1] - t) for s, t in zip(d.slopes, d.samples, strict=True))
@@ -257,7 +243,7 @@ def _way(vehicle: Vehicle, d: Decision, nominal: Sequence[Point], rates: DriveRa
         nominal=max(g.worth for g in own),
         ratio=c / (2.0 * w) / c_true,
         time_constant=1.0 / slope if slope > 0.0 else math.inf,
-        delivery=max(deliveries(vehicle, one, d, rates, g.piece[1])[-1].delay for g in own),
+        delivery=max(margins.deliveries(vehicle, one, d, rates, g.piece[1])[-1].delay for g in own),
     )
 
 
@@ -328,7 +314,7 @@ class Around(NamedTuple):
                 "A shorter sample time, less delay between sample and command, or gains tuned for "
                 "this region (swimbladder tune) would hold it.",
             )
-        m, short = self.margins, falls_short(self.margins)
+        m, short = self.margins, margins.falls_short(self.margins)
         mode, at = self.slowest
         damped, where = self.least_damped
         deep = "the same" if self.same_at_all_depths else "not the same"
@@ -343,7 +329,7 @@ class Around(NamedTuple):
             f"The slowest mode decays e-fold in {mode.time_constant:.3g} s ({at.words}); the "
             f"least damped oscillates every {_period(damped)} with a damping of "
             f"{damped.damping:.2f} ({where.words}).",
-            f"Worst margins: {margin_words(m)}"
+            f"Worst margins: {margins.margin_words(m)}"
             + (f"; less than is wanted: {', '.join(short)}." if short else ", as is wanted."),
             f"With a whole sample of delay the nominal loop's largest eigenvalue is "
             f"{modulus(self.whole_sample_radius)}: "
@@ -359,7 +345,7 @@ class Around(NamedTuple):
                 "loops_searched=searched computation_delay_s=delay "
                 "largest_eigenvalue_with_a_sample_of_delay=whole_sample_radius",
             ),
-            "margins": as_json(self.margins, MARGINS),
+            "margins": as_json(self.margins, margins.MARGINS),
             "slowest": _mode(*self.slowest),
             "least_damped": _mode(*self.least_damped),
             "searches": [as_json(f, "measure on_grid searched at=spot") for f in self.found],
@@ -390,15 +376,18 @@ def look_around(
     parameters: without the law's own dead zone. delay [s]: from a sample to its command.
     """
     nominal = plant(vehicle)
-    laws = {z: at_rest(law, parameters, nominal, depth=z, sample_time=sample_time) for z in depths}
+    laws = {
+        z: margins.at_rest(law, parameters, nominal, depth=z, sample_time=sample_time)
+        for z in depths
+    }
     if not all(x.smooth and x.sample_time == sample_time for x in laws.values()):
         return None  # within its bands, or while it sleeps, a law that does nothing looks linear
     one_way = nominal.load_back == nominal.load_drive
     pieces = [(z, back) for z in depths for back in ((False,) if one_way else (False, True))]
 
-    def loop(p: Plant, piece: tuple[float, bool]) -> Loop:
+    def loop(p: Plant, piece: tuple[float, bool]) -> margins.Loop:
         depth, back = piece
-        return loop_of(p, laws[depth], depth=depth, delay=delay, back_driving=back)
+        return margins.loop_of(p, laws[depth], depth=depth, delay=delay, back_driving=back)
 
     grid: list[tuple[Array, tuple[float, bool], dict[str, float]]] = []
     points = with_middle(vehicle)
@@ -431,7 +420,7 @@ def look_around(
     first = loop(nominal, pieces[0])
     return Around(
         radius=found[0].searched,
-        margins=reduce(least, [_exact(one) for one, _ in spots]),
+        margins=reduce(margins.least, [_exact(one) for one, _ in spots]),
         nominal=_exact(first),
         slowest=max(here, key=lambda m: m[0].time_constant),
         least_damped=min(here, key=lambda m: m[0].damping),
@@ -451,16 +440,16 @@ def _within(x: Array, ball: bool) -> Array:
     return np.clip(x, -1.0, 1.0)
 
 
-def _measures(loop: Loop, *, only: str | None = None) -> dict[str, float]:
+def _measures(loop: margins.Loop, *, only: str | None = None) -> dict[str, float]:
     """Return every measure of a loop by its worse place to be broken; one that grows is inf."""
     radius = spectral_radius(loop.closed)
     if only == "spectral radius":
         return {only: radius}
     if radius >= 1.0:
         return dict.fromkeys(MEASURES, math.inf) | {"spectral radius": radius}
-    both = [roughly(broken) for broken in (loop.at_command, loop.at_depth)]
+    both = [margins.roughly(broken) for broken in (loop.at_command, loop.at_depth)]
     return {name: max(f(m, radius) for m in both) for name, f in MEASURES.items()}
 
 
-def _exact(loop: Loop) -> Margins:
-    return least(exactly(loop.at_command), exactly(loop.at_depth))
+def _exact(loop: margins.Loop) -> Margins:
+    return margins.least(margins.exactly(loop.at_command), margins.exactly(loop.at_depth))

@@ -136,14 +136,13 @@ class Held(NamedTuple):
 
 
 def hold(
-    held: Held, disturbance: float, period: float, *, quantised: bool = False, at_rest: bool = False
+    held: Held, disturbance: float, period: float, *, quantised: bool = False, kick: float = _KICK
 ) -> Seen:
     """Return what remains of a vehicle that starts `disturbance` [m] off.
 
     period [s]: expected, which decides how long is simulated. quantised: whether the sensors round.
-    at_rest: whether it starts without speed.
+    kick [1/s]: of the disturbance, as speed.
     """
-    kick = 0.0 if at_rest else _KICK
     runs = held.fly([disturbance], _PERIODS * period, kick=kick, quantised=quantised)
     late = runs.time >= (1.0 - _LOOKED) * runs.time[-1]
     return measure(runs.time[late], runs.depth[late, 0], held.depth)

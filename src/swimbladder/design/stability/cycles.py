@@ -43,6 +43,7 @@ from scipy.optimize import root
 
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_leaves, leaves
+from swimbladder.design.linear.margins import response
 from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, discretise
 from swimbladder.physics.dynamics import Plant
@@ -65,7 +66,7 @@ class Nonlinearity:
     size: float
     onset: float
     reach: float
-    gain: Callable[[Array], Complex]  # amplitudes -> N(A) [-]
+    gain: Callable[[Array], Array | Complex]  # amplitudes -> N(A) [-]
     output: Callable[[Array], Array]  # two periods of a signal -> what comes out
 
     def amplitudes(self, count: int) -> Array:
@@ -99,7 +100,7 @@ def saturation(limit: float) -> Nonlinearity:
     """
     return Nonlinearity(
         name="saturation", size=limit, onset=limit, reach=1e5,
-        gain=lambda A: _cap(limit / A).astype(np.complex128),
+        gain=lambda A: _cap(limit / A),
         output=lambda x: np.clip(x, -limit, limit),
     )  # fmt: skip
 
@@ -108,7 +109,7 @@ def dead_zone(half: float) -> Nonlinearity:
     """Return a dead zone of `half` to either side: N is 1 less that of the limit at its edge."""
     return Nonlinearity(
         name="dead zone", size=half, onset=half, reach=1e5,
-        gain=lambda A: (1.0 - _cap(half / A)).astype(np.complex128),
+        gain=lambda A: 1.0 - _cap(half / A),
         output=lambda x: x - np.clip(x, -half, half),
     )  # fmt: skip
 
@@ -120,9 +121,9 @@ def quantiser(quantum: float) -> Nonlinearity:
     """
     edges = (np.arange(1, 41) - 0.5) * quantum
 
-    def gain(A: Array) -> Complex:
+    def gain(A: Array) -> Array:
         reached = np.sqrt(np.maximum(1.0 - (edges / A[..., None]) ** 2, 0.0)).sum(axis=-1)
-        return np.asarray(4.0 * quantum / (math.pi * A) * reached, dtype=np.complex128)
+        return np.asarray(4.0 * quantum / (math.pi * A) * reached)
 
     return Nonlinearity(
         name="quantiser", size=quantum, onset=0.5 * quantum, reach=78.0, gain=gain,
@@ -139,8 +140,7 @@ def relay(level: float, hysteresis: float = 0.0) -> Nonlinearity:
 
     def gain(A: Array) -> Complex:
         sine = h / A
-        found: Complex = 4.0 * level / (math.pi * A) * (np.sqrt(1.0 - sine**2) - 1j * sine)
-        return found
+        return np.asarray(4.0 * level / (math.pi * A) * (np.sqrt(1.0 - sine**2) - 1j * sine))
 
     def output(x: Array) -> Array:
         turned = np.where(x > h, 1.0, np.where(x < -h, -1.0, 0.0))
@@ -162,10 +162,8 @@ def play(half: float) -> Nonlinearity:
 
     def gain(A: Array) -> Complex:
         ratio = half / A
-        found: Complex = 0.5 * (1.0 + _cap(1.0 - 2.0 * ratio)) - 1j * (
-            4.0 / math.pi * ratio * (1.0 - ratio)
-        )
-        return found
+        turned = 4.0 / math.pi * ratio * (1.0 - ratio)
+        return np.asarray(0.5 * (1.0 + _cap(1.0 - 2.0 * ratio)) - 1j * turned)
 
     def output(x: Array) -> Array:
         followed, y = np.empty_like(x), 0.0
@@ -212,7 +210,7 @@ def balance(loop: StateSpace, nonlinearity: Nonlinearity) -> tuple[Cycle, ...]:
     nyquist = math.pi / loop.sample_time
     w = np.geomspace(nyquist * 10.0**-_DECADES, 0.98 * nyquist, _FREQUENCIES)
     A = nonlinearity.amplitudes(_AMPLITUDES)
-    F = 1.0 + nonlinearity.gain(A)[:, None] * _response(loop, w)[None, :]
+    F = 1.0 + nonlinearity.gain(A)[:, None] * response(loop)(w)[None, :]
     found: list[Cycle] = []
     for i, j in _turning(F):
         log_A, log_w = math.log(A[i] * A[i + 1]) / 2.0, math.log(w[j] * w[j + 1]) / 2.0
@@ -236,14 +234,9 @@ def _turning(F: NDArray[np.complex128]) -> list[tuple[int, int]]:
     return [(int(i), int(j)) for i, j in zip(*cells, strict=True)]
 
 
-def _response(loop: StateSpace, w: Array) -> NDArray[np.complex128]:
-    assert loop.sample_time is not None
-    return np.asarray(loop.at(np.exp(1j * w * loop.sample_time))[:, 0, 0])
-
-
 def _F(loop: StateSpace, nonlinearity: Nonlinearity, log_A: float, log_w: float) -> complex:
     N = nonlinearity.gain(np.array([math.exp(log_A)]))[0]
-    return complex(1.0 + N * _response(loop, np.array([math.exp(log_w)]))[0])
+    return complex(1.0 + N * response(loop)(math.exp(log_w))[0])
 
 
 def _parts(loop: StateSpace, nonlinearity: Nonlinearity, x: Array) -> list[float]:
@@ -278,7 +271,7 @@ def _returning(loop: StateSpace, nonlinearity: Nonlinearity, A: float, w: float)
     assert loop.sample_time is not None
     # Beyond the Nyquist frequency a sampled harmonic is seen as a slower one.
     angle = abs((3.0 * w * loop.sample_time + math.pi) % (2.0 * math.pi) - math.pi)
-    both = np.abs(_response(loop, np.array([w, angle / loop.sample_time])))
+    both = np.abs(response(loop)([w, angle / loop.sample_time]))
     return float(nonlinearity.third(A) * both[1] / both[0])
 
 

@@ -411,28 +411,25 @@ def _simulated(
 ) -> Any:
     """Return what the simulator shows of one nonlinearity, the others left out."""
     quantised = one.source == "quantum of the depth"
-    sensors = vehicle.sensors.model_copy(
-        update=_STILL | ({"depth_quantum": one.size} if quantised else {})
-    )
+    quantum = {"depth_quantum": one.size} if quantised else {}
+    sensors = vehicle.sensors.model_copy(update=_STILL | quantum)
     alone = vehicle.model_copy(update={"sensors": sensors})
     parameters = numbers if one.source == "dead zone of the law" else without_rest(law, numbers)
     vary: dict[str, float] = {}
     if one.source != "friction of the motor":
         vary = {"friction": 0.0, "load_back": p.load_drive}
     if one.source == "quantum of the voltage":
-        form = wrapped(law)
-        parameters = form.parameters(
-            parameters, sample_time=h, quantum=one.size, rest=p.load_drive * depth
-        )
+        form, rest = wrapped(law), p.load_drive * depth
+        parameters = form.parameters(parameters, sample_time=h, quantum=one.size, rest=rest)
         law = form.law
     held = Held(alone, law, parameters, h, depth, vary)
-    cycle = one.cycle
-    period = cycle.period if cycle is not None else 100.0 * h
-    size = one.depth_amplitude if cycle is not None else 1e-2
-    if cycle is not None and not cycle.stable:
+    period, size, stable = 100.0 * h, 1e-2, True
+    if one.cycle is not None:
+        period, size, stable = one.cycle.period, one.depth_amplitude, one.cycle.stable
+    if not stable:
         endless = held._replace(vary=vary | _ENDLESS)
         seen = edge(endless, (0.05 * size, 20.0 * size), period)
-        return None if seen is None else seen[0]
+        return seen and seen[0]
     off = min(3.0 * size, 0.5 * (depth - p.z_surface))
     return hold(held, off, period, quantised=quantised)
 

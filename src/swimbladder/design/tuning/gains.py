@@ -24,16 +24,7 @@ from swimbladder.control.registry import LAWS
 from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
-from swimbladder.design.tuning.margins import (
-    WANTED,
-    exactly,
-    falls_short,
-    lacking,
-    largest_radius,
-    rest_of,
-    roughly,
-    worst,
-)
+from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.region import Member, Region, neutral_walk
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, trial
 from swimbladder.errors import InputError, NoAnswerError
@@ -277,15 +268,15 @@ class _Search:
         Dead zone and pauses are none of the loop's around rest: margins are of its linear part.
         """
         linear, count = knobs._replace(dead=0.0, pause=0.0), 1 if nominal else None
-        m = worst(
+        m = margins.worst(
             self.law, self.recipe.gains(self.setting, linear), self.region.plants[:count],
             depths=self.depths[:count], sample_time=self.setting.sample_time, delay=self.delay,
             look=look, wanted=None if nominal else wanted,
         )  # fmt: skip
-        short = falls_short(m, wanted)
+        short = margins.falls_short(m, wanted)
         if not short:
             return m
-        rank = (nominal, not m.stable, lacking(m, wanted))
+        rank = (nominal, not m.stable, margins.lacking(m, wanted))
         if self.near is None or rank < self.near[0]:
             self.near = (rank, short)
         return None
@@ -298,14 +289,14 @@ class _Search:
         kept = []
         for knobs in every:
             self.report(0.3 / len(every))
-            if self.over(knobs, wanted, roughly, nominal=True) is not None:
+            if self.over(knobs, wanted, margins.roughly, nominal=True) is not None:
                 kept.append((preference(goal, knobs), knobs))
         kept.sort(key=lambda pair: pair[0])
         found: list[Knobs] = []
         for _, knobs in kept if goal == "fast" else _spread(kept):
             if len(found) == most:
                 break
-            if self.over(knobs, wanted, roughly, nominal=False) is not None:
+            if self.over(knobs, wanted, margins.roughly, nominal=False) is not None:
                 found.append(knobs)
                 self.report(0.1 / most)
         return found
@@ -323,7 +314,7 @@ class Goal(NamedTuple):
 
 def search(
     name: str, vehicle: Vehicle, setting: Setting, asked: Goal, *, delay: float,
-    wanted: Margins = WANTED, advance: Callable[[float], None] | None = None,
+    wanted: Margins = margins.WANTED, advance: Callable[[float], None] | None = None,
 ) -> Found:  # fmt: skip
     """Return the best knobs found for a goal; delay [s]: from sample to command.
 
@@ -379,7 +370,7 @@ def search(
             "quiet, a larger supply or parameters known better would help"
         )
     for _, knobs, few in scored:
-        m = look.over(knobs, wanted, exactly, nominal=False) if recipe.linear else None
+        m = look.over(knobs, wanted, margins.exactly, nominal=False) if recipe.linear else None
         report(0.15 / len(scored))
         if m is not None or not recipe.linear:
             over = few if few.runs == runs else tried(knobs, drawn)[2]
@@ -414,8 +405,8 @@ def _search_floats(
     every = recipe.candidates(setting, goal, held)
     for chosen in every:
         numbers = recipe.gains(setting, chosen)
-        radius = largest_radius(vehicle, law, numbers, members, rates, medium)
-        rest = rest_of(vehicle, law, numbers, rates, medium)
+        radius = margins.largest_radius(vehicle, law, numbers, members, rates, medium)
+        rest = margins.rest_of(vehicle, law, numbers, rates, medium)
         if not rest.held:
             unheld = f"at rest the best goes {rest.band:.3g} m between two decisions"
         elif radius < 1.0:

@@ -19,30 +19,9 @@ from swimbladder.control.registry import bind, check_command, controller_of, own
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
-from swimbladder.design.tuning.gains import (
-    GOALS,
-    HELD,
-    Goal,
-    check_depths,
-    gains,
-    goals_of,
-    recipe_of,
-    search,
-    setting_of,
-    tunable,
-    tunable_names,
-)
+from swimbladder.design.tuning import gains, trial
 from swimbladder.design.tuning.margins import MARGINS, Loop, loops, margin_words
 from swimbladder.design.tuning.region import Region, region
-from swimbladder.design.tuning.trial import (
-    Drawn,
-    Runs,
-    Step,
-    Trial,
-    arrival_band,
-    traces,
-    usual_step,
-)
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
 from swimbladder.physics.buoyancy_engine import known_winding
@@ -73,10 +52,10 @@ class Tuning:
     knobs: Any
     parameters: Any
     margins: Margins | None  # None: a law without a linear form around rest
-    nominal: Trial
-    region: Trial
-    shown: tuple[Runs, Runs]  # a few runs: nominal, and over the region
-    step: Step
+    nominal: trial.Trial
+    region: trial.Trial
+    shown: tuple[trial.Runs, trial.Runs]  # a few runs: nominal, and over the region
+    step: trial.Step
     sample_time: float  # s
     delay: float  # s
     depths: tuple[float, ...]  # m, that it is for
@@ -92,7 +71,7 @@ class Tuning:
         """Return the linear loops that the margins are of: none where there are no margins."""
         if self.margins is None:
             return ()
-        linear = gains(self.law.name, self.setting, self.knobs._replace(dead=0.0, pause=0.0))
+        linear = gains.gains(self.law.name, self.setting, self.knobs._replace(dead=0.0, pause=0.0))
         return tuple(
             loops(
                 self.law, linear, self.plants, depths=self.judged, sample_time=self.sample_time,
@@ -248,7 +227,7 @@ def tune(
     """
     pumped = isinstance(vehicle.actuator, PumpAndValve)
     law = law or ("rate" if pumped else "planned")
-    chosen = tunable(law)
+    chosen = gains.tunable(law)
     _check(vehicle, law, goal, depths, delay, runs, hold)
     h = _sample_time(vehicle, sample_time)
     vehicle, sensor = _with_noise(vehicle)
@@ -279,28 +258,28 @@ def tune(
     layers = medium_of(vehicle, column, reach=judged[-1]).layers
     off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
     _check_reach(vehicle, judged, least, around, layers)
-    setting = setting_of(
+    setting = gains.setting_of(
         vehicle, sample_time=h, supply=least,
         neutral_range=(around.neutral if pumped else max(10.0 * around.neutral, 20e-6))
         + float(np.abs(off).max()),
         depths=judged,
     )  # fmt: skip
     long = _WATCH
-    recipe = recipe_of(law)
+    recipe = gains.recipe_of(law)
     if recipe.lasts is not None:
         long = recipe.lasts(setting, abs(ends[1] - ends[0]), goal)
     elif goal == "fast":
         long = _watched(vehicle, least, abs(ends[1] - ends[0]), h)
-    watched = Step(*ends, long)
-    drawn = Drawn(runs, around, least, column, sample_time=h)
+    watched = trial.Step(*ends, long)
+    drawn = trial.Drawn(runs, around, least, column, sample_time=h)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        found = search(
-            law, vehicle, setting, Goal(goal, held, judged, watched, drawn), delay=delay * h,
+        found = gains.search(
+            law, vehicle, setting, gains.Goal(goal, held, judged, watched, drawn), delay=delay * h,
             advance=advance,
         )  # fmt: skip
     numbers = found.parameters
     controller = controller_of(chosen, numbers, sample_time=h)
-    flown = partial(traces, vehicle, chosen, numbers, watched)
+    flown = partial(trial.traces, vehicle, chosen, numbers, watched)
     few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
     shown = flown(few[0]), flown(few[1])
     origin = {"controller.parameters": f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"}
@@ -309,7 +288,7 @@ def tune(
         vehicle=vehicle.model_copy(update=made),
         law=chosen, goal=goal, setting=setting, **found._asdict(), shown=shown, step=watched,
         sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least, held=held,
-        band=arrival_band(chosen, numbers, watched) if pumped else 0.0,
+        band=trial.arrival_band(chosen, numbers, watched) if pumped else 0.0,
         assumptions=(
             *around.words,
             sensor,
@@ -330,15 +309,18 @@ def _check(
 ) -> None:  # fmt: skip
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
-    check_command(tunable(law), vehicle, field="--law", among=tunable_names())
-    if goal not in GOALS:
+    check_command(gains.tunable(law), vehicle, field="--law", among=gains.tunable_names())
+    if goal not in gains.GOALS:
         raise InputError(
-            "no such goal", field="--goal", value=goal, remedy=f"Choose from {', '.join(GOALS)}"
+            "no such goal",
+            field="--goal",
+            value=goal,
+            remedy=f"Choose from {', '.join(gains.GOALS)}",
         )
-    if goal not in goals_of(recipe_of(law)):
+    if goal not in gains.goals_of(gains.recipe_of(law)):
         raise InputError(
             f"the law {law} is not tuned for this", field="--goal", value=goal,
-            remedy=f"Choose from {', '.join(goals_of(recipe_of(law)))}, or another law",
+            remedy=f"Choose from {', '.join(gains.goals_of(gains.recipe_of(law)))}, or another law",
         )  # fmt: skip
     pumped = isinstance(vehicle.actuator, PumpAndValve)
     allowed = goal != "fast" or pumped
@@ -349,7 +331,7 @@ def _check(
         )  # fmt: skip
     if goal == "energy" and not pumped:
         known_winding(vehicle, instead="tune for quiet, which moves least")
-    check_depths(depths)
+    gains.check_depths(depths)
     if not 0.0 <= delay < 1.0:
         raise InputError(
             "a delay is given as a share of the sample time", field="--delay", value=delay,
@@ -374,7 +356,7 @@ def _held(vehicle: Vehicle, law: Law, goal: str, given: float | None) -> float:
         return given
     assert law.recipe is not None  # tunable
     if law.recipe.held == 0.0:
-        return HELD.get(goal, 0.0)
+        return gains.HELD.get(goal, 0.0)
     own = vehicle.controller
     if own is not None and own.law == law.name:
         return float(leaves(bind(own)[1])[law.band])
@@ -458,7 +440,7 @@ def _check_reach(
 
 def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tuple[float, float]:
     if given is None:
-        return usual_step(*depths)
+        return trial.usual_step(*depths)
     if not (given[0] != given[1] and min(given) >= 0.0 and max(given) < math.inf):
         raise InputError(
             "no step of depth", field="--step", value=f"{given[0]:g}:{given[1]:g}", unit="m",
