@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -20,21 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.control.records import leaves
-from swimbladder.design.law_comparison.contenders import (
-    GOALS,
-    LOW_SUPPLY,
-    PAPER,
-    Contender,
-    Placed,
-    Places,
-    Scenario,
-    choose_laws,
-    own,
-    place,
-    places,
-    scenarios_of,
-    tuned,
-)
+from swimbladder.design.law_comparison import contenders
+from swimbladder.design.law_comparison.contenders import GOALS, Contender, Placed, Places, Scenario
 from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
@@ -113,7 +101,7 @@ class LawComparison:
     @property
     def reference(self) -> Row:
         """The row that others are measured by: the paper's, a tuned cascade, or the file's."""
-        papers = [row for row in self.rows if row.who.tuning.startswith(PAPER)]
+        papers = [row for row in self.rows if row.who.tuning.startswith(contenders.PAPER)]
         cascades = [row for row in self.rows if row.who.law.name == "cascade"]
         return [*papers, *cascades, *self.rows][0]
 
@@ -234,13 +222,10 @@ def least_times(vehicle: Vehicle, steps: Sequence[Asked], *, limit: float) -> li
 
     limit [s]: after which no more are waited for; ``late`` says that one was not.
     """
-    asked = json.dumps({"vehicle": vehicle.model_dump_json(), "steps": [list(s) for s in steps]})
+    command = [sys.executable, "-c", f"from {__name__} import answer; answer()"]
+    asked = pickle.dumps((vehicle, steps))
     try:
-        ran = subprocess.run(
-            [sys.executable, "-c", f"from {__name__} import answer; answer()"],
-            input=asked.encode(), stdout=subprocess.PIPE, timeout=limit, check=False,
-        )  # fmt: skip
-        printed = ran.stdout
+        printed = subprocess.run(command, input=asked, stdout=subprocess.PIPE, timeout=limit).stdout
     except subprocess.TimeoutExpired as expired:
         printed = expired.stdout or b""
     whole = printed[: printed.rfind(b"\n") + 1].decode()
@@ -249,19 +234,15 @@ def least_times(vehicle: Vehicle, steps: Sequence[Asked], *, limit: float) -> li
     return found + [{"why": why, "late": True}] * (len(steps) - len(found))
 
 
-def _one(vehicle: Vehicle, step: Asked) -> dict[str, Any]:
-    try:
-        return {"time": least_time(vehicle, step.start, step.target, supply=step.supply).time}
-    except SwimbladderError as error:
-        return {"why": str(error)}
-
-
 def answer() -> None:
     """Read a vehicle and steps from stdin, print a line of JSON for each: the process itself."""
-    given = json.loads(sys.stdin.read())
-    vehicle = Vehicle.model_validate_json(given["vehicle"])
-    for step in given["steps"]:
-        print(json.dumps(_one(vehicle, Asked(*step))), flush=True)
+    vehicle, steps = pickle.load(sys.stdin.buffer)
+    for start, target, supply in steps:
+        try:
+            found: dict[str, Any] = {"time": least_time(vehicle, start, target, supply=supply).time}
+        except SwimbladderError as error:
+            found = {"why": str(error)}
+        print(json.dumps(found), flush=True)
 
 
 _TUNING, _FLYING = 0.7, 0.3  # shares of the work
@@ -296,22 +277,25 @@ def compare_laws(
         )
     if seed < 0:
         raise InputError("must be 0 or more", field="--seed", value=seed, remedy="Give --seed 1")
-    contenders: list[Contender] = own(vehicle)
-    names, left_out = choose_laws(vehicle, laws)
-    where = places(vehicle, depths)
+    everyone = contenders.own(vehicle)
+    names, left_out = contenders.choose_laws(vehicle, laws)
+    where = contenders.places(vehicle, depths)
     medium_of(vehicle, column, reach=where.most)  # refuses a cast that ends above
     if column is not None and column.cast is not None:
         asked = None if depths is None else depths[1]
         check_cast_unit(column.cast, asked, vehicle.hull.depth_limit)
-    placed = [place(one, vehicle, where) for one in scenarios or scenarios_of(vehicle)]
+    placed = [
+        contenders.place(one, vehicle, where)
+        for one in scenarios or contenders.scenarios_of(vehicle)
+    ]
     around = region(vehicle)
     store = Store(parts)
-    shallow = place(scenarios_of(vehicle)[0], vehicle, where)
+    shallow = contenders.place(contenders.scenarios_of(vehicle)[0], vehicle, where)
     jobs = [(name, goal) for name in names for goal in tune_for]
     with ThreadPoolExecutor(1) as aside:  # they have a process of their own
         bounding = aside.submit(_bounds, vehicle, placed, store)
         for name, goal in jobs:
-            found = tuned(
+            found = contenders.tuned(
                 vehicle, name, goal, where=where, step=(shallow.start, shallow.target),
                 sample_time=sample_time, store=store, column=column,
                 advance=lambda share: tell(_TUNING * share / len(jobs)),
@@ -319,12 +303,12 @@ def compare_laws(
             if isinstance(found, str):
                 left_out[f"{name}, {goal}"] = found
             else:
-                contenders.append(found)
-        if not contenders:
+                everyone.append(found)
+        if not everyone:
             why = "; ".join(f"{name}: {why}" for name, why in left_out.items())
             raise NoAnswerError(f"there is no controller to compare. {why}")
         rows = _fly_all(
-            vehicle, contenders, placed, store, around=around, runs=runs, seed=seed,
+            vehicle, everyone, placed, store, around=around, runs=runs, seed=seed,
             column=column,
             advance=lambda share: tell(share * (_FLYING if jobs else _FLYING + _TUNING)),
         )  # fmt: skip
@@ -367,13 +351,13 @@ def _bounds(
 
 
 def _fly_all(
-    vehicle: Vehicle, contenders: Sequence[Contender], placed: Sequence[Placed], store: Store, *,
+    vehicle: Vehicle, everyone: Sequence[Contender], placed: Sequence[Placed], store: Store, *,
     around: Region, runs: int, seed: int, column: Column | None, advance: Callable[[float], None],
 ) -> list[Row]:  # fmt: skip
     """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
 
     def one(job: tuple[int, int]) -> tuple[Trial, Trace]:
-        who, p = contenders[job[0]], placed[job[1]]
+        who, p = everyone[job[0]], placed[job[1]]
         law = (who.law.name, source_of(who.law), who.parameters, who.sample_time)
 
         def flight() -> dict[str, Any]:
@@ -386,14 +370,14 @@ def _fly_all(
         kept = store.get(flight, "flown", vehicle, *law, *p, runs, seed, column)
         return Trial(**kept["result"]), Trace(np.array(kept["time"]), np.array(kept["depth"]))
 
-    jobs = [*product(range(len(contenders)), range(len(placed)))]
+    jobs = [*product(range(len(everyone)), range(len(placed)))]
     found = {}
     for job, answer in each(one, jobs):
         found[job] = answer
         advance(1.0 / len(jobs))
     names = [p.scenario.name for p in placed]
     rows = []
-    for n, who in enumerate(contenders):
+    for n, who in enumerate(everyone):
         results, traces = zip(*(found[n, k] for k in range(len(placed))), strict=True)
         made = (dict(zip(names, parts, strict=True)) for parts in (results, traces))
         rows.append(Row(who, *made))
@@ -409,7 +393,7 @@ def _assumptions(
         noise += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
     found = [f"depths {range_words}", noise]
     if vehicle.supply is not None and vehicle.command != "volume change":
-        weak = LOW_SUPPLY * vehicle.supply.voltage
+        weak = contenders.LOW_SUPPLY * vehicle.supply.voltage
         found.append(f"a low battery gives {weak:.3g} V, which the tuned laws reckon with")
     found += [f"vehicles drawn: {words}" for words in around.words]
     if column is not None:

@@ -257,7 +257,7 @@ def decision_of(
         decided = [n for n, (_, change) in enumerate(called) if change != 0.0]
         if len(decided) == 2:
             break
-    if len(decided) != 2:
+    else:
         return None
     first, second = decided
     begin, end = called[first][0], called[second][0]
@@ -275,18 +275,11 @@ def decision_map(p: Plant, d: Decision, delivery: Delivery) -> Array:
     """Return M [3, 3] of (dw, e, u) from just after one decision to just after the next."""
     from scipy.linalg import expm
 
-    A = np.array(
-        [
-            [-drag_slope(p, d.speed), p.a_b, 0.0],
-            [p.psi, 0.0, 0.0],
-            [1.0, 0.0, 0.0],  # the way since the decision
-        ]
-    )
-    given = np.zeros((3, 3))
+    # The third is the way since the decision.
+    A = np.array([[-drag_slope(p, d.speed), p.a_b, 0.0], [p.psi, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    given, start = np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0])
     given[1, 2] = -delivery.share
     late = min(delivery.delay, d.period)
-    start = np.zeros((3, 3))
-    start[0, 0] = start[1, 1] = 1.0
     until = expm(A * late) @ start
 
     def at(t: float) -> Array:

@@ -23,14 +23,7 @@ from swimbladder.design.stability.confirm import Confirmed, Held, edge, hold, hu
 from swimbladder.design.stability.cycles import Predicted, predict, without_rest
 from swimbladder.design.stability.recover import Map, Verdict, recovery_maps
 from swimbladder.design.stability.robust import Stood, robustness, wrapped
-from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.gains import (
-    check_depths,
-    goals_of,
-    recipe_of,
-    tunable,
-    tunable_names,
-)
+from swimbladder.design.tuning import gains, tune
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Step, usual_step
@@ -232,7 +225,7 @@ def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:
 
 def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
     """Return the table of robustness: law, delay, then what share settled with each gain."""
-    gains = sorted({s.gain for s in stood})
+    factors = sorted({s.gain for s in stood})
     rows: list[tuple[str, ...]] = []
     for law, delay in dict.fromkeys((s.law, s.delay) for s in stood):
         own = {s.gain: s for s in stood if (s.law, s.delay) == (law, delay)}
@@ -241,7 +234,7 @@ def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
             f"({100 * own[g].overshoot_95:.1f})"
             if g in own
             else ""
-            for g in gains
+            for g in factors
         ]
         rows.append((law, f"{delay:g} s", *cells))
     return rows
@@ -367,7 +360,7 @@ def _check(
     vehicle: Vehicle, depths: tuple[float, float], delay: float, within: float | None, cells: int,
     voltage_quantum: float, draws: int, laws: Sequence[str],
 ) -> None:  # fmt: skip
-    check_depths(depths, vehicle.hull.emergence_depth)
+    gains.check_depths(depths, vehicle.hull.emergence_depth)
     for field, value, fits, remedy in (
         ("--delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
         ("--within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),
@@ -378,7 +371,7 @@ def _check(
         if not fits:
             raise InputError("out of range", field=field, value=value, remedy=remedy)
     for name in laws:
-        if name not in (names := tunable_names()) and name != own_law(vehicle)[0].name:
+        if name not in (names := gains.tunable_names()) and name != own_law(vehicle)[0].name:
             raise InputError(
                 "not a law that can be tuned for this", field="--law", value=name,
                 remedy=f"{did_you_mean(name, names)}Choose from {', '.join(names)}",
@@ -446,7 +439,7 @@ def _robustness(
     chosen = [(law, numbers)]
     for name in dict.fromkeys(laws):
         if name != law.name:
-            other = tunable(name)
+            other = gains.tunable(name)
             asked = ("tuned", name, source_of(other), depths)
             values = parts.get(partial(_tuned, vehicle, name, depths), *asked)
             chosen.append((other, from_numbers(other.parameters, values)))
@@ -460,5 +453,7 @@ def _robustness(
 
 
 def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float]) -> list[float]:
-    found = tune(vehicle, law=name, goal=goals_of(recipe_of(name))[0], depths=depths, runs=_TUNED)
+    found = tune(
+        vehicle, law=name, goal=gains.goals_of(gains.recipe_of(name))[0], depths=depths, runs=_TUNED
+    )
     return [float(np.asarray(x)) for x in numbers(found.parameters)]

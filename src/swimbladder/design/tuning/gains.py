@@ -233,7 +233,8 @@ _ARRIVE = 0.8  # share of flights that have to arrive and stay
 _LOST = 2.0  # times the error allowed, that is no holding any more
 
 
-class Found(NamedTuple):
+@dataclass(frozen=True)
+class Found:
     """Knobs with what they give; margins: None for a law that has none.
 
     radius: largest eigenvalue's modulus over the region from decision to decision; nan: has none.

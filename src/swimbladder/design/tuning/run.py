@@ -17,7 +17,6 @@ from swimbladder.control.law import Law, Setting
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind, check_command, controller_of, own_law
 from swimbladder.design.linear.depths import stall
-from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
 from swimbladder.design.tuning import gains, trial
 from swimbladder.design.tuning.margins import MARGINS, Loop, loops, margin_words
@@ -37,7 +36,7 @@ _WIDER = 3.0  # times the rms of a hold, that a band has to be to stand out from
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tuning:
+class Tuning(gains.Found):
     """A law with its gains, the margins that they guarantee, and what trials gave.
 
     vehicle: the one that was given, with the controller found. margins: the worst over the region,
@@ -49,11 +48,6 @@ class Tuning:
     law: Law
     goal: str
     setting: Setting  # what the gains were made from
-    knobs: Any
-    parameters: Any
-    margins: Margins | None  # None: a law without a linear form around rest
-    nominal: trial.Trial
-    region: trial.Trial
     shown: tuple[trial.Runs, trial.Runs]  # a few runs: nominal, and over the region
     step: trial.Step
     sample_time: float  # s
@@ -64,8 +58,7 @@ class Tuning:
     held: float  # m rms, that holding a depth was allowed; 0: the goal is fast
     assumptions: tuple[str, ...]
     plants: tuple[Plant, ...]  # of the region, the nominal one first
-    radius: float = math.nan  # -, of a law of volume changes: largest eigenvalue over the region
-    band: float = 0.0  # m, likewise: within which a flight has arrived
+    band: float = 0.0  # m, of a law of volume changes: within which a flight has arrived
 
     def loops(self) -> tuple[Loop, ...]:
         """Return the linear loops that the margins are of: none where there are no margins."""
@@ -286,7 +279,7 @@ def tune(
     made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
     return Tuning(
         vehicle=vehicle.model_copy(update=made),
-        law=chosen, goal=goal, setting=setting, **found._asdict(), shown=shown, step=watched,
+        law=chosen, goal=goal, setting=setting, **vars(found), shown=shown, step=watched,
         sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least, held=held,
         band=trial.arrival_band(chosen, numbers, watched) if pumped else 0.0,
         assumptions=(
