@@ -16,6 +16,7 @@ from swimbladder.design.law_comparison.contenders import (
 )
 from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.trial import Drawn
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate_ensemble
@@ -42,7 +43,7 @@ def test_what_is_measured_is_that_of_the_flights():
     numbers = bind(FLOAT.controller)[1]
     who = Contender(law=RATE, tuning="as in the file", parameters=numbers, sample_time=1.0)
     placed = place(SOME[0], FLOAT, places(FLOAT, (50.0, 400.0)))
-    flown, time, _ = fly_scenario(FLOAT, who, placed, region=region(FLOAT), runs=2, seed=1)
+    flown, time, _ = fly_scenario(FLOAT, who, placed, Drawn(2, region(FLOAT)))
     same = simulate_ensemble(
         FLOAT, count=2, setpoints=[(0.0, placed.target)], duration=placed.duration,
         start_depth=placed.start, keep="trajectory", books=True, seed=1,

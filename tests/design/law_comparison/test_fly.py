@@ -16,7 +16,7 @@ from swimbladder.design.law_comparison.contenders import (
 )
 from swimbladder.design.law_comparison.fly import depth_error, fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import Measured, Runs, measure, summarise
+from swimbladder.design.tuning.trial import Drawn, Measured, Runs, measure, summarise
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.single import as_law
@@ -31,7 +31,7 @@ def noisy(vehicle=FEUP, noise=2e-3):
 
 def flown(vehicle, placed, *, runs=2, seed=3):
     who = own(vehicle)[0]
-    return fly_scenario(vehicle, who, placed, region=region(vehicle), runs=runs, seed=seed)
+    return fly_scenario(vehicle, who, placed, Drawn(runs, region(vehicle), seed=seed))
 
 
 def named(name):

@@ -60,9 +60,8 @@ def test_a_trial_is_flown_in_it_as_simulate_does(column, simulated):
 def test_a_contender_is_flown_in_it_as_simulate_does(column, simulated):
     placed = Placed(SCENARIOS[0], 1.5, 6.0, 120.0)
     for water, run in zip((column, None), simulated, strict=True):
-        _, time, depth = fly_scenario(
-            FEUP, own(FEUP)[0], placed, region=region(FEUP), runs=2, seed=1, column=water
-        )
+        drawn = Drawn(2, region(FEUP), column=water)
+        _, time, depth = fly_scenario(FEUP, own(FEUP)[0], placed, drawn)
         assert depth == pytest.approx(run.depth[: len(time)], abs=1e-9)
 
 

@@ -23,11 +23,9 @@ from numpy.typing import NDArray
 
 from swimbladder.design.law_comparison.contenders import BAND, Contender, Placed, Swell
 from swimbladder.design.tuning import trial
-from swimbladder.design.tuning.region import Region
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.buoyancy_engine import check_power_known, winding
 from swimbladder.physics.dynamics import plant
-from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.block import schedule
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Positioner, Vehicle
@@ -87,25 +85,21 @@ def no_energy(vehicle: Vehicle) -> str | None:
 
 
 def fly_scenario(
-    vehicle: Vehicle,
-    who: Contender,
-    placed: Placed,
-    *,
-    region: Region,
-    runs: int,
-    seed: int,
-    column: Column | None = None,
+    vehicle: Vehicle, who: Contender, placed: Placed, drawn: trial.Drawn
 ) -> tuple[trial.Measured, Array, Array]:
     """Return what was measured, and time [s] and depth [m] of the first run, to be looked at.
 
-    column: the water, the vehicle's own where not given. Every law meets the same noise, waves,
-    drift and vehicles: those of the seed. Of a float `starts` are all runs of its drive.
+    drawn: how many, in which water, and from which region where the scenario draws them. Every law
+    meets the same noise, waves, drift and vehicles: those of the seed. Of a float `starts` are all
+    runs of its drive.
     """
-    s, h = placed.scenario, who.sample_time
+    s, h, column = placed.scenario, who.sample_time, drawn.column
     medium = medium_of(vehicle, column, reach=max(placed.start, placed.target))
     given: dict[str, Any] = {"vary": {}}
+    runs, seed = drawn.runs, drawn.seed
     if s.drawn:
-        given["vary"] = trial.draw(region, runs=runs, seed=seed, medium=medium)
+        assert drawn.region is not None
+        given["vary"] = trial.draw(drawn.region, runs=runs, seed=seed, medium=medium)
     if vehicle.voltage_driven:
         given["vary"]["supply"] = s.supply * plant(vehicle).supply
     if s.swell is not None:

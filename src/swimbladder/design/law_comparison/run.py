@@ -26,7 +26,7 @@ from swimbladder.design.law_comparison.contenders import GOALS, Contender, Place
 from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
-from swimbladder.design.tuning.trial import Trial, summarise
+from swimbladder.design.tuning.trial import Drawn, Trial, summarise
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import as_json
 from swimbladder.jobs import Store, each
@@ -307,11 +307,9 @@ def compare_laws(
         if not everyone:
             why = "; ".join(f"{name}: {why}" for name, why in left_out.items())
             raise NoAnswerError(f"there is no controller to compare. {why}")
-        rows = _fly_all(
-            vehicle, everyone, placed, store, around=around, runs=runs, seed=seed,
-            column=column,
-            advance=lambda share: tell(share * (_FLYING if jobs else _FLYING + _TUNING)),
-        )  # fmt: skip
+        flying = _FLYING if jobs else _FLYING + _TUNING
+        drawn = Drawn(runs, around, column=column, seed=seed)
+        rows = _fly_all(vehicle, everyone, placed, drawn, store, lambda x: tell(x * flying))
         bounds, missing = bounding.result()
     return LawComparison(
         vehicle=vehicle, where=where, placed=placed, rows=rows, left_out=left_out, bounds=bounds,
@@ -351,8 +349,8 @@ def _bounds(
 
 
 def _fly_all(
-    vehicle: Vehicle, everyone: Sequence[Contender], placed: Sequence[Placed], store: Store, *,
-    around: Region, runs: int, seed: int, column: Column | None, advance: Callable[[float], None],
+    vehicle: Vehicle, everyone: Sequence[Contender], placed: Sequence[Placed], drawn: Drawn,
+    store: Store, advance: Callable[[float], None],
 ) -> list[Row]:  # fmt: skip
     """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
 
@@ -361,13 +359,11 @@ def _fly_all(
         law = (who.law.name, source_of(who.law), who.parameters, who.sample_time)
 
         def flight() -> dict[str, Any]:
-            flown, time, depth = fly_scenario(
-                vehicle, who, p, region=around, runs=runs, seed=seed, column=column
-            )
+            flown, time, depth = fly_scenario(vehicle, who, p, drawn)
             result = summarise(flown)._asdict() | ({} if p.is_step else _NOT_A_STEP)
             return {"result": result, "time": time.tolist(), "depth": depth.tolist()}
 
-        kept = store.get(flight, "flown", vehicle, *law, *p, runs, seed, column)
+        kept = store.get(flight, "flown", vehicle, *law, *p, drawn.runs, drawn.seed, drawn.column)
         return Trial(**kept["result"]), Trace(np.array(kept["time"]), np.array(kept["depth"]))
 
     jobs = [*product(range(len(everyone)), range(len(placed)))]

@@ -27,7 +27,6 @@ _Poly = list[Fraction]  # descending powers, no leading zeros; [] is the zero po
 class RouthTable:
     """Routh's table of a polynomial and what it says."""
 
-    polynomial: tuple[float, ...]  # descending powers
     powers: tuple[int, ...]  # of s, one a row
     rows: tuple[tuple[str, ...], ...]  # as text; epsilon stands in it by name
     first_column: tuple[int, ...]  # signs
@@ -102,7 +101,6 @@ def routh_table(coefficients: Sequence[float]) -> RouthTable:
         on_axis = degree - 2 * _changes(signs[first - 1 :])
     n = len(rows) - 1
     return RouthTable(
-        polynomial=tuple(float(c) for c in coefficients),
         powers=tuple(range(n + at_zero, at_zero - 1, -1)),
         rows=tuple(tuple(map(_text, row[: n - i + 1 : 2])) for i, row in enumerate(rows)),
         first_column=tuple(signs),

@@ -285,7 +285,6 @@ class Around(NamedTuple):
 
     radius: float  # -, largest modulus of an eigenvalue
     margins: Margins  # worst of each, exactly, over all spots that a search ended at
-    nominal: Margins
     slowest: tuple[Mode, Spot]
     least_damped: tuple[Mode, Spot]
     found: tuple[Found, ...]
@@ -421,7 +420,6 @@ def look_around(
     return Around(
         radius=found[0].searched,
         margins=reduce(margins.least, [_exact(one) for one, _ in spots]),
-        nominal=_exact(first),
         slowest=max(here, key=lambda m: m[0].time_constant),
         least_damped=min(here, key=lambda m: m[0].damping),
         found=tuple(found),

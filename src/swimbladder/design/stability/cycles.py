@@ -172,9 +172,7 @@ def play(half: float) -> Nonlinearity:
             followed[i] = y
         return followed
 
-    return Nonlinearity(
-        name="play", size=half, onset=half, reach=1e5, gain=gain, output=output
-    )  # fmt: skip
+    return Nonlinearity(name="play", size=half, onset=half, reach=1e5, gain=gain, output=output)
 
 
 BELIEVED = 0.15  # expected error of amplitude or period up to which it is a prediction
