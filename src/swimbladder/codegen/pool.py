@@ -112,9 +112,8 @@ def rehearse(
         rows.append((seen.depth, seen.volume, may_begin, command, phase))
         if phase >= _DONE:
             over.append(len(rows))
-        if over and (len(rows) - over[0]) * tick > _AFTER:
-            return float(given), math.inf
-        return float(given), 0.0
+        ends = over and (len(rows) - over[0]) * tick > _AFTER
+        return float(given), math.inf if ends else 0.0
 
     flown = simulate(
         vehicle, setpoints=[(0.0, pool_depth)], law=every_tick, sample_time=tick, seed=seed,
@@ -122,12 +121,9 @@ def rehearse(
         start_depth=p.z_surface, start_volume=beside.limits.volume.volume_high,
         bottom_depth=pool_depth, progress=progress, checked=False,
     )  # fmt: skip
-    depth, volume, may_begin, command, phase = (
-        np.array(column, kind)
-        for column, kind in zip(
-            zip(*rows, strict=True), ("f4", "f4", "?", "f4", "i1"), strict=True
-        )
-    )  # fmt: skip
+    kinds = ("f4", "f4", "?", "f4", "i1")
+    columns = zip(zip(*rows, strict=True), kinds, strict=True)
+    depth, volume, may_begin, command, phase = (np.array(*of) for of in columns)
     if not flown.finished:
         raise NoAnswerError(f"The rehearsed pool day ended early: {flown.stop.value}")
     _check_done(beside, phase)

@@ -101,36 +101,29 @@ def supervisor_parameters(
     p = plant(_as_positioner(vehicle) if pumps else vehicle)
     tick = sample_time
     half = 0.5 * (p.V_max - p.V_min)
-    neutral_range = given.neutral_range
-    if neutral_range is None:
-        neutral_range = min(_NEUTRAL_SHARE * half, 0.5 * (p.V_max - p.V_0))
-    change = given.neutral_change
-    if change is None:
-        change = _CHANGE_SHARE * neutral_range
+    voltage = p.positioner == 0.0
+    known = min(_NEUTRAL_SHARE * half, 0.5 * (p.V_max - p.V_0))
+    neutral_range = _either(given.neutral_range, known)
+    change = _either(given.neutral_change, _CHANGE_SHARE * neutral_range)
     psi_range = given.model_error * abs(p.psi)
-    battery_low = given.battery_low
-    if battery_low is None:
-        battery_low = _BATTERY_SHARE * p.supply if p.positioner == 0.0 else 0.0
+    battery_low = _either(given.battery_low, _BATTERY_SHARE * p.supply if voltage else 0.0)
     depth_limit, deepest = _depths(vehicle, p, battery_low, neutral_range, psi_range)
     bounded = min(depth_limit, _DEEPEST)
     turn_rate = _rate(p, bounded, battery_low)
     stroke_s = 2.0 * half / turn_rate
-    voltage = p.positioner == 0.0
-    hold = given.hold_voltage
-    if hold is None:
-        hold = min(p.supply, _held(p, min(deepest, _DEEPEST))) if voltage else 0.0
+    held = min(p.supply, _held(p, min(deepest, _DEEPEST))) if voltage else 0.0
+    hold = _either(given.hold_voltage, held)
     full_rate = p.rate if not voltage else p.gain * (p.supply - p.friction)
     tau, follow = max(_TAU_S, 10.0 * tick), max(_FOLLOW_S, 5.0 * p.T1 if voltage else 0.0, 5 * tick)
     noise, quantum = sensors.depth_noise, sensors.depth_quantum
-    same = _same_ticks(noise, quantum, tick)
-    if given.frozen is not None:
-        same = ticks(given.frozen, tick)
+    frozen = given.frozen
+    same = _same_ticks(noise, quantum, tick) if frozen is None else ticks(frozen, tick)
     patience = max(3, ticks(given.patience, tick))
     fastest = (terminal_speed(p, p.a_b * (half + neutral_range)) + _WATER_SPEED) * tick
     moving = 6.0 * noise + 2.0 * quantum
     still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * change))), tick)
     whole = None if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
-    floor = math.inf if given.bottom_depth is None else given.bottom_depth
+    floor = _either(given.bottom_depth, math.inf)
     grown = max(_GROWN_SHARE * half, 6.0 * sensors.volume_noise + 2.0 * sensors.volume_quantum)
     moved = _MOVED_SHARE * half
     proof = tried = NEVER
@@ -216,6 +209,10 @@ def supervisor_parameters(
         ),
     )  # fmt: skip
     return _for_pump(vehicle, found) if pumps else found
+
+
+def _either(given: float | None, usual: float) -> float:
+    return usual if given is None else given
 
 
 def _with_pump(vehicle: Vehicle) -> Vehicle:

@@ -249,10 +249,7 @@ def decide(
 
 
 def step(
-    parameters: DeadbandParameters,
-    state: DeadbandState,
-    measurement: Measurement,
-    reference: float,
+    parameters: DeadbandParameters, state: DeadbandState, measurement: Measurement, reference: float
 ) -> tuple[float, DeadbandState, float]:
     """Return the voltage [V] that moves the volume or holds it, and the time to sleep."""
     p = parameters

@@ -253,11 +253,7 @@ def step(
     else:
         moving = moves(wanted - volume, state.moving, p.dead)
     voltage = p.depth_voltage * e.depth + moving * p.k_V * (wanted - volume)
-    return (
-        limited(voltage, -p.limit, p.limit),
-        ObserverState(e, wanted, moving, rested),
-        p.S_p,
-    )
+    return (limited(voltage, -p.limit, p.limit), ObserverState(e, wanted, moving, rested), p.S_p)
 
 
 def _gains(s: law.Setting, k: law.Knobs) -> ObserverParameters:

@@ -72,11 +72,7 @@ def step(
     moving = moves(wanted - volume, state.moving, p.dead)
     reach = p.rate * p.S_p
     command = volume + moving * limited(wanted - volume, -reach, reach)
-    return (
-        command,
-        PositionObserverState(e, command, moving),
-        p.S_p,
-    )
+    return (command, PositionObserverState(e, command, moving), p.S_p)
 
 
 def _gains(s: law.Setting, k: law.Knobs) -> PositionObserverParameters:

@@ -149,10 +149,7 @@ def run(
 
 
 def step(
-    parameters: PulseParameters,
-    state: PulseState,
-    measurement: law.Measurement,
-    reference: float,
+    parameters: PulseParameters, state: PulseState, measurement: law.Measurement, reference: float
 ) -> tuple[float, PulseState, float]:
     """Return the voltage [V] of a run of the motor near the set-point, of the feedback elsewhere.
 

@@ -44,11 +44,7 @@ _GROWS = 0.5  # e-folds of an error between two decisions
 _HOLDS = 86400.0  # s, of a trial that is about holding
 # Tried for each goal: shares of the fastest speed, s of sleep, of what the band holds in volume.
 _SHARES = {"fast": (1.0, 0.75, 0.5), "quiet": (0.5, 0.25), "energy": (0.7, 0.4, 0.25)}
-_DEAD = {
-    "fast": (30.0, 60.0, 120.0),
-    "quiet": (60.0, 120.0, 300.0, 600.0),
-    "energy": (60.0, 300.0),
-}
+_DEAD = {"fast": (30.0, 60.0, 120.0), "quiet": (60.0, 120.0, 300.0, 600.0), "energy": (60.0, 300.0)}
 _STEPS = {"fast": (0.1,), "quiet": (0.05, 0.15, 0.4), "energy": (0.05, 0.2)}
 _BANDS = (0.5, 1.0)  # of the slow speed, that a speed may be off
 
@@ -181,10 +177,7 @@ def initial(parameters: RateParameters, measurement: Measurement, reference: flo
 
 
 def step(
-    parameters: RateParameters,
-    state: RateState,
-    measurement: Measurement,
-    reference: float,
+    parameters: RateParameters, state: RateState, measurement: Measurement, reference: float
 ) -> tuple[float, RateState, float]:
     """Return the change of volume [m3], the state and the time to the next look [s].
 
