@@ -16,8 +16,8 @@ import numpy as np
 
 from studies.reversals import KNOBS as SLOW
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from swimbladder.codegen.golden import command_limits
 from swimbladder.codegen.safety import supervisor_parameters
-from swimbladder.codegen.twin import command_limits
 from swimbladder.control.cascade import CASCADE
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.registry import bind
