@@ -23,8 +23,7 @@ from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SUPERVISOR
-from swimbladder.control.supervisor_records import Watched
+from swimbladder.control.supervisor import SUPERVISOR, Watched
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from tests.codegen.build import run, write

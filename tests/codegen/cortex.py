@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from swimbladder.codegen.library import Library, write_library
-from swimbladder.control.supervisor_records import Watched
+from swimbladder.control.supervisor import Watched
 from tests.codegen.build import run
 
 HERE = Path(__file__).parent / "arm"

@@ -15,7 +15,7 @@ from swimbladder.codegen.pool import PoolOptions, PoolTwin, float32_twin, rehear
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import POOL
-from swimbladder.control.supervisor_records import Watched
+from swimbladder.control.supervisor import Watched
 from swimbladder.vehicle import Sensors
 from tests.codegen.build import STRICT, run
 from tests.codegen.chip import HERE, MCUS, Chip

@@ -21,7 +21,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.pump_valve import delivery, valve_rate
 from swimbladder.control.registry import own_law
-from swimbladder.control.supervisor_records import Reason, Watched
+from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, Phase

@@ -15,8 +15,7 @@ from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER
 from swimbladder.control.protocol import POOL, Does
-from swimbladder.control.supervisor import SUPERVISOR
-from swimbladder.control.supervisor_records import Reason, Watched
+from swimbladder.control.supervisor import SUPERVISOR, Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Sensors

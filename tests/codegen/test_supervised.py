@@ -18,8 +18,7 @@ from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.records import numbers
-from swimbladder.control.supervisor import SUPERVISOR
-from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate

@@ -11,8 +11,14 @@ from swimbladder.codegen.golden import command_limits
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SUPERVISOR, expected_rate, times
-from swimbladder.control.supervisor_records import Reason, Watched, reasons_in
+from swimbladder.control.supervisor import (
+    SUPERVISOR,
+    Reason,
+    Watched,
+    expected_rate,
+    reasons_in,
+    times,
+)
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor

@@ -12,8 +12,13 @@ import numpy as np
 
 from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.records import numbers
-from swimbladder.control.supervisor import SUPERVISOR
-from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched, reasons_in
+from swimbladder.control.supervisor import (
+    SUPERVISOR,
+    Reason,
+    SupervisorParameters,
+    Watched,
+    reasons_in,
+)
 
 _MOST_TICKS = 1_000_000
 SOON = 3  # ticks: a push that lasted longer has been judged before a reset

@@ -16,7 +16,7 @@ from swimbladder.codegen.pump_valve import BoardLaw
 from swimbladder.codegen.tree import Program
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.supervisor_records import SupervisorParameters
+from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.errors import NoAnswerError
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.block import Block, Schedule

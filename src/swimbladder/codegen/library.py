@@ -22,8 +22,7 @@ from swimbladder.codegen.tree import COUNT, FLOAT
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
 from swimbladder.control.registry import own_law
-from swimbladder.control.supervisor import SUPERVISOR
-from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.sim.closed_loop.checks import check_sample_time

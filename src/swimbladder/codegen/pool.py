@@ -21,8 +21,7 @@ from swimbladder.control.protocol import MARGIN, POOL, Does, Phase, PoolParamete
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
-from swimbladder.control.supervisor import SUPERVISOR
-from swimbladder.control.supervisor_records import Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import simulate

@@ -8,7 +8,7 @@ import numpy as np
 from swimbladder.control.law import NEVER, Count
 from swimbladder.control.records import field_types, leaves
 from swimbladder.control.registry import bind
-from swimbladder.control.supervisor_records import (
+from swimbladder.control.supervisor import (
     BoardLimits,
     DeepLimits,
     DepthLimits,

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.control.supervisor_records import Reason
+from swimbladder.control.supervisor import Reason
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP

@@ -12,8 +12,7 @@ from swimbladder.codegen.golden import fly_float
 from swimbladder.codegen.library import make_program
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
-from swimbladder.control.supervisor import SUPERVISOR
-from swimbladder.control.supervisor_records import Watched
+from swimbladder.control.supervisor import SUPERVISOR, Watched
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE

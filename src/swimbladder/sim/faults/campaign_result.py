@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.supervisor_records import Reason
+from swimbladder.control.supervisor import Reason
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course
 from swimbladder.sim.faults.kinds import KINDS, not_drawn

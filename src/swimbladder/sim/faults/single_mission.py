@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.registry import own_law
-from swimbladder.control.supervisor_records import Reason
+from swimbladder.control.supervisor import Reason
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
 from swimbladder.sim.faults.campaign_result import Campaign, Outcome, outcomes
