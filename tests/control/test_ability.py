@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from swimbladder.control.ability import learn_ability, usable
 from swimbladder.control.law import Knobs
+from swimbladder.control.profile import learn_ability, usable
 from swimbladder.control.registry import LAWS
 from swimbladder.design.stability.robust import wrapped
 from swimbladder.design.tuning.gains import gains, setting_of

@@ -22,9 +22,8 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
-from swimbladder.control.ability import learn_ability
 from swimbladder.control.observer import limited
-from swimbladder.control.profile import Target, aim, approach, is_behind, moves
+from swimbladder.control.profile import Target, aim, approach, is_behind, learn_ability, moves
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none

@@ -19,7 +19,6 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
-from swimbladder.control.ability import BEHIND, learn_ability, usable
 from swimbladder.control.observer import (
     Estimate,
     Observed,
@@ -30,6 +29,7 @@ from swimbladder.control.observer import (
     limited,
     moves,
 )
+from swimbladder.control.profile import BEHIND, learn_ability, usable
 from swimbladder.control.records import from_leaves
 
 FINE = 32  # steps of the path in a sample
