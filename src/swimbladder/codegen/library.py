@@ -254,20 +254,16 @@ def write_library(library: Library, out: Path) -> list[Path]:
 
     check_place(out)
     publish(out, write)
-    for old in [*(out / "src").glob("swb_*.c"), *(out / "src").glob("swb_*.h")]:
-        if f"src/{old.name}" not in library.files:
-            _remove(old)
+    for old in (out / "src").glob("swb_*.[ch]"):
+        if f"src/{old.name}" in library.files:
+            continue
+        try:
+            old.unlink()
+        except OSError as error:
+            what = f"cannot remove a source of another law: {error.strerror or error}"
+            remedy = "Remove it by hand, or choose an empty folder"
+            raise InputError(what, file=old, field="--out", remedy=remedy) from error
     return [out / name for name in library.files]
-
-
-def _remove(path: Path) -> None:
-    try:
-        path.unlink()
-    except OSError as error:
-        raise InputError(
-            f"cannot remove a source of another law: {error.strerror or error}", file=path,
-            field="--out", remedy="Remove it by hand, or choose an empty folder",
-        ) from error  # fmt: skip
 
 
 _COMMANDS = {  # unit, what the limits are, digits in a log, column of a table

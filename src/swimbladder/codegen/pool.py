@@ -280,6 +280,10 @@ def _loop(vehicle: Vehicle, p: Plant, S_p: float) -> CascadeParameters:
     return CascadeParameters(*made, S_p)
 
 
+def _of_depth(options: PoolOptions, what: str, remedy: str) -> InputError:
+    return InputError(what, field="--pool", value=options.depth, unit="m", remedy=remedy)
+
+
 def _check_pool(
     options: PoolOptions, p: Plant, limits: SupervisorParameters, margin: float
 ) -> None:
@@ -293,44 +297,39 @@ def _check_pool(
         )  # fmt: skip
     travel = options.depth - p.z_surface - 2.0 * options.clearance
     if not travel >= _LEAST_TRAVEL:
-        raise InputError(
+        raise _of_depth(
+            options,
             f"this leaves {travel:.3g} m between the depths of rest, {options.clearance:.3g} m "
             "from surface and bottom",
-            field="--pool", value=options.depth, unit="m",
-            remedy="Choose a deeper pool or a smaller --pool-clearance",
-        )  # fmt: skip
+            "Choose a deeper pool or a smaller --pool-clearance",
+        )
     if not options.depth < limits.deep.depth_limit:
-        raise InputError(
-            "the supervisor brings the vehicle up from there",
-            field="--pool", value=options.depth, unit="m",
-            remedy=f"Stay above {limits.deep.depth_limit:.4g} m, or see supervisor.depth_limit",
-        )  # fmt: skip
+        remedy = f"Stay above {limits.deep.depth_limit:.4g} m, or see supervisor.depth_limit"
+        raise _of_depth(options, "the supervisor brings the vehicle up from there", remedy)
 
 
 def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters) -> None:
     """Raise InputError unless stroke and trim leave room for every change of volume."""
     if options.rounds < 1:
-        raise InputError(
-            "there has to be one at least", field="--pool-rounds", value=options.rounds,
-            remedy="Leave it out for four",
-        )  # fmt: skip
+        what, remedy = "there has to be one at least", "Leave it out for four"
+        raise InputError(what, field="--pool-rounds", value=options.rounds, remedy=remedy)
     if options.rounds == 1 and options.first != options.last:
-        raise InputError(
-            "one round has one change of volume", field="--pool-volumes",
-            value=f"{options.first * 1e6:g}:{options.last * 1e6:g} cm3",
-            remedy="Give a single volume, or more --pool-rounds",
-        )  # fmt: skip
+        given = f"{options.first * 1e6:g}:{options.last * 1e6:g} cm3"
+        what = "one round has one change of volume"
+        remedy = "Give a single volume, or more --pool-rounds"
+        raise InputError(what, field="--pool-volumes", value=given, remedy=remedy)
     deep = p.V_0 + p.psi * (options.depth - options.clearance)
     shallow = p.V_0 + p.psi * (p.z_surface + options.clearance)
     high, low = max(deep, shallow), min(deep, shallow)
     ends, unsure = limits.volume, limits.neutral.neutral_range
     fits = min(ends.volume_high - high, low - ends.volume_low) - unsure
     if not fits > 0.0:
-        raise InputError(
+        raise _of_depth(
+            options,
             "the stroke has no room for a change of volume, should the neutral volume be off by "
             f"{unsure * 1e6:.3g} cm3 (supervisor.neutral_range)",
-            field="--pool", value=options.depth, unit="m", remedy="Trim the vehicle to mid-stroke",
-        )  # fmt: skip
+            "Trim the vehicle to mid-stroke",
+        )
     for change in (options.first, options.last):
         if not 0.0 < change <= fits:
             raise InputError(

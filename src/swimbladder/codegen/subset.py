@@ -235,7 +235,7 @@ class Expressions(Source, ast.NodeVisitor):
         if found is not None:
             return found
         of = self.read(node.value)
-        kind = of.type.type_of(node.attr) if isinstance(of.type, tree.Record) else None
+        kind = dict(of.type.fields).get(node.attr) if isinstance(of.type, tree.Record) else None
         if kind is None:
             self.refuse(node, "there is no such field", "Name a field of the NamedTuple")
         return tree.Field(of, node.attr, kind)

@@ -41,10 +41,6 @@ class Record(Node):
     fields: tuple[tuple[str, Type], ...]
     kind: type[Any] | None = field(default=None, compare=False)
 
-    def type_of(self, name: str) -> Type | None:
-        """Return the type of a field, None where there is none of that name."""
-        return dict(self.fields).get(name)
-
     def own(self) -> tuple[Record, ...]:
         """Return the records that it is made of, each after those in it, and itself."""
         found: list[Record] = []

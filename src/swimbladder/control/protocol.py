@@ -162,7 +162,6 @@ _WAITS = -1.0
 _HOLD = 0.0
 _HALT = 1.0
 _PULSE = 2.0
-_GLIDE = 3.0
 _HALF = 4.0  # phases of a way up, and of a way down
 _LAST = 7.0
 _DONE = 8.0
