@@ -631,8 +631,8 @@ def _source(program: tree.Program, private: bool) -> str:
     parts = [
         f"/* The control law {program.name}, translated from its Python source by swimbladder.",
         " * float32 throughout: the float32 twin of the law gives the same bits. */",
-        f'#include "swb_{law}.h"', "",
-    ]  # fmt: skip
+        f'#include "swb_{law}.h"\n',
+    ]
     listed = [f"#include <{name}>" for name, found in includes.items() if found]
     parts += [*listed, ""] if listed else []
     parts += [ARITHMETIC, *([CALLED] if "SWB_CALLED" in text else [])]

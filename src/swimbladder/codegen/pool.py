@@ -244,9 +244,10 @@ def board_procedure(
         raise InputError(
             "the procedure changes the volume by a voltage for a time, and this actuator takes "
             "positions",
-            field="--pool", value=vehicle.actuator.kind,
+            field="--pool",
+            value=vehicle.actuator.kind,
             remedy="Do the steps by hand, with the sketch that holds a depth",
-        )  # fmt: skip
+        )
     S_p = limits.S_p
     sensors = vehicle.sensors
     margin = max(MARGIN, 6.0 * sensors.depth_noise + 2.0 * sensors.depth_quantum)

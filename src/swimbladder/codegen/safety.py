@@ -333,8 +333,9 @@ def ticks(seconds: float, tick: float) -> int:
         raise InputError(
             f"{seconds:g} s are {whole:.3g} ticks of {tick:g} s, and the supervisor counts to "
             f"{_COUNTED}",
-            field="supervisor", remedy="Give a shorter time, or a longer sample_time",
-        )  # fmt: skip
+            field="supervisor",
+            remedy="Give a shorter time, or a longer sample_time",
+        )
     return whole
 
 

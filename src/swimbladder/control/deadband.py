@@ -324,8 +324,9 @@ def _gains(s: Setting, k: Knobs) -> DeadbandParameters:
     if d <= 0.0:
         raise InputError(
             "the law deadband reckons with laminar drag, and the vehicle has none",
-            field="motion.drag", remedy="Choose the law observer",
-        )  # fmt: skip
+            field="motion.drag",
+            remedy="Choose the law observer",
+        )
     interval = max(round(k.pause / h), 2) * h
     speed = k.band / interval
     own = deadband_gains(a / d, 1.0 / d, p.psi, interval, _FADING, creep=p.gain * p.load_drive)

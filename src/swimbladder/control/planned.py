@@ -211,4 +211,4 @@ PLANNED = law.Law(
     recipe=law.Recipe(
         gains=_gains, fast=law.FAST, quiet=law.QUIET, shares=(0.85, 0.75), jitter=jitter
     ),
-)  # fmt: skip
+)

@@ -88,7 +88,5 @@ POSITION_OBSERVER = law.Law(
     step=step,
     initial=initial,
     dead_zone="dead",
-    recipe=law.Recipe(
-        gains=_gains, fast=law.FAST, quiet=law.QUIET, jitter=jitter, holds_best=True
-    ),
-)  # fmt: skip
+    recipe=law.Recipe(gains=_gains, fast=law.FAST, quiet=law.QUIET, jitter=jitter, holds_best=True),
+)

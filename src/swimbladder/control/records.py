@@ -82,9 +82,10 @@ def leaf_names(kind: type[Any]) -> tuple[str, ...]:
     twice = next((name for n, name in enumerate(found) if name in found[:n]), None)
     if twice is not None:
         raise InputError(
-            f"the field {twice!r} stands in {kind.__name__} twice", field=kind.__qualname__,
+            f"the field {twice!r} stands in {kind.__name__} twice",
+            field=kind.__qualname__,
             remedy="Give each number a name of its own, also across nested NamedTuples",
-        )  # fmt: skip
+        )
     return tuple(found)
 
 

@@ -127,9 +127,10 @@ def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:
         refuse_pump_and_valve(vehicle.actuator)
     if vehicle.controller is None:
         raise InputError(
-            f"the vehicle {vehicle.name!r} has no controller", field="controller",
+            f"the vehicle {vehicle.name!r} has no controller",
+            field="controller",
             remedy="Add a [controller] table to the vehicle: `swimbladder tune` writes one",
-        )  # fmt: skip
+        )
     law, parameters = bind(vehicle.controller)
     check_command(law, vehicle)
     return law, parameters

@@ -768,8 +768,9 @@ def step(
             wanted = p.push.surface_command
     s = s._replace(
         depth=s.depth._replace(since=since, depth=depth),
-        volume=s.volume._replace(volume=volume, measured=measured), command=wanted,
-    )  # fmt: skip
+        volume=s.volume._replace(volume=volume, measured=measured),
+        command=wanted,
+    )
     s = s._replace(rescue=s.rescue._replace(reasons=reasons_of(p, s)))
     if s.rescue.reasons > 0:
         s = bring_up(p, s, good, lost)
