@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swimbladder.control import cascade
-from swimbladder.design.linear import StateSpace
-from swimbladder.paper import equations_actuator, equations_motion
+from swimbladder.design.linear import StateSpace, transfer
+from swimbladder.paper import actuation, equations_actuator, equations_motion
 from swimbladder.paper.equations_actuator import actuator_checks
 from swimbladder.paper.equations_motion import motion_checks
 from swimbladder.paper.verdict import EquationCheck, deviation
@@ -73,23 +73,23 @@ MUTATIONS = [
     (3, actuator, "leakage_volume_rate"), (4, actuator, "pump_leakage_flow"),
     (5, actuator, "volume_lost_to_leakage"), (6, actuator, "leakage_coefficient"),
     (7, actuator, "hydraulic_load_coefficient"), (8, actuator, "hydraulic_volume_per_angle"),
-    (9, equations_actuator, "volume_per_voltage"), (9, equations_actuator, "volume_per_depth"),
+    (9, transfer, "volume_per_voltage"), (9, transfer, "volume_per_depth"),
     (10, equations_motion, "acceleration"), (11, equations_actuator, "motor_rhs"),
     (12, equations_actuator, "motor_rhs"), (13, equations_motion, "acceleration"),
     (14, equations_actuator, "motor_rhs"), (15, equations_motion, "drive"),
     (16, equations_motion, "drag_per_mass"), (17, equations_actuator, "linearise"),
-    (18, equations_motion, "linearise"), (19, equations_actuator, "volume_per_voltage"),
-    (20, equations_motion, "depth_per_volume_physical"), (21, equations_actuator, "drive"),
+    (18, equations_motion, "linearise"), (19, transfer, "volume_per_voltage"),
+    (20, transfer, "depth_per_volume_physical"), (21, actuation, "drive"),
     (23, actuator, "to_identified"), (24, actuator, "to_identified"),
-    (23, equations_actuator, "drive"), (24, equations_actuator, "drive"),
+    (23, actuation, "drive"), (24, actuation, "drive"),
     (25, equations_motion, "linearise"), (26, equations_motion, "fit_speed"),
     (27, equations_motion, "fit_depth"), (28, equations_motion, "drive"),
-    (29, equations_motion, "drive"), (30, equations_motion, "depth_per_volume_identified"),
-    (31, equations_motion, "acceleration"), (32, equations_motion, "depth_per_volume"),
-    (33, equations_actuator, "volume_per_voltage_identified"),
-    (33, equations_actuator, "volume_per_depth_identified"),
-    (34, equations_motion, "depth_per_voltage"),
-    (35, equations_motion, "depth_per_voltage_without_loads"),
+    (29, equations_motion, "drive"), (30, transfer, "depth_per_volume_identified"),
+    (31, equations_motion, "acceleration"), (32, transfer, "depth_per_volume"),
+    (33, transfer, "volume_per_voltage_identified"),
+    (33, transfer, "volume_per_depth_identified"),
+    (34, transfer, "depth_per_voltage"),
+    (35, transfer, "depth_per_voltage_without_loads"),
     (36, cascade, "step"), (37, cascade, "step"),
 ]  # fmt: skip
 

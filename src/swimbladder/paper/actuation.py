@@ -4,9 +4,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from swimbladder.control.protocol import timed_voltage
-from swimbladder.sim.closed_loop import drive
+from swimbladder.sim.closed_loop import Solution, drive
 from swimbladder.sim.pool import centred_differences, timed_travel
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
@@ -34,6 +35,15 @@ class Identified(NamedTuple):
     depth_voltage: float  # V/m, k_z/k_u
 
 
+def on_bottom(
+    vehicle: Vehicle, time: ArrayLike, voltage: ArrayLike, depth: float, volume: float
+) -> Solution:
+    """Return what voltages at times [s], or one at all, do from a volume [m3] on the bottom."""
+    voltages = np.broadcast_to(voltage, np.shape(time))
+    start: Any = {"start_depth": depth, "start_volume": volume}
+    return drive(vehicle, time=time, voltage=voltages, bottom_depth=depth, **start)
+
+
 def voltage_steps(vehicle: Vehicle) -> Identified:
     """Find K1, T1 and k_z/k_u from voltage steps on the bottom, where the depth stays the same.
 
@@ -45,10 +55,7 @@ def voltage_steps(vehicle: Vehicle) -> Identified:
     time = np.arange(301) * h
 
     def speed(u: float, depth: float) -> Any:
-        s = drive(
-            vehicle, time=time, voltage=np.full(len(time), u), start_depth=depth,
-            start_volume=-150e-6, bottom_depth=depth,
-        )  # fmt: skip
+        s = on_bottom(vehicle, time, u, depth, -150e-6)
         return centred_differences(s.volume / a.piston_area, h)
 
     voltages = [-12.0, -9.0, -6.0, -3.0, 3.0, 6.0, 9.0, 12.0]
@@ -73,21 +80,14 @@ def timed_voltages(vehicle: Vehicle) -> tuple[Pulse, ...]:
     pulses = []
     for depth, sign in ((POOL_DEPTH - CLEARANCE, 1.0), (CLEARANCE, -1.0)):
         for dx in TRAVELS:
-            u, samples = timed_voltage(
-                sign * dx, K1=a.K1, limit=vehicle.supply.voltage,
-                sample_time=vehicle.controller.sample_time,
-            )  # fmt: skip
-            dt = samples * vehicle.controller.sample_time
-            load = a.depth_voltage * depth
-            s = drive(
-                vehicle, time=[0.0, dt, dt + 3.0], voltage=[u, load, load], start_depth=depth,
-                start_volume=vehicle.neutral_volume(depth) - 150e-6, bottom_depth=depth,
-            )  # fmt: skip
-            moved = (s.volume - s.volume[0]) / a.piston_area
+            limit, h = vehicle.supply.voltage, vehicle.controller.sample_time
+            u, samples = timed_voltage(sign * dx, K1=a.K1, limit=limit, sample_time=h)
+            dt, load = samples * h, a.depth_voltage * depth
+            volume = vehicle.neutral_volume(depth) - 150e-6
+            s = on_bottom(vehicle, [0.0, dt, dt + 3.0], [u, load, load], depth, volume)
+            _, *moved = ((s.volume - s.volume[0]) / a.piston_area).tolist()
             formula = timed_travel(u, dt, K1=a.K1, T1=a.T1, opposing=load)
-            pulses.append(
-                Pulse(depth, sign * dx, u, dt, formula, (float(moved[1]), float(moved[2])))
-            )
+            pulses.append(Pulse(depth, sign * dx, u, dt, formula, (moved[0], moved[1])))
     return tuple(pulses)
 
 
@@ -96,10 +96,8 @@ def unheld_rise(vehicle: Vehicle) -> float:
     a = vehicle.actuator
     assert isinstance(a, IdentifiedActuator)
     depth = POOL_DEPTH - CLEARANCE
-    time = np.arange(0.0, 120.0, 0.3)
-    s = drive(
-        vehicle, time=time, voltage=np.zeros(len(time)), start_depth=depth,
-        start_volume=vehicle.neutral_volume(depth) + TRAVELS[0] * a.piston_area,
-        bottom_depth=POOL_DEPTH,
-    )  # fmt: skip
+    time, volume = np.arange(0.0, 120.0, 0.3), vehicle.neutral_volume(depth)
+    volume += TRAVELS[0] * a.piston_area
+    start: Any = {"start_depth": depth, "start_volume": volume}
+    s = drive(vehicle, time=time, voltage=np.zeros(len(time)), bottom_depth=POOL_DEPTH, **start)
     return float(depth - s.depth.min())

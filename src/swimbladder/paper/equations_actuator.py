@@ -10,19 +10,13 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from swimbladder.design.linear import linearise
-from swimbladder.design.linear.transfer import (
-    volume_per_depth,
-    volume_per_depth_identified,
-    volume_per_voltage,
-    volume_per_voltage_identified,
-)
+from swimbladder.design.linear import linearise, transfer
+from swimbladder.paper.actuation import on_bottom
 from swimbladder.paper.evidence import Evidence
 from swimbladder.paper.verdict import EquationCheck, check, scaled
 from swimbladder.physics import actuator as act
 from swimbladder.physics import oil
 from swimbladder.physics.dynamics import State, motor_rhs, plant
-from swimbladder.sim.closed_loop import drive
 from swimbladder.vehicle import (
     ElectrohydraulicActuator,
     ElectromechanicalActuator,
@@ -30,11 +24,6 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Vehicle,
 )
-
-
-def hydraulic_checks(vehicle: Vehicle) -> list[EquationCheck]:
-    """Return the checks of (1) to (8), with an electrohydraulic vehicle's datasheet."""
-    return [*_oil(), *_hydraulic(vehicle)]
 
 
 def _oil() -> list[EquationCheck]:
@@ -60,16 +49,14 @@ def _hydraulic(vehicle: Vehicle) -> list[EquationCheck]:
     A1, A2 = 0.02, 0.01  # m2, an amplifier, so that n_h is not 1
     n_h, z = A1 / A2, np.linspace(1.0, 1000.0, 37)
     p_sea, p_oil = w * z, w * z * A2 / A1
-    leak = np.array(
-        [act.pump_leakage_flow(k_pl=d.pump_leakage, rho=rho, g=g, z=x, n_h=n_h) for x in z]
-    )
+    k_pl = d.pump_leakage
+    leak = np.array([act.pump_leakage_flow(k_pl=k_pl, rho=rho, g=g, z=x, n_h=n_h) for x in z])
     lost = np.array([act.leakage_volume_rate(Q_l=Q, n_h=n_h) for Q in leak])
-    k_l = act.leakage_coefficient(k_pl=d.pump_leakage, rho=rho, g=g, n_h=n_h)
+    k_l = act.leakage_coefficient(k_pl=k_pl, rho=rho, g=g, n_h=n_h)
     by_5 = np.array([act.volume_lost_to_leakage(k_l=k_l, z=x) for x in z])
-    k_z = act.hydraulic_load_coefficient(
-        rho=rho, g=g, D_p=d.pump_displacement, eta_p=d.pump_efficiency, n_h=n_h
-    )
-    k_q = act.hydraulic_volume_per_angle(D_p=d.pump_displacement, n_h=n_h)
+    D_p, eta_p = d.pump_displacement, d.pump_efficiency
+    k_z = act.hydraulic_load_coefficient(rho=rho, g=g, D_p=D_p, eta_p=eta_p, n_h=n_h)
+    k_q = act.hydraulic_volume_per_angle(D_p=D_p, n_h=n_h)
     turns = 1000
     return [
         check(3, (lost * p_sea, leak * p_oil)),
@@ -92,7 +79,8 @@ def at(ratio: tuple[Any, Any], s: Any = FREQUENCIES) -> Any:
 def actuator_checks(e: Evidence) -> list[EquationCheck]:
     """Return the checks of the actuator's equations."""
     return [
-        *hydraulic_checks(e.hydraulic),
+        *_oil(),
+        *_hydraulic(e.hydraulic),
         _eq9(e.hydraulic),
         *_motor(e.hydraulic),
         *_linear(e.hydraulic),
@@ -107,22 +95,21 @@ def _unified(vehicle: Vehicle) -> UnifiedActuator:
 
 def _driven(vehicle: Vehicle) -> tuple[Any, Any]:
     """V/U and V/Z of the actuator alone, from the linearised right-hand side, at FREQUENCIES."""
-    A = linearise(plant(vehicle)).A
-    B = linearise(plant(vehicle)).B
-    inside, by_u, by_z = A[:2, :2], B[:2, 0], A[:2, 2]
-    found = [
-        np.linalg.solve(s * np.eye(2) - inside, np.stack([by_u, by_z], axis=1))[1]
-        for s in FREQUENCIES
-    ]
+    model = linearise(plant(vehicle))
+    inside, inputs = model.A[:2, :2], np.stack([model.B[:2, 0], model.A[:2, 2]], axis=1)
+    found = [np.linalg.solve(s * np.eye(2) - inside, inputs)[1] for s in FREQUENCIES]
     return tuple(np.array(found).T)
 
 
+def _by_9(u: UnifiedActuator) -> tuple[Any, Any]:
+    """Return V/U and V/Z as eq. (9) has them, at FREQUENCIES."""
+    own = {"inertia": u.inertia, "k_v": u.k_v, "k_q": u.k_q}
+    by_z = transfer.volume_per_depth(**own, k_z=u.k_z, k_l=u.k_l)
+    return at(transfer.volume_per_voltage(**own, k_u=u.k_u)), at(by_z)
+
+
 def _eq9(vehicle: Vehicle) -> EquationCheck:
-    u = _unified(vehicle)
-    by_u, by_z = _driven(vehicle)
-    formula_u = at(volume_per_voltage(inertia=u.inertia, k_u=u.k_u, k_q=u.k_q, k_v=u.k_v))
-    formula_z = at(volume_per_depth(inertia=u.inertia, k_v=u.k_v, k_q=u.k_q, k_z=u.k_z, k_l=u.k_l))
-    return check(9, (by_u, formula_u), (by_z, formula_z))
+    return check(9, *zip(_driven(vehicle), _by_9(_unified(vehicle)), strict=True))
 
 
 def _motor(vehicle: Vehicle) -> list[EquationCheck]:
@@ -131,12 +118,8 @@ def _motor(vehicle: Vehicle) -> list[EquationCheck]:
     random = np.random.default_rng(11)
     rows = []
     for _ in range(200):
-        q, V, z = (
-            random.uniform(0.1, 3.0) * 1e-5,
-            random.uniform(-2e-4, 2e-4),
-            random.uniform(0, 1e3),
-        )
-        w, volt = random.uniform(-0.5, 0.5), random.uniform(-24.0, 24.0)
+        q, V = random.uniform(0.1, 3.0) * 1e-5, random.uniform(-2e-4, 2e-4)
+        z, w, volt = (random.uniform(*ends) for ends in ((0, 1e3), (-0.5, 0.5), (-24.0, 24.0)))
         rate = motor_rhs(State(q, V, z, w), volt, p)
         omega = q / u.k_q
         T_z = u.k_z * z + u.friction_torque
@@ -144,18 +127,13 @@ def _motor(vehicle: Vehicle) -> list[EquationCheck]:
         by_12 = u.k_q * omega - u.k_l * z
         ours_14 = rate.q - u.k_l * w  # derivative of (12)
         V_rate, lam = by_12, u.inertia
-        by_14 = (
-            -u.k_v / lam * V_rate - u.k_l * w
-            - (u.k_l * u.k_v / lam + u.k_q * u.k_z / lam) * z
-            + u.k_u * u.k_q / lam * volt - u.k_q * u.friction_torque / lam
-        )  # fmt: skip
+        load = u.k_l * u.k_v / lam + u.k_q * u.k_z / lam
+        held = -u.k_v / lam * V_rate - u.k_l * w - load * z
+        by_14 = held + u.k_u * u.k_q / lam * volt - u.k_q * u.friction_torque / lam
         rows.append((rate.q / u.k_q, by_11, rate.V, by_12, ours_14, by_14))
-    table = np.array(rows)
-    return [
-        check(11, scaled(table[:, 0], table[:, 1])),
-        check(12, scaled(table[:, 2], table[:, 3])),
-        check(14, scaled(table[:, 4], table[:, 5])),
-    ]
+    table = np.array(rows).T
+    pairs = zip((11, 12, 14), table[::2], table[1::2], strict=True)
+    return [check(number, scaled(ours, other)) for number, ours, other in pairs]
 
 
 def _linear(vehicle: Vehicle) -> list[EquationCheck]:
@@ -166,18 +144,12 @@ def _linear(vehicle: Vehicle) -> list[EquationCheck]:
     Z, V = whole[:, model.outputs.index("z")], whole[:, model.outputs.index("V")]
     s, lam = FREQUENCIES, u.inertia
     left = s**2 * V
-    right = (
-        -u.k_v / lam * s * V - u.k_l * s * Z
-        - (u.k_l * u.k_v / lam + u.k_q * u.k_z / lam) * Z + u.k_u * u.k_q / lam
-    )  # fmt: skip
+    load = u.k_l * u.k_v / lam + u.k_q * u.k_z / lam
+    right = -u.k_v / lam * s * V - u.k_l * s * Z - load * Z + u.k_u * u.k_q / lam
     terms = np.abs(u.k_u * u.k_q / lam)
-    formula = at(volume_per_voltage(inertia=lam, k_u=u.k_u, k_q=u.k_q, k_v=u.k_v)) + (
-        at(volume_per_depth(inertia=lam, k_v=u.k_v, k_q=u.k_q, k_z=u.k_z, k_l=u.k_l)) * Z
-    )
-    return [
-        check(17, float(np.max(np.abs(left - right)) / terms)),
-        check(19, (formula, V)),
-    ]
+    by_u, by_z = _by_9(u)
+    off = float(np.max(np.abs(left - right)) / terms)
+    return [check(17, off), check(19, (by_u + by_z * Z, V))]
 
 
 def _shallow(e: Evidence) -> list[EquationCheck]:
@@ -188,11 +160,7 @@ def _shallow(e: Evidence) -> list[EquationCheck]:
 
     def rate(actuator: IdentifiedActuator, depth: float) -> Any:
         vehicle = e.vehicle.model_copy(update={"actuator": actuator})
-        s = drive(
-            vehicle, time=time, voltage=np.full(len(time), 12.0), start_depth=depth,
-            start_volume=-1e-4, bottom_depth=depth,
-        )  # fmt: skip
-        return s.motor_rate[1:]
+        return on_bottom(vehicle, time, 12.0, depth, -1e-4).motor_rate[1:]
 
     formula = a.K1 * a.piston_area * 12.0 * -np.expm1(-time[1:] / a.T1)
     loaded = rate(a, 3.75)
@@ -214,20 +182,15 @@ def _identified(e: Evidence) -> list[EquationCheck]:
     by_hand = k_q * (m.torque_constant / m.resistance) / k_v
     T1 = (m.rotor_inertia + d.reflected_inertia) / k_v
     time = np.array([0.0, T1, 60.0 * T1])
-    s = drive(
-        e.screw, time=time, voltage=np.full(3, 6.0), start_depth=0.0, start_volume=-3e-4,
-        bottom_depth=0.0,
-    )  # fmt: skip
+    s = on_bottom(e.screw, time, 6.0, 0.0, -3e-4)
     rate, steady = float(s.motor_rate[1]), float(s.motor_rate[2])
     found = act.to_identified(a, e.screw.water)
     by_u, by_z = _driven(e.vehicle)
     i = e.actuator
-    formula_u = at(volume_per_voltage_identified(K1=i.K1, A=i.piston_area, T1=i.T1))
-    formula_z = at(
-        volume_per_depth_identified(
-            K1=i.K1, A=i.piston_area, T1=i.T1, depth_voltage=i.depth_voltage, k_l=i.k_l
-        )
-    )
+    own = {"K1": i.K1, "A": i.piston_area, "T1": i.T1}
+    formula_u = at(transfer.volume_per_voltage_identified(**own))
+    loads = {"depth_voltage": i.depth_voltage, "k_l": i.k_l}
+    formula_z = at(transfer.volume_per_depth_identified(**own, **loads))
     return [
         check(23, (found.K1 * d.piston_area, by_hand), (steady / 6.0, by_hand)),
         check(24, (found.T1, T1), (rate / steady, 1.0 - math.exp(-1.0))),

@@ -10,15 +10,8 @@ from scipy.integrate import solve_ivp
 from swimbladder.control import cascade
 from swimbladder.control.law import Measurement
 from swimbladder.control.registry import bind
-from swimbladder.design.linear import linearise
+from swimbladder.design.linear import linearise, transfer
 from swimbladder.design.linear.depths import double_integrator_phase_margin
-from swimbladder.design.linear.transfer import (
-    depth_per_voltage,
-    depth_per_voltage_without_loads,
-    depth_per_volume,
-    depth_per_volume_identified,
-    depth_per_volume_physical,
-)
 from swimbladder.paper.equations_actuator import FREQUENCIES, at
 from swimbladder.paper.evidence import Evidence
 from swimbladder.paper.verdict import EquationCheck, check, scaled
@@ -77,9 +70,8 @@ def _eq15(e: Evidence) -> EquationCheck:
 
     x, depths = np.array([0.0, vehicle.neutral_volume(20.0), 20.0, 0.0]), [20.0]
     for (t0, t1), u in zip(pairwise(time), voltage, strict=False):
-        x = solve_ivp(rates, (t0, t1), x, args=(u,), method="DOP853", rtol=1e-11, atol=1e-14).y[
-            :, -1
-        ]
+        how: Any = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-14}
+        x = solve_ivp(rates, (t0, t1), x, args=(u,), **how).y[:, -1]
         depths.append(float(x[2]))
     return check(15, float(np.max(np.abs(s.depth - depths))))
 
@@ -90,9 +82,8 @@ def _eq16(vehicle: Vehicle) -> EquationCheck:
     p, m, drag = plant(vehicle), vehicle.mass, motion.drag
     speeds = np.linspace(-0.5, 0.5, 201)
     ours = np.array([m * drag_per_mass(float(w), p) for w in speeds])
-    other = np.where(
-        np.abs(speeds) > drag.epsilon, drag.k_dt * speeds * np.abs(speeds), drag.k_dl * speeds
-    )
+    fast, quadratic = np.abs(speeds) > drag.epsilon, drag.k_dt * speeds * np.abs(speeds)
+    other = np.where(fast, quadratic, drag.k_dl * speeds)
     rising = 0.2
     literal, right = drag.k_dl * rising, drag.k_dt * rising**2
     return check(16, scaled(ours, other), rising=rising, literal=literal, right=right)
@@ -106,7 +97,7 @@ def _small(vehicle: Vehicle) -> list[EquationCheck]:
     Z, V = whole[:, model.outputs.index("z")], whole[:, model.outputs.index("V")]
     left, s = FREQUENCIES**2 * Z, FREQUENCIES
     right = (-k_b * V + k_def * Z - k_dl * s * Z) / m
-    formula = at(depth_per_volume_physical(k_b=k_b, k_def=k_def, k_dl=k_dl, m=m))
+    formula = at(transfer.depth_per_volume_physical(k_b=k_b, k_def=k_def, k_dl=k_dl, m=m))
     return [
         check(18, float(np.max(np.abs(left - right) / np.abs(k_b * V / m)))),
         check(20, (Z / V, formula)),
@@ -141,14 +132,14 @@ def _any_depth(e: Evidence) -> list[EquationCheck]:
     m, k_b, k_dl = vehicle.mass, vehicle.water.specific_weight, vehicle.drag.k_dl
     k_def = k_b * psi
     p = plant(vehicle)
-    physical = at(depth_per_volume_physical(k_b=k_b, k_def=k_def, k_dl=k_dl, m=m))
-    by_30 = at(depth_per_volume_identified(K2=K2, T2=T2, k_def=k_def, k_dl=k_dl))
+    physical = at(transfer.depth_per_volume_physical(k_b=k_b, k_def=k_def, k_dl=k_dl, m=m))
+    by_30 = at(transfer.depth_per_volume_identified(K2=K2, T2=T2, k_def=k_def, k_dl=k_dl))
     numeric = linearise(p._replace(positioner=1.0)).at(FREQUENCIES)[:, 0, 0]
     lift = [m * acceleration(0.0, z, 0.0, p) for z in (10.0, 90.0)]
     return [
         check(30, (by_30, physical)),
         check(31, ((lift[1] - lift[0]) / 80.0, k_b * psi)),
-        check(32, (at(depth_per_volume(K2=K2, T2=T2, psi=psi)), numeric)),
+        check(32, (at(transfer.depth_per_volume(K2=K2, T2=T2, psi=psi)), numeric)),
     ]
 
 
@@ -156,21 +147,17 @@ def _open_loop(e: Evidence) -> list[EquationCheck]:
     a, mo = e.actuator, e.motion
     assert isinstance(mo, IdentifiedMotion)
     main = dict(K1=a.K1, K2=mo.K2, A=a.piston_area, T1=a.T1, T2=mo.T2)
-    by_34 = depth_per_voltage(
-        **main, psi=e.vehicle.hull.psi, depth_voltage=a.depth_voltage, k_l=a.k_l
-    )
+    loads = {"psi": e.vehicle.hull.psi, "depth_voltage": a.depth_voltage, "k_l": a.k_l}
+    by_34 = transfer.depth_per_voltage(**main, **loads)
     open_loop = e.analysis.open_loop
     p = plant(e.vehicle)._replace(psi=0.0, load_drive=0.0, load_back=0.0, k_l=0.0)
     free = linearise(p).at(FREQUENCIES)[:, 0, 0]
-    margin = double_integrator_phase_margin(**main)
+    by_35 = at(transfer.depth_per_voltage_without_loads(**main))
+    margin = math.degrees(double_integrator_phase_margin(**main))
+    routh, poles = open_loop.routh.sentence, ", ".join(map(_complex, open_loop.poles))
     return [
-        check(
-            34,
-            (open_loop.denominator, by_34[1]),
-            routh=open_loop.routh.sentence,
-            poles=", ".join(map(_complex, open_loop.poles)),
-        ),
-        check(35, (at(depth_per_voltage_without_loads(**main)), free), margin=math.degrees(margin)),
+        check(34, (open_loop.denominator, by_34[1]), routh=routh, poles=poles),
+        check(35, (by_35, free), margin=margin),
     ]
 
 
@@ -197,10 +184,6 @@ def _controller(e: Evidence) -> list[EquationCheck]:
     seen_error = reference - (reference - error)
     before = np.concatenate([[0.0], np.cumsum(seen_error)[:-1]])
     U_i = volume[0] + c.k_iz * c.S_p * before
-    by_hand = (
-        c.k_pz * seen_error + c.k_dz * np.diff(seen_error, prepend=seen_error[0]) / c.S_p + U_i
-    )
-    return [
-        check(36, scaled(U, by_hand)),
-        check(37, scaled(integrals, U_i)),
-    ]
+    change = np.diff(seen_error, prepend=seen_error[0])
+    by_hand = c.k_pz * seen_error + c.k_dz * change / c.S_p + U_i
+    return [check(36, scaled(U, by_hand)), check(37, scaled(integrals, U_i))]

@@ -10,28 +10,11 @@ import numpy as np
 from swimbladder.design.analysis import analyse
 from swimbladder.design.linear import Analysis
 from swimbladder.io.config import load_vehicle
-from swimbladder.paper.actuation import (
-    CLEARANCE,
-    POOL_DEPTH,
-    TRAVELS,
-    Identified,
-    Pulse,
-    timed_voltages,
-    unheld_rise,
-    voltage_steps,
-)
+from swimbladder.paper import actuation
+from swimbladder.paper.actuation import CLEARANCE, POOL_DEPTH, TRAVELS, Identified, Pulse
+from swimbladder.sim import pool
 from swimbladder.sim.closed_loop import Solution, StepMetrics, simulate, step_metrics
-from swimbladder.sim.pool import (
-    Experiment,
-    Fit,
-    PoolRun,
-    average,
-    fit_depth,
-    fit_jointly,
-    fit_speed,
-    pool_test,
-    still_starts,
-)
+from swimbladder.sim.pool import Experiment, Fit, PoolRun, average, fit_depth, fit_speed
 from swimbladder.vehicle import IdentifiedActuator, IdentifiedMotion, Sensors, Vehicle
 
 VOLUME_STEPS = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, dV
@@ -135,63 +118,51 @@ def gather(seed: int, advance: Callable[[float], None] = lambda _: None) -> Evid
         advance(1.0)
 
     stage(hydraulic=load_vehicle("example-eh"), screw=load_vehicle("example-em"))
-    stage(identified=voltage_steps(vehicle), pulses=timed_voltages(vehicle))
+    identified, pulses = actuation.voltage_steps(vehicle), actuation.timed_voltages(vehicle)
+    stage(identified=identified, pulses=pulses)
     noisy = vehicle.model_copy(update={"sensors": SENSORS})
-    runs = pool_test(
-        noisy, dVs=[dx * a.piston_area for dx in TRAVELS], seed=seed, pool_depth=POOL_DEPTH,
-        clearance=CLEARANCE, advance=advance,
-    )  # fmt: skip
+    dVs = [dx * a.piston_area for dx in TRAVELS]
+    place = {"pool_depth": POOL_DEPTH, "clearance": CLEARANCE}
+    runs = pool.pool_test(noisy, dVs=dVs, seed=seed, **place, advance=advance)
     experiments = tuple(e for run in runs for e in run.experiments)
-    psi = vehicle.hull.psi
-    stage(
-        runs=runs, experiments=experiments,
-        depth_fits=tuple(fit_depth(e.record) for e in experiments),
-        speed_fits=tuple(fit_speed(e.record) for e in experiments),
-        known_fits=tuple(fit_depth(e.record, psi=psi) for e in experiments),
-    )  # fmt: skip
+    records, psi = [e.record for e in experiments], vehicle.hull.psi
+    found |= {"runs": runs, "experiments": experiments}
+    found["depth_fits"] = tuple(map(fit_depth, records))
+    found["known_fits"] = tuple(fit_depth(record, psi=psi) for record in records)
+    stage(speed_fits=tuple(map(fit_speed, records)))
     stage(**_still(vehicle))
     curve = [i * 1e-6 for i in range(15, 86, 5)]
-    stage(
-        still_curve=tuple(
-            (dV, fit_depth(r))
-            for dV, r in zip(curve, still_starts(vehicle, dVs=curve), strict=True)
-        )
-    )
-    stage(unheld_rise=unheld_rise(vehicle))
-    steps = simulate(
-        vehicle, setpoints=SETPOINTS, duration=LAST_TIME, start_depth=FIRST_DEPTH,
-        bottom_depth=POOL_DEPTH,
-    )  # fmt: skip
+    fits = map(fit_depth, pool.still_starts(vehicle, dVs=curve))
+    stage(still_curve=tuple(zip(curve, fits, strict=True)))
+    stage(unheld_rise=actuation.unheld_rise(vehicle))
+    steps = _simulated(vehicle, SETPOINTS, FIRST_DEPTH, LAST_TIME)
     stage(steps=steps, step_rows=_step_rows(steps))
     stage(pairs=tuple(_pair(vehicle, *depths) for depths in PAIRS))
-    start, target, duration = LONG_STEP
-    long_step, long_metrics = _one_step(vehicle, start, target, duration)
-    check_step, check_metrics = _one_step(vehicle, 1.5, 3.0, 400.0)
-    stage(
-        long_step=long_step, long_metrics=long_metrics, check_step=check_step,
-        check_metrics=check_metrics,
-    )  # fmt: skip
+    found["long_step"], found["long_metrics"] = _one_step(vehicle, *LONG_STEP)
+    found["check_step"], found["check_metrics"] = _one_step(vehicle, 1.5, 3.0, 400.0)
+    stage()
     stage(analysis=analyse(vehicle))
     return Evidence(**found)
+
+
+def _simulated(vehicle: Vehicle, setpoints: Any, start: float, duration: float) -> Solution:
+    """Simulate set-points (time [s], depth [m]) in the pool."""
+    where: Any = {"start_depth": start, "bottom_depth": POOL_DEPTH}
+    return simulate(vehicle, setpoints=setpoints, duration=duration, **where)
 
 
 def _still(vehicle: Vehicle) -> dict[str, Any]:
     """Return the fits to experiments without noise, with and without compressibility."""
     dVs = [sign * dV for dV in VOLUME_STEPS for sign in (1.0, -1.0)]
-    records = still_starts(vehicle, dVs=dVs)
-    incompressible = vehicle.model_copy(
-        update={"hull": vehicle.hull.model_copy(update={"psi": 0.0})}
-    )
-    free = still_starts(incompressible, dVs=dVs)
+    records = pool.still_starts(vehicle, dVs=dVs)
+    stiff = vehicle.hull.model_copy(update={"psi": 0.0})
+    free = pool.still_starts(vehicle.model_copy(update={"hull": stiff}), dVs=dVs)
     return {
-        "still": tuple((dV, fit_depth(r)) for dV, r in zip(dVs, records, strict=True)),
-        "still_speeds": tuple(fit_speed(r) for r in records),
-        "still_joint": fit_jointly(records),
-        "still_known": fit_jointly(records, psi=vehicle.hull.psi),
-        "without_psi": (
-            average([fit_depth(r) for r in free]),
-            average([fit_speed(r) for r in free]),
-        ),
+        "still": tuple(zip(dVs, map(fit_depth, records), strict=True)),
+        "still_speeds": tuple(map(fit_speed, records)),
+        "still_joint": pool.fit_jointly(records),
+        "still_known": pool.fit_jointly(records, psi=vehicle.hull.psi),
+        "without_psi": tuple(average([*map(fit, free)]) for fit in (fit_depth, fit_speed)),
     }
 
 
@@ -211,16 +182,11 @@ def _step_rows(s: Solution) -> tuple[Step, ...]:
 def _one_step(
     vehicle: Vehicle, start: float, target: float, duration: float
 ) -> tuple[Solution, StepMetrics]:
-    s = simulate(
-        vehicle, setpoints=[(0.0, target)], duration=duration, start_depth=start,
-        bottom_depth=POOL_DEPTH,
-    )  # fmt: skip
+    s = _simulated(vehicle, [(0.0, target)], start, duration)
     return s, step_metrics(s.time, s.depth, start=start, target=target)
 
 
 def _pair(vehicle: Vehicle, shallow: float, deep: float) -> MatchedSteps:
-    down, up = (
-        _one_step(vehicle, first, last, 500.0)[1]
-        for first, last in ((shallow, deep), (deep, shallow))
-    )
+    ways = (shallow, deep), (deep, shallow)
+    down, up = (_one_step(vehicle, *way, 500.0)[1] for way in ways)
     return MatchedSteps(shallow, deep, down, up)

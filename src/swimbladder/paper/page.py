@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from swimbladder import __version__
+from swimbladder.io.answers import as_json
 from swimbladder.paper.actuation import CLEARANCE, POOL_DEPTH
 from swimbladder.paper.evidence import SENSORS, Evidence
 from swimbladder.paper.tables import tables
@@ -28,6 +29,11 @@ FIGURES: dict[str, Callable[[Evidence], Figure]] = {
     "figure-17": lambda e: paper.draw_long_step(e.long_step),
 }
 _ABOUT = texts("page")["figures"]
+_EQUATION = "number checked value limit passed note"
+_EXPERIMENT = (
+    "step volume_asked_m3=dV volume_achieved_m3=achieved neutral_error_m3 pulse_V "
+    "pulse_s=pulse_time released_s ended_s"
+)
 ERRATA: dict[str, list[dict[str, str]]] = texts("errata")
 """Where the paper's text is wrong, `errata`, or `silent`, and what is done about it here."""
 
@@ -106,7 +112,6 @@ def _pulse_difference(e: Evidence) -> float:
 def answer(e: Evidence, judged: Judged, files: Sequence[str]) -> dict[str, Any]:
     """Return the report's numbers for a machine, SI."""
     by_speed, by_depth = e.table2
-    equation = ("number", "checked", "value", "limit", "passed", "note")
     return {
         "paper": "10.3390/act12100380",
         "version": __version__,
@@ -117,19 +122,18 @@ def answer(e: Evidence, judged: Judged, files: Sequence[str]) -> dict[str, Any]:
         "verdicts": judged.verdicts,
         "published": judged.published,
         "independent": judged.independent,
-        "equations": [{name: getattr(c, name) for name in equation} for c in judged.equations],
+        "equations": [as_json(c, _EQUATION) for c in judged.equations],
         "table2": {"row_26": by_speed, "row_27": by_depth},
         "experiments": [
-            {"step": x.step, "volume_asked_m3": x.dV, "volume_achieved_m3": x.achieved,
-             "neutral_error_m3": x.neutral_error, "pulse_V": x.pulse, "pulse_s": x.pulse_time,
-             "released_s": x.released, "ended_s": x.ended, "eq_26": w, "eq_27": z, "eq_32": k}
+            {**as_json(x, _EXPERIMENT), "eq_26": w, "eq_27": z, "eq_32": k}
             for x, w, z, k in zip(
                 e.experiments, e.speed_fits, e.depth_fits, e.known_fits, strict=True
             )
         ],
         "without_noise": {
             "experiments": [{"volume_m3": dV, "eq_27": fit} for dV, fit in e.still],
-            "joint": e.still_joint, "joint_with_psi": e.still_known,
+            "joint": e.still_joint,
+            "joint_with_psi": e.still_known,
             "average_26": e.still_average[0],
         },
         "timed_voltages": e.pulses,
@@ -137,4 +141,4 @@ def answer(e: Evidence, judged: Judged, files: Sequence[str]) -> dict[str, Any]:
         "figure_17": e.long_metrics,
         "overshoot_pairs": e.pairs,
         "files": files,
-    }  # fmt: skip
+    }

@@ -71,28 +71,17 @@ def _shallow_claims(e: Evidence) -> list[Finding]:
     depth = 3.75
     loss = a.depth_voltage * depth / supply.voltage
     drift = a.K1 * a.piston_area * a.depth_voltage * depth
+    small = loss < 0.05
+    load: dict[str, Any] = {"e": e, "percent": 100 * loss, "drift": drift * 1e6}
+    load["accounted_for"] = small and e.unheld_rise < 3.0
     error = e.still_joint.K2 / e.motion.K2 - 1.0
     known = abs(e.still_known.K2 / e.motion.K2 - 1.0)
+    stiff: dict[str, Any] = {"percent": 100 * error, "known": known}
+    stiff["neutral"] = e.vehicle.hull.psi * 3.0 * 1e6
+    stiff |= {"accounted_for": known < 1e-6, "smallest": VOLUME_STEPS[0] * 1e6}
     return [
-        judged(
-            "depth-load-left-out",
-            loss < 0.05 and e.unheld_rise > 3.0,
-            drift,
-            accounted_for=loss < 0.05 and e.unheld_rise < 3.0,
-            e=e,
-            percent=100 * loss,
-            drift=drift * 1e6,
-        ),
-        judged(
-            "compressibility-left-out",
-            abs(error) < 0.1,
-            error,
-            accounted_for=known < 1e-6,
-            percent=100 * error,
-            neutral=e.vehicle.hull.psi * 3.0 * 1e6,
-            smallest=VOLUME_STEPS[0] * 1e6,
-            known=known,
-        ),
+        judged("depth-load-left-out", small and e.unheld_rise > 3.0, drift, **load),
+        judged("compressibility-left-out", abs(error) < 0.1, error, **stiff),
     ]
 
 
@@ -130,23 +119,14 @@ def _prototype(e: Evidence) -> list[Finding]:
     deepest, reached = e.analysis.neutral.leaves_stroke, most / by_formula
     by_cylinder, shrunk = 0.01 * cylinder / 100.0, hull.psi * hull.displaced_volume / cylinder
     dm3: dict[str, Any] = {"cylinder": cylinder * 1e3, "displaced": displaced * 1e3}
+    stroke: dict[str, Any] = {"squeezed": hull.psi * rating * 1e6, "reached": reached}
+    stroke["accounted_for"] = reached > rating > deepest
+    radius: dict[str, Any] = {"radius_meant": radius_meant * 1e3}
+    radius["accounted_for"] = abs(by_cylinder / hull.psi - 1.0) < 5e-3
     return [
         judged("dives", stall.depth >= rating, stall.depth),
-        judged(
-            "dives-with-its-stroke",
-            hull.psi * rating <= most,
-            deepest,
-            accounted_for=reached > rating > deepest,
-            squeezed=hull.psi * rating * 1e6,
-            reached=reached,
-        ),
-        judged(
-            "radius",
-            radius_meant < 1.1 * cylinder,
-            accounted_for=abs(by_cylinder / hull.psi - 1.0) < 5e-3,
-            radius_meant=radius_meant * 1e3,
-            **dm3,
-        ),
+        judged("dives-with-its-stroke", hull.psi * rating <= most, deepest, **stroke),
+        judged("radius", radius_meant < 1.1 * cylinder, **radius, **dm3),
         compared("displaced-volume", (_DRY_MASS / rho - _FLOTATION) * 1e3),
         compared("psi", by_formula, expected=shrunk, by_cylinder=by_cylinder),
         compared("mass", e.vehicle.mass, expected=heavy, enclosed=enclosed, added=added, **dm3),
@@ -177,37 +157,20 @@ def _table2(e: Evidence) -> list[Finding]:
     )
     findings = []
     for (row, K2, T2), (ours, fits, clean, clean_fits) in zip(_TABLE2, rows, strict=True):
-        medians = np.median(fits, axis=0), np.median(clean_fits, axis=0)
+        seen, usual = (np.median(found, axis=0).tolist() for found in (fits, clean_fits))
         for name, n, sign, paper in (("K", 0, -1.0, -K2), ("T", 1, 1.0, T2)):
-            seen, usual = (float(median[n]) for median in medians)
-            findings.append(
-                compared(
-                    f"table2-{name}",
-                    sign * ours[n],
-                    paper=paper,
-                    expected=usual,
-                    observed=seen,
-                    row=row,
-                    clean=clean[n],
-                    truth=(e.motion.K2, e.motion.T2)[n],
-                )
-            )
+            known: Any = {"expected": usual[n], "observed": seen[n]}
+            said: Any = {"row": row, "clean": clean[n], "truth": (e.motion.K2, e.motion.T2)[n]}
+            number = compared(f"table2-{name}", sign * ours[n], paper=paper, **known, **said)
+            findings.append(number)
         findings.append(compared("table2-ratio", ours.K2 / ours.T2, paper=K2 / T2, row=row))
     clean_spread = still_speed.K2 / still_depth.K2 - 1.0
     spread = by_speed.K2 / by_depth.K2 - 1.0
     free = abs(e.without_psi[1].K2 / e.without_psi[0].K2 - 1.0)
-    return [
-        *findings,
-        judged(
-            "rows-close",
-            abs(spread) < 0.05,
-            spread,
-            accounted_for=clean_spread > 0.1 and free < 0.05,
-            spread=100 * spread,
-            clean=100 * clean_spread,
-            free=100 * free,
-        ),
-    ]
+    why = {"spread": 100 * spread, "clean": 100 * clean_spread, "free": 100 * free}
+    known_why = clean_spread > 0.1 and free < 0.05
+    close = judged("rows-close", abs(spread) < 0.05, spread, accounted_for=known_why, **why)
+    return [*findings, close]
 
 
 def _control(e: Evidence) -> list[Finding]:

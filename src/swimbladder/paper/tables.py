@@ -46,16 +46,14 @@ def table1(e: Evidence) -> Rows:
 
 def experiments(e: Evidence) -> Rows:
     """Return the eight experiments and their fits."""
-    return [
-        (
-            f"({x.step}) {_signed(x.dV * 1e6, 4)} cm3", f"{x.pulse:+.2f} V, {x.pulse_time:.1f} s",
-            f"{_signed(x.achieved * 1e6, 4)} cm3", f"{_signed(x.neutral_error * 1e6, 2)} cm3",
-            *_fit(by_speed), *_fit(by_depth), f"{by_depth.rms * 1e3:.1f} mm", *_fit(known),
-        )
-        for x, by_speed, by_depth, known in zip(
-            e.experiments, e.speed_fits, e.depth_fits, e.known_fits, strict=True
-        )
-    ]  # fmt: skip
+    rows = []
+    fits = zip(e.speed_fits, e.depth_fits, e.known_fits, strict=True)
+    for x, (by_speed, by_depth, known) in zip(e.experiments, fits, strict=True):
+        done = f"{_signed(x.achieved * 1e6, 4)} cm3", f"{_signed(x.neutral_error * 1e6, 2)} cm3"
+        pulse = f"{x.pulse:+.2f} V, {x.pulse_time:.1f} s"
+        row = (f"({x.step}) {_signed(x.dV * 1e6, 4)} cm3", pulse, *done, *_fit(by_speed))
+        rows.append((*row, *_fit(by_depth), f"{by_depth.rms * 1e3:.1f} mm", *_fit(known)))
+    return rows
 
 
 def table2(e: Evidence) -> Rows:
