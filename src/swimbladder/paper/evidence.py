@@ -20,10 +20,8 @@ from swimbladder.vehicle import IdentifiedActuator, IdentifiedMotion, Sensors, V
 VOLUME_STEPS = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, dV
 SENSORS = Sensors(depth_noise=2e-3, depth_quantum=5e-3, volume_quantum=0.75e-6)  # ours
 # Ours, within 0.5 and 4 m: the paper's set-points are only in its figures. (time s, depth m)
-SETPOINTS = (
-    (0.0, 2.0), (450.0, 3.5), (900.0, 2.5), (1350.0, 0.7), (1800.0, 1.2), (2250.0, 3.7),
-    (2700.0, 1.5),
-)  # fmt: skip
+_TARGETS = (2.0, 3.5, 2.5, 0.7, 1.2, 3.7, 1.5)
+SETPOINTS = tuple((450.0 * number, depth) for number, depth in enumerate(_TARGETS))
 FIRST_DEPTH, LAST_TIME = 1.0, 3150.0
 LONG_STEP = (1.0, 3.5, 1200.0)  # m, m, s
 PAIRS = tuple(combinations((0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5), 2))  # m, shallow and deep

@@ -5,22 +5,16 @@ from itertools import cycle
 from matplotlib.figure import Figure
 
 from swimbladder.design.ballast import Ballasting
-from swimbladder.show.plots.style import (
-    Ink,
-    depth_axis,
-    label_panels,
-    legend_beside,
-    new_figure,
-    styled,
-)
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 
 _SEAS = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY)
 
 
-@styled
+@style.styled
 def draw_ballasting(found: Ballasting) -> Figure:
     """Return neutral volume with its band between the ends of the stroke, density, temperature."""
-    figure, (volume, density, temperature) = new_figure(
+    figure, (volume, density, temperature) = style.new_figure(
         (9.0, 5.0), 1, 3, sharey=True, width_ratios=(2.2, 1.0, 1.0)
     )
     stroke = found.vehicle.stroke
@@ -40,12 +34,12 @@ def draw_ballasting(found: Ballasting) -> Figure:
     volume.set_xlabel("volume of the drive [cm³], 0 at mid-stroke")
     density.set_xlabel("density in situ [kg/m³]")
     temperature.set_xlabel("temperature [°C]")
-    depth_axis(volume)
+    style.depth_axis(volume)
     volume.set_ylim(found.columns[0].deepest, 0.0)
     ncols = 3 if several else 4
-    legend_beside(figure, [volume], "outside lower left", ncols=ncols, fontsize=8.0)
+    style.legend_beside(figure, [volume], "outside lower left", ncols=ncols, fontsize=8.0)
     density.tick_params(axis="x", labelrotation=45)
     sea = f"{len(found.columns)} seas" if several else found.columns[0].source
     figure.suptitle(f"{found.vehicle.name} in {sea}", fontsize=10.0)
-    label_panels([volume, density, temperature])
+    style.label_panels([volume, density, temperature])
     return figure

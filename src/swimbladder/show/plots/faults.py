@@ -7,16 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swimbladder.show.plots.style import (
-    Ink,
-    depth_axis,
-    label_panels,
-    legend_beside,
-    new_figure,
-    plain_log_ticks,
-    stacked,
-    styled,
-)
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 from swimbladder.sim.faults import Campaign
 from swimbladder.sim.faults.kinds import KINDS
 from swimbladder.sim.faults.mission_records import TRACE
@@ -30,11 +22,11 @@ _FLOWN = (  # label, colour, line
 _LONGER = 1.3  # of the supervised flight and that with ideal detection: the rest is cut
 
 
-@styled
+@style.styled
 def draw_campaign(flown: Campaign) -> Figure:
     """Return, for each kind of fault, the outcomes of its missions and the detection time."""
     lines = flown.lines()[:-1][::-1]
-    figure, (fate, soon) = new_figure(
+    figure, (fate, soon) = style.new_figure(
         (10.0, 0.28 * len(lines) + 1.6), 1, 2, sharey=True, width_ratios=(3.0, 2.0)
     )
     rows = np.arange(len(lines))
@@ -65,9 +57,9 @@ def draw_campaign(flown: Campaign) -> Figure:
             soon.plot(high, row, "|", color=Ink.BLACK, ms=9.0)
     soon.set_xscale("log")
     soon.axvline(60.0, color=Ink.ORANGE, lw=1.0, ls="--")
-    plain_log_ticks(soon, "x")
+    style.plain_log_ticks(soon, "x")
     soon.set_xlabel("detection time [s]: median (dot), 95 % (bar);\ndashed: 60 s")
-    label_panels([fate, soon])
+    style.label_panels([fate, soon])
     vehicle = flown.course.vehicle
     law = "" if vehicle.controller is None else f", law {vehicle.controller.law}"
     title = f"{vehicle.name}{law}: {len(flown.faulty)} missions with faults"
@@ -75,25 +67,25 @@ def draw_campaign(flown: Campaign) -> Figure:
     return figure
 
 
-@styled
+@style.styled
 def draw_mission(flown: Flown) -> Figure:
     """Return depth, volume, voltage and battery of a mission, and what the sensors said."""
-    figure, (depth, volume, command, battery) = stacked((8.0, 9.0), 3.0, 2.0, 1.5, 1.0)
+    figure, (depth, volume, command, battery) = style.stacked((8.0, 9.0), 3.0, 2.0, 1.5, 1.0)
     seen, tick = {name: flown.rows[0][:, column] for name, column in TRACE.items()}, flown.tick
     time = tick * np.arange(len(flown.rows[0]))
     shown = _LONGER * max(tick * len(flown.rows[k]) for k in (0, -1))
     depth.plot(time, seen["depth_seen"], color=Ink.ORANGE, lw=0.8, zorder=3, label="sensor")
-    for rows, (label, color, style) in [*zip(flown.rows, _FLOWN, strict=False)][::-1]:
+    for rows, (label, color, line) in [*zip(flown.rows, _FLOWN, strict=False)][::-1]:
         t = tick * np.arange(len(rows))
         label += f", to {t[-1]:.0f} s" if t[-1] > shown else ""
-        depth.plot(t, rows[:, TRACE["depth"]], color=color, ls=style, label=label)
-        volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=color, ls=style)
+        depth.plot(t, rows[:, TRACE["depth"]], color=color, ls=line, label=label)
+        volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=color, ls=line)
     _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
     volume.plot(time, 1e6 * seen["volume_seen"], color=Ink.ORANGE, lw=0.8, zorder=3)
     depth.plot(time, seen["reference"], color=Ink.BLACK, lw=0.8, ls="-.", label="set-point")
     deepest = max(float(np.nanmax(rows[:, TRACE["depth"]])) for rows in flown.rows)
     depth.set_ylim(1.15 * deepest + 1.0, -0.1 * deepest - 1.0)
-    depth_axis(depth)
+    style.depth_axis(depth)
     unit = {"voltage": "V", "volume": "m³", "volume change": "s"}[flown.course.vehicle.command]
     command.plot(time, seen["command"], color=Ink.SKY, lw=0.8, label="commanded")
     command.plot(time, seen["applied"], color=Ink.BLACK, lw=0.8, label="at the actuator")
@@ -108,7 +100,7 @@ def draw_mission(flown: Flown) -> Figure:
             axes.axvline(fault_row[3] * tick, color=Ink.VERMILION, lw=1.0, ls="--")
         if not math.isnan(flown.latched):
             axes.axvline(flown.latched, color=Ink.PURPLE, lw=1.2)
-    legend_beside(figure, [depth, command], "outside lower center", ncols=3)
+    style.legend_beside(figure, [depth, command], "outside lower center", ncols=3)
     took = "no fault detected"
     if flown.reason:
         took = f"purple: the supervisor took over ({flown.reason})"

@@ -13,15 +13,8 @@ from numpy.typing import NDArray
 from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.contenders import BAND
 from swimbladder.design.law_comparison.run import Row, front
-from swimbladder.show.plots.style import (
-    Ink,
-    band,
-    depth_axis,
-    grid_of,
-    label_panels,
-    new_figure,
-    styled,
-)
+from swimbladder.show.plots import style
+from swimbladder.show.plots.style import Ink
 from swimbladder.units import rounded
 
 _COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
@@ -32,10 +25,10 @@ _WIDE = 100  # letters of a line above a panel
 _LONG = 5.0  # times the least time of a step, that is shown
 
 
-@styled
+@style.styled
 def draw_pareto(comparison: LawComparison) -> Figure:
     """Return settling and holding, each against what is moved, with the fronts."""
-    figure, (left, right) = new_figure((7.5, 7.6), 2, 1)
+    figure, (left, right) = style.new_figure((7.5, 7.6), 2, 1)
     floats = comparison.vehicle.command == "volume change"
     settled = f"within {BAND:g} m" if floats else "to 2 % of the step"
     across = _Cost("step-down", "settle_median", 1.0, f"settling {settled} [s]")
@@ -47,7 +40,7 @@ def draw_pareto(comparison: LawComparison) -> Figure:
     _key(figure, comparison, lines=False)
     title = f"{comparison.vehicle.name}: no law beats those on the grey line"
     figure.suptitle(title, fontsize=10.0)
-    label_panels([left, right])
+    style.label_panels([left, right])
     return figure
 
 
@@ -118,13 +111,13 @@ def _leading(value: float) -> int:
     return round(value / 10.0 ** math.floor(math.log10(value) + 1e-9))
 
 
-@styled
+@style.styled
 def draw_steps(comparison: LawComparison) -> Figure:
     """Return the first run of every law on four steps, each with the band to settle in, bound."""
     placed = [p for p in comparison.placed if p.scenario.name in _SHOWN]
     floats = comparison.vehicle.command == "volume change"
     figure = Figure(figsize=(7.5, 2.3 + 2.2 * math.ceil(len(placed) / 2)))
-    panels = grid_of(figure, len(placed), min(2, len(placed)))
+    panels = style.grid_of(figure, len(placed), min(2, len(placed)))
     for axes, p in zip(panels, placed, strict=True):
         name = p.scenario.name
         bound = comparison.bounds.get(name)
@@ -133,16 +126,16 @@ def draw_steps(comparison: LawComparison) -> Figure:
             trace, line = row.traces[name], _STYLES.get(row.who.tuning, ":")
             kept, color = trace.time <= end, _color(comparison, row)
             axes.plot(trace.time[kept], trace.depth[kept], line, color=color, lw=1.3)
-        band(axes, p.target, BAND if floats else 0.02 * abs(p.target - p.start))
+        style.band(axes, p.target, BAND if floats else 0.02 * abs(p.target - p.start))
         if bound is not None:
             axes.axvline(bound, color=Ink.BLACK, lw=1.0, ls="--")
         far = 0.25 * (p.target - p.start)
         axes.set(ylim=sorted((p.start - 0.2 * far, p.target + far)), xlim=(0.0, end))
-        depth_axis(axes)
+        style.depth_axis(axes)
         axes.set_xlabel("time since the set-point changed [s]")
         axes.set_title(f"{rounded(p.start, 3)} to {rounded(p.target, 3)} m", fontsize=9.0)
     _key(figure, comparison, lines=True)
-    label_panels(panels)
+    style.label_panels(panels)
     return figure
 
 

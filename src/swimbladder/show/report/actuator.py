@@ -7,7 +7,7 @@ from typing import Any
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.model import shown_unit
-from swimbladder.estimation.actuator.result import Known, LogFit, Step
+from swimbladder.estimation.actuator.result import Known, Step
 from swimbladder.io.config import file_text
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.files import write_all
@@ -68,7 +68,8 @@ def _page(
     for number, (fit, name) in enumerate(zip(found.logs, names, strict=True), start=1):
         own = [s for s in found.steps if s.source == fit.source]
         figures = _figures(found, own, number) if own else []
-        rows_of = _alone(found, fit)
+        alone = {} if len(found.logs) == 1 else fit.parameters
+        rows_of = [words(name, e) for name, e in alone.items() if e.origin == "data"]
         logs.append({"name": name, "refusal": fit.refusal, "rows": rows_of, "figures": figures})
         advance(share)
     context = {
@@ -99,13 +100,6 @@ def _known(k: Known) -> dict[str, Any]:
         return k._asdict() | {"value": "-"}
     unit = shown_unit(k.unit)
     return k._asdict() | {"value": rounded(unit_factor(k.unit, unit) * k.value), "unit": unit}
-
-
-def _alone(found: ActuatorIdentification, fit: LogFit) -> list[dict[str, str]]:
-    """Return the rows of the estimates from one of several logs."""
-    if len(found.logs) == 1:
-        return []
-    return [words(name, e) for name, e in fit.parameters.items() if e.origin == "data"]
 
 
 def _kind(found: ActuatorIdentification) -> str:

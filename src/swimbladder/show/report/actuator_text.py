@@ -15,10 +15,7 @@ MEANING: dict[str, str] = TEXTS["actuator"]
 def words(name: str, e: Estimate) -> dict[str, str]:
     """Return a row: an estimate as texts, its meaning, and why it is not identifiable."""
     unit = "" if e.unit == "-" else shown_unit(e.unit)
-    result = {
-        "name": _called(name), "unit": unit,
-        "meaning": MEANING.get(name, ""), "why": e.why,
-    }  # fmt: skip
+    result = {"name": _called(name), "unit": unit, "meaning": MEANING.get(name, ""), "why": e.why}
     if not e.known:
         return result | {"value": "not identifiable", "std": "", "ci95": _bounds(e), "origin": ""}
     per = unit_factor(e.unit, unit) if unit else 1.0
@@ -53,11 +50,8 @@ def rows(found: ActuatorIdentification) -> list[dict[str, str]]:
 def headlines(found: ActuatorIdentification) -> list[str]:
     """Return what was found, a sentence for each parameter; first what is not identifiable."""
     said = [f.sentence for f in found.findings if f.severity == "no"]
-    return said + [_headline(name, e) for name, e in found.parameters.items() if _data(e)]
-
-
-def _data(e: Estimate) -> bool:
-    return e.origin == "data"
+    known = {name: e for name, e in found.parameters.items() if e.origin == "data"}
+    return said + [_headline(name, e) for name, e in known.items()]
 
 
 def _headline(name: str, e: Estimate) -> str:

@@ -34,17 +34,26 @@ def _move(move: Move, area: float | None) -> str:
     return f"at {move.depth:g} m going {move.going} {what}"
 
 
+def rows(design: Design) -> list[tuple[str, ...]]:
+    """Return start, changes of volume, duration and errors after it of each experiment."""
+    w, found = design.chosen, []
+    for release, flight, errors in zip(w.releases, w.flights, w.after, strict=True):
+        what = f"{release.start:g} m", moves(release, design.piston_area)
+        after = (percent(errors[name]) for name in w.prediction.names)
+        found.append((*what, f"{flight.duration:.0f} s", *after))
+    return found
+
+
 def instruction(design: Design, k: int) -> str:
     """Return what to do in experiment k, counted from 0, in sentences."""
     w, s, area = design.chosen, design.setting, design.piston_area
     release, flight = w.releases[k], w.flights[k]
     said = [f"Come to rest at {release.start:g} m."]
     for move in release.moves:
-        where = "" if move.depth is None else (
-            f"When it passes {move.depth:g} m on its way {move.going}: "
-        )  # fmt: skip
         to = f"volume to {volume(move.volume, area)} against the one at rest."
-        said.append(f"{where}{to if where else to.capitalize()}")
+        if move.depth is not None:
+            where = f"When it passes {move.depth:g} m on its way {move.going}"
+        said.append(to.capitalize() if move.depth is None else f"{where}: {to}")
     end = {
         "shallowest": f"until it passes {s.shallowest:g} m",
         "deepest": f"until it passes {s.deepest:g} m",
@@ -112,17 +121,10 @@ def _head(design: Design) -> str:
 def _page(design: Design, images: Mapping[str, bytes], command: str) -> str:
     w = design.chosen
     names = w.prediction.names
+    keys = ("number", "start", "moves", "seconds", "after")
     experiments = [
-        {
-            "number": k + 1,
-            "start": f"{release.start:g} m",
-            "moves": moves(release, design.piston_area),
-            "seconds": f"{flight.duration:.0f} s",
-            "after": [percent(after[name]) for name in names],
-        }
-        for k, (release, flight, after) in enumerate(
-            zip(w.releases, w.flights, w.after, strict=True)
-        )
+        dict(zip(keys, (number, start, change, takes, after), strict=True))
+        for number, (start, change, takes, *after) in enumerate(rows(design), start=1)
     ]
     values = {
         "design": design,

@@ -22,16 +22,9 @@ from swimbladder.show.files import write_all
 from swimbladder.show.plots import identify as plots
 from swimbladder.show.plots.identify import labels
 from swimbladder.show.plots.style import png
+from swimbladder.show.report import text
 from swimbladder.show.report.html import PageFigure, Picture, page_figure, render
-from swimbladder.show.report.text import (
-    correlations,
-    findings,
-    headlines,
-    reading,
-    row,
-    rows,
-    trade_off,
-)
+from swimbladder.show.report.text import row
 from swimbladder.sim.pool import Fit
 from swimbladder.units import rounded, shown_unit, unit_factor
 
@@ -53,14 +46,14 @@ def page(
         "labels": names,
         "samples": sum(int((e.weight > 0.0).sum()) for e in found.experiments),
         "seconds": seconds,
-        "headlines": headlines(found),
-        "listed": findings(found),
-        "rows": rows(found),
-        "pairs": [trade_off(a, b, r) for a, b, r in correlations(found)],
+        "headlines": text.headlines(found),
+        "listed": text.findings(found),
+        "rows": text.rows(found),
+        "pairs": [text.trade_off(a, b, r) for a, b, r in text.correlations(found)],
         "choices": [_choice(found, c) for c in found.choices],
         "paper": None if paper is None else _paper(paper, names),
         "figures": figures,
-        "reading": reading(found, names),
+        "reading": text.reading(found, names),
         "files": files,
         "command": command,
     }
@@ -78,18 +71,14 @@ def _small(p: float) -> str:
 
 def _choice(found: Identification, c: Choice) -> dict[str, Any]:
     best = min(other.bic for other in found.choices)
-    return {
-        "drag": c.drag,
+    values = (_value(name, value) for name, value in c.values.items() if found.identified)
+    return vars(c) | {
         "psi": PSI[c.psi],
-        "reported": c.reported,
-        "parameters": c.parameters,
         "rms": rounded(1e3 * c.rms, 3),
         "behind": f"{c.bic - best:.1f}" if math.isfinite(c.bic) else "-",
         "weight": f"{100.0 * c.weight:.3g}" if c.weight > 1e-4 else "below 0.01",
         "bar": round(100.0 * c.weight, 1),
-        "values": ", ".join(_value(name, value) for name, value in c.values.items())
-        if found.identified
-        else "",
+        "values": ", ".join(values),
     }
 
 
@@ -103,24 +92,16 @@ def _value(name: str, value: float) -> str:
 
 def _paper(paper: PaperFits, names: Sequence[str]) -> dict[str, Any]:
     """Return the paper's fits as texts: each log, then the averages."""
-    fits: list[tuple[str, str, Any, str]] = [
-        (name, f"{1e6 * fit.step:.3g}" if math.isfinite(fit.step) else "-", fit, fit.why)
-        for name, fit in zip(names, paper.each, strict=True)
-    ]
-    fits.append(("average", "", paper, ""))
-    return {
-        "sentence": paper.sentence,
-        "rows": [
-            {
-                "label": label,
-                "step": step,
-                "speed": _fitted(fit.by_speed, "mm/s"),
-                "depth": _fitted(fit.by_depth, "mm"),
-                "why": why,
-            }
-            for label, step, fit, why in fits
-        ],
-    }
+
+    def fitted(label: str, step: str, fit: Any, why: str) -> dict[str, Any]:
+        speed, depth = _fitted(fit.by_speed, "mm/s"), _fitted(fit.by_depth, "mm")
+        return {"label": label, "step": step, "speed": speed, "depth": depth, "why": why}
+
+    rows = []
+    for name, fit in zip(names, paper.each, strict=True):
+        step = f"{1e6 * fit.step:.3g}" if math.isfinite(fit.step) else "-"
+        rows.append(fitted(name, step, fit, fit.why))
+    return {"sentence": paper.sentence, "rows": [*rows, fitted("average", "", paper, "")]}
 
 
 def _fitted(fit: Fit | None, unit: str) -> list[str]:
@@ -146,11 +127,10 @@ def check_folder(out: Path, vehicle: str | Path) -> None:
     target = out / VEHICLE
     if not target.exists():
         return
+    what = "there is a vehicle that `swimbladder identify` did not write"
     if Path(vehicle).exists() and target.samefile(vehicle):
         what = "the identified vehicle would be written over the one that is read"
-    elif not _is_ours(target):
-        what = "there is a vehicle that `swimbladder identify` did not write"
-    else:
+    elif _is_ours(target):
         return
     raise InputError(what, file=target, field="--out", remedy="Choose another folder with --out")
 
@@ -217,26 +197,17 @@ def residuals(found: Identification) -> dict[str, np.ndarray]:
     """Return the columns of residuals.csv, log after log, SI."""
     listed = []
     for number, e in enumerate(found.experiments, start=1):
-        r = e.record
-        nothing = np.full(len(r.time), np.nan)
-        listed.append(
-            {
-                "log": np.full(len(r.time), float(number)),
-                "time_s": r.time,
-                "depth_m": r.depth,
-                "depth_fitted_m": e.predicted,
-                "residual_m": e.residual,
-                "weight": e.weight,
-                "volume_m3": nothing if r.volume is None else r.volume,
-                "voltage_V": nothing if r.voltage is None else r.voltage,
-            }
-        )
+        r, length = e.record, len(e.record.time)
+        one = {"log": np.full(length, float(number)), "time_s": r.time, "depth_m": r.depth}
+        one |= {"depth_fitted_m": e.predicted, "residual_m": e.residual, "weight": e.weight}
+        for name, values in (("volume_m3", r.volume), ("voltage_V", r.voltage)):
+            one[name] = np.full(length, np.nan) if values is None else values
+        listed.append(one)
     columns = {name: np.concatenate([one[name] for one in listed]) for name in listed[0]}
-    return {
-        name: values
-        for name, values in columns.items()
-        if name not in ("volume_m3", "voltage_V") or np.isfinite(values).any()
-    }
+    for name in ("volume_m3", "voltage_V"):
+        if not np.isfinite(columns[name]).any():
+            del columns[name]
+    return columns
 
 
 def pictures(found: Identification, paper: PaperFits | None = None) -> list[Picture]:

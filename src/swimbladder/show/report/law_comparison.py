@@ -19,13 +19,9 @@ from swimbladder.show.report.html import TEXTS, drawn_inline, render
 SOON = ("law", "settles [s]", "of bound", "95 % [s]", "over [%]", "deep [%]", "lost")
 STILL = ("law", "hold", "swell", "deep", "drift", "L/h", "starts", "turns", "J/h")
 HEADINGS = (*SOON, *STILL[1:])
-STEP_HEADINGS = (
-    "law", "settled", "median [s]", "95 % [s]", "of the bound", "overshoot [%]", "95 % [%]",
-    "L/h", "lost",
-)  # fmt: skip
-HOLD_HEADINGS = (
-    "law", "rms [mm]", "farthest [cm]", "L/h", "starts/h", "turns/h", "J/h", "lost",
-)  # fmt: skip
+_SETTLED = ("settled", "median [s]", "95 % [s]", "of the bound")
+STEP_HEADINGS = ("law", *_SETTLED, "overshoot [%]", "95 % [%]", "L/h", "lost")
+HOLD_HEADINGS = ("law", "rms [mm]", "farthest [cm]", "L/h", "starts/h", "turns/h", "J/h", "lost")
 
 
 def notes(comparison: LawComparison) -> tuple[str, ...]:
@@ -42,64 +38,54 @@ def notes(comparison: LawComparison) -> tuple[str, ...]:
 
 def summary(comparison: LawComparison) -> list[tuple[str, ...]]:
     """Return a row of HEADINGS for each contender."""
-    bound = comparison.bounds.get("step-down", math.nan)
-    return [
-        (
-            row.who.name + (" *" if unbeaten else ""),
-            _number(row.cost("step-down", "settle_median"), 1.0, "{:.1f}"),
-            _number(row.cost("step-down", "settle_median"), 1.0 / bound, "{:.2f}"),
-            _number(row.cost("step-uncertain", "settle_95"), 1.0, "{:.1f}"),
-            _percent(over), _percent(deep), _share(lost),
-            *(
-                _number(row.cost(name, "rms"), 1e3, "{:.1f}")
-                for name in ("hold", "hold-swell", "hold-deep", "hold-drift")
-            ),
-            *_moved(row, "hold", comparison),
-        )
-        for row, unbeaten, over, deep, lost in zip(
-            comparison.rows, comparison.unbeaten, comparison.worst_overshoot("shallow"),
-            comparison.worst_overshoot("deep"), comparison.lost, strict=True,
-        )
-    ]  # fmt: skip
+    bound, rows = comparison.bounds.get("step-down", math.nan), []
+    worst = (comparison.worst_overshoot(where) for where in ("shallow", "deep"))
+    flown = zip(comparison.rows, comparison.unbeaten, *worst, comparison.lost, strict=True)
+    for row, unbeaten, over, deep, lost in flown:
+        median = row.cost("step-down", "settle_median")
+        settles = _number(median), _number(median, 1.0 / bound, "{:.2f}")
+        uncertain = _number(row.cost("step-uncertain", "settle_95"))
+        soon = (*settles, uncertain, _percent(over), _percent(deep), _share(lost))
+        holds = ("hold", "hold-swell", "hold-deep", "hold-drift")
+        still = [_number(row.cost(name, "rms"), 1e3) for name in holds]
+        still += _moved(row, "hold", comparison)
+        rows.append((row.who.name + (" *" if unbeaten else ""), *soon, *still))
+    return rows
 
 
 def steps(comparison: LawComparison, scenario: str) -> list[tuple[str, ...]]:
     """Return a row of STEP_HEADINGS for each contender on one step."""
     bound = comparison.bounds.get(scenario, math.nan)
-    return [
-        (
-            row.who.name, f"{100.0 * r.settled:.0f} %",
-            _number(r.settle_median, 1.0, "{:.1f}"), _number(r.settle_95, 1.0, "{:.1f}"),
-            _number(r.settle_median, 1.0 / bound, "{:.2f}"),
-            _percent(r.overshoot_median), _percent(r.overshoot_95),
-            _number(r.rate, 3.6e6, "{:.3g}"), _share(r.lost),
-        )
-        for row in comparison.rows
-        for r in (row.results[scenario],)
-    ]  # fmt: skip
+    rows: list[tuple[str, ...]] = []
+    for row in comparison.rows:
+        r = row.results[scenario]
+        settles = _number(r.settle_median), _number(r.settle_95)
+        relative = _number(r.settle_median, 1.0 / bound, "{:.2f}")
+        over = _percent(r.overshoot_median), _percent(r.overshoot_95)
+        moved = _number(r.rate, 3.6e6, "{:.3g}")
+        settled = f"{100.0 * r.settled:.0f} %"
+        rows.append((row.who.name, settled, *settles, relative, *over, moved, _share(r.lost)))
+    return rows
 
 
 def holds(comparison: LawComparison, scenario: str) -> list[tuple[str, ...]]:
     """Return a row of HOLD_HEADINGS for each contender on one hold."""
-    return [
-        (
-            row.who.name, _number(r.rms, 1e3, "{:.1f}"), _number(r.farthest, 100.0, "{:.1f}"),
-            *_moved(row, scenario, comparison), _share(r.lost),
-        )
-        for row in comparison.rows
-        for r in (row.results[scenario],)
-    ]  # fmt: skip
+    rows: list[tuple[str, ...]] = []
+    for row in comparison.rows:
+        r, moved = row.results[scenario], _moved(row, scenario, comparison)
+        off = _number(r.rms, 1e3), _number(r.farthest, 100.0)
+        rows.append((row.who.name, *off, *moved, _share(r.lost)))
+    return rows
 
 
 def _moved(row: Row, scenario: str, comparison: LawComparison) -> tuple[str, ...]:
     """Return L/h, starts/h, turns/h and J/h."""
+    energy = _number(row.cost(scenario, "power"), 3600.0, "{:.3g}")
     return (
         _number(row.cost(scenario, "rate"), 3.6e6, "{:.3g}"),
         _number(row.cost(scenario, "starts"), 3600.0, "{:.0f}"),
         _number(row.cost(scenario, "turns"), 3600.0, "{:.0f}"),
-        "unknown"
-        if comparison.no_energy
-        else _number(row.cost(scenario, "power"), 3600.0, "{:.3g}"),
+        "unknown" if comparison.no_energy else energy,
     )
 
 
@@ -109,10 +95,10 @@ def _share(x: float) -> str:
 
 def _percent(x: float) -> str:
     """Return an overshoot; of one beyond ten times the step only that it is."""
-    return "> 999" if x > 9.99 else _number(x, 100.0, "{:.1f}")
+    return "> 999" if x > 9.99 else _number(x, 100.0)
 
 
-def _number(x: float, factor: float, form: str) -> str:
+def _number(x: float, factor: float = 1.0, form: str = "{:.1f}") -> str:
     return form.format(x * factor) if math.isfinite(x * factor) else "-"
 
 
@@ -166,13 +152,6 @@ def _page(comparison: LawComparison, images: Mapping[str, str], command: str) ->
         }
         for p in comparison.placed
     ]
-    values = {
-        "comparison": comparison,
-        "headings": HEADINGS,
-        "rows": summary(comparison),
-        "notes": notes(comparison),
-        "flown": flown,
-        "images": images,
-        "command": command,
-    }
-    return render("law_comparison.html.j2", values)
+    table = {"headings": HEADINGS, "rows": summary(comparison), "notes": notes(comparison)}
+    values = {"comparison": comparison, "flown": flown, "images": images, "command": command}
+    return render("law_comparison.html.j2", table | values)
