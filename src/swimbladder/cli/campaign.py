@@ -27,10 +27,8 @@ def _part(text: str, option: str) -> tuple[int, int]:
     try:
         number, total = (int(piece) for piece in text.split("/"))
     except ValueError:
-        raise InputError(
-            "no part of a whole", field=option, value=text,
-            remedy="Give a number and how many there are, from --part 1/8 to --part 8/8",
-        ) from None  # fmt: skip
+        remedy = "Give a number and how many there are, from --part 1/8 to --part 8/8"
+        raise InputError("no part of a whole", field=option, value=text, remedy=remedy) from None
     return number, total
 
 

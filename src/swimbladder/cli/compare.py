@@ -14,17 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli import common
 from swimbladder.cli.casts import LogCasts
-from swimbladder.cli.common import (
-    aside,
-    compile_notice,
-    emit_json,
-    labelled,
-    progress,
-    quantity,
-    say,
-    table,
-)
+from swimbladder.cli.common import aside, compile_notice, labelled, progress, quantity, table
 from swimbladder.cli.logs import Chosen, LogReading
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
 from swimbladder.errors import SwimbladderError
@@ -85,17 +77,11 @@ class Ahead(Options):
 def _ahead_shown(ahead: Predicted) -> Iterator[object]:
     """Give a row for each span, and the noise that the filter assumed."""
     headings = ("ahead", "rms", "bias", "skill", "without drag", "in 95 % band", "predictions")
-    rows = (
-        (
-            f"{h.seconds:g} s",
-            f"{1e3 * h.rms:.1f} mm",
-            f"{1e3 * h.bias:+.1f} mm",
-            *("-" if skill is None else f"{skill:.2f}" for skill in h.skill.values()),
-            f"{100.0 * h.coverage:.1f} %",
-            str(h.n),
-        )
-        for h in ahead.horizons
-    )
+    rows = []
+    for h in ahead.horizons:
+        off = f"{1e3 * h.rms:.1f} mm", f"{1e3 * h.bias:+.1f} mm"
+        skill = ("-" if known is None else f"{known:.2f}" for known in h.skill.values())
+        rows.append((f"{h.seconds:g} s", *off, *skill, f"{100.0 * h.coverage:.1f} %", str(h.n)))
     yield table(headings, rows)
     yield (
         "predicted from what was measured before, and the volume; skill: 1 - rms/rms of a depth "
@@ -163,10 +149,10 @@ def compare(
             task.error = error
     answers = [task.answer() for task in tasks]
     if to.json:
-        emit_json(answers[0] if len(answers) == 1 else {"comparisons": answers})
+        common.emit_json(answers[0] if len(answers) == 1 else {"comparisons": answers})
     else:
         for part in _shown(tasks):
-            say(part)
+            common.say(part)
     code = max(0 if task.error is None else task.error.exit_code for task in tasks)
     if code:
         raise typer.Exit(code)
@@ -221,29 +207,25 @@ def _compare(
 
         names = {"bottom_depth", "surface_margin"} & set(options)
         edges = {name: options[name] for name in names}
+        more = {**spans, **edges, "column": task.water}
         with compile_notice(), progress(f"predicting {task.log.label}", 1.0) as advance:
-            task.ahead = predict_ahead(
-                log, vehicle, **spans, **edges, column=task.water, advance=advance
-            )
+            task.ahead = predict_ahead(log, vehicle, **more, advance=advance)
 
 
 def _write(task: _Task, out: Path, *, plot: bool) -> list[Path]:
     """Write the files of a comparison and return their paths."""
     assert task.result is not None
-    files: dict[str, object] = {f"{task.name}.csv": task.result.columns()}
-    if plot:
-        from swimbladder.show.plots.comparison import draw_comparison
-
-        files[f"{task.name}.png"] = draw_comparison(task.result)
-    if task.ahead is not None:
-        files[f"{task.name}-ahead.csv"] = task.ahead.columns()
-    if task.ahead is not None and plot:
-        from swimbladder.show.plots.comparison import draw_ahead
-
-        files[f"{task.name}-ahead.png"] = draw_ahead(task.ahead)
     with progress(f"writing {task.name}"):
         from swimbladder.show.files import write_all
+        from swimbladder.show.plots.comparison import draw_ahead, draw_comparison
 
+        files: dict[str, object] = {f"{task.name}.csv": task.result.columns()}
+        if plot:
+            files[f"{task.name}.png"] = draw_comparison(task.result)
+        if task.ahead is not None:
+            files[f"{task.name}-ahead.csv"] = task.ahead.columns()
+        if task.ahead is not None and plot:
+            files[f"{task.name}-ahead.png"] = draw_ahead(task.ahead)
         return write_all(out, files)
 
 
@@ -270,14 +252,10 @@ def _shown(tasks: list[_Task]) -> Iterator[object]:
 def _row(r: Comparison | None) -> tuple[str, ...]:
     if r is None:
         return ("-",) * 6
-    return (
-        r.record.drive,
-        f"{1e3 * r.rms:.1f} mm",
-        f"{1e3 * r.bias:+.1f} mm",
-        f"{100.0 * r.variance_explained:.2f} %" if math.isfinite(r.variance_explained) else "-",
-        f"{1e3 * r.largest:.1f} mm",
-        str(r.n),
-    )
+    share = 100.0 * r.variance_explained
+    explained = f"{share:.2f} %" if math.isfinite(share) else "-"
+    off = f"{1e3 * r.rms:.1f} mm", f"{1e3 * r.bias:+.1f} mm"
+    return (r.record.drive, *off, explained, f"{1e3 * r.largest:.1f} mm", str(r.n))
 
 
 def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:

@@ -21,7 +21,7 @@ from swimbladder.cli.common import (
     table,
     typed_command,
 )
-from swimbladder.cli.options import Files, Options, grouped, valued
+from swimbladder.cli.options import AnyVehicle, Files, Options, grouped, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -67,9 +67,7 @@ class Sensor(DepthSensor):
 
 @grouped(out=Path("swimbladder-compare-laws"))
 def compare_laws(
-    vehicle: Annotated[
-        str | None, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
-    ] = None,
+    vehicle: AnyVehicle = None,
     *,
     flights: Flights,
     sensor: Sensor,
@@ -122,9 +120,8 @@ def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -
         where = places(v, depths)
         for one in flown:
             p = place(one, v, where)
-            shown[one.name] |= {
-                "start_m": p.start, "target_m": p.target, "duration_s": p.duration,
-            }  # fmt: skip
+            shown[one.name] |= {"start_m": p.start, "target_m": p.target}
+            shown[one.name]["duration_s"] = p.duration
     if json:
         emit_json({"scenarios": shown})
         return

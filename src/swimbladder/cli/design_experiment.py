@@ -143,25 +143,12 @@ def _shown(found: Design) -> Iterator[object]:
 
 
 def _experiments(found: Design) -> Table:
-    from swimbladder.design.experiments.result import percent
-    from swimbladder.show.report.design import moves
+    from swimbladder.show.report.design import rows
 
-    w = found.chosen
-    after = [f"{name} after" for name in w.prediction.names]
+    after = [f"{name} after" for name in found.chosen.prediction.names]
     change = "volume against the one at rest"
-    rows = [
-        (
-            str(k),
-            f"{release.start:g} m",
-            moves(release, found.piston_area),
-            f"{flight.duration:.0f} s",
-            *(percent(errors[name]) for name in w.prediction.names),
-        )
-        for k, (release, flight, errors) in enumerate(
-            zip(w.releases, w.flights, w.after, strict=True), start=1
-        )
-    ]
-    return table(("", "rest at", change, "takes", *after), rows, left=(change,))
+    numbered = ((str(k), *row) for k, row in enumerate(rows(found), start=1))
+    return table(("", "rest at", change, "takes", *after), numbered, left=(change,))
 
 
 def _parameters(found: Design) -> Table:

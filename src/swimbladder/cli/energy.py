@@ -16,7 +16,7 @@ import typer
 
 from swimbladder.cli.casts import NO_CAST, CastReading, refuse_doubted_unit
 from swimbladder.cli.common import labelled, progress, table
-from swimbladder.cli.options import Files, Options, grouped, valued
+from swimbladder.cli.options import AnyVehicle, Files, Options, grouped, valued
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -64,17 +64,10 @@ def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> It
         rows.append((name, *(f"{x * factor:.4g}" for x in (e.value, *e.ci95)), unit))
     headings = ["parameter", "value", "95 % from", "to", "unit"]
     yield from (table(headings, rows, left=("parameter", "unit")), "")
-    bands = [
-        (
-            f"{b.pressure / 1e4:.0f}",
-            f"{b.runs}",
-            f"{1e6 * b.volume:.3g}",
-            f"{b.energy:.4g}",
-            f"{b.efficiency:.3f}",
-            f"{b.fitted:.3f}",
-        )
-        for b in efficiency_bands(found)
-    ]
+    bands = []
+    for b in efficiency_bands(found):
+        took = f"{b.pressure / 1e4:.0f}", f"{b.runs}", f"{1e6 * b.volume:.3g}", f"{b.energy:.4g}"
+        bands.append((*took, f"{b.efficiency:.3f}", f"{b.fitted:.3f}"))
     if bands:
         headings = ["dbar", "runs", "mL a run", "J a run", "efficiency", "by the law"]
         yield from (table(headings, bands, left=()), "")
@@ -121,9 +114,7 @@ class Runs(Options):
 
 @grouped(out=Path("swimbladder-energy"))
 def energy(
-    vehicle: Annotated[
-        str | None, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
-    ] = None,
+    vehicle: AnyVehicle = None,
     cast: Annotated[
         Path | None, typer.Option(metavar="FILE", help="CTD cast (the vehicle's own water).")
     ] = None,
@@ -150,18 +141,14 @@ def energy(
     to.check()
     if fit is not None:
         if cast is not None:
-            raise InputError(
-                "runs have their own pressures, and a cast does not count", field="--cast",
-                remedy="Leave out --cast or --fit",
-            )  # fmt: skip
+            why = "runs have their own pressures, and a cast does not count"
+            raise InputError(why, field="--cast", remedy="Leave out --cast or --fit")
         reading.refuse(*NO_CAST, "columns", "where")
         fit_runs(fit, v, reading, runs, to)
         return
     if v is None:
-        raise InputError(
-            "there is neither a vehicle nor a table of runs", field="VEHICLE",
-            remedy="Give a vehicle, or --fit RUNS.csv",
-        )  # fmt: skip
+        why = "there is neither a vehicle nor a table of runs"
+        raise InputError(why, field="VEHICLE", remedy="Give a vehicle, or --fit RUNS.csv")
     runs.refuse("there is no file that this is about", "Give --fit RUNS.csv too")
     casts = reading.casts(cast)
     asked, thrust = compared.read(), thrusters.read()

@@ -85,19 +85,15 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
     """Fly one mission again and write its trajectories."""
     number = mission.removeprefix("h")
     if not (number.isascii() and number.isdigit() and len(number) < 9):
-        raise InputError(
-            "a mission is a number of eight digits at most, or one with an h before it",
-            field="--mission", value=mission,
-            remedy="Write it like 17, or h17 for a healthy one",
-        )  # fmt: skip
+        why = "a mission is a number of eight digits at most, or one with an h before it"
+        remedy = "Write it like 17, or h17 for a healthy one"
+        raise InputError(why, field="--mission", value=mission, remedy=remedy)
     with progress("loading the simulator"):
         from swimbladder.show.plots.faults import draw_mission
         from swimbladder.sim.faults.single_mission import NAMES, fly_one, trace_csv
+    how = {name: asked[name] for name in ("seed", "depths", "column")}
     with compile_notice(), progress("flying the mission"):
-        flown = fly_one(
-            vehicle, int(number), healthy=mission.startswith("h"), seed=asked["seed"],
-            depths=asked["depths"], column=asked["column"],
-        )  # fmt: skip
+        flown = fly_one(vehicle, int(number), healthy=mission.startswith("h"), **how)
 
     def files(_: Mapping[str, Any]) -> dict[str, object]:
         stem = f"mission-{'h' if flown.healthy else ''}{flown.mission.number}"
@@ -123,16 +119,12 @@ def _shown(flown: Campaign) -> Iterator[object]:
         f"({course.depths.limit}), time limit {course.time_limit:.0f} s"
     )
     yield from labelled("cast", () if course.column is None else course.column.report)
-    rows = (
-        (
-            line.name,
-            *map(str, (line.missions, line.recoverable, line.recovered)),
-            *map(str, (line.recoverable - line.recovered, line.lost_without_supervisor)),
-            *map(_seconds, (line.detection_time_median, line.detection_time_95)),
-            f"{line.deepest:.1f}",
-        )
-        for line in flown.lines()
-    )
+    rows = []
+    for line in flown.lines():
+        counts = [line.missions, line.recoverable, line.recovered]
+        counts += [line.recoverable - line.recovered, line.lost_without_supervisor]
+        times = map(_seconds, (line.detection_time_median, line.detection_time_95))
+        rows.append((line.name, *map(str, counts), *times, f"{line.deepest:.1f}"))
     headings = ("fault", "missions", "recoverable", "recovered", "lost", "lost without\nsupervisor")
     more = ("detection\ntime [s]", "95 %\n[s]", "deepest\n[m]")
     yield from ("", table((*headings, *more), rows), "")
@@ -184,8 +176,8 @@ def _verdict(flown: Campaign, vehicle: str, seed: int) -> str:
     """Return what is wrong and what to do, the missions by number."""
     parts, lost, alarms = [], flown.lost, flown.false_alarms
     if len(lost):
-        parts.append(f"{len(lost)} of {int(flown.recoverable.sum())} recoverable missions were "
-                     "lost:")  # fmt: skip
+        able = int(flown.recoverable.sum())
+        parts.append(f"{len(lost)} of {able} recoverable missions were lost:")
         parts += [f"  {flown.description(int(n))}" for n in lost[:_SHOWN]]
         if len(lost) > _SHOWN:
             parts.append(f"  and {len(lost) - _SHOWN} more: supervised in missions.csv")

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.text import Text
@@ -66,13 +66,11 @@ def _identify_deep(
     to.check()
     check_folder(to.out, given)
     check_deep_request(vehicle, len(logs), casts.number, free=free, fixed=list(held), priors=before)
-    mapped = reading.columns()
+    how: Any = {"log_format_name": reading.log_format, "columns": reading.columns()}
     read = []
     for log in logs:
         with progress(f"reading {log.label}"):
-            read.append(read_float_log(
-                log.path, log_format_name=reading.log_format, columns=mapped, where=log.where
-            ))  # fmt: skip
+            read.append(read_float_log(log.path, **how, where=log.where))
     found_casts = casts.casts()
     deepest = max(float(np.nanmax(log.pressure)) for log in read) / _DBAR
     reach = -float(gsw.z_from_p(deepest, found_casts[0].latitude))
@@ -83,15 +81,13 @@ def _identify_deep(
     from swimbladder.show.report.deep import write_deep
 
     columns = [cast_column(cast) for cast in found_casts]
+    known_before: Any = {"free": free, "fixed": held, "priors": before}
     with progress("identifying from deep dives", 1.0) as advance:
-        found = identify(
-            read, columns, vehicle, free=free, fixed=held, priors=before, advance=advance
-        )
+        found = identify(read, columns, vehicle, **known_before, advance=advance)
     answer = found.to_json()
     with progress("drawing the picture"):
         files = write_deep(found, to.out, answer=answer)
-    notes = [note for log in read for note in log.report]
-    shown = _deep_shown(found, notes)
+    shown = _deep_shown(found, [note for log in read for note in log.report])
     to.answer(answer, files, shown, good=found.identified, why=found.sentences[:1])
 
 
@@ -113,26 +109,23 @@ def _deep_parameters(found: DeepIdentification) -> Table:
     for name, e in found.parameters.items():
         shown = shown_unit(e.unit) if e.unit else ""
         factor = unit_factor(e.unit, shown) if e.unit else 1.0
-        low, high = (factor * x for x in e.ci95)
-        sure = (f"{factor * e.std:.2g}", f"{low:.4g} to {high:.4g}")
+        value, std, low, high = (factor * x for x in (e.value, e.std, *e.ci95))
+        sure = (f"{std:.2g}", f"{low:.4g} to {high:.4g}")
         sure = ("-", "-") if found.inconsistent else sure
-        rows.append((name, f"{factor * e.value:.4g}", *sure, shown or "-", words[e.origin]))
+        rows.append((name, f"{value:.4g}", *sure, shown or "-", words[e.origin]))
     return table(("", "value", "1 sigma", "95 % interval", "unit", "from"), rows)
 
 
 def _dives(found: DeepIdentification) -> Table:
     headings = ("dive", "samples", "deepest", "imbalance", "speed off by", "replay off by")
-    rows = (
-        (
-            flown.dive.name,
-            str(numbers["samples"]),
-            f"{numbers['deepest_Pa'] / 1e4:.0f} dbar",
-            f"{1e6 * numbers['imbalance_rms_m3']:.1f} mL",
-            f"{1e3 * numbers['speed_rms_m_s']:.1f} mm/s",
-            f"{numbers['replay_rms_Pa'] / 1e4:.0f} dbar",
-        )
-        for flown, numbers in zip(found.dives, found.to_json()["dives"], strict=True)
-    )
+    rows = []
+    for flown, numbers in zip(found.dives, found.to_json()["dives"], strict=True):
+        pressures = (numbers[name] / _DBAR for name in ("deepest_Pa", "replay_rms_Pa"))
+        deepest, replay = (f"{pressure:.0f} dbar" for pressure in pressures)
+        imbalance = f"{1e6 * numbers['imbalance_rms_m3']:.1f} mL"
+        speed = f"{1e3 * numbers['speed_rms_m_s']:.1f} mm/s"
+        samples = str(numbers["samples"])
+        rows.append((flown.dive.name, samples, deepest, imbalance, speed, replay))
     return table(headings, rows)
 
 
@@ -192,17 +185,11 @@ def _parameters(found: Identification) -> Table:
 def _choices(found: Identification) -> Table:
     from swimbladder.show.report.identification import PSI
 
-    best = min(c.bic for c in found.choices)
-    rows = (
-        (
-            f"{c.drag}{' (reported)' if c.reported else ''}",
-            PSI[c.psi],
-            f"{1e3 * c.rms:.2f} mm",
-            f"{c.bic - best:.1f}",
-            f"{100.0 * c.weight:.1f} %",
-        )
-        for c in found.choices
-    )
+    best, rows = min(c.bic for c in found.choices), []
+    for c in found.choices:
+        drag = f"{c.drag}{' (reported)' if c.reported else ''}"
+        worse, share = f"{c.bic - best:.1f}", f"{100.0 * c.weight:.1f} %"
+        rows.append((drag, PSI[c.psi], f"{1e3 * c.rms:.2f} mm", worse, share))
     return table(("drag", "psi", "rms", "behind the best", "probability"), rows)
 
 
@@ -271,16 +258,13 @@ def identify(
         sought.refuse(useless, remedy, "free", "fixed", "priors")
         fit.refuse(useless, remedy, "profiles")
         if not casts.cast:
-            raise InputError(
-                "deep dives need the water that they were made in", field="--cast",
-                remedy="Give a CTD cast as deep as the dives with --cast FILE",
-            )  # fmt: skip
+            why = "deep dives need the water that they were made in"
+            remedy = "Give a CTD cast as deep as the dives with --cast FILE"
+            raise InputError(why, field="--cast", remedy=remedy)
         return _identify_deep(reading.chosen(logs), v, vehicle, reading, sought, casts, to)
     if casts.cast and fit.paper:
-        raise InputError(
-            "the paper's fits do not model layered water", field="--paper",
-            remedy="Leave --paper out, or --cast",
-        )  # fmt: skip
+        why, remedy = "the paper's fits do not model layered water", "Leave --paper out, or --cast"
+        raise InputError(why, field="--paper", remedy=remedy)
     options = {**sought.given(), **fit.given()}
     paper, seed = options.pop("paper"), options.pop("seed")
     options["posterior"] = seed if fit.posterior else None
@@ -314,9 +298,9 @@ def identify(
             paper=beside, advance=advance,
         )  # fmt: skip
     named = [path for path in files if to.json or path.suffix != ".png"]
-    why = [f.sentence for f in found.findings if f.severity == "no"]
+    refused = [f.sentence for f in found.findings if f.severity == "no"]
     shown = _shown(found, beside, seconds)
-    to.answer({**answer, "seconds": seconds}, named, shown, good=found.identified, why=why)
+    to.answer({**answer, "seconds": seconds}, named, shown, good=found.identified, why=refused)
 
 
 def _refuse_runs(path: Path, vehicle: Vehicle, mapped: Mapping[str, str]) -> None:
@@ -325,8 +309,7 @@ def _refuse_runs(path: Path, vehicle: Vehicle, mapped: Mapping[str, str]) -> Non
 
     runs = {"pump_s", "valve_s", "bypass_s"} & {*header_names(path), *mapped}
     if runs:
-        raise InputError(
-            f"{path} has runs of a pump or valve ({', '.join(sorted(runs))}), and the vehicle "
-            f"{vehicle.name!r} has no pump and valve", field="--vehicle", value=vehicle.name,
-            remedy="Give a vehicle whose actuator is of kind pump-valve, like example-float",
-        )  # fmt: skip
+        has = f"{path} has runs of a pump or valve ({', '.join(sorted(runs))})"
+        why = f"{has}, and the vehicle {vehicle.name!r} has no pump and valve"
+        remedy = "Give a vehicle whose actuator is of kind pump-valve, like example-float"
+        raise InputError(why, field="--vehicle", value=vehicle.name, remedy=remedy)

@@ -13,7 +13,7 @@ import typer
 
 from swimbladder.cli.common import aside, labelled, progress, quantity, table, typed_command
 from swimbladder.cli.logs import LogReading
-from swimbladder.cli.options import Files, LogFiles, grouped, names, pair, valued
+from swimbladder.cli.options import Files, LogFiles, Options, grouped, pair, valued
 
 if TYPE_CHECKING:
     from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
@@ -25,6 +25,20 @@ class Reading(LogReading):
 
     column: list[str] | None = valued(
         "NAME=COLUMN", r'As in piston_m="Position \[mm]" or piston_m=Position@mm.'
+    )
+
+
+@dataclass(frozen=True)
+class Sought(Options):
+    """What is known of the actuator, and what is to be identified."""
+
+    fixed: list[str] | None = valued(
+        "NAME=VALUE", 'Not fitted, as in dead_zone="0.5 V".', name="--set"
+    )
+    ask: str | None = valued(
+        "NAME,...",
+        "Exit with 1 unless identified: K1, T1, dead_zone, load_voltage, asymmetry, "
+        "rate (K1 and T1; without a voltage T1 and rate; of a positioner the rate).",
     )
 
 
@@ -40,18 +54,7 @@ def identify_actuator(
     ] = None,
     *,
     reading: Reading,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help='Not fitted, as in dead_zone="0.5 V".'),
-    ] = None,
-    ask: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Exit with 1 unless identified: K1, T1, dead_zone, load_voltage, asymmetry, "
-            "rate (K1 and T1; without a voltage T1 and rate; of a positioner the rate).",
-        ),
-    ] = None,
+    sought: Sought,
     plot: Annotated[bool, typer.Option("--plot", help="Also draw steps.png.")] = False,
     to: Files,
 ) -> None:
@@ -66,9 +69,9 @@ def identify_actuator(
     v = None if vehicle is None else load_vehicle(vehicle, sampled=True)
     fixed = {
         name: quantity(text, PARAMETERS.get(name, ""), f"--set {name}")
-        for name, text in (pair(text, "--set") for text in set_ or [])
+        for name, text in (pair(text, "--set") for text in sought.fixed or [])
     }
-    asked = None if ask is None else names(ask)
+    asked = sought.read()["ask"]
     given = [
         reading.log(one, v, quiet=k > 0, required=("time_s",))
         for k, one in enumerate(reading.chosen(logs))

@@ -88,11 +88,10 @@ def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogErr
     from swimbladder.io.log_text import read_bytes
 
     if is_mermaid(read_bytes(path)):
-        return LogError(
-            "the log of a float of the MERMAID kind: it tells of pressures and runs of a pump, and "
-            "of no volume", file=path, field=error.field,
-            remedy="Identify it with --cast and a --vehicle that has a pump and a valve",
-        )  # fmt: skip
+        has = "pressures and runs of a pump, and no volume"
+        why = f"the log of a float of the MERMAID kind has {has}"
+        remedy = "Identify it with --cast and a --vehicle that has a pump and a valve"
+        return LogError(why, file=path, field=error.field, remedy=remedy)
     known = [name for name in FORMATS.own if vehicle and name.startswith(vehicle.name)]
     if not known:
         return error

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -32,9 +31,8 @@ def _moment(text: str, option: str) -> datetime.datetime:
     try:
         found = datetime.datetime.fromisoformat(text)
     except ValueError:
-        raise InputError(
-            "this is no time", field=option, value=text, remedy="Write 2026-03-01T12:00:00Z"
-        ) from None
+        remedy = "Write 2026-03-01T12:00:00Z"
+        raise InputError("this is no time", field=option, value=text, remedy=remedy) from None
     return found if found.tzinfo else found.replace(tzinfo=datetime.UTC)
 
 
@@ -93,8 +91,7 @@ def mission(
     answer = found.to_json()
     with progress("writing the files"):
         files = _write(found, to.out, answer, read, begin, netcdf=netcdf, plot=plot)
-    shutil.rmtree(keep, ignore_errors=True)
-    to.answer(answer, files, _shown(found, read), good=found.completed)
+    to.answer(answer, files, _shown(found, read), good=found.completed, keep=keep)
 
 
 def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
@@ -103,11 +100,10 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
 
     deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
     if cast is None:
-        if task.latitude is not None:
-            raise InputError(
-                "it says where a cast was taken, and there is none", field="latitude",
-                value=task.latitude, unit="deg", remedy="Give --cast, or leave it out",
-            )  # fmt: skip
+        if (place := task.latitude) is not None:
+            why = "it says where a cast was taken, and there is none"
+            how = "Give --cast, or leave it out"
+            raise InputError(why, field="latitude", value=place, unit="deg", remedy=how)
         return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
     refuse_doubted_unit([cast], deepest, vehicle.hull.depth_limit)
     with progress("tabulating the water"):

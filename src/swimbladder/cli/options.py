@@ -30,7 +30,9 @@ _Value = TypeVar("_Value")
 _NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 Contents = Callable[[Mapping[str, Any]], Mapping[str, object]]
 """Returns contents by name, as `show.files.write_all` takes them, from an answer."""
-VehicleName = Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")]
+_VEHICLE = typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
+VehicleName = Annotated[str, _VEHICLE]
+AnyVehicle = Annotated[str | None, _VEHICLE]
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")]
 
 

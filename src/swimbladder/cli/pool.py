@@ -70,9 +70,7 @@ class Followed(Options):
     """A log that is being written."""
 
     columns: list[str] | None = valued(
-        "NAME=COLUMN",
-        r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.',
-        name="--column",
+        "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.', name="--column"
     )
     log_format: str | None = valued("FORMAT", r"TOML file with a \[log] table.")
     wait: bool = flag("--wait/--no-wait", "Wait for more, or take the log as finished.", True)
@@ -162,10 +160,9 @@ def pool(
     from swimbladder.io.config import load_vehicle
 
     if simulate == (follow is not None):
-        raise InputError(
-            "a guided run is either simulated or follows a log", field="--simulate, --follow",
-            remedy="Give --simulate to rehearse, or --follow LOG at the pool",
-        )  # fmt: skip
+        why = "a guided run is either simulated or follows a log"
+        remedy = "Give --simulate to rehearse, or --follow LOG at the pool"
+        raise InputError(why, field="--simulate, --follow", remedy=remedy)
     if simulate:
         followed.refuse("it is for a log that is followed", "Leave it out", "wait", "timeout")
     else:
@@ -196,15 +193,13 @@ def pool(
         kept = _begin(to.out, v, mode)
         day = PoolDay(v, to.out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=kept)
         view, begun = View(day, quiet=to.json), day.found
-        files: list[Path] = []
+        files = [to.out / "pool.csv"] if simulate else []
         if simulate:
-            files = [to.out / "pool.csv"]
             pace = rehearsed.speed or (60.0 if view.live else math.inf)
             _through(view, rehearse(day, operator, most=rehearsed.most, speed=pace, whole=files[0]))
         else:
-            waiting = followed.wait
-            happening = follow_log(day, tail, timeout=limit) if waiting else finished(day, tail)
-            _through(view, happening)
+            growing = follow_log(day, tail, timeout=limit) if followed.wait else finished(day, tail)
+            _through(view, growing)
             aside(*labelled("note", tail.report))
         latest = day.found
         day.settle()
@@ -232,11 +227,9 @@ def _plan(procedure: Procedure) -> Plan | None:
 
     if procedure.plan is None:
         return None
-    if procedure.pool_depth is not None:
-        raise InputError(
-            "the plan says this already", field="--pool-depth", value=procedure.pool_depth,
-            remedy="Leave it out, or the plan",
-        )  # fmt: skip
+    if (depth := procedure.pool_depth) is not None:
+        why, remedy = "the plan says this already", "Leave it out, or the plan"
+        raise InputError(why, field="--pool-depth", value=depth, remedy=remedy)
     return load_plan(procedure.plan)
 
 
@@ -263,10 +256,9 @@ def _begin(out: Path, vehicle: Vehicle, mode: str) -> list[Kept]:
         return []
     for name, now in (("vehicle", vehicle.name), ("mode", mode)):
         if state.get(name) != now:
-            raise InputError(
-                f"the folder holds a run whose {name} is another than {now}", file=out / STATE,
-                field="--out", value=state.get(name), remedy="Choose another folder with --out",
-            )  # fmt: skip
+            place, why = out / STATE, f"the folder holds a run whose {name} is another than {now}"
+            other, remedy = state.get(name), "Choose another folder with --out"
+            raise InputError(why, file=place, field="--out", value=other, remedy=remedy)
     kept = earlier(out, state)
     if mode == "followed":
         if kept:

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from swimbladder.cli.common import aside, compile_notice, emit_json, labelled, progress, say
+from swimbladder.cli.options import Options, flag, grouped, valued
 
 
-def reproduce(
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for the report.")
-    ] = Path("report/paper"),
-    seed: Annotated[
-        int, typer.Option(help="Seed of the sensors' noise in the pool, 0 or more.")
-    ] = 2023,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object and nothing else.")
-    ] = False,
-) -> None:
+@dataclass(frozen=True)
+class Asked(Options):
+    """Where the report goes, and what its noise is drawn from."""
+
+    out: Path = valued("DIR", "Folder for the report.", Path("report/paper"))
+    seed: int = valued(None, "Seed of the sensors' noise in the pool, 0 or more.", 2023)
+    json: bool = flag("--json", "Print one JSON object and nothing else.")
+
+
+@grouped()
+def reproduce(*, asked: Asked) -> None:
     """Redo the paper: every figure, table and number, in one report.
 
     Falcao Carneiro et al. 2023, doi 10.3390/act12100380, from simulation. Exit code 1 when a
@@ -30,9 +31,9 @@ def reproduce(
         from swimbladder.paper import AMOUNT
         from swimbladder.paper import reproduce as make_report
     with compile_notice(), progress("redoing the paper", AMOUNT) as advance:
-        found = make_report(out, seed=seed, advance=advance)
-    page = (out / "index.html").resolve()
-    if json:
+        found = make_report(asked.out, seed=asked.seed, advance=advance)
+    page = (asked.out / "index.html").resolve()
+    if asked.json:
         emit_json({**found, "report": str(page)})
     else:
         v = found["verdicts"]

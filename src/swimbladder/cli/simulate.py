@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,7 +28,7 @@ from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
     from swimbladder.physics.seawater import Column
-    from swimbladder.sim.closed_loop import Solution
+    from swimbladder.sim.closed_loop import Event, Solution
     from swimbladder.sim.closed_loop.water import Medium
     from swimbladder.vehicle import Vehicle
 
@@ -96,21 +96,19 @@ def steps_of(s: Solution, task: Mission) -> list[dict[str, Any]]:
             break
         m = step_metrics(s.time[piece], s.depth[piece], start=before, target=point.depth)
         volume = s.volume[piece]
-        events = [e for e in s.events if point.time <= e.time < end]
-        steps.append(
-            {
-                "time_s": point.time,
-                "start_depth_m": before,
-                "target_depth_m": point.depth,
-                **m._asdict(),
-                "peak_volume_m3": float(np.max(np.abs(volume))),
-                "volume_range_m3": [float(volume.min()), float(volume.max())],
-                "actuator_travel_m3": float(np.sum(np.abs(np.diff(volume)))),
-                "events": [{"time_s": e.time, "kind": e.kind} for e in events],
-            }
-        )
+        step: dict[str, Any] = dict(zip(_STEP, (point.time, before, point.depth), strict=False))
+        step |= m._asdict()
+        step["peak_volume_m3"] = float(np.max(np.abs(volume)))
+        step["volume_range_m3"] = [float(volume.min()), float(volume.max())]
+        step["actuator_travel_m3"] = float(np.sum(np.abs(np.diff(volume))))
+        step["events"] = _events(e for e in s.events if point.time <= e.time < end)
+        steps.append(step)
         before = point.depth
     return steps
+
+
+def _events(events: Iterable[Event]) -> list[dict[str, Any]]:
+    return [{"time_s": event.time, "kind": event.kind} for event in events]
 
 
 def answer_of(
@@ -131,7 +129,7 @@ def answer_of(
         "energy_J": s.books.energy["source"],
         "energy_basis": s.books.basis,
         "stop_reason": s.stop.value,
-        "events": [{"time_s": e.time, "kind": e.kind} for e in s.events],
+        "events": _events(s.events),
         "events_left_out": s.events_left_out,
         "steps": steps,
         "water": None if column is None else column.source,
@@ -148,19 +146,14 @@ def shown(answer: dict[str, Any]) -> Iterator[object]:
     headings = ("at", "step", "overshoot", "90 % rise", "2 % settling", "final", "peak", "travel")
     rows = []
     for step in answer["steps"]:
-        moves = step["target_depth_m"] != step["start_depth_m"]
-        took = (number(step[name], "s") for name in ("rise90_s", "settle2_s"))
-        rows.append(
-            (
-                f"{step['time_s']:g} s",
-                f"{step['start_depth_m']:g} to {step['target_depth_m']:g} m",
-                number(step["overshoot_pct"], "%"),
-                *(took if moves else ("no step", "no step")),
-                number(step["final_depth_m"], "m", 3),
-                number(step["peak_volume_m3"] * 1e6, "cm3"),
-                number(step["actuator_travel_m3"] * 1e6, "cm3"),
-            )
-        )
+        start, target = step["start_depth_m"], step["target_depth_m"]
+        row = [f"{step['time_s']:g} s", f"{start:g} to {target:g} m"]
+        row.append(number(step["overshoot_pct"], "%"))
+        took = [number(step[name], "s") for name in ("rise90_s", "settle2_s")]
+        row += took if target != start else ["no step", "no step"]
+        row.append(number(step["final_depth_m"], "m", 3))
+        volumes = (step[name] for name in ("peak_volume_m3", "actuator_travel_m3"))
+        rows.append([*row, *(number(volume * 1e6, "cm3") for volume in volumes)])
     water = f" in the water of {answer['water']}" if answer["water"] else ""
     yield f"{answer['vehicle']}{water}, {answer['duration_s']:g} s in {answer['samples']} samples"
     yield table(headings, rows, left=())
@@ -243,17 +236,16 @@ def simulate(
     folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
-    answer, why = answer_of(s, task, water, notes), []
+    answer = answer_of(s, task, water, notes)
+    to.answer(answer, files, shown(answer))
     if not s.finished:
-        why.append(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
+        aside(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
     if not s.within_depth_limit:
-        why.append(
+        aside(
             f"the vehicle went down to {s.deepest:.1f} m, below its depth limit of "
             f"{v.hull.depth_limit:g} m: it would be lost"
         )
-    to.answer(answer, files, shown(answer))
-    if why:
-        aside(*why)
+    if not (s.finished and s.within_depth_limit):
         raise typer.Exit(1)
 
 

@@ -46,19 +46,11 @@ def show(
     v = load_vehicle(name)
     derived = _derived(v)
     if json:
-        emit_json(
-            {
-                "name": v.name,
-                "kind": v.actuator.kind,
-                "description": v.description,
-                "parameters": _parameters(v),
-                "derived": {
-                    key: {"value": value, "unit": unit, "meaning": meaning}
-                    for key, (value, unit, meaning) in derived.items()
-                },
-                "provenance": v.provenance,
-            }
-        )
+        said = {"name": v.name, "kind": v.actuator.kind, "description": v.description}
+        keys = ("value", "unit", "meaning")
+        numbers = {name: dict(zip(keys, row, strict=True)) for name, row in derived.items()}
+        follows = {"derived": numbers, "provenance": v.provenance}
+        emit_json({**said, "parameters": _parameters(v), **follows})
         return
     sys.stdout.write(vehicle_text(name))
     sys.stdout.flush()
@@ -91,20 +83,13 @@ def new(
     from swimbladder.vehicle.schema import did_you_mean
 
     if kind not in KINDS:
-        raise InputError(
-            "there is no such kind of actuator",
-            field="--kind",
-            value=kind,
-            remedy=f"{did_you_mean(kind, KINDS)}Kinds: {', '.join(KINDS)}",
-        )
+        why, remedy = "there is no such kind of actuator", f"Kinds: {', '.join(KINDS)}"
+        remedy = f"{did_you_mean(kind, KINDS)}{remedy}"
+        raise InputError(why, field="--kind", value=kind, remedy=remedy)
     target = path if path is not None else Path(f"{kind}.toml")
     if target.exists() and not force:
-        raise InputError(
-            "the file exists already",
-            file=target,
-            field="FILE",
-            remedy="Choose another name, or overwrite it with --force",
-        )
+        remedy = "Choose another name, or overwrite it with --force"
+        raise InputError("the file exists already", file=target, field="FILE", remedy=remedy)
     write_atomically(target, vehicle_template(kind, name=target.stem))
     if json:
         emit_json({"kind": kind, "files": [target]})
@@ -135,10 +120,8 @@ def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
             elif isinstance(value, dict) or value is None or not path:
                 continue
             else:
-                found[dotted((*path, name))] = {
-                    "value": value,
-                    "unit": field_unit(type(model), name),
-                }
+                unit = field_unit(type(model), name)
+                found[dotted((*path, name))] = {"value": value, "unit": unit}
 
     walk(v, ())
     found["trim_error"] = {"value": v.trim_error, "unit": "m3"}
@@ -156,8 +139,8 @@ def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
     from swimbladder.vehicle import Positioner, PumpAndValve
 
     stroke, psi, drag = v.stroke, v.hull.psi, v.drag
-    rows: list[tuple[str, float | None, str, str]]
-    rows = [("mass_kg", v.mass, "kg", "mass that is accelerated")]
+    rows: dict[str, tuple[float | None, str, str]]
+    rows = {"mass_kg": (v.mass, "kg", "mass that is accelerated")}
     rate_of: tuple[float, str] | None = None
     if isinstance(v.actuator, Positioner):
         rate_of = v.actuator.speed * v.actuator.piston_area, "of the positioner"
@@ -167,31 +150,26 @@ def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
         rate_of = float(drive_map(v, 0.0).rate_out[0]), "of the pump at the surface"
     else:
         a = reduced(v.actuator, v.water)
-        rows += [
-            ("K1A_m3_s_V", a.gain, "m3/s/V", "volume rate per volt, K1 A"),
-            ("T1_s", a.T1, "s", "time constant of the motor, T1"),
-            ("load_V_m", a.load_drive, "V/m", "voltage that holds a metre of water, k_z/k_u"),
-            ("k_l_m2_s", a.k_l, "m2/s", "leakage, k_l"),
-        ]
+        rows |= {
+            "K1A_m3_s_V": (a.gain, "m3/s/V", "volume rate per volt, K1 A"),
+            "T1_s": (a.T1, "s", "time constant of the motor, T1"),
+            "load_V_m": (a.load_drive, "V/m", "voltage that holds a metre of water, k_z/k_u"),
+            "k_l_m2_s": (a.k_l, "m2/s", "leakage, k_l"),
+        }
         if v.supply is not None:
             rate_of = a.gain * v.supply.voltage, "at the surface, full supply"
     if rate_of is not None:
-        rows.append(("volume_rate_m3_s", rate_of[0], "m3/s", f"volume rate {rate_of[1]}"))
+        rows["volume_rate_m3_s"] = rate_of[0], "m3/s", f"volume rate {rate_of[1]}"
     if drag.k_dl > 0.0:
         gain, time = v.water.specific_weight / drag.k_dl, v.mass / drag.k_dl
-        rows += [
-            ("K2_1_m2_s", gain, "1/m2/s", "speed per volume at low speed, K2"),
-            ("T2_s", time, "s", "time constant of the motion, T2"),
-        ]
-    rows.append(
-        ("neutral_volume_surface_m3", v.neutral_volume(0.0), "m3", "neutral at the surface")
-    )
+        rows["K2_1_m2_s"] = gain, "1/m2/s", "speed per volume at low speed, K2"
+        rows["T2_s"] = time, "s", "time constant of the motion, T2"
+    rows["neutral_volume_surface_m3"] = v.neutral_volume(0.0), "m3", "neutral at the surface"
     limit = v.hull.depth_limit
     if limit is not None:
         meaning = f"neutral at {limit:g} m, its rating"
-        rows.append(("neutral_volume_limit_m3", v.neutral_volume(limit), "m3", meaning))
+        rows["neutral_volume_limit_m3"] = v.neutral_volume(limit), "m3", meaning
     end = stroke.maximum if psi > 0.0 else stroke.minimum
     deepest = (end - v.trim_error) / psi if psi != 0.0 else None
-    meaning = "depth to which the stroke reaches neutral"
-    rows.append(("neutral_depth_limit_m", deepest, "m", meaning))
-    return {name: (value, unit, meaning) for name, value, unit, meaning in rows}
+    rows["neutral_depth_limit_m"] = deepest, "m", "depth to which the stroke reaches neutral"
+    return rows
