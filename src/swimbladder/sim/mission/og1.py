@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 # The phases of OG1 (vocabularyCollection/phase.md of OceanGlidersCommunity/OG-format-user-manual).
 ASCENT, DESCENT, SURFACING, PARKING = 1, 2, 3, 4
+_EDGE = 1e-9  # m: a row at which the hull comes through the surface is of the surface
 _VOCABULARY = "https://vocab.nerc.ac.uk/collection/OG1/current/"
 _MODELS = "https://vocab.nerc.ac.uk/collection/B76/current/"
 _ROLES = "https://vocab.nerc.ac.uk/collection/W08/current/"
@@ -262,7 +263,7 @@ def og1_phase(result: MissionResult) -> Any:
             found[here] = PARKING
         else:
             found[here] = np.where(rows["w"][here] > 0.0, DESCENT, ASCENT)
-    afloat = rows["z"] <= flight.vehicle.hull.emergence_depth
+    afloat = rows["z"] <= flight.vehicle.hull.emergence_depth + _EDGE
     found[afloat] = SURFACING
     return found
 
