@@ -151,7 +151,7 @@ def _alone(plan: Plan, task: Mission) -> float:
     flown = plan.under_way((x, at, accounts))
     begin = process_time()
     while at["stop"] == 0:
-        flown.counts[:] = 0
+        flown.lane.counts[:] = 0
         fly(flown)
     return process_time() - begin
 

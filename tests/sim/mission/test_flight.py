@@ -115,7 +115,7 @@ def test_a_run_ends_at_its_volume_though_the_vehicle_emerges_in_the_same_step():
         goal, begin = float(x["v_move"]), float(x["v"])
         flown = plan.under_way((x, at, accounts), notes=40)
         fly(flown)
-        notes = flown.notes[: flown.counts[1]]
+        notes = flown.lane.notes[: flown.lane.counts[1]]
         kinds = notes["what"]
         emerged += int(Note.EMERGED in kinds)
         ended = notes[kinds == Note.RUN_OVER][0]

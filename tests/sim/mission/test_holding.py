@@ -132,7 +132,7 @@ def test_a_float_that_leaks_and_cannot_pump_sinks_from_the_surface(profiler, sea
     at["new_phase"], at["arrived"] = 0, 1
     flown = plan.under_way((x, at, accounts), notes=1000)
     fly(flown)
-    notes = flown.notes
+    notes = flown.lane.notes
     under = notes[notes["what"] == Note.SUBMERGED]
     top = profiler.hull.emergence_depth
     oracle = Oracle(vehicle, sea)

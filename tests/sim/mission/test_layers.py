@@ -66,7 +66,7 @@ def drift(vehicle, column, waves, seconds=DAY):
     flown = plan.under_way((x, at, accounts), rows=20_000)
     fly(flown)
     assert x["t"] == seconds
-    rows = flown.rows[: flown.counts[0]]
+    rows = flown.rows[: flown.lane.counts[0]]
     return rows["t"], rows["z"]
 
 

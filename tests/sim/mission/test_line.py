@@ -62,7 +62,7 @@ def one_run(vehicle, depth, speed, duration, after, *, bottom=None, drive_error=
     stop = fly(flown)
     return Flight(
         vehicle=vehicle, mission=task, column=column, plan=plan,
-        rows=flown.rows[: flown.counts[0]], notes=flown.notes[: flown.counts[1]],
+        rows=flown.rows[: flown.lane.counts[0]], notes=flown.lane.notes[: flown.lane.counts[1]],
         cycles=flown.cycles, begin=begin, end=x, whole=at, accounts=accounts, stop=stop,
         reach=reach_of(vehicle, task, plan),
     )  # fmt: skip

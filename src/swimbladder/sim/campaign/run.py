@@ -22,7 +22,7 @@ from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import ByRule, fly_mission
 from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.plan_check import check_flight
-from swimbladder.sim.mission.prepare import Plan, first_state, make_plan
+from swimbladder.sim.mission.prepare import Plan, State, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
 
@@ -221,16 +221,14 @@ class Floats:
 _MADE = ("plans", "design", "layout")
 
 
-def _cycles(
-    plan: Plan, state: tuple[np.record, np.record, Array], pilot: ByLaws | ByRule
-) -> list[np.record]:
+def _cycles(plan: Plan, state: State, pilot: ByLaws | ByRule) -> list[np.record]:
     """Fly a float from a state, which is changed; return its cycles."""
     flown, found = plan.under_way(state), list[np.record]()
     stop = Stop.GOES_ON
     while stop is Stop.GOES_ON:
-        flown.counts[:] = 0
+        flown.lane.counts[:] = 0
         stop = pilot.fly(flown)
-        found.extend(flown.cycles[: flown.counts[2]].copy())
+        found.extend(flown.cycles[: flown.lane.counts[2]].copy())
     return found
 
 

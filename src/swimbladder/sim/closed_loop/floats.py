@@ -21,7 +21,17 @@ from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
-from swimbladder.sim.engine.rodas.records import AT, GIVEN, NOTE, NOW, Account, Doing, Note, Table
+from swimbladder.sim.engine.rodas.records import (
+    AT,
+    GIVEN,
+    NOTE,
+    NOW,
+    WORK,
+    Account,
+    Doing,
+    Note,
+    Table,
+)
 from swimbladder.vehicle import Hull, PumpAndValve, Vehicle
 
 RATES = ("pump", "valve")
@@ -105,7 +115,7 @@ class FloatModel:
             given=given, table=self.table, waves=np.zeros((0, 6)), x=x, at=at,
             accounts=np.zeros((count, len(Account))),
             notes=np.zeros((count, noted), NOTE),
-            counts=np.zeros((count, 3), dtype=np.int64), work=np.zeros((count, 6, 8)),
+            counts=np.zeros((count, 3), dtype=np.int64), work=np.zeros((count, *WORK)),
             board=board, segment=np.zeros((count, SEGMENT)),
         )  # fmt: skip
         return stepper, np.stack([np.zeros(count), x["v"], x["z"], x["w"]])

@@ -53,7 +53,7 @@ from swimbladder.sim.engine.rodas.drive import (
     turn_line,
 )
 from swimbladder.sim.engine.rodas.motion import inside, rate_of
-from swimbladder.sim.engine.rodas.records import NOTE, Account, Doing, Stop, lane_of
+from swimbladder.sim.engine.rodas.records import Doing, Lane, Stop, lane_of
 
 Array = NDArray[np.float64]
 LAW_NOT_FINITE = 5  # why a lane stopped, beside engine.advance
@@ -70,7 +70,7 @@ class Pumped(NamedTuple):
     accounts: Array  # [lanes, Account.COUNT]
     notes: Any  # [lanes, k] of NOTE; nothing is noted where k is 0
     counts: NDArray[np.int64]  # [lanes, 3]
-    work: Array  # [lanes, 6, 8]
+    work: Array  # [lanes, *WORK]
     board: Array  # [lanes, BOARD]: the parameters of `control.pump_valve`, and see below
     segment: Array  # [lanes, SEGMENT]: begin and end of the last step [s], z, w, V there, Doing
     wide: Any = None  # [lanes] of a law that commands seconds; 1: those below 0 are of the bypass
@@ -87,22 +87,20 @@ _at_surface = inlined(compilable(at_surface))
 
 
 @part
-def run_for(s: Any, i: int, length: float, wide: Any, tick: float) -> None:
-    """Let the pump of lane i run for a length [s], below 0 a valve; what else was on ends.
+def run_for(lane: Lane, length: float, wide: float, tick: float) -> None:
+    """Let the pump of a lane run for a length [s], below 0 a valve; what else was on ends.
 
     wide: 1: by the bypass. A whole tick of it goes on until another command ends it.
     """
-    x, at, notes, counts = s.x[i], s.at[i], s.notes[i], s.counts[i]
+    x, at = lane.x, lane.at
     does = Doing.PUMPING if length > 0.0 else (Doing.BYPASSING if wide > 0.0 else Doing.LETTING_IN)
     length = math.inf if abs(length) >= _WHOLE * tick else abs(length)
     now = Doing.PUMPING if at.doing == Doing.PRIMING else at.doing
     if now != Doing.NOTHING and (length == 0.0 or now != does):
-        end_run(x, at, notes, counts)
+        end_run(lane)
     if length > 0.0 and now != does:
         end = math.inf if does == Doing.PUMPING else -math.inf
-        start_run(
-            s.given[i], s.table, x, at, s.accounts[i], notes, counts, does, 0.0, end, length
-        )  # fmt: skip
+        start_run(lane, does, 0.0, end, length)
     elif at.doing != Doing.NOTHING:
         x.t_move = x.t + length
 
@@ -112,35 +110,35 @@ def _decide(  # type: ignore[no-untyped-def]
     s, wide, S, W_, i, hooks, like, like_state, k, tick
 ):
     """Let the processor of lane i act where it is time, and start the run that follows."""
+    p, x, at, accounts = s.given[i], s.x[i], s.at[i], s.accounts[i]
+    lane = Lane(p, s.table, s.waves, x, at, accounts, s.notes[i], s.counts[i], s.work[i])
     if wide is None:  # pruned before types are inferred
-        _change(s, S, W_, i, hooks, like, like_state, k, tick)
+        _change(lane, s.board[i], S, W_, i, hooks, like, like_state, k, tick)
         return
     length = decide(S, W_, i, hooks, like, like_state, k, k * tick, 1.0 / tick)
     if abs(length) < 1e30:
-        run_for(s, i, length, wide[i], tick)
+        run_for(lane, length, wide[i], tick)
     else:
         S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
-    x, at = s.x[i], s.at[i]
-    rate = rate_of(s.given[i], s.table, at.doing, at.shut == 1, x.z, x.v, x.w)
+    rate = rate_of(p, s.table, at.doing, at.shut == 1, x.z, x.v, x.w)
     S[Row.Q * W_ + i] = rate[0]
 
 
 @part
-def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-untyped-def]
+def _change(lane, board, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-untyped-def]
     """Let a processor whose law asks for changes of volume act, as `_decide`."""
     S[Row.COMMAND * W_ + i] = 0.0
     waiting = S[Row.WAIT * W_ + i]
     if waiting > 0.0:
         S[Row.WAIT * W_ + i] = waiting - 1.0
         return
-    p, x, at, board = s.given[i], s.x[i], s.at[i], s.board[i]
+    p, x, at = lane.p, lane.x, lane.at
     t, change, pause = x.t, 0.0, board[PAUSE]
     depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
     reference = S[Row.REFERENCE * W_ + i]
     up = SurfacingParameters(board[0], board[1], board[2], board[3], board[4], board[5])
     before = SurfacingState(x.z_look, board[DIVES])
     action, wanted, after = _at_surface(up, before, depth, volume, reference, board[FLOATS])
-    notes, counts = s.notes[i], s.counts[i]
     if at.doing != Doing.NOTHING:
         pass  # a run to the end stop, of a pump that may run as long as it takes
     elif action == LAW:
@@ -159,24 +157,21 @@ def _change(s, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-u
             return
         if change != 0.0:
             longest = min(p.longest, pause)  # a run is over by the next call
-            change_volume(
-                p, s.table, x, at, s.accounts[i], notes, counts, volume, change, longest
-            )  # fmt: skip
+            change_volume(lane, volume, change, longest)
     else:
         x.z_look, board[DIVES], at.new_law = after.depth, after.dives, 1
         change = wanted
         if action == OUT:
-            press_out(p, s.table, x, at, s.accounts[i], notes, counts)
+            press_out(lane)
         elif action == IN:
             x.w_seen = 0.0
-            longest = min(p.longest, pause)
-            take_in(p, s.table, x, at, s.accounts[i], notes, counts, volume, wanted, longest)
-    turn_line(p, s.table, s.waves, x, at)
+            take_in(lane, volume, wanted, min(p.longest, pause))
+    turn_line(lane)
     x.t_look = t + pause
     if at.doing != Doing.NOTHING and x.t_move < math.inf:
         x.t_look = max(x.t_look, x.t_move)
     S[Row.COMMAND * W_ + i], S[Row.APPLIED * W_ + i] = change, at.doing
-    S[Row.Q * W_ + i] = rate_of(p, s.table, at.doing, at.shut == 1, x.z, x.v, x.w)[0]
+    S[Row.Q * W_ + i] = rate_of(p, lane.table, at.doing, at.shut == 1, x.z, x.v, x.w)[0]
     if tick > 0.0:
         S[Row.WAIT * W_ + i] = max(math.ceil((x.t_look - t) / tick - 1e-9) - 1.0, 0.0)
 
@@ -187,8 +182,9 @@ def _move(s: Any, S: Array, W_: int, i: int, hooks: Any, k: int, tick: float, ah
 
     A tick without a length ends where the hooks say.
     """
-    p, x, at, seg, work = s.given[i], s.x[i], s.at[i], s.segment[i], s.work[i]
-    accounts, notes, counts = s.accounts[i], s.notes[i], s.counts[i]
+    p, x, at, accounts = s.given[i], s.x[i], s.at[i], s.accounts[i]
+    lane = Lane(p, s.table, s.waves, x, at, accounts, s.notes[i], s.counts[i], s.work[i])
+    seg, work = s.segment[i], s.work[i]
     lost = S[Row.LOST * W_ + i]  # see `hooks.lose`
     trimmed = S[(Row.PLANT + V_0) * W_ + i] - p.neutral_top + lost
     if abs(p.trim - trimmed) > _SAME_TRIM:
@@ -201,22 +197,20 @@ def _move(s: Any, S: Array, W_: int, i: int, hooks: Any, k: int, tick: float, ah
     passes = 0
     while x.t < t and at.stop == 0:
         before, z = x.t, x.z
-        goal = next_turn(p, s.table, x, at, until)
+        goal = next_turn(lane, until)
         if goal > before:
             loads, level = set_off(hooks)
             seg[BEGIN], seg[Z_FROM], seg[W_FROM], seg[V_FROM] = before, z, x.w, x.v
             seg[DID] = at.doing
-            event = move(
-                p, s.table, s.waves, x, at, accounts, notes, counts, loads, level, goal, work
-            )  # fmt: skip
+            event = move(lane, loads, level, goal)
             seg[END] = x.t
             if event == STAYED:
                 work[0, 0], work[0, 1], work[0, 2] = x.z, x.w, x.v
                 for n in range(3):
                     work[2, n], work[3, n] = 0.0, 0.0
             moved(hooks, event, before, z)
-        end_turn(x, at, notes, counts)
-        turn_line(p, s.table, s.waves, x, at)
+        end_turn(lane)
+        turn_line(lane)
         settled(hooks)
         t, until = bound(hooks, t), bound(hooks, until)
         passes = 0 if x.t > before else passes + 1
@@ -244,23 +238,11 @@ def _move(s: Any, S: Array, W_: int, i: int, hooks: Any, k: int, tick: float, ah
         S[Row.APPLIED * W_ + i] = doing
 
 
-def one_lane(
-    given: np.record, table: Array, x: np.record, at: np.record, **named: NDArray[Any]
-) -> Pumped:
-    """Return a lane in a state (x, at); named: what else of it there is, as one lane's.
-
-    What is not given keeps nothing: no waves, accounts that nobody reads, no notes.
-    """
-    lane: dict[str, Any] = {
-        "accounts": np.zeros(len(Account)), "notes": np.zeros(0, NOTE),
-        "counts": np.zeros(3, np.int64), "board": np.zeros(BOARD),
-    } | named  # fmt: skip
-    waves = lane.pop("waves", np.zeros((0, 6)))
-    return Pumped(
-        given=lane_of(given), table=table, waves=waves, x=lane_of(x), at=lane_of(at),
-        **{name: values[None] for name, values in lane.items()},
-        work=np.zeros((1, 6, 8)), segment=np.zeros((1, SEGMENT)),
-    )  # fmt: skip
+def one_lane(lane: Lane, board: Array) -> Pumped:
+    """Return lanes that are a single one; board: see `Pumped`."""
+    x, at = lane_of(lane.x), lane_of(lane.at)
+    own: Any = [array[None] for array in (*lane[5:], board, np.zeros(SEGMENT))]
+    return Pumped(lane_of(lane.p), lane.table, lane.waves, x, at, *own)
 
 
 @part

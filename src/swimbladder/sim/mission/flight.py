@@ -25,7 +25,7 @@ from swimbladder.sim.mission.plan_check import (
     check_reach,
     reach_of,
 )
-from swimbladder.sim.mission.prepare import DriveError, Plan, first_state, make_plan
+from swimbladder.sim.mission.prepare import DriveError, Plan, State, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ def fly_mission(
 
 
 def _fly(
-    plan: Plan, state: tuple[np.record, np.record, Array], pilot: ByRule | ByLaws,
+    plan: Plan, state: State, pilot: ByRule | ByLaws,
     store: Store, advance: Callable[[float], None], check: Callable[..., None],
 ) -> tuple[Records, Records, Records]:  # fmt: skip
     """Fly to the end, part by part; return rows, notes and cycles.
@@ -153,7 +153,7 @@ def _fly(
     while at["stop"] == 0:
         cycles = _CYCLES if checked else 1
         flown = plan.under_way(state, rows=pilot.rows, notes=_NOTES, cycles=cycles)
-        counts, room = flown.counts, True
+        counts, room = flown.lane.counts, True
         while room and pilot.fly(flown) is Stop.GOES_ON:
             share = min(whole(x, at), 1.0)
             advance(share - shown)
@@ -162,7 +162,7 @@ def _fly(
             room = room and counts[2] < cycles
         part = (
             thinned(flown.rows[: counts[0]], spacing),
-            flown.notes[: counts[1]].copy(),
+            flown.lane.notes[: counts[1]].copy(),
             flown.cycles[: counts[2]].copy(),
         )
         parts.append(part)

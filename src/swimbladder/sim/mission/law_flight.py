@@ -76,7 +76,7 @@ class ByLaws:
     def fly(self, phases: Phases) -> Stop:
         """Fly on: many samples, or until a law begins, a buffer is full or the mission ends."""
         now: Any = self.way[0]
-        x, at = phases.x, phases.at
+        x, at = phases.lane.x, phases.lane.at
         law = self.tasks[at["phase"], 0]
         if law != now["law"]:
             q = 0.0 if now["law"] < 0.0 else self.running.block.work[Row.Q, 0]

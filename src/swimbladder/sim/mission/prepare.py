@@ -19,7 +19,7 @@ from swimbladder.sim.engine.rodas.prepare import (
     given_of,
     make_table,
 )
-from swimbladder.sim.engine.rodas.records import NOTE, Account, Records, Table
+from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Lane, Records, Table
 from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Holding, Kind, Phases
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
@@ -28,6 +28,7 @@ from swimbladder.sim.mission.water import medium_for, waves_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+State = tuple[np.record, np.record, Array]  # of `first_state`
 
 _MOST = 10**9  # samples of a phase: minutes
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
@@ -77,17 +78,12 @@ class Plan:
         )  # fmt: skip
         return replace(medium, plant=own)
 
-    def under_way(
-        self, state: tuple[np.record, np.record, Array], *, rows: int = 0, notes: int = 0,
-        cycles: int = 1,
-    ) -> Phases:  # fmt: skip
+    def under_way(self, state: State, *, rows: int = 0, notes: int = 0, cycles: int = 1) -> Phases:
         """Return the mission in a state of `first_state`, with buffers of so many lines."""
-        return Phases(
-            self.given, self.table, self.waves, self.stages, *state,
-            rows=np.zeros(rows, ROW), notes=np.zeros(notes, NOTE),
-            cycles=np.zeros(cycles, CYCLE), counts=np.zeros(3, dtype=np.int64),
-            board=np.zeros(BOARD),
-        )  # fmt: skip
+        kept, counts = np.zeros(notes, NOTE), np.zeros(3, np.int64)
+        lane = Lane(self.given, self.table, self.waves, *state, kept, counts, np.zeros(WORK))
+        made = np.zeros(rows, ROW), np.zeros(cycles, CYCLE)
+        return Phases(lane, self.stages, *made, board=np.zeros(BOARD))
 
 
 def check_samples(mission: Mission, plan: Plan) -> None:
@@ -230,7 +226,7 @@ def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Re
 
 def first_state(
     plan: Plan, mission: Mission, *, seed: int | None = None, volume: float | None = None
-) -> tuple[np.record, np.record, Array]:
+) -> State:
     """Return the state before the start: numbers, whole numbers and accounts.
 
     At the depth of 0 it floats with all volume out; elsewhere it rests, with its neutral volume or

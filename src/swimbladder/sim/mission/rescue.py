@@ -117,7 +117,7 @@ def start_time(plan: Plan, depth: float) -> float:
     plan.given["longest"] = math.inf
     flown = plan.under_way(state, rows=_START_ROWS)
     fly(flown)
-    rows = flown.rows[: flown.counts[0]]
+    rows = flown.rows[: flown.lane.counts[0]]
     out = rows["v"] - volume
     if not np.any(out > _OUT):
         return math.inf

@@ -22,7 +22,7 @@ from swimbladder.sim.engine.rodas.leap import (
 )
 from swimbladder.sim.engine.rodas.line import empty_line, fill_lacks, turn_valve, valve_turns
 from swimbladder.sim.engine.rodas.lookup import value
-from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop, Table
+from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop, Table
 from swimbladder.sim.engine.rodas.rest import lift_volume, settle, stay
 from swimbladder.sim.engine.rodas.sensing import normal
 
@@ -37,21 +37,19 @@ _FULL_LINE = 1e-9  # s; a line that lacks less is full
 
 
 @part
-def note(notes: Any, counts: Any, x: Any, what: int, number: float) -> None:
+def note(lane: Lane, what: int, number: float) -> None:
     """Note something with its time; without room nothing is kept."""
-    n = counts[1]
-    if n < notes.shape[0]:
-        notes[n].t = x.t
-        notes[n].what = what
-        notes[n].z = x.z
-        notes[n].v = x.v
-        notes[n].number = number
-        counts[1] = n + 1
+    n, x = lane.counts[1], lane.x
+    if n < lane.notes.shape[0]:
+        new = lane.notes[n]
+        new.t, new.what, new.z, new.v, new.number = x.t, what, x.z, x.v, number
+        lane.counts[1] = n + 1
 
 
 @part
-def _end_of(p: Any, at: Any, doing: int, goal: float) -> Any:
+def _end_of(lane: Lane, doing: int, goal: float) -> float:
     """Return the volume [m3] at which the measured one comes to a goal, by noise and quantum."""
+    p, at = lane.p, lane.at
     if at.seed < 0:
         return goal
     q = p.volume_quantum
@@ -65,11 +63,11 @@ def _end_of(p: Any, at: Any, doing: int, goal: float) -> Any:
 
 
 @part
-def _run_to(p, table, x, at, accounts, notes, counts, doing, seen, goal, longest):  # type: ignore[no-untyped-def]
+def _run_to(lane: Lane, doing: int, seen: float, goal: float, longest: float) -> None:
     """Start a run from a measured volume to a measured goal [m3]; none where it is past it."""
-    end = _end_of(p, at, doing, goal)
-    if (end - x.v if doing == Doing.PUMPING else x.v - end) > 0.0:
-        start_run(p, table, x, at, accounts, notes, counts, doing, goal - seen, end, longest)
+    end, v = _end_of(lane, doing, goal), lane.x.v
+    if (end - v if doing == Doing.PUMPING else v - end) > 0.0:
+        start_run(lane, doing, goal - seen, end, longest)
 
 
 @part
@@ -81,11 +79,12 @@ def _in_steps(p: Any, length: float) -> Any:
 
 
 @part
-def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, longest):  # type: ignore[no-untyped-def]
+def start_run(lane: Lane, doing: int, wanted: float, volume: float, longest: float) -> None:
     """Start the drive: until a `volume` [m3] is reached, for `longest` [s] at most.
 
     wanted: what was asked for [m3], to be noted.
     """
+    p, table, x, at = lane.p, lane.table, lane.x, lane.at
     if doing == Doing.PUMPING and x.v >= p.v_max:
         return
     if doing != Doing.PUMPING and x.v <= p.v_min:
@@ -97,7 +96,7 @@ def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, l
     short = value(table, p.step, Table.START, max(x.z, 0.0))[0]
     delivery = p.delivery * value(table, p.step, Table.RATE_OUT, max(x.z, 0.0))[0]
     if doing == Doing.PUMPING and p.line > 0.0:
-        empty_line(p, table, x)
+        empty_line(lane)
         at.doing = Doing.PRIMING
         at.shut = 1
         x.t_primed = math.inf
@@ -108,33 +107,34 @@ def start_run(p, table, x, at, accounts, notes, counts, doing, wanted, volume, l
     x.h = min(x.h, _FRESH)
     x.t_begin = x.t
     x.t_move = x.t + longest
-    accounts[Account.PUMP_RUNS if doing == Doing.PUMPING else Account.VALVE_RUNS] += 1.0
+    lane.accounts[Account.PUMP_RUNS if doing == Doing.PUMPING else Account.VALVE_RUNS] += 1.0
     what = Note.VALVE if doing == Doing.LETTING_IN else Note.BYPASS
     what = Note.PUMP if doing == Doing.PUMPING else what
-    note(notes, counts, x, what, wanted)
+    note(lane, what, wanted)
 
 
 @part
-def end_run(x: Any, at: Any, notes: Any, counts: Any) -> None:
+def end_run(lane: Lane) -> None:
     """Stop the drive."""
+    x, at = lane.x, lane.at
     at.doing = Doing.NOTHING
     at.shut = 1
-    note(notes, counts, x, Note.RUN_OVER, x.t - x.t_begin)
+    note(lane, Note.RUN_OVER, x.t - x.t_begin)
     x.t_move = math.inf
     x.v_move = math.nan
     x.h = min(x.h, _FRESH)
 
 
 @part
-def change_volume(p, table, x, at, accounts, notes, counts, volume, wanted, longest):  # type: ignore[no-untyped-def]
+def change_volume(lane: Lane, volume: float, wanted: float, longest: float) -> None:
     """Start the run that a wanted change of volume [m3] takes, for `longest` [s] at most.
 
     volume: as it was measured [m3], where it is.
     """
+    p, table, x = lane.p, lane.table, lane.x
     doing = Doing.PUMPING if wanted > 0.0 else Doing.LETTING_IN
     if p.by_volume > 0.0:
-        goal = volume + wanted
-        _run_to(p, table, x, at, accounts, notes, counts, doing, volume, goal, longest)
+        _run_to(lane, doing, volume, volume + wanted, longest)
         return
     column = Table.RATE_OUT if wanted > 0.0 else Table.RATE_IN
     rate_now = value(table, p.step, column, max(x.z, 0.0))[0]
@@ -144,79 +144,81 @@ def change_volume(p, table, x, at, accounts, notes, counts, volume, wanted, long
         if wanted > 0.0 and p.makes_up > 0.0:
             lost = value(table, p.step, Table.START, max(x.z, 0.0))[0]
             if p.line > 0.0:  # what its line still holds it need not press into it
-                empty_line(p, table, x)
-                lost = p.run_up + rate_now * fill_lacks(p, table, x)
+                empty_line(lane)
+                lost = p.run_up + rate_now * fill_lacks(lane)
         length = min((abs(wanted) + lost) / rate_now, longest)
     length = _in_steps(p, length)
     if length > 0.0:
         end = math.inf if wanted > 0.0 else -math.inf
-        start_run(p, table, x, at, accounts, notes, counts, doing, wanted, end, length)
+        start_run(lane, doing, wanted, end, length)
 
 
 @part
-def take_in(p, table, x, at, accounts, notes, counts, volume, wanted, longest):  # type: ignore[no-untyped-def]
+def take_in(lane: Lane, volume: float, wanted: float, longest: float) -> None:
     """Let in volume near the surface by valve or bypass, whichever is quicker there.
 
     volume: as it was measured [m3]; wanted: of `control.pump_valve` [m3]; longest [s].
     """
-    by_valve, by_bypass = (
-        value(table, p.step, Table.RATE_IN, 0.0)[0],
-        value(table, p.step, Table.BYPASS, 0.0)[0],
-    )
+    p, table = lane.p, lane.table
+    by_valve = value(table, p.step, Table.RATE_IN, 0.0)[0]
+    by_bypass = value(table, p.step, Table.BYPASS, 0.0)[0]
     if max(by_valve, by_bypass) <= 0.0:  # no head at depth 0: there is some where it floats
-        by_valve = value(table, p.step, Table.RATE_IN, max(x.z, 0.0))[0]
-        by_bypass = value(table, p.step, Table.BYPASS, max(x.z, 0.0))[0]
+        z = max(lane.x.z, 0.0)
+        by_valve = value(table, p.step, Table.RATE_IN, z)[0]
+        by_bypass = value(table, p.step, Table.BYPASS, z)[0]
     doing = Doing.BYPASSING if by_bypass > by_valve else Doing.LETTING_IN
     flow = max(by_bypass, by_valve)
     if p.by_volume > 0.0:
         if wanted < volume:
-            _run_to(p, table, x, at, accounts, notes, counts, doing, volume, wanted, longest)
+            _run_to(lane, doing, volume, wanted, longest)
         return
     if wanted == 0.0:
         return
     if flow > 0.0:
         longest = max(_in_steps(p, min(longest, -wanted / flow)), p.quantum)
-    start_run(p, table, x, at, accounts, notes, counts, doing, wanted, -math.inf, longest)
+    start_run(lane, doing, wanted, -math.inf, longest)
 
 
 @part
-def press_out(p, table, x, at, accounts, notes, counts):  # type: ignore[no-untyped-def]
+def press_out(lane: Lane) -> None:
     """Pump out all volume, in runs as long as the pump stands, one after the other."""
-    wanted = p.v_max - x.v
-    start_run(p, table, x, at, accounts, notes, counts, Doing.PUMPING, wanted, p.v_max, p.longest)
+    p = lane.p
+    start_run(lane, Doing.PUMPING, p.v_max - lane.x.v, p.v_max, p.longest)
 
 
 @part
-def _happen(p, table, x, at, accounts, notes, counts, event):  # type: ignore[no-untyped-def]
+def _happen(lane: Lane, event: int) -> None:
     """Let happen what a step ended with."""
+    p, x, at = lane.p, lane.x, lane.at
     if event == SURFACE:
         at.place = 1 - at.place
-        note(notes, counts, x, Note.EMERGED if at.place == 1 else Note.SUBMERGED, x.w)
+        note(lane, Note.EMERGED if at.place == 1 else Note.SUBMERGED, x.w)
     elif event == BOTTOM:
-        note(notes, counts, x, Note.BOTTOM, x.w)
-        accounts[Account.BLOWS] += 0.5 * p.mass * x.w * x.w
+        note(lane, Note.BOTTOM, x.w)
+        lane.accounts[Account.BLOWS] += 0.5 * p.mass * x.w * x.w
         x.z, x.w = p.z_bottom, 0.0
         at.place = 2
     elif event == AIR:
         at.stop = Stop.LEFT_WATER
     elif event == VOLUME:
-        _at_volume(p, x, at, notes, counts)
+        _at_volume(lane)
     elif event == LOST:
         at.stop = Stop.LOST
     elif event == VALVE:
-        turn_valve(p, table, x, at)
+        turn_valve(lane)
 
 
 @part
-def _at_volume(p: Any, x: Any, at: Any, notes: Any, counts: Any) -> None:
+def _at_volume(lane: Lane) -> None:
     """End a run at its volume or at an end stop; put rounding right.
 
     A pump that a valve beats runs on where nothing more can come in.
     """
+    p, x, at = lane.p, lane.x, lane.at
     beaten = at.doing == Doing.PUMPING and x.v - p.v_min < min(p.v_max, x.v_move) - x.v
     if at.doing == Doing.PRIMING or beaten:
         x.v = p.v_min
-        note(notes, counts, x, Note.LOWER_STOP, 0.0)
+        note(lane, Note.LOWER_STOP, 0.0)
         return
     if at.doing == Doing.PUMPING:
         x.v = min(p.v_max, x.v_move)
@@ -225,68 +227,72 @@ def _at_volume(p: Any, x: Any, at: Any, notes: Any, counts: Any) -> None:
     else:
         x.v = p.v_min
     if x.v == p.v_max:
-        note(notes, counts, x, Note.UPPER_STOP, 0.0)
+        note(lane, Note.UPPER_STOP, 0.0)
     elif x.v == p.v_min:
-        note(notes, counts, x, Note.LOWER_STOP, 0.0)
+        note(lane, Note.LOWER_STOP, 0.0)
     if at.doing != Doing.NOTHING:
-        end_run(x, at, notes, counts)
+        end_run(lane)
 
 
 @inlined
-def next_turn(p: Any, table: Array, x: Any, at: Any, until: float) -> Any:
+def next_turn(lane: Lane, until: float) -> float:
     """Return `until` [s], or when the drive ends or changes what it does, if that is earlier."""
+    x, at = lane.x, lane.at
     if at.doing != Doing.NOTHING:
         until = min(until, x.t_move)
         if at.doing == Doing.PRIMING and at.shut == 0:
             until = min(until, x.t_primed)
         elif at.doing == Doing.PRIMING and at.place == 2:
-            until = min(until, x.t + fill_lacks(p, table, x) / p.delivery)
+            until = min(until, x.t + fill_lacks(lane) / lane.p.delivery)
     return until
 
 
 @inlined
-def move(p, table, waves, x, at, accounts, notes, counts, loads, level, until, work):  # type: ignore[no-untyped-def]
+def move(lane: Lane, loads: float, level: float, until: float) -> Any:
     """Move the vehicle by a step, `until` [s] at most, with what happens in it.
 
-    loads [W]; level: depth of arrival [m], negative from below, 0 none; work: [6, 8] to write in.
+    loads [W]; level: depth of arrival [m], negative from below, 0 none.
     Return the guard of `leap` that ended it, -1 where none did, `STAYED` where it rests or lies on
     the bottom.
     """
+    x, at = lane.x, lane.at
     if at.rests == 1 or at.place == 2:
-        ended = stay(p, table, x, at, accounts, loads, until)
+        ended = stay(lane, loads, until)
         if ended == 1:
-            _at_volume(p, x, at, notes, counts)
+            _at_volume(lane)
         elif ended == 2:
             at.place = 0
-            note(notes, counts, x, Note.LEFT_BOTTOM, 0.0)
+            note(lane, Note.LEFT_BOTTOM, 0.0)
         elif ended == 3:
             at.rests = 0
-        lift = lift_volume(p, table, x.z, x.hull)
+        lift = lift_volume(lane.p, lane.table, x.z, x.hull)
         if at.place == 2 and at.doing == Doing.NOTHING and x.v >= lift:
             at.place = 0
-            note(notes, counts, x, Note.LEFT_BOTTOM, 0.0)
+            note(lane, Note.LEFT_BOTTOM, 0.0)
         return STAYED
-    event = leap(p, table, waves, x, at, accounts, loads, level, until, work)
+    event = leap(lane, loads, level, until)
     if event >= 0:
-        _happen(p, table, x, at, accounts, notes, counts, event)
+        _happen(lane, event)
     else:
-        settle(p, table, waves, x, at, accounts)
+        settle(lane)
     return event
 
 
 @inlined
-def end_turn(x: Any, at: Any, notes: Any, counts: Any) -> None:
+def end_turn(lane: Lane) -> None:
     """Let a primed pump deliver, and end a run whose time is over."""
+    x, at = lane.x, lane.at
     if at.doing == Doing.PRIMING and at.shut == 0 and x.t >= x.t_primed:
         at.doing = Doing.PUMPING
     if at.doing != Doing.NOTHING and x.t >= x.t_move:
-        end_run(x, at, notes, counts)
+        end_run(lane)
 
 
 @inlined
-def turn_line(p: Any, table: Array, waves: Array, x: Any, at: Any) -> None:
+def turn_line(lane: Lane) -> None:
     """Open or shut the check valve of an oil line where its pressure is that of the sea."""
-    if p.line > 0.0 and at.stop == 0:
+    x, at = lane.x, lane.at
+    if lane.p.line > 0.0 and at.stop == 0:
         early = _FULL_LINE if at.doing == Doing.PRIMING and at.place == 2 else 0.0
-        if valve_turns(p, table, waves, x, at, 0.0, x.z, x.w) > -early:
-            turn_valve(p, table, x, at)
+        if valve_turns(lane, 0.0, x.z, x.w) > -early:
+            turn_valve(lane)

@@ -11,7 +11,7 @@ from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.line import advance_line, stalls
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.motion import displaced, drag, inside, lagging, rate_of, terms
-from swimbladder.sim.engine.rodas.records import Account, Doing, Table
+from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Table
 
 Array = NDArray[np.float64]
 
@@ -22,8 +22,10 @@ _INNER = 0.5 - 0.1 * math.sqrt(5.0)
 
 
 @part
-def enter_step(p, table, waves, x, at, accounts, loads, h, work):  # type: ignore[no-untyped-def]
+def enter_step(lane: Lane, loads: float, h: float) -> None:
     """Enter a step of h [s] to work[0] in the accounts, by Lobatto's rule on its cubic."""
+    p, table, waves, x, at = lane.p, lane.table, lane.waves, lane.x, lane.at
+    accounts, work = lane.accounts, lane.work
     y, k1, k2 = work[0], work[2], work[3]
     doing, shut = at.doing, at.shut == 1
     sums = work[4]
@@ -40,9 +42,7 @@ def enter_step(p, table, waves, x, at, accounts, loads, h, work):  # type: ignor
         hull = inside(x.hull, y[3], k1[3], k2[3], s)
         if waves.shape[0] > 0:
             t = x.t + s * h
-            dz, pull, _, _ = terms(
-                p, table, waves, doing, shut, at.place == 1, t, z, w, v, hull
-            )  # fmt: skip
+            dz, pull, _, _ = terms(lane, t, z, w, v, hull)
             sums[4] += share * p.mass * (pull + drag(p, w)[0]) * (dz - w)
             way = _moved(waves, z, t)[0]
             slope = value(table, p.step, Table.PRESSURE, z)[1]
@@ -50,7 +50,7 @@ def enter_step(p, table, waves, x, at, accounts, loads, h, work):  # type: ignor
         rate = rate_of(p, table, doing, shut, z, v, dz)[0]
         if rate != 0.0:
             sums[2] += share * rate * value(table, p.step, Table.PRESSURE, z)[0]
-        elif doing == Doing.PUMPING or stalls(p, table, at, z):
+        elif doing == Doing.PUMPING or stalls(lane, z):
             sums[3] += share
         if p.follows > 0.0:
             slope = value(table, p.step, Table.PRESSURE, z)[1]
@@ -58,7 +58,7 @@ def enter_step(p, table, waves, x, at, accounts, loads, h, work):  # type: ignor
     accounts[Account.DRAG] += sums[0]
     accounts[Account.FORCED] += sums[4]
     accounts[Account.HEAT] += sums[5]
-    energy = advance_line(p, table, x, at, y[0], h, sums[1])
+    energy = advance_line(lane, y[0], h, sums[1])
     enter(accounts, doing, y[2] - x.v, sums[2], energy, h)
     accounts[Account.STALLED] += sums[3]
     enter_energy(p, x, accounts, energy, loads, h)
@@ -78,7 +78,9 @@ def power(p: Any, table: Array, doing: int, z: float) -> Any:
 
 
 @part
-def enter(accounts, doing, change, work_done, energy, h):  # type: ignore[no-untyped-def]
+def enter(
+    accounts: Array, doing: int, change: float, work_done: float, energy: float, h: float
+) -> None:
     """Enter volume [m3], work on the sea [J] and electrical energy [J] under what was done."""
     if doing in (Doing.PUMPING, Doing.PRIMING):
         accounts[Account.PUMPED] += change

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.sim.engine.cache import apart, part
+from swimbladder.sim.engine.cache import part
 from swimbladder.sim.engine.rodas.entries import enter_step
 from swimbladder.sim.engine.rodas.line import relieve, valve_turns
 from swimbladder.sim.engine.rodas.motion import inside, rosenbrock, terms
-from swimbladder.sim.engine.rodas.records import Doing
+from swimbladder.sim.engine.rodas.records import Doing, Lane
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,9 @@ _V_SCALE = 1e4  # guards of volumes are counted in tenths of litres, to be of th
 
 
 @part
-def _fill(p, table, waves, x, at, level, t, z, w, v, found):  # type: ignore[no-untyped-def]
+def _fill(lane: Lane, level: float, t: float, z: float, w: float, v: float, found: Array) -> None:
     """Fill found [GUARDS]: above 0 where something has happened t [s] into the step."""
+    p, x, at = lane.p, lane.x, lane.at
     if at.place == 1:
         found[SURFACE] = z - p.z_surface
     else:
@@ -51,29 +52,22 @@ def _fill(p, table, waves, x, at, level, t, z, w, v, found):  # type: ignore[no-
     found[LOST] = z - p.z_lost
     found[VALVE] = -1.0
     if p.line > 0.0:
-        found[VALVE] = valve_turns(p, table, waves, x, at, t, z, w)
-
-
-@apart
-def _step(p: Any, table: Array, waves: Array, x: Any, at: Any, h: float, work: Array) -> None:
-    rosenbrock(
-        p, table, waves, at.doing, at.shut == 1, at.place == 1, x.t, x.z, x.w, x.v, x.hull,
-        h,        work[0], work[1], work[2], work[3],
-    )  # fmt: skip
+        found[VALVE] = valve_turns(lane, t, z, w)
 
 
 @part
-def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: ignore[no-untyped-def]
+def leap(lane: Lane, loads: float, level: float, until: float) -> int:
     """Advance the state by one step, `until` [s] at most; return the guard that ended it, or -1.
 
-    level: depth of arrival [m], negative from below, 0 none. work: [6, 8] to write in.
+    level: depth of arrival [m], negative from below, 0 none.
     """
+    p, x, at, work = lane.p, lane.x, lane.at, lane.work
     y, e, before, after = work[0], work[1], work[4], work[5]
-    _fill(p, table, waves, x, at, level, 0.0, x.z, x.w, x.v, before)
+    _fill(lane, level, 0.0, x.z, x.w, x.v, before)
     left = until - x.t
     h = min(x.h, left, p.longest_step)
     while True:
-        _step(p, table, waves, x, at, h, work)
+        rosenbrock(lane, h)
         dw, dz = y[1] - x.w, y[0] - x.z
         error = max(
             abs(e[0]) / (p.atol_z + p.rtol * abs(dz)),
@@ -93,21 +87,21 @@ def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: 
     x.h = max(h * factor, x.h if h == left else 0.0)
     at.steps += 1
     event = -1
-    _fill(p, table, waves, x, at, level, h, y[0], y[1], y[2], after)
+    _fill(lane, level, h, y[0], y[1], y[2], after)
     middle = inside(x.z, y[0], work[2, 0], work[3, 0], 0.5)
     edge = middle < p.z_surface if at.place == 0 else middle > p.z_surface
     for n in range(GUARDS):
         if after[n] > 0.0 or edge:
             event = n
     if event >= 0:
-        event, h = _located(p, table, waves, x, at, level, h, work)
-    enter_step(p, table, waves, x, at, accounts, loads, h, work)
+        event, h = _located(lane, level, h)
+    enter_step(lane, loads, h)
     x.t = until if h == left else x.t + h
     x.z, x.w, x.v, x.hull = y[0], y[1], y[2], y[3]
     if x.z > x.z_most:
         x.z_most = x.z
     if p.line > 0.0 and event != VOLUME and at.doing != Doing.PUMPING and at.doing != Doing.PRIMING:
-        relieve(p, table, x, accounts, h)
+        relieve(lane, h)
     x.v_least = min(x.v_least, x.v)
     if at.place == 0:
         x.v_most = max(x.v_most, x.v)
@@ -115,15 +109,16 @@ def leap(p, table, waves, x, at, accounts, loads, level, until, work):  # type: 
 
 
 @part
-def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped-def]
+def _located(lane: Lane, level: float, h: float) -> Any:
     """Return the earliest guard within a step of h [s] and the time to it; work has that step."""
+    x, work = lane.x, lane.work
     y, found, before = work[0], work[5], work[4]
     event, share = -1, 1.0
     for n in range(GUARDS):
         low, high = 0.0, 0.0
         for k in range(1, 5):  # a turn may hide two crossings
             s = min(0.25 * k, share)
-            _between(p, table, waves, x, at, level, h, work, s)
+            _between(lane, level, h, s)
             if found[n] > max(before[n], 0.0):
                 high = s
                 break
@@ -134,7 +129,7 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
             continue
         for _ in range(50):
             s = 0.5 * (low + high)
-            _between(p, table, waves, x, at, level, h, work, s)
+            _between(lane, level, h, s)
             if found[n] > max(before[n], 0.0):
                 high = s
             else:
@@ -145,17 +140,14 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
         return -1, h
     t = h * share
     for _ in range(4):
-        _step(p, table, waves, x, at, t, work)
+        rosenbrock(lane, t)
         if event == VALVE:
             break
-        _fill(p, table, waves, x, at, level, t, y[0], y[1], y[2], found)
+        _fill(lane, level, t, y[0], y[1], y[2], found)
         gone = found[event]
         if abs(gone) < _EDGE:
             break
-        emerging = at.place == 1
-        rates = terms(
-            p, table, waves, at.doing, at.shut == 1, emerging, x.t + t, y[0], y[1], y[2], y[3]
-        )  # fmt: skip
+        rates = terms(lane, x.t + t, y[0], y[1], y[2], y[3])
         rise = abs(rates[0]) if event != VOLUME else abs(rates[2]) * _V_SCALE
         if rise <= abs(gone) / h:
             break
@@ -170,9 +162,10 @@ def _located(p, table, waves, x, at, level, h, work):  # type: ignore[no-untyped
 
 
 @part
-def _between(p, table, waves, x, at, level, h, work, s):  # type: ignore[no-untyped-def]
+def _between(lane: Lane, level: float, h: float, s: float) -> None:
     """Fill work[5] with the guards at a share s of the step."""
+    x, work = lane.x, lane.work
     z = inside(x.z, work[0, 0], work[2, 0], work[3, 0], s)
     v = inside(x.v, work[0, 2], work[2, 2], work[3, 2], s)
     w = inside(x.w, work[0, 1], work[2, 1], work[3, 1], s)
-    _fill(p, table, waves, x, at, level, s * h, z, w, v, work[5])
+    _fill(lane, level, s * h, z, w, v, work[5])

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.lookup import value
-from swimbladder.sim.engine.rodas.records import Account, Doing, Table
+from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Table
 
 Array = NDArray[np.float64]
 
@@ -147,26 +147,29 @@ def _emptied(p: Any, table: Array, y: float, h: float) -> Any:
 
 
 @part
-def fill_lacks(p: Any, table: Array, x: Any) -> Any:
+def fill_lacks(lane: Lane) -> Any:
     """Return how long the pump has to run [s] before the line is at the pressure of the sea."""
+    p, table, x = lane.p, lane.table, lane.x
     begun = _fill_time(p, table, min(x.line_level, p.line_top))
     return max(_fill_time(p, table, _sea(p, table, x.z)) - begun, 0.0)
 
 
 @part
-def stalls(p: Any, table: Array, at: Any, z: float) -> Any:
+def stalls(lane: Lane, z: float) -> bool:
     """Return whether the pump fills a line that it cannot bring to the sea's pressure."""
+    p, at = lane.p, lane.at
     if p.line == 0.0 or at.doing != Doing.PRIMING or at.shut == 0:
         return False
-    return _sea(p, table, z) > p.line_top
+    return bool(_sea(p, lane.table, z) > p.line_top)
 
 
 @part
-def advance_line(p: Any, table: Array, x: Any, at: Any, z: float, h: float, energy: float) -> Any:
+def advance_line(lane: Lane, z: float, h: float, energy: float) -> Any:
     """Let the line's pressure go on for h [s], in which the vehicle comes to depth z [m].
 
     energy: what the drive takes at the sea's pressure [J]. Return what it does take.
     """
+    p, table, x, at = lane.p, lane.table, lane.x, lane.at
     if p.line == 0.0:
         return energy
     if at.shut == 0:
@@ -182,9 +185,10 @@ def advance_line(p: Any, table: Array, x: Any, at: Any, z: float, h: float, ener
 
 
 @part
-def empty_line(p: Any, table: Array, x: Any) -> None:
+def empty_line(lane: Lane) -> None:
     """Let the line be as empty as it is by now, while the pump stands."""
-    x.line_level = _emptied(p, table, x.line_level, x.t - x.t_level)
+    x = lane.x
+    x.line_level = _emptied(lane.p, lane.table, x.line_level, x.t - x.t_level)
     x.t_level = x.t
 
 
@@ -198,15 +202,16 @@ def _held(p: Any, y: float) -> Any:
 
 
 @part
-def relieve(p: Any, table: Array, x: Any, accounts: Array, h: float) -> None:
+def relieve(lane: Lane, h: float) -> None:
     """Let the line give what it holds above the sea's pressure after a step of h [s].
 
     That counts as pumped. What the stroke has no room for stays in it.
     """
+    p, table, x, accounts = lane.p, lane.table, lane.x, lane.accounts
     sea = _sea(p, table, x.z)
     if x.line_level <= sea or x.v >= p.v_max:
         return
-    empty_line(p, table, x)
+    empty_line(lane)
     if x.line_level <= sea:
         return
     held = _held(p, x.line_level)
@@ -230,11 +235,12 @@ def relieve(p: Any, table: Array, x: Any, accounts: Array, h: float) -> None:
 
 
 @part
-def valve_turns(p, table, waves, x, at, t, z, w):  # type: ignore[no-untyped-def]
+def valve_turns(lane: Lane, t: float, z: float, w: float) -> Any:
     """Return a number that is above 0 where the check valve of a pump that runs opens, or shuts.
 
     t [s] after the state x, at depth z [m] and speed w [m/s].
     """
+    p, table, waves, x, at = lane.p, lane.table, lane.waves, lane.x, lane.at
     doing = at.doing
     if at.shut == 1 and doing == Doing.PRIMING:
         sea = _sea(p, table, z)
@@ -253,8 +259,9 @@ def valve_turns(p, table, waves, x, at, t, z, w):  # type: ignore[no-untyped-def
 
 
 @part
-def turn_valve(p: Any, table: Array, x: Any, at: Any) -> None:
+def turn_valve(lane: Lane) -> None:
     """Open or shut the check valve of a pump that runs: the line is at the pressure of the sea."""
+    p, table, x, at = lane.p, lane.table, lane.x, lane.at
     x.line_level, x.t_level = _sea(p, table, x.z), x.t
     if at.shut == 0:
         at.shut = 1

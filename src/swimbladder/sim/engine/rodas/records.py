@@ -4,13 +4,14 @@ Kernels read fields of a record by name (`x.t`), Python also as `x["t"]`.
 """
 
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.deadband import DeadbandState
 
+Array = NDArray[np.float64]
 Records = NDArray[Any]
 
 
@@ -278,3 +279,20 @@ class Stop(IntEnum):
     BATTERY_EMPTY = 6
     LEFT_WATER = 7
     STUCK = 8
+
+
+WORK = (12, 8)  # y, its error, k1, k2 of the cubic, two rows of guards, and the stages of a step
+
+
+class Lane(NamedTuple):
+    """A vehicle that RODAS moves, with what it is moved in and what is booked of it."""
+
+    p: Any  # a record of GIVEN
+    table: Array  # [n, 2 len(Table)]
+    waves: Array  # [m, 6] of `motion_table`
+    x: Any  # a record of NOW
+    at: Any  # a record of AT
+    accounts: Array  # [len(Account)] at least
+    notes: Any  # [k] of NOTE; nothing is noted where k is 0
+    counts: NDArray[np.int64]  # [3]: how many rows, notes and cycles there are
+    work: Array  # [WORK] to write in

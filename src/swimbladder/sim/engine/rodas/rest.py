@@ -11,7 +11,7 @@ from swimbladder.sim.engine.rodas.entries import enter, enter_energy, power
 from swimbladder.sim.engine.rodas.line import advance_line, stalls
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.motion import drag, lagging, rate_of, slope_of_force, terms
-from swimbladder.sim.engine.rodas.records import Account, Doing, Table
+from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Table
 
 Array = NDArray[np.float64]
 
@@ -23,12 +23,13 @@ _PART = 0.1  # of the hull's time constant: so exact is the time at which it doe
 
 
 @part
-def stay(p: Any, table: Array, x: Any, at: Any, accounts: Array, loads: float, until: float) -> Any:
+def stay(lane: Lane, loads: float, until: float) -> int:
     """Let time pass at rest or on the bottom, where only the volume may change.
 
     Return 1 where it reached the end of its move or an end stop, 2 what lifts it off the bottom,
     3 what sinks it from the surface, else 0.
     """
+    p, table, x, at, accounts = lane.p, lane.table, lane.x, lane.at, lane.accounts
     rate = rate_of(p, table, at.doing, at.shut == 1, x.z, x.v, 0.0)[0]
     colder = 0.0
     if p.follows > 0.0:
@@ -56,15 +57,15 @@ def stay(p: Any, table: Array, x: Any, at: Any, accounts: Array, loads: float, u
             ended, change = 0, rate * h
     pressure = value(table, p.step, Table.PRESSURE, x.z)[0]
     energy = power(p, table, at.doing, x.z) * h
-    energy = advance_line(p, table, x, at, x.z, h, energy)
+    energy = advance_line(lane, x.z, h, energy)
     enter(accounts, at.doing, change, change * pressure, energy, h)
-    if (at.doing == Doing.PUMPING and rate == 0.0) or stalls(p, table, at, x.z):
+    if (at.doing == Doing.PUMPING and rate == 0.0) or stalls(lane, x.z):
         accounts[Account.STALLED] += h
     enter_energy(p, x, accounts, energy, loads, h)
     x.t = until if ended == 0 else x.t + h
     x.hull -= colder * math.expm1(-p.follows * h)
     if at.place == 1:
-        by_depth, by_volume = slope_of_force(p, table, True, x.z, x.v, x.hull, 0.0, 0.0)
+        by_depth, by_volume = slope_of_force(lane, x.z, x.v, x.hull, 0.0, 0.0)
         x.z -= change * by_volume / by_depth
     x.v += change
     x.v_least = min(x.v_least, x.v)
@@ -93,8 +94,9 @@ def sink_volume(p: Any, table: Array, hull: float) -> Any:
 
 
 @part
-def settle(p: Any, table: Array, waves: Array, x: Any, at: Any, accounts: Array) -> None:
+def settle(lane: Lane) -> None:
     """Take a vehicle for resting where what is left of its oscillation is too small to count."""
+    p, table, waves, x, at = lane.p, lane.table, lane.waves, lane.x, lane.at
     if at.doing != Doing.NOTHING or at.place == 2:
         return
     for k in range(waves.shape[0]):
@@ -104,21 +106,18 @@ def settle(p: Any, table: Array, waves: Array, x: Any, at: Any, accounts: Array)
         at.place != 1 or x.v <= sink_volume(p, table, x.hull) + _EDGE
     ):
         return  # it drifts with what leaks; afloat the hull gives way by next to nothing
-    emerging = at.place == 1
-    by_depth, by_volume = slope_of_force(p, table, emerging, x.z, x.v, x.hull, 0.0, 0.0)
+    by_depth, by_volume = slope_of_force(lane, x.z, x.v, x.hull, 0.0, 0.0)
     stiffness = -by_depth
     if stiffness <= 0.0:
         return
-    _, pull, _, _ = terms(
-        p, table, waves, Doing.NOTHING, True, emerging, x.t, x.z, x.w, x.v, x.hull
-    )  # fmt: skip
+    _, pull, _, _ = terms(lane, x.t, x.z, x.w, x.v, x.hull)
     way = (pull + drag(p, x.w)[0]) / stiffness
-    limit = p.rest_afloat if emerging else p.rest_deep
+    limit = p.rest_afloat if at.place == 1 else p.rest_deep
     if p.follows > 0.0:
         goes = by_volume * lagging(p, table, x.z, x.hull)[0] / stiffness
         if abs(goes) > limit:
             return  # it goes on with the hull's temperature
     if way * way + x.w * x.w / stiffness < limit * limit:
-        accounts[Account.SETTLED] += 0.5 * p.mass * x.w * x.w
+        lane.accounts[Account.SETTLED] += 0.5 * p.mass * x.w * x.w
         x.w = 0.0
         at.rests = 1

@@ -51,15 +51,15 @@ Array = NDArray[np.float64]
 @inlined
 def full(f: Phases, room: int) -> bool:
     """Return whether a buffer may lack room for so many rows or notes, or for a cycle."""
-    rows_full = 0 < f.rows.shape[0] < f.counts[0] + room
-    notes_full = 0 < f.notes.shape[0] < f.counts[1] + room
-    return bool(rows_full or notes_full or 0 < f.cycles.shape[0] <= f.counts[2])
+    rows_full = 0 < f.rows.shape[0] < f.lane.counts[0] + room
+    notes_full = 0 < f.lane.notes.shape[0] < f.lane.counts[1] + room
+    return bool(rows_full or notes_full or 0 < f.cycles.shape[0] <= f.lane.counts[2])
 
 
 @part
 def turn(f: Phases) -> bool:
     """End and begin phases; return whether it goes on only when it is asked to: see `Stop`."""
-    p, x, at = f.given, f.x, f.at
+    p, x, at = f.lane.p, f.lane.x, f.lane.at
     over = False
     if at.new_phase == 0 and at.stop == 0 and x.t >= x.t_end:
         if at.alarm == 1:
@@ -80,18 +80,18 @@ def turn(f: Phases) -> bool:
 
 @inlined
 def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     at.idle += 1
     if at.stop == 0 and (S[Row.STOPPED] != 0.0 or at.idle > _IDLE):
         at.stop = Stop.STUCK
     over = turn(f)
     if (
         at.stop != 0
-        and f.given.line > 0.0
+        and f.lane.p.line > 0.0
         and at.doing != Doing.PUMPING
         and at.doing != Doing.PRIMING
     ):
-        empty_line(f.given, f.table, x)
+        empty_line(f.lane)
     if over or full(f, _ROOM):
         return True
     if x.t == x.t_phase and x.t >= x.t_look:
@@ -102,7 +102,7 @@ def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
 @inlined
 def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
     """Measure where the processor looks; the law is called at no other tick."""
-    p, x, at, up = f.given, f.x, f.at, f.board
+    p, x, at, up = f.lane.p, f.lane.x, f.lane.at, f.board
     S[Row.WAIT] = 1.0
     if at.stop != 0 or x.t < x.t_look or x.t >= x.t_end:
         return
@@ -110,11 +110,11 @@ def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
     if at.doing != Doing.NOTHING:
         x.t_look = x.t_move if x.t_move < math.inf else x.t + stage.law[DEAD]
     elif at.alarm == 1:
-        press_out(p, f.table, x, at, f.accounts, f.notes, f.counts)
+        press_out(f.lane)
         x.t_look = x.t_move
     else:
         at.looks += 1
-        seen, surface = measured(p, f.waves, x, at), stage.kind == Kind.SURFACE
+        seen, surface = measured(p, f.lane.waves, x, at), stage.kind == Kind.SURFACE
         S[Row.SEEN_DEPTH], S[Row.WAIT] = seen, 0.0
         afloat = surface and seen <= p.shallow
         S[Row.SEEN_VOLUME] = x.v if afloat else measured_volume(p, x, at)
@@ -140,8 +140,8 @@ def _drive(f: Phases, S: Array, k: int, command: float) -> float:  # noqa: ARG00
 @inlined
 def _bound(f: Phases, until: float) -> float:  # noqa: ARG001
     """Return when somebody has to decide [s]: now, where a buffer is full or the battery empty."""
-    x = f.x
-    if full(f, _ROOM) or x.charge <= f.given.empty:
+    x = f.lane.x
+    if full(f, _ROOM) or x.charge <= f.lane.p.empty:
         return float(x.t)
     return float(max(x.t, min(x.t_look, x.t_end)))
 
@@ -149,13 +149,13 @@ def _bound(f: Phases, until: float) -> float:  # noqa: ARG001
 @inlined
 def _set_off(f: Phases) -> tuple[float, float]:
     begin_row(f)
-    return f.stages[f.at.phase].loads, awaited_level(f)
+    return f.stages[f.lane.at.phase].loads, awaited_level(f)
 
 
 @inlined
 def _moved(f: Phases, event: int, time: float, depth: float) -> None:
     """Enter a step in what is known of the phase, and see whether it arrived or is too deep."""
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     arrived = at.arrived == 1
     if event == LEVEL:
         arrive(f)
@@ -171,37 +171,37 @@ def _moved(f: Phases, event: int, time: float, depth: float) -> None:
 @inlined
 def enter_time(f: Phases, depth: float, h: float, arrived: bool) -> None:
     """Enter h [s] in the time of the phase, and in what it holds where it had arrived."""
-    f.accounts[Account.T_DESCEND + int(f.stages[f.at.phase].kind)] += h
-    if arrived and f.at.alarm == 0:
+    f.lane.accounts[Account.T_DESCEND + int(f.stages[f.lane.at.phase].kind)] += h
+    if arrived and f.lane.at.alarm == 0:
         enter_hold(f, depth, h)
 
 
 @inlined
 def raise_alarm(f: Phases) -> None:
     """Note that the vehicle is too deep: it comes up, or is lost."""
-    note(f.notes, f.counts, f.x, Note.TOO_DEEP, f.x.w)
-    f.at.alarm = 1
-    f.x.t_end = f.x.t + RESCUE
+    x = f.lane.x
+    note(f.lane, Note.TOO_DEEP, x.w)
+    f.lane.at.alarm = 1
+    x.t_end = x.t + RESCUE
 
 
 @part
 def _alarm(f: Phases) -> None:
     """Move the volume to its upper limit, in runs as long as the pump stands."""
-    x, at, notes, counts = f.x, f.at, f.notes, f.counts
     raise_alarm(f)
-    if at.doing != Doing.NOTHING:
-        end_run(x, at, notes, counts)
-    press_out(f.given, f.table, x, at, f.accounts, notes, counts)
-    x.t_look = x.t_move
+    if f.lane.at.doing != Doing.NOTHING:
+        end_run(f.lane)
+    press_out(f.lane)
+    f.lane.x.t_look = f.lane.x.t_move
 
 
 @inlined
 def settled(f: Phases) -> None:
     """See what `settle` does; afloat the processor decides again only if oil comes in by itself."""
-    p, x = f.given, f.x
+    p, x = f.lane.p, f.lane.x
     if settle(f):
-        comes = rate_of(p, f.table, Doing.NOTHING, True, x.z, x.v, 0.0)[0]
-        x.t_look = math.inf if comes == 0.0 else x.t + f.stages[f.at.phase].law[DEAD]
+        comes = rate_of(p, f.lane.table, Doing.NOTHING, True, x.z, x.v, 0.0)[0]
+        x.t_look = math.inf if comes == 0.0 else x.t + f.stages[f.lane.at.phase].law[DEAD]
 
 
 hook_in(
@@ -219,18 +219,14 @@ hook_in(
 
 def fly(phases: Phases) -> Stop:
     """Fly until a cycle is over, a buffer is full, or the mission ends."""
-    f = phases
-    stepper = one_lane(
-        f.given, f.table, f.x, f.at, waves=f.waves, accounts=f.accounts, notes=f.notes,
-        counts=f.counts, board=f.board,
-    )  # fmt: skip
-    f.at.idle = 0
+    stepper, p, at = one_lane(phases.lane, phases.board), phases.lane.p, phases.lane.at
+    at.idle = 0
     lane, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
-    lane[Row.PLANT + V_0] = f.given["neutral_top"] + f.given["trim"]
+    lane[Row.PLANT + V_0] = p.neutral_top + p.trim
     kernel_of(RULE, pumped=True)(
-        lane, (0.0,), (), (), f, stepper,
-        Rule(f.stages, stepper.x, stepper.at), Nothing(0.0), 1, len(MANY) - 1, 0.0, 1, MANY,
+        lane, (0.0,), (), (), phases, stepper,
+        Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), 1, len(MANY) - 1, 0.0, 1, MANY,
         np.zeros(1, np.int64), np.zeros((1, 1)), none, none, -1, None,
         np.zeros((1, 1), np.uint8), np.zeros((1, 0)), none, np.zeros((1, 1), np.int64), NO_LAYERS,
     )  # fmt: skip
-    return Stop(int(f.at.stop))
+    return Stop(int(at.stop))

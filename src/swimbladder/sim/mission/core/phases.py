@@ -14,10 +14,10 @@ HOLDINGS = len(Holding)
 @inlined
 def row(f: Phases) -> None:
     """Add a row to the trajectory; without room nothing is kept."""
-    x, at = f.x, f.at
-    n = f.counts[0]
+    x, at = f.lane.x, f.lane.at
+    n = f.lane.counts[0]
     if n < f.rows.shape[0]:
-        new, sums = f.rows[n], f.accounts
+        new, sums = f.rows[n], f.lane.accounts
         new.t, new.z, new.w, new.v = x.t, x.z, x.w, x.v
         new.phase, new.doing, new.cycle = at.phase, at.doing, at.cycle
         new.pump_energy = sums[Account.PUMP_ENERGY]
@@ -26,15 +26,15 @@ def row(f: Phases) -> None:
         new.load_energy = sums[Account.LOAD_ENERGY]
         new.surfacing_energy = sums[Account.SURFACING_ENERGY]
         new.self_discharged = sums[Account.SELF_DISCHARGED]
-        f.counts[0] = n + 1
+        f.lane.counts[0] = n + 1
 
 
 @inlined
 def begin_row(f: Phases) -> None:
     """Let the last row say what is done from here on; a new one where it is of an earlier time."""
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     if f.rows.shape[0] > 0:
-        last = f.counts[0] - 1
+        last = f.lane.counts[0] - 1
         if last < 0 or (f.rows[last].doing != at.doing and f.rows[last].t < x.t):
             row(f)
         else:
@@ -44,7 +44,7 @@ def begin_row(f: Phases) -> None:
 @part
 def begin_phase(f: Phases) -> None:
     """Begin the phase that `at` names, with its law anew."""
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
     at.new_phase = 0
     at.new_law = 1
@@ -57,13 +57,13 @@ def begin_phase(f: Phases) -> None:
         x.t_end = x.t + stage.duration
     else:
         x.t_end = x.t + stage.timeout
-    note(f.notes, f.counts, x, Note.PHASE, float(at.phase))
+    note(f.lane, Note.PHASE, float(at.phase))
 
 
 @inlined
 def awaited_level(f: Phases) -> float:
     """Return the depth at which the phase arrives [m], negative from below, 0: not awaited."""
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
     if at.arrived == 1 or at.alarm == 1 or stage.kind == Kind.SURFACE:
         return 0.0
@@ -78,7 +78,7 @@ def enter_hold(f: Phases, z: float, h: float) -> None:
 
     Between the two the depth counts as straight: exact at rest, and steps are short off it.
     """
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
     a, b = z - stage.depth, x.z - stage.depth
     low, high, tolerance = min(a, b), max(a, b), stage.tolerance
@@ -87,17 +87,17 @@ def enter_hold(f: Phases, z: float, h: float) -> None:
     else:
         share = 1.0 if abs(a) <= tolerance else 0.0
     x.t_inside += share * h
-    n = ACCOUNTS + HOLDINGS * at.phase
-    f.accounts[n + Holding.TIME] += h
-    f.accounts[n + Holding.INSIDE] += share * h
-    f.accounts[n + Holding.SQUARES] += h * (a * a + a * b + b * b) / 3.0
-    f.accounts[n + Holding.MOST] = max(f.accounts[n + Holding.MOST], high, -low)
+    n, sums = ACCOUNTS + HOLDINGS * at.phase, f.lane.accounts
+    sums[n + Holding.TIME] += h
+    sums[n + Holding.INSIDE] += share * h
+    sums[n + Holding.SQUARES] += h * (a * a + a * b + b * b) / 3.0
+    sums[n + Holding.MOST] = max(sums[n + Holding.MOST], high, -low)
 
 
 @part
 def arrive(f: Phases) -> None:
     """Say that the phase has come to its depth, and when it is over."""
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
     at.arrived = 1
     x.t_arrived, x.t_inside = x.t, 0.0
@@ -106,7 +106,7 @@ def arrive(f: Phases) -> None:
         first = first and f.stages[n].kind == Kind.SURFACE
     if first:
         x.t_arrival = x.t - x.t_cycle
-    note(f.notes, f.counts, x, Note.ARRIVED, float(at.phase))
+    note(f.lane, Note.ARRIVED, float(at.phase))
     if stage.kind == Kind.HOLD or stage.kind == Kind.SURFACE:
         x.t_end = x.t + stage.duration
     elif stage.kind != Kind.PARK:
@@ -116,16 +116,17 @@ def arrive(f: Phases) -> None:
 @part
 def afloat(f: Phases) -> bool:
     """Say so where the vehicle floats with all its volume out; return whether it is afloat now."""
-    x, at = f.x, f.at
-    if at.place != 1 or x.v < f.given.v_max - FULL * (f.given.v_max - f.given.v_min):
+    x, at = f.lane.x, f.lane.at
+    p = f.lane.p
+    if at.place != 1 or x.v < p.v_max - FULL * (p.v_max - p.v_min):
         return False
     if at.alarm == 1:
         at.stop = Stop.PASSED_DEPTH
     elif at.arrived == 0 and f.stages[at.phase].kind == Kind.SURFACE:
-        note(f.notes, f.counts, x, Note.AFLOAT, 0.0)
+        note(f.lane, Note.AFLOAT, 0.0)
         x.t_afloat = x.t - x.t_cycle
-        f.accounts[Account.SURFACING_ENERGY] += f.given.surfacing
-        x.charge -= f.given.surfacing
+        f.lane.accounts[Account.SURFACING_ENERGY] += p.surfacing
+        x.charge -= p.surfacing
         arrive(f)
         return True
     return False
@@ -134,7 +135,7 @@ def afloat(f: Phases) -> bool:
 @inlined
 def settle(f: Phases) -> bool:
     """See whether it floats, which is returned, or has come to the depth of its phase."""
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     floats = bool(at.stop == 0 and at.place == 1 and afloat(f))
     if at.stop == 0 and at.arrived == 0 and at.alarm == 0:
         stage = f.stages[at.phase]
@@ -146,14 +147,14 @@ def settle(f: Phases) -> bool:
 @part
 def next_phase(f: Phases) -> bool:
     """End the phase; return whether a cycle is over with it."""
-    x, at = f.x, f.at
+    x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
     if at.arrived == 0:
-        note(f.notes, f.counts, x, Note.OUT_OF_TIME, float(at.phase))
+        note(f.lane, Note.OUT_OF_TIME, float(at.phase))
         at.missed |= 1 << at.phase
         if stage.kind == Kind.SURFACE:
             at.stop = Stop.DID_NOT_SURFACE
-    elif (stage.kind == Kind.PARK or stage.kind == Kind.HOLD) and x.t_inside < f.given.held * (
+    elif (stage.kind == Kind.PARK or stage.kind == Kind.HOLD) and x.t_inside < f.lane.p.held * (
         x.t - x.t_arrived
     ):
         at.not_held |= 1 << at.phase
@@ -161,14 +162,14 @@ def next_phase(f: Phases) -> bool:
     at.phase += 1
     if at.phase < f.stages.shape[0] and at.stop == 0:
         return False
-    note(f.notes, f.counts, x, Note.CYCLE, float(at.cycle))
+    note(f.lane, Note.CYCLE, float(at.cycle))
     close_cycle(f)
     at.cycle += 1
     at.phase = 0
     if at.stop == 0:
-        if at.cycle >= f.given.last_cycle or x.t >= f.given.last_time:
+        if at.cycle >= f.lane.p.last_cycle or x.t >= f.lane.p.last_time:
             at.stop = Stop.FINISHED
-        elif x.charge <= f.given.reserve:
+        elif x.charge <= f.lane.p.reserve:
             at.stop = Stop.RESERVE
     return True
 
@@ -176,8 +177,8 @@ def next_phase(f: Phases) -> bool:
 @part
 def close_cycle(f: Phases) -> None:
     """Enter the cycle in the table, and begin what is counted for the next."""
-    x, at = f.x, f.at
-    n = f.counts[2]
+    x, at = f.lane.x, f.lane.at
+    n = f.lane.counts[2]
     if n < f.cycles.shape[0]:
         c = f.cycles[n]
         c.t_begin, c.t_end, c.deepest = x.t_cycle, x.t, x.z_most
@@ -185,8 +186,8 @@ def close_cycle(f: Phases) -> None:
         c.arrival, c.surfaced = x.t_arrival, x.t_afloat
         c.not_held = at.not_held
         for k in range(ACCOUNTS):  # no slice: Numba would compile what it says of shapes
-            c.accounts[k] = f.accounts[k]
-        f.counts[2] = n + 1
+            c.accounts[k] = f.lane.accounts[k]
+        f.lane.counts[2] = n + 1
     x.t_cycle, x.z_most, at.missed, at.not_held = x.t, x.z, 0, 0
     x.v_least, x.v_most = x.v, -math.inf
     x.t_arrival, x.t_afloat = math.nan, math.nan

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.rate import RateParameters
-from swimbladder.sim.engine.rodas.records import Account, record
+from swimbladder.sim.engine.rodas.records import Account, Lane, record
 
 Array = NDArray[np.float64]
 
@@ -82,15 +82,8 @@ ROW = record(
 class Phases(NamedTuple):
     """A mission on its way; rows, notes and cycles are buffers, an empty one keeps nothing."""
 
-    given: Any  # a record of GIVEN
-    table: Array  # [n, 2 len(Table)]
-    waves: Array  # [m, 6] of `motion_table`
+    lane: Lane  # its accounts are followed by `Holding` of each phase
     stages: Any  # [phases] of STAGE
-    x: Any  # a record of NOW
-    at: Any  # a record of AT
-    accounts: Array  # [Account.COUNT and `Holding` of each phase]
     rows: Any  # [n] of ROW
-    notes: Any  # [n] of NOTE
     cycles: Any  # [n] of CYCLE
-    counts: NDArray[np.int64]  # [3]: how much is in the buffers
     board: Array  # [BOARD]: what the processor assumes at the surface

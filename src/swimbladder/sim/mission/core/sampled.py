@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.closed_loop.hooks import hook_in
-from swimbladder.sim.closed_loop.rows import Row as Lane
+from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.cache import inlined, part
@@ -34,7 +34,7 @@ from swimbladder.sim.engine.modes import (
 )
 from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.entries import enter, enter_energy
-from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
+from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop
 from swimbladder.sim.mission.core.hooks import enter_time, full, raise_alarm, turn
 from swimbladder.sim.mission.core.phases import row, settle
 from swimbladder.sim.mission.core.records import Kind, Phases
@@ -109,16 +109,16 @@ class Sampled(NamedTuple):
 def _begin(f: Sampled, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
     """Enter the last sample, let the phases go on, and set what the law is to follow."""
     g, now = f.phases, f.now
-    x, at = g.x, g.at
+    x, at = g.lane.x, g.lane.at
     now.tick = k
     if now.flew != 0.0:
         now.flew = 0.0
         _enter(f, S, k)
-    if S[Lane.STOPPED] != 0.0 and at.stop == 0:
+    if S[Row.STOPPED] != 0.0 and at.stop == 0:
         at.stop = Stop.STUCK
     if turn(g) and at.stop == 0:
         turn(g)
-    if g.counts[0] == 0 and g.rows.shape[0] > 0:
+    if g.lane.counts[0] == 0 and g.rows.shape[0] > 0:
         row(g)
     task = f.tasks[at.phase]
     if at.stop != 0 or task[_LAW] != now.law or full(g, _ROOM):
@@ -129,7 +129,7 @@ def _begin(f: Sampled, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
             now.phase_begin, now.phase_from = x.t_phase, x.z
         way = end - now.phase_from
         end -= math.copysign(max(abs(way) - task[_SPEED] * (x.t - x.t_phase), 0.0), way)
-    S[Lane.REFERENCE] = end
+    S[Row.REFERENCE] = end
     now.flew, now.tick = 1.0, k + 1.0
     return False
 
@@ -138,18 +138,18 @@ def _begin(f: Sampled, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
 def _enter(f: Sampled, S: Array, k: int) -> None:
     """Enter the sample that led to the state S, and see what it means for the phase."""
     g, now, sums, h = f.phases, f.now, f.sums[0], f.own.tick
-    x, at, a = g.x, g.at, g.accounts
+    x, at, a = g.lane.x, g.lane.at, g.lane.accounts
     z, arrived, alarm, place = x.z, at.arrived, at.alarm, at.place
-    change = S[Lane.V] - x.v
+    change = S[Row.V] - x.v
     x.t = now.begun + k * h
     if abs(x.t_end - x.t) < _SAME * h:
         x.t = x.t_end
-    x.v, x.z, x.w = S[Lane.V], S[Lane.Z], S[Lane.W]
-    at.place = int(S[Lane.MODE]) // 20
+    x.v, x.z, x.w = S[Row.V], S[Row.Z], S[Row.W]
+    at.place = int(S[Row.MODE]) // 20
     at.steps += 1
-    if S[Lane.STOPPED] == LEFT_WATER:
+    if S[Row.STOPPED] == LEFT_WATER:
         at.stop = Stop.LEFT_WATER
-    elif S[Lane.STOPPED] == TOO_DEEP:
+    elif S[Row.STOPPED] == TOO_DEEP:
         at.stop = Stop.LOST
     x.z_most, x.v_least = max(x.z_most, x.z), min(x.v_least, x.v)
     if at.place == SUBMERGED:
@@ -158,31 +158,31 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
     _enter_drive(f, sums, change, energy)
     a[Account.LEAKED] += sums[Sums.LEAKED]
     a[Account.LEAK_WORK] += f.own.weight * sums[Sums.LEAK_Z]
-    a[Account.DRAG] += g.given.mass * sums[Sums.DRAG]
-    a[Account.BLOWS] += g.given.mass * sums[Sums.BOTTOM_W]
+    a[Account.DRAG] += g.lane.p.mass * sums[Sums.DRAG]
+    a[Account.BLOWS] += g.lane.p.mass * sums[Sums.BOTTOM_W]
     sums[:] = 0.0
-    _note_passages(f, S[Lane.PLANT + Z_SURFACE])
-    enter_energy(g.given, x, a, energy, g.stages[at.phase].loads, h)
+    _note_passages(f, S[Row.PLANT + Z_SURFACE])
+    enter_energy(g.lane.p, x, a, energy, g.stages[at.phase].loads, h)
     enter_time(g, z, h, arrived == 1)
     now.since += 1.0
     checks, rests = _is_due(f), now.rests != 0.0
     due = checks if rests else now.since >= f.own.row_samples
-    due = due or at.place != place or x.t >= x.t_end or x.charge <= g.given.empty
-    rows = g.counts[0]
+    due = due or at.place != place or x.t >= x.t_end or x.charge <= g.lane.p.empty
+    rows = g.lane.counts[0]
     row(g)
     settle(g)
-    if at.stop == 0 and at.alarm == 0 and x.z > g.given.deepest:
+    if at.stop == 0 and at.alarm == 0 and x.z > g.lane.p.deepest:
         raise_alarm(g)
     if due or at.stop != 0 or at.arrived != arrived or at.alarm != alarm:
         _close_row(f, rows - 1)
     else:
-        g.counts[0] = rows
+        g.lane.counts[0] = rows
 
 
 @inlined
 def _enter_drive(f: Sampled, sums: Array, change: float, energy: float) -> None:
     """Enter what the drive did in a sample that changed the volume by `change` [m3]."""
-    at, a = f.phases.at, f.phases.accounts
+    at, a = f.phases.lane.at, f.phases.lane.accounts
     net = sums[Sums.PUMPED]
     out = max(0.5 * (sums[Sums.TRAVEL] + change), net, 0.0)
     doing = Doing.NOTHING
@@ -201,7 +201,7 @@ def _enter_drive(f: Sampled, sums: Array, change: float, energy: float) -> None:
 def _energy(own: Numbers, S: Array, sums: Array) -> float:
     """Return what the drive draws from the battery's cells in a sample [J]."""
     h = own.tick
-    if S[Lane.PLANT + POSITIONER] != 0.0:
+    if S[Row.PLANT + POSITIONER] != 0.0:
         on = min(sums[Sums.MOTOR_ON], h)
         return float(own.moving * on + own.holding * (h - on))
     motor = own.conductance * (sums[Sums.U_U] - own.kappa * sums[Sums.U_Q]) / h
@@ -214,9 +214,9 @@ def _energy(own: Numbers, S: Array, sums: Array) -> float:
 @inlined
 def _close_row(f: Sampled, last: int) -> None:
     """Let the row before the present one say what was done in between."""
-    g, now = f.phases, f.now
-    out, back = g.accounts[Account.PUMPED] - now.row_out, g.accounts[Account.LET_IN] - now.row_in
-    now.since, now.row_out, now.row_in = 0.0, g.accounts[Account.PUMPED], g.accounts[Account.LET_IN]
+    g, now, a = f.phases, f.now, f.phases.lane.accounts
+    out, back = a[Account.PUMPED] - now.row_out, a[Account.LET_IN] - now.row_in
+    now.since, now.row_out, now.row_in = 0.0, a[Account.PUMPED], a[Account.LET_IN]
     if 0 <= last < g.rows.shape[0]:
         doing = Doing.PUMPING if out >= back else Doing.LETTING_IN
         doing = doing if out > 0.0 or back > 0.0 else Doing.NOTHING
@@ -227,21 +227,21 @@ def _close_row(f: Sampled, last: int) -> None:
 def _note_passages(f: Sampled, top: float) -> None:
     """Note where the vehicle came to the surface [m], the bottom or an end stop."""
     g, log = f.phases, f.log[0]
-    x, at = g.x, g.at
+    x, at = g.lane.x, g.lane.at
     rocks = at.arrived == 1 and g.stages[at.phase].kind == Kind.SURFACE
     for n in range(min(f.noted[0, 0], log.shape[0])):
         t, old, new = f.now.begun + log[n, 0], int(log[n, 1]), int(log[n, 2])
         stop = _stop_of(new)
         if stop >= 0 and stop != _stop_of(old) and not rocks:
-            _note(g, t, stop, x.z)
+            _note(g.lane, t, stop, x.z)
         where, was = new // 20, old // 20
         if where != was:
             if where == BOTTOM:
-                _note(g, t, Note.BOTTOM, x.z)
+                _note(g.lane, t, Note.BOTTOM, x.z)
             elif was == BOTTOM:
-                _note(g, t, Note.LEFT_BOTTOM, x.z)
+                _note(g.lane, t, Note.LEFT_BOTTOM, x.z)
             else:
-                _note(g, t, Note.EMERGED if where == EMERGING else Note.SUBMERGED, top)
+                _note(g.lane, t, Note.EMERGED if where == EMERGING else Note.SUBMERGED, top)
     f.noted[0, 0] = 0
 
 
@@ -255,20 +255,20 @@ def _stop_of(mode: int) -> int:
 
 
 @part
-def _note(g: Phases, t: float, what: int, depth: float) -> None:
+def _note(lane: Lane, t: float, what: int, depth: float) -> None:
     """Note a passage at a time [s] and depth [m]; without room nothing is kept."""
-    n = g.counts[1]
-    note(g.notes, g.counts, g.x, what, g.x.w)
-    if g.counts[1] > n:
-        g.notes[n].t, g.notes[n].z = t, depth
+    n = lane.counts[1]
+    note(lane, what, lane.x.w)
+    if lane.counts[1] > n:
+        lane.notes[n].t, lane.notes[n].z = t, depth
 
 
 @part
 def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
     """See whether the law is called, or which input is held."""
     g, now = f.phases, f.now
-    x, at, p = g.x, g.at, g.given
-    called, moves = now.called != 0.0, S[Lane.PLANT + POSITIONER] != 0.0
+    x, at, p = g.lane.x, g.lane.at, g.lane.p
+    called, moves = now.called != 0.0, S[Row.PLANT + POSITIONER] != 0.0
     now.called, now.begins = 0.0, 0.0
     surface, nearly = g.stages[at.phase].kind == Kind.SURFACE, FULL * (p.v_max - p.v_min)
     more = x.v - f.own.neutral_top
@@ -277,37 +277,37 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
         if moves:
             now.held = p.v_max
         else:
-            now.held = _holding(S) if x.v >= p.v_max - nearly else S[Lane.PLANT + SUPPLY]
+            now.held = _holding(S) if x.v >= p.v_max - nearly else S[Row.PLANT + SUPPLY]
     elif not called and at.place == EMERGING and more > nearly:
         # all of it in a sample, but for what the supply lacks
-        u = S[Lane.PLANT + FRICTION] + more / (f.own.tick * S[Lane.PLANT + GAIN])
-        now.held = f.own.neutral_top if moves else -min(u, S[Lane.PLANT + SUPPLY])
-    elif _rests(f, S[Lane.SEEN_DEPTH]):
+        u = S[Row.PLANT + FRICTION] + more / (f.own.tick * S[Row.PLANT + GAIN])
+        now.held = f.own.neutral_top if moves else -min(u, S[Row.PLANT + SUPPLY])
+    elif _rests(f, S[Row.SEEN_DEPTH]):
         now.held = x.v if moves else _holding(S)
     else:
         now.called, at.looks = 1.0, at.looks + 1
         if not called:
-            now.begins, S[Lane.WAIT] = 1.0, 0.0
+            now.begins, S[Row.WAIT] = 1.0, 0.0
 
 
 @inlined
 def _holding(S: Array) -> float:
     """Return the voltage that holds the volume against the sea [V]."""
-    load = S[Lane.PLANT + LOAD_BACK] * max(S[Lane.Z], 0.0)
-    return float(max(load - S[Lane.PLANT + FRICTION], 0.0))
+    load = S[Row.PLANT + LOAD_BACK] * max(S[Row.Z], 0.0)
+    return float(max(load - S[Row.PLANT + FRICTION], 0.0))
 
 
 @inlined
 def _is_due(f: Sampled) -> bool:
     """Return whether the next sample would be too late for the next check."""
-    return bool(f.phases.x.t + (1.0 - _SAME) * f.own.tick > f.now.check)
+    return bool(f.phases.lane.x.t + (1.0 - _SAME) * f.own.tick > f.now.check)
 
 
 @inlined
 def _rests(f: Sampled, seen: float) -> bool:
     """Return whether the law rests, the depth being seen [m] where a check is due."""
     g, now, own = f.phases, f.now, f.own
-    x, at = g.x, g.at
+    x, at = g.lane.x, g.lane.at
     band = f.tasks[at.phase, _BAND]
     if band == 0.0 or at.arrived == 0:
         now.rests, now.seen, now.check = 0.0, math.nan, x.t
