@@ -12,31 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.sim.engine.books import (
-    PUMPED,
-    decays,
-    enter,
-    enter_bend,
-    enter_blow,
-)
+from swimbladder.sim.engine import modes
+from swimbladder.sim.engine.books import PUMPED, decays, enter, enter_bend, enter_blow
 from swimbladder.sim.engine.cache import compiled, shared
 from swimbladder.sim.engine.chain import TICKS, accept, build_chain, leap
 from swimbladder.sim.engine.crossings import at_stop, may_hide, note, put_at_limit
-from swimbladder.sim.engine.modes import (
-    A_S,
-    BOTTOM,
-    EMERGING,
-    HOLDING,
-    LOWER_SPINNING,
-    MOVING_IN,
-    MOVING_OUT,
-    QUICK_BOBBING,
-    SUPPLY,
-    V_MAX,
-    V_MIN,
-    event,
-    first_mode,
-)
+from swimbladder.sim.engine.modes import event, first_mode
 
 Array = NDArray[np.float64]
 
@@ -66,9 +47,9 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
     leaps = 0
     bent = 0
     act = mode % 10
-    if (act == MOVING_OUT and u < x[1]) or (act == MOVING_IN and u > x[1]):
+    if (act == modes.MOVING_OUT and u < x[1]) or (act == modes.MOVING_IN and u > x[1]):
         x[0] = -x[0]  # a positioner that is asked to turn back
-        mode += MOVING_IN - MOVING_OUT if act == MOVING_OUT else MOVING_OUT - MOVING_IN
+        mode += (modes.MOVING_IN if act == modes.MOVING_OUT else modes.MOVING_OUT) - act
     while remaining > 0:
         while True:
             new, q, w, reset = event(p, layers, mode, x[0], x[1], x[2], x[3], u)
@@ -84,8 +65,8 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
             if books.shape[0] > 0 and (reset or q != x[0]):
                 enter_blow(x[0], q, x[3], w, books)
             note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
-            if new % 10 == HOLDING:  # the last part of a tick
-                target = max(p[V_MIN], min(p[V_MAX], u))
+            if new % 10 == modes.HOLDING:  # the last part of a tick
+                target = max(p[modes.V_MIN], min(p[modes.V_MAX], u))
                 if books.shape[0] > 0:
                     books[PUMPED] += target - x[1]
                 x[1] = target
@@ -95,7 +76,7 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
             built[mode] = 1
         applied = u
         if (mode // 10) % 2 == 1:
-            applied = math.copysign(p[SUPPLY], u)
+            applied = math.copysign(p[modes.SUPPLY], u)
         size = cap
         while size > remaining:
             size >>= 1
@@ -113,8 +94,8 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
             new, q, w, reset = event(p, layers, mode, y[0], y[1], y[2], y[3], u)
             if new == -1:
                 search = size > smallest and bend and bent < _BENDS
-                bobs = mode // 20 == EMERGING and span * span * p[A_S] > QUICK_BOBBING
-                bobs = bobs and (nonlinear or books.shape[0] > 0)
+                bobs = mode // 20 == modes.EMERGING and (nonlinear or books.shape[0] > 0)
+                bobs = bobs and span * span * p[modes.A_S] > modes.QUICK_BOBBING
                 if search or (
                     level < _FINE and (bend or bobs or may_hide(p, layers, mode, x, y, span))
                 ):
@@ -156,8 +137,8 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
                 transitions += 1
                 if transitions > _TRANSITIONS:
                     return mode, CHATTERS
-                q_new = x[0] if new % 10 in (mode % 10, LOWER_SPINNING) else q
-                w_new = 0.0 if new // 20 == BOTTOM and mode // 20 != BOTTOM else x[3]
+                q_new = x[0] if new % 10 in (mode % 10, modes.LOWER_SPINNING) else q
+                w_new = 0.0 if new // 20 == modes.BOTTOM and mode // 20 != modes.BOTTOM else x[3]
                 if books.shape[0] > 0:
                     enter_blow(x[0], q_new, x[3], w_new, books)
                 note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
@@ -206,7 +187,7 @@ def follow(  # type: ignore[no-untyped-def]
         if h != h_before:
             built[:] = 0
             h_before = h
-        u = 0.0 if ramps else max(-p[SUPPLY], min(p[SUPPLY], inputs[k]))
+        u = 0.0 if ramps else max(-p[modes.SUPPLY], min(p[modes.SUPPLY], inputs[k]))
         record[5, k] = inputs[k] if ramps else u
         for n_part in range(parts[k]):
             t = time[k] + n_part * h

@@ -9,37 +9,17 @@ change of V is a check.
 
 import math
 from enum import IntEnum
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import part, shared
 from swimbladder.sim.engine.layers import layered
-from swimbladder.sim.engine.modes import (
-    A_B,
-    A_S,
-    BACKWARD,
-    FORWARD,
-    FRICTION,
-    GAIN,
-    K_L,
-    KAPPA,
-    LOAD_BACK,
-    LOAD_DRIVE,
-    LOWER,
-    LOWER_SPINNING,
-    MOVING_IN,
-    MOVING_OUT,
-    PRESCRIBED,
-    PSI,
-    SAG,
-    STUCK,
-    SUPPLY,
-    T1,
-    UPPER,
-    V_0,
-    Z_SURFACE,
-    drag,
-    split,
-    supply_limit,
-)
+from swimbladder.sim.engine.modes import drag, split, supply_limit
+
+Array = NDArray[np.float64]
 
 
 class Account(IntEnum):
@@ -71,25 +51,25 @@ class Account(IntEnum):
 
 
 @part
-def _simpson(a, b, c, h):  # type: ignore[no-untyped-def]
+def _simpson(a: float, b: float, c: float, h: float) -> float:
     return h * (a + 4.0 * b + c) / 6.0
 
 
 @part
-def _drag_power(p, w):  # type: ignore[no-untyped-def]
+def _drag_power(p: Array, w: float) -> Any:
     return w * drag(p, w)[0]
 
 
 @shared
-def decays(p, mode, h, decay):  # type: ignore[no-untyped-def]
+def decays(p: Array, mode: int, h: float, decay: Array) -> None:
     """Fill decay [5] for `enter`: the motor's time constant and integrals of its transient over h.
 
     tau, and with e(t) = exp(-t/tau) the integrals of e, t e, e e and t t e.
     """
     beta = 0.0
     if (mode // 10) % 2 == 1:
-        beta = p[SAG] * p[KAPPA] / (1.0 + p[SAG])
-    tau = 1.0 / (1.0 / p[T1] - p[GAIN] / p[T1] * beta)
+        beta = p[modes.SAG] * p[modes.KAPPA] / (1.0 + p[modes.SAG])
+    tau = 1.0 / (1.0 / p[modes.T1] - p[modes.GAIN] / p[modes.T1] * beta)
     decay[0] = tau
     decay[1] = -tau * math.expm1(-h / tau)
     e = math.exp(-h / tau)
@@ -99,7 +79,9 @@ def decays(p, mode, h, decay):  # type: ignore[no-untyped-def]
 
 
 @shared
-def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
+def enter(
+    p: Array, mode: int, x: Array, y: Array, u: float, h: float, decay: Array, books: Array
+) -> None:
     """Add to the accounts what happened from x to y, h [s] later, in one mode at voltage u.
 
     decay: see `decays`, for this mode and h.
@@ -111,40 +93,40 @@ def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
     wm = 1.5 * (z1 - z0) / h - 0.25 * (w0 + w1)
     books[DRAG] += _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
     books[TRAVEL] += abs(y[1] - x[1])
-    if act in (MOVING_OUT, MOVING_IN, PRESCRIBED):
+    if act in (modes.MOVING_OUT, modes.MOVING_IN, modes.PRESCRIBED):
         books[PUMPED] += x[0] * h
         books[Z_Q] += x[0] * Iz
         books[Z_DV] += x[0] * Iz
         books[TO_AND_FRO] += abs(x[0] * Iz)
         books[MOTOR_ON] += h if x[0] != 0.0 else 0.0
         return
-    if p[GAIN] == 0.0:  # a positioner that holds
+    if p[modes.GAIN] == 0.0:  # a positioner that holds
         return
     Izz = _simpson(z0 * z0, zm * zm, z1 * z1, h)
     alpha, beta = u, 0.0  # the voltage as applied is alpha + beta q
-    if limited or (act == UPPER and abs(u) > supply_limit(p, u, 0.5 * (x[0] + y[0]))):
-        alpha = math.copysign(p[SUPPLY], u) / (1.0 + p[SAG])
-        beta = p[SAG] * p[KAPPA] / (1.0 + p[SAG])
-    elif act in (STUCK, LOWER) and p[SAG] > 0.0:
-        limit = p[SUPPLY] / (1.0 + p[SAG])
+    if limited or (act == modes.UPPER and abs(u) > supply_limit(p, u, 0.5 * (x[0] + y[0]))):
+        alpha = math.copysign(p[modes.SUPPLY], u) / (1.0 + p[modes.SAG])
+        beta = p[modes.SAG] * p[modes.KAPPA] / (1.0 + p[modes.SAG])
+    elif act in (modes.STUCK, modes.LOWER) and p[modes.SAG] > 0.0:
+        limit = p[modes.SUPPLY] / (1.0 + p[modes.SAG])
         alpha = max(-limit, min(limit, u))
     books[MOTOR_ON] += h if alpha != 0.0 else 0.0
-    if act in (STUCK, LOWER):
+    if act in (modes.STUCK, modes.LOWER):
         books[U_U] += alpha * alpha * h
-        if act == STUCK:
-            books[LEAKED] += p[K_L] * Iz
-            books[LEAK_Z] += p[K_L] * Izz
-            books[Z_DV] -= p[K_L] * Izz
-            books[TO_AND_FRO] += abs(p[K_L] * Izz)
+        if act == modes.STUCK:
+            books[LEAKED] += p[modes.K_L] * Iz
+            books[LEAK_Z] += p[modes.K_L] * Izz
+            books[Z_DV] -= p[modes.K_L] * Izz
+            books[TO_AND_FRO] += abs(p[modes.K_L] * Izz)
         return
-    load = p[LOAD_BACK] if act == BACKWARD else p[LOAD_DRIVE]
-    friction = -p[FRICTION] if act == BACKWARD else p[FRICTION]
-    if act == UPPER:
-        Iq = p[K_L] * Iz
-        Iqq = p[K_L] * p[K_L] * Izz
-        Izq = p[K_L] * Izz
+    load = p[modes.LOAD_BACK] if act == modes.BACKWARD else p[modes.LOAD_DRIVE]
+    friction = -p[modes.FRICTION] if act == modes.BACKWARD else p[modes.FRICTION]
+    if act == modes.UPPER:
+        Iq = p[modes.K_L] * Iz
+        Iqq = p[modes.K_L] * p[modes.K_L] * Izz
+        Izq = p[modes.K_L] * Izz
     else:
-        g = p[GAIN] / p[T1]
+        g = p[modes.GAIN] / p[modes.T1]
         tau = decay[0]
         a = g * (alpha - friction)
         b = -g * load
@@ -167,29 +149,31 @@ def enter(p, mode, x, y, u, h, decay, books):  # type: ignore[no-untyped-def]
     books[LOAD_Q] += load * Izq
     books[FRICTION_Q] += friction * Iq
     books[Z_Q] += Izq
-    if act == LOWER_SPINNING:  # all that is pumped leaks back
+    if act == modes.LOWER_SPINNING:  # all that is pumped leaks back
         books[LEAKED] += Iq
         books[LEAK_Z] += Izq
     else:
-        books[LEAKED] += p[K_L] * Iz
-        books[LEAK_Z] += p[K_L] * Izz
-    if act in (FORWARD, BACKWARD):
-        books[Z_DV] += Izq - p[K_L] * Izz
-        books[TO_AND_FRO] += abs(Izq - p[K_L] * Izz)
-    elif act == UPPER:
-        rotor = 0.5 * p[T1] / p[GAIN] * (y[0] * y[0] - x[0] * x[0])
-        books[STOP_U] += U_q - load * Izq - friction * Iq - Iqq / p[GAIN] - rotor
+        books[LEAKED] += p[modes.K_L] * Iz
+        books[LEAK_Z] += p[modes.K_L] * Izz
+    if act in (modes.FORWARD, modes.BACKWARD):
+        books[Z_DV] += Izq - p[modes.K_L] * Izz
+        books[TO_AND_FRO] += abs(Izq - p[modes.K_L] * Izz)
+    elif act == modes.UPPER:
+        rotor = 0.5 * p[modes.T1] / p[modes.GAIN] * (y[0] * y[0] - x[0] * x[0])
+        books[STOP_U] += U_q - load * Izq - friction * Iq - Iqq / p[modes.GAIN] - rotor
 
 
 @part
-def enter_blow(q_before, q_after, w_before, w_after, books):  # type: ignore[no-untyped-def]
+def enter_blow(
+    q_before: float, q_after: float, w_before: float, w_after: float, books: Array
+) -> None:
     """Add to the accounts what a blow against an end stop or the bottom took."""
     books[STOP_Q] += (q_before - q_after) * (q_before + q_after)
     books[BOTTOM_W] += 0.5 * (w_before - w_after) * (w_before + w_after)
 
 
 @part
-def enter_bend(p, layers, x, y, h, books):  # type: ignore[no-untyped-def]
+def enter_bend(p: Array, layers: Any, x: Array, y: Array, h: float, books: Array) -> None:
     """Correct the drag's work over a step from x to y in which its law bends or jumps.
 
     A vehicle can slide along the jump, its speed held at epsilon by a drag between the two values:
@@ -198,7 +182,7 @@ def enter_bend(p, layers, x, y, h, books):  # type: ignore[no-untyped-def]
     z0, w0, z1, w1 = x[2], x[3], y[2], y[3]
     zm = 0.5 * (z0 + z1) + 0.125 * h * (w0 - w1)
     wm = 1.5 * (z1 - z0) / h - 0.25 * (w0 + w1)
-    Vm = 0.5 * (x[1] + y[1]) + 0.125 * h * (x[0] - y[0] - p[K_L] * (z0 - z1))
+    Vm = 0.5 * (x[1] + y[1]) + 0.125 * h * (x[0] - y[0] - p[modes.K_L] * (z0 - z1))
     pulls = (
         w0 * _pull(p, layers, x[1], z0),
         wm * _pull(p, layers, Vm, zm),
@@ -210,7 +194,7 @@ def enter_bend(p, layers, x, y, h, books):  # type: ignore[no-untyped-def]
 
 
 @part
-def _pull(p, layers, V, z):  # type: ignore[no-untyped-def]
+def _pull(p: Array, layers: Any, V: float, z: float) -> Any:
     """Return the downward acceleration [m/s2] but for the drag, eqs (13), (15), (31)."""
-    neutral = p[PSI] * z + p[V_0] + layered(layers, z)[0]
-    return p[A_B] * (neutral - V) + p[A_S] * max(p[Z_SURFACE] - z, 0.0)
+    neutral = p[modes.PSI] * z + p[modes.V_0] + layered(layers, z)[0]
+    return p[modes.A_B] * (neutral - V) + p[modes.A_S] * max(p[modes.Z_SURFACE] - z, 0.0)

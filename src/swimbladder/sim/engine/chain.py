@@ -12,12 +12,15 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.cache import compiled, inlined, part, shared
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layered
 from swimbladder.sim.engine.modes import A_B, EPSILON, drag, linear_part
+
+Array = NDArray[np.float64]
 
 _MOST_STEPS = 10_000  # a tick is divided into
 LEVELS = 21  # of halving: events are found to h/2^20
@@ -33,7 +36,7 @@ COEFFICIENTS = 47
 # Loops, and no assignments of whole arrays: with one of those Numba compiles all of its text about
 # shapes that differ, 4 s of a first kernel's 20.
 @inlined
-def copy(source, target):  # type: ignore[no-untyped-def]
+def copy(source: Array, target: Array) -> None:
     """Copy the rows of a matrix that `target` has into it."""
     for r in range(target.shape[0]):
         for c in range(target.shape[1]):
@@ -41,21 +44,21 @@ def copy(source, target):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _add(term, total):  # type: ignore[no-untyped-def]
+def _add(term: Array, total: Array) -> None:
     for r in range(total.shape[0]):
         for c in range(total.shape[1]):
             total[r, c] += term[r, c]
 
 
 @inlined
-def accept(x, y):  # type: ignore[no-untyped-def]
+def accept(x: Array, y: Array) -> None:
     """Make the state (q, V, z, w, integral of z) that `leap` wrote into y the state x."""
     for n in range(5):
         x[n] = y[n]
 
 
 @compiled
-def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
+def build_chain(p: Array, mode: int, h: float, chain: Array) -> None:
     """Fill chain [levels + 1, COEFFICIENTS]; level k is for a step of h/2^k [s].
 
     The last level's exponential is a Taylor series: the rates times its step have to be small.
@@ -128,7 +131,7 @@ def build_chain(p, mode, h, chain):  # type: ignore[no-untyped-def]
 
 
 @part
-def _branch(p, w):  # type: ignore[no-untyped-def]
+def _branch(p: Array, w: float) -> int:
     """Return the branch of a switched drag law: 0 laminar, 1 and -1 turbulent; 0 of other laws."""
     epsilon = p[EPSILON]
     if epsilon <= 0.0 or abs(w) <= epsilon:
@@ -144,7 +147,9 @@ def _row(c: Any, r: int, q: float, V: float, z: float, w: float, u: float) -> An
 
 
 @shared
-def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untyped-def]
+def leap(
+    chain: Array, level: int, p: Array, layers: Any, nonlinear: bool, x: Array, u: float, y: Array
+) -> Any:
     """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held.
 
     Return whether the step met more than one branch of a switched drag law.
@@ -175,13 +180,15 @@ def leap(chain, level, p, layers, nonlinear, x, u, y):  # type: ignore[no-untype
 
 
 @part
-def _rest(p, layers, z, w):  # type: ignore[no-untyped-def]
+def _rest(p: Array, layers: Any, z: float, w: float) -> Any:
     """Return N(z, w) [m/s2]: nonlinear drag, and the pull of what layers add at depth z."""
     return drag(p, w)[2] + p[A_B] * layered(layers, z)[0]
 
 
 @part
-def _bend_in_layers(chain, level, p, layers, x, u, y):  # type: ignore[no-untyped-def]
+def _bend_in_layers(
+    chain: Array, level: int, p: Array, layers: Any, x: Array, u: float, y: Array
+) -> Any:
     """Add to y, where the linear part leads, what N(z, w) makes of the step; return as `leap`."""
     c, half = chain[level], chain[level + 1]
     q, V, z, w = x[0], x[1], x[2], x[3]

@@ -7,13 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine import modes
-from swimbladder.sim.engine.books import (
-    LOAD_Q,
-    PUMPED,
-    U_Q,
-    Z_DV,
-    Z_Q,
-)
+from swimbladder.sim.engine.books import LOAD_Q, PUMPED, U_Q, Z_DV, Z_Q
 from swimbladder.sim.engine.cache import part
 from swimbladder.sim.engine.modes import resting_volume, split
 

@@ -214,7 +214,9 @@ def _stop_pushes(p: Array, u: float, q: float, z: float, w: float) -> Any:
 
 
 @shared
-def event(p, layers, mode, q, V, z, w, u):  # type: ignore[no-untyped-def]
+def event(
+    p: Array, layers: Any, mode: int, q: float, V: float, z: float, w: float, u: float
+) -> Any:
     """Return (new mode or -1, q, w, whether the state was reset) at a state and an input.
 
     u: the voltage [V], or the volume asked of a positioner [m3]. A reset is a blow: the motor

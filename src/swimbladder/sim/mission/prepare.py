@@ -13,12 +13,7 @@ from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column, check_motion, look_up
 from swimbladder.sim.closed_loop.pumped import BOARD
 from swimbladder.sim.closed_loop.water import Medium
-from swimbladder.sim.engine.rodas.prepare import (
-    Accuracy,
-    first_lane,
-    given_of,
-    make_table,
-)
+from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Lane, Records, Table
 from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Holding, Kind, Phases
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters

@@ -11,15 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.engine.rodas.leap import (
-    AIR,
-    BOTTOM,
-    LOST,
-    SURFACE,
-    VALVE,
-    VOLUME,
-    leap,
-)
+from swimbladder.sim.engine.rodas.leap import AIR, BOTTOM, LOST, SURFACE, VALVE, VOLUME, leap
 from swimbladder.sim.engine.rodas.line import empty_line, fill_lacks, turn_valve, valve_turns
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop, Table

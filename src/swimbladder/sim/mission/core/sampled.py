@@ -15,23 +15,10 @@ from numpy.typing import NDArray
 
 from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.engine.modes import (
-    BOTTOM,
-    EMERGING,
-    FRICTION,
-    GAIN,
-    LOAD_BACK,
-    LOWER,
-    LOWER_SPINNING,
-    POSITIONER,
-    SUBMERGED,
-    SUPPLY,
-    UPPER,
-    Z_SURFACE,
-)
 from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.entries import enter, enter_energy
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop
@@ -152,7 +139,7 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
     elif S[Row.STOPPED] == TOO_DEEP:
         at.stop = Stop.LOST
     x.z_most, x.v_least = max(x.z_most, x.z), min(x.v_least, x.v)
-    if at.place == SUBMERGED:
+    if at.place == modes.SUBMERGED:
         x.v_most = max(x.v_most, x.v)
     energy = _energy(f.own, S, sums)
     _enter_drive(f, sums, change, energy)
@@ -161,7 +148,7 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
     a[Account.DRAG] += g.lane.p.mass * sums[Sums.DRAG]
     a[Account.BLOWS] += g.lane.p.mass * sums[Sums.BOTTOM_W]
     sums[:] = 0.0
-    _note_passages(f, S[Row.PLANT + Z_SURFACE])
+    _note_passages(f, S[Row.PLANT + modes.Z_SURFACE])
     enter_energy(g.lane.p, x, a, energy, g.stages[at.phase].loads, h)
     enter_time(g, z, h, arrived == 1)
     now.since += 1.0
@@ -201,7 +188,7 @@ def _enter_drive(f: Sampled, sums: Array, change: float, energy: float) -> None:
 def _energy(own: Numbers, S: Array, sums: Array) -> float:
     """Return what the drive draws from the battery's cells in a sample [J]."""
     h = own.tick
-    if S[Row.PLANT + POSITIONER] != 0.0:
+    if S[Row.PLANT + modes.POSITIONER] != 0.0:
         on = min(sums[Sums.MOTOR_ON], h)
         return float(own.moving * on + own.holding * (h - on))
     motor = own.conductance * (sums[Sums.U_U] - own.kappa * sums[Sums.U_Q]) / h
@@ -236,12 +223,12 @@ def _note_passages(f: Sampled, top: float) -> None:
             _note(g.lane, t, stop, x.z)
         where, was = new // 20, old // 20
         if where != was:
-            if where == BOTTOM:
+            if where == modes.BOTTOM:
                 _note(g.lane, t, Note.BOTTOM, x.z)
-            elif was == BOTTOM:
+            elif was == modes.BOTTOM:
                 _note(g.lane, t, Note.LEFT_BOTTOM, x.z)
             else:
-                _note(g.lane, t, Note.EMERGED if where == EMERGING else Note.SUBMERGED, top)
+                _note(g.lane, t, Note.EMERGED if where == modes.EMERGING else Note.SUBMERGED, top)
     f.noted[0, 0] = 0
 
 
@@ -249,9 +236,9 @@ def _note_passages(f: Sampled, top: float) -> None:
 def _stop_of(mode: int) -> int:
     """Return the note of an end stop that the drive stands at in a mode; -1: at none."""
     act = mode % 10
-    if act == UPPER:
+    if act == modes.UPPER:
         return Note.UPPER_STOP
-    return Note.LOWER_STOP if act in (LOWER, LOWER_SPINNING) else -1
+    return Note.LOWER_STOP if act in (modes.LOWER, modes.LOWER_SPINNING) else -1
 
 
 @part
@@ -268,7 +255,7 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
     """See whether the law is called, or which input is held."""
     g, now = f.phases, f.now
     x, at, p = g.lane.x, g.lane.at, g.lane.p
-    called, moves = now.called != 0.0, S[Row.PLANT + POSITIONER] != 0.0
+    called, moves = now.called != 0.0, S[Row.PLANT + modes.POSITIONER] != 0.0
     now.called, now.begins = 0.0, 0.0
     surface, nearly = g.stages[at.phase].kind == Kind.SURFACE, FULL * (p.v_max - p.v_min)
     more = x.v - f.own.neutral_top
@@ -277,11 +264,11 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
         if moves:
             now.held = p.v_max
         else:
-            now.held = _holding(S) if x.v >= p.v_max - nearly else S[Row.PLANT + SUPPLY]
-    elif not called and at.place == EMERGING and more > nearly:
+            now.held = _holding(S) if x.v >= p.v_max - nearly else S[Row.PLANT + modes.SUPPLY]
+    elif not called and at.place == modes.EMERGING and more > nearly:
         # all of it in a sample, but for what the supply lacks
-        u = S[Row.PLANT + FRICTION] + more / (f.own.tick * S[Row.PLANT + GAIN])
-        now.held = f.own.neutral_top if moves else -min(u, S[Row.PLANT + SUPPLY])
+        u = S[Row.PLANT + modes.FRICTION] + more / (f.own.tick * S[Row.PLANT + modes.GAIN])
+        now.held = f.own.neutral_top if moves else -min(u, S[Row.PLANT + modes.SUPPLY])
     elif _rests(f, S[Row.SEEN_DEPTH]):
         now.held = x.v if moves else _holding(S)
     else:
@@ -293,8 +280,8 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
 @inlined
 def _holding(S: Array) -> float:
     """Return the voltage that holds the volume against the sea [V]."""
-    load = S[Row.PLANT + LOAD_BACK] * max(S[Row.Z], 0.0)
-    return float(max(load - S[Row.PLANT + FRICTION], 0.0))
+    load = S[Row.PLANT + modes.LOAD_BACK] * max(S[Row.Z], 0.0)
+    return float(max(load - S[Row.PLANT + modes.FRICTION], 0.0))
 
 
 @inlined
