@@ -233,6 +233,18 @@ class _IntoApart(_IntoWhole):
     library = _Apart
 
 
+def _short_name(form: Any) -> tuple[str, tuple[str]]:
+    """Return what a named tuple is called in the name of a function that takes it.
+
+    Numba writes out all fields of all its records there: 5 kB wherever the function is called.
+    """
+    return form.instance_class.__name__, (hashlib.sha256(form.name.encode()).hexdigest()[:16],)
+
+
+_Tuple: Any = types.NamedTuple
+_Tuple.mangling_args = property(_short_name)
+
+
 # Of what is compiled for the types that a kernel has for it, see numba.extending.overload.
 OVERLOADED: Any = {"forceinline": True, "pipeline_class": _IntoPart}
 
