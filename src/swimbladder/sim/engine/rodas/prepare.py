@@ -26,19 +26,6 @@ from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
 
 Array = NDArray[np.float64]
 _BEYOND = 1.2  # of the column's pressure: so far the line is tabulated
-_OF_LINE = (
-    "line",
-    "line_gas",
-    "line_modulus",
-    "line_power",
-    "line_ratio",
-    "reservoir",
-    "head_afloat",
-    "slip",
-    "run_up",
-    "line_step",
-    "line_top",
-)
 
 
 class _Line(NamedTuple):
@@ -48,10 +35,10 @@ class _Line(NamedTuple):
 
 
 def line_given(vehicle: Vehicle, column: Column) -> dict[str, float]:
-    """Return what the kernel takes of a vehicle's oil line; zeros without one."""
+    """Return what the kernel takes of a vehicle's oil line; nothing without one."""
     line = _line(vehicle, column)
     if line is None:
-        return dict.fromkeys(_OF_LINE, 0.0)
+        return {}
     a = line.actuator
     assert a.line is not None
     air = (ATMOSPHERIC_PRESSURE / a.internal_pressure) ** (1.0 / POLYTROPIC)
@@ -169,7 +156,7 @@ def given_of(
     vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accuracy,
     asked: dict[str, float] | None = None,
 ) -> np.record:  # fmt: skip
-    """Return what does not change of a vehicle, over a bottom [m].
+    """Return what does not change of a vehicle, over a bottom [m]; what is not named here is 0.
 
     asked: what a mission adds; without it nothing limits depth, charge and time, and the drive does
     what the vehicle's file says.
@@ -192,8 +179,6 @@ def given_of(
         "z_bottom": bottom,
         "v_min": stroke.minimum,
         "v_max": stroke.maximum,
-        "trim": 0.0,
-        "give": 0.0,
         "by_volume": 0.0 if isinstance(a, PumpAndValve) else 1.0,
         "quantum": a.quantum if isinstance(a, PumpAndValve) else 0.0,
         "longest": (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
@@ -202,13 +187,10 @@ def given_of(
         "resolution": vehicle.sensors.depth_quantum,
         "deepest": math.inf,
         "neutral_top": vehicle.trim_error,
-        "shallow": 0.0,
         "empty": -math.inf,
         "reserve": -math.inf,
         "last_time": math.inf,
         "last_cycle": math.inf,
-        "surfacing": 0.0,
-        "self_discharge": 0.0,
         "rtol": accuracy.relative,
         "atol_z": accuracy.depth,
         "atol_w": accuracy.speed,
@@ -217,20 +199,17 @@ def given_of(
         "rest_afloat": accuracy.rest_afloat,
         "longest_step": math.inf,
         "z_lost": DEEPEST,
-        "charge": 0.0,
-        "held": 0.0,
         "rising": vehicle.drag.rising_ratio,
         "flow": 1.0,
-        "open": 0.0,
         "makes_up": 1.0,
         "follows": 1.0 / lag if lag > 0.0 else 0.0,
         "expansion": heat_expansion(vehicle) if lag > 0.0 else 0.0,
         "volume_noise": vehicle.sensors.volume_noise,
         "volume_quantum": vehicle.sensors.volume_quantum,
-    } | line_given(vehicle, column) | (asked or {})  # fmt: skip
+    }
     found = made(GIVEN)
-    for name in GIVEN.names or ():
-        found[name] = values[name]
+    for name, value in (values | line_given(vehicle, column) | (asked or {})).items():
+        found[name] = value
     return found
 
 
