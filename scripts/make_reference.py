@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -21,7 +21,7 @@ from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.physics.seawater import InternalWave, Swell
-from swimbladder.units import _TABLE
+from swimbladder.units import _UNITS
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in, tags_of
 
@@ -215,7 +215,10 @@ def log() -> Iterator[str]:
 def units() -> Iterator[str]:
     """Yield every unit, a row for each kind."""
     yield from ("", "| kind | units |", "|---|---|")
-    for names in map(list, _TABLE.values()):
+    kinds = dict[Any, list[str]]()
+    for name, unit in _UNITS.items():
+        kinds.setdefault(unit.dimension, []).append(name)
+    for names in kinds.values():
         yield f"| {_KINDS[names[0]]} | {', '.join(f'`{name}`' for name in names)} |"
 
 

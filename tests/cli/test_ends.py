@@ -16,7 +16,7 @@ from swimbladder.io.presets import preset_text
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, pipes and devices are POSIX's")
 
 MISSION = """schema_version = 1
-cycles = 400
+cycles = 5000
 [[phases]]
 kind = "descend"
 depth = "200 m"

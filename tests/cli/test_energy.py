@@ -140,7 +140,7 @@ def test_without_r_and_k_t_it_says_so(name, field, capsys, tmp_path):
         (["example-float", "--speed", "0 m/s"], "--speed"),
         (["example-float", "--weight-error", "-1 cm3"], "--weight-error"),
         (["example-float", "--thruster-efficiency", "120 %"], "--thruster-efficiency"),
-        (["example-float", "--depth", "-5 m"], "--depth: not above 0 (got '-5 m'"),
+        (["example-float", "--depth", "-5 m"], "--depth: it must be above 0 (got '-5 m'"),
         (["example-float", "--weight-error=-10 cm3"], "got '-10 cm3'"),
         (["example-float", "--thruster-efficiency", "35"], '"35 %" is 0.35'),
         (["example-float", "--where", "a=b"], "--where"),

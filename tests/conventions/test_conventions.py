@@ -13,7 +13,7 @@ from swimbladder.io.presets import preset_names
 from swimbladder.physics.actuator import reduced
 from swimbladder.physics.dynamics import acceleration, drag_per_mass, plant
 from swimbladder.sim.closed_loop import StopReason, drive, simulate, simulate_ensemble, step_metrics
-from swimbladder.sim.closed_loop.solution import _VARIABLES
+from swimbladder.sim.closed_loop.solution import VARIABLES
 from swimbladder.vehicle import Drag, IdentifiedActuator, PhysicalMotion, Sensors
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "conventions.md"
@@ -371,7 +371,7 @@ def test_a_positioner_goes_to_the_commanded_volume_at_its_rate_and_stops_there()
 
 def test_the_page_names_the_arrays_of_a_solution(step):
     named = set(re.findall(r"`(\w+)`", "".join(row[0] for row in table("Rows of a result"))))
-    assert named == {*_VARIABLES, "command"}
+    assert named == {*VARIABLES, "command"}
     assert all(len(getattr(step, name)) == len(step.time) for name in named)
 
 

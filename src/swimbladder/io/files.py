@@ -210,7 +210,7 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
 def shipped(package: str) -> dict[str, Traversable]:
     """Return the TOML files of a package by name, sorted."""
     files = (file for file in resources.files(package).iterdir() if file.name.endswith(".toml"))
-    return {f.name.removesuffix(".toml"): f for f in sorted(files, key=lambda file: file.name)}
+    return dict(sorted((file.name.removesuffix(".toml"), file) for file in files))
 
 
 def source_hash(paths: Iterable[Path]) -> str:

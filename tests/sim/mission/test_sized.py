@@ -9,7 +9,7 @@ import swimbladder as sb
 from swimbladder.design.sizing import Dive, load_parts, size, sized_vehicle
 from swimbladder.design.sizing.evaluation import Budget
 from swimbladder.io.mission import Mission
-from swimbladder.physics.battery import endurance, needed_capacity, usable_share
+from swimbladder.physics.battery import needed_capacity, usable_share
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.books import close_books
@@ -85,7 +85,10 @@ def test_without_a_reserve_it_lasts_as_long_as_the_battery_says(cold):
     dive = dataclasses.replace(DIVE, battery_reserve=0.0)
     found = size(BODY, dive, column=cold, sweeps=False, parts=parts())
     mean = found.evaluation.spent.drawn[found.best] / (dive.cycles * dive.cycle_time)
-    lasts = endurance(sized_vehicle(found).supply, float(mean), 4.0)
+    supply = sized_vehicle(found).supply
+    full, s = supply.capacity, supply.self_discharge
+    left = full * (1.0 - usable_share(supply, 4.0))  # held back by the cold
+    lasts = np.log((full + mean / s) / (left + mean / s)) / s  # of dC/dt = -mean - s C
     assert lasts == pytest.approx(dive.cycles * dive.cycle_time, rel=1e-9)
 
 

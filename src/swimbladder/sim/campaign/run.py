@@ -189,8 +189,7 @@ class Floats:
         x, at, accounts = state = first_state(plan, self.mission, seed=seed)
         pilot: ByLaws | ByRule = ByRule()
         if plan.laws:
-            column = self.columns[int(drawn[Drawn.CAST])]
-            pilot = ByLaws(self.vehicle, self.mission, column, plan, state, seed=seed)
+            pilot = ByLaws(self.vehicle, self.mission, plan, state, seed=seed)
         flown = _cycles(plan, state, pilot)
         before, rows = np.zeros(len(Account)), list[list[float]]()
         low, high = math.inf, -math.inf

@@ -20,6 +20,7 @@ from swimbladder.physics.electric import electrical_power, supply_current, windi
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.modes import Act, Where
+from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.vehicle import IdentifiedActuator, Positioner, Vehicle
 
 if TYPE_CHECKING:
@@ -305,7 +306,7 @@ VARIABLES: dict[str, dict[str, Any]] = {
     "volume": {"units": "m3", "long_name": "change of displaced volume, positive is lighter"},
     "motor_rate": {"units": "m3 s-1", "long_name": "volume rate driven by the motor"},
     "drive": {
-        "long_name": "what pump and valve do", "flag_values": [0.0, 1.0, 2.0, 3.0, 4.0],
+        "long_name": "what pump and valve do", "flag_values": [float(one) for one in Doing],
         "flag_meanings": "nothing pump valve bypass pump_without_delivery",
     },
     "voltage": {"units": "V", "long_name": "voltage applied to the motor"},

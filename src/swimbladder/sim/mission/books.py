@@ -14,7 +14,6 @@ from swimbladder.sim.engine.rodas.ledger import HOLDING, balance, stored_energy
 from swimbladder.sim.engine.rodas.records import Account, Records
 from swimbladder.sim.mission.core.records import Kind
 from swimbladder.sim.mission.flight import Flight
-from swimbladder.sim.mission.water import medium_for
 from swimbladder.vehicle import Load
 
 Array = NDArray[np.float64]
@@ -77,8 +76,7 @@ def close_books(flight: Flight) -> MissionBooks:
     """Return the books of a flight."""
     g, table, a = flight.plan.given, flight.plan.table, flight.accounts
     battery = consumers(flight)
-    if flight.plan.laws:
-        medium = medium_for(flight.vehicle, flight.mission, flight.column)
+    if (medium := flight.plan.water) is not None:
         ends = [(float(x["v"]), float(x["z"])) for x in (flight.begin, flight.end)]
         stored = float(g["mass"]) * (medium.potential(*ends[1]) - medium.potential(*ends[0]))
     else:

@@ -105,7 +105,7 @@ def fly_mission(
     about = (vehicle, mission, column, laws, seed, start_volume)
     pilot: ByRule | ByLaws = ByRule()
     if plan.laws:
-        pilot = ByLaws(vehicle, mission, column, plan, state, seed=seed, volume=start_volume)
+        pilot = ByLaws(vehicle, mission, plan, state, seed=seed, volume=start_volume)
     begin = x.copy()
     store = Store(keep, *about, plan.given, plan.table, plan.waves, plan.stages, begin, at.copy())
 

@@ -9,7 +9,6 @@ from swimbladder.control.records import leaves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.actuator import reduced
-from swimbladder.physics.seawater import Column
 from swimbladder.physics.steady_drives import battery_power, terminal_power
 from swimbladder.sim.closed_loop.block import Block, Running, Schedule
 from swimbladder.sim.closed_loop.lanes import OVER
@@ -43,13 +42,13 @@ class ByLaws:
     rows = 4000  # of a part
 
     def __init__(
-        self, vehicle: Vehicle, mission: Mission, column: Column, plan: Plan, state: Any, *,
+        self, vehicle: Vehicle, mission: Mission, plan: Plan, state: Any, *,
         seed: int | None, volume: float | None = None,
     ) -> None:  # fmt: skip
         check_samples(mission, plan)
         self.vehicle, self.mission, self.plan = vehicle, mission, plan
         self.phases = plan.under_way(state)
-        self.medium = plan.medium(vehicle, mission, column)
+        self.medium = plan.medium(vehicle)
         x, p = state[0], self.medium.plant
         if mission.start_depth != 0.0 and volume is None:
             x["v"] = self.medium.neutral_volume(mission.start_depth)

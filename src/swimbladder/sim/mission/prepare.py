@@ -52,6 +52,7 @@ class Plan:
     stages: Records
     energy_known: str  # why no electrical energy is known; "" where it is
     laws: tuple[PhaseLaw, ...] = ()  # of each phase; none: the mission's own rule flies
+    water: Medium | None = None  # the vehicle as of its file in the water in which the laws fly it
     back: float = math.inf  # m, see `return_depth`
 
     @property
@@ -60,10 +61,11 @@ class Plan:
         cycle = float(np.sum(self.stages["duration"] + self.stages["timeout"]))
         return min(float(self.given["last_time"]), cycle * float(self.given["last_cycle"]))
 
-    def medium(self, vehicle: Vehicle, mission: Mission, column: Column) -> Medium:
+    def medium(self, vehicle: Vehicle) -> Medium:
         """Return the vehicle in its water: a float of this plan may differ from its file."""
-        medium, g = medium_for(vehicle, mission, column), self.given
-        p, delivery = medium.plant, float(g["delivery"])
+        assert self.water is not None  # sampled laws fly it
+        g, p = self.given, self.water.plant
+        delivery = float(g["delivery"])
         mass = float(g["mass"]) / vehicle.mass
         own = p._replace(
             V_0=p.V_0 + float(g["trim"]), psi=p.psi + float(g["give"]),
@@ -71,7 +73,7 @@ class Plan:
             a_b=p.a_b / mass, a_s=p.a_s / mass, d_l=float(g["d_l"]), d_b=float(g["d_b"]),
             d_0=float(g["d_0"]), d_t=float(g["d_t"]),
         )  # fmt: skip
-        return replace(medium, plant=own)
+        return replace(self.water, plant=own)
 
     def under_way(self, state: State, *, rows: int = 0, notes: int = 0, cycles: int = 1) -> Phases:
         """Return the mission in a state of `first_state`, with buffers of so many lines."""
@@ -107,16 +109,21 @@ def make_plan(
     """
     laws = phase_laws(vehicle, mission)
     _check_warmth(vehicle, mission)
+    given = given_of(vehicle, column, bottom=mission.bottom, accuracy=accuracy or Accuracy())
     table, why = make_table(vehicle, column)
     moving = waves
     if moving is None:
         check_motion(mission.water_motion, column)
         moving = waves_of(mission.water_motion, vehicle.hull.height, column.gravity)
+    water = medium_for(vehicle, mission, column) if laws else None
+    cold = coldest(mission, table, float(given["step"]))
+    for name, value in _asked(vehicle, mission, cold, cycles, span).items():
+        given[name] = value
     of = drive_error or DriveError()
-    given = _given(vehicle, mission, column, accuracy or Accuracy(), cycles, span, of)
-    stages = _stages(vehicle, mission, table, column.step)
-    plan = Plan(given, table, moving, stages, why, laws)
-    back = return_depth(vehicle, mission, column, plan)
+    given["delivery"], given["flow"], given["makes_up"] = of.pump, of.valve, float(of.starts)
+    stages = _stages(vehicle, mission, table, float(given["step"]))
+    plan = Plan(given, table, moving, stages, why, laws, water)
+    back = return_depth(vehicle, mission, plan)
     limit = vehicle.hull.depth_limit or math.inf
     given["deepest"] = mission.safety.deepest or min(limit, back)
     return replace(plan, back=back)
@@ -143,14 +150,14 @@ def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
     return max(min(SHALLOW, 0.5 * min(depths, default=0.0)), top + 0.1 * vehicle.hull.height)
 
 
-def _given(
-    vehicle: Vehicle, mission: Mission, column: Column, accuracy: Accuracy,
-    cycles: float | None, span: float | None, drive_error: DriveError,
-) -> np.record:  # fmt: skip
-    empty, reserve, charge = _battery(vehicle, mission, column)
+def _asked(
+    vehicle: Vehicle, mission: Mission, cold: float, cycles: float | None, span: float | None
+) -> dict[str, float]:
+    """Return what a mission limits and asks for, by the names of the record; cold [degC]."""
+    empty, reserve, charge = _battery(vehicle, mission.safety.battery, cold)
     last_time = mission.span if span is None else span
     last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
-    asked = {
+    return {
         "v_min": vehicle.stroke.lowest,  # a limit switch ends what the drive can do
         "v_max": vehicle.stroke.highest,
         "shallow": shallow_depth(vehicle, mission),
@@ -162,11 +169,7 @@ def _given(
         "self_discharge": _self_discharge(vehicle),
         "charge": charge,
         "held": HELD,
-        "delivery": drive_error.pump,
-        "flow": drive_error.valve,
-        "makes_up": 1.0 if drive_error.starts else 0.0,
     }
-    return given_of(vehicle, column, bottom=mission.bottom, accuracy=accuracy, asked=asked)
 
 
 def _self_discharge(vehicle: Vehicle) -> float:
@@ -175,24 +178,25 @@ def _self_discharge(vehicle: Vehicle) -> float:
     return supply.self_discharge if supply is not None and supply.capacity is not None else 0.0
 
 
-def _battery(vehicle: Vehicle, mission: Mission, column: Column) -> tuple[float, float, float]:
+def _battery(vehicle: Vehicle, reserve: float, cold: float) -> tuple[float, float, float]:
     """Return the charges [J] at which the battery is empty, at which its reserve begins, and full.
 
-    Empty is what the coldest water of the mission holds back; infinite where nothing is known.
+    reserve: share that is kept. Empty is what the coldest water, `cold` [degC], holds back;
+    infinite where nothing is known.
     """
     supply = vehicle.supply
     if supply is None or supply.capacity is None:
         return -math.inf, -math.inf, 0.0
     full = supply.capacity
-    usable = float(usable_charge(supply, full, coldest(mission, column)))
-    return full - usable, full - usable * (1.0 - mission.safety.battery), full
+    usable = float(usable_charge(supply, full, cold))
+    return full - usable, full - usable * (1.0 - reserve), full
 
 
-def coldest(mission: Mission, column: Column) -> float:
+def coldest(mission: Mission, table: Array, step: float) -> float:
     """Return the lowest temperature on the way of a mission [degC]."""
     depths = [phase.depth for phase in mission.phases if phase.depth is not None]
-    within = column.depth <= max([*depths, mission.start_depth])
-    return float(np.min(column.temperature[within]))
+    within = step * np.arange(len(table)) <= max([*depths, mission.start_depth])
+    return float(np.min(table[within, Table.TEMPERATURE]))
 
 
 def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Records:

@@ -14,7 +14,7 @@ import numpy as np
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import drag_force
-from swimbladder.physics.seawater import Column, look_up
+from swimbladder.physics.seawater import look_up
 from swimbladder.sim.closed_loop.block import work_space
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.advance import DONE, advance, begin
@@ -24,7 +24,6 @@ from swimbladder.sim.engine.rodas.prepare import first_lane
 from swimbladder.sim.engine.rodas.records import GIVEN, Account, Stop, Table, made
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.records import Holding
-from swimbladder.sim.mission.water import medium_for
 from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ _START_ROWS = 200  # of a trajectory, in which a start is over
 _OUT = 1e-10  # m3: so much pressed out is no rounding
 
 
-def return_depth(vehicle: Vehicle, mission: Mission, column: Column, plan: Plan) -> float:
+def return_depth(vehicle: Vehicle, mission: Mission, plan: Plan) -> float:
     """Return the depth below which a vehicle could not come up [m]; infinite where it always could.
 
     There its neutral volume is beyond the stroke less what safety.stroke keeps back, or the drive
@@ -47,23 +46,25 @@ def return_depth(vehicle: Vehicle, mission: Mission, column: Column, plan: Plan)
     speed of the fastest phase: it is flown from there.
     """
     g, neutral = plan.given, plan.table[:, Table.NEUTRAL]
+    step = float(g["step"])
     most = g["v_max"] - mission.safety.stroke * (g["v_max"] - g["v_min"])
     lost = (neutral > most) | (plan.table[:, Table.RATE_OUT] <= 0.0)
-    lost[: int(g["z_surface"] / column.step) + 1] = False
+    lost[: int(g["z_surface"] / step) + 1] = False
     slope = float(plan.table[-1, Table.NEUTRAL + 1])
     if lost.any():
-        limit = float(np.argmax(lost)) * column.step
+        limit = float(np.argmax(lost)) * step
     elif slope > 0.0:  # beyond the table the neutral volume goes on straight
-        limit = float(column.deepest + (most - neutral[-1]) / slope)
+        limit = float(step * (len(neutral) - 1) + (most - neutral[-1]) / slope)
     else:
         return math.inf
     speed = _HASTE * float(np.max(plan.stages["speed"]))
     held = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
     comes_up = partial(_comes_up, plan, speed=speed, less=held)
-    if plan.laws:
-        free = mission.model_copy(update={"bottom_depth": None})
-        medium = medium_for(vehicle, free, column)
-        comes_up = partial(_emerges, medium, speed=speed, less=held, gone=_GONE * limit)
+    if plan.water is not None:
+        free = plan.water.plant._replace(z_bottom=math.inf)
+        comes_up = partial(
+            _emerges, replace(plan.water, plant=free), speed=speed, less=held, gone=_GONE * limit
+        )
     low, high = 0.0, limit
     if comes_up(limit):
         return limit
