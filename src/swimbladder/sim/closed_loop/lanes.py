@@ -206,8 +206,14 @@ def _leap_with_books(  # type: ignore[no-untyped-def]
     x[0], x[1], x[2], x[3], x[4] = q, v, z, w, 0.0
     y[0], y[1], y[2], y[3] = q1, v1, z1, w1
     if not bent:  # the integral of z, as engine.chain.leap has it
-        c = chains[i, mode, 0]
-        y[4] = c[16] * q + c[17] * v + c[18] * z + c[19] * w + c[24] * u + c[29]
+        y[4] = (
+            chains[i, mode, 0, 16] * q
+            + chains[i, mode, 0, 17] * v
+            + chains[i, mode, 0, 18] * z
+            + chains[i, mode, 0, 19] * w
+            + chains[i, mode, 0, 24] * u
+            + chains[i, mode, 0, 29]
+        )
     else:
         leap(chains[i, mode], 0, p, layers, True, x, u, y)
     enter(p, mode, x, y, u, h, decay, books[i])
