@@ -96,6 +96,7 @@ def test_another_seed_is_another_trace(tmp_path, capsys):
         (["--pool-rounds", "2"], "Give --pool"),
         (["--pool", "1 m"], "between the depths of rest"),
         (["--pool", "4.5 m", "--pool-volumes", "10:400 cm3"], "got 400.0, expected unit cm3"),
+        (["--pool", "4.5 m", "--pool-volumes", "10 : 400 cm3"], "got 400.0, expected unit cm3"),
         (["--pool", "4.5 m", "--pool-volumes", "10 cm3:500 mL"], "got 500.0, expected unit cm3"),
         (["--pool", "4.5 m", "--pool-volumes", "0 m3"], "has to be above 0"),
         (["--pool", "4.5 m", "--pool-volumes", "10:"], "--pool-volumes"),

@@ -4,6 +4,7 @@ import gzip
 
 import gsw
 import h5netcdf
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -492,6 +493,18 @@ def cf_file(path, *, engine, names=("PRES", "TEMP", "PSAL"), kelvin=False, bad=(
         for name, v in (("LATITUDE", 43.0), ("LONGITUDE", 8.0)):
             file.create_variable(name, ("N_MEASUREMENTS",), "f8", data=np.full(len(p), v))
     return path
+
+
+def test_pressures_that_are_texts_are_refused(tmp_path):
+    path = tmp_path / "texts.nc"
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"N": 3}
+        texts = np.array(["a", "b", "c"], dtype=object)
+        file.create_variable("PRES", ("N",), h5py.string_dtype(), data=texts)
+        file.create_variable("TEMP", ("N",), "f8", data=np.ones(3))
+    with pytest.raises(InputError) as caught:
+        read_cast(path)
+    assert caught.value.file == path
 
 
 @pytest.mark.parametrize("engine", ["3", "4"])

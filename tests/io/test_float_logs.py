@@ -118,6 +118,13 @@ def test_a_made_up_dive(made_up: Path) -> None:
     )
 
 
+def test_a_run_that_was_broken_off_is_not_ended_again_by_a_full_bladder(tmp_path: Path) -> None:
+    path = tmp_path / "02_5E6D9838.LOG"
+    for ticks, lasted in ((29100, 300.0 - 29100 * 0.01), (0, 300.0)):
+        path.write_text(OLDER.replace("29100ticks", f"{ticks}ticks"))
+        assert read_float_log(path).actions[-1].seconds == pytest.approx(lasted, rel=0.05)
+
+
 def test_the_words_of_an_older_firmware(tmp_path: Path) -> None:
     path = tmp_path / "02_5E6D9838.LOG"
     path.write_text(OLDER)

@@ -217,15 +217,16 @@ def _write(task: _Task, out: Path, *, plot: bool) -> list[Path]:
     assert task.result is not None
     with progress(f"writing {task.name}"):
         from swimbladder.show.files import write_all
-        from swimbladder.show.plots.comparison import draw_ahead, draw_comparison
 
         files: dict[str, object] = {f"{task.name}.csv": task.result.columns()}
-        if plot:
-            files[f"{task.name}.png"] = draw_comparison(task.result)
         if task.ahead is not None:
             files[f"{task.name}-ahead.csv"] = task.ahead.columns()
-        if task.ahead is not None and plot:
-            files[f"{task.name}-ahead.png"] = draw_ahead(task.ahead)
+        if plot:
+            from swimbladder.show.plots.comparison import draw_ahead, draw_comparison
+
+            files[f"{task.name}.png"] = draw_comparison(task.result)
+            if task.ahead is not None:
+                files[f"{task.name}-ahead.png"] = draw_ahead(task.ahead)
         return write_all(out, files)
 
 

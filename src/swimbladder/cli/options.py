@@ -82,8 +82,8 @@ def unit_of(text: str) -> str:
 
 def with_one_unit(texts: Sequence[str]) -> list[str]:
     """Return quantities; numbers alone get the unit of the last."""
-    unit = unit_of(texts[-1])
-    return [f"{text} {unit}" if unit and _NUMBER.fullmatch(text) else text for text in texts]
+    unit, parts = unit_of(texts[-1]), [text.strip() for text in texts]
+    return [f"{part} {unit}" if unit and _NUMBER.fullmatch(part) else part for part in parts]
 
 
 def pair(text: str, option: str) -> tuple[str, str]:

@@ -470,6 +470,8 @@ class Body(Expressions):
 
     def visit_AugAssign(self, node: ast.AugAssign) -> list[tree.Statement]:
         """Return how a name changes."""
+        if not isinstance(node.op, ast.Add | ast.Sub | ast.Mult | ast.Div):
+            self.generic_visit(node)
         name = self._target(node.target)
         before = ast.copy_location(ast.Name(name, ast.Load()), node.target)
         changed = ast.copy_location(ast.BinOp(before, node.op, node.value), node)

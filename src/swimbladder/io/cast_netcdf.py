@@ -207,7 +207,8 @@ class NetCDF:
 
     def is_profiles(self) -> bool:
         """Say whether these are the variables of an Argo profile file."""
-        return {"PRES", "TEMP"} <= set(self.variables) and self._numbers("PRES").ndim == 2
+        profiles = {"PRES", "TEMP"} <= set(self.variables)
+        return profiles and self.variables["PRES"].values.ndim == 2
 
     def argo_cast(self, profile: int | None) -> RawCast:
         """Return one profile of an Argo file: the primary one, or that asked for from 1.

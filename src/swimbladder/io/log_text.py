@@ -67,8 +67,8 @@ class LogFile:
         for name in names:
             value = getattr(self.form, name)
             if name in self.form.model_fields_set and value not in (None, idle):
-                what = f"{name} has no use: {why}"
-                raise self.refused(what, remedy.format(name), name, value=value)
+                what, unit = f"{name} has no use: {why}", "s" if name == "tick" else None
+                raise self.refused(what, remedy.format(name), name, value=value, unit=unit)
 
 
 def counted(number: int, noun: str) -> str:

@@ -79,6 +79,10 @@ def test_table_by_hand():
     assert "unstable" in table.sentence
 
 
+def test_a_zero_at_the_end_of_a_row_stands_there():
+    assert routh_table((1.0, 3.0, 1.0, 0.0, -2.0)).rows[:2] == (("1", "1", "-2"), ("3", "0"))
+
+
 def test_zero_at_the_head_of_a_row():
     """s^5 + 2 s^4 + 3 s^3 + 6 s^2 + 5 s + 3: (6 epsilon - 7)/epsilon stands in the first column."""
     table = routh_table([1, 2, 3, 6, 5, 3])

@@ -8,6 +8,7 @@ comes out: masses, needs and margins of the stroke, in sentences and for JSON.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -412,7 +413,9 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
     assumed: list[str] = []
     warnings: list[str] = []
     if deepest is None:
-        shallowest, name = min((cast_column(cast).deepest, cast.name) for cast in casts)
+        shallowest, name = min(
+            ((cast_column(cast).deepest, cast.name) for cast in casts), key=itemgetter(0)
+        )
         deepest = min(shallowest, math.inf if limit is None else limit)
         why = "its rating" if deepest == limit else "where the cast ends; --deepest"
         assumed.append(f"it goes down to {deepest:g} m ({why})")

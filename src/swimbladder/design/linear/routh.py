@@ -131,7 +131,8 @@ def _pair(upper: _Poly, lower: _Poly, rows: list[_Poly], notes: list[str]) -> bo
         factor = a[0] / b[0]
         shifted = [factor * c for c in b] + [Fraction(0)]
         a, b = b, _trimmed([x - y for x, y in zip(a, shifted, strict=True)])
-    rows += [[*polymul(row, divisor)] for row in table]
+    # NumPy has the lowest power first, and leaves out zeros at the highest
+    rows += [[*polymul(row[::-1], divisor[::-1])[::-1]] for row in table]
     notes += marks
     return len(divisor) > 1
 

@@ -251,8 +251,9 @@ def _at_rest(vehicle: Vehicle, p: Plant, q: RateParameters, depth: float) -> lis
     if quantum > 0.0:
         shown = quantum / q.window
         acts = q.coefficient * shown**2 >= 0.5 * step and shown >= 0.5 * q.speed_step
-        one = _predicted("quantum of the depth", quantum, "m", q.tolerance + 0.5 * quantum)
-        add(one, cycles=acts and p.psi != 0.0)
+        cycles = acts and p.psi != 0.0
+        most = q.tolerance + 0.5 * quantum if cycles else math.nan
+        add(_predicted("quantum of the depth", quantum, "m", most), cycles=cycles)
     return found
 
 

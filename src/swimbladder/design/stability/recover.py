@@ -133,8 +133,8 @@ def edge_speed(p: Plant, *, depth: float, volume: float) -> float:
     def side(speed: float) -> float:
         return 1.0 if falls(p, depth=depth, speed=speed, volume=volume) else -1.0
 
-    if side(-_FASTEST) == side(_FASTEST):
-        return -side(_FASTEST) * math.inf
+    if side(-_FASTEST) > 0.0 or side(_FASTEST) < 0.0:
+        return -side(-_FASTEST) * math.inf
     return float(brentq(side, -_FASTEST, _FASTEST, xtol=1e-4))
 
 

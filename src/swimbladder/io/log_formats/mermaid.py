@@ -169,6 +169,7 @@ class _Reader:
         self.speeds: tuple[float, float] | None = None
         self.target: Target | None = None
         self.before: Reading | None = None
+        self.cut = False  # whether the last action is known to have ended before its time
         self.colder = 0  # samples without a temperature that a sea has
         self.oddities: dict[str, list[int]] = {}
 
@@ -219,6 +220,7 @@ class _Reader:
         action = Action(device=device, time=self.now, asked=asked, seconds=asked)
         self.actions.append(replace(action, before=self.before, target=target, stage=stage))
         self.target = self.before = None
+        self.cut = False
 
     def changed(self, **facts: Any) -> None:
         self.actions[-1] = replace(self.actions[-1], **facts)
@@ -226,6 +228,7 @@ class _Reader:
     def ended(self, until: float) -> None:
         last = self.actions[-1]
         self.changed(seconds=min(last.asked, until - last.time))
+        self.cut = True
 
     def worked(self, text: str, *, device: Device) -> None:
         if found := re.match(r"(?:(?:pump )?during|(?:\w+ )?opening(?: for)?) (\d+)ms", text):
@@ -246,7 +249,7 @@ class _Reader:
 
     def surfaced(self, text: str) -> None:
         last = self.actions[-1] if self.actions else None
-        if "bladder full" in text and last and last.device == "pump" and last.seconds == last.asked:
+        if "bladder full" in text and last and last.device == "pump" and not self.cut:
             self.ended(self.now)
 
     def staged(self, text: str) -> None:
