@@ -1,6 +1,7 @@
 """What the commands share: how each of them ends."""
 
 import json
+import signal
 import subprocess
 import sys
 from io import StringIO
@@ -143,3 +144,14 @@ def test_a_reader_that_has_seen_enough_is_no_answer():
         said = command.stderr.read()
         assert command.wait() == 141
     assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("made_of_it", [AttributeError("no data"), SystemExit(1)])
+def test_what_a_library_makes_of_an_interruption_is_one(made_of_it, monkeypatch):
+    def ends():
+        raise made_of_it
+
+    monkeypatch.setattr(common, "_stopped", [signal.SIGINT])
+    assert common.run(ends) == 130
+    monkeypatch.setattr(common, "_stopped", [signal.SIGTERM])
+    assert common.run(ends) == 143

@@ -131,7 +131,7 @@ def table(
 
 # 128 and the number of the signal, as shells have it
 _INTERRUPTED, _PIPE_CLOSED, _TERMINATED = 130, 141, 143
-_terminated: list[bool] = []  # whether what interrupts was SIGTERM
+_stopped: list[int] = []  # signals that interrupted
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # of a stdout
 _Usage = typer.BadParameter.__mro__[1]  # UsageError, of click or of typer's own copy of it
 
@@ -139,11 +139,13 @@ _Usage = typer.BadParameter.__mro__[1]  # UsageError, of click or of typer's own
 def stop_on_terminate() -> None:
     """Let SIGTERM end this process as Ctrl-C does, with the exit code 143."""
 
-    def terminate(*_: object) -> None:
-        _terminated.append(True)
+    def stop(number: int, _: object) -> None:
+        _stopped.append(number)
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGTERM, terminate)
+    signal.signal(signal.SIGTERM, stop)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not ignored, as by nohup
+        signal.signal(signal.SIGINT, stop)
 
 
 def run(function: Callable[[], object], *, json: bool = False) -> int:
@@ -198,7 +200,7 @@ def _run(function: Callable[[], object]) -> tuple[int, dict[str, Any]]:
         why: Any = stop.__context__
         if getattr(why, "errno", None) == errno.EPIPE:
             return _PIPE_CLOSED, {}  # typer's code is 1, and that says no
-        if stop.code == _INTERRUPTED:  # what typer makes of an interruption
+        if stop.code == _INTERRUPTED or _stopped:  # what typer makes of an interruption
             return _interrupted()
         code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
         usage = isinstance(why, _Usage)
@@ -207,11 +209,17 @@ def _run(function: Callable[[], object]) -> tuple[int, dict[str, Any]]:
         param = getattr(why, "param", None)  # its box on stderr has been drawn
         field = max(param.opts, key=len) if param else getattr(why, "option_name", None)
         return code, {"error": why.format_message(), "field": field}
+    except Exception:
+        if not _stopped:
+            raise
+        return _interrupted()  # what a library has made of an interruption
     return 0, {}
 
 
 def _interrupted() -> tuple[int, dict[str, Any]]:
-    word, code = ("terminated", _TERMINATED) if _terminated else ("interrupted", _INTERRUPTED)
+    word, code = (
+        ("terminated", _TERMINATED) if signal.SIGTERM in _stopped else ("interrupted", _INTERRUPTED)
+    )
     console.print(word)
     return code, {"error": word}
 
