@@ -133,10 +133,10 @@ def feedback(s: law.Setting, k: law.Knobs) -> dict[str, float]:
     p, h = s.plant, s.sample_time
     d, a = law.stiffness(p)
     bandwidth = k.sharpness * k.frequency
-    jolt = bandwidth**2 * s.noise * math.sqrt(h)
-    walk = k.learning * jolt * k.frequency / a
+    acceleration = bandwidth**2 * s.noise * math.sqrt(h)
+    drift = k.learning * acceleration * k.frequency / a
     F, G0, G1 = motion_over_sample(p, h)
-    L = filter_gains(p, h, depth=s.noise, acceleration=jolt, neutral_walk=walk)
+    L = filter_gains(p, h, depth=s.noise, acceleration=acceleration, neutral_walk=drift)
     k_z = k.frequency**2 / a
     return {
         "f_zz": F[0, 0], "f_zw": F[0, 1], "f_wz": F[1, 0], "f_ww": F[1, 1],

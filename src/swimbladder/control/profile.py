@@ -12,8 +12,8 @@ of the way, and every small change, is a linear filter with the poles of
 s^3 + 9 s^2/T + 36 s/T^2 + 60/T^3.
 
 What the motor can do is learnt while it is driven hard. A path is planned with a share of the
-motor's rate. Where the motor has less than that, because the battery is lower than was reckoned
-with, or of ice or wear, a path at the old rate is not followed: volume and depth come late, more
+motor's rate. Where the motor has less than that, because the battery is lower than was assumed,
+or of ice or wear, a path at the old rate is not followed: volume and depth come late, more
 and more, and large steps may swing without end, as rate limits let them (Stein, IEEE Control
 Systems Magazine 23(4), 2003, 12). So the rate is watched where the voltage is high and steady,
 paths are planned with what was seen, and one that the vehicle cannot follow begins anew where it

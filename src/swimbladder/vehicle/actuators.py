@@ -212,7 +212,7 @@ class UnifiedActuator(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if self.back_efficiency is not None and self.efficiency is None:
-            what = "what turns the motor back cannot be told without the efficiency of the drive"
+            what = "what turns the motor back is not known without the efficiency of the drive"
             raise refusal(what, "Give both, or neither", "back_efficiency")
 
 

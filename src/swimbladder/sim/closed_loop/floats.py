@@ -151,9 +151,8 @@ def float_model(
     if column is None:
         column = uniform_column(vehicle.water, _MARGIN * max(reach, 0.0) + _BELOW)
     table, why = make_table(vehicle, column)
-    asked = {"shallow": _shallow(vehicle.hull)}
-    bottom = medium.plant.z_bottom
-    given = given_of(vehicle, column, bottom=bottom, accuracy=_EXACT, asked=asked)
+    given = given_of(vehicle, column, bottom=medium.plant.z_bottom, accuracy=_EXACT)
+    given["shallow"] = _shallow(vehicle.hull)
     return FloatModel(vehicle, column, medium.plant, given, table, why)
 
 

@@ -152,14 +152,10 @@ def make_table(vehicle: Vehicle, column: Column) -> tuple[Array, str]:
     return np.ascontiguousarray(table), why
 
 
-def given_of(
-    vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accuracy,
-    asked: dict[str, float] | None = None,
-) -> np.record:  # fmt: skip
+def given_of(vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accuracy) -> np.record:
     """Return what does not change of a vehicle, over a bottom [m]; what is not named here is 0.
 
-    asked: what a mission adds; without it nothing limits depth, charge and time, and the drive does
-    what the vehicle's file says.
+    Nothing limits depth, charge and time, and the drive does what the vehicle's file says.
     """
     hull, stroke, m, a = vehicle.hull, vehicle.stroke, vehicle.mass, vehicle.actuator
     lag = hull.thermal_time_constant
@@ -208,7 +204,7 @@ def given_of(
         "volume_quantum": vehicle.sensors.volume_quantum,
     }
     found = made(GIVEN)
-    for name, value in (values | line_given(vehicle, column) | (asked or {})).items():
+    for name, value in (values | line_given(vehicle, column)).items():
         found[name] = value
     return found
 
