@@ -25,9 +25,20 @@ SOURCE = Path(__file__).with_name("mission.c")
 FLAGS = ("-std=c11", "-O3", "-march=native", "-ffast-math", "-fPIC")
 OPTIONAL = ("-fschedule-insns",)  # where the compiler knows it
 FIELDS = (
-    "T1", "gain", "load_drive", "V_min", "V_max", "supply", "a_b", "psi", "V_0", "d_l", "z_surface",
-    "a_s", "z_bottom",
-)  # fmt: skip
+    "T1",
+    "gain",
+    "load_drive",
+    "V_min",
+    "V_max",
+    "supply",
+    "a_b",
+    "psi",
+    "V_0",
+    "d_l",
+    "z_surface",
+    "a_s",
+    "z_bottom",
+)
 SHAPES = ((16, 512), (32, 512), (8, 512), (8, 256), (16, 256), (32, 256))  # lanes, width [bit]
 LOOPS = ("ensemble", "ensemble_exact")
 RESULTS = ("q", "V", "z", "w", "shallowest", "deepest", "squares")
@@ -61,9 +72,12 @@ class Build:
         fields = np.ascontiguousarray(_fields(fleet.take([lane]))[:, 0])
         rows = np.empty((5, mission.samples + 1))
         self.library.single(
-            mission.samples, _pointer(mission.reference), _gains(mission), _pointer(fields),
+            mission.samples,
+            _pointer(mission.reference),
+            _gains(mission),
+            _pointer(fields),
             _pointer(rows),
-        )  # fmt: skip
+        )
         depth: Array = rows[2]
         return depth
 
@@ -100,9 +114,16 @@ class Build:
 
         def part(first: int, last: int) -> None:
             getattr(self.library, loop)(
-                first, last, count, mission.samples, _pointer(mission.reference), _gains(mission),
-                _pointer(fields), _pointer(results), None if depths is None else _pointer(depths),
-            )  # fmt: skip
+                first,
+                last,
+                count,
+                mission.samples,
+                _pointer(mission.reference),
+                _gains(mission),
+                _pointer(fields),
+                _pointer(results),
+                None if depths is None else _pointer(depths),
+            )
 
         if threads == 1:
             part(0, count)

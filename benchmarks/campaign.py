@@ -54,9 +54,12 @@ def compare(*, quick: bool) -> list[Speed]:
         for name in EXECUTORS:
             with tempfile.TemporaryDirectory() as folder:
                 job = Floats(
-                    vehicle=vehicle, mission=task, columns=[water],
-                    floats=64 if quick else 240, store=Path(folder) / "campaign.zarr",
-                )  # fmt: skip
+                    vehicle=vehicle,
+                    mission=task,
+                    columns=[water],
+                    floats=64 if quick else 240,
+                    store=Path(folder) / "campaign.zarr",
+                )
                 turns[name].append(_timed(job, name))
     return [
         Speed(name, median(one.floats for one in found), median(one.start for one in found))

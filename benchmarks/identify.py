@@ -43,9 +43,13 @@ def fits(*, quick: bool, note: Callable[[str], None]) -> list[Timing]:
     flights = tuple(Flight(k.time, k.depth, k.volume) for k in campaign.kept)
     guess = campaign.guess
     task = Task(
-        flights, guess["psi"], _PAPER.psi_std * campaign.truth["psi"], NEUTRAL_STD,
-        answer.depth_noise, (guess["K2"], guess["T2"], guess["psi"]),
-    )  # fmt: skip
+        flights,
+        guess["psi"],
+        _PAPER.psi_std * campaign.truth["psi"],
+        NEUTRAL_STD,
+        answer.depth_noise,
+        (guess["K2"], guess["T2"], guess["psi"]),
+    )
     theirs: list[tuple[str, float, Answer, str]] = []
     for name, depths in INTEGRATORS.items():
         if quick and name != "odeint":
@@ -78,12 +82,17 @@ def fits(*, quick: bool, note: Callable[[str], None]) -> list[Timing]:
         ),
         *(
             Timing(
-                name, seconds, float(np.exp(a.x[0])), float(np.exp(a.x[1])), a.cost - least,
-                a.evaluations, remark,
+                name,
+                seconds,
+                float(np.exp(a.x[0])),
+                float(np.exp(a.x[1])),
+                a.cost - least,
+                a.evaluations,
+                remark,
             )
             for name, seconds, a, remark in theirs
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _ours(
@@ -116,10 +125,16 @@ def report(timings: list[Timing]) -> str:
         kind = "swimbladder, with profiles" if "profiles" in t.name else "swimbladder"
         rows.append(
             (
-                t.name, number(t.seconds), number(GOALS.get(t.name)), ratio(t.seconds, of[kind]),
-                f"{t.K2:.0f}", f"{t.T2:.2f}", number(t.cost), number(t.runs),
+                t.name,
+                number(t.seconds),
+                number(GOALS.get(t.name)),
+                ratio(t.seconds, of[kind]),
+                f"{t.K2:.0f}",
+                f"{t.T2:.2f}",
+                number(t.cost),
+                number(t.runs),
             )
-        )  # fmt: skip
+        )
     headings = ("Joint fit", "s", "goal", "against ours", "K2", "T2", "cost", "runs")
     remarks = [f"{t.name}: {t.remark}" for t in timings if t.remark]
     return "\n".join(

@@ -78,9 +78,14 @@ def follow(
     while t < duration:
         guards = _guards(p, mode, u)
         result = solve_ivp(
-            _rates(p, mode, u), (t, duration), x, method="DOP853", rtol=RTOL, atol=ATOL,
+            _rates(p, mode, u),
+            (t, duration),
+            x,
+            method="DOP853",
+            rtol=RTOL,
+            atol=ATOL,
             events=[guard for guard, _ in guards],
-        )  # fmt: skip
+        )
         if not result.success:
             raise ArithmeticError(result.message)
         t, x = float(result.t[-1]), result.y[:, -1]

@@ -108,9 +108,15 @@ def by_solve_ivp(
     rates = _rates(f, K2, T2, psi, neutral)
     span = (float(f.time[0]), float(f.time[-1]))
     found = solve_ivp(
-        rates, span, [depth, speed], method="DOP853", t_eval=f.time, rtol=TOLERANCE,
-        atol=TOLERANCE, max_step=1.0,
-    )  # fmt: skip
+        rates,
+        span,
+        [depth, speed],
+        method="DOP853",
+        t_eval=f.time,
+        rtol=TOLERANCE,
+        atol=TOLERANCE,
+        max_step=1.0,
+    )
     result: Array = found.y[0]
     return result
 
@@ -129,7 +135,7 @@ def solve(
     """Return the fit by least_squares on finite differences; with log K2 held where it is given.
 
     most: evaluations of the residuals, those for derivatives not counted.
-    """  # fmt: skip
+    """
     x = task.begin() if start is None else start
 
     def rows(y: Array) -> Array:
@@ -165,7 +171,9 @@ def descend(task: Task, depths: Depths, *, most: int) -> Answer:
         return float(np.sum(task.residual(x, depths) ** 2))
 
     found = minimize(
-        cost, task.begin(), method="Nelder-Mead",
+        cost,
+        task.begin(),
+        method="Nelder-Mead",
         options={"maxfev": most, "maxiter": most, "xatol": 1e-6, "fatol": 1e-3, "adaptive": True},
-    )  # fmt: skip
+    )
     return Answer(found.x, np.full(3, np.nan), float(found.fun), int(found.nfev))

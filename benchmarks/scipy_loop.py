@@ -28,9 +28,15 @@ Advance = Callable[[Any, list[float], float, float], Any]
 
 def _ivp(method: Any, tolerance: float, f: Any, x: list[float], span: float, u: float) -> Any:
     found = solve_ivp(
-        f, (0.0, span), x, method=method, rtol=tolerance, atol=tolerance * SCALE, args=(u,),
+        f,
+        (0.0, span),
+        x,
+        method=method,
+        rtol=tolerance,
+        atol=tolerance * SCALE,
+        args=(u,),
         t_eval=(span,),
-    )  # fmt: skip
+    )
     return found.y[:, -1].tolist()
 
 

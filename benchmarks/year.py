@@ -108,7 +108,7 @@ def compare(*, quick: bool) -> list[Peer]:
             {"kind": "descend", "depth": 1990.0},
             {"kind": "profile", "depth": 10.0, "tolerance": 5.0},
         ],
-    )  # fmt: skip
+    )
     flight = fly_mission(vehicle, task, column)
     cycles = 365.0 * DAY / flight.duration
     right, _ = _replay(flight, "DOP853", 1e-11)
@@ -134,14 +134,22 @@ def report(peers: list[Peer]) -> str:
     """Return the comparison as a table."""
     ours = peers[0].seconds
     lines = [
-        (p.name, number(p.seconds), ratio(p.seconds, ours), number(p.error, 2),
-         " and ".join(f"{run.error:.2g} m at {run.tolerance:.1e}" for run in p.runs) or "-")
+        (
+            p.name,
+            number(p.seconds),
+            ratio(p.seconds, ours),
+            number(p.error, 2),
+            " and ".join(f"{run.error:.2g} m at {run.tolerance:.1e}" for run in p.runs) or "-",
+        )
         for p in peers
-    ]  # fmt: skip
+    ]
     headings = [
-        "A year of ten-day cycles", "s of processor", "to ours", "depth error [m]",
+        "A year of ten-day cycles",
+        "s of processor",
+        "to ours",
+        "depth error [m]",
         "between the errors at rtol",
-    ]  # fmt: skip
+    ]
     return render(headings, lines) + f"\ngoal for the package: {GOAL} s"
 
 
@@ -182,9 +190,14 @@ def _replay(flight: Flight, method: str, tolerance: float) -> tuple[Array, float
 
 
 def _advance(
-    plan: Plan, y: list[float], t: float, end: float, what: Table | None, method: Any,
+    plan: Plan,
+    y: list[float],
+    t: float,
+    end: float,
+    what: Table | None,
+    method: Any,
     tolerance: float,
-) -> list[float]:  # fmt: skip
+) -> list[float]:
     if end <= t:
         return y
     table, step = plan.table, float(plan.given["step"])
@@ -199,9 +212,14 @@ def _advance(
         return w, pull - d_t * w * abs(w), rate * _ML
 
     found = solve_ivp(
-        rates, (t, end), y, method=method, rtol=tolerance,
-        atol=[tolerance, 0.1 * tolerance, tolerance], t_eval=(end,),
-    )  # fmt: skip
+        rates,
+        (t, end),
+        y,
+        method=method,
+        rtol=tolerance,
+        atol=[tolerance, 0.1 * tolerance, tolerance],
+        t_eval=(end,),
+    )
     if not found.success:
         raise ArithmeticError(found.message)
     return [float(value) for value in found.y[:, -1]]

@@ -92,7 +92,7 @@ def counted(source: Path) -> dict[str, int]:
         "code_lines": lambda text: len(code_lines(text)),
         "functions_with_more_than_8_parameters": wide_functions,
         "untyped_functions": lambda text: text.count("no-untyped-def"),
-        "unformatted_places": lambda text: text.count("fmt: skip"),
+        "unformatted_places": lambda text: text.count("fmt: " + "skip"),
     }
     counts = Counter({"repeated_lines": repeated_lines(texts)})
     for name, count in per_file.items():

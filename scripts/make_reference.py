@@ -29,12 +29,26 @@ FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 _REGION = re.compile(r"(<!-- made from the schema: (\w+) -->\n).*?(<!-- end -->)", flags=re.DOTALL)
 _Path = tuple[str, ...]
 _KINDS = {
-    "%": "a share", "m": "length", "L": "volume, beside the cubes of lengths", "kg": "mass",
-    "s": "time", "Hz": "frequency", "A": "current", "V": "voltage", "ohm": "resistance",
-    "H": "inductance", "N": "force", "Pa": "pressure", "W": "power", "J": "energy",
-    "rad": "angle", "rpm": "speed of rotation",
-    "S": "conductance", "K": "temperature difference", "degC": "temperature",
-}  # fmt: skip
+    "%": "a share",
+    "m": "length",
+    "L": "volume, beside the cubes of lengths",
+    "kg": "mass",
+    "s": "time",
+    "Hz": "frequency",
+    "A": "current",
+    "V": "voltage",
+    "ohm": "resistance",
+    "H": "inductance",
+    "N": "force",
+    "Pa": "pressure",
+    "W": "power",
+    "J": "energy",
+    "rad": "angle",
+    "rpm": "speed of rotation",
+    "S": "conductance",
+    "K": "temperature difference",
+    "degC": "temperature",
+}
 
 
 def fields(model: type[BaseModel], skip: tuple[str, ...] = ()) -> Iterator[str]:
@@ -182,9 +196,12 @@ def mission() -> Iterator[str]:
     yield from ("", "### At the top of the file")
     yield from fields(Mission, skip=("setpoints", "phases", "water_motion"))
     for heading, model in (
-        ("[[setpoints]]", Setpoint), ("[[phases]]", Phase), ("[safety]", Safety),
-        ("[[water_motion.internal_waves]]", InternalWave), ("[[water_motion.swell]]", Swell),
-    ):  # fmt: skip
+        ("[[setpoints]]", Setpoint),
+        ("[[phases]]", Phase),
+        ("[safety]", Safety),
+        ("[[water_motion.internal_waves]]", InternalWave),
+        ("[[water_motion.swell]]", Swell),
+    ):
         yield from ("", f"### {heading}", "", inspect.cleandoc(model.__doc__ or ""))
         yield from fields(model)
         yield from tables(model, (heading.strip("[]"),), set(), ())
@@ -195,9 +212,11 @@ def plan() -> Iterator[str]:
     yield from ("", "### At the top of the file")
     yield from fields(Plan, skip=("experiments", "expected"))
     for heading, model in (
-        ("[[expected]]", Expected), ("[[experiments]]", PlannedExperiment),
-        ("[[experiments.moves]]", Move), ("[experiments.trace]", Trace),
-    ):  # fmt: skip
+        ("[[expected]]", Expected),
+        ("[[experiments]]", PlannedExperiment),
+        ("[[experiments.moves]]", Move),
+        ("[experiments.trace]", Trace),
+    ):
         yield from ("", f"### {heading}", "", inspect.cleandoc(model.__doc__ or ""))
         yield from fields(model, skip=("moves",))
 
@@ -223,9 +242,13 @@ def units() -> Iterator[str]:
 
 
 MADE: dict[str, Callable[[], Iterator[str]]] = {
-    "vehicle": vehicle, "laws": laws, "mission": mission, "plan": plan, "log": log,
+    "vehicle": vehicle,
+    "laws": laws,
+    "mission": mission,
+    "plan": plan,
+    "log": log,
     "units": units,
-}  # fmt: skip
+}
 
 
 def made(page: str) -> str:

@@ -34,13 +34,20 @@ KILLED, SURVIVED, TIMEOUT = "killed", "survived", "timeout"
 LEFT_OUT = (".*", "__pycache__", "build", "dist", "report", "node_modules")
 
 COMPARISONS: dict[type[ast.cmpop], tuple[str, tuple[str, ...]]] = {
-    ast.Lt: ("<", ("<=", ">=")), ast.LtE: ("<=", ("<", ">")), ast.Gt: (">", (">=", "<=")),
-    ast.GtE: (">=", (">", "<")), ast.Eq: ("==", ("!=",)), ast.NotEq: ("!=", ("==",)),
-}  # fmt: skip
+    ast.Lt: ("<", ("<=", ">=")),
+    ast.LtE: ("<=", ("<", ">")),
+    ast.Gt: (">", (">=", "<=")),
+    ast.GtE: (">=", (">", "<")),
+    ast.Eq: ("==", ("!=",)),
+    ast.NotEq: ("!=", ("==",)),
+}
 OPERATORS: dict[type[ast.operator], tuple[str, tuple[str, ...]]] = {
-    ast.Add: ("+", ("-",)), ast.Sub: ("-", ("+",)), ast.Mult: ("*", ("/",)),
-    ast.Div: ("/", ("*",)), ast.Pow: ("**", ("*",)),
-}  # fmt: skip
+    ast.Add: ("+", ("-",)),
+    ast.Sub: ("-", ("+",)),
+    ast.Mult: ("*", ("/",)),
+    ast.Div: ("/", ("*",)),
+    ast.Pow: ("**", ("*",)),
+}
 TWINS = {"min": "max", "max": "min", "floor": "ceil", "ceil": "floor", "sin": "cos", "cos": "sin"}
 SKIPPED = (ast.Raise, ast.Assert, ast.JoinedStr, ast.ImportFrom, ast.Import)
 
@@ -74,9 +81,9 @@ def places(source: str) -> Iterator[tuple[int, int, str]]:
         assert node.end_col_offset is not None
         return at(node.lineno, node.col_offset), at(node.end_lineno, node.end_col_offset)
 
-    def between(left: ast.expr, right: ast.expr, old: str, new: Sequence[str]) -> Iterator[
-        tuple[int, int, str]
-    ]:  # fmt: skip
+    def between(
+        left: ast.expr, right: ast.expr, old: str, new: Sequence[str]
+    ) -> Iterator[tuple[int, int, str]]:
         begin = source.index(old, span(left)[1], span(right)[0])
         yield from ((begin, begin + len(old), text) for text in new)
 
@@ -89,9 +96,10 @@ def places(source: str) -> Iterator[tuple[int, int, str]]:
                     yield from between(left, right, *COMPARISONS[type(op)])
         elif isinstance(node, ast.BinOp | ast.AugAssign) and type(node.op) in OPERATORS:
             left, right = (
-                (node.left, node.right) if isinstance(node, ast.BinOp)
+                (node.left, node.right)
+                if isinstance(node, ast.BinOp)
                 else (node.target, node.value)
-            )  # fmt: skip
+            )
             yield from between(left, right, *OPERATORS[type(node.op)])
         elif isinstance(node, ast.BoolOp):
             old, new = ("and", "or") if isinstance(node.op, ast.And) else ("or", "and")
@@ -166,7 +174,7 @@ class Run:
 
     def __init__(
         self, root: Path, tests: dict[str, list[str]], patience: float, interpreted: list[str]
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.root, self.tests, self.patience, self.interpreted = root, tests, patience, interpreted
         self.folder = Path(tempfile.mkdtemp(prefix="mutants-"))
         self._of_thread = threading.local()
@@ -197,18 +205,22 @@ class Run:
         copy = self.copy()
         return os.environ | {
             "PYTHONPATH": os.pathsep.join((str(copy / "tree" / "src"), str(copy / "tree"))),
-            "SWIMBLADDER_CACHE_DIR": str(copy / "cache"), "PYTHONDONTWRITEBYTECODE": "1",
+            "SWIMBLADDER_CACHE_DIR": str(copy / "cache"),
+            "PYTHONDONTWRITEBYTECODE": "1",
             "CI": "1",  # the same examples in every run
-        }  # fmt: skip
+        }
 
     def kernels(self) -> Path:
         """Return the folder of the kernels of the tree as it is now."""
         ask = "import swimbladder.sim.engine.cache as c; print(c.cache_folder())"
         done = subprocess.run(
             [sys.executable, "-c", ask],
-            env=self.environment(), cwd=self.copy() / "tree", capture_output=True, text=True,
+            env=self.environment(),
+            cwd=self.copy() / "tree",
+            capture_output=True,
+            text=True,
             check=False,
-        )  # fmt: skip
+        )
         return Path(done.stdout.strip())
 
     def pytest(self, arguments: str, limit: float | None) -> tuple[str, str]:
@@ -217,9 +229,13 @@ class Run:
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
         with (self.folder / f"{copy.name}.txt").open("w+") as printed:
             process = subprocess.Popen(
-                [*command, *shlex.split(arguments)], cwd=copy / "tree", env=self.environment(),
-                stdout=printed, stderr=subprocess.STDOUT, start_new_session=os.name != "nt",
-            )  # fmt: skip
+                [*command, *shlex.split(arguments)],
+                cwd=copy / "tree",
+                env=self.environment(),
+                stdout=printed,
+                stderr=subprocess.STDOUT,
+                start_new_session=os.name != "nt",
+            )
             self._running.add(process)
             try:
                 code = process.wait(limit)
@@ -359,8 +375,12 @@ def main(words: Sequence[str] | None = None) -> int:
             with contextlib.suppress(ValueError):  # a line that was being written
                 row = json.loads(line)
                 done[row["key"]] = row["ended"]
-    run = Run(root, {path: tests_for(path, listed) for path in paths}, given.patience,
-              listed.get("interpreted", []))  # fmt: skip
+    run = Run(
+        root,
+        {path: tests_for(path, listed) for path in paths},
+        given.patience,
+        listed.get("interpreted", []),
+    )
     lock = threading.Lock()
 
     def one(mutant: Mutant) -> str:

@@ -73,9 +73,11 @@ def _merged_word(old: str, new: str) -> str:
 
 
 def _merged(
-    old: Sequence[str], new: Sequence[str], cost: Callable[[str, str], float],
+    old: Sequence[str],
+    new: Sequence[str],
+    cost: Callable[[str, str], float],
     merge: Callable[[str, str], str],
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Return `new` with the parts of `old` that fit it; a part ``...`` of it stands for many.
 
     The cheapest alignment: a part more costs 1, a part less 1.5 (so that none is swallowed by a

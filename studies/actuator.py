@@ -98,15 +98,21 @@ def same_gains() -> Iterator[None]:
 def _truth(motor: Motor, *, moves: bool) -> dict[str, float]:
     if not moves:
         return {
-            "K1": motor.K1, "T1": motor.T1, "dead_zone": motor.dead_zone,
-            "load_voltage": motor.load, "asymmetry": motor.asymmetry,
-        }  # fmt: skip
+            "K1": motor.K1,
+            "T1": motor.T1,
+            "dead_zone": motor.dead_zone,
+            "load_voltage": motor.load,
+            "asymmetry": motor.asymmetry,
+        }
     out = motor.K_out * (12.0 - motor.dead_zone - motor.load)
     in_ = motor.K_in * (12.0 - motor.dead_zone + motor.load)
     return {
-        "T1": motor.T1, "rate_out": out, "rate_in": in_, "rate": math.sqrt(out * in_),
+        "T1": motor.T1,
+        "rate_out": out,
+        "rate_in": in_,
+        "rate": math.sqrt(out * in_),
         "asymmetry": out / in_,
-    }  # fmt: skip
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

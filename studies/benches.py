@@ -59,9 +59,15 @@ def travel(motor, time, voltage, gain=None):
             wanted = time[low : high + 1]
             wanted = wanted[wanted >= t]
             run = solve_ivp(
-                rate, (t, end), [x, v], method="LSODA", rtol=1e-9, atol=1e-12,
-                dense_output=True, events=stands if v * goal < 0.0 else None,
-            )  # fmt: skip
+                rate,
+                (t, end),
+                [x, v],
+                method="LSODA",
+                rtol=1e-9,
+                atol=1e-12,
+                dense_output=True,
+                events=stands if v * goal < 0.0 else None,
+            )
             reached = wanted[wanted <= run.t[-1]]
             position[np.searchsorted(time, reached)] = run.sol(reached)[0]
             t, (x, v) = run.t[-1], run.y[:, -1]
@@ -122,9 +128,12 @@ def random_bench(random, motor, *, differing=0.0, outliers=0.0):
     position = travel(motor, time, voltage, gain)
     reach = motor.K1 * 6.0  # what it goes in a second
     seen = measured(
-        position, random, noise=reach * 10.0 ** random.uniform(-3.5, -2.0),
-        quantum=reach * 10.0 ** random.uniform(-4.0, -2.0), outliers=outliers,
-    )  # fmt: skip
+        position,
+        random,
+        noise=reach * 10.0 ** random.uniform(-3.5, -2.0),
+        quantum=reach * 10.0 ** random.uniform(-4.0, -2.0),
+        outliers=outliers,
+    )
     return log_of(time, seen, voltage=voltage)
 
 
@@ -144,14 +153,28 @@ def random_moves(random, motor, *, differing=0.0, outliers=0.0):
     position = travel(motor, instants, voltage, gain)[np.searchsorted(instants, time)]
     reach = motor.K1 * 12.0 * motor.T1  # its lag at full speed
     seen = measured(
-        position, random, noise=reach * 10.0 ** random.uniform(-3.0, -1.5),
-        quantum=reach * 10.0 ** random.uniform(-3.0, -1.5), outliers=outliers,
-    )  # fmt: skip
+        position,
+        random,
+        noise=reach * 10.0 ** random.uniform(-3.0, -1.5),
+        quantum=reach * 10.0 ** random.uniform(-3.0, -1.5),
+        outliers=outliers,
+    )
     return log_of(time, seen)
 
 
-def soft_moves(random, *, ramp, T1=0.0, speed=5e-3, count=6, hold=2.0, rest=1.5, step=0.01,
-               noise=2e-6, quantum=0.0):  # fmt: skip
+def soft_moves(
+    random,
+    *,
+    ramp,
+    T1=0.0,
+    speed=5e-3,
+    count=6,
+    hold=2.0,
+    rest=1.5,
+    step=0.01,
+    noise=2e-6,
+    quantum=0.0,
+):
     """A log of moves to and fro whose commanded speed rises along a ramp [s]; T1 follows it."""
     fine = 1e-3
     begins = np.arange(count) * (hold + rest) + rest + random.uniform(0.0, step, count)

@@ -57,7 +57,7 @@ def bounds(
 
     deviations: of what was known before, in SI units or of a logarithm, under the parameter's name;
     0 fixes it, none leaves it free. Infinite where the information is singular.
-    """  # fmt: skip
+    """
     each = [name for name in EACH if deviations.get(name, math.inf) > 0.0]
     count, p = len(experiments), len(names)
     total = p + count * len(each)

@@ -34,9 +34,12 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("report/calibration"), metavar="DIR")
     parser.add_argument("--profiles", action="store_true", help="intervals by profile likelihood")
     parser.add_argument(
-        "--scenario", nargs="+", choices=[s.name for s in SCENARIOS], metavar="NAME",
+        "--scenario",
+        nargs="+",
+        choices=[s.name for s in SCENARIOS],
+        metavar="NAME",
         help=f"only these: {', '.join(s.name for s in SCENARIOS)}",
-    )  # fmt: skip
+    )
     options = parser.parse_args(given)
     if min(options.campaigns, options.jobs) < 1:
         parser.error("--campaigns and --jobs: at least 1")
@@ -44,9 +47,13 @@ def main(given: Sequence[str] | None = None) -> int:
     rows: list[list[str]] = []
     for scenario in chosen:
         found = study(
-            scenario, campaigns=options.campaigns, seed=options.seed, jobs=options.jobs,
-            profiles=options.profiles, folder=options.out,
-        )  # fmt: skip
+            scenario,
+            campaigns=options.campaigns,
+            seed=options.seed,
+            jobs=options.jobs,
+            profiles=options.profiles,
+            folder=options.out,
+        )
         rows += summary(scenario, found)
     table = render(rows, chosen)
     print(table)

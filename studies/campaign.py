@@ -31,16 +31,22 @@ def outcome(scenario: Scenario, *, seed: int, index: int, profiles: bool = False
     """
     campaign = draw(scenario, seed=seed, index=index)
     least = bounds(
-        campaign.body, campaign.motor, campaign.experiments, campaign.noise, scenario.names,
+        campaign.body,
+        campaign.motor,
+        campaign.experiments,
+        campaign.noise,
+        scenario.names,
         {"neutral_error": NEUTRAL_STD, "psi": scenario.psi_std * abs(campaign.truth["psi"])},
-    )  # fmt: skip
+    )
     found: dict[str, Any] = {"scenario": scenario.name, "index": index, "parameters": {}}
     begin = perf_counter()
     try:
         answer = identify(
-            logs(campaign.kept), vehicle(scenario, campaign.guess),
-            **arguments(scenario, campaign), profiles=profiles,
-        )  # fmt: skip
+            logs(campaign.kept),
+            vehicle(scenario, campaign.guess),
+            **arguments(scenario, campaign),
+            profiles=profiles,
+        )
     except NoAnswerError as error:
         return {**found, "identified": False, "why": str(error)}
     found |= {"seconds": perf_counter() - begin, "identified": answer.identified, "why": ""}
@@ -92,11 +98,14 @@ def logs(kept: tuple[Kept, ...]) -> list[Log]:
     """Return the records as logs; the zero of their volume is arbitrary."""
     return [
         Log(
-            source=f"experiment {j}", time=record.time, depth=record.depth,
-            volume=record.volume + 1e-4, line=np.arange(len(record.time)) + 2,
+            source=f"experiment {j}",
+            time=record.time,
+            depth=record.depth,
+            volume=record.volume + 1e-4,
+            line=np.arange(len(record.time)) + 2,
         )
         for j, record in enumerate(kept, start=1)
-    ]  # fmt: skip
+    ]
 
 
 def vehicle(scenario: Scenario, guess: Mapping[str, float]) -> Vehicle:

@@ -58,12 +58,24 @@ def _cases() -> Iterator[Case]:
     yield Case("12 V, the paper's cascade: edge", "voltage limit", vehicle, cascade, numbers)
     # a tuned cascade at a lower frequency, so that it moves little
     quiet = SeaCascadeParameters(
-        gains=sea_cascade_gains(p.a_b, p.d_l, p.gain, 0.125, _TICK), target_weight=1.0,
-        smoothing=0.07, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
-        volume_per_speed=p.d_l / p.a_b, volume_per_acceleration=1.0 / p.a_b, psi=p.psi,
-        depth_voltage=p.load_drive, rate_per_volt=p.gain, voltage_limit=_SUPPLY,
-        volume_min=p.V_min, volume_max=p.V_max, dead_zone=1.5e-6, S_p=_TICK,
-    )  # fmt: skip
+        gains=sea_cascade_gains(p.a_b, p.d_l, p.gain, 0.125, _TICK),
+        target_weight=1.0,
+        smoothing=0.07,
+        leash=0.0,
+        fastest=0.25,
+        jerk=0.007,
+        shortest=3.0,
+        volume_per_speed=p.d_l / p.a_b,
+        volume_per_acceleration=1.0 / p.a_b,
+        psi=p.psi,
+        depth_voltage=p.load_drive,
+        rate_per_volt=p.gain,
+        voltage_limit=_SUPPLY,
+        volume_min=p.V_min,
+        volume_max=p.V_max,
+        dead_zone=1.5e-6,
+        S_p=_TICK,
+    )
     zone = "dead zone of the law"
     yield Case("dead zone of 1.5 cm³, quiet `sea-cascade`", zone, vehicle, SEA_CASCADE, quiet)
     sensors = vehicle.sensors.model_copy(update={"depth_noise": 2e-3, "depth_quantum": _QUANTUM})
@@ -76,13 +88,20 @@ def _cases() -> Iterator[Case]:
     )
     sticky = actuator.model_copy(update={"dead_zone": _FRICTION})
     yield Case(
-        f"friction of {_FRICTION:g} V, the paper's cascade", "friction of the motor",
-        vehicle.model_copy(update={"actuator": sticky}), cascade, numbers,
-    )  # fmt: skip
+        f"friction of {_FRICTION:g} V, the paper's cascade",
+        "friction of the motor",
+        vehicle.model_copy(update={"actuator": sticky}),
+        cascade,
+        numbers,
+    )
     yield Case(
-        f"depth in {1e3 * _QUANTUM:g} mm, the paper's cascade", "quantum of the depth", vehicle,
-        cascade, numbers, _QUANTUM,
-    )  # fmt: skip
+        f"depth in {1e3 * _QUANTUM:g} mm, the paper's cascade",
+        "quantum of the depth",
+        vehicle,
+        cascade,
+        numbers,
+        _QUANTUM,
+    )
 
 
 CASES = tuple(_cases())
@@ -99,9 +118,14 @@ def foretold(case: Case) -> Predicted:
         sample_time=_TICK,
     )
     found = predict(
-        plant(case.vehicle), case.law, case.parameters, linear, depth=_DEPTH,
-        depth_quantum=case.depth_quantum, voltage_quantum=0.0,
-    )  # fmt: skip
+        plant(case.vehicle),
+        case.law,
+        case.parameters,
+        linear,
+        depth=_DEPTH,
+        depth_quantum=case.depth_quantum,
+        voltage_quantum=0.0,
+    )
     own = [one for one in found if one.source == case.source and one.cycle is not None]
     return max(own, key=lambda one: one.cycle is not None and one.cycle.stable)
 

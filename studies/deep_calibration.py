@@ -34,9 +34,7 @@ from swimbladder.jobs import Store, each
 __all__ = ["Score", "main", "outcome", "summary"]
 
 
-def outcome(
-    index: int, *, seed: int = 1, together: int = 1, differ: float = 0.0
-) -> dict[str, Any]:  # fmt: skip
+def outcome(index: int, *, seed: int = 1, together: int = 1, differ: float = 0.0) -> dict[str, Any]:
     """Return what came of a vehicle, by name: error in deviations, deviation over its prior's.
 
     Of several dives also those of what each tells by itself, `random_effects`.
@@ -85,10 +83,17 @@ def summary(found: Sequence[dict[str, Any]]) -> list[Score]:
         half, most, held = (
             float(np.mean(np.abs(e) <= norm.ppf(0.5 + 0.5 * p))) for p in (0.5, 0.8, 0.95)
         )
-        rows.append(Score(
-            name, held, float(e.mean()), float(np.sqrt(np.mean(e * e))),
-            float(np.median([[one["narrowed"][n] for n in of] for one in found])), half, most,
-        ))  # fmt: skip
+        rows.append(
+            Score(
+                name,
+                held,
+                float(e.mean()),
+                float(np.sqrt(np.mean(e * e))),
+                float(np.median([[one["narrowed"][n] for n in of] for one in found])),
+                half,
+                most,
+            )
+        )
     return rows
 
 

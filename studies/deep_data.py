@@ -40,17 +40,20 @@ def logs_of(folder: Path) -> list[FloatLog]:
         }
         found.append(
             FloatLog(
-                source=str(name), start=start.isoformat(),
+                source=str(name),
+                start=start.isoformat(),
                 time=(times[rows.index] - start).dt.total_seconds().to_numpy(),
                 pressure=100.0 * rows["P_mbar"].to_numpy(dtype=float),
                 temperature=1e-3 * rows["T_mdegC"].to_numpy(dtype=float),
-                stage=_stages(rows["stage"]), settings=settings, stages=_mission(dive),
+                stage=_stages(rows["stage"]),
+                settings=settings,
+                stages=_mission(dive),
                 actions=tuple(
                     _action(row, (when - start).total_seconds())
                     for when, (_, row) in zip(begun[mine.index], mine.iterrows(), strict=True)
                 ),
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -114,7 +117,10 @@ def _action(row: pd.Series, time: float) -> Action:
     target = None
     if np.isfinite(row["want_mL"]):
         target = Target(
-            time=time, speed_from=100.0 * row["v_from_mbar_s"], speed_to=100.0 * row["v_to_mbar_s"],
-            change=1e-6 * row["want_mL"], seconds=row["want_ms"] / 1000.0,
-        )  # fmt: skip
+            time=time,
+            speed_from=100.0 * row["v_from_mbar_s"],
+            speed_to=100.0 * row["v_to_mbar_s"],
+            change=1e-6 * row["want_mL"],
+            seconds=row["want_ms"] / 1000.0,
+        )
     return Action(device=device, time=time, asked=seconds, seconds=seconds, target=target)

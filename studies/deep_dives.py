@@ -97,9 +97,10 @@ def _marks(dive: DeepDive) -> tuple[int, int, float]:
     begin = int(np.argmax(p > BEGIN))
     arrived = int(np.argmax(p > ARRIVED * p.max()))
     pumps = dive.action_time[
-        dive.action_pumps & (dive.action_pressure > 0.9 * p.max())
+        dive.action_pumps
+        & (dive.action_pressure > 0.9 * p.max())
         & (dive.action_time > dive.time[arrived])
-    ]  # fmt: skip
+    ]
     leave = float(pumps[-1])
     for time in pumps[::-1]:
         if leave - time < FOLLOWS:
@@ -133,17 +134,28 @@ def predict(body: Body, fit: DeepFit, dive: DeepDive, speeds: tuple[float, float
     ]
     ahead = np.array(_ahead(body, fit, dive, speeds, t_leave, target)).reshape(-1, 3).T
     return Prediction(
-        next_action=ahead[0], next_told=ahead[1], next_constant=ahead[2],
-        dive=dive, identified=told, action=measured.at(runs), action_told=told.at(runs),
-        action_constant=constant(runs), arrival=arrivals[0], arrival_told=arrivals[1],
+        next_action=ahead[0],
+        next_told=ahead[1],
+        next_constant=ahead[2],
+        dive=dive,
+        identified=told,
+        action=measured.at(runs),
+        action_told=told.at(runs),
+        action_constant=constant(runs),
+        arrival=arrivals[0],
+        arrival_told=arrivals[1],
         arrival_constant=arrivals[2],
-    )  # fmt: skip
+    )
 
 
 def _ahead(
-    body: Body, fit: DeepFit, dive: DeepDive, speeds: tuple[float, float], leave: float,
+    body: Body,
+    fit: DeepFit,
+    dive: DeepDive,
+    speeds: tuple[float, float],
+    leave: float,
     target: float,
-) -> list[tuple[float, float, float]]:  # fmt: skip
+) -> list[tuple[float, float, float]]:
     """Return the pressure at each action: measured, told from the one before, at constant speed.
 
     The volume is what closed the book over the last looks before that.
@@ -196,9 +208,14 @@ def study(folder: Path) -> Study:
         predictions.append(predict(body, found, dive, speeds))
         means.append(predict(body, replace(found, values=values), dive, speeds))
     return Study(
-        body=body, dives=dives, fit=fit_deep(body, dives, priors, free=DEFAULT), others=others,
-        alone=alone, predictions=predictions, means=means,
-    )  # fmt: skip
+        body=body,
+        dives=dives,
+        fit=fit_deep(body, dives, priors, free=DEFAULT),
+        others=others,
+        alone=alone,
+        predictions=predictions,
+        means=means,
+    )
 
 
 def _rms(x: Array) -> float:
@@ -276,9 +293,11 @@ def _print_predictions(predictions: list[Prediction]) -> None:
     sums: list[list[Array]] = [[], [], [], []]
     for p in predictions:
         errors = [
-            (p.action_told - p.action) / 1e4, (p.action_constant - p.action) / 1e4,
-            (p.arrival_told - p.arrival) / 60.0, (p.arrival_constant - p.arrival) / 60.0,
-        ]  # fmt: skip
+            (p.action_told - p.action) / 1e4,
+            (p.action_constant - p.action) / 1e4,
+            (p.arrival_told - p.arrival) / 60.0,
+            (p.arrival_constant - p.arrival) / 60.0,
+        ]
         for total, error in zip(sums, errors, strict=True):
             total.append(error)
         print(_row(p.dive.name, errors))

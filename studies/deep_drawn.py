@@ -51,7 +51,7 @@ _MISSION = Mission(
         {"kind": "hold", "depth": 800.0, "duration": 10_800.0},
         {"kind": "surface", "duration": 600.0},
     ]
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True)
@@ -75,21 +75,30 @@ def the_vehicle() -> Vehicle:
     pump = PowerLawPump(delivery=8e-7, slip=5e-15, idle_power=7.0, power_per_pressure=8e-7)
     motion = vehicle.motion
     assert isinstance(motion, PhysicalMotion)
-    return vehicle.model_copy(update={
-        "actuator": vehicle.actuator.model_copy(update={"pump": pump}),
-        "motion": motion.model_copy(update={"added_mass": motion.added_mass + COWL}),
-    })  # fmt: skip
+    return vehicle.model_copy(
+        update={
+            "actuator": vehicle.actuator.model_copy(update={"pump": pump}),
+            "motion": motion.model_copy(update={"added_mass": motion.added_mass + COWL}),
+        }
+    )
 
 
 @cache
 def known() -> dict[str, Prior]:
     """Return what is known of a vehicle before: its file, and what a maker can say."""
-    return priors_of(the_vehicle(), {
-        "compressibility": Prior(2.46e-10, 0.2e-10), "stiffening": Prior(0.0, 2e-18),
-        "thermal_expansion": Prior(7.7e-5, 0.8e-5), "drag_up": Prior(1.0, 0.1),
-        "pump_delivery": Prior(1.0, 0.1), "valve": Prior(1.0, 0.1),
-        "pump_start": Prior(0.0, 1e-6), "creep": Prior(5e-11, 2e-11),
-    })  # fmt: skip
+    return priors_of(
+        the_vehicle(),
+        {
+            "compressibility": Prior(2.46e-10, 0.2e-10),
+            "stiffening": Prior(0.0, 2e-18),
+            "thermal_expansion": Prior(7.7e-5, 0.8e-5),
+            "drag_up": Prior(1.0, 0.1),
+            "pump_delivery": Prior(1.0, 0.1),
+            "valve": Prior(1.0, 0.1),
+            "pump_start": Prior(0.0, 1e-6),
+            "creep": Prior(5e-11, 2e-11),
+        },
+    )
 
 
 def drawn(index: int, *, seed: int = 1) -> Dived:
@@ -162,10 +171,16 @@ def _waves(rng: np.random.Generator) -> Array:
     for _ in range(WAVES):
         period = float(np.exp(rng.uniform(np.log(FASTEST), np.log(SLOWEST))))
         mode = int(rng.integers(1, 7))
-        rows.append((
-            np.sqrt(period), 2.0 * np.pi / period, rng.uniform(0.0, 2.0 * np.pi),
-            mode * np.pi / depth, 0.0, depth,
-        ))  # fmt: skip
+        rows.append(
+            (
+                np.sqrt(period),
+                2.0 * np.pi / period,
+                rng.uniform(0.0, 2.0 * np.pi),
+                mode * np.pi / depth,
+                0.0,
+                depth,
+            )
+        )
     waves = np.array(rows)
     # the mean square of sin(mode z) sin(omega t) is 1/4
     waves[:, 0] *= LAYERS_MOVE / np.sqrt(0.25 * np.sum(waves[:, 0] ** 2))
@@ -193,15 +208,17 @@ def _log(flight: Flight, waves: Array, rng: np.random.Generator) -> FloatLog:
         if device is not None:
             over = next(n for n in notes[k:] if int(n["what"]) == Note.RUN_OVER)
             seconds = float(over["number"])
-            actions.append(Action(
-                device=device, time=float(note["t"]), asked=seconds, seconds=seconds
-            ))  # fmt: skip
+            actions.append(
+                Action(device=device, time=float(note["t"]), asked=seconds, seconds=seconds)
+            )
     time = np.union1d(np.arange(0.0, t[-1], EVERY), [a.time for a in actions])
     pressure = np.interp(way(time), flight.column.depth, flight.column.pressure)
     pressure = pressure + NOISE * rng.normal(size=len(time))
     return FloatLog(
-        source=f"dive {flight.begin[0]:g}", time=time,
+        source=f"dive {flight.begin[0]:g}",
+        time=time,
         pressure=RESOLUTION * np.round(pressure / RESOLUTION),
-        temperature=np.full(len(time), np.nan), stage=np.full(len(time), -2, dtype=np.int64),
+        temperature=np.full(len(time), np.nan),
+        stage=np.full(len(time), -2, dtype=np.int64),
         actions=tuple(actions),
-    )  # fmt: skip
+    )

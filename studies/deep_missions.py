@@ -116,12 +116,19 @@ def with_law(vehicle: Vehicle, log: FloatLog, weight: float, reading: float) -> 
     parameters = {
         "coefficient": numbers("coeff")[0] / numbers("coeff")[1] * 1e-6 / metre**2,
         "tolerance": log.stages[0].tolerance / weight,
-        "near": near * metre, "far": far * metre, "slow_speed": numbers("rate")[0] * metre,
-        "near_speed": near_speed * metre, "far_speed": far_speed * metre,
-        "ascent_speed": numbers("ascent")[0] * metre, "speed_band": numbers("rate")[0] * metre,
-        "speed_step": metre, "volume_step": 2e-6, "dead": dead, "run": RUN,
+        "near": near * metre,
+        "far": far * metre,
+        "slow_speed": numbers("rate")[0] * metre,
+        "near_speed": near_speed * metre,
+        "far_speed": far_speed * metre,
+        "ascent_speed": numbers("ascent")[0] * metre,
+        "speed_band": numbers("rate")[0] * metre,
+        "speed_step": metre,
+        "volume_step": 2e-6,
+        "dead": dead,
+        "run": RUN,
         "window": numbers("stab")[0] * dead,
-    }  # fmt: skip
+    }
     return vehicle.model_copy(
         update={
             "controller": Controller(law="rate", sample_time=1.0, parameters=parameters),
@@ -146,11 +153,16 @@ def waves_of(speed: float, seed: int) -> WaterMotion:
     each = 2.0 * speed / np.sqrt(WAVES)
     return WaterMotion(
         internal_waves=[
-            {"amplitude": each / (2.0 * np.pi * f), "period": 1.0 / f, "water_depth": BOTTOM,
-             "mode": 1 + k % MODES, "phase": phase}
+            {
+                "amplitude": each / (2.0 * np.pi * f),
+                "period": 1.0 / f,
+                "water_depth": BOTTOM,
+                "mode": 1 + k % MODES,
+                "phase": phase,
+            }
             for k, (f, phase) in enumerate(zip(frequencies, phases, strict=True))
         ],
-    )  # fmt: skip
+    )
 
 
 def logged(log: FloatLog, dive: DeepDive) -> Told:
@@ -160,20 +172,26 @@ def logged(log: FloatLog, dive: DeepDive) -> Told:
     inside = time[np.abs(dive.pressure - stage.pressure) < stage.tolerance]
     # samples are hours apart in one log; the float asks for no speed only where it has arrived
     rests = [
-        a.time - dive.time[0] for a in log.actions
+        a.time - dive.time[0]
+        for a in log.actions
         if a.target is not None and abs(a.target.speed_to) < MBAR and a.time > dive.time[0]
-    ]  # fmt: skip
+    ]
     arrived = float(min([*inside[:1], *rests[:1]]))
-    leave = float(
-        min(acts[(acts > arrived) & (dive.action_seconds > LEAVES)], default=time[-1])
-    )  # fmt: skip
+    leave = float(min(acts[(acts > arrived) & (dive.action_seconds > LEAVES)], default=time[-1]))
     return _told(time, dive.pressure, acts, arrived, leave, float(time[-1]), stage)
 
 
 def flown(
-    vehicle: Vehicle, column: Column, log: FloatLog, dive: DeepDive, real: Told, volume: float,
-    drive_error: DriveError, motion: WaterMotion, seed: int,
-) -> Told:  # fmt: skip
+    vehicle: Vehicle,
+    column: Column,
+    log: FloatLog,
+    dive: DeepDive,
+    real: Told,
+    volume: float,
+    drive_error: DriveError,
+    motion: WaterMotion,
+    seed: int,
+) -> Told:
     """Return what the mission engine does with the same orders in water that moves.
 
     volume: of the drive where the dive begins [m3]; seed: of the sensor's draws.
@@ -183,18 +201,29 @@ def flown(
     settings = vehicle.controller.parameters if vehicle.controller is not None else {}
     lags = vehicle.hull.thermal_time_constant > 0.0
     mission = Mission(
-        start_depth=float(begin), water_motion=motion,
+        start_depth=float(begin),
+        water_motion=motion,
         start_temperature=float(dive.temperature[0]) if lags else None,
         phases=[
-            {"kind": "park", "depth": depth, "tolerance": stage.tolerance * depth / stage.pressure,
-             "duration": real.leave, "check_interval": float(settings["dead"]) + RUN},
+            {
+                "kind": "park",
+                "depth": depth,
+                "tolerance": stage.tolerance * depth / stage.pressure,
+                "duration": real.leave,
+                "check_interval": float(settings["dead"]) + RUN,
+            },
             {"kind": "surface", "duration": 600.0, "timeout": 4.0 * real.up},
         ],
-    )  # fmt: skip
+    )
     flight = fly_mission(
-        vehicle, mission, column, drive_error=drive_error, start_volume=volume, seed=seed,
+        vehicle,
+        mission,
+        column,
+        drive_error=drive_error,
+        start_volume=volume,
+        seed=seed,
         checked=False,
-    )  # fmt: skip
+    )
     time, z = flight.rows["t"], flight.rows["z"]
     # a hold may go below the cast: its water goes on as it ends there
     below = float(column.density[-1]) * column.gravity * np.maximum(z - column.deepest, 0.0)
@@ -211,20 +240,30 @@ def flown(
 
 
 def _told(
-    time: Array, pressure: Array, acts: Array, arrived: float, leave: float, end: float,
+    time: Array,
+    pressure: Array,
+    acts: Array,
+    arrived: float,
+    leave: float,
+    end: float,
     stage: Stage,
-) -> Told:  # fmt: skip
+) -> Told:
     held = (time >= arrived) & (time <= leave)
-    off = np.interp(
-        np.arange(arrived, leave, LOOKS), time[held], pressure[held]
-    ) - stage.pressure if held.any() else np.array([np.nan])  # fmt: skip
+    off = (
+        np.interp(np.arange(arrived, leave, LOOKS), time[held], pressure[held]) - stage.pressure
+        if held.any()
+        else np.array([np.nan])
+    )
     return Told(
-        to_target=arrived, sinking=int(np.sum(acts < arrived)), leave=leave,
+        to_target=arrived,
+        sinking=int(np.sum(acts < arrived)),
+        leave=leave,
         holding=int(np.sum((acts >= arrived) & (acts < leave))),
-        rising=int(np.sum(acts >= leave)), up=end - leave,
+        rising=int(np.sum(acts >= leave)),
+        up=end - leave,
         inside=float(np.mean(np.abs(off) <= stage.tolerance)),
         spread=float(np.sqrt(np.mean(off**2))),
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -301,9 +340,15 @@ def main() -> None:
     found = as_at_rest(found, creep, tau)
     vehicle, drive_error = with_drive_error(base, found, fit)
     flights = Flights(
-        vehicle=vehicle, drive_error=drive_error, reading=scatter.reading, dives=dives,
-        starts=fit.starts, seas=[WaterMotion()] * SEAS, logs=logs, columns=columns,
-    )  # fmt: skip
+        vehicle=vehicle,
+        drive_error=drive_error,
+        reading=scatter.reading,
+        dives=dives,
+        starts=fit.starts,
+        seas=[WaterMotion()] * SEAS,
+        logs=logs,
+        columns=columns,
+    )
     print(
         "| dive | | to the target, h | actions | holding, h | actions | inside, % | rms, dbar "
         "| up, h | actions |\n|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"
@@ -355,7 +400,7 @@ def _print_causes(
             replace(flights, seas=moving(fit.noise.water)).fly()
         ),
         "one drag for both ways": replace(flights, vehicle=even_drag(flights.vehicle)).fly(),
-    }  # fmt: skip
+    }
     print("\n| | down, h | actions | holding | up, h | actions |\n|---|---:|---:|---:|---:|---:|")
     for name, told in cases.items():
         t = _whole(told)

@@ -117,10 +117,18 @@ def teach(idea: Idea, numbers: tuple[int, ...]) -> tuple[Vehicle, RandomWalkFit]
     problem = posed(records, base, Assumed(fixed), drag=idea.drag)
     found, model = fit_random_walk(problem, base), problem.model
     taught = identified_vehicle(
-        base, model, found.values, found.names, found.covariance, trim_error=None,
-        depth_noise=found.noise.depth, neutral_std=BETWEEN, neutral_walk=found.noise.random_walk,
-        acceleration_noise=found.noise.acceleration, logs=tuple(f"mission {n}" for n in numbers),
-    )  # fmt: skip
+        base,
+        model,
+        found.values,
+        found.names,
+        found.covariance,
+        trim_error=None,
+        depth_noise=found.noise.depth,
+        neutral_std=BETWEEN,
+        neutral_walk=found.noise.random_walk,
+        acceleration_noise=found.noise.acceleration,
+        logs=tuple(f"mission {n}" for n in numbers),
+    )
     return taught, found
 
 
@@ -161,8 +169,11 @@ def judge(idea: Idea, number: int, vehicle: Vehicle) -> tuple[str, str]:
                 for guess in (horizon.predicted, log.depth[horizon.origin])
             ]
         skill = horizon.skill["persistence"]
-        cells += [f"{horizon.rms:.3f}", f"{horizon.persistence_rms:.3f}",
-                  "-" if skill is None else f"{skill:.2f}"]  # fmt: skip
+        cells += [
+            f"{horizon.rms:.3f}",
+            f"{horizon.persistence_rms:.3f}",
+            "-" if skill is None else f"{skill:.2f}",
+        ]
     for more in ((), ("neutral_drift",), ("drag",)):
         cells.append(f"{whole(log, vehicle, idea.water, (*ALONE, *more))[0]:.3f}")
     first = f"| {number} | {idea.name} |"
@@ -211,15 +222,19 @@ def _warm(
 
 def evaluate(ideas: list[Idea], tell: Callable[[str], None]) -> None:
     """Tell how probable each idea makes all three missions, and what it takes for that."""
-    tell("\n| idea | log likelihood | K2, 1/(m2 s) | mass, kg | psi, cm3/m | walk, cm3/s^0.5 |\n"
-         "|---|---:|---:|---:|---:|---:|")  # fmt: skip
+    tell(
+        "\n| idea | log likelihood | K2, 1/(m2 s) | mass, kg | psi, cm3/m | walk, cm3/s^0.5 |\n"
+        "|---|---:|---:|---:|---:|---:|"
+    )
     best = None
     for idea in ideas:
         vehicle, found = teach(idea, LOGS)
         best = found.log_likelihood if best is None else best
-        tell(f"| {idea.name} | {found.log_likelihood - best:+.1f} | {found.values['K2']:.0f} "
-             f"| {vehicle.mass:.1f} | {1e6 * found.values['psi']:.2f} "
-             f"| {1e6 * found.noise.random_walk:.2f} |")  # fmt: skip
+        tell(
+            f"| {idea.name} | {found.log_likelihood - best:+.1f} | {found.values['K2']:.0f} "
+            f"| {vehicle.mass:.1f} | {1e6 * found.values['psi']:.2f} "
+            f"| {1e6 * found.noise.random_walk:.2f} |"
+        )
 
 
 def main() -> None:
@@ -233,9 +248,11 @@ def main() -> None:
         print(text, flush=True)
 
     tell(f"hull: the sensor is {hull_height(folder):.2f} m below its top\n")
-    tell("| mission | water | 10 s ahead, m rms | stays, m rms | skill | 60 s ahead, m rms "
-         "| stays, m rms | skill | whole, m rms | with a drift | with its own drag |\n"
-         "|---|---|" + "---:|" * 9)  # fmt: skip
+    tell(
+        "| mission | water | 10 s ahead, m rms | stays, m rms | skill | 60 s ahead, m rms "
+        "| stays, m rms | skill | whole, m rms | with a drift | with its own drag |\n"
+        "|---|---|" + "---:|" * 9
+    )
     taught: dict[int, Vehicle] = {}
     parts: list[str] = []
     for idea in (listed[0], listed[1]):
@@ -244,8 +261,10 @@ def main() -> None:
             row, part = judge(idea, number, taught[number])
             parts.append(part)
             tell(row)
-    tell("\n| mission | water | 10 s: on its way, m rms | stays | there | stays | 60 s: on its way "
-         "| stays | there | stays |\n|---|---|" + "---:|" * 8)  # fmt: skip
+    tell(
+        "\n| mission | water | 10 s: on its way, m rms | stays | there | stays | 60 s: on its way "
+        "| stays | there | stays |\n|---|---|" + "---:|" * 8
+    )
     tell("\n".join(parts))
     tell(line_table(folder, listed[1].logs, taught, listed[1].water))
     evaluate(listed, tell)

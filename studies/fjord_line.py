@@ -62,8 +62,10 @@ def line_table(
     ]
     for n in DEEP:
         for name, inside, found in _stretches(folder, n, logs[n]):
-            said.append(f"| {n} | {name} | {_rms(found['turns'][inside]):.0f} "
-                        f"| {np.degrees(np.mean(found['tilt'][inside])):.2f} |")  # fmt: skip
+            said.append(
+                f"| {n} | {name} | {_rms(found['turns'][inside]):.0f} "
+                f"| {np.degrees(np.mean(found['tilt'][inside])):.2f} |"
+            )
     for n in TANK:
         found = columns(folder, n, ("gyro_z",))
         held = found["t_s"] > SETTLED
@@ -81,9 +83,14 @@ def line_table(
             ("from there on", log.time >= deepest),
         ):
             found = compare(
-                log.only(inside), vehicles[n], drive="volume", submerged=True, surface_margin=0.3,
-                fit=("neutral_volume", "start_depth", "start_speed"), column=water,
-            )  # fmt: skip
+                log.only(inside),
+                vehicles[n],
+                drive="volume",
+                submerged=True,
+                surface_margin=0.3,
+                fit=("neutral_volume", "start_depth", "start_speed"),
+                column=water,
+            )
             neutral = found.fitted["neutral_volume"].value
             said.append(f"| {n} | {name} | {found.rms:.3f} | {1e6 * neutral:.1f} |")
     return "\n".join(said)

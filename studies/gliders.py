@@ -129,12 +129,22 @@ def glider(volume: float, trim: float, expansion: float) -> Vehicle:
         name="hull", volume=volume, compressibility=_COMPRESSIBILITY, thermal_expansion=expansion
     )
     return Vehicle(
-        name="glider", water=_SURFACE, trim_error=trim, stroke=Stroke(minimum=-1e-3, maximum=1e-3),
-        hull=Hull(displaced_volume=volume, psi=0.0, waterplane_area=0.04, height=1.5,
-                  reference_temperature=_SURFACE.temperature, parts=(part,)),
+        name="glider",
+        water=_SURFACE,
+        trim_error=trim,
+        stroke=Stroke(minimum=-1e-3, maximum=1e-3),
+        hull=Hull(
+            displaced_volume=volume,
+            psi=0.0,
+            waterplane_area=0.04,
+            height=1.5,
+            reference_temperature=_SURFACE.temperature,
+            parts=(part,),
+        ),
         actuator=IdentifiedActuator(K1=1e-3, T1=0.1, piston_area=2e-3),
-        supply=Supply(voltage=12.0), motion=IdentifiedMotion(K2=8000.0, T2=30.0),
-    )  # fmt: skip
+        supply=Supply(voltage=12.0),
+        motion=IdentifiedMotion(K2=8000.0, T2=30.0),
+    )
 
 
 def vertical_speed(vehicle: Vehicle, glides: Glides, drag: float) -> Array:
@@ -186,10 +196,13 @@ def told(glides: Glides, expansion: float, *, odd: bool) -> Told:
     up = rest.volume > 0.0
     means = [float(np.mean(known.speed[(known.volume > 0.0) == way])) for way in (True, False)]
     return Told(
-        volume=(1e-3 * x[2], 1e-3 * std[2]), trim=(1e-6 * x[0], 1e-6 * std[0]),
-        drag=(x[1], std[1]), error=error(x, rest), uniform=error(even, flat[1]),
+        volume=(1e-3 * x[2], 1e-3 * std[2]),
+        trim=(1e-6 * x[0], 1e-6 * std[0]),
+        drag=(x[1], std[1]),
+        error=error(x, rest),
+        uniform=error(even, flat[1]),
         constant=_rms(np.where(up, *means) - rest.speed),
-    )  # fmt: skip
+    )
 
 
 def _rms(values: Array) -> float:
@@ -202,8 +215,10 @@ def main(arguments: Iterable[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, help="that holds slocum_comet")
     glides = read_glides(parser.parse_args(None if arguments is None else list(arguments)).folder)
     print(f"{len(glides.yo)} stretches of 20 s in {len(np.unique(glides.yo))} yos")
-    print("hull           found on  hull [L]      trim [cm3]    C_D0           "
-          "rms on the others [mm/s]: told, one density, one speed")  # fmt: skip
+    print(
+        "hull           found on  hull [L]      trim [cm3]    C_D0           "
+        "rms on the others [mm/s]: told, one density, one speed"
+    )
     for name, expansion in HULLS.items():
         for odd in (True, False):
             t = told(glides, expansion, odd=odd)

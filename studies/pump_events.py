@@ -51,13 +51,18 @@ def summary(vehicles: Iterable[Vehicle]) -> pd.DataFrame:
     """Return the events of each vehicle in bands of pressure."""
     rows = [
         (
-            vehicle.name, band.pressure / 1e4, band.runs, 1e6 * band.volume, band.energy,
-            band.efficiency, band.fitted,
+            vehicle.name,
+            band.pressure / 1e4,
+            band.runs,
+            1e6 * band.volume,
+            band.energy,
+            band.efficiency,
+            band.fitted,
         )
         for vehicle in vehicles
         for law in glider_laws(vehicle)
         for band in efficiency_bands(law)
-    ]  # fmt: skip
+    ]
     names = ["vehicle", "dbar", "events", "mL_each", "J_each", "efficiency", "by_the_law"]
     return pd.DataFrame(rows, columns=names)
 
@@ -74,8 +79,10 @@ def main(arguments: list[str] | None = None) -> int:
     for name, frame in (("events.csv", events), ("vehicles.csv", bands)):
         write_atomically(given.out / name, frame.to_csv(index=False, float_format="%.6g"))
     print(bands.to_string(index=False, float_format=lambda x: f"{x:.3g}"))
-    print(f"{len(events)} events of {events.vehicle.nunique()} gliders; "
-          f"wrote {given.out}/events.csv and vehicles.csv")  # fmt: skip
+    print(
+        f"{len(events)} events of {events.vehicle.nunique()} gliders; "
+        f"wrote {given.out}/events.csv and vehicles.csv"
+    )
     return 0
 
 

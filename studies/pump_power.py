@@ -65,9 +65,11 @@ def float_runs(folder: Path) -> PumpRuns:
     actions = pd.read_csv(folder / "actions.csv.gz", parse_dates=["time"])
     track = pd.read_csv(folder / "pressure.csv.gz", parse_dates=["time"]).sort_values("time")
     runs = actions[
-        (actions.device == "pump") & actions.stage.notna() & (actions.stage != 99)
+        (actions.device == "pump")
+        & actions.stage.notna()
+        & (actions.stage != 99)
         & actions.end_mV.notna()
-    ]  # fmt: skip
+    ]
     now, times = _seconds(runs.time), _seconds(track.time)
     after = np.clip(np.searchsorted(times, now), 1, len(times) - 1)
     gap = np.minimum(np.abs(times[after] - now), np.abs(now - times[after - 1]))
@@ -108,9 +110,14 @@ def float_table(runs: PumpRuns) -> tuple[PumpFit, pd.DataFrame]:
         ) * fitted.voltage_share[own]
         t = runs.duration[own]
         rows.append(
-            (int(number), int(own.sum()), runs.pressure[own].max() / 1e4,
-             float((runs.power[own] * t).sum()), float((power * t).sum()))
-        )  # fmt: skip
+            (
+                int(number),
+                int(own.sum()),
+                runs.pressure[own].max() / 1e4,
+                float((runs.power[own] * t).sum()),
+                float((power * t).sum()),
+            )
+        )
     table = pd.DataFrame(rows, columns=["dive", "runs", "deepest_dbar", "measured_J", "told_J"])
     return fitted, table.assign(error=table.told_J / table.measured_J - 1.0)
 
@@ -129,10 +136,15 @@ def _only(runs: PumpRuns, rows: NDArray[np.bool_]) -> PumpRuns:
         return None if values is None else values[rows]
 
     return PumpRuns(
-        duration=runs.duration[rows], pressure=runs.pressure[rows], power=runs.power[rows],
-        volume=part(runs.volume), temperature=part(runs.temperature), dive=part(runs.dive),
-        voltage=part(runs.voltage), time=part(runs.time),
-    )  # fmt: skip
+        duration=runs.duration[rows],
+        pressure=runs.pressure[rows],
+        power=runs.power[rows],
+        volume=part(runs.volume),
+        temperature=part(runs.temperature),
+        dive=part(runs.dive),
+        voltage=part(runs.voltage),
+        time=part(runs.time),
+    )
 
 
 def _events(folder: Path) -> pd.DataFrame:
@@ -208,10 +220,13 @@ def _split(runs: PumpRuns) -> float | None:
     p, rate = runs.pressure[long][order], (runs.volume / runs.duration)[long][order]
     line = rate - np.polyval(np.polyfit(p, rate, 1), p)
     spread = [
-        (float(np.sum((rate[:k] - rate[:k].mean()) ** 2 ))
-         + float(np.sum((rate[k:] - rate[k:].mean()) ** 2)), k)
+        (
+            float(np.sum((rate[:k] - rate[:k].mean()) ** 2))
+            + float(np.sum((rate[k:] - rate[k:].mean()) ** 2)),
+            k,
+        )
         for k in range(4, len(p) - 4)
-    ]  # fmt: skip
+    ]
     if not spread or min(spread)[0] > _SPLIT * float(line @ line):
         return None
     k = min(spread)[1]
@@ -270,9 +285,14 @@ def glider_tables(vehicle: Vehicle) -> tuple[list[PumpFit], pd.DataFrame, pd.Dat
         power -= fit.value("lost_energy") / t
         rate = fit.value("delivery") - fit.value("slip") * p - fit.value("start_volume") / t
         rows.append(
-            (p / 1e4, int(own.sum()), float(work[own].mean()), float(work[own].std()),
-             p * rate / power)
-        )  # fmt: skip
+            (
+                p / 1e4,
+                int(own.sum()),
+                float(work[own].mean()),
+                float(work[own].std()),
+                p * rate / power,
+            )
+        )
     names = ["dbar", "runs", "efficiency", "spread", "told"]
     return fits, table, pd.DataFrame(rows, columns=names)
 
@@ -287,10 +307,14 @@ def _fitted(runs: PumpRuns) -> PumpFit:
 
 def _numbers(fit: PumpFit) -> str:
     shown = {
-        "idle_power": ("W", 1.0), "power_per_pressure": ("mW/dbar", 1e7),
-        "power_per_temperature": ("W/K", 1.0), "lost_energy": ("J", 1.0),
-        "delivery": ("mL/s", 1e6), "slip": ("mL/s/kdbar", 1e13), "start_volume": ("mL", 1e6),
-    }  # fmt: skip
+        "idle_power": ("W", 1.0),
+        "power_per_pressure": ("mW/dbar", 1e7),
+        "power_per_temperature": ("W/K", 1.0),
+        "lost_energy": ("J", 1.0),
+        "delivery": ("mL/s", 1e6),
+        "slip": ("mL/s/kdbar", 1e13),
+        "start_volume": ("mL", 1e6),
+    }
     return ", ".join(
         f"{name} {e.value * k:.4g} ({e.ci95[0] * k:.4g} to {e.ci95[1] * k:.4g}) {unit}"
         for name, e in fit.parameters.items()
@@ -309,20 +333,29 @@ def main(arguments: list[str]) -> int:
         runs = float_runs(data / "mermaid_p0051")
         fit, table = float_table(runs)
         plain = fit_pump(runs, power_at="end", shortest=_LONG, voltage=False)
-        print(f"mermaid_p0051: {int(fit.kept.sum())} runs over {_LONG:g} s, rms "
-              f"{fit.power_rms:.3f} W at {fit.reference_voltage:.2f} V (without voltages "
-              f"{plain.power_rms:.3f} W); {_numbers(fit)}")  # fmt: skip
+        print(
+            f"mermaid_p0051: {int(fit.kept.sum())} runs over {_LONG:g} s, rms "
+            f"{fit.power_rms:.3f} W at {fit.reference_voltage:.2f} V (without voltages "
+            f"{plain.power_rms:.3f} W); {_numbers(fit)}"
+        )
         weak = fit.kept & (fit.voltage_share < _SAGS)
         with_it, without_it = (np.sqrt(np.mean(_off(f)[weak[f.kept]] ** 2)) for f in (fit, plain))
-        print(f"{int(weak.sum())} of them below {_SAGS * (fit.reference_voltage or 0.0):.2f} V: "
-              f"rms {with_it:.3f} W (without voltages {without_it:.3f} W)")  # fmt: skip
+        print(
+            f"{int(weak.sum())} of them below {_SAGS * (fit.reference_voltage or 0.0):.2f} V: "
+            f"rms {with_it:.3f} W (without voltages {without_it:.3f} W)"
+        )
         worst = table.reindex(table.error.abs().sort_values(ascending=False).index)
-        print(f"{len(table)} dives, each told by the others: median error "
-              f"{table.error.abs().median():.1%}, worst {table.error.abs().max():.1%}, "
-              f"{int((table.error.abs() <= 0.1).sum())} within 10 %")  # fmt: skip
+        print(
+            f"{len(table)} dives, each told by the others: median error "
+            f"{table.error.abs().median():.1%}, worst {table.error.abs().max():.1%}, "
+            f"{int((table.error.abs() <= 0.1).sum())} within 10 %"
+        )
         print(worst.head(6).to_string(index=False, float_format=lambda x: f"{x:.4g}"))
-        print(table[table.deepest_dbar > 100.0].to_string(
-            index=False, float_format=lambda x: f"{x:.4g}"))  # fmt: skip
+        print(
+            table[table.deepest_dbar > 100.0].to_string(
+                index=False, float_format=lambda x: f"{x:.4g}"
+            )
+        )
     if (data / "seaglider").is_dir():
         for vehicle in glider_runs(data / "seaglider"):
             print(f"\n{vehicle.name}")
@@ -332,17 +365,21 @@ def main(arguments: list[str]) -> int:
                 print(error)
                 continue
             for fit in fits:
-                print(f"{int(fit.kept.sum())} runs, rms {fit.power_rms:.2f} W and "
-                      f"{fit.volume_rms * 1e6:.1f} mL; {_numbers(fit)}")  # fmt: skip
+                print(
+                    f"{int(fit.kept.sum())} runs, rms {fit.power_rms:.2f} W and "
+                    f"{fit.volume_rms * 1e6:.1f} mL; {_numbers(fit)}"
+                )
             for part in (dives, efficiency):
                 print(part.to_string(index=False, float_format=lambda x: f"{x:.4g}"))
         print("\nvalves: an orifice, with a difference of pressure at the surface too")
         for b in glider_valves(data / "seaglider"):
             miss = np.abs(b.told / b.rate - 1.0)
-            print(f"{b.name}: {b.flow * 1e6 * 1e5**0.5:.3g} mL/s/bar^0.5, {b.head / 1e3:.3g} kPa "
-                  f"at the surface, {len(b.rate)} events of {b.rate.min() * 1e6:.3g} to "
-                  f"{b.rate.max() * 1e6:.3g} mL/s told within {np.median(miss):.1%} (median), "
-                  f"{miss.max():.1%} at worst")  # fmt: skip
+            print(
+                f"{b.name}: {b.flow * 1e6 * 1e5**0.5:.3g} mL/s/bar^0.5, {b.head / 1e3:.3g} kPa "
+                f"at the surface, {len(b.rate)} events of {b.rate.min() * 1e6:.3g} to "
+                f"{b.rate.max() * 1e6:.3g} mL/s told within {np.median(miss):.1%} (median), "
+                f"{miss.max():.1%} at worst"
+            )
     return 0
 
 

@@ -84,9 +84,14 @@ def cost(
 
     start, target = way
     ran = simulate(
-        vehicle, law=watched, sample_time=_TICK, setpoints=[(0.0, target)], start_depth=start,
-        duration=duration, seed=seed,
-    )  # fmt: skip
+        vehicle,
+        law=watched,
+        sample_time=_TICK,
+        setpoints=[(0.0, target)],
+        start_depth=start,
+        duration=duration,
+        seed=seed,
+    )
     moves = np.diff(ran.volume)
     moving = np.abs(moves) > _STILL
     near = np.flatnonzero(np.abs(ran.depth - target) <= _THERE)

@@ -34,10 +34,17 @@ def maps_of(name: str, deepest: float, *, cells: int = _CELLS) -> tuple[Map, ...
     law, numbers = bind(vehicle.controller) if name == "cascade" else gains_of(name)
     with progress(f"maps of {name}", 1.0) as advance:
         return recovery_maps(
-            vehicle, law, numbers, sample_time=_TICK, depths=(0.0, deepest), within=_WITHIN,
-            band=max(_BAND, getattr(numbers, "band", 0.0)), cells=cells, parts=Store(None),
+            vehicle,
+            law,
+            numbers,
+            sample_time=_TICK,
+            depths=(0.0, deepest),
+            within=_WITHIN,
+            band=max(_BAND, getattr(numbers, "band", 0.0)),
+            cells=cells,
+            parts=Store(None),
             advance=advance,
-        )  # fmt: skip
+        )
 
 
 def lines(name: str, maps: Sequence[Map]) -> list[str]:

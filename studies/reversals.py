@@ -45,11 +45,12 @@ def asked(name: str, *, runs: int, step: Step = _STEP, seed: int = 3) -> dict[st
     p = plant(vehicle)
     s = setting_of(vehicle, sample_time=_TICK, supply=_SUPPLY, neutral_range=20e-6)
     found = traces(
-        vehicle, tunable(name), gains(name, s, KNOBS[name]), step,
-        Drawn(
-            runs, region(vehicle)._replace(neutral=0.0), _SUPPLY, seed=seed, sample_time=_TICK
-        ),
-    )  # fmt: skip
+        vehicle,
+        tunable(name),
+        gains(name, s, KNOBS[name]),
+        step,
+        Drawn(runs, region(vehicle)._replace(neutral=0.0), _SUPPLY, seed=seed, sample_time=_TICK),
+    )
     late = found.time >= found.time[-1] / 3.0
     moves = np.diff(found.volume[late], axis=0)
     moving = np.abs(moves) > _STILL
@@ -79,13 +80,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     found = {name: asked(name, runs=given.runs) for name in KNOBS}
     print("| an hour | " + " | ".join(found) + " |\n|---|" + "---|" * len(found))
     for words, key, form in (
-        ("starts from rest", "starts", "{:.0f}"), ("reversals", "turns", "{:.0f}"),
+        ("starts from rest", "starts", "{:.0f}"),
+        ("reversals", "turns", "{:.0f}"),
         ("jump at a start [V]", "start_V", "{:.2f}"),
         ("jump at a reversal [V]", "turn_V", "{:.2f}"),
         ("heat of jumps times R [V2 s]", "jump_heat", "{:.2g}"),
         ("heat of holding times R [V2 s]", "hold_heat", "{:.2g}"),
-        ("moved [L]", "moved", "{:.2f}"), ("share of the time", "share", "{:.2f}"),
-    ):  # fmt: skip
+        ("moved [L]", "moved", "{:.2f}"),
+        ("share of the time", "share", "{:.2f}"),
+    ):
         print(f"| {words} | " + " | ".join(form.format(x[key]) for x in found.values()) + " |")
 
 

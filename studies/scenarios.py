@@ -57,9 +57,7 @@ class Scenario:
 
 SCENARIOS = (
     Scenario(name="paper", sentence="the paper's eight experiments, psi known to 10 %"),
-    Scenario(
-        name="paper-psi-known", sentence="the same, psi known exactly", psi_std=0.0
-    ),
+    Scenario(name="paper-psi-known", sentence="the same, psi known exactly", psi_std=0.0),
     Scenario(
         name="paper-short-rest",
         sentence="the same as the first, with 0.6 s of rest before the step on record, not 5 s",
@@ -72,18 +70,31 @@ SCENARIOS = (
         random=True,
     ),
     Scenario(
-        name="random-psi-free", sentence="the same, nothing known of psi", random=True,
+        name="random-psi-free",
+        sentence="the same, nothing known of psi",
+        random=True,
         psi_std=math.inf,
     ),
-    Scenario(name="quadratic", sentence="random, with quadratic drag", random=True,
-             drag="quadratic"),
-    Scenario(name="blended", sentence="random, with linear and quadratic drag", random=True,
-             drag="blended"),
-    Scenario(name="coloured", sentence="the paper's, noise with a memory of 0.3 to 0.9 a sample",
-             coloured=True),
-    Scenario(name="outliers", sentence="the paper's, one depth in ten off by 0.3 m (1 sigma)",
-             outliers=0.1),
-)  # fmt: skip
+    Scenario(
+        name="quadratic", sentence="random, with quadratic drag", random=True, drag="quadratic"
+    ),
+    Scenario(
+        name="blended",
+        sentence="random, with linear and quadratic drag",
+        random=True,
+        drag="blended",
+    ),
+    Scenario(
+        name="coloured",
+        sentence="the paper's, noise with a memory of 0.3 to 0.9 a sample",
+        coloured=True,
+    ),
+    Scenario(
+        name="outliers",
+        sentence="the paper's, one depth in ten off by 0.3 m (1 sigma)",
+        outliers=0.1,
+    ),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,9 +135,14 @@ def draw(scenario: Scenario, *, seed: int, index: int) -> Campaign:
     if math.isfinite(scenario.psi_std):
         guess["psi"] = truth["psi"] + scenario.psi_std * abs(truth["psi"]) * float(rng.normal())
     return Campaign(
-        body=body, motor=motor, noise=noise, experiments=tuple(experiments), kept=tuple(kept),
-        truth=truth, guess=guess,
-    )  # fmt: skip
+        body=body,
+        motor=motor,
+        noise=noise,
+        experiments=tuple(experiments),
+        kept=tuple(kept),
+        truth=truth,
+        guess=guess,
+    )
 
 
 def _vehicle(scenario: Scenario, rng: np.random.Generator) -> tuple[Body, Motor, dict[str, float]]:
@@ -181,11 +197,15 @@ def _step(
     nominal = POOL - CLEARANCE if dV > 0.0 else CLEARANCE
     depth = nominal + 0.01 * float(rng.normal())
     return Step(
-        sample_time=sample_time, rest=max(1, math.ceil(rest / sample_time - 1e-9)), pulse=pulse,
-        voltage=dx / (motor.K1 * pulse * sample_time), start_depth=depth, reference_depth=depth,
+        sample_time=sample_time,
+        rest=max(1, math.ceil(rest / sample_time - 1e-9)),
+        pulse=pulse,
+        voltage=dx / (motor.K1 * pulse * sample_time),
+        start_depth=depth,
+        reference_depth=depth,
         start_speed=SPEED_STD * float(rng.normal()),
         neutral_error=NEUTRAL_STD * float(rng.normal()),
-    )  # fmt: skip
+    )
 
 
 def _performed(

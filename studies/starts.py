@@ -105,9 +105,15 @@ def stage_cost(m: Drift, step: float) -> Array:
 
 
 def least_cost(
-    m: Drift, price: float, *, pulse: float = math.inf, grid: Grid | None = None,
-    cost: Array | None = None, tolerance: float = 2e-5, most: int = 2000,
-) -> float:  # fmt: skip
+    m: Drift,
+    price: float,
+    *,
+    pulse: float = math.inf,
+    grid: Grid | None = None,
+    cost: Array | None = None,
+    tolerance: float = 2e-5,
+    most: int = 2000,
+) -> float:
     """Return the least mean of z^2 [mm2] plus the price [mm2 s] of each start a second.
 
     pulse [mm2 s]: price of a volume pulse, there and back, that sets the speed as well. cost
@@ -140,9 +146,13 @@ def least_cost(
 
 
 def fewest(
-    m: Drift, rms: float, prices: Sequence[float], *, pulse: float = math.inf,
+    m: Drift,
+    rms: float,
+    prices: Sequence[float],
+    *,
+    pulse: float = math.inf,
     grid: Grid | None = None,
-) -> float:  # fmt: skip
+) -> float:
     """Return the fewest starts an hour that hold a depth to an rms [mm].
 
     prices [mm2 s]: tried; the bound of each holds, the highest is given. pulse: price of a pulse in
@@ -182,9 +192,7 @@ def _weights(t: float, c: Array) -> None:
 
 
 @compiled
-def _advance(
-    V: Array, W: Array, F: Array, C: Array, ends: Array, spacing: Array
-) -> None:  # fmt: skip
+def _advance(V: Array, W: Array, F: Array, C: Array, ends: Array, spacing: Array) -> None:
     """W = cost of a step and V where it leads; f stays."""
     n = V.shape[0]
     cz, cw = np.empty(4), np.empty(4)

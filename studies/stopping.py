@@ -77,10 +77,13 @@ def run_day(
         _rehearsal(believed, truth, rng, number) if rehearsed else performer(believed, truth, rng)
     )
     day = PoolDay(
-        believed, folder, rules=Rules(bottom=POOL - 0.05, change=2.8e-6),
+        believed,
+        folder,
+        rules=Rules(bottom=POOL - 0.05, change=2.8e-6),
         tasks=paper_tasks(believed, pool_depth=POOL),
-        asked=Asked(targets=(Target("K2", target), Target("T2", target))), mode="simulated",
-    )  # fmt: skip
+        asked=Asked(targets=(Target("K2", target), Target("T2", target))),
+        mode="simulated",
+    )
     list(day.begin_log("simulated"))
     found: dict[str, Any] = {"number": number, "each": {}}
     for performed in range(1, _MOST + 1):
@@ -128,10 +131,15 @@ def performer(believed: Vehicle, truth: Array, rng: np.random.Generator) -> Perf
         pulse = max(1, math.ceil(abs(dx) / (motor.K1 * _SUPPLY * _TICK) - 1e-9))
         depth = task.start + 0.01 * rng.normal()
         step = Step(
-            sample_time=_TICK, rest=round(_FREE / _TICK), pulse=pulse,
-            voltage=dx / (motor.K1 * pulse * _TICK), start_depth=depth, reference_depth=depth,
-            start_speed=_REST_SPEED * rng.normal(), neutral_error=NEUTRAL_STD * rng.normal(),
-        )  # fmt: skip
+            sample_time=_TICK,
+            rest=round(_FREE / _TICK),
+            pulse=pulse,
+            voltage=dx / (motor.K1 * pulse * _TICK),
+            start_depth=depth,
+            reference_depth=depth,
+            start_speed=_REST_SPEED * rng.normal(),
+            neutral_error=NEUTRAL_STD * rng.normal(),
+        )
         paths = follow(body, motor, step, round(_LONGEST / _TICK))
         path, volume = paths[0][0], paths[1][0]
         inside = (path > task.shallowest - 0.05) & (path < task.deepest + 0.05)
@@ -155,11 +163,9 @@ def _rehearsal(believed: Vehicle, truth: Array, rng: np.random.Generator, number
         update={
             "motion": IdentifiedMotion(K2=K2, T2=T2),
             "hull": believed.hull.model_copy(update={"psi": psi}),
-            "sensors": Sensors(
-                depth_noise=2e-3, depth_quantum=quantum, volume_quantum=_QUANTUM
-            ),
+            "sensors": Sensors(depth_noise=2e-3, depth_quantum=quantum, volume_quantum=_QUANTUM),
         }
-    )  # fmt: skip
+    )
     operator = Operator(believed, water, pool_depth=POOL, seed=1000 * number)
     return lambda task: np.column_stack(operator.perform(task)[:3])
 
@@ -174,8 +180,12 @@ def _told(found: Identification, truth: Array) -> dict[str, Any]:
     for name, true in zip(NAMES, truth.tolist(), strict=True):
         e = found.parameters[name]
         told[name] = {
-            "truth": true, "value": e.value, "std": e.std, "low": e.ci95[0], "high": e.ci95[1]
-        }  # fmt: skip
+            "truth": true,
+            "value": e.value,
+            "std": e.std,
+            "low": e.ci95[0],
+            "high": e.ci95[1],
+        }
     return told
 
 

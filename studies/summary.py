@@ -14,9 +14,18 @@ from studies.scenarios import Scenario
 __all__ = ["HEADINGS", "Z95", "binomial_interval", "figures", "render", "summary"]
 
 HEADINGS = (
-    "scenario", "parameter", "covered %", "(95 %)", "bias %", "+-", "rms %", "rms/bound",
-    "width/bound", "no %", "s",
-)  # fmt: skip
+    "scenario",
+    "parameter",
+    "covered %",
+    "(95 %)",
+    "bias %",
+    "+-",
+    "rms %",
+    "rms/bound",
+    "width/bound",
+    "no %",
+    "s",
+)
 Z95 = 1.959963984540054
 
 

@@ -31,10 +31,18 @@ def swayed(
     time = np.arange(0.0, span + 0.5 * _TICK, _TICK)
     wave = height * np.sin(2.0 * np.pi / period * time)
     data = simulate_ensemble(
-        noisy("fast"), count=1, setpoints=[(0.0, _DEPTH)], duration=span, start_depth=_DEPTH,
-        law=law, parameters=numbers, sample_time=_TICK, seed=_SEED, keep="trajectory",
+        noisy("fast"),
+        count=1,
+        setpoints=[(0.0, _DEPTH)],
+        duration=span,
+        start_depth=_DEPTH,
+        law=law,
+        parameters=numbers,
+        sample_time=_TICK,
+        seed=_SEED,
+        keep="trajectory",
         depth_error=wave[: round(span / _TICK) + 1, None],
-    )  # fmt: skip
+    )
     late = data["time"].to_numpy() >= span / 3.0
     depth, volume = (data[v].to_numpy()[late, 0] for v in ("depth", "volume"))
     moved = float(np.abs(np.diff(volume)).sum())
@@ -49,9 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m studies.swell", description=__doc__)
     parser.add_argument(
-        "--height", type=float, nargs="+", default=[2.0, 3.0, 4.0, 5.0, 7.0, 10.0],
+        "--height",
+        type=float,
+        nargs="+",
+        default=[2.0, 3.0, 4.0, 5.0, 7.0, 10.0],
         help="amplitudes of the reading [cm]",
-    )  # fmt: skip
+    )
     parser.add_argument("--period", type=float, default=8.0, help="of the swell [s]")
     given = parser.parse_args(arguments)
     print("| the sensor reads | " + " | ".join(f"`{name}`" for name in FAST) + " |")

@@ -35,8 +35,15 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
 
 __all__ = [
-    "HORIZONS", "judge", "load", "logs_folder", "main", "tank_logs", "train", "warmed",
-]  # fmt: skip
+    "HORIZONS",
+    "judge",
+    "load",
+    "logs_folder",
+    "main",
+    "tank_logs",
+    "train",
+    "warmed",
+]
 
 HORIZONS = (10.0, 60.0)  # s
 BOTTOM = 1.43  # m, where the float lay in mission 37
@@ -114,10 +121,18 @@ def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, RandomWal
     problem = posed(records, vehicle, Assumed(), drag="blended")
     found, model = fit_random_walk(problem, vehicle), problem.model
     fitted = identified_vehicle(
-        vehicle, model, found.values, found.names, found.covariance, trim_error=None,
-        depth_noise=found.noise.depth, neutral_std=0.0, neutral_walk=found.noise.random_walk,
-        acceleration_noise=found.noise.acceleration, logs=tuple(f"mission {n}" for n in logs),
-    )  # fmt: skip
+        vehicle,
+        model,
+        found.values,
+        found.names,
+        found.covariance,
+        trim_error=None,
+        depth_noise=found.noise.depth,
+        neutral_std=0.0,
+        neutral_walk=found.noise.random_walk,
+        acceleration_noise=found.noise.acceleration,
+        logs=tuple(f"mission {n}" for n in logs),
+    )
     return between_logs(records, fitted), found
 
 
@@ -147,14 +162,25 @@ def judge(number: int, log: Log, vehicle: Vehicle, *, open_loop: bool = True) ->
         if so
     ]
     return Row(
-        log=number, skill10=_skill(ahead, 0, "persistence"),
-        integrator10=_skill(ahead, 0, "integrator"), coverage10=near.coverage, rms10=near.rms,
-        n10=near.n, skill60=_skill(ahead, 1, "persistence"),
-        integrator60=_skill(ahead, 1, "integrator"), coverage60=far.coverage, rms60=far.rms,
-        n60=far.n, persistence10=near.persistence_rms, persistence60=far.persistence_rms,
-        constant=rms[0], drifting=rms[1], travelled=travelled, touches=lay or surfaced,
+        log=number,
+        skill10=_skill(ahead, 0, "persistence"),
+        integrator10=_skill(ahead, 0, "integrator"),
+        coverage10=near.coverage,
+        rms10=near.rms,
+        n10=near.n,
+        skill60=_skill(ahead, 1, "persistence"),
+        integrator60=_skill(ahead, 1, "integrator"),
+        coverage60=far.coverage,
+        rms60=far.rms,
+        n60=far.n,
+        persistence10=near.persistence_rms,
+        persistence60=far.persistence_rms,
+        constant=rms[0],
+        drifting=rms[1],
+        travelled=travelled,
+        touches=lay or surfaced,
         reason=", ".join(reasons),
-    )  # fmt: skip
+    )
 
 
 def _skill(ahead: Ahead, horizon: int, against: str) -> float:
@@ -175,17 +201,24 @@ def _travelled(rec: Record, vehicle: Vehicle) -> float:
     assert rec.volume is not None
     first = int(np.argmax(rec.compared))
     samples = Samples(
-        np.ascontiguousarray(rec.time[first:]), np.ascontiguousarray(rec.volume[first:]),
-        np.ascontiguousarray(rec.depth[first:]), rec.compared[first:].astype(np.int8),
-    )  # fmt: skip
+        np.ascontiguousarray(rec.time[first:]),
+        np.ascontiguousarray(rec.volume[first:]),
+        np.ascontiguousarray(rec.depth[first:]),
+        rec.compared[first:].astype(np.int8),
+    )
     filtered = filter_depth(
-        plant(vehicle, bottom_depth=rec.bottom_depth), samples,
+        plant(vehicle, bottom_depth=rec.bottom_depth),
+        samples,
         noise=Noise(known.depth_noise, known.neutral_walk, known.acceleration_noise),
         start=Start(
-            depth=float(samples.depth[0]), speed=0.0, neutral=float(samples.volume[0]),
-            depth_std=0.03, speed_std=0.1, neutral_std=15e-6,
+            depth=float(samples.depth[0]),
+            speed=0.0,
+            neutral=float(samples.volume[0]),
+            depth_std=0.03,
+            speed_std=0.1,
+            neutral_std=15e-6,
         ),
-    )  # fmt: skip
+    )
     return float(np.ptp(filtered.smoothed()[0][:, 2]))
 
 
@@ -209,9 +242,11 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument("--train", type=_numbers, default=TRAIN, metavar="LOG,LOG,...")
     parser.add_argument("--test", type=_numbers, metavar="LOG,LOG,...", help="all others")
     parser.add_argument(
-        "--heat", type=float, metavar="CM3_PER_K",
+        "--heat",
+        type=float,
+        metavar="CM3_PER_K",
         help="also what the training logs tell with so much added to the volume per kelvin",
-    )  # fmt: skip
+    )
     parser.add_argument("--cross-validate", action="store_true", help="leave each session out")
     parser.add_argument("--out", type=Path, metavar="FILE", help="the rows as JSON")
     options = parser.parse_args(given)

@@ -75,9 +75,12 @@ def behaviour(
     moving = moves > STILL
     long = float(time[-1] - time[0])
     return Behaviour(
-        settled, max(float((way * (z - target)).max()), 0.0), float(np.sqrt(np.mean(held**2))),
-        float(moves.sum()) / long, float((moving[1:] & ~moving[:-1]).sum()) / long,
-    )  # fmt: skip
+        settled,
+        max(float((way * (z - target)).max()), 0.0),
+        float(np.sqrt(np.mean(held**2))),
+        float(moves.sum()) / long,
+        float((moving[1:] & ~moving[:-1]).sum()) / long,
+    )
 
 
 def pid_of(row: dict[str, str], vehicle: Vehicle) -> Any:
@@ -86,13 +89,17 @@ def pid_of(row: dict[str, str], vehicle: Vehicle) -> Any:
         return None
     assert vehicle.controller is not None
     logged = {
-        "K_p": float(row["pid_kp"]), "K_i": float(row["pid_ki"]), "K_d": float(row["pid_kd"]),
-        "threshold": float(row["integralTreshold"]), "smoothing": float(row["EMA_alpha"]),
-    }  # fmt: skip
+        "K_p": float(row["pid_kp"]),
+        "K_i": float(row["pid_ki"]),
+        "K_d": float(row["pid_kd"]),
+        "threshold": float(row["integralTreshold"]),
+        "smoothing": float(row["EMA_alpha"]),
+    }
     return law_parameters(
-        POSITION_PID, {**vehicle.controller.parameters, **logged},
+        POSITION_PID,
+        {**vehicle.controller.parameters, **logged},
         sample_time=vehicle.controller.sample_time,
-    )  # fmt: skip
+    )
 
 
 class Mission(NamedTuple):
@@ -126,9 +133,10 @@ def _start(m: Mission) -> dict[str, Any]:
     return {
         "start_depth": max(float(m.record.depth[0]), 0.02),
         "start_volume": float(np.clip(m.record.volume[0], stroke.minimum, stroke.maximum)),
-        "setpoints": list(m.record.setpoints), "duration": m.record.duration,
+        "setpoints": list(m.record.setpoints),
+        "duration": m.record.duration,
         "bottom_depth": m.record.bottom_depth,
-    }  # fmt: skip
+    }
 
 
 def replay(m: Mission) -> tuple[Behaviour, Behaviour, float]:
@@ -163,10 +171,17 @@ def fly(m: Mission, law: Law, parameters: Any, *, runs: int, seed: int = 1) -> l
     samples = int(np.ceil(m.record.duration / parameters.S_p)) + 1
     walk = np.cumsum(rng.normal(size=(samples, runs)), axis=0)
     data = simulate_ensemble(
-        m.vehicle, count=runs, law=law, parameters=parameters, sample_time=parameters.S_p,
-        vary=vary, seed=seed, keep="trajectory",
-        neutral_change=known.neutral_walk * np.sqrt(parameters.S_p) * walk, **_start(m),
-    )  # fmt: skip
+        m.vehicle,
+        count=runs,
+        law=law,
+        parameters=parameters,
+        sample_time=parameters.S_p,
+        vary=vary,
+        seed=seed,
+        keep="trajectory",
+        neutral_change=known.neutral_walk * np.sqrt(parameters.S_p) * walk,
+        **_start(m),
+    )
     time, depth, volume = (data[k].to_numpy() for k in ("time", "depth", "volume"))
     return [behaviour(time, depth[:, k], volume[:, k], m.record.setpoints) for k in range(runs)]
 
@@ -229,11 +244,15 @@ def main(given: Sequence[str] | None = None) -> int:
         for m in missions:
             logged, simulated, apart = replay(m)
             said = reasons(m, logged)
-            print(f"{m.log:3d}  {_shown(logged)} | {_shown(simulated)} {1e3 * apart:6.0f}  {said}",
-                  flush=True)  # fmt: skip
+            print(
+                f"{m.log:3d}  {_shown(logged)} | {_shown(simulated)} {1e3 * apart:6.0f}  {said}",
+                flush=True,
+            )
         ours = position_observer_gains(vehicle, **FITTING)
-        print(f"\nsimulated, {options.runs} vehicles each, the 95th percentile: "
-              "the mission's PID | position-observer")  # fmt: skip
+        print(
+            f"\nsimulated, {options.runs} vehicles each, the 95th percentile: "
+            "the mission's PID | position-observer"
+        )
         print(f"log  {HEAD} | {HEAD}\n     {UNITS} | {UNITS}")
         both: list[list[Array]] = [[], []]
         for m in missions:

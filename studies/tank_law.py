@@ -18,9 +18,14 @@ _NEUTRAL = 15e-6  # m3: the missions of the tank differ by 20 cm3 from one anoth
 
 
 def position_observer_gains(
-    vehicle: Vehicle, *, frequency: float, damping: float, sharpness: float, learning: float,
+    vehicle: Vehicle,
+    *,
+    frequency: float,
+    damping: float,
+    sharpness: float,
+    learning: float,
     dead: float,
-) -> PositionObserverParameters:  # fmt: skip
+) -> PositionObserverParameters:
     """Return the law's parameters for a vehicle, as the tuner makes those of `observer`.
 
     frequency [rad/s] and damping [-] of the depth under feedback; sharpness [-]: bandwidth of the

@@ -86,10 +86,14 @@ def _float_with_air() -> Vehicle:
     """Return a vehicle of which 1 L is air and the rest gives way as the water does."""
     hull = Hull(displaced_volume=0.1, psi=0.0, waterplane_area=0.01, height=0.5, trapped_air=1e-3)
     return Vehicle(
-        name="air", water=WATER, hull=hull, stroke=Stroke(minimum=-1e-3, maximum=1e-3),
+        name="air",
+        water=WATER,
+        hull=hull,
+        stroke=Stroke(minimum=-1e-3, maximum=1e-3),
         actuator=IdentifiedActuator(K1=1e-3, T1=0.1, piston_area=2e-3),
-        supply=Supply(voltage=12.0), motion=IdentifiedMotion(K2=8000.0, T2=30.0),
-    )  # fmt: skip
+        supply=Supply(voltage=12.0),
+        motion=IdentifiedMotion(K2=8000.0, T2=30.0),
+    )
 
 
 def lost_share(depth: Array) -> Array:
@@ -128,9 +132,12 @@ def fit(points: Points, model: str) -> Fit:
             term: (float(v - h), float(v + h))
             for term, v, h in zip(terms, values, half, strict=True)
         },
-        rms=math.sqrt(rss / n), rss=rss, free=free, log_likelihood=likelihood,
+        rms=math.sqrt(rss / n),
+        rss=rss,
+        free=free,
+        log_likelihood=likelihood,
         aicc=2.0 * k - 2.0 * likelihood + 2.0 * k * (k + 1) / (n - k - 1),
-    )  # fmt: skip
+    )
 
 
 def better_by(small: Fit, large: Fit) -> tuple[float, float]:

@@ -84,9 +84,7 @@ def follow(
     phases = [(first.rest, False), (first.pulse, True), (samples - 1, False)]
     advance = _linear if all(b.k_dt == 0.0 for b in bodies) else _by_steps
     zero = np.zeros(count)
-    state = np.stack(
-        [zero, zero, [s.start_depth for s in steps], [s.start_speed for s in steps]]
-    )  # fmt: skip
+    state = np.stack([zero, zero, [s.start_depth for s in steps], [s.start_speed for s in steps]])
     rows, at = [state[None]], 0
     for length, driven in phases:
         length = min(length, samples - 1 - at)
@@ -158,9 +156,14 @@ def _linear(lanes: _Lanes, state: Array, h: float, length: int) -> Array:
 def _by_steps(lanes: _Lanes, state: Array, h: float, length: int) -> Array:
     count = state.shape[1]
     found = solve_ivp(
-        lanes.rates, (0.0, length * h), state.ravel(), method="DOP853", rtol=1e-10,
-        atol=1e-10 * np.repeat(_SIZES, count), t_eval=h * np.arange(1, length + 1),
-    )  # fmt: skip
+        lanes.rates,
+        (0.0, length * h),
+        state.ravel(),
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-10 * np.repeat(_SIZES, count),
+        t_eval=h * np.arange(1, length + 1),
+    )
     if not found.success:
         raise ArithmeticError(found.message)
     return found.y.T.reshape(length, 4, count)

@@ -69,9 +69,15 @@ def tuned(name: str, *, runs: int) -> Tuning:
     goal = goal_of(name)
     with progress(f"tuning {name}", 1.0) as advance:
         return tune(
-            noisy(goal), law=name, goal=goal, depths=_DEPTHS, step=_STEPS[goal], supply=_SUPPLY,
-            runs=runs, advance=advance,
-        )  # fmt: skip
+            noisy(goal),
+            law=name,
+            goal=goal,
+            depths=_DEPTHS,
+            step=_STEPS[goal],
+            supply=_SUPPLY,
+            runs=runs,
+            advance=advance,
+        )
 
 
 def row(words: str, t: Trial, *, goal: str, median: bool = False) -> str:

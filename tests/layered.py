@@ -16,11 +16,13 @@ def vehicle():
     """The small float of the preset, trimmed for the sea, with laminar drag alone."""
     base = load_vehicle("ntnu-bv")
     drag = type(base.drag)(law="linear", k_dl=1.6)
-    return base.model_copy(update={
-        "water": base.water.model_copy(update={"density": SEA}),
-        "motion": base.motion.model_copy(update={"drag": drag}),
-        "trim_error": -8e-6,
-    })  # fmt: skip
+    return base.model_copy(
+        update={
+            "water": base.water.model_copy(update={"density": SEA}),
+            "motion": base.motion.model_copy(update={"drag": drag}),
+            "trim_error": -8e-6,
+        }
+    )
 
 
 def density(z):
@@ -30,10 +32,14 @@ def density(z):
 def column(deepest=8.0):
     depth = np.arange(0.0, deepest + 1e-9, STEP)
     return Column(
-        depth=depth, pressure=SEA * G * depth, density=density(depth),
-        temperature=np.full_like(depth, 8.0), gravity=G, source="halocline",
+        depth=depth,
+        pressure=SEA * G * depth,
+        density=density(depth),
+        temperature=np.full_like(depth, 8.0),
+        gravity=G,
+        source="halocline",
         compressibility=load_vehicle("ntnu-bv").water.compressibility,
-    )  # fmt: skip
+    )
 
 
 def mean_density(z, height):
@@ -42,7 +48,7 @@ def mean_density(z, height):
     def integral(x):
         return FRESHER * x + 0.5 * (SEA - FRESHER) * (
             x + WIDTH * np.log(np.cosh((x - MIDDLE) / WIDTH))
-        )  # fmt: skip
+        )
 
     return (integral(z + height) - integral(z)) / height
 
@@ -70,16 +76,26 @@ def sailed(v, *, seed=1, noise=3e-3, error=0.0, drift=0.0, pushes=PUSHES, start=
         return [x[1], (SEA * G * (rest - V) - k_dl * x[1]) / m]
 
     found = solve_ivp(
-        rate, (0.0, time[-1]), [start, 0.0], t_eval=time, method="DOP853", rtol=1e-10, atol=1e-12,
+        rate,
+        (0.0, time[-1]),
+        [start, 0.0],
+        t_eval=time,
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-12,
         max_step=0.5,
-    )  # fmt: skip
+    )
     depth = found.y[0]
     assert 0.3 < depth.min() < 1.3
     assert depth.max() < 7.5
     return Log(
-        source=f"sailed {seed}", time=time, depth=depth + noise * rng.normal(size=len(time)),
-        volume=volume, volume_absolute=True, line=np.arange(len(time)),
-    )  # fmt: skip
+        source=f"sailed {seed}",
+        time=time,
+        depth=depth + noise * rng.normal(size=len(time)),
+        volume=volume,
+        volume_absolute=True,
+        line=np.arange(len(time)),
+    )
 
 
 COLUMN_HEADER = "pressure [dbar],salinity,temperature [degC]"

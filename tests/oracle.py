@@ -168,9 +168,15 @@ class Oracle:
     """One vehicle; `hold` advances it with the input held."""
 
     def __init__(
-        self, vehicle: Vehicle, *, depth: float, volume: float | None = None, speed: float = 0.0,
-        bottom: float = math.inf, rtol: float = 1e-12,
-    ) -> None:  # fmt: skip
+        self,
+        vehicle: Vehicle,
+        *,
+        depth: float,
+        volume: float | None = None,
+        speed: float = 0.0,
+        bottom: float = math.inf,
+        rtol: float = 1e-12,
+    ) -> None:
         self.m = m = Machine(vehicle, bottom)
         volume = m.psi * depth + m.V_0 if volume is None else volume
         self.y = np.array([0.0, volume * C, depth, speed, 0.0, 0.0, 0.0])
@@ -354,10 +360,10 @@ class Oracle:
         """Let happen what the input, having jumped, makes happen at once."""
         for _ in range(10):
             due = [
-                name for name, g in self._conditions(u).items()
-                if g(self.y) > 0.0
-                and name in _AT_ONCE
-            ]  # fmt: skip
+                name
+                for name, g in self._conditions(u).items()
+                if g(self.y) > 0.0 and name in _AT_ONCE
+            ]
             if not due:
                 return
             self._happen(due[0], u, self.t)
@@ -369,9 +375,15 @@ class Oracle:
         slack |= {name: slack[name] + 1e-10 for name in ("supply", "drag law") if name in slack}
         scale = np.array([1.0, 1.0, 1e-1, 1e-2, 1.0, 1e-3, 1.0])
         solver = DOP853(
-            self._rhs(u), self.t, self.y, end, rtol=self.rtol, atol=self.rtol * scale,
-            first_step=min(1e-3, end - self.t), max_step=0.25,
-        )  # fmt: skip
+            self._rhs(u),
+            self.t,
+            self.y,
+            end,
+            rtol=self.rtol,
+            atol=self.rtol * scale,
+            first_step=min(1e-3, end - self.t),
+            max_step=0.25,
+        )
         while solver.status == "running":
             assert solver.step() is None
             dense = solver.dense_output()
@@ -386,9 +398,10 @@ class Oracle:
                             return g(dense(t)) - s
 
                         first = (
-                            grid[k - 1] if past(grid[k - 1]) >= 0.0
+                            grid[k - 1]
+                            if past(grid[k - 1]) >= 0.0
                             else brentq(past, grid[k - 1], grid[k], xtol=1e-14, rtol=1e-15)
-                        )  # fmt: skip
+                        )
                         happened.append((first, name))
                         break
             if happened:

@@ -17,9 +17,12 @@ def numbers(text: object) -> set[float]:
 
 @contextmanager
 def refused(
-    kind: type[Exception], *, field: str | None = None, value: object = None,
+    kind: type[Exception],
+    *,
+    field: str | None = None,
+    value: object = None,
     holds: Collection[float] = (),
-) -> Iterator[pytest.ExceptionInfo[Exception]]:  # fmt: skip
+) -> Iterator[pytest.ExceptionInfo[Exception]]:
     """Expect an error of a kind, of a field and a value, whose message holds these numbers."""
     with pytest.raises(kind) as caught:
         yield caught

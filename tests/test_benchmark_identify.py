@@ -32,9 +32,14 @@ def test_depths_are_those_of_the_truth(name: str, campaign: Campaign) -> None:
     truth, step = campaign.truth, went.step
     moved = truth["psi"] * (float(kept.depth[0]) - step.reference_depth)
     found = INTEGRATORS[name](
-        flight, truth["K2"], truth["T2"], truth["psi"], step.neutral_error + moved,
-        step.start_depth, step.start_speed,
-    )  # fmt: skip
+        flight,
+        truth["K2"],
+        truth["T2"],
+        truth["psi"],
+        step.neutral_error + moved,
+        step.start_depth,
+        step.start_speed,
+    )
     assert np.abs(found - went.depth).max() < 3e-4
 
 

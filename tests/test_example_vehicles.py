@@ -99,9 +99,12 @@ def loop(vehicle, depth, direction):
         step = np.eye(4)[k] * scale[k]
         high, low = (np.array(motor_rhs(State(*(x_0 + s * step)), u_0, p)) for s in (1.0, -1.0))
         A[:, k] = (high - low) / (2.0 * scale[k])
-    b = [(m - n) / 0.2 for m, n in zip(
-        motor_rhs(State(*x_0), u_0 + 0.1, p), motor_rhs(State(*x_0), u_0 - 0.1, p), strict=True
-    )]  # fmt: skip
+    b = [
+        (m - n) / 0.2
+        for m, n in zip(
+            motor_rhs(State(*x_0), u_0 + 0.1, p), motor_rhs(State(*x_0), u_0 - 0.1, p), strict=True
+        )
+    ]
     held = np.zeros((5, 5))
     held[:4, :4], held[:4, 4] = A, b
     held = expm(held * vehicle.controller.sample_time)

@@ -84,10 +84,30 @@ def test_without_a_folder_nothing_is_kept():
 def test_values_that_differ_have_names_that_differ():
     other = FEUP.model_copy(update={"trim_error": 1e-6})
     values = [
-        None, True, 1, 1.0, "1", b"1", (1,), [1], ((1,),), (1, 2), (12,), {"a": 1}, {"a": 2}, FEUP,
-        other, np.ones(2), np.ones((2, 1)), np.ones(2, np.float32), np.float64(1.0), Point(1, 2),
-        Shape("a", [Point(1, 2)]), Shape("a", [Point(1, 3)]), Shape("b", [Point(1, 2)]),
-    ]  # fmt: skip
+        None,
+        True,
+        1,
+        1.0,
+        "1",
+        b"1",
+        (1,),
+        [1],
+        ((1,),),
+        (1, 2),
+        (12,),
+        {"a": 1},
+        {"a": 2},
+        FEUP,
+        other,
+        np.ones(2),
+        np.ones((2, 1)),
+        np.ones(2, np.float32),
+        np.float64(1.0),
+        Point(1, 2),
+        Shape("a", [Point(1, 2)]),
+        Shape("a", [Point(1, 3)]),
+        Shape("b", [Point(1, 2)]),
+    ]
     assert len({identity(value) for value in values}) == len(values)
     assert identity({"b": 1, "a": 2}) == identity({"a": 2, "b": 1})
     # what is remarked of a vehicle changes nothing
@@ -231,14 +251,18 @@ def test_a_worker_with_another_version_is_named_before_anything_is_done(source, 
     file = tmp_path / "scheduler.json"
     dask = [sys.executable, "-m"]
     started = [
-        subprocess.Popen([*dask, *arguments, "--no-dashboard", "--scheduler-file", str(file)],
-                         env=os.environ | {"PYTHONPATH": str(other)}, cwd=tmp_path,
-                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        subprocess.Popen(
+            [*dask, *arguments, "--no-dashboard", "--scheduler-file", str(file)],
+            env=os.environ | {"PYTHONPATH": str(other)},
+            cwd=tmp_path,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         for arguments in (
             ["distributed.cli.dask_scheduler", "--port", "0", "--host", "127.0.0.1"],
             ["distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1"],
         )
-    ]  # fmt: skip
+    ]
     try:
         begin = time.monotonic()
         while not file.exists():

@@ -85,10 +85,14 @@ def test_operators_signs_and_returns_are_changed():
     assert len(mutate.drawn(found, 100, 1)) == len(found)  # each is Python
     changes = {m.after for m in found}
     assert changes == {
-        "g = a / b if not (a and b) else a ** b", "g = -a * b if not (a and b) else a ** b",
-        "g = -a / b if (a and b) else a ** b", "g = -a / b if not (a or b) else a ** b",
-        "g = -a / b if not (a and b) else a * b", "return a + b", "return -(a - b)",
-    }  # fmt: skip
+        "g = a / b if not (a and b) else a ** b",
+        "g = -a * b if not (a and b) else a ** b",
+        "g = -a / b if (a and b) else a ** b",
+        "g = -a / b if not (a or b) else a ** b",
+        "g = -a / b if not (a and b) else a * b",
+        "return a + b",
+        "return -(a - b)",
+    }
 
 
 @pytest.mark.slow

@@ -165,10 +165,24 @@ def installed(tmp_path_factory):
         '[project]\nname = "swb-probe"\nversion = "1.0"\n' + "\n".join(entries) + "\n"
     )
     subprocess.run(
-        [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps",
-         "--no-build-isolation", "--disable-pip-version-check", "--target", target, source],
-        check=True, capture_output=True, text=True,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--no-index",
+            "--no-deps",
+            "--no-build-isolation",
+            "--disable-pip-version-check",
+            "--target",
+            target,
+            source,
+        ],
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     return target
 
 
@@ -206,8 +220,17 @@ class TestALaw:
         from swimbladder.io.vehicle_file import vehicle_file
 
         (tmp_path / "v.toml").write_text(vehicle_file(HOVER), encoding="utf-8")
-        code = main(["simulate", str(tmp_path / "v.toml"), "--duration", "60", "--json",
-                     "--out", str(tmp_path / "out")])  # fmt: skip
+        code = main(
+            [
+                "simulate",
+                str(tmp_path / "v.toml"),
+                "--duration",
+                "60",
+                "--json",
+                "--out",
+                str(tmp_path / "out"),
+            ]
+        )
         assert code == 0
         assert json.loads(capsys.readouterr().out)["vehicle"] == FEUP.name
 
@@ -270,9 +293,21 @@ class TestFormats:
         log = sb.read_log(tmp_path / "log.csv", log_format="hover-logger")
         assert log.time[-1] == pytest.approx(99.75)
         assert log.depth[0] == pytest.approx(0.52)
-        code = main(["compare", str(tmp_path / "log.csv"), "--vehicle", "feup-em", "--json",
-                     "--log-format", "hover-logger", "--drive", "volume",
-                     "--out", str(tmp_path / "out")])  # fmt: skip
+        code = main(
+            [
+                "compare",
+                str(tmp_path / "log.csv"),
+                "--vehicle",
+                "feup-em",
+                "--json",
+                "--log-format",
+                "hover-logger",
+                "--drive",
+                "volume",
+                "--out",
+                str(tmp_path / "out"),
+            ]
+        )
         assert code in (0, 1), capsys.readouterr().err
         answer = json.loads(capsys.readouterr().out)
         assert answer["drive"] == "volume", answer
@@ -284,8 +319,13 @@ class TestFormats:
         path.write_bytes(b"SWBZ" + zlib.compress(rows.astype(float).tobytes()))
         cast = read_cast(path)
         table = tmp_path / "water.csv"
-        np.savetxt(table, rows, delimiter=",", comments="",
-                   header="pressure_dbar,temperature_degC,salinity")  # fmt: skip
+        np.savetxt(
+            table,
+            rows,
+            delimiter=",",
+            comments="",
+            header="pressure_dbar,temperature_degC,salinity",
+        )
         same = read_cast(table, latitude=45.0, longitude=-20.0)
         assert np.allclose(cast.SA, same.SA, rtol=1e-9)
         assert np.allclose(cast.CT, same.CT, rtol=1e-9)
@@ -317,12 +357,18 @@ class TestWhatIsBroken:
             ("def LAW(:", "SyntaxError"),
             ("", "AttributeError"),
             (LAW, "is called 'bad' and the law 'hover'"),
-            (LAW.replace('name="hover"', 'name="bad"').replace(', "m3 s/m"]', "]", 1)
-             .replace("Annotated[float]", "float"), "k_d has"),
-            (LAW.replace('name="hover"', 'name="bad"').replace('"voltage"', '"torque"'),
-             "no actuator takes a torque"),
+            (
+                LAW.replace('name="hover"', 'name="bad"')
+                .replace(', "m3 s/m"]', "]", 1)
+                .replace("Annotated[float]", "float"),
+                "k_d has",
+            ),
+            (
+                LAW.replace('name="hover"', 'name="bad"').replace('"voltage"', '"torque"'),
+                "no actuator takes a torque",
+            ),
         ],
-    )  # fmt: skip
+    )
     def test_it_is_one_line_and_in_nobodys_way(self, beside, text, says):
         module = f"bad_{zlib.crc32(text.encode())}"
         beside("swb-bad", {"laws": {"bad": f"{module}:LAW"}}, **{module: text})
@@ -374,9 +420,12 @@ def test_nothing_of_others_is_imported_before_it_is_used(installed):
         "print(*sorted(sys.modules), file=sys.stderr)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
         env={"PYTHONPATH": str(installed), "PATH": ""},
-    )  # fmt: skip
+    )
     loaded = done.stderr.split()
     assert not re.search(r"swb_probe", done.stderr)
     assert "swimbladder.plugins" not in loaded

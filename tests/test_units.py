@@ -21,12 +21,26 @@ from swimbladder.units import (
 
 # Names that pint spells otherwise.
 PINT_NAMES = {
-    "%": "percent", "cc": "cm**3", "t": "tonne", "rev": "turn", "d": "day", "Ω": "ohm",
-    "mohm": "milliohm", "kohm": "kiloohm", "uL": "microliter", "um": "micrometer",
-    "us": "microsecond", "uA": "microampere", "uV": "microvolt", "uH": "microhenry", "L": "liter",
-    "l": "liter", "ml": "milliliter",
-    "rpm": "revolutions_per_minute", "degC": "delta_degC",
-}  # fmt: skip
+    "%": "percent",
+    "cc": "cm**3",
+    "t": "tonne",
+    "rev": "turn",
+    "d": "day",
+    "Ω": "ohm",
+    "mohm": "milliohm",
+    "kohm": "kiloohm",
+    "uL": "microliter",
+    "um": "micrometer",
+    "us": "microsecond",
+    "uA": "microampere",
+    "uV": "microvolt",
+    "uH": "microhenry",
+    "L": "liter",
+    "l": "liter",
+    "ml": "milliliter",
+    "rpm": "revolutions_per_minute",
+    "degC": "delta_degC",
+}
 SI_BASES = ["m", "kg", "s", "A", "rad"]
 
 
@@ -191,16 +205,25 @@ def test_a_quantity_is_shown_in_another_unit():
 @pytest.mark.parametrize(
     ("value", "digits", "text"),
     [
-        (339.6, 2, "340"), (101.2, 2, "100"), (7935.54, 4, "7936"), (2.4e4, 2, "24000"),
-        (0.0512, 2, "0.051"), (1.5e-7, 2, "1.5e-07"), (3.3e9, 2, "3.3e+09"), (0.0, 3, "0"),
+        (339.6, 2, "340"),
+        (101.2, 2, "100"),
+        (7935.54, 4, "7936"),
+        (2.4e4, 2, "24000"),
+        (0.0512, 2, "0.051"),
+        (1.5e-7, 2, "1.5e-07"),
+        (3.3e9, 2, "3.3e+09"),
+        (0.0, 3, "0"),
         (-12.34, 3, "-12.3"),
     ],
-)  # fmt: skip
+)
 def test_rounded_numbers_are_written_in_full(value, digits, text):
     assert rounded(value, digits) == text
 
 
 def test_people_read_small_volumes():
     assert [shown_unit(unit) for unit in ("m3", "m3/m", "m3/s", "kg")] == [
-        "cm3", "cm3/m", "cm3/h", "kg",
-    ]  # fmt: skip
+        "cm3",
+        "cm3/m",
+        "cm3/h",
+        "kg",
+    ]

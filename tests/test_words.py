@@ -61,9 +61,10 @@ NAMES = 5  # KEY's value, isTold, untold twice, .told
 def project(tmp_path):
     def made(told=TOLD, names=NAMES):
         files = {
-            **FILES, "scripts/words.toml": LIST,
+            **FILES,
+            "scripts/words.toml": LIST,
             budget.BUDGET: BUDGETS.format(told=told, names=names),
-        }  # fmt: skip
+        }
         for name, text in files.items():
             (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / name).write_text(text, encoding="utf-8")

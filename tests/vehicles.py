@@ -60,56 +60,85 @@ def paper(**changes: Any) -> Vehicle:
 
 def body(drag: Drag = LINEAR, **changes: Any) -> dict[str, Any]:
     """Hull, mass and stroke of the made-up vehicles; the sensor sits 0.3 m below the top."""
-    return dict(
-        name="made up",
-        supply=Supply(voltage=12.0),
-        stroke=Stroke(minimum="-200 cm3", maximum="200 cm3"),
-        hull=Hull(
-            displaced_volume=0.03, psi=-1e-6, waterplane_area=0.02, emergence_depth=0.3, height=1.2
-        ),
-        motion=PhysicalMotion(dry_mass=30.0, entrained_mass=2.0, added_mass=4.0, drag=drag),
-    ) | changes  # fmt: skip
+    return (
+        dict(
+            name="made up",
+            supply=Supply(voltage=12.0),
+            stroke=Stroke(minimum="-200 cm3", maximum="200 cm3"),
+            hull=Hull(
+                displaced_volume=0.03,
+                psi=-1e-6,
+                waterplane_area=0.02,
+                emergence_depth=0.3,
+                height=1.2,
+            ),
+            motion=PhysicalMotion(dry_mass=30.0, entrained_mass=2.0, added_mass=4.0, drag=drag),
+        )
+        | changes
+    )
 
 
 def screw(
-    *, efficiency: float = 0.5, friction: float = 0.0, literal: bool = False, R_b: float = 0.0,
-    drag: Drag = LINEAR, **changes: Any,
-) -> Vehicle:  # fmt: skip
+    *,
+    efficiency: float = 0.5,
+    friction: float = 0.0,
+    literal: bool = False,
+    R_b: float = 0.0,
+    drag: Drag = LINEAR,
+    **changes: Any,
+) -> Vehicle:
     """A motor on a spindle: 60 s from stop to stop, 0.1 to 0.4 V per metre of depth."""
     return Vehicle(
         actuator=ElectromechanicalActuator(
             motor=Motor(
-                resistance=1.5, torque_constant=0.03, rotor_inertia=3e-5, viscous_friction=4e-6,
+                resistance=1.5,
+                torque_constant=0.03,
+                rotor_inertia=3e-5,
+                viscous_friction=4e-6,
                 friction_torque=friction,
             ),
             drive=ScrewDrive(
-                lead="2 mm/rev", gear_ratio=20, efficiency=efficiency, piston_area="60 cm2",
+                lead="2 mm/rev",
+                gear_ratio=20,
+                efficiency=efficiency,
+                piston_area="60 cm2",
                 reflected_inertia=2e-5,
             ),
             literal_efficiency=literal,
         ),
         **(body(drag) | dict(supply=Supply(voltage=12.0, internal_resistance=R_b)) | changes),
-    )  # fmt: skip
+    )
 
 
 def pump(
-    *, leak: float = 2e-14, friction: float = 4e-3, R_b: float = 0.0, drag: Drag = LINEAR,
-    efficiency: float = 0.8, **changes: Any,
-) -> Vehicle:  # fmt: skip
+    *,
+    leak: float = 2e-14,
+    friction: float = 4e-3,
+    R_b: float = 0.0,
+    drag: Drag = LINEAR,
+    efficiency: float = 0.8,
+    **changes: Any,
+) -> Vehicle:
     """A motor on a leaking pump; leak in m3/s/Pa."""
     return Vehicle(
         actuator=ElectrohydraulicActuator(
             motor=Motor(
-                resistance=1.2, torque_constant=0.06, rotor_inertia=1.5e-5, viscous_friction=2e-6,
+                resistance=1.2,
+                torque_constant=0.06,
+                rotor_inertia=1.5e-5,
+                viscous_friction=2e-6,
                 friction_torque=friction,
             ),
             drive=HydraulicDrive(
-                pump_displacement="0.3 cc/rev", pump_efficiency=efficiency, pump_leakage=leak,
-                reflected_inertia=3e-6, viscous_friction=1e-5,
+                pump_displacement="0.3 cc/rev",
+                pump_efficiency=efficiency,
+                pump_leakage=leak,
+                reflected_inertia=3e-6,
+                viscous_friction=1e-5,
             ),
         ),
         **(body(drag) | dict(supply=Supply(voltage=24.0, internal_resistance=R_b)) | changes),
-    )  # fmt: skip
+    )
 
 
 def stepper(drag: Drag = LINEAR, **changes: Any) -> Vehicle:
@@ -137,9 +166,12 @@ def vehicles(draw: st.DrawFn, *, kinds: str = "identified unified lossy position
         actuator = Positioner(speed=rate / 1e-2, piston_area=1e-2)
     elif kind == "identified":
         actuator = IdentifiedActuator(
-            K1=rate / 12.0 / 5e-3, T1=T1, piston_area=5e-3, k_l=k_l,
+            K1=rate / 12.0 / 5e-3,
+            T1=T1,
+            piston_area=5e-3,
+            k_l=k_l,
             depth_voltage=draw(st.sampled_from([0.0, 0.077, 0.5])),
-        )  # fmt: skip
+        )
     else:
         lossy = kind == "lossy"
         k_u = k_emf = 0.05
@@ -147,11 +179,17 @@ def vehicles(draw: st.DrawFn, *, kinds: str = "identified unified lossy position
         k_q = rate / 12.0 * k_v / k_u
         eta = draw(st.sampled_from([1.0, 0.8, 0.3])) if lossy else 1.0
         actuator = UnifiedActuator(
-            inertia=T1 * k_v, k_u=k_u, k_v=k_v, k_q=k_q, k_z=9806.65 * k_q / eta, k_l=k_l,
+            inertia=T1 * k_v,
+            k_u=k_u,
+            k_v=k_v,
+            k_q=k_q,
+            k_z=9806.65 * k_q / eta,
+            k_l=k_l,
             efficiency=eta if lossy else None,
             friction_torque=draw(st.sampled_from([0.0, 0.02, 0.1])) if lossy else 0.0,
-            resistance=1.0, emf_constant=k_emf,
-        )  # fmt: skip
+            resistance=1.0,
+            emf_constant=k_emf,
+        )
     laminar, turbulent = draw(exponents(0.1, 100.0)), draw(exponents(1.0, 500.0))
     epsilon = draw(exponents(0.005, 0.2))
     drag = draw(

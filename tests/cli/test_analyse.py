@@ -65,10 +65,15 @@ def test_text_has_tables_and_sentences(capsys):
     assert "feup-em at 100 m" in captured.err
     text = " ".join(captured.out.split())
     for phrase in (
-        "Linear analysis of feup-em at 100 m", "/ (3.267 s^4 + 36.39 s^3 + 0.997115 s^2",
-        "s^3 36.39 -0.0320596", "155.7 m", "outside the stroke", "0.99706", "phase, degrees 41.07",
+        "Linear analysis of feup-em at 100 m",
+        "/ (3.267 s^4 + 36.39 s^3 + 0.997115 s^2",
+        "s^3 36.39 -0.0320596",
+        "155.7 m",
+        "outside the stroke",
+        "0.99706",
+        "phase, degrees 41.07",
         "delay by eigenvalues, s 0.2356",
-    ):  # fmt: skip
+    ):
         assert phrase in text, phrase
 
 

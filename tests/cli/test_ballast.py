@@ -38,8 +38,11 @@ def test_a_neutral_depth_in_words_and_files(capsys, tmp_path, cast):
     assert "The stroke covers it with a probability of more than 99" in said
     assert "it goes down to 1000 m (its rating)" in said
     assert {p.name for p in out.iterdir()} == {
-        "ballast.png", "ballast.csv", "ballast.json", "vehicle.toml",
-    }  # fmt: skip
+        "ballast.png",
+        "ballast.csv",
+        "ballast.json",
+        "vehicle.toml",
+    }
     with (out / "ballast.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 1001
@@ -92,9 +95,20 @@ def test_uncertainty_is_taken_from_the_options(capsys, tmp_path, cast):
     options = ("--neutral-depth", "500 m", "--json")
     assert run(cast, tmp_path / "a", *options) == 0
     sure = json.loads(capsys.readouterr().out)
-    more = ("--mass-std", "30 g", "--volume-std", "20 cm3", "--heat-std", "1e-5 1/K",
-            "--psi-std", "0.02 cm3/m", "--density-std", "0.5 kg/m3", "--air-std",
-            "1 cm3")  # fmt: skip
+    more = (
+        "--mass-std",
+        "30 g",
+        "--volume-std",
+        "20 cm3",
+        "--heat-std",
+        "1e-5 1/K",
+        "--psi-std",
+        "0.02 cm3/m",
+        "--density-std",
+        "0.5 kg/m3",
+        "--air-std",
+        "1 cm3",
+    )
     assert run(cast, tmp_path / "b", *options, *more) == 0
     unsure = json.loads(capsys.readouterr().out)
     assert unsure["uncertainty"]["mass"] == 0.03
@@ -146,8 +160,18 @@ def test_bad_input_is_exit_2_and_nothing_is_written(capsys, tmp_path, cast, opti
 def test_a_cast_that_ends_above_the_target(capsys, tmp_path, cast):
     short = tmp_path / "short.csv"
     short.write_text("\n".join(cast.read_text().splitlines()[:100]) + "\n")
-    code = main(["ballast", "example-eh", "--cast", str(short), "--deepest", "1000 m",
-                 "--out", str(tmp_path / "out")])  # fmt: skip
+    code = main(
+        [
+            "ballast",
+            "example-eh",
+            "--cast",
+            str(short),
+            "--deepest",
+            "1000 m",
+            "--out",
+            str(tmp_path / "out"),
+        ]
+    )
     assert code == 2
     assert "above 1000 m" in capsys.readouterr().err.replace("\n", " ")
 
@@ -221,9 +245,11 @@ def test_a_dry_mass_that_no_water_carries_is_refused(capsys, tmp_path, command, 
         'schema_version = 1\n[[phases]]\nkind = "surface"\nduration = "1 min"\ntimeout = "2 min"\n'
     )
     more = {
-        "ballast": [], "mission": [str(task)], "campaign": [str(task), "--floats", "1"],
+        "ballast": [],
+        "mission": [str(task)],
+        "campaign": [str(task), "--floats", "1"],
         "simulate": ["--duration", "3 s"],
-    }[command]  # fmt: skip
+    }[command]
     assert main([command, str(file), *more, "--out", str(out)]) == 2
     printed = " ".join(capsys.readouterr().err.split())
     assert said in printed
@@ -244,8 +270,18 @@ def test_options_that_would_have_no_effect_are_refused(capsys, tmp_path, cast):
 
 
 def test_a_latitude_beyond_the_pole(capsys, tmp_path, cast):
-    code = main(["ballast", "example-eh", "--cast", str(cast), "--latitude", "143",
-                 "--out", str(tmp_path / "out")])  # fmt: skip
+    code = main(
+        [
+            "ballast",
+            "example-eh",
+            "--cast",
+            str(cast),
+            "--latitude",
+            "143",
+            "--out",
+            str(tmp_path / "out"),
+        ]
+    )
     assert code == 2
     assert "not between -90 and 90" in capsys.readouterr().err.replace("\n", " ")
 
@@ -253,9 +289,21 @@ def test_a_latitude_beyond_the_pole(capsys, tmp_path, cast):
 @pytest.mark.data
 def test_a_float_in_the_ligurian_sea(capsys, tmp_path, data_dir):
     path = data_dir / "mermaid_p0051" / "ctd_profiles.csv.gz"
-    code = main(["ballast", "example-eh", "--cast", str(path), "--where",
-                 "profile_time=2020-07-03 21:54:40", "--neutral-depth", "500 m", "--json",
-                 "--out", str(tmp_path / "out")])  # fmt: skip
+    code = main(
+        [
+            "ballast",
+            "example-eh",
+            "--cast",
+            str(path),
+            "--where",
+            "profile_time=2020-07-03 21:54:40",
+            "--neutral-depth",
+            "500 m",
+            "--json",
+            "--out",
+            str(tmp_path / "out"),
+        ]
+    )
     assert code == 0
     answer = json.loads(capsys.readouterr().out)
     # From the surface to 1000 m the float's sea gets 7 kg/m3 denser: 0.68 % of 44 L is 300 cm3,

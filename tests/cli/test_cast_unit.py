@@ -259,9 +259,12 @@ def test_python_refuses_what_the_commands_refuse(tmp_path):
     shallow = read_cast(written(tmp_path, "bar", 80.0))
     with pytest.raises(InputError) as caught:
         simulate(
-            feup, setpoints=[(0.0, 6.0)], duration=60.0, start_depth=1.5,
+            feup,
+            setpoints=[(0.0, 6.0)],
+            duration=60.0,
+            start_depth=1.5,
             column=cast_column(shallow, step=0.1),
-        )  # fmt: skip
+        )
     assert str(caught.value) == refused(shallow, 6.0, 100.0)
 
 

@@ -20,15 +20,26 @@ from swimbladder.cli import (
 from swimbladder.cli.casts import CastReading
 
 COMMANDS = {
-    "ballast": ballast.ballast, "campaign": campaign.campaign, "energy": energy.energy,
-    "mission": mission.mission, "size": size.size, "simulate": simulate.simulate,
-    "tune": tune.tune, "compare-laws": compare_laws.compare_laws,
-}  # fmt: skip
+    "ballast": ballast.ballast,
+    "campaign": campaign.campaign,
+    "energy": energy.energy,
+    "mission": mission.mission,
+    "size": size.size,
+    "simulate": simulate.simulate,
+    "tune": tune.tune,
+    "compare-laws": compare_laws.compare_laws,
+}
 SAMPLED = ("simulate", "tune", "compare-laws")
 OPTIONS = {
-    "--column": "salinity=S", "--where": "dive=1", "--log-format": "form.toml", "--profile": "2",
-    "--latitude": "0", "--longitude": "0", "--salinity": "0", "--inversions": "keep",
-}  # fmt: skip
+    "--column": "salinity=S",
+    "--where": "dive=1",
+    "--log-format": "form.toml",
+    "--profile": "2",
+    "--latitude": "0",
+    "--longitude": "0",
+    "--salinity": "0",
+    "--inversions": "keep",
+}
 MISSION = """
 schema_version = 1
 name = "once"

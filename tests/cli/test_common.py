@@ -138,8 +138,10 @@ def test_a_reader_that_has_seen_enough_is_no_answer():
     """As of `swimbladder vehicle list | head -1`: 141 as shells have it, not the 1 that says no."""
     with subprocess.Popen(
         [Path(sys.executable).parent / "swimbladder", "vehicle", "list"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    ) as command:  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as command:
         command.stdout.close()
         said = command.stderr.read()
         assert command.wait() == 141

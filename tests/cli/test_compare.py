@@ -11,8 +11,14 @@ from swimbladder.cli import main
 from swimbladder.io.log_formats import FORMATS
 
 COLUMNS = [
-    "time_s", "depth_m", "depth_predicted_m", "residual_m", "compared", "volume_m3", "voltage_V",
-]  # fmt: skip
+    "time_s",
+    "depth_m",
+    "depth_predicted_m",
+    "residual_m",
+    "compared",
+    "volume_m3",
+    "voltage_V",
+]
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +48,17 @@ def refusal(capsys, *arguments, code=2):
 def test_a_simulated_trajectory_is_predicted_by_what_made_it(capsys, sailed, tmp_path):
     for drive, limit in (("volume", 1e-3), ("voltage", 1e-5), ("setpoint", 1e-6)):
         a = answer(
-            capsys, sailed, "--vehicle", "feup-em", "--drive", drive, "--fit", "none",
-            "--out", tmp_path,
-        )  # fmt: skip
+            capsys,
+            sailed,
+            "--vehicle",
+            "feup-em",
+            "--drive",
+            drive,
+            "--fit",
+            "none",
+            "--out",
+            tmp_path,
+        )
         assert a["drive"] == drive
         assert a["rms_m"] < limit
         assert a["fitted"] == {}
@@ -55,14 +69,34 @@ def test_a_simulated_trajectory_is_predicted_by_what_made_it(capsys, sailed, tmp
 
 def test_the_keys_and_the_table(capsys, sailed, tmp_path):
     a = answer(
-        capsys, sailed, "--vehicle", "feup-em", "--fit", "neutral_volume,start_speed", "--plot",
-        "--out", tmp_path,
-    )  # fmt: skip
+        capsys,
+        sailed,
+        "--vehicle",
+        "feup-em",
+        "--fit",
+        "neutral_volume,start_speed",
+        "--plot",
+        "--out",
+        tmp_path,
+    )
     assert {
-        "log", "vehicle", "drive", "rms_m", "bias_m", "variance_explained", "largest_m", "fitted",
-        "n", "n_not_compared", "duration_s", "volume_rms_m3", "piston_rms_m", "notes", "ahead",
+        "log",
+        "vehicle",
+        "drive",
+        "rms_m",
+        "bias_m",
+        "variance_explained",
+        "largest_m",
+        "fitted",
+        "n",
+        "n_not_compared",
+        "duration_s",
+        "volume_rms_m3",
+        "piston_rms_m",
+        "notes",
+        "ahead",
         "files",
-    } == set(a)  # fmt: skip
+    } == set(a)
     assert set(a["fitted"]) == {"neutral_volume", "start_speed"}
     assert set(a["fitted"]["neutral_volume"]) == {"value", "std", "unit"}
     assert abs(a["fitted"]["neutral_volume"]["value"]) < 1e-7
@@ -97,9 +131,18 @@ def test_other_columns_and_several_logs(capsys, sailed, tmp_path):
     log = tmp_path / "dives.csv"
     log.write_text("\n".join(lines) + "\n", encoding="ascii")
     mapped = [
-        log, "--vehicle", "feup-em", "--column", "time_s=t", "--column", "depth_m=Depth [cm]",
-        "--column", "volume_m3=V@m3", "--out", tmp_path / "out",
-    ]  # fmt: skip
+        log,
+        "--vehicle",
+        "feup-em",
+        "--column",
+        "time_s=t",
+        "--column",
+        "depth_m=Depth [cm]",
+        "--column",
+        "volume_m3=V@m3",
+        "--out",
+        tmp_path / "out",
+    ]
     one = answer(capsys, *mapped, "--where", "dive=2")
     assert one["rms_m"] < 1e-3
     assert "dive=2" in one["log"]

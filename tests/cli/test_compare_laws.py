@@ -25,9 +25,13 @@ def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
     files = sorted(p.relative_to(out).as_posix() for p in out.rglob("*") if p.is_file())
     written = [f for f in files if not f.startswith("parts/")]
     assert written == [
-        "laws.csv", "laws.html", "laws.json", "pareto.png", "steps.png",
+        "laws.csv",
+        "laws.html",
+        "laws.json",
+        "pareto.png",
+        "steps.png",
         "vehicles/cascade-the-papers.toml",
-    ]  # fmt: skip
+    ]
     check(rows("files-written.md", "compare-laws")[0], answer)
     kept = json.loads((out / "laws.json").read_text(encoding="utf-8"))
     assert kept == {k: v for k, v in answer.items() if k != "files"}

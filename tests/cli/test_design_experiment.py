@@ -9,9 +9,19 @@ from swimbladder.io.plan import load_plan
 from tests.quoted import numbers
 
 QUICK = [
-    "design-experiment", "feup-em", "--pool-depth", "4.5 m", "--sensor-std", "2 mm", "--settling",
-    "5 min", "--moves", "1", "--runs", "2",
-]  # fmt: skip
+    "design-experiment",
+    "feup-em",
+    "--pool-depth",
+    "4.5 m",
+    "--sensor-std",
+    "2 mm",
+    "--settling",
+    "5 min",
+    "--moves",
+    "1",
+    "--runs",
+    "2",
+]
 
 
 def test_it_prints_and_writes_a_plan(capsys, tmp_path):
@@ -51,9 +61,21 @@ def test_json_is_one_object(capsys, tmp_path):
 
 def test_a_no_is_exit_code_1(capsys, tmp_path):
     code = main(
-        [*QUICK, "--sensor-std", "5 cm", "--runs", "1", "--neutral-std", "none", "--against",
-         "none", "--json", "--out", str(tmp_path)]
-    )  # fmt: skip
+        [
+            *QUICK,
+            "--sensor-std",
+            "5 cm",
+            "--runs",
+            "1",
+            "--neutral-std",
+            "none",
+            "--against",
+            "none",
+            "--json",
+            "--out",
+            str(tmp_path),
+        ]
+    )
     printed = capsys.readouterr()
     assert code == 1
     assert json.loads(printed.out)["identifiable"] is False

@@ -38,8 +38,10 @@ def flying(folder, out, parts):
     kept = folder / f".{out}-unfinished"
     process = subprocess.Popen(
         command("mission", "example-float", task, "--out", folder / out, "--json"),
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     while process.poll() is None and len(list(kept.rglob("part-*.npz"))) < parts:
         time.sleep(0.002)
     return process, kept
@@ -51,8 +53,11 @@ def test_a_process_that_is_terminated_ends_as_an_interrupted_one_and_goes_on_whe
     said, complaint = process.communicate(timeout=60)
     assert process.returncode == 143
     assert json.loads(said) == {
-        "error": "terminated", "exit_code": 143, "file": None, "field": None,
-    }  # fmt: skip
+        "error": "terminated",
+        "exit_code": 143,
+        "file": None,
+        "field": None,
+    }
     assert "Traceback" not in complaint
     assert complaint.splitlines()[-1] == "terminated"
     assert "goes on there" in complaint

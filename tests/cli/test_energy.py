@@ -55,10 +55,25 @@ def test_a_depth_beyond_the_rating_is_said_first_and_percent_has_its_blank(capsy
 
 def test_every_option_reaches_the_answer(capsys, tmp_path):
     told = answer(
-        capsys, "example-float", "--thruster-diameter", "0.2 m", "--thruster-efficiency", "70 %",
-        "--thruster-idle", "2 W", "--thruster-number", "3", "--weight-error", "50 cm3",
-        "--speed", "0.3 m/s", "--depth", "800 m", "--out", str(tmp_path / "o"),
-    )  # fmt: skip
+        capsys,
+        "example-float",
+        "--thruster-diameter",
+        "0.2 m",
+        "--thruster-efficiency",
+        "70 %",
+        "--thruster-idle",
+        "2 W",
+        "--thruster-number",
+        "3",
+        "--weight-error",
+        "50 cm3",
+        "--speed",
+        "0.3 m/s",
+        "--depth",
+        "800 m",
+        "--out",
+        str(tmp_path / "o"),
+    )
     vehicle = load_vehicle("example-float")
     thruster = Thruster(diameter=0.2, efficiency=0.7, number=3, idle_power=2.0)
     assert told["thruster"] == thruster._asdict()
@@ -180,9 +195,12 @@ def test_a_pump_is_found_in_logged_runs(capsys, tmp_path):
     runs, out = str(tmp_path / "runs.csv"), tmp_path / "found"
     told = answer(capsys, "example-float", "--fit", runs, *COLUMNS, "--out", str(out))
     for name, true in (
-        ("idle_power", 8.0), ("power_per_pressure", 9e-7), ("delivery", 1.1e-6), ("slip", 1e-14),
+        ("idle_power", 8.0),
+        ("power_per_pressure", 9e-7),
+        ("delivery", 1.1e-6),
+        ("slip", 1e-14),
         ("start_volume", 3e-6),
-    ):  # fmt: skip
+    ):
         low, high = told["parameters"][name]["ci95"]
         assert low < true < high
     assert len(told["dives"]) == told["clusters"] == 8

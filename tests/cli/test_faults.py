@@ -30,8 +30,10 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
     assert code == (0 if told["passed"] else 1)
     assert told["passed"] == (not told["lost"] and not told["healthy"]["false_alarms"])
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
-        "faults.json", "missions.csv", "faults.png",
-    }  # fmt: skip
+        "faults.json",
+        "missions.csv",
+        "faults.png",
+    }
     assert list(tmp_path.iterdir()) == [tmp_path / "out"]
     assert told["missions"] == 62
     assert told["kinds"][-1]["missions"] == 62
@@ -48,9 +50,11 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
     assert one["reason"] == given["reason"]
     assert one["faults"][0]["kind"] == given["fault_1"]
     assert {p.name for p in (tmp_path / "one").iterdir()} == {
-        "mission-7-supervised.csv", "mission-7-unsupervised.csv",
-        "mission-7-ideal_detection.csv", "mission-7.png",
-    }  # fmt: skip
+        "mission-7-supervised.csv",
+        "mission-7-unsupervised.csv",
+        "mission-7-ideal_detection.csv",
+        "mission-7.png",
+    }
 
 
 @pytest.mark.usefixtures("gcc")

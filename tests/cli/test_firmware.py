@@ -16,8 +16,11 @@ QUICK = ["firmware", "feup-em", "--duration", "30 s"]
 def test_it_writes_a_library_and_says_what_to_do(capsys, tmp_path):
     assert main([*QUICK, "--out", str(tmp_path / "library")]) == 0
     printed = capsys.readouterr().out
-    for said in ("law cascade every 0.3 s, command -12 to 12 V", "1.5 to 3 m in 101 ticks",
-                 "fill in the two functions"):  # fmt: skip
+    for said in (
+        "law cascade every 0.3 s, command -12 to 12 V",
+        "1.5 to 3 m in 101 ticks",
+        "fill in the two functions",
+    ):
         assert said in printed
     written = {str(p.relative_to(tmp_path / "library")) for p in tmp_path.rglob("*") if p.is_file()}
     assert {"library.properties", "README.md", "src/swb_cascade.c", "extras/golden.csv"} <= written
@@ -32,8 +35,23 @@ def test_a_golden_trace_that_does_not_arrive_is_said(capsys, tmp_path, duration,
 
 
 def test_json_is_one_object(capsys, tmp_path):
-    code = main(["firmware", "ntnu-bv", "--law", "position-pid", "--start", "50 cm", "--target",
-                 "1.2 m", "--duration", "1 min", "--json", "--out", str(tmp_path)])  # fmt: skip
+    code = main(
+        [
+            "firmware",
+            "ntnu-bv",
+            "--law",
+            "position-pid",
+            "--start",
+            "50 cm",
+            "--target",
+            "1.2 m",
+            "--duration",
+            "1 min",
+            "--json",
+            "--out",
+            str(tmp_path),
+        ]
+    )
     assert code == 0
     told = json.loads(capsys.readouterr().out)
     page = Path(__file__).parents[2] / "docs" / "reference" / "files-written.md"
@@ -126,8 +144,20 @@ def test_a_vehicle_without_a_controller_is_refused(capsys, tmp_path):
 def test_a_controller_that_loses_the_vehicle_is_exit_code_1(capsys, tmp_path):
     mad = tmp_path / "mad.toml"
     mad.write_text(preset_text("feup-em").replace('"1002 V/dm3"', '"-200 V/dm3"'))
-    code = main(["firmware", str(mad), "--start", "3 m", "--target", "1.5 m", "--duration",
-                 "100 min", "--out", str(tmp_path / "out")])  # fmt: skip
+    code = main(
+        [
+            "firmware",
+            str(mad),
+            "--start",
+            "3 m",
+            "--target",
+            "1.5 m",
+            "--duration",
+            "100 min",
+            "--out",
+            str(tmp_path / "out"),
+        ]
+    )
     assert code == 1
     assert "golden mission" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

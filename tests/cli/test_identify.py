@@ -92,19 +92,35 @@ def test_the_files_say_what_was_printed(made):
     pictures = {
         f"figures/{name}.png"
         for name in (
-            "fits", "residuals", "distribution", "ellipses", "profiles", "neutral", "gains",
+            "fits",
+            "residuals",
+            "distribution",
+            "ellipses",
+            "profiles",
+            "neutral",
+            "gains",
         )
-    }  # fmt: skip
+    }
     assert names == {
-        "identify.html", "identify.json", "residuals.csv", "vehicle.toml", *pictures,
-    }  # fmt: skip
+        "identify.html",
+        "identify.json",
+        "residuals.csv",
+        "vehicle.toml",
+        *pictures,
+    }
     assert told["files"] == [str(out / name) for name in told_order(names)]
     written = json.loads((out / "identify.json").read_text(encoding="utf-8"))
     assert written == {k: v for k, v in told.items() if k not in ("files", "seconds")}
     found = columns(out / "residuals.csv")
     assert list(found) == [
-        "log", "time_s", "depth_m", "depth_fitted_m", "residual_m", "weight", "volume_m3",
-    ]  # fmt: skip
+        "log",
+        "time_s",
+        "depth_m",
+        "depth_fitted_m",
+        "residual_m",
+        "weight",
+        "volume_m3",
+    ]
     for number, e in enumerate(told["experiments"], start=1):
         mine = (found["log"] == number) & (found["weight"] > 0.0)
         assert np.sqrt(np.mean(found["residual_m"][mine] ** 2)) == pytest.approx(e["rms_m"])
@@ -130,18 +146,31 @@ def test_every_other_command_reads_the_vehicle(made, tmp_path, capsys, pool):
     short = ["--duration", "30", "--out", str(tmp_path / "s")]
     compared = ["compare", str(pool), "--vehicle", str(path), "--where", "run=1"]
     for command in (
-        ["simulate", str(path), *short], ["analyse", str(path)], ["vehicle", "show", str(path)],
+        ["simulate", str(path), *short],
+        ["analyse", str(path)],
+        ["vehicle", "show", str(path)],
         [*compared, "--out", str(tmp_path / "c")],
-    ):  # fmt: skip
+    ):
         assert main([*command, "--json"]) == 0, command
     capsys.readouterr()
 
 
 def test_the_report_for_people(capsys, pool, tmp_path):
     out, _ = run(
-        capsys, pool, "--vehicle", "feup-em", "--where", "run=1,2", "--no-profiles",
-        "--prior", "psi=4.04 cm3/m +- 10 %", "--set", "T2=36.3 s", "--out", tmp_path,
-    )  # fmt: skip
+        capsys,
+        pool,
+        "--vehicle",
+        "feup-em",
+        "--where",
+        "run=1,2",
+        "--no-profiles",
+        "--prior",
+        "psi=4.04 cm3/m +- 10 %",
+        "--set",
+        "T2=36.3 s",
+        "--out",
+        tmp_path,
+    )
     assert "K2 is " in out
     assert "with 1 cm3 too much or too little the speed settles at" in out
     assert "assumed: each log's neutral volume is known to 0.5 cm3 (1 sigma)" in out
@@ -168,8 +197,11 @@ def test_what_the_data_do_not_tell_is_exit_1_without_a_number(capsys, pool, tmp_
     # nothing of the earlier run can be taken for the answer
     assert not (out / "vehicle.toml").exists()
     assert {path.name for path in (out / "figures").iterdir()} == {
-        "fits.png", "residuals.png", "distribution.png", "neutral.png",
-    }  # fmt: skip
+        "fits.png",
+        "residuals.png",
+        "distribution.png",
+        "neutral.png",
+    }
     assert "ψ" in (out / "identify.html").read_text(encoding="utf-8")
 
 
@@ -249,10 +281,24 @@ def test_a_log_that_never_leaves_the_surface(capsys, tmp_path):
 def test_tank_logs_of_the_real_float(capsys, data_dir, tmp_path):
     log = data_dir / "ntnu_bv" / "missions.csv.gz"
     printed, err = run(
-        capsys, log, "--vehicle", "ntnu-bv", "--where", "log=47,65", "--neutral-std", "none",
-        "--set", "psi=0", "--drag", "linear", "--no-profiles", "--paper", "--out", tmp_path,
+        capsys,
+        log,
+        "--vehicle",
+        "ntnu-bv",
+        "--where",
+        "log=47,65",
+        "--neutral-std",
+        "none",
+        "--set",
+        "psi=0",
+        "--drag",
+        "linear",
+        "--no-profiles",
+        "--paper",
+        "--out",
+        tmp_path,
         "--json",
-    )  # fmt: skip
+    )
     told = json.loads(printed)
     assert err.count("read so") == 1  # one file
     # others fitted 8.5 to 8.6 kg and 0.88 N/(m/s) to logs 46 and 47, with a drag that is not

@@ -131,8 +131,13 @@ def test_what_is_not_told_is_exit_1_with_the_sentence(capsys, tmp_path):
     fixed = ["--set", "dead_zone=0.5 V", "--set", "load_voltage=100 mV"]
     a = answer(capsys, log, *fixed, "--out", tmp_path / "out")
     assert a["parameters"]["load_voltage"] == {
-        "value": 0.1, "std": 0.0, "ci95": [0.1, 0.1], "unit": "V", "origin": "set", "why": None,
-    }  # fmt: skip
+        "value": 0.1,
+        "std": 0.0,
+        "ci95": [0.1, 0.1],
+        "unit": "V",
+        "origin": "set",
+        "why": None,
+    }
 
 
 def test_what_is_asked_for_decides(capsys, log, tmp_path):
@@ -150,17 +155,37 @@ def test_moves_of_several_logs_in_one_file(capsys, tmp_path):
         position=np.concatenate([log.piston for log in logs]) / 0.0254,
     )
     a = answer(
-        capsys, path, "--where", "run=1,2", "--column", "time_s=t@s", "--column",
-        "piston_m=position@in", "--plot", "--out", tmp_path / "out",
-    )  # fmt: skip
+        capsys,
+        path,
+        "--where",
+        "run=1,2",
+        "--column",
+        "time_s=t@s",
+        "--column",
+        "piston_m=position@in",
+        "--plot",
+        "--out",
+        tmp_path / "out",
+    )
     assert a["driven_by"] == "nothing"
     assert [fit["log"].endswith(f"(run={k})") for k, fit in enumerate(a["logs"], 1)] == [True] * 2
     low, high = a["parameters"]["T1"]["ci95"]
     assert low < 0.05 < high
-    assert "Each log by itself" in run(
-        capsys, path, "--where", "run=1,2", "--column", "time_s=t@s", "--column",
-        "piston_m=position@in", "--out", tmp_path / "out",
-    ).out  # fmt: skip
+    assert (
+        "Each log by itself"
+        in run(
+            capsys,
+            path,
+            "--where",
+            "run=1,2",
+            "--column",
+            "time_s=t@s",
+            "--column",
+            "piston_m=position@in",
+            "--out",
+            tmp_path / "out",
+        ).out
+    )
 
 
 @pytest.mark.parametrize(

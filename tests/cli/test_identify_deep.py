@@ -27,9 +27,15 @@ def files(tmp_path):
     cast.write_text("\n".join(lines) + "\n")
     body = body_of(vehicle)
     log, _ = dived(
-        vehicle, body, column, TRUTH, np.random.default_rng(5), runs=RUNS, hours=12.0,
+        vehicle,
+        body,
+        column,
+        TRUTH,
+        np.random.default_rng(5),
+        runs=RUNS,
+        hours=12.0,
         start=begin_of(body, TRUTH, column, 0.05),
-    )  # fmt: skip
+    )
     lines = ["time_s,pressure_Pa,pump_s,valve_s"]
     told = [(t, f"{p:.0f},,") for t, p in zip(log.time, log.pressure, strict=True)]
     told += [
@@ -46,9 +52,18 @@ def files(tmp_path):
 def run(files, out, *options):
     vehicle, cast, dive = files
     return main(
-        ["identify", str(dive), "--vehicle", str(vehicle), "--cast", str(cast),
-         *options, "--out", str(out)]
-    )  # fmt: skip
+        [
+            "identify",
+            str(dive),
+            "--vehicle",
+            str(vehicle),
+            "--cast",
+            str(cast),
+            *options,
+            "--out",
+            str(out),
+        ]
+    )
 
 
 def test_in_words_and_files(capsys, tmp_path, files):
@@ -81,8 +96,12 @@ def test_as_json_with_a_prior_and_a_value(capsys, tmp_path, files):
     answer = json.loads(capsys.readouterr().out)
     assert answer["identified"]
     assert answer["parameters"]["drag"] == {
-        "value": 165.0, "std": 0.0, "ci95": [165.0, 165.0], "unit": "N s2/m2", "origin": "set",
-    }  # fmt: skip
+        "value": 165.0,
+        "std": 0.0,
+        "ci95": [165.0, 165.0],
+        "unit": "N s2/m2",
+        "origin": "set",
+    }
     assert answer["priors"]["valve"] == {"mean": 0.9, "std": pytest.approx(0.05)}
     valve = answer["parameters"]["valve"]
     assert valve["ci95"][0] < 0.9 < valve["ci95"][1]

@@ -51,8 +51,20 @@ def task(tmp_path, monkeypatch):
 
 
 def test_files_json_and_sentence(task, capsys):
-    code = main(["mission", "example-float", str(task), "--cycles", "3", "--plot", "--netcdf",
-                 "--out", "flown", "--json"])  # fmt: skip
+    code = main(
+        [
+            "mission",
+            "example-float",
+            str(task),
+            "--cycles",
+            "3",
+            "--plot",
+            "--netcdf",
+            "--out",
+            "flown",
+            "--json",
+        ]
+    )
     answer = json.loads(capsys.readouterr().out)
     assert code == 0
     assert answer["cycles"] == 3
@@ -69,8 +81,21 @@ def test_files_json_and_sentence(task, capsys):
 def test_og1_and_the_float_for_lagrangian_tools(task, capsys):
     import xarray
 
-    assert main(["mission", "example-float", str(task), "--netcdf", "--out", "flown",
-                 "--begin", "2026-03-01T12:00:00Z"]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "mission",
+                "example-float",
+                str(task),
+                "--netcdf",
+                "--out",
+                "flown",
+                "--begin",
+                "2026-03-01T12:00:00Z",
+            ]
+        )
+        == 0
+    )
     capsys.readouterr()
     with xarray.open_dataset("flown/mission.nc", decode_times=False) as data:
         assert data.sizes["N_MEASUREMENTS"] == data.TIME.size
@@ -85,8 +110,12 @@ def test_og1_and_the_float_for_lagrangian_tools(task, capsys):
     config = json.loads(Path("flown/float.json").read_text())
     values = {item["name"]: item["value"] for item in config["parameters"]}
     assert set(values) == {
-        "cycle_duration", "life_expectancy", "parking_depth", "profile_depth", "vertical_speed",
-    }  # fmt: skip
+        "cycle_duration",
+        "life_expectancy",
+        "parking_depth",
+        "profile_depth",
+        "vertical_speed",
+    }
     assert values["parking_depth"] == 60.0
     table = np.genfromtxt("flown/vertical-speed.csv", delimiter=",", names=True)
     rising = table["rising_m_s"][np.isfinite(table["rising_m_s"])]
@@ -232,8 +261,12 @@ def test_pictures_of_an_earlier_flight_do_not_stay(task, capsys):
 
 def test_a_share_is_cut_off_rather_than_rounded():
     assert [_percent(share) for share in (1.0, 0.99996, 0.9, 0.8999, 0.29)] == [
-        "100", "99.9", "90", "89.9", "29",
-    ]  # fmt: skip
+        "100",
+        "99.9",
+        "90",
+        "89.9",
+        "29",
+    ]
 
 
 def test_a_first_depth_that_is_missed_is_not_said_to_be_reached(task, capsys):
@@ -283,8 +316,20 @@ def test_options_of_a_cast_need_one(task, capsys):
 
 def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(task, tmp_path):
     def command(out):
-        return [sys.executable, "-m", "swimbladder", "mission", "example-float", str(task),
-                "--cycles", "120", "--seed", "3", "--out", str(tmp_path / out)]  # fmt: skip
+        return [
+            sys.executable,
+            "-m",
+            "swimbladder",
+            "mission",
+            "example-float",
+            str(task),
+            "--cycles",
+            "120",
+            "--seed",
+            "3",
+            "--out",
+            str(tmp_path / out),
+        ]
 
     def run(out):
         subprocess.run(command(out), check=True, capture_output=True, cwd=tmp_path)

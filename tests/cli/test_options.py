@@ -49,9 +49,14 @@ class Some(Options):
 def test_options_are_read_by_what_they_stand_for():
     some = Some(start_depth="50 cm", names="K2, T2", deep=False)
     assert some.read() == {
-        "start_depth": 0.5, "share": 0.1, "word": "--word aa", "range": (0.1, 2.0),
-        "names": ("K2", "T2"), "count": 3, "deep": False,
-    }  # fmt: skip
+        "start_depth": 0.5,
+        "share": 0.1,
+        "word": "--word aa",
+        "range": (0.1, 2.0),
+        "names": ("K2", "T2"),
+        "count": 3,
+        "deep": False,
+    }
     assert "names" not in Some().given()
     assert some.changed() == {"--start": "50 cm", "--names": "K2, T2", "--shallow": False}
     with pytest.raises(InputError, match="--start: the unit 's' is of another kind"):
@@ -82,9 +87,18 @@ def test_a_group_is_options_of_its_command():
 
     taken = inspect.signature(command).parameters
     assert list(taken) == [
-        "vehicle", "plain", "start", "share", "word", "range", "names", "count", "shallow", "out",
+        "vehicle",
+        "plain",
+        "start",
+        "share",
+        "word",
+        "range",
+        "names",
+        "count",
+        "shallow",
+        "out",
         "json",
-    ]  # fmt: skip
+    ]
     assert taken["share"].default == "20 %"
     assert taken["vehicle"].default is inspect.Parameter.empty
     app = typer.Typer()
@@ -172,8 +186,14 @@ REFUSED = [
     ([*BALLAST, "--probability", "30 %"], _ballast(probability=0.3)),
     ([*BALLAST, "--speed", "9 m/s"], _ballast(speed=9.0)),
     (
-        ["energy", "example-float", "--cast", "cast.csv", "--column",
-         "pressure_dbar=pressure_dbar@dbar"],
+        [
+            "energy",
+            "example-float",
+            "--cast",
+            "cast.csv",
+            "--column",
+            "pressure_dbar=pressure_dbar@dbar",
+        ],
         lambda folder: sea(
             FLOAT, read_cast(folder / "cast.csv", columns={"pressure_dbar": "pressure_dbar@dbar"})
         ),
@@ -185,8 +205,10 @@ REFUSED = [
     ([*SIZE, "--driver-standby=-1 W"], lambda _: load_parts().with_driver(standby_power=-1.0)),
     ([*SIZE, "--park=-1 s"], lambda _: Dive(depth=50.0, park_time=-1.0)),
     (["tune", "feup-em", "--depth-noise=-1 mm"], lambda _: FEUP.with_sensors(depth_noise=-1e-3)),
-    (["compare-laws", "feup-em", "--depth-quantum", "2 km"],
-     lambda _: FEUP.with_sensors(depth_quantum=2000.0)),
+    (
+        ["compare-laws", "feup-em", "--depth-quantum", "2 km"],
+        lambda _: FEUP.with_sensors(depth_quantum=2000.0),
+    ),
     ([*COMPARE, "--bottom=-1 m"], lambda f: compare(_log(f), NTNU, bottom_depth=-1.0)),
     ([*COMPARE, "--surface-margin=-1 m"], lambda f: compare(_log(f), NTNU, surface_margin=-1.0)),
     ([*COMPARE, "--drive", "steam"], lambda f: compare(_log(f), NTNU, drive="steam")),
@@ -195,21 +217,27 @@ REFUSED = [
     ([*IDENTIFY, "--neutral-std", "0"], lambda f: identify([_log(f)], NTNU, neutral_std=0.0)),
     ([*IDENTIFY, "--speed-std=-1 m/s"], lambda f: identify([_log(f)], NTNU, speed_std=-1.0)),
     ([*IDENTIFY, "--bottom=-1 m"], lambda f: identify([_log(f)], NTNU, bottom_depth=-1.0)),
-    ([*IDENTIFY, "--prior", "psi=1e-6 +- 0 m3/m"],
-     lambda f: identify([_log(f)], NTNU, priors={"psi": Prior(1e-6, 0.0)})),
+    (
+        [*IDENTIFY, "--prior", "psi=1e-6 +- 0 m3/m"],
+        lambda f: identify([_log(f)], NTNU, priors={"psi": Prior(1e-6, 0.0)}),
+    ),
     ([*POOL, "--travel", "1 cm"], lambda _: rules_of(FEUP, travel=0.01)),
     ([*POOL, "--pool-depth", "0.3 m"], lambda _: rules_of(FEUP, pool_depth=0.3)),
     ([*POOL, "--target-std", "200 %"], lambda _: asked_of(FEUP, target_std=2.0)),
     ([*POOL, "--target", "K9=2%"], lambda _: asked_of(FEUP, target=[PoolTarget("K9", 0.02)])),
-    ([*POOL, "--target", "K2=0 1/m2/s"],
-     lambda _: asked_of(FEUP, target=[PoolTarget("K2", 0.0, relative=False)])),
+    (
+        [*POOL, "--target", "K2=0 1/m2/s"],
+        lambda _: asked_of(FEUP, target=[PoolTarget("K2", 0.0, relative=False)]),
+    ),
     ([*POOL, "--neutral-std", "0"], lambda _: asked_of(FEUP, neutral_std=0.0)),
     ([*POOL, "--free", "K7"], lambda _: asked_of(FEUP, free=("K7",))),
     ([*POOL, "--speed", "0"], lambda _: check_waiting(speed=0.0)),
     ([*POOL, "--sensor-std=-1 mm"], lambda _: FEUP.with_sensors(depth_noise=-1e-3)),
-    (["pool", "feup-em", "--follow", "log.csv", "--timeout", "0 s"],
-     lambda _: check_waiting(timeout=0.0)),
-]  # fmt: skip
+    (
+        ["pool", "feup-em", "--follow", "log.csv", "--timeout", "0 s"],
+        lambda _: check_waiting(timeout=0.0),
+    ),
+]
 
 
 @pytest.mark.parametrize(

@@ -21,8 +21,18 @@ def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(capsys,
     assert again["parameters"] == told["parameters"]
     assert len(logs) == len(told["experiments"])
 
-    code = main(["pool", "feup-em", "--follow", str(tmp_path / "pool.csv"), "--no-wait",
-                 "--out", str(tmp_path / "again"), "--json"])  # fmt: skip
+    code = main(
+        [
+            "pool",
+            "feup-em",
+            "--follow",
+            str(tmp_path / "pool.csv"),
+            "--no-wait",
+            "--out",
+            str(tmp_path / "again"),
+            "--json",
+        ]
+    )
     followed = json.loads(capsys.readouterr().out)
     assert code == 0
     assert followed["parameters"] == told["parameters"]
@@ -95,11 +105,26 @@ def test_columns_and_priors_reach_the_fit(log, capsys, tmp_path):
     rows = [line.split(",") for line in log.read_text(encoding="ascii").splitlines()[1:]]
     text = "".join(f"{t};{100.0 * float(z)!r};{1e6 * float(v)!r}\n" for t, z, v, _ in rows)
     path.write_text("t;Depth [cm];V\n" + text, encoding="ascii")
-    code = main([
-        "pool", "feup-em", "--follow", str(path), "--no-wait", "--out", str(tmp_path / "out"),
-        "--column", "time_s=t", "--column", "depth_m=Depth [cm]", "--column", "volume_m3=V@cm3",
-        "--prior", "psi=4.04e-6 +- 1e-9 m3/m", "--json",
-    ])  # fmt: skip
+    code = main(
+        [
+            "pool",
+            "feup-em",
+            "--follow",
+            str(path),
+            "--no-wait",
+            "--out",
+            str(tmp_path / "out"),
+            "--column",
+            "time_s=t",
+            "--column",
+            "depth_m=Depth [cm]",
+            "--column",
+            "volume_m3=V@cm3",
+            "--prior",
+            "psi=4.04e-6 +- 1e-9 m3/m",
+            "--json",
+        ]
+    )
     told = json.loads(capsys.readouterr().out)
     assert code == 1
     assert len(told["experiments"]) == 2

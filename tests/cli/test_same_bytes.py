@@ -36,8 +36,11 @@ def test_two_runs_write_the_same_bytes(name, tmp_path):
         (folder / "task.toml").write_text(MISSION)
         done = subprocess.run(
             [sys.executable, "-m", "swimbladder", *COMMANDS[name], "--out", "out", "--json"],
-            cwd=folder, env={**os.environ, "PYTHONHASHSEED": seed}, capture_output=True, check=True,
-        )  # fmt: skip
+            cwd=folder,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
+        )
         written = [p for p in (folder / "out").rglob("*") if p.is_file()]
         files = {p.relative_to(folder): p.read_bytes() for p in written}
         assert {p.parts[:2] for p in files} == {

@@ -16,18 +16,25 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shallow")
     v, log = vehicle(), sailed(vehicle(), seed=9)
     (folder / "float.toml").write_text(vehicle_file(v))
-    write_csv(folder / "log.csv", {
-        "time_s": log.time, "depth_m": log.depth, "volume_m3": log.volume
-    })  # fmt: skip
+    write_csv(
+        folder / "log.csv", {"time_s": log.time, "depth_m": log.depth, "volume_m3": log.volume}
+    )
     (folder / "cast.csv").write_text("\n".join([COLUMN_HEADER, *cast_rows()]) + "\n")
     return folder
 
 
 def words(files, command, *more):
     return [
-        command, str(files / "log.csv"), "--vehicle", str(files / "float.toml"),
-        "--column", "volume_m3=volume_m3", "--out", str(files / command), *more,
-    ]  # fmt: skip
+        command,
+        str(files / "log.csv"),
+        "--vehicle",
+        str(files / "float.toml"),
+        "--column",
+        "volume_m3=volume_m3",
+        "--out",
+        str(files / command),
+        *more,
+    ]
 
 
 def answer(capsys, arguments):
@@ -50,9 +57,12 @@ def test_what_is_said_of_the_cast_is_not_of_the_log(capsys, files):
     k = next(i for i, name in enumerate(rows[0]) if name.startswith("pressure"))
     odd = files / "odd.csv"
     odd.write_text(
-        "\n".join(",".join([*r[:k], f"{10.0 * float(r[k]):g}" if i else "Druck", *r[k + 1 :]])
-                  for i, r in enumerate(rows)) + "\n"
-    )  # fmt: skip
+        "\n".join(
+            ",".join([*r[:k], f"{10.0 * float(r[k]):g}" if i else "Druck", *r[k + 1 :]])
+            for i, r in enumerate(rows)
+        )
+        + "\n"
+    )
     cast = ["--cast", str(odd)]
     assert main(words(files, "compare", *cast)) == 2
     said = " ".join(capsys.readouterr().err.split())

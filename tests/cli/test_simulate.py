@@ -16,9 +16,16 @@ from swimbladder.io.templates import KINDS, vehicle_template
 from tests.quoted import numbers
 
 COLUMNS = [
-    "time_s", "depth_m", "speed_m_s", "volume_m3", "voltage_V", "reference_volume_m3",
-    "current_A", "power_W", "reference_depth_m",
-]  # fmt: skip
+    "time_s",
+    "depth_m",
+    "speed_m_s",
+    "volume_m3",
+    "voltage_V",
+    "reference_volume_m3",
+    "current_A",
+    "power_W",
+    "reference_depth_m",
+]
 MISSION = """\
 schema_version = 1
 name = "down and up"
@@ -102,10 +109,14 @@ def test_the_csv_has_the_solution_to_the_bit(capsys, tmp_path):
     vehicle = swimbladder.load_vehicle("feup-em")
     s = swimbladder.simulate(vehicle, setpoints=[(0.0, 3.0)], duration=400.0, start_depth=1.5)
     for name, values in {
-        "time_s": s.time, "depth_m": s.depth, "speed_m_s": s.speed, "volume_m3": s.volume,
-        "voltage_V": s.voltage, "reference_volume_m3": s.volume_reference,
+        "time_s": s.time,
+        "depth_m": s.depth,
+        "speed_m_s": s.speed,
+        "volume_m3": s.volume,
+        "voltage_V": s.voltage,
+        "reference_volume_m3": s.volume_reference,
         "reference_depth_m": s.reference,
-    }.items():  # fmt: skip
+    }.items():
         assert np.array_equal(columns[name], values), name
     assert len(s.time) == a["samples"] == 1335
     travel = np.abs(np.diff(columns["volume_m3"])).sum()
@@ -124,8 +135,13 @@ def test_a_positioner_has_no_voltage(capsys, tmp_path):
     path = vehicle_file(tmp_path, text=vehicle_template("positioner"))
     answer(capsys, path, "--duration", "30", "--out", str(tmp_path))
     assert table(tmp_path / "trajectory.csv")[0] == [
-        "time_s", "depth_m", "speed_m_s", "volume_m3", "reference_volume_m3", "reference_depth_m",
-    ]  # fmt: skip
+        "time_s",
+        "depth_m",
+        "speed_m_s",
+        "volume_m3",
+        "reference_volume_m3",
+        "reference_depth_m",
+    ]
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "pump-valve"])
@@ -157,10 +173,34 @@ def test_a_depth_that_is_not_reached_is_null_not_a_number(capsys, tmp_path):
 
 
 def test_options_take_units(capsys, tmp_path):
-    one = answer(capsys, "feup-em", "--start", "150 cm", "--target", "3000 mm", "--duration",
-                 "1 min", "--bottom", "450 cm", "--out", str(tmp_path))  # fmt: skip
-    two = answer(capsys, "feup-em", "--start", "1.5", "--target", "3", "--duration", "60",
-                 "--bottom", "4.5", "--out", str(tmp_path))  # fmt: skip
+    one = answer(
+        capsys,
+        "feup-em",
+        "--start",
+        "150 cm",
+        "--target",
+        "3000 mm",
+        "--duration",
+        "1 min",
+        "--bottom",
+        "450 cm",
+        "--out",
+        str(tmp_path),
+    )
+    two = answer(
+        capsys,
+        "feup-em",
+        "--start",
+        "1.5",
+        "--target",
+        "3",
+        "--duration",
+        "60",
+        "--bottom",
+        "4.5",
+        "--out",
+        str(tmp_path),
+    )
     assert one == two
 
 
@@ -350,8 +390,10 @@ def test_going_below_the_rating_is_said_and_answers_no(tmp_path: Path) -> None:
     command = ["simulate", "example-eh", "--start", "1", "--target", "999", "--duration", "4000"]
     run = subprocess.run(
         [sys.executable, "-m", "swimbladder", *command, "--json", "--out", str(tmp_path)],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert run.returncode == 1
     assert "below its depth limit of 1000 m" in run.stderr
     answer = json.loads(run.stdout)

@@ -18,16 +18,35 @@ def lake(tmp_path_factory):
     path = tmp_path_factory.mktemp("lake") / "lake.csv"
     depth = np.arange(0.0, 15.1, 0.25)
     warmth = 8.0 + 14.0 / (1.0 + np.exp((depth - 4.0) / 0.4))
-    np.savetxt(path, np.column_stack([0.98 * depth, warmth]), delimiter=",", fmt="%.4f",
-               header="Pressure [dbar],Temperature (deg C)", comments="")  # fmt: skip
+    np.savetxt(
+        path,
+        np.column_stack([0.98 * depth, warmth]),
+        delimiter=",",
+        fmt="%.4f",
+        header="Pressure [dbar],Temperature (deg C)",
+        comments="",
+    )
     return path
 
 
 def words(lake, folder, *more):
     return [
-        "simulate", "feup-em", "--start", "1.5", "--target", "6", "--duration", "120",
-        "--cast", str(lake), "--salinity", "0", "--out", str(folder), *more,
-    ]  # fmt: skip
+        "simulate",
+        "feup-em",
+        "--start",
+        "1.5",
+        "--target",
+        "6",
+        "--duration",
+        "120",
+        "--cast",
+        str(lake),
+        "--salinity",
+        "0",
+        "--out",
+        str(folder),
+        *more,
+    ]
 
 
 def test_the_files_have_what_python_gives(capsys, lake, tmp_path):

@@ -19,9 +19,14 @@ def test_it_says_what_is_stable_and_writes_it(capsys, tmp_path):
     assert "With a whole sample of delay" in said
     assert "unstable." in said
     assert {p.name for p in out.iterdir()} == {
-        "stability.json", "stability.txt", "maps.png", "map-steps.csv", "map-errors-1.csv",
-        "map-errors-2.csv", "map-errors-3.csv",
-    }  # fmt: skip
+        "stability.json",
+        "stability.txt",
+        "maps.png",
+        "map-steps.csv",
+        "map-errors-1.csv",
+        "map-errors-2.csv",
+        "map-errors-3.csv",
+    }
     assert [p.name for p in tmp_path.iterdir()] == ["out"]  # nothing left of its parts
 
 
@@ -104,8 +109,9 @@ def test_a_float_is_followed_from_decision_to_decision(capsys, tmp_path):
     assert {w["way"] for w in decisions["ways"]} == {"far", "near", "ascent"}
     assert decisions["rest"]["growth_time_s"] is None
     assert [c["source"] for c in answer["cycles"]][:2] == [
-        "compressibility, sinking", "compressibility, rising",
-    ]  # fmt: skip
+        "compressibility, sinking",
+        "compressibility, rising",
+    ]
     assert all(m["lost"] == 0 for m in answer["maps"])
     assert (out / "maps.png").exists()
 

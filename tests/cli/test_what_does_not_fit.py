@@ -136,20 +136,35 @@ def test_a_law_that_does_not_fit(kind, command, tmp_path, capsys):
 
 # Depths of commands beyond the rating of 100 m (feup-em) or 2000 m (example-float), or the cast.
 DEEP = {
-    "simulate": ("feup-em", ["--target", "120 m"], lambda v, _: simulate(
-        v, setpoints=[(0.0, 120.0)], duration=400.0, start_depth=1.5)),
-    "firmware": ("feup-em", ["--target", "120 m"], lambda v, _: make_library(
-        v, start_depth=1.5, target=120.0, duration=400.0)),
+    "simulate": (
+        "feup-em",
+        ["--target", "120 m"],
+        lambda v, _: simulate(v, setpoints=[(0.0, 120.0)], duration=400.0, start_depth=1.5),
+    ),
+    "firmware": (
+        "feup-em",
+        ["--target", "120 m"],
+        lambda v, _: make_library(v, start_depth=1.5, target=120.0, duration=400.0),
+    ),
     "plan": ("feup-em", ["--step", "1:120"], lambda v, _: plan(v, 1.0, 120.0)),
     "tune": ("feup-em", ["--depth", "0:120 m"], lambda v, _: tune(v, depths=(0.0, 120.0))),
-    "compare-laws": ("feup-em", ["--depth", "0:120 m"], lambda v, _: compare_laws(
-        v, depths=(0.0, 120.0))),
-    "faults": ("feup-em", ["--depth", "1:120 m"], lambda v, _: run_missions(
-        v, missions=20, depths=(1.0, 120.0))),
+    "compare-laws": (
+        "feup-em",
+        ["--depth", "0:120 m"],
+        lambda v, _: compare_laws(v, depths=(0.0, 120.0)),
+    ),
+    "faults": (
+        "feup-em",
+        ["--depth", "1:120 m"],
+        lambda v, _: run_missions(v, missions=20, depths=(1.0, 120.0)),
+    ),
     "mission": ("example-float", ["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
-    "campaign": ("example-float", ["PHASES", "--floats", "4", "--cast", "CAST"],
-                 COMMANDS["campaign"][1]),
-}  # fmt: skip
+    "campaign": (
+        "example-float",
+        ["PHASES", "--floats", "4", "--cast", "CAST"],
+        COMMANDS["campaign"][1],
+    ),
+}
 
 
 @pytest.mark.parametrize("command", DEEP)

@@ -14,9 +14,15 @@ from swimbladder.control.law import Law, Measurement
 from tests.codegen.laws import flat, laid_out, layout
 
 STRICT = (
-    "-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion",
-    "-Wshadow", "-Werror",
-)  # fmt: skip
+    "-std=c99",
+    "-ffp-contract=off",
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wshadow",
+    "-Werror",
+)
 
 _FRAMES = """\
 #include <stdio.h>
@@ -115,7 +121,7 @@ class Program:
 
     def __init__(
         self, law: Law, folder: Path, compiler: str, *flags: str, seen: type[Any] = Measurement
-    ) -> None:  # fmt: skip
+    ) -> None:
         source = write(law, folder, seen)
         name = "swb_measurement" if seen is Measurement else f"swb_{c_law(law.name)}_seen"
         (folder / "frames.c").write_text(_FRAMES.format(law=c_law(law.name), seen=name))

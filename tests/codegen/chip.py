@@ -32,9 +32,17 @@ from tests.codegen.laws import bits, controlled, laid_out, layout, scalars_of
 HERE = Path(__file__).parent / "simavr"
 MCUS = ("atmega328p", "atmega2560")
 _FLAGS = (  # -Os to --gc-sections: as the Arduino core for AVR builds a sketch
-    "-std=c99", "-Wall", "-Wextra", "-Werror", "-Os", "-flto", "-ffunction-sections",
-    "-fdata-sections", "-fuse-linker-plugin", "-Wl,--gc-sections",
-)  # fmt: skip
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-Os",
+    "-flto",
+    "-ffunction-sections",
+    "-fdata-sections",
+    "-fuse-linker-plugin",
+    "-Wl,--gc-sections",
+)
 
 
 class Size(NamedTuple):
@@ -51,9 +59,15 @@ class Chip:
     """
 
     def __init__(
-        self, folder: Path, mcu: str, sources: Sequence[Path], *, inputs: Sequence[str] | int,
-        outputs: Sequence[str] | int, flags: Sequence[str] = (),
-    ) -> None:  # fmt: skip
+        self,
+        folder: Path,
+        mcu: str,
+        sources: Sequence[Path],
+        *,
+        inputs: Sequence[str] | int,
+        outputs: Sequence[str] | int,
+        flags: Sequence[str] = (),
+    ) -> None:
         self._takes, self._gives = _packed(inputs), _packed(outputs)
         folder.mkdir(parents=True, exist_ok=True)
         elf, host = folder / f"{mcu}.elf", folder / "host"
@@ -66,9 +80,11 @@ class Chip:
         self.size = _size(elf)
         words = [host, elf, mcu, self._takes.itemsize, self._gives.itemsize, self.size.variables]
         self._process = subprocess.Popen(
-            [str(word) for word in words], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            [str(word) for word in words],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-        )  # fmt: skip
+        )
         self.cycles: list[int] = []
 
     def answer(self, *values: Any) -> Any:
@@ -114,9 +130,13 @@ def vehicle(made: Library, folder: Path, mcu: str, *flags: str) -> Chip:
     sources = sorted((folder / "library" / "src").glob("*.c"))
     inputs = [*["<f4"] * 4, "?", "<u4", "<f4"]
     return Chip(
-        folder, mcu, [*sources, HERE / "vehicle.c"], inputs=inputs, outputs=["<f4", "<u2"],
+        folder,
+        mcu,
+        [*sources, HERE / "vehicle.c"],
+        inputs=inputs,
+        outputs=["<f4", "<u2"],
         flags=flags,
-    )  # fmt: skip
+    )
 
 
 def vehicle_twin(made: Library, spoil: Any = None, **more: Any) -> VehicleTwin:
@@ -131,17 +151,24 @@ def frames(law: Law, folder: Path, mcu: str) -> Chip:
     """Return a chip that runs a law's functions on any numbers."""
     source = write(law, folder)
     name = f"swb_{c_law(law.name)}"
-    parameters, state = (scalars_of(layout(record, align=False))
-                         for record in (law.parameters, law.state))  # fmt: skip
+    parameters, state = (
+        scalars_of(layout(record, align=False)) for record in (law.parameters, law.state)
+    )
     flags = [
-        f'-DLAW_HEADER="{source.header_name}"', f"-DPARAMETERS={name}_parameters",
-        f"-DSTATE={name}_state", f"-DINITIAL={name}_initial", f"-DSTEP={name}_step",
-    ]  # fmt: skip
+        f'-DLAW_HEADER="{source.header_name}"',
+        f"-DPARAMETERS={name}_parameters",
+        f"-DSTATE={name}_state",
+        f"-DINITIAL={name}_initial",
+        f"-DSTEP={name}_step",
+    ]
     return Chip(
-        folder, mcu, [folder / source.source_name, HERE / "frames.c"],
-        inputs=[*parameters, *state, *["<f4"] * 4], outputs=[*state, "<f4", *state, "<f4"],
+        folder,
+        mcu,
+        [folder / source.source_name, HERE / "frames.c"],
+        inputs=[*parameters, *state, *["<f4"] * 4],
+        outputs=[*state, "<f4", *state, "<f4"],
         flags=flags,
-    )  # fmt: skip
+    )
 
 
 def _first(made: Library) -> float:
@@ -176,9 +203,14 @@ def fly(made: Library, chip: Chip, *, duration: float = 400.0, blind: range = ra
         return float(command)
 
     flown = simulate(
-        made.vehicle, law=law, setpoints=[(0.0, made.mission.target)], duration=duration,
-        start_depth=made.mission.start, seed=1, sample_time=made.tick_s,
-    )  # fmt: skip
+        made.vehicle,
+        law=law,
+        setpoints=[(0.0, made.mission.target)],
+        duration=duration,
+        start_depth=made.mission.start,
+        seed=1,
+        sample_time=made.tick_s,
+    )
     return Flight(len(flown.time), unequal, float(flown.depth[-1]), chip.cycles)
 
 
@@ -199,9 +231,14 @@ def fly_supervised(
         return float(command)
 
     flown = simulate(
-        made.vehicle, law=law, setpoints=[(0.0, made.mission.target)], duration=duration,
-        start_depth=made.mission.start, seed=1, sample_time=made.tick_s,
-    )  # fmt: skip
+        made.vehicle,
+        law=law,
+        setpoints=[(0.0, made.mission.target)],
+        duration=duration,
+        start_depth=made.mission.start,
+        seed=1,
+        sample_time=made.tick_s,
+    )
     flight = Flight(len(flown.time), unequal, float(flown.depth[-1]), chip.cycles)
     return flight, beside
 

@@ -21,9 +21,17 @@ CORES = {
 }
 _WARN = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
 _FRAME = np.dtype(
-    [("depth", "<f4"), ("age", "<f4"), ("volume", "<f4"), ("battery", "<f4"), ("leak", "?"),
-     ("lost", "<u4"), ("asked", "<f4")], align=True,
-)  # fmt: skip
+    [
+        ("depth", "<f4"),
+        ("age", "<f4"),
+        ("volume", "<f4"),
+        ("battery", "<f4"),
+        ("leak", "?"),
+        ("lost", "<u4"),
+        ("asked", "<f4"),
+    ],
+    align=True,
+)
 
 
 def execute(
@@ -36,14 +44,38 @@ def execute(
     sources = [HERE / "vectors.c", program, *more, *sorted(src.glob("*.c"))]
     elf = folder / "program.elf"
     run(
-        "arm-none-eabi-gcc", "-std=c99", "-O2", *_WARN, *flags, "-mthumb", "--specs=rdimon.specs",
-        "-Wl,--section-start=.vectors=0", "-DBOARD_HAS_MAIN", "-I", src, *sources, "-o", elf, "-lm",
-    )  # fmt: skip
+        "arm-none-eabi-gcc",
+        "-std=c99",
+        "-O2",
+        *_WARN,
+        *flags,
+        "-mthumb",
+        "--specs=rdimon.specs",
+        "-Wl,--section-start=.vectors=0",
+        "-DBOARD_HAS_MAIN",
+        "-I",
+        src,
+        *sources,
+        "-o",
+        elf,
+        "-lm",
+    )
     given = ",".join(f"arg={word}" for word in ("program", *words))
     return run(
-        "qemu-system-arm", "-M", machine, "-nographic", "-monitor", "none", "-serial", "null",
-        "-semihosting-config", f"enable=on,target=native,{given}", "-kernel", elf, text=True,
-    ).stdout  # fmt: skip
+        "qemu-system-arm",
+        "-M",
+        machine,
+        "-nographic",
+        "-monitor",
+        "none",
+        "-serial",
+        "null",
+        "-semihosting-config",
+        f"enable=on,target=native,{given}",
+        "-kernel",
+        elf,
+        text=True,
+    ).stdout
 
 
 def answers(
@@ -63,11 +95,27 @@ def size(made: Library, folder: Path, core: str, *, law: bool) -> tuple[int, int
     src = folder / "library" / "src"
     elf = folder / "size.elf"
     run(
-        "arm-none-eabi-gcc", "-std=c99", "-Os", "-flto", "-ffunction-sections", "-fdata-sections",
-        "-Wl,--gc-sections", "-nostartfiles", "-Wl,-emain", "--specs=nano.specs", "-mthumb",
-        *CORES[core][1], *(["-DLAW"] if law else []), "-I", src, HERE / "size.c",
-        *sorted(src.glob("*.c")), "-o", elf, "-lm",
-    )  # fmt: skip
+        "arm-none-eabi-gcc",
+        "-std=c99",
+        "-Os",
+        "-flto",
+        "-ffunction-sections",
+        "-fdata-sections",
+        "-Wl,--gc-sections",
+        "-nostartfiles",
+        "-Wl,-emain",
+        "--specs=nano.specs",
+        "-mthumb",
+        *CORES[core][1],
+        *(["-DLAW"] if law else []),
+        "-I",
+        src,
+        HERE / "size.c",
+        *sorted(src.glob("*.c")),
+        "-o",
+        elf,
+        "-lm",
+    )
     text, data, bss = map(
         int, run("arm-none-eabi-size", elf, text=True).stdout.splitlines()[1].split()[:3]
     )

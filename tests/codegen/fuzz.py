@@ -29,9 +29,13 @@ HERE = Path(__file__).parent / "fuzzing"
 INPUTS = HERE / "inputs"  # a file for each law, a line for each input, in hexadecimal
 _SANITIZERS = "address,undefined,float-cast-overflow"
 _FLAGS = (
-    "-std=c99", "-ffp-contract=off", "-g", "-O1", "-fno-sanitize-recover=all",
+    "-std=c99",
+    "-ffp-contract=off",
+    "-g",
+    "-O1",
+    "-fno-sanitize-recover=all",
     "-fno-omit-frame-pointer",
-)  # fmt: skip
+)
 
 
 class Fuzzed(NamedTuple):
@@ -76,22 +80,34 @@ def build(made: Library, folder: Path, kind: Literal["libfuzzer", "random", "gco
     write_library(made, folder / "library")
     law = f"swb_{c_law(made.law.name)}"
     defines = [
-        f"-DPARAMETERS={law}_parameters", f"-DSTATE={law}_state", f"-DINITIAL={law}_initial",
+        f"-DPARAMETERS={law}_parameters",
+        f"-DSTATE={law}_state",
+        f"-DINITIAL={law}_initial",
         f"-DSTEP={law}_step",
-    ]  # fmt: skip
+    ]
     if "src/swb_pool.c" in made.files:
         defines.append("-DPOOL")
     sources = [*sorted((folder / "library" / "src").glob("*.c")), HERE / "harness.c"]
     if kind != "libfuzzer":
         sources.append(HERE / "random.c")
     special = {
-        "libfuzzer": [f"-fsanitize=fuzzer,{_SANITIZERS}"], "random": [f"-fsanitize={_SANITIZERS}"],
+        "libfuzzer": [f"-fsanitize=fuzzer,{_SANITIZERS}"],
+        "random": [f"-fsanitize={_SANITIZERS}"],
         "gcov": ["--coverage", "-O0"],
-    }[kind]  # fmt: skip
+    }[kind]
     run(
-        "clang" if kind == "libfuzzer" else "gcc", *_FLAGS, *special, *defines,
-        "-I", folder / "library" / "src", *sources, "-o", folder / "fuzzed", "-lm", cwd=folder,
-    )  # fmt: skip
+        "clang" if kind == "libfuzzer" else "gcc",
+        *_FLAGS,
+        *special,
+        *defines,
+        "-I",
+        folder / "library" / "src",
+        *sources,
+        "-o",
+        folder / "fuzzed",
+        "-lm",
+        cwd=folder,
+    )
     return folder / "fuzzed"
 
 
@@ -133,10 +149,15 @@ def fuzz(made: Library, folder: Path, *, seconds: int = 0, runs: int = -1, seed:
     if (INPUTS / f"{name}.hex").exists():
         kept_inputs(name, corpus)
     words = [
-        program, corpus, f"-seed={seed}", "-max_len=4096",
-        f"-max_total_time={seconds}", f"-runs={runs}", "-print_final_stats=1",
+        program,
+        corpus,
+        f"-seed={seed}",
+        "-max_len=4096",
+        f"-max_total_time={seconds}",
+        f"-runs={runs}",
+        "-print_final_stats=1",
         f"-artifact_prefix={folder}/",
-    ]  # fmt: skip
+    ]
     done = subprocess.run([str(word) for word in words], capture_output=True, check=False)
     said = done.stderr.decode(errors="replace")
     crash = next((p for p in folder.glob("*-*") if p.is_file()), None)
@@ -144,9 +165,12 @@ def fuzz(made: Library, folder: Path, *, seconds: int = 0, runs: int = -1, seed:
     count = re.search(r"stat::number_of_executed_units: (\d+)", said)
     reached = sorted(corpus.iterdir())
     return Fuzzed(
-        law=name, runs=int(count.group(1)) if count else 0, crash=crash, said=said,
+        law=name,
+        runs=int(count.group(1)) if count else 0,
+        crash=crash,
+        said=said,
         covered=lines_covered(made, reached, folder / "gcov") if crash is None else "-",
-    )  # fmt: skip
+    )
 
 
 def report(laws: Sequence[str], seconds: int, keep: Path) -> tuple[str, bool]:

@@ -114,10 +114,15 @@ def hour(name: str) -> tuple[Call, ...]:
 
     depths = [3.0, 1.0, 1.02, 4.0, 3.9, 2.0, 2.0, 0.5, 3.5, 3.5]
     ran = simulate(
-        vehicle.model_copy(update={"sensors": NOISE}), law=controller, start_depth=1.5,
+        vehicle.model_copy(update={"sensors": NOISE}),
+        law=controller,
+        start_depth=1.5,
         setpoints=[(1200 * n * tick, depth) for n, depth in enumerate(depths)],
-        duration=12_000 * tick, seed=1, sample_time=tick, bottom_depth=30.0,
-    )  # fmt: skip
+        duration=12_000 * tick,
+        seed=1,
+        sample_time=tick,
+        bottom_depth=30.0,
+    )
     assert len(ran.time) == 12_001, ran.stop
     return tuple(calls)
 

@@ -163,6 +163,11 @@ def again(p, state, command):
 
 
 ODD = Law(
-    name="odd-one", summary="odd", command="voltage", parameters=OddParameters, state=OddState,
-    step=step, initial=initial,
-)  # fmt: skip
+    name="odd-one",
+    summary="odd",
+    command="voltage",
+    parameters=OddParameters,
+    state=OddState,
+    step=step,
+    initial=initial,
+)

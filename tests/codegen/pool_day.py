@@ -93,8 +93,20 @@ class DayInC:
         (folder / "calls.c").write_text(_CALLS)
         src = folder / "library" / "src"
         sources = [*sorted(src.glob("*.c")), folder / "calls.c"]
-        run("gcc", *STRICT, "-O2", *flags, "-shared", "-fPIC", "-I", src, *sources,
-            "-o", folder / "day.so", "-lm")  # fmt: skip
+        run(
+            "gcc",
+            *STRICT,
+            "-O2",
+            *flags,
+            "-shared",
+            "-fPIC",
+            "-I",
+            src,
+            *sources,
+            "-o",
+            folder / "day.so",
+            "-lm",
+        )
         self.c = ctypes.CDLL(str(folder / "day.so"))
         pointer = ctypes.c_void_p
         self.c.tick.argtypes = [pointer, pointer, ctypes.c_uint32, ctypes.c_int, pointer]
@@ -111,9 +123,12 @@ class DayInC:
         """Return (command, bits of the reasons, phase, phase in which it gave up)."""
         numbers, said = np.array(seen[:5], np.float32), np.zeros(3, np.uint32)
         command = self.c.tick(
-            ctypes.addressof(self.room), numbers.ctypes.data, int(seen.lost), int(may_begin),
+            ctypes.addressof(self.room),
+            numbers.ctypes.data,
+            int(seen.lost),
+            int(may_begin),
             said.ctypes.data,
-        )  # fmt: skip
+        )
         return command, int(said[0]), int(said[1]) - 1, int(said[2]) - 1
 
 
@@ -167,9 +182,11 @@ class SketchInWater:
         write_library(made, folder / "library")
         text = made.files[f"examples/{name}/{name}.ino"]
         for old, new in (
-            ("*depth_m = NAN;", self.READS), ("*volume_m3 = NAN;", "*volume_m3 = in[1];"),
-            ("(void)voltage;", self.DRIVES), ("millis() > 300000u", "day.ticks > 200u"),
-        ):  # fmt: skip
+            ("*depth_m = NAN;", self.READS),
+            ("*volume_m3 = NAN;", "*volume_m3 = in[1];"),
+            ("(void)voltage;", self.DRIVES),
+            ("millis() > 300000u", "day.ticks > 200u"),
+        ):
             assert text.count(old) == 1, old
             text = text.replace(old, new)
         (folder / "sketch.cpp").write_text(f"#include <stdlib.h>\n#include <Arduino.h>\n{text}")
@@ -179,9 +196,24 @@ class SketchInWater:
             objects.append(folder / f"{source.stem}.o")
             run("gcc", *STRICT, "-O2", "-c", source, "-o", objects[-1])
         files = [folder / "sketch.cpp", ARDUINO / "main.cpp", *objects]
-        run("g++", "-std=c++11", "-O2", "-Wall", "-Wextra", "-Wconversion", "-Werror",
-            "-DTURNS=2000000000L", "-I", ARDUINO, "-I", src, *files, "-o", folder / "sketch",
-            "-lm")  # fmt: skip
+        run(
+            "g++",
+            "-std=c++11",
+            "-O2",
+            "-Wall",
+            "-Wextra",
+            "-Wconversion",
+            "-Werror",
+            "-DTURNS=2000000000L",
+            "-I",
+            ARDUINO,
+            "-I",
+            src,
+            *files,
+            "-o",
+            folder / "sketch",
+            "-lm",
+        )
         self.made, self.log, self._program = made, folder / "log.csv", folder / "sketch"
 
     def swim(self, *, seed: int = 1) -> Path:
@@ -202,9 +234,12 @@ class SketchInWater:
                 return float(np.frombuffer(sketch.stderr.read(4), "<f4")[0])
 
             rehearse(
-                self.made.vehicle, day_twin(self.made), pool_depth=self.made.pool.options.depth,
-                seed=seed, fly=fly,
-            )  # fmt: skip
+                self.made.vehicle,
+                day_twin(self.made),
+                pool_depth=self.made.pool.options.depth,
+                seed=seed,
+                fly=fly,
+            )
         return self.log
 
 

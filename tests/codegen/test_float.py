@@ -490,9 +490,14 @@ def test_random_bytes_break_nothing(tmp_path):
 def test_it_pleases_cppcheck(tmp_path):
     write_library(library(), tmp_path)
     run(
-        "cppcheck", "--quiet", "--enable=warning,style,performance,portability",
-        "--error-exitcode=1", "--std=c99", "--suppress=missingIncludeSystem", tmp_path / "src",
-    )  # fmt: skip
+        "cppcheck",
+        "--quiet",
+        "--enable=warning,style,performance,portability",
+        "--error-exitcode=1",
+        "--std=c99",
+        "--suppress=missingIncludeSystem",
+        tmp_path / "src",
+    )
 
 
 @pytest.mark.avr
@@ -580,9 +585,9 @@ class TestRefusals:
         assert caught.value.field == "--pool"
 
     @pytest.mark.parametrize(
-        ("option", "value"), [("--start", "-1 m"), ("--target", "3 m"), ("--target", "1900 m"),
-                              ("--duration", "0 s")]
-    )  # fmt: skip
+        ("option", "value"),
+        [("--start", "-1 m"), ("--target", "3 m"), ("--target", "1900 m"), ("--duration", "0 s")],
+    )
     def test_a_golden_mission_that_is_none(self, option, value, capsys, tmp_path):
         out = ["--out", str(tmp_path / "library")]
         assert main(["firmware", "example-float", option, value, *out]) == 2

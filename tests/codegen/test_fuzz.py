@@ -49,21 +49,26 @@ def test_without_libfuzzer_random_inputs_do(tmp_path):
     ("file", "good", "bad", "said"),
     [
         (
-            "swb_controller.c", "SWB_COMMAND_MOST < command ? SWB_COMMAND_MOST : command",
-            "command", "the command is within its limits",
+            "swb_controller.c",
+            "SWB_COMMAND_MOST < command ? SWB_COMMAND_MOST : command",
+            "command",
+            "the command is within its limits",
         ),
         ("swb_controller.c", "if (!swb_known(command) || ", "if (", "the command is finite"),
         (
-            "swb_vehicle.c", "v->reason = (uint8_t)v->state.rescue.reason;",
-            "v->reason = seen->leak ? 2u : 0u;", "a reason is among the reasons",
+            "swb_vehicle.c",
+            "v->reason = (uint8_t)v->state.rescue.reason;",
+            "v->reason = seen->leak ? 2u : 0u;",
+            "a reason is among the reasons",
         ),
         (
-            "swb_controller.c", "if (!(next_s > 1.001f * SWB_TICK_S)) {",
+            "swb_controller.c",
+            "if (!(next_s > 1.001f * SWB_TICK_S)) {",
             "if (next_s <= 1.001f * SWB_TICK_S && next_s > -1e3f) {",
             "is outside the range of representable values of type",
         ),
     ],
-)  # fmt: skip
+)
 def test_what_is_broken_is_found(file, good, bad, said, tmp_path):
     """The harness and the sanitizers see what was broken on purpose."""
     made = fuzz.library("cascade")

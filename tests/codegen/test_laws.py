@@ -94,13 +94,15 @@ def _near(numbers: list[float], drawn: bytes) -> list[float]:
         kind, word = struct.unpack_from("<BI", drawn, _BYTES * k)
         share = word / 2.0**32
         (bare,) = struct.unpack("<f", struct.pack("<I", word))
-        found.append((
-            float(np.float32(number)),
-            float(np.float32(number * (8.0 * share - 4.0))),
-            float(np.float32(number * (0.9 + 0.2 * share))),
-            _EDGES[word % len(_EDGES)],
-            math.nan if math.isnan(bare) else bare,
-        )[kind % 5])  # fmt: skip
+        found.append(
+            (
+                float(np.float32(number)),
+                float(np.float32(number * (8.0 * share - 4.0))),
+                float(np.float32(number * (0.9 + 0.2 * share))),
+                _EDGES[word % len(_EDGES)],
+                math.nan if math.isnan(bare) else bare,
+            )[kind % 5]
+        )
     return found
 
 
@@ -138,10 +140,16 @@ class TestCompilers:
         _same_as_the_twin(
             name,
             Program(
-                LAWS[name], tmp_path, "gcc", *STRICT, "-O1", "-g", "-fsanitize=address,undefined",
+                LAWS[name],
+                tmp_path,
+                "gcc",
+                *STRICT,
+                "-O1",
+                "-g",
+                "-fsanitize=address,undefined",
                 "-fno-sanitize-recover=all",
             ),
-        )  # fmt: skip
+        )
 
     @pytest.mark.usefixtures("gcc")
     def test_a_processor_that_could_fuse_multiply_and_add(self, name, tmp_path):
@@ -179,9 +187,14 @@ class TestCompilers:
     def test_cppcheck(self, name, tmp_path):
         write(LAWS[name], tmp_path)
         run(
-            "cppcheck", "--quiet", "--enable=warning,style,performance,portability",
-            "--error-exitcode=1", "--std=c99", "--suppress=missingIncludeSystem", tmp_path,
-        )  # fmt: skip
+            "cppcheck",
+            "--quiet",
+            "--enable=warning,style,performance,portability",
+            "--error-exitcode=1",
+            "--std=c99",
+            "--suppress=missingIncludeSystem",
+            tmp_path,
+        )
 
 
 @pytest.mark.usefixtures("gcc")

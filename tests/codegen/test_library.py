@@ -87,9 +87,13 @@ def _twin(name: str) -> ControllerTwin:
     made = library(name)
     low, high = made.limits
     return ControllerTwin(
-        twin_of(name), made.parameters, tick_s=made.tick_s, low=low, high=high,
+        twin_of(name),
+        made.parameters,
+        tick_s=made.tick_s,
+        low=low,
+        high=high,
         first=first_command(name),
-    )  # fmt: skip
+    )
 
 
 _DEPTHS = st.one_of(
@@ -152,9 +156,19 @@ def test_the_wait_in_ticks_is_that_of_the_twin(controller, next_s):
 
 @pytest.mark.parametrize(
     ("next_s", "ticks"),
-    [(0.3, 1), (0.0, 1), (-5.0, 1), (math.nan, 1), (0.31, 2), (0.6, 2), (0.9, 3), (3600.0, 12000),
-     (60.0, 200), (math.inf, 1_000_000)],
-)  # fmt: skip
+    [
+        (0.3, 1),
+        (0.0, 1),
+        (-5.0, 1),
+        (math.nan, 1),
+        (0.31, 2),
+        (0.6, 2),
+        (0.9, 3),
+        (3600.0, 12000),
+        (60.0, 200),
+        (math.inf, 1_000_000),
+    ],
+)
 def test_the_wait_is_rounded_up_to_whole_ticks(next_s, ticks):
     assert wait_in_ticks(next_s, 0.3) == ticks
 
@@ -272,9 +286,14 @@ def test_the_whole_golden_trace_can_be_checked_with_any_compiler(name, tmp_path)
 def test_the_library_pleases_cppcheck(name, tmp_path):
     write_library(library(name), tmp_path)
     run(
-        "cppcheck", "--quiet", "--enable=warning,style,performance,portability",
-        "--error-exitcode=1", "--std=c99", "--suppress=missingIncludeSystem", tmp_path / "src",
-    )  # fmt: skip
+        "cppcheck",
+        "--quiet",
+        "--enable=warning,style,performance,portability",
+        "--error-exitcode=1",
+        "--std=c99",
+        "--suppress=missingIncludeSystem",
+        tmp_path / "src",
+    )
 
 
 @pytest.mark.usefixtures("arm")
@@ -294,10 +313,24 @@ def compile_sketches(made: Library, folder: Path, mcu: str) -> None:
             f'#include <Arduino.h>\n#include "{sketch / example_}.ino"\n'
         )
         run(
-            "avr-g++", "-std=gnu++11", f"-mmcu={mcu}", "-Os", "-Wall", "-Wextra", "-Werror",
-            "-I", ARDUINO, "-I", folder / "library" / "src", "-I", sketch,
-            "-c", folder / f"{example_}.cpp", "-o", folder / "sketch.o",
-        )  # fmt: skip
+            "avr-g++",
+            "-std=gnu++11",
+            f"-mmcu={mcu}",
+            "-Os",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-I",
+            ARDUINO,
+            "-I",
+            folder / "library" / "src",
+            "-I",
+            sketch,
+            "-c",
+            folder / f"{example_}.cpp",
+            "-o",
+            folder / "sketch.o",
+        )
 
 
 @pytest.mark.usefixtures("avr")
@@ -308,14 +341,24 @@ def test_the_sketches_compile_for_avr(name, tmp_path):
 def test_the_files_of_a_library():
     files = library("cascade").files
     assert set(files) == {
-        "library.properties", "README.md", "src/swb_measurement.h", "src/swb_cascade.h",
-        "src/swb_cascade.c", "src/swb_controller.h", "src/swb_controller.c",
-        "src/swb_supervisor.h", "src/swb_supervisor_step.h", "src/swb_vehicle.h",
+        "library.properties",
+        "README.md",
+        "src/swb_measurement.h",
+        "src/swb_cascade.h",
+        "src/swb_cascade.c",
+        "src/swb_controller.h",
+        "src/swb_controller.c",
+        "src/swb_supervisor.h",
+        "src/swb_supervisor_step.h",
+        "src/swb_vehicle.h",
         "src/swb_vehicle.c",
-        "examples/FloatAVR/FloatAVR.ino", "examples/FloatESP32RP2040/FloatESP32RP2040.ino",
-        "examples/GoldenTrace/GoldenTrace.ino", "examples/GoldenTrace/golden.h",
-        "extras/check.c", "extras/golden.csv",
-    }  # fmt: skip
+        "examples/FloatAVR/FloatAVR.ino",
+        "examples/FloatESP32RP2040/FloatESP32RP2040.ino",
+        "examples/GoldenTrace/GoldenTrace.ino",
+        "examples/GoldenTrace/golden.h",
+        "extras/check.c",
+        "extras/golden.csv",
+    }
     said = dict(line.split("=", 1) for line in files["library.properties"].splitlines())
     assert said["name"] == "Swimbladder feup-em"
     assert said["architectures"] == "*"

@@ -91,9 +91,14 @@ def initial(p, m, reference):
 
 def law_of(step):
     return Law(
-        name="places", summary="", command="voltage", parameters=P, state=S,
-        step=step, initial=initial,
-    )  # fmt: skip
+        name="places",
+        summary="",
+        command="voltage",
+        parameters=P,
+        state=S,
+        step=step,
+        initial=initial,
+    )
 
 
 EIGHTHS = st.integers(-32, 32).map(lambda n: n / 8)
@@ -119,10 +124,12 @@ def test_the_state_is_that_of_python_and_of_the_twin(law, numbers):
 @pytest.mark.parametrize(
     ("step", "placed"),
     [
-        (step, {"exchanged", "moved", "twice"}), (remembers, set()), (compares, set()),
+        (step, {"exchanged", "moved", "twice"}),
+        (remembers, set()),
+        (compares, set()),
         (chooses, set()),
     ],
-)  # fmt: skip
+)
 def test_what_is_changed_where_it_stands(step, placed):
     program = read_law(law_of(step))
     assert {f.name for f in in_place(program)} == placed
@@ -150,9 +157,14 @@ def stay(p, state, m, reference):
 @pytest.mark.usefixtures("gcc")
 def test_a_state_of_zeros_keeps_its_sign(tmp_path):
     law = Law(
-        name="zeros", summary="", command="voltage", parameters=P, state=Counts,
-        step=stay, initial=begin,
-    )  # fmt: skip
+        name="zeros",
+        summary="",
+        command="voltage",
+        parameters=P,
+        state=Counts,
+        step=stay,
+        initial=begin,
+    )
     assert "memset" in write_c99(read_law(law)).source
     said = Compiled(law, tmp_path).initial(P(1.0), Measurement(0.0, 0.0, 0.0), 0.0)
     assert [math.copysign(1.0, x) for x in said] == [1.0, 1.0, -1.0, 1.0, 1.0, 1.0]
@@ -202,9 +214,14 @@ def nested_step(p, state, m, reference):
 
 
 NESTED = Law(
-    name="nested", summary="a law of nested records", command="voltage", parameters=Nested,
-    state=Remembered, step=nested_step, initial=nested_initial,
-)  # fmt: skip
+    name="nested",
+    summary="a law of nested records",
+    command="voltage",
+    parameters=Nested,
+    state=Remembered,
+    step=nested_step,
+    initial=nested_initial,
+)
 
 
 @pytest.mark.usefixtures("gcc")
@@ -228,13 +245,23 @@ def test_a_law_of_nested_records_flies_and_its_c_agrees_to_the_bit(tmp_path):
     beside_it = simulate(paper(), law=by_hand, **run)
     np.testing.assert_allclose(alone.command, beside_it.command, rtol=0.0, atol=1e-9)
     varied = simulate_ensemble(
-        paper(), law=NESTED, parameters=p, sample_time=0.3, setpoints=[(0.0, 2.0)],
-        start_depth=1.5, duration=60.0, count=2, vary={"k": [1.5, 3.0]}, keep="trajectory",
-    )  # fmt: skip
+        paper(),
+        law=NESTED,
+        parameters=p,
+        sample_time=0.3,
+        setpoints=[(0.0, 2.0)],
+        start_depth=1.5,
+        duration=60.0,
+        count=2,
+        vary={"k": [1.5, 3.0]},
+        keep="trajectory",
+    )
     steeper = simulate(
-        paper(), law=NESTED, parameters=p._replace(gains=p.gains._replace(k=3.0)),
+        paper(),
+        law=NESTED,
+        parameters=p._replace(gains=p.gains._replace(k=3.0)),
         **run | {"seed": None},
-    )  # fmt: skip
+    )
     np.testing.assert_allclose(varied["command"][:, 1], steeper.command, rtol=0.0, atol=1e-9)
 
 

@@ -119,9 +119,14 @@ class TestCompilers:
             if name.startswith("src/"):
                 (tmp_path / name[4:]).write_text(text)
         run(
-            "cppcheck", "--quiet", "--enable=warning,style,performance,portability",
-            "--error-exitcode=1", "--std=c99", "--suppress=missingIncludeSystem", tmp_path,
-        )  # fmt: skip
+            "cppcheck",
+            "--quiet",
+            "--enable=warning,style,performance,portability",
+            "--error-exitcode=1",
+            "--std=c99",
+            "--suppress=missingIncludeSystem",
+            tmp_path,
+        )
 
     @pytest.mark.usefixtures("arm")
     def test_the_library_on_arm(self, tmp_path):
@@ -161,9 +166,11 @@ def test_a_day_with_faults_is_equal_to_the_bit(day):
     """Measurements fail now and then, at last for good: the supervisor takes over."""
     made, plain = library(), day_twin(library())
     beside = Spoilt(
-        made.pool.parameters, made.supervisor, procedure=plain.procedure,
+        made.pool.parameters,
+        made.supervisor,
+        procedure=plain.procedure,
         supervisor=plain.supervisor,
-    ).begin(day)  # fmt: skip
+    ).begin(day)
     with pytest.raises(NoAnswerError, match="the supervisor said 'depth missing'"):
         rehearse(made.vehicle, beside, pool_depth=4.5, seed=2)
     assert beside.k > 6500
@@ -176,11 +183,15 @@ def _float32(x):
 
 
 _SEEN = st.builds(
-    Watched, *[
+    Watched,
+    *[
         st.one_of(st.floats(low, high).map(_float32), st.sampled_from(ODD))
         for low, high in ((-1.0, 6.0), (0.0, 2.0), (-4e-4, 4e-4), (8.0, 13.0))
-    ], st.sampled_from([0.0, 0.0, 1.0]), st.sampled_from([0.0, 0.0, 1.0, 5000.0]), st.just(0.0),
-)  # fmt: skip
+    ],
+    st.sampled_from([0.0, 0.0, 1.0]),
+    st.sampled_from([0.0, 0.0, 1.0, 5000.0]),
+    st.just(0.0),
+)
 
 
 @examples(60)
@@ -198,9 +209,12 @@ def test_anything_seen_is_met_as_by_the_twin(day, seen):
 def test_after_a_reset_it_comes_up(day):
     made = library()
     beside = PoolTwin(
-        made.pool.parameters, made.supervisor, after_reset=True,
-        procedure=day_twin(made).procedure, supervisor=day_twin(made).supervisor,
-    )  # fmt: skip
+        made.pool.parameters,
+        made.supervisor,
+        after_reset=True,
+        procedure=day_twin(made).procedure,
+        supervisor=day_twin(made).supervisor,
+    )
     day.begin(anew=True)
     seen = Watched(3.0, 0.0, 0.0, 12.0, 0.0, 0.0, 0.0)
     for _ in range(3):
@@ -227,12 +241,25 @@ def test_the_log_of_a_sketch_in_water_tells_the_vehicle(board, tmp_path, capsys)
     steps = [phase.words for phase in library().pool.parameters.phases[:8]]
     said = [line for line in text.splitlines() if line.startswith("# round")]
     assert said == [
-        *(f"# round {n} of 2: {words}" for n in (1, 2) for words in steps), "# round 2 of 2: done"
-    ]  # fmt: skip
+        *(f"# round {n} of 2: {words}" for n in (1, 2) for words in steps),
+        "# round 2 of 2: done",
+    ]
     if board == "PoolDayESP32RP2040":
         return
-    words = ["pool", "feup-em", "--follow", str(log), "--no-wait", "--pool-depth", "4.5 m",
-             "--target-std", "4 %", "--out", str(tmp_path / "out"), "--json"]  # fmt: skip
+    words = [
+        "pool",
+        "feup-em",
+        "--follow",
+        str(log),
+        "--no-wait",
+        "--pool-depth",
+        "4.5 m",
+        "--target-std",
+        "4 %",
+        "--out",
+        str(tmp_path / "out"),
+        "--json",
+    ]
     assert main(words) == 0
     found = json.loads(capsys.readouterr().out)["parameters"]
     truth = load_vehicle("feup-em")
@@ -251,9 +278,22 @@ def test_the_sketch_compiles_for_avr(tmp_path):
         f"#include <Arduino.h>\n{library().files['examples/PoolDayAVR/PoolDayAVR.ino']}"
     )
     run(
-        "avr-g++", "-std=gnu++11", "-mmcu=atmega328p", "-Os", "-Wall", "-Wextra", "-Werror",
-        "-I", ARDUINO, "-I", tmp_path, "-c", tmp_path / "sketch.cpp", "-o", tmp_path / "sketch.o",
-    )  # fmt: skip
+        "avr-g++",
+        "-std=gnu++11",
+        "-mmcu=atmega328p",
+        "-Os",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-I",
+        ARDUINO,
+        "-I",
+        tmp_path,
+        "-c",
+        tmp_path / "sketch.cpp",
+        "-o",
+        tmp_path / "sketch.o",
+    )
 
 
 @pytest.mark.avr
@@ -358,9 +398,13 @@ def test_the_files_of_a_library_with_a_pool():
     made = library()
     more = {name for name in made.files if "ool" in name}
     assert more == {
-        "src/swb_pool.h", "src/swb_pool.c", "src/swb_pool_day.h", "src/swb_pool_day.c",
-        "examples/PoolDayAVR/PoolDayAVR.ino", "examples/PoolDayESP32RP2040/PoolDayESP32RP2040.ino",
-    }  # fmt: skip
+        "src/swb_pool.h",
+        "src/swb_pool.c",
+        "src/swb_pool_day.h",
+        "src/swb_pool_day.c",
+        "examples/PoolDayAVR/PoolDayAVR.ino",
+        "examples/PoolDayESP32RP2040/PoolDayESP32RP2040.ino",
+    }
     readme = made.files["README.md"]
     assert "2 rounds of rest at 3.75 m" in readme
     assert f"it took {made.pool.rehearsal.minutes:.0f} minutes" in readme

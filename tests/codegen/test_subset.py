@@ -53,8 +53,10 @@ def test_every_construct_means_what_it_means_in_python(parameters, state, seen, 
 @examples(1000)
 @given(
     numbers=st.lists(st.one_of(EIGHTHS, st.floats(width=32)), min_size=11, max_size=11),
-    most=COUNTS, n=COUNTS, on=st.booleans(),
-)  # fmt: skip
+    most=COUNTS,
+    n=COUNTS,
+    on=st.booleans(),
+)
 def test_every_construct_is_the_same_to_the_bit_in_c(compiled, numbers, most, n, on):
     p = OddParameters(Slope(numbers[0]), *numbers[1:4], most)
     s = OddState(numbers[4], Found(*numbers[5:7]), n, on)
@@ -78,8 +80,10 @@ def test_every_construct_pleases_cppcheck(tmp_path):
     write(ODD, tmp_path)
     done = subprocess.run(
         ["cppcheck", "--quiet", "--enable=warning,portability", "--error-exitcode=1", tmp_path],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -112,8 +116,12 @@ def test_counts_stay_within_16_bits(n, by):
 
 def test_special_literals():
     assert [c_float(x) for x in (math.nan, math.inf, -math.inf, 0.1, 1.0)] == [
-        "NAN", "INFINITY", "-INFINITY", "0.1f", "1.0f",
-    ]  # fmt: skip
+        "NAN",
+        "INFINITY",
+        "-INFINITY",
+        "0.1f",
+        "1.0f",
+    ]
 
 
 class P(NamedTuple):
@@ -424,9 +432,14 @@ def bits_of_floats(p, s, m, r):
 )
 def test_what_is_refused_names_file_line_and_remedy(step, says, line):
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=Q, state=S,
-        step=step, initial=start,
-    )  # fmt: skip
+        name="wrong",
+        summary="",
+        command="voltage",
+        parameters=Q,
+        state=S,
+        step=step,
+        initial=start,
+    )
     with pytest.raises(InputError) as caught:
         read_law(law)
     error = caught.value
@@ -439,9 +452,14 @@ def test_what_is_refused_names_file_line_and_remedy(step, says, line):
 
 def test_parameters_that_are_no_floats_are_refused():
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=P, state=S, step=power,
+        name="wrong",
+        summary="",
+        command="voltage",
+        parameters=P,
+        state=S,
+        step=power,
         initial=start,
-    )  # fmt: skip
+    )
     with pytest.raises(InputError, match="'n' of P is no float"):
         read_law(law)
 
@@ -453,9 +471,14 @@ class B(NamedTuple):
 
 def test_two_numbers_of_one_name_are_refused():
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=B, state=S, step=power,
+        name="wrong",
+        summary="",
+        command="voltage",
+        parameters=B,
+        state=S,
+        step=power,
         initial=start,
-    )  # fmt: skip
+    )
     with pytest.raises(InputError, match="'x' stands in B twice") as caught:
         read_law(law)
     assert "a name of its own" in str(caught.value)
@@ -463,9 +486,14 @@ def test_two_numbers_of_one_name_are_refused():
 
 def test_one_class_for_parameters_and_state_is_refused():
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=Q, state=Q, step=power,
+        name="wrong",
+        summary="",
+        command="voltage",
+        parameters=Q,
+        state=Q,
+        step=power,
         initial=start,
-    )  # fmt: skip
+    )
     with pytest.raises(InputError, match="same class"):
         read_law(law)
 
@@ -474,8 +502,13 @@ def test_a_function_without_source_is_refused():
     space = {}
     exec("def step(p, s, m, r):\n    return r, s, 1.0\n", space)
     law = Law(
-        name="wrong", summary="", command="voltage", parameters=Q, state=S,
-        step=space["step"], initial=start,
-    )  # fmt: skip
+        name="wrong",
+        summary="",
+        command="voltage",
+        parameters=Q,
+        state=S,
+        step=space["step"],
+        initial=start,
+    )
     with pytest.raises(InputError, match="cannot be read"):
         read_law(law)

@@ -65,8 +65,20 @@ class VehicleInC:
         (folder / "calls.c").write_text(_CALLS)
         src = folder / "library" / "src"
         sources = [*sorted(src.glob("*.c")), folder / "calls.c"]
-        run("gcc", *STRICT, "-O2", *flags, "-shared", "-fPIC", "-I", src, *sources,
-            "-o", folder / "vehicle.so", "-lm")  # fmt: skip
+        run(
+            "gcc",
+            *STRICT,
+            "-O2",
+            *flags,
+            "-shared",
+            "-fPIC",
+            "-I",
+            src,
+            *sources,
+            "-o",
+            folder / "vehicle.so",
+            "-lm",
+        )
         self.c = ctypes.CDLL(str(folder / "vehicle.so"))
         pointer, number = ctypes.c_void_p, ctypes.c_float
         self.c.tick.argtypes = [pointer, pointer, ctypes.c_uint32, number, pointer]
@@ -84,9 +96,12 @@ class VehicleInC:
         numbers = np.array(seen[:5], np.float32)
         said = np.zeros(3, np.uint32)
         command = self.c.tick(
-            ctypes.addressof(self.room), numbers.ctypes.data, int(seen.lost), reference,
+            ctypes.addressof(self.room),
+            numbers.ctypes.data,
+            int(seen.lost),
+            reference,
             said.ctypes.data,
-        )  # fmt: skip
+        )
         return command, *map(int, said)
 
 
@@ -110,14 +125,15 @@ _TICKS = st.builds(
     depth=st.one_of(st.floats(0.0, 60.0, width=32), st.just(2.0), st.sampled_from(_ODD)),
     depth_age=st.one_of(st.just(0.1), st.floats(0.0, 9.0, width=32), st.sampled_from(_ODD)),
     volume=st.one_of(
-        st.floats(-3.8e-4, 3.8e-4).map(lambda x: float(np.float32(x))), st.just(1e-5),
+        st.floats(-3.8e-4, 3.8e-4).map(lambda x: float(np.float32(x))),
+        st.just(1e-5),
         st.sampled_from(_ODD),
     ),
     battery=st.one_of(st.floats(5.0, 13.0, width=32), st.sampled_from(_ODD)),
     leak=st.sampled_from([False] * 9 + [True]),
     lost=st.sampled_from([0] * 9 + [1, 5, 4000, 65535, 4_000_000_000]),
     missed=st.just(0),
-)  # fmt: skip
+)
 SEEN = Watched(2.0, 0.1, 1e-5, 12.0, False, 0, 0)
 _STRETCHES = st.lists(st.tuples(_TICKS, st.integers(1, 40)), min_size=1, max_size=12)
 
@@ -151,12 +167,15 @@ def test_a_reset_leaves_what_the_last_push_did(both):
         assert after(True, bytes([filled]) * len(in_c.room.raw))[0] != 1
 
 
-@pytest.mark.parametrize(("turns", "way", "volumes"), [
-    (4, "away_command", [9e-5, 9e-5, 9e-5]),
-    (4, "away_command", [math.nan, 9e-5, 9e-5]),
-    (0, "surface_command", [math.nan, 1e-4, 1e-4]),
-    (0, "surface_command", [9.9e-5, 1e-4, 1e-4]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("turns", "way", "volumes"),
+    [
+        (4, "away_command", [9e-5, 9e-5, 9e-5]),
+        (4, "away_command", [math.nan, 9e-5, 9e-5]),
+        (0, "surface_command", [math.nan, 1e-4, 1e-4]),
+        (0, "surface_command", [9.9e-5, 1e-4, 1e-4]),
+    ],
+)
 def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
     """The sea drives the piston in by 10 cm3 meanwhile, or the first volume is not measured."""
     made = library()
@@ -169,11 +188,14 @@ def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
     assert vehicle.state.push.turns == turns
 
 
-@pytest.mark.parametrize(("pushing", "lost", "turned"), [
-    (True, 1e-6, False),  # the sea takes a little more than a push gives
-    (True, 2e-5, True),  # the push takes as well: wires the wrong way round
-    (False, 2e-5, False),  # the law had brought it in
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("pushing", "lost", "turned"),
+    [
+        (True, 1e-6, False),  # the sea takes a little more than a push gives
+        (True, 2e-5, True),  # the push takes as well: wires the wrong way round
+        (False, 2e-5, False),  # the law had brought it in
+    ],
+)
 def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost, turned):
     """A dying cell resets the board at the first tick of every push."""
     made = library()
@@ -258,10 +280,20 @@ def expected_of(law: Law, frame: tuple[Any, ...]) -> tuple[Any, ...]:
     "how",
     [
         ("gcc", *STRICT, "-O2"),
-        ("clang", "-std=c99", "-O1", "-g", "-Wall", "-Wextra", "-Wconversion", "-Werror",
-         "-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
+        (
+            "clang",
+            "-std=c99",
+            "-O1",
+            "-g",
+            "-Wall",
+            "-Wextra",
+            "-Wconversion",
+            "-Werror",
+            "-fsanitize=address,undefined",
+            "-fno-sanitize-recover=all",
+        ),
     ],
-)  # fmt: skip
+)
 def test_any_numbers_give_the_same_bits(how, tmp_path):
     law = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
     calls = random_calls(1500)
@@ -313,9 +345,14 @@ def test_an_hour_with_faults_is_the_same_to_the_bit(tmp_path):
 
     depths = [3.0, 1.0, 1.02, 4.0, 3.9, 2.0]
     flown = simulate(
-        made.vehicle, law=law, start_depth=1.5, duration=3600.0, seed=1, sample_time=0.3,
+        made.vehicle,
+        law=law,
+        start_depth=1.5,
+        duration=3600.0,
+        seed=1,
+        sample_time=0.3,
         setpoints=[(600.0 * n, depth) for n, depth in enumerate(depths)],
-    )  # fmt: skip
+    )
     assert len(reasons) == 12_001
     assert unequal == 0
     first = next(k for k, reason in enumerate(reasons) if reason is not None)

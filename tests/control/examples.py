@@ -20,27 +20,62 @@ K2, T2 = 7935.54, 36.3
 
 SEA = SeaCascadeParameters(
     gains=sea_cascade_gains(PLANT.a_b, PLANT.d_l, PLANT.gain, 0.35, S_P),
-    target_weight=1.0, smoothing=0.5, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
-    volume_per_speed=PLANT.d_l / PLANT.a_b, volume_per_acceleration=1.0 / PLANT.a_b,
-    psi=PLANT.psi, depth_voltage=PLANT.load_drive, rate_per_volt=PLANT.gain, voltage_limit=12.0,
-    volume_min=PLANT.V_min, volume_max=PLANT.V_max, dead_zone=0.0, S_p=S_P,
-)  # fmt: skip
+    target_weight=1.0,
+    smoothing=0.5,
+    leash=0.0,
+    fastest=0.25,
+    jerk=0.007,
+    shortest=3.0,
+    volume_per_speed=PLANT.d_l / PLANT.a_b,
+    volume_per_acceleration=1.0 / PLANT.a_b,
+    psi=PLANT.psi,
+    depth_voltage=PLANT.load_drive,
+    rate_per_volt=PLANT.gain,
+    voltage_limit=12.0,
+    volume_min=PLANT.V_min,
+    volume_max=PLANT.V_max,
+    dead_zone=0.0,
+    S_p=S_P,
+)
 
 ADRC_FAST = AdrcParameters(
-    b=PLANT.a_b, drag=PLANT.d_l, psi=PLANT.psi, gains=adrc_gains(0.2, 1.2, S_P, 0.05),
-    k_pV=SEA.gains.k_pV, leash=0.0, fastest=0.25, jerk=0.007, shortest=3.0,
-    depth_voltage=PLANT.load_drive, rate_per_volt=PLANT.gain, voltage_limit=12.0,
-    volume_min=PLANT.V_min, volume_max=PLANT.V_max, S_p=S_P,
-)  # fmt: skip
+    b=PLANT.a_b,
+    drag=PLANT.d_l,
+    psi=PLANT.psi,
+    gains=adrc_gains(0.2, 1.2, S_P, 0.05),
+    k_pV=SEA.gains.k_pV,
+    leash=0.0,
+    fastest=0.25,
+    jerk=0.007,
+    shortest=3.0,
+    depth_voltage=PLANT.load_drive,
+    rate_per_volt=PLANT.gain,
+    voltage_limit=12.0,
+    volume_min=PLANT.V_min,
+    volume_max=PLANT.V_max,
+    S_p=S_P,
+)
 
 SLEEPER = DeadbandParameters(
-    K2=K2, T2=T2, psi=PLANT.psi, depth_noise=0.003, neutral_step=1e-7, band=0.2, speed_band=0.01,
+    K2=K2,
+    T2=T2,
+    psi=PLANT.psi,
+    depth_noise=0.003,
+    neutral_step=1e-7,
+    band=0.2,
+    speed_band=0.01,
     fastest=0.05,
     **deadband_gains(K2, T2, PLANT.psi, 15.0, creep=PLANT.gain * PLANT.load_drive)._asdict(),
-    interval=15.0, k_pV=SEA.gains.k_pV, tolerance=5e-8, depth_voltage=PLANT.load_drive,
-    rate_per_volt=PLANT.gain, voltage_limit=12.0, volume_min=PLANT.V_min,
-    volume_max=PLANT.V_max, S_p=S_P,
-)  # fmt: skip
+    interval=15.0,
+    k_pV=SEA.gains.k_pV,
+    tolerance=5e-8,
+    depth_voltage=PLANT.load_drive,
+    rate_per_volt=PLANT.gain,
+    voltage_limit=12.0,
+    volume_min=PLANT.V_min,
+    volume_max=PLANT.V_max,
+    S_p=S_P,
+)
 
 
 class Seen:

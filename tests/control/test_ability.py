@@ -48,10 +48,11 @@ def test_large_steps_settle_with_half_to_twice_the_gain_and_half_a_sample_late(n
     numbers, form = gains(name, setting, KNOBS[name]), wrapped(LAWS[name])
     for gain, late in ((0.5, False), (0.7, False), (0.7, True), (1.0, True), (2.0, False)):
         seen = traces(
-            vehicle, form.law,
+            vehicle,
+            form.law,
             form.parameters(numbers, sample_time=H, gain=gain, late=late, rest=0.1),
             Step(1.5, 3.0, 300.0),
             Drawn(40, region(vehicle), 10.8, sample_time=form.tick(H, late=late)),
-        )  # fmt: skip
+        )
         last = np.abs(seen.depth[seen.time > 200.0] - 3.0).max(axis=0)
         assert (last < 0.03).mean() >= 0.97, (gain, late, last)

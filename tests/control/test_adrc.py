@@ -63,9 +63,13 @@ def test_the_observer_finds_what_accelerates_the_vehicle() -> None:
 
     times = np.arange(200) * S_P
     truth = solve_ivp(
-        lambda t, y: [y[1], f - b * volume(t)], (0.0, times[-1]), [5.0, 0.01], t_eval=times,
-        rtol=1e-10, atol=1e-12,
-    ).y  # fmt: skip
+        lambda t, y: [y[1], f - b * volume(t)],
+        (0.0, times[-1]),
+        [5.0, 0.01],
+        t_eval=times,
+        rtol=1e-10,
+        atol=1e-12,
+    ).y
     state: AdrcState = initial(HAN, Measurement(0.0, 5.0, 0.0), 5.0)
     for k, t in enumerate(times):
         seen = observe(HAN, state, volume(t), truth[0, k])
@@ -130,9 +134,15 @@ def test_b_need_not_be_known_well(factor) -> None:
 def test_a_trim_that_nobody_told_is_found_and_balanced() -> None:
     """60 cm3 heavier than thought: the disturbance is b times that, and the depth comes back."""
     ran, calls = by_hand(
-        ADRC, ADRC_FAST, lambda _, seen: seen, vehicle=paper(trim_error=6e-5), start_depth=20.0,
-        start_volume=4.04e-6 * 20.0, setpoints=[(0.0, 20.0)], duration=300.0,
-    )  # fmt: skip
+        ADRC,
+        ADRC_FAST,
+        lambda _, seen: seen,
+        vehicle=paper(trim_error=6e-5),
+        start_depth=20.0,
+        start_volume=4.04e-6 * 20.0,
+        setpoints=[(0.0, 20.0)],
+        duration=300.0,
+    )
     assert calls.states[-1].disturbance == pytest.approx(ADRC_FAST.b * 6e-5, rel=0.01)
     assert np.max(np.abs(ran.depth - 20.0)) < 0.5
     assert abs(ran.depth[-1] - 20.0) < 0.01
@@ -143,9 +153,15 @@ def test_a_reference_below_the_bottom_does_not_wind_it_up() -> None:
 
     def late(law, p):
         ran = fly_anything(
-            paper(), law=law, parameters=p, sample_time=S_P, bottom_depth=3.0, start_depth=2.5,
-            setpoints=[(0.0, 4.0), (3600.0, 1.5)], duration=7200.0,
-        )  # fmt: skip
+            paper(),
+            law=law,
+            parameters=p,
+            sample_time=S_P,
+            bottom_depth=3.0,
+            start_depth=2.5,
+            setpoints=[(0.0, 4.0), (3600.0, 1.5)],
+            duration=7200.0,
+        )
         return ran.time[np.flatnonzero(np.abs(ran.depth - 1.5) > 0.05)[-1]] - 3600.0
 
     assert late(CASCADE, CascadeParameters(**TABLE_3)) > 2000.0
@@ -167,9 +183,13 @@ def test_it_stays_within_its_limits(z, reference) -> None:
 def test_the_margins_of_the_recommended_gains(depth: float) -> None:
     seen = Measurement(0.0, depth, 4.04e-6 * depth)
     law = linearise_law(
-        ADRC.step, parameters=ADRC_FAST, state=initial(ADRC_FAST, seen, depth), measurement=seen,
-        reference=depth, tick=S_P,
-    )  # fmt: skip
+        ADRC.step,
+        parameters=ADRC_FAST,
+        state=initial(ADRC_FAST, seen, depth),
+        measurement=seen,
+        reference=depth,
+        tick=S_P,
+    )
     assert law.smooth
     loop = SampledLoop(plant=linearise(PLANT, depth=depth), law=law)
     for broken in (loop.broken_at_command(), loop.broken_at_depth()):
@@ -191,9 +211,13 @@ def test_the_margins_of_the_recommended_gains(depth: float) -> None:
 def test_it_recovers_when_the_sensor_does(value, field, first) -> None:
     """Six seconds without it, at the start or on the way: at the reference all the same."""
     ran, calls = by_hand(
-        ADRC, ADRC_FAST, blind(first, first + 20, value, field), setpoints=[(0.0, 3.0)],
-        start_depth=1.5, duration=150.0,
-    )  # fmt: skip
+        ADRC,
+        ADRC_FAST,
+        blind(first, first + 20, value, field),
+        setpoints=[(0.0, 3.0)],
+        start_depth=1.5,
+        duration=150.0,
+    )
     assert len(ran.time) == 501
     assert np.all(np.isfinite([[*numbers(state)] for state in calls.states]))
     assert np.max(ran.depth) < 3.1
@@ -203,9 +227,13 @@ def test_it_recovers_when_the_sensor_does(value, field, first) -> None:
 def test_a_missing_volume_is_predicted_from_the_voltage() -> None:
     """Ten samples unseen while the motor runs: within what T1 hides of the true one."""
     ran, calls = by_hand(
-        ADRC, ADRC_FAST, blind(5, 15, field="volume"), setpoints=[(0.0, 3.0)], start_depth=1.5,
+        ADRC,
+        ADRC_FAST,
+        blind(5, 15, field="volume"),
+        setpoints=[(0.0, 3.0)],
+        start_depth=1.5,
         duration=6.0,
-    )  # fmt: skip
+    )
     predicted = np.array([s.volume for s in calls.states])[5:15]
     moved = np.ptp(ran.volume[4:15])
     assert moved > 1e-5

@@ -58,9 +58,11 @@ def asleep(psi: float, creep: float, held: float):
 
 
 @given(
-    h=st.floats(0.3, 40.0), z=st.floats(-0.2, 0.2), w=st.floats(-0.02, 0.02),
+    h=st.floats(0.3, 40.0),
+    z=st.floats(-0.2, 0.2),
+    w=st.floats(-0.02, 0.02),
     excess=st.floats(-2e-6, 2e-6),
-)  # fmt: skip
+)
 def test_the_prediction_is_that_of_the_motion(h, z, w, excess) -> None:
     """SciPy: 8 % off where the sleep is 20 s, twice that at three quarters of psi's e-fold."""
     ideal = solve_ivp(motion(excess, PSI), (0.0, h), [z, w], rtol=1e-10, atol=1e-13).y[:, -1]
@@ -112,9 +114,13 @@ def test_growth_and_longest_sleep_are_those_of_the_unstable_mode(psi, creep) -> 
     """SciPy: long asleep, what is off grows by `growth` in an interval, whatever it began with."""
     gains = deadband_gains(K2, T2, psi, 20.0, creep=creep)
     ran = solve_ivp(
-        asleep(psi, creep, 0.0), (0.0, 720.0), [1e-6, 0.0, 0.0], t_eval=[700.0, 720.0],
-        rtol=1e-11, atol=1e-15,
-    ).y[0]  # fmt: skip
+        asleep(psi, creep, 0.0),
+        (0.0, 720.0),
+        [1e-6, 0.0, 0.0],
+        t_eval=[700.0, 720.0],
+        rtol=1e-11,
+        atol=1e-15,
+    ).y[0]
     assert gains.growth == pytest.approx(ran[1] / ran[0], rel=1e-5)
     e_fold = 20.0 / math.log(gains.growth)
     assert gains.longest == pytest.approx(max(0.6 * e_fold, 20.0), rel=1e-12)
@@ -131,9 +137,14 @@ HOUR = dict(setpoints=[(0.0, 2.0)], start_depth=2.0, duration=7200.0)
 def hours():
     """Two hours of the unstable vehicle, neutral 1 cm3 from where it starts, and noise."""
     return simulate(
-        paper(sensors=NOISE), law=DEADBAND, parameters=SLEEPER, sample_time=S_P, seed=3,
-        start_volume=PSI * 2.0 + 1e-6, **HOUR,
-    )  # fmt: skip
+        paper(sensors=NOISE),
+        law=DEADBAND,
+        parameters=SLEEPER,
+        sample_time=S_P,
+        seed=3,
+        start_volume=PSI * 2.0 + 1e-6,
+        **HOUR,
+    )
 
 
 def test_it_holds_an_unstable_vehicle_within_its_band(hours) -> None:
@@ -151,18 +162,26 @@ def test_it_hardly_moves_the_motor(hours) -> None:
 def test_without_it_the_vehicle_is_lost() -> None:
     """The same vehicle with the voltage that holds the piston: the oracle that this was needed."""
     ran = simulate(
-        paper(), law=lambda seen, _: SLEEPER.depth_voltage * seen.depth, sample_time=S_P,
-        start_volume=PSI * 2.0 + 1e-6, **HOUR | {"duration": 400.0},
-    )  # fmt: skip
+        paper(),
+        law=lambda seen, _: SLEEPER.depth_voltage * seen.depth,
+        sample_time=S_P,
+        start_volume=PSI * 2.0 + 1e-6,
+        **HOUR | {"duration": 400.0},
+    )
     assert np.max(np.abs(ran.depth - 2.0)) > 1.0
 
 
 @pytest.mark.parametrize("target", [3.0, 12.0])
 def test_it_goes_to_a_new_depth(target) -> None:
     ran = simulate(
-        paper(), law=DEADBAND, parameters=SLEEPER, sample_time=S_P, start_depth=2.0,
-        setpoints=[(0.0, target)], duration=1500.0,
-    )  # fmt: skip
+        paper(),
+        law=DEADBAND,
+        parameters=SLEEPER,
+        sample_time=S_P,
+        start_depth=2.0,
+        setpoints=[(0.0, target)],
+        duration=1500.0,
+    )
     assert np.max(np.abs(ran.depth[ran.time > 900.0] - target)) < SLEEPER.band
     assert np.max(np.abs(ran.speed)) < 2.0 * SLEEPER.fastest
 
@@ -172,9 +191,15 @@ def test_a_stable_vehicle_sleeps_by_the_hour_and_noise_does_not_wake_the_motor()
     gains = deadband_gains(K2, T2, psi, 20.0)
     p = SLEEPER._replace(psi=psi, depth_voltage=0.0, interval=20.0, **gains._asdict())
     ran, calls = by_hand(
-        DEADBAND, p, as_seen, vehicle=stiff(psi).model_copy(update={"sensors": NOISE}),
-        setpoints=[(0.0, 2.0)], start_depth=2.0, duration=6 * 3600.0, seed=1,
-    )  # fmt: skip
+        DEADBAND,
+        p,
+        as_seen,
+        vehicle=stiff(psi).model_copy(update={"sensors": NOISE}),
+        setpoints=[(0.0, 2.0)],
+        start_depth=2.0,
+        duration=6 * 3600.0,
+        seed=1,
+    )
     assert len(calls.waits) < 100
     assert max(calls.waits) > 1000.0
     assert np.max(np.abs(ran.depth - 2.0)) < p.band
@@ -184,25 +209,36 @@ def test_a_stable_vehicle_sleeps_by_the_hour_and_noise_does_not_wake_the_motor()
 def test_it_learns_the_neutral_volume() -> None:
     """Started 2 cm3 too light, without noise: the estimate is the truth of the model, psi z = 0."""
     _, calls = by_hand(
-        DEADBAND, SLEEPER, as_seen, setpoints=[(0.0, 2.0)], start_depth=2.0, duration=600.0,
+        DEADBAND,
+        SLEEPER,
+        as_seen,
+        setpoints=[(0.0, 2.0)],
+        start_depth=2.0,
+        duration=600.0,
         start_volume=PSI * 2.0 + 2e-6,
-    )  # fmt: skip
+    )
     assert calls.states[0].neutral == pytest.approx(2e-6, rel=1e-9)
     assert abs(calls.states[-1].neutral) < 0.2e-6
 
 
 @given(
-    share=st.floats(0.45, 2.2), z=st.floats(0.5, 50.0), way=st.floats(-0.3, 0.3),
-    h=st.floats(5.0, 30.0), known=st.floats(0.5, 2.0),
-)  # fmt: skip
+    share=st.floats(0.45, 2.2),
+    z=st.floats(0.5, 50.0),
+    way=st.floats(-0.3, 0.3),
+    h=st.floats(5.0, 30.0),
+    known=st.floats(0.5, 2.0),
+)
 def test_a_sleep_tells_what_a_voltage_does(share, z, way, h, known) -> None:
     """SciPy: dV/dt = K1 A (share u - c z) while the depth goes a straight way."""
     p = SLEEPER
     u = p.depth_voltage * z / known
     crept = solve_ivp(
         lambda t, _: [p.rate_per_volt * (share * u - p.depth_voltage * (z + way * t / h))],
-        (0.0, h), [0.0], rtol=1e-10, atol=1e-15,
-    ).y[0, -1]  # fmt: skip
+        (0.0, h),
+        [0.0],
+        rtol=1e-10,
+        atol=1e-15,
+    ).y[0, -1]
     before = initial(p, Measurement(0.0, z, 0.0), z)._replace(voltage=u, share=known, waited=h)
     seen = Measurement(h, z + way, crept)
     found = learn_share(p, before, seen)
@@ -237,9 +273,15 @@ def test_it_holds_with_a_command_that_is_wrong_and_late(gain) -> None:
     """A step of 1.5 m, as `stability --robustness` makes it; what is learnt is the gain itself."""
     law = Wrong(gain)
     ran = simulate(
-        paper(sensors=NOISE), law=law, sample_time=0.5 * S_P, start_depth=1.5, duration=600.0,
-        setpoints=[(0.0, 3.0)], start_volume=PSI * 1.5 + 1e-6, seed=4,
-    )  # fmt: skip
+        paper(sensors=NOISE),
+        law=law,
+        sample_time=0.5 * S_P,
+        start_depth=1.5,
+        duration=600.0,
+        setpoints=[(0.0, 3.0)],
+        start_volume=PSI * 1.5 + 1e-6,
+        seed=4,
+    )
     assert np.max(np.abs(ran.depth[ran.time > 400.0] - 3.0)) < SLEEPER.band
     assert leaves(law.state)["share"] == pytest.approx(gain, rel=0.05)
 
@@ -288,9 +330,14 @@ def test_it_stays_within_its_limits(z, reference) -> None:
 def test_it_recovers_when_the_sensor_does(value, field, first) -> None:
     """A minute without it, at the start or later: back in the band all the same."""
     ran, calls = by_hand(
-        DEADBAND, SLEEPER, blind(first, first + 200, value, field), setpoints=[(0.0, 2.0)],
-        start_depth=2.0, start_volume=PSI * 2.0 + 1e-6, duration=1200.0,
-    )  # fmt: skip
+        DEADBAND,
+        SLEEPER,
+        blind(first, first + 200, value, field),
+        setpoints=[(0.0, 2.0)],
+        start_depth=2.0,
+        start_volume=PSI * 2.0 + 1e-6,
+        duration=1200.0,
+    )
     assert len(ran.time) == 4001
     assert np.all(np.isfinite(np.array(calls.states)))
     assert np.max(np.abs(ran.depth[ran.time > 600.0] - 2.0)) < SLEEPER.band

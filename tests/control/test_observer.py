@@ -133,9 +133,13 @@ def held(x, V, time, steps=1):
     """Return (z, w) after a time [s] under a volume off neutral: SciPy."""
     a, d, psi = PLANT.a_b, PLANT.d_l, PLANT.psi
     run = solve_ivp(
-        lambda _, y: [y[1], a * (psi * y[0] - V) - d * y[1]], (0.0, time), x, rtol=1e-11,
-        atol=1e-15, t_eval=np.linspace(0.0, time, steps + 1),
-    )  # fmt: skip
+        lambda _, y: [y[1], a * (psi * y[0] - V) - d * y[1]],
+        (0.0, time),
+        x,
+        rtol=1e-11,
+        atol=1e-15,
+        t_eval=np.linspace(0.0, time, steps + 1),
+    )
     return run.y[:, 1:]
 
 
@@ -234,9 +238,10 @@ def test_near_the_set_point_the_filter_is_the_kalman_filter_of_the_walk():
 
 def test_farther_away_the_filter_is_the_one_that_the_margins_are_of():
     p = gains(
-        "observer", setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6),
+        "observer",
+        setting_of(VEHICLE, sample_time=H, supply=12.0, neutral_range=20e-6),
         KNOBS._replace(pause=25.0, band=0.03),
-    )  # fmt: skip
+    )
     for depth, gain in (
         (2.0 + 0.5 * p.near, p.resting.n_z),
         (2.0 + 2.0 * p.near, p.model.trust.l_z),

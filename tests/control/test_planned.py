@@ -91,9 +91,17 @@ def parameters(vehicle):
 
 def settled(vehicle, parameters, **changes):
     data = swimbladder.simulate_ensemble(
-        vehicle, count=50, setpoints=[(0.0, 3.0)], duration=120.0, start_depth=1.5, seed=3,
-        law=PLANNED, parameters=parameters, sample_time=H, **changes,
-    )  # fmt: skip
+        vehicle,
+        count=50,
+        setpoints=[(0.0, 3.0)],
+        duration=120.0,
+        start_depth=1.5,
+        seed=3,
+        law=PLANNED,
+        parameters=parameters,
+        sample_time=H,
+        **changes,
+    )
     return data["settle2"].to_numpy(), data["overshoot"].to_numpy()
 
 
@@ -110,12 +118,15 @@ def test_a_law_of_wrong_parameters_still_arrives(vehicle, parameters):
     p = swimbladder.physics.dynamics.plant(vehicle)
     K2, T2 = rng.uniform(0.8, 1.2, (2, 50))
     settle, overshoot = settled(
-        vehicle, parameters,
+        vehicle,
+        parameters,
         vary={
-            "a_b": p.a_b * K2 / T2, "a_s": p.a_s * K2 / T2, "d_l": p.d_l / T2,
+            "a_b": p.a_b * K2 / T2,
+            "a_s": p.a_s * K2 / T2,
+            "d_l": p.d_l / T2,
             "V_0": rng.uniform(-5e-6, 5e-6, 50),
         },
         start_volume=np.full(50, vehicle.neutral_volume(1.5)),
-    )  # fmt: skip
+    )
     assert np.isfinite(settle).mean() > 0.95
     assert np.percentile(overshoot, 95) < 12.0

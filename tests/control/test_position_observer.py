@@ -39,9 +39,13 @@ def test_it_has_the_margins_asked_of_every_law(depth):
     p = NUMBERS._replace(dead=0.0)
     seen = Measurement(0.0, depth, TANK.neutral_volume(depth))
     linear = linearise_law(
-        believing, parameters=p, state=initial(p, seen, depth), measurement=seen,
-        reference=depth, tick=p.S_p,
-    )  # fmt: skip
+        believing,
+        parameters=p,
+        state=initial(p, seen, depth),
+        measurement=seen,
+        reference=depth,
+        tick=p.S_p,
+    )
     loop = SampledLoop(plant=linearise(plant(TANK), depth=depth), law=linear)
     found = exactly(loop.broken_at_depth(command_delay=0.1 * p.S_p))
     assert falls_short(found, WANTED) == ()
@@ -59,9 +63,14 @@ def test_it_is_slower_than_any_bound_and_settles():
 def test_a_neutral_volume_that_is_off_is_learnt():
     off = TANK.model_copy(update={"trim_error": TANK.trim_error + 5e-6})
     run = simulate(
-        off, law=POSITION_OBSERVER, parameters=NUMBERS, setpoints=[(0.0, 1.0)], duration=200.0,
-        start_volume=TANK.neutral_volume(0.3), **RUN,
-    )  # fmt: skip
+        off,
+        law=POSITION_OBSERVER,
+        parameters=NUMBERS,
+        setpoints=[(0.0, 1.0)],
+        duration=200.0,
+        start_volume=TANK.neutral_volume(0.3),
+        **RUN,
+    )
     held = run.time > 120.0
     assert np.abs(run.depth[held] - 1.0).max() < 0.02
     assert np.mean(run.volume[held]) == pytest.approx(off.neutral_volume(1.0), abs=0.5e-6)

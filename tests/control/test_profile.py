@@ -38,9 +38,11 @@ def test_from_rest_it_is_the_minimum_jerk_motion(gap: float, T: float) -> None:
 
 
 @given(
-    depth=st.floats(0.0, 10.0), speed=st.floats(-0.3, 0.3), acceleration=st.floats(-0.05, 0.05),
+    depth=st.floats(0.0, 10.0),
+    speed=st.floats(-0.3, 0.3),
+    acceleration=st.floats(-0.05, 0.05),
     T=st.floats(3.0, 60.0),
-)  # fmt: skip
+)
 def test_from_any_motion_it_meets_its_boundary_conditions(depth, speed, acceleration, T) -> None:
     """The fifth-order polynomial through both ends, its coefficients by linear algebra."""
     powers = [np.polynomial.Polynomial.basis(k) for k in range(6)]
@@ -61,14 +63,22 @@ def test_from_rest_no_way_has_less_jerk(T: float) -> None:
     n, gap = 48, 1.5
     h = T / n
     ages = T - h * (np.arange(n) + 1)  # from the end of an interval to the end of the way
-    ends = np.array([
-        np.full(n, h), h * ages + h**2 / 2, h * ages**2 / 2 + h**2 * ages / 2 + h**3 / 6,
-    ])  # fmt: skip
+    ends = np.array(
+        [
+            np.full(n, h),
+            h * ages + h**2 / 2,
+            h * ages**2 / 2 + h**2 * ages / 2 + h**3 / 6,
+        ]
+    )
     bound = np.vstack([np.c_[np.eye(n), -np.ones(n)], np.c_[-np.eye(n), -np.ones(n)]])
     best = linprog(
-        [0.0] * n + [1.0], A_ub=bound, b_ub=np.zeros(2 * n), A_eq=np.c_[ends, np.zeros(3)],
-        b_eq=[0.0, 0.0, gap], bounds=[(None, None)] * (n + 1),
-    )  # fmt: skip
+        [0.0] * n + [1.0],
+        A_ub=bound,
+        b_ub=np.zeros(2 * n),
+        A_eq=np.c_[ends, np.zeros(3)],
+        b_eq=[0.0, 0.0, gap],
+        bounds=[(None, None)] * (n + 1),
+    )
     assert depart(REST, gap, 0.0, best.fun, 1.0).left == pytest.approx(T, rel=1e-6)
 
 
@@ -81,8 +91,11 @@ def test_from_rest_speed_and_jerk_reach_one_limit_and_pass_none(gap, fastest, je
     speed, hardest = np.abs(rows[:, 1]).max(), np.abs(np.diff(rows[:, 2])).max() / S_p
     assert max(speed / fastest, hardest / jerk) == pytest.approx(1.0, rel=1e-4)
     assert rows[-1, 0] == pytest.approx(gap, rel=1e-6)
-    np.testing.assert_allclose(rows[:, 0], np.cumsum(np.r_[0.0, 0.5 * S_p * (rows[1:, 1]
-        + rows[:-1, 1])]), atol=1e-4 * abs(gap))  # fmt: skip
+    np.testing.assert_allclose(
+        rows[:, 0],
+        np.cumsum(np.r_[0.0, 0.5 * S_p * (rows[1:, 1] + rows[:-1, 1])]),
+        atol=1e-4 * abs(gap),
+    )
 
 
 @given(gap=gaps, fastest=st.floats(0.05, 1.0), jerk=st.floats(1e-3, 0.1), S_p=st.floats(0.1, 1.0))
@@ -96,9 +109,11 @@ def test_samples_that_straddle_a_turn_change_nothing(gap, fastest, jerk, S_p) ->
 
 
 @given(
-    gap=gaps, speed=st.floats(-0.3, 0.3), acceleration=st.floats(-0.03, 0.03),
+    gap=gaps,
+    speed=st.floats(-0.3, 0.3),
+    acceleration=st.floats(-0.03, 0.03),
     jerk=st.floats(1e-3, 0.1),
-)  # fmt: skip
+)
 def test_a_turn_on_the_way_keeps_the_jerk(gap, speed, acceleration, jerk) -> None:
     """The first jerk of the new polynomial, from its third derivative at the start."""
     start = depart(

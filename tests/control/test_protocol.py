@@ -19,9 +19,14 @@ dV = 30e-6
 
 def parameters(**changes):
     p = procedure_for(
-        LOOP, rate_per_volt=4.44e-4 * 75e-4, limit=12.0, load_voltage=0.07707, pool_depth=4.5,
-        clearance=0.75, change=dV,
-    )  # fmt: skip
+        LOOP,
+        rate_per_volt=4.44e-4 * 75e-4,
+        limit=12.0,
+        load_voltage=0.07707,
+        pool_depth=4.5,
+        clearance=0.75,
+        change=dV,
+    )
     return p._replace(**changes)
 
 
@@ -201,9 +206,12 @@ def test_more_volume_takes_a_positive_voltage_and_less_a_negative():
 
 
 @given(
-    st.floats(1e-6, 0.05), st.sampled_from([-1.0, 1.0]), st.floats(1e-5, 1e-2),
-    st.floats(1.0, 60.0), st.floats(0.01, 1.0),
-)  # fmt: skip
+    st.floats(1e-6, 0.05),
+    st.sampled_from([-1.0, 1.0]),
+    st.floats(1e-5, 1e-2),
+    st.floats(1.0, 60.0),
+    st.floats(0.01, 1.0),
+)
 def test_a_timed_voltage_moves_the_piston_by_dx_in_whole_samples(dx, sign, K1, limit, S_p):
     u, samples = protocol.timed_voltage(sign * dx, K1=K1, limit=limit, sample_time=S_p)
     assert samples >= 1

@@ -33,9 +33,12 @@ def squares(z, w, V, time):
     """Return the integral of z^2 over a time [s] under a volume off neutral: SciPy."""
     a, d, psi = PLANT.a_b, PLANT.d_l, PLANT.psi
     return solve_ivp(
-        lambda _, y: [y[1], a * (psi * y[0] - V) - d * y[1], y[0] ** 2], (0.0, time), [z, w, 0.0],
-        rtol=1e-11, atol=1e-13,
-    ).y[2, -1]  # fmt: skip
+        lambda _, y: [y[1], a * (psi * y[0] - V) - d * y[1], y[0] ** 2],
+        (0.0, time),
+        [z, w, 0.0],
+        rtol=1e-11,
+        atol=1e-13,
+    ).y[2, -1]
 
 
 @pytest.mark.parametrize("time", [20.0, 65.0])
@@ -44,9 +47,11 @@ def test_no_other_speed_and_volume_leave_less_of_the_error(time):
     assert speed < 0.0  # towards the set-point
     assert volume < 0.0  # and braking on the way
     found = minimize(
-        lambda y: squares(1.0, y[0] / time, y[1] / (PLANT.a_b * time**2), time), [-1.0, -1.0],
-        method="Nelder-Mead", options={"xatol": 1e-7, "fatol": 1e-12},
-    )  # fmt: skip
+        lambda y: squares(1.0, y[0] / time, y[1] / (PLANT.a_b * time**2), time),
+        [-1.0, -1.0],
+        method="Nelder-Mead",
+        options={"xatol": 1e-7, "fatol": 1e-12},
+    )
     expected = found.x[0] / time, found.x[1] / (PLANT.a_b * time**2)
     assert (speed, volume) == pytest.approx(expected, rel=1e-4)
 

@@ -18,11 +18,28 @@ from swimbladder.control.pump_valve import (
 
 # 1 cm3/s at the surface, 0.6 at 1000 m, 2 cm3 lost at a start; a head of 0.1 bar and 0.1 bar/m.
 DRIVE = DriveParameters(
-    tick=1.0, per_depth=1e-3, pump_0=1e-6, pump_1=-0.4e-6, pump_2=0.0, pump_3=0.0, pump_4=0.0,
-    short_0=2e-6, short_1=0.0, short_2=0.0, head_0=1e4, head_1=1e4, valve_flow=1e-8,
-    bypass_flow=1e-7, quantum=0.01, longest=100.0, longest_for_law=60.0, pause=60.0,
-    volume_least=-3e-4, volume_most=3e-4, beyond=3e-5,
-)  # fmt: skip
+    tick=1.0,
+    per_depth=1e-3,
+    pump_0=1e-6,
+    pump_1=-0.4e-6,
+    pump_2=0.0,
+    pump_3=0.0,
+    pump_4=0.0,
+    short_0=2e-6,
+    short_1=0.0,
+    short_2=0.0,
+    head_0=1e4,
+    head_1=1e4,
+    valve_flow=1e-8,
+    bypass_flow=1e-7,
+    quantum=0.01,
+    longest=100.0,
+    longest_for_law=60.0,
+    pause=60.0,
+    volume_least=-3e-4,
+    volume_most=3e-4,
+    beyond=3e-5,
+)
 TOP = SurfacingParameters(
     shallow=5.0, neutral=0.0, full=3e-4, lacking=6e-7, slack=1e-5, measured=0.0
 )
@@ -46,10 +63,14 @@ def wants_step(p, state, _measurement, _reference):
 
 
 ASKS = Law(
-    name="asks", summary="asks for the same change each time", command="volume change",
-    parameters=Wants, state=Calls, step=wants_step,
+    name="asks",
+    summary="asks for the same change each time",
+    command="volume change",
+    parameters=Wants,
+    state=Calls,
+    step=wants_step,
     initial=begins,
-)  # fmt: skip
+)
 
 
 class Board:

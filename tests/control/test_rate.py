@@ -33,10 +33,21 @@ from tests.quoted import refused
 
 # The settings of the float whose logs were read, one mbar taken as a centimetre of water.
 FLOAT = RateParameters(
-    coefficient=1.6e-6 / 0.01**2, tolerance=5.0, near=15.0, far=25.0, slow_speed=0.02,
-    near_speed=0.03, far_speed=0.04, ascent_speed=0.08, speed_band=0.02, speed_step=0.01,
-    volume_step=2e-6, dead=60.0, run=26.0, window=600.0,
-)  # fmt: skip
+    coefficient=1.6e-6 / 0.01**2,
+    tolerance=5.0,
+    near=15.0,
+    far=25.0,
+    slow_speed=0.02,
+    near_speed=0.03,
+    far_speed=0.04,
+    ascent_speed=0.08,
+    speed_band=0.02,
+    speed_step=0.01,
+    volume_step=2e-6,
+    dead=60.0,
+    run=26.0,
+    window=600.0,
+)
 SMOOTH = FLOAT._replace(speed_step=0.0, volume_step=0.0)
 
 
@@ -59,9 +70,11 @@ def test_rounding_is_to_the_nearest_halves_away_from_zero(number: float) -> None
 
 
 @given(
-    c=st.floats(0.001, 0.1), w=st.floats(-0.3, 0.3), wanted=st.floats(-0.3, 0.3),
+    c=st.floats(0.001, 0.1),
+    w=st.floats(-0.3, 0.3),
+    wanted=st.floats(-0.3, 0.3),
     neutral=st.floats(-1e-4, 1e-4),
-)  # fmt: skip
+)
 def test_the_change_gives_the_speed_by_drags_balance(c, w, wanted, neutral) -> None:
     """rho g (neutral - V) = k_dt w|w| before and after, whatever the neutral volume is."""
     p = SMOOTH._replace(coefficient=c)
@@ -271,9 +284,15 @@ def settings(dive: dict[str, str]) -> RateParameters | None:
     far, far_speed = (float(x) for x in re.findall(r"\d+", dive["cmd_far"]))
     (rate,) = (float(x) for x in re.findall(r"\d+", dive["cmd_rate"]))
     return FLOAT._replace(
-        coefficient=1.6e-6, near=near, near_speed=near_speed, far=far, far_speed=far_speed,
-        slow_speed=rate, speed_band=rate, speed_step=1.0,
-    )  # fmt: skip
+        coefficient=1.6e-6,
+        near=near,
+        near_speed=near_speed,
+        far=far,
+        far_speed=far_speed,
+        slow_speed=rate,
+        speed_band=rate,
+        speed_step=1.0,
+    )
 
 
 def runs(samples: list[tuple[float, float, str]]):
@@ -291,10 +310,20 @@ def runs(samples: list[tuple[float, float, str]]):
 def test_a_steep_thermocline_is_passed_at_the_excess_of_each_look(slope: float, dead: float):
     """Where drag carries the excess at once, w' = -N'/(2c): c w^2/N' metres from look to look."""
     law = FLOAT._replace(
-        coefficient=1e-3, tolerance=5.0, near=10.0, far=20.0, far_speed=0.1, near_speed=0.1,
-        slow_speed=0.1, speed_band=0.02, speed_step=0.0, volume_step=0.0, dead=dead, run=10.0,
+        coefficient=1e-3,
+        tolerance=5.0,
+        near=10.0,
+        far=20.0,
+        far_speed=0.1,
+        near_speed=0.1,
+        slow_speed=0.1,
+        speed_band=0.02,
+        speed_step=0.0,
+        volume_step=0.0,
+        dead=dead,
+        run=10.0,
         window=60.0,
-    )  # fmt: skip
+    )
     target, time, depth, excess = 3000.0, 0.0, 100.0, 0.0
     state = initial(law, Measurement(time=time, depth=depth, volume=math.nan), target)
     marks = []

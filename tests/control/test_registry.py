@@ -24,11 +24,16 @@ def test_every_law_is_complete(name: str) -> None:
     assert set(law.units) == set(leaf_names(law.parameters))
     assert len(law.state._fields) >= 1
     assert list(inspect.signature(law.step).parameters) == [
-        "parameters", "state", "measurement", "reference",
-    ]  # fmt: skip
+        "parameters",
+        "state",
+        "measurement",
+        "reference",
+    ]
     assert list(inspect.signature(law.initial).parameters) == [
-        "parameters", "measurement", "reference",
-    ]  # fmt: skip
+        "parameters",
+        "measurement",
+        "reference",
+    ]
 
 
 def test_table_3_in_SI() -> None:

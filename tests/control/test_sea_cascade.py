@@ -28,11 +28,24 @@ from tests.oracle import TABLE_3
 from tests.vehicles import paper
 
 BARE = SeaCascadeParameters(
-    gains=SeaCascadeGains(*(TABLE_3[name] for name in SeaCascadeGains._fields)), S_p=S_P,
-    target_weight=1.0, smoothing=1.0, leash=0.0, fastest=0.0, jerk=0.0,
-    shortest=0.0, volume_per_speed=0.0, volume_per_acceleration=0.0, psi=0.0, depth_voltage=0.0,
-    rate_per_volt=0.0, voltage_limit=1e9, volume_min=-1e9, volume_max=1e9, dead_zone=0.0,
-)  # fmt: skip
+    gains=SeaCascadeGains(*(TABLE_3[name] for name in SeaCascadeGains._fields)),
+    S_p=S_P,
+    target_weight=1.0,
+    smoothing=1.0,
+    leash=0.0,
+    fastest=0.0,
+    jerk=0.0,
+    shortest=0.0,
+    volume_per_speed=0.0,
+    volume_per_acceleration=0.0,
+    psi=0.0,
+    depth_voltage=0.0,
+    rate_per_volt=0.0,
+    voltage_limit=1e9,
+    volume_min=-1e9,
+    volume_max=1e9,
+    dead_zone=0.0,
+)
 PAPER = CascadeParameters(**TABLE_3)
 depths = st.floats(-1.0, 100.0)
 volumes = st.floats(-4e-4, 4e-4)
@@ -83,9 +96,12 @@ def test_a_step_has_no_overshoot_and_settles_fast(papers, ours) -> None:
 def test_the_papers_gains_alone_do_not_overshoot_once_the_set_point_moves(papers) -> None:
     """What overshoots is the integral of the error of a jump, so the gains are not to blame."""
     ran = simulate(
-        paper(), law=SEA_CASCADE, sample_time=S_P, **STEP,
+        paper(),
+        law=SEA_CASCADE,
+        sample_time=S_P,
+        **STEP,
         parameters=from_leaves(SeaCascadeParameters, leaves(SEA) | TABLE_3 | {"smoothing": 1.0}),
-    )  # fmt: skip
+    )
     assert metrics(ran).overshoot_pct < 1.0 < metrics(papers).overshoot_pct - 13.0
     assert metrics(ran).settle2_s < 20.0
 
@@ -95,9 +111,15 @@ def draws(n, vehicle):
     found = []
     for seed in range(n):
         ran = simulate(
-            vehicle(np.random.default_rng(seed)), law=SEA_CASCADE, parameters=SEA, seed=seed,
-            sample_time=S_P, start_depth=1.5, setpoints=[(0.0, 3.0)], duration=60.0,
-        )  # fmt: skip
+            vehicle(np.random.default_rng(seed)),
+            law=SEA_CASCADE,
+            parameters=SEA,
+            seed=seed,
+            sample_time=S_P,
+            start_depth=1.5,
+            setpoints=[(0.0, 3.0)],
+            duration=60.0,
+        )
         m = metrics(ran)
         found.append((m.overshoot_pct, m.settle2_s or 60.0))
     return np.array(found)
@@ -116,11 +138,12 @@ def test_over_the_region_of_the_parameters() -> None:
 
     def drawn(random):
         return paper(
-            sensors=Sensors(depth_noise="2 mm"), trim_error=float(random.normal(0.0, 2e-6)),
+            sensors=Sensors(depth_noise="2 mm"),
+            trim_error=float(random.normal(0.0, 2e-6)),
             motion=IdentifiedMotion(
                 K2=7935.54 * random.uniform(0.95, 1.05), T2=36.3 * random.uniform(0.95, 1.05)
             ),
-        )  # fmt: skip
+        )
 
     over, settle = np.quantile(draws(100, drawn), 0.95, axis=0)
     assert over < 3.0
@@ -137,9 +160,14 @@ def test_a_model_that_is_off_by_a_fifth(factor, start, target, settles) -> None:
         volume_per_acceleration=SEA.volume_per_acceleration * factor,
     )
     ran = simulate(
-        paper(), law=SEA_CASCADE, parameters=p, sample_time=S_P, setpoints=[(0.0, target)],
-        start_depth=start, duration=400.0,
-    )  # fmt: skip
+        paper(),
+        law=SEA_CASCADE,
+        parameters=p,
+        sample_time=S_P,
+        setpoints=[(0.0, target)],
+        start_depth=start,
+        duration=400.0,
+    )
     found = metrics(ran, start, target)
     assert found.overshoot_pct < 10.0
     assert found.settle2_s < settles
@@ -179,9 +207,16 @@ def test_a_reference_below_the_bottom_does_not_wind_it_up() -> None:
 
     def late(law, p):
         ran = simulate(
-            paper(), law=law, parameters=p, sample_time=S_P, bottom_depth=3.0, start_depth=2.5,
-            setpoints=[(0.0, 4.0), (3600.0, 1.5)], duration=7200.0, checked=False,
-        )  # fmt: skip
+            paper(),
+            law=law,
+            parameters=p,
+            sample_time=S_P,
+            bottom_depth=3.0,
+            start_depth=2.5,
+            setpoints=[(0.0, 4.0), (3600.0, 1.5)],
+            duration=7200.0,
+            checked=False,
+        )
         return ran.time[np.flatnonzero(np.abs(ran.depth - 1.5) > 0.05)[-1]] - 3600.0
 
     assert late(CASCADE, PAPER) > 2000.0
@@ -222,9 +257,14 @@ def test_at_depth_nothing_is_left_to_integrate() -> None:
     """Neutral volume and load are fed forward: at 60 m, without the integral, it stands still."""
     own = SEA.gains._replace(k_iz=0.0)
     ran = simulate(
-        paper(), law=SEA_CASCADE, parameters=SEA._replace(gains=own), sample_time=S_P,
-        start_depth=60.0, setpoints=[(0.0, 60.0), (10.0, 70.0)], duration=400.0,
-    )  # fmt: skip
+        paper(),
+        law=SEA_CASCADE,
+        parameters=SEA._replace(gains=own),
+        sample_time=S_P,
+        start_depth=60.0,
+        setpoints=[(0.0, 60.0), (10.0, 70.0)],
+        duration=400.0,
+    )
     assert np.max(np.abs(ran.depth[:33] - 60.0)) < 1e-9
     assert ran.depth[-1] == pytest.approx(70.0, abs=1e-3)
 
@@ -232,9 +272,13 @@ def test_at_depth_nothing_is_left_to_integrate() -> None:
 def linear(p, depth=2.0):
     seen = Measurement(0.0, depth, 4.04e-6 * depth)
     return linearise_law(
-        SEA_CASCADE.step, parameters=p, state=initial(p, seen, depth), measurement=seen,
-        reference=depth, tick=S_P,
-    )  # fmt: skip
+        SEA_CASCADE.step,
+        parameters=p,
+        state=initial(p, seen, depth),
+        measurement=seen,
+        reference=depth,
+        tick=S_P,
+    )
 
 
 def test_its_transfer_function_by_hand() -> None:
@@ -295,9 +339,13 @@ def test_in_the_dead_zone_the_motor_rests_and_out_of_it_goes_all_the_way() -> No
 def test_it_recovers_when_the_sensor_does(value, field, first) -> None:
     """Three seconds without it, at the start or on the way: at the reference all the same."""
     ran, calls = by_hand(
-        SEA_CASCADE, SEA, blind(first, first + 10, value, field), setpoints=[(0.0, 3.0)],
-        start_depth=1.5, duration=150.0,
-    )  # fmt: skip
+        SEA_CASCADE,
+        SEA,
+        blind(first, first + 10, value, field),
+        setpoints=[(0.0, 3.0)],
+        start_depth=1.5,
+        duration=150.0,
+    )
     assert len(ran.time) == 501
     assert np.all(np.isfinite([[*numbers(state)] for state in calls.states]))
     assert np.max(ran.depth) < 3.35  # three seconds of the fastest part are lost

@@ -46,9 +46,7 @@ def fly(name="cascade", *, fault=None, onset=300.0, sensors=NOISY, supervisor=No
     vehicle = vehicle.model_copy(update={"sensors": sensors, "supervisor": own})
     low, high = command_limits(vehicle)
     first = 0.0 if vehicle.voltage_driven else high
-    law = ControllerTwin(
-        LAWS[name], parameters, tick_s=tick, low=low, high=high, first=first
-    )  # fmt: skip
+    law = ControllerTwin(LAWS[name], parameters, tick_s=tick, low=low, high=high, first=first)
     latched: list[int] = []
     start = math.ceil(onset / tick - 1e-9)
 
@@ -88,19 +86,22 @@ FAULTS = {
     "late": (lambda: lambda t, s: s._replace(depth_age=t), Reason.DEPTH_LATE, 6.3),
     "frozen": (lambda: frozen("depth"), Reason.DEPTH_FROZEN, 36.0),
     "at 0": (
-        lambda: lambda _, s: s._replace(depth=0.0), Reason.NOT_MOVING_AS_MODELLED, 30.0,
+        lambda: lambda _, s: s._replace(depth=0.0),
+        Reason.NOT_MOVING_AS_MODELLED,
+        30.0,
     ),
     "no volume": (lambda: lambda _, s: s._replace(volume=math.inf), Reason.VOLUME_MISSING, 5.2),
     "odd volume": (lambda: lambda _, s: s._replace(volume=1e-3), Reason.VOLUME_IMPOSSIBLE, 5.2),
     "stuck": (lambda: frozen("volume"), Reason.NOT_FOLLOWING, 40.0),
     "shifted": (
         lambda: lambda _, s: s._replace(volume=s.volume + 1.5e-4),
-        Reason.NOT_MOVING_AS_MODELLED, 45.0,
+        Reason.NOT_MOVING_AS_MODELLED,
+        45.0,
     ),
     "battery": (lambda: lambda _, s: s._replace(battery=9.5), Reason.BATTERY_LOW, 10.2),
     "leak": (lambda: lambda _, s: s._replace(leak=True), Reason.LEAK, 1.2),
     "slow loop": (lambda: lambda _, s: s._replace(lost=1), Reason.TICKS_LOST, 5.2),
-}  # fmt: skip
+}
 
 
 class TestFaults:
@@ -136,9 +137,11 @@ class TestFaults:
     def test_a_frozen_quantised_depth_under_an_integrating_law(self):
         """No noise shows; the volume that leaves gives the sensor away before the sea does."""
         flown = fly(
-            "sea-cascade", fault=frozen("depth"), sensors=Sensors(depth_quantum="5 mm"),
+            "sea-cascade",
+            fault=frozen("depth"),
+            sensors=Sensors(depth_quantum="5 mm"),
             setpoints=[(0.0, 3.0), (320.0, 3.5)],
-        )  # fmt: skip
+        )
         assert flown.reason in (Reason.DEPTH_FROZEN, Reason.NOT_MOVING_AS_MODELLED)
         assert flown.after < 60.0
         assert flown.ran.depth[-1] < 0.5
@@ -191,9 +194,10 @@ class TestFaults:
         assert flown.reason is Reason.TIME_LIMIT
         assert flown.after == pytest.approx(200.1)  # 667 ticks, the first beyond 200 s
         sometimes = fly(
-            supervisor={"time_limit": "200 s"}, onset=0.0,
+            supervisor={"time_limit": "200 s"},
+            onset=0.0,
             fault=lambda t, s: s._replace(lost=1 if round(t / 0.3) % 10 == 9 else 0),
-        )  # fmt: skip
+        )
         assert sometimes.after == pytest.approx(200.1 / 1.1, abs=0.7)
 
     def test_a_law_that_gives_no_command(self):
@@ -302,16 +306,15 @@ class TestHealthy:
 
     def test_steps_and_holding_in_noise(self, name):
         depths = [3.0, 1.0, 1.02, 4.0, 3.9, 2.0]
-        flown = fly(
-            name, setpoints=[(600.0 * n, z) for n, z in enumerate(depths)], duration=3600.0
-        )  # fmt: skip
+        flown = fly(name, setpoints=[(600.0 * n, z) for n, z in enumerate(depths)], duration=3600.0)
         assert flown.reason is None
 
     def test_large_steps(self, name):
         flown = fly(
-            name, setpoints=[(0.0, 20.0), (900.0, 0.3), (1800.0, 30.0), (2700.0, 5.0)],
+            name,
+            setpoints=[(0.0, 20.0), (900.0, 0.3), (1800.0, 30.0), (2700.0, 5.0)],
             duration=3600.0,
-        )  # fmt: skip
+        )
         assert flown.reason is None
 
     def test_the_surface(self, name):
@@ -324,9 +327,13 @@ class TestHealthy:
         """Where it may lie has to be said."""
         known = {"bottom_depth": "4.5 m"}
         flown = fly(
-            name, setpoints=[(0.0, 6.0), (900.0, 2.0), (1800.0, 8.0)], duration=2700.0,
-            bottom_depth=4.5, sensors=sensors, supervisor=known,
-        )  # fmt: skip
+            name,
+            setpoints=[(0.0, 6.0), (900.0, 2.0), (1800.0, 8.0)],
+            duration=2700.0,
+            bottom_depth=4.5,
+            sensors=sensors,
+            supervisor=known,
+        )
         assert flown.ran.depth.max() == pytest.approx(4.5)
         assert flown.reason is None
 
@@ -380,8 +387,10 @@ class TestShown:
         flown = fly(fault=lambda t, s: s._replace(volume=s.volume + 1e-6 * t))
         assert flown.reason is Reason.NOT_MOVING_AS_MODELLED
         assert change / 1e-6 < flown.after < change / 1e-6 + 50.0  # and psi, low passes, counting
-        slower = fly(fault=lambda t, s: s._replace(volume=s.volume + 1e-6 * t),
-                     supervisor={"neutral_change": "70 cm3"})  # fmt: skip
+        slower = fly(
+            fault=lambda t, s: s._replace(volume=s.volume + 1e-6 * t),
+            supervisor={"neutral_change": "70 cm3"},
+        )
         assert slower.after > flown.after + 30.0
 
     @pytest.mark.parametrize(("sigma", "quantum", "seen"), [(1.0, 1.0, True), (0.4, 1.0, False)])
@@ -398,8 +407,9 @@ class TestShown:
 
     def test_a_depth_that_fails_a_third_of_the_time_is_none(self):
         rng = np.random.default_rng(4)
-        flown = fly(fault=lambda _, s: s._replace(
-            depth=math.nan if rng.random() < 0.35 else s.depth))  # fmt: skip
+        flown = fly(
+            fault=lambda _, s: s._replace(depth=math.nan if rng.random() < 0.35 else s.depth)
+        )
         assert flown.reason is Reason.DEPTH_MISSING
 
 
@@ -475,10 +485,16 @@ class TestReach:
         assert p.proof.same_tried == math.ceil(2.0 * seen / 0.3)
         assert p.proof.unproven == 100
 
-    @pytest.mark.parametrize(("psi", "given", "ticks"), [
-        (-1.0, None, (NEVER, NEVER)), (0.0, None, (NEVER, NEVER)), (-1.0, "1 min", (200, 200)),
-        (4.04, "1 min", (200, 200)), (4.04, None, (100, 100)),
-    ])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("psi", "given", "ticks"),
+        [
+            (-1.0, None, (NEVER, NEVER)),
+            (0.0, None, (NEVER, NEVER)),
+            (-1.0, "1 min", (200, 200)),
+            (4.04, "1 min", (200, 200)),
+            (4.04, None, (100, 100)),
+        ],
+    )
     def test_a_hull_that_comes_to_rest_by_itself_is_left_alone(self, psi, given, ticks):
         hull = paper().hull.model_copy(update={"psi": psi * 1e-6})
         p = supervisor_parameters(paper(hull=hull, supervisor=Supervisor(prove_after=given)), 0.3)
@@ -489,9 +505,16 @@ class TestReach:
         p, depth = self.limits, 2.0
         off = 4.0 * p.neutral.neutral_range + 4.0 * p.neutral.psi_range * depth
         s = changed(
-            SUPERVISOR.initial(p, CALM, 0.0), anchor=depth, still=p.rest.still - 2, known=0,
-            z1=depth, z2=depth, n1=off, n2=off, settled=0,
-        )  # fmt: skip
+            SUPERVISOR.initial(p, CALM, 0.0),
+            anchor=depth,
+            still=p.rest.still - 2,
+            known=0,
+            z1=depth,
+            z2=depth,
+            n1=off,
+            n2=off,
+            settled=0,
+        )
         seen = CALM._replace(depth=depth, volume=off + p.neutral.psi * depth + p.neutral.neutral)
         wrong = []
         for _ in range(3):
@@ -526,9 +549,16 @@ class TestSafeAction:
         assert self.after(1500)[0] == commands
 
     def driven(
-        self, drive: Any, volume: float, seconds: float = 60.0, *, sinks: float = 0.0,
-        least: float = -3.5e-4, lost: Any = lambda _: False, stuck_from: float = math.inf,
-    ) -> list[tuple[float, float]]:  # fmt: skip
+        self,
+        drive: Any,
+        volume: float,
+        seconds: float = 60.0,
+        *,
+        sinks: float = 0.0,
+        least: float = -3.5e-4,
+        lost: Any = lambda _: False,
+        stuck_from: float = math.inf,
+    ) -> list[tuple[float, float]]:
         """Return (command, volume) of a leaking vehicle; drive: (time, command) -> m3/s.
 
         sinks [m/s]; least [m3]: where it ends inwards; lost: whether the volume is not seen at t;
@@ -576,9 +606,12 @@ class TestSafeAction:
         p = self.limits
         again = 0.3 * int(p.push.again)
         rows = self.driven(
-            lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate.rate * u, 0.0, 200.0, sinks=0.02,
+            lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate.rate * u,
+            0.0,
+            200.0,
+            sinks=0.02,
             lost=lambda t: t > 5.0,
-        )  # fmt: skip
+        )
         turned = [k for k, (command, _) in enumerate(rows) if command == p.push.away_command]
         assert 0.3 * len(turned) == pytest.approx(again + 5.0, abs=2.0)
         assert rows[-1] == (p.push.surface_command, pytest.approx(3.5e-4))
@@ -638,9 +671,10 @@ class TestSafeAction:
         """The motor's load is three times what it was: the voltage that should hold does not."""
         p, end = self.limits, 0.3 * int(self.limits.push.push)
         rows = self.driven(
-            lambda t, u: 1e-5 if u > p.push.hold_command else (-1e-5 if t > end else 0.0), 2e-4,
+            lambda t, u: 1e-5 if u > p.push.hold_command else (-1e-5 if t > end else 0.0),
+            2e-4,
             end + 60.0,
-        )  # fmt: skip
+        )
         resting = [volume for command, volume in rows if command == p.push.hold_command]
         assert resting
         assert min(resting) > 3.5e-4 - p.push.away - 2.0 * 0.3e-5

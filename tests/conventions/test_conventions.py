@@ -35,9 +35,7 @@ def step(feup):
 def held(vehicle, volume, *, depth, duration=60.0, **more):
     """Return the motion with a constant volume."""
     time = np.arange(0.0, duration, 0.3)
-    return drive(
-        vehicle, time=time, volume=np.full_like(time, volume), start_depth=depth, **more
-    )  # fmt: skip
+    return drive(vehicle, time=time, volume=np.full_like(time, volume), start_depth=depth, **more)
 
 
 def table(heading):
@@ -112,9 +110,14 @@ def test_results_carry_si_units(step):
     data = step.dataset()
     units = {name: data[name].attrs["units"] for name in data.data_vars}
     assert units == {
-        "depth": "m", "reference": "m", "speed": "m s-1", "volume": "m3", "motor_rate": "m3 s-1",
-        "voltage": "V", "volume_reference": "m3",
-    }  # fmt: skip
+        "depth": "m",
+        "reference": "m",
+        "speed": "m s-1",
+        "volume": "m3",
+        "motor_rate": "m3 s-1",
+        "voltage": "V",
+        "volume_reference": "m3",
+    }
     assert data.depth.attrs["positive"] == "down"
 
 
@@ -313,9 +316,14 @@ def test_measurements_have_noise_first_and_the_quantum_last(feup):
             return 0.0
 
         simulate(
-            noisy, setpoints=[(0.0, 2.0)], duration=600.0, start_depth=0.0, start_volume=0.0,
-            law=hold, seed=seed,
-        )  # fmt: skip
+            noisy,
+            setpoints=[(0.0, 2.0)],
+            duration=600.0,
+            start_depth=0.0,
+            start_volume=0.0,
+            law=hold,
+            seed=seed,
+        )
         runs[label] = np.array(seen)
     assert np.all(runs["ideal"] == 0.0)
     assert np.array_equal(runs["one"], runs["again"])
@@ -324,9 +332,7 @@ def test_measurements_have_noise_first_and_the_quantum_last(feup):
     assert depth == pytest.approx(np.round(depth / 0.01) * 0.01, abs=1e-15)
     # a quantum after noise: steps of 0.01 m are seen as often as |noise| passes half of one
     beyond = math.erfc(0.005 / 0.004 / math.sqrt(2.0))
-    assert np.mean(depth != 0.0) == pytest.approx(
-        beyond, abs=4.0 * math.sqrt(beyond / len(depth))
-    )  # fmt: skip
+    assert np.mean(depth != 0.0) == pytest.approx(beyond, abs=4.0 * math.sqrt(beyond / len(depth)))
     assert np.std(volume) == pytest.approx(3 * CM3, rel=0.07)
 
 
@@ -352,17 +358,25 @@ def test_a_positioner_goes_to_the_commanded_volume_at_its_rate_and_stops_there()
     vehicle = load_vehicle("ntnu-bv")
     target = 10 * CM3
     s = simulate(
-        vehicle, setpoints=[(0.0, 1.0)], duration=20.0, start_depth=1.0, start_volume=0.0,
+        vehicle,
+        setpoints=[(0.0, 1.0)],
+        duration=20.0,
+        start_depth=1.0,
+        start_volume=0.0,
         law=lambda *_: target,
-    )  # fmt: skip
+    )
     rate = vehicle.actuator.speed * vehicle.actuator.piston_area
     assert s.volume == pytest.approx(np.minimum(rate * s.time, target), abs=1e-15)
     assert s.volume[-1] == target
     assert np.all(np.isnan(s.voltage))
     beyond = simulate(
-        vehicle, setpoints=[(0.0, 1.0)], duration=30.0, start_depth=1.0, start_volume=0.0,
+        vehicle,
+        setpoints=[(0.0, 1.0)],
+        duration=30.0,
+        start_depth=1.0,
+        start_volume=0.0,
         law=lambda *_: 1.0,
-    )  # fmt: skip
+    )
     assert beyond.volume[-1] == vehicle.stroke.maximum
 
 
@@ -445,8 +459,12 @@ def test_a_law_without_a_number_stops_the_simulation_with_all_rows_so_far(feup):
 
 def test_an_ensemble_holds_the_codes_of_its_reasons(feup):
     data = simulate_ensemble(
-        feup, count=2, setpoints=[(0.0, 0.05)], duration=120.0, start_depth=2.0,
+        feup,
+        count=2,
+        setpoints=[(0.0, 0.05)],
+        duration=120.0,
+        start_depth=2.0,
         vary={"k_pz": [-0.1e-3, -1e-3], "z_air": [-1.285, -1e-4]},
-    )  # fmt: skip
+    )
     assert data.stop.values.tolist() == [StopReason.FINISHED.code, StopReason.LEFT_WATER.code]
     assert data.stop_time[1] < data.stop_time[0] == pytest.approx(120.0)

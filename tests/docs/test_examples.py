@@ -107,18 +107,27 @@ def surroundings(*programs: Path) -> dict[str, str]:
     """Return the environment of a command; `programs`: folders that come first on the path."""
     path = os.pathsep.join([*map(str, programs), str(Path(sys.executable).parent)])
     return {
-        **os.environ, "PATH": path + os.pathsep + os.environ["PATH"], "COLUMNS": "100",
-        "NO_COLOR": "1", "MPLBACKEND": "Agg",
-    }  # fmt: skip
+        **os.environ,
+        "PATH": path + os.pathsep + os.environ["PATH"],
+        "COLUMNS": "100",
+        "NO_COLOR": "1",
+        "MPLBACKEND": "Agg",
+    }
 
 
 def shell(command: str, folder: Path, *programs: Path) -> tuple[int, str]:
     """Run a command with the installed command line first on the path, or what is in `programs`."""
     done = subprocess.run(
-        ["bash", "-ec", command], cwd=folder, env=surroundings(*programs), text=True,
-        encoding="utf-8", stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=300,
+        ["bash", "-ec", command],
+        cwd=folder,
+        env=surroundings(*programs),
+        text=True,
+        encoding="utf-8",
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=300,
         check=False,
-    )  # fmt: skip
+    )
     # the first command that needs a kernel says that it compiles
     lines = [line for line in done.stdout.splitlines() if not line.startswith("compiling the ")]
     return done.returncode, "\n".join(lines)
@@ -137,9 +146,13 @@ def warm_programs(folder: Path) -> Iterator[Path]:
     program.write_text(client(address), encoding="utf-8")
     program.chmod(0o755)
     with subprocess.Popen(
-        [sys.executable, "-m", "tests.docs.warm", address], cwd=ROOT, env=surroundings(),
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as server:  # fmt: skip
+        [sys.executable, "-m", "tests.docs.warm", address],
+        cwd=ROOT,
+        env=surroundings(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as server:
         assert server.stdout.readline() == "ready\n"
         yield folder
         server.stdin.close()
@@ -288,9 +301,7 @@ def test_a_traceback_in_a_fork_is_no_answer_of_a_command(warm, tmp_path):
 @pytest.mark.slow
 def test_the_picture_of_the_readme_is_what_the_command_below_it_draws(tmp_path):
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    picture, command = re.search(
-        r"!\[[^]]+\]\((\S+)\)\n\n`([^`]+)` drew this", readme
-    ).groups()  # fmt: skip
+    picture, command = re.search(r"!\[[^]]+\]\((\S+)\)\n\n`([^`]+)` drew this", readme).groups()
     code, printed = shell(command, tmp_path)
     assert code == 0, printed
 

@@ -86,9 +86,13 @@ def test_what_analyse_writes(capsys, tmp_path):
     told = answer(capsys, "analyse", "feup-em", "--out", str(tmp_path))
     check(keys, told)
     with_controller = {
-        "analysis.json", "analysis.txt", "open_loop.png", "poles.png", "loop_gains.png",
+        "analysis.json",
+        "analysis.txt",
+        "open_loop.png",
+        "poles.png",
+        "loop_gains.png",
         "nyquist.png",
-    }  # fmt: skip
+    }
     assert {path.name for path in tmp_path.iterdir()} == with_controller
     text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
     assert all(f"`{name}`" in text for name in with_controller)
@@ -104,17 +108,33 @@ def test_what_compare_writes(capsys, tmp_path):
     for drive in ("volume", "setpoint"):
         folder = tmp_path / drive
         told = answer(
-            capsys, "compare", str(log), "--vehicle", "example-em", "--drive", drive, "--fit",
-            "none", "--out", str(folder),
-        )  # fmt: skip
+            capsys,
+            "compare",
+            str(log),
+            "--vehicle",
+            "example-em",
+            "--drive",
+            drive,
+            "--fit",
+            "none",
+            "--out",
+            str(folder),
+        )
         check(keys, told)
         written |= set(header(folder / "compare.csv"))
         assert ("volume_predicted_m3" in header(folder / "compare.csv")) == (drive != "volume")
     assert written == set(columns)
     told = answer(
-        capsys, "compare", str(log), "--vehicle", "example-em", "--ahead", "10 s", "--out",
+        capsys,
+        "compare",
+        str(log),
+        "--vehicle",
+        "example-em",
+        "--ahead",
+        "10 s",
+        "--out",
         str(tmp_path),
-    )  # fmt: skip
+    )
     assert set(told["ahead"]) == {"horizons", "noise"}
     assert set(told["ahead"]["horizons"][0]) == set(ahead)
     columns = {"time_s", "depth_m", "compared", "depth_predicted_10s_m", "depth_std_10s_m"}
@@ -130,9 +150,17 @@ def test_what_identify_writes(capsys, tmp_path):
     log = str(tmp_path / "log" / "trajectory.csv")
     out = tmp_path / "out"
     told = answer(
-        capsys, "identify", log, "--vehicle", "feup-em", "--set", "psi=4.04 cm3/m", "--paper",
-        "--out", str(out),
-    )  # fmt: skip
+        capsys,
+        "identify",
+        log,
+        "--vehicle",
+        "feup-em",
+        "--set",
+        "psi=4.04 cm3/m",
+        "--paper",
+        "--out",
+        str(out),
+    )
     check(keys, told)
     assert set(header(out / "residuals.csv")) == set(columns)
     text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
@@ -155,9 +183,17 @@ def test_what_identify_actuator_writes(capsys, tmp_path):
     log.write_text("\n".join(lines) + "\n", encoding="ascii")
     out = tmp_path / "out"
     told = answer(
-        capsys, "identify-actuator", str(log), "--ask", "K1", "--vehicle", "feup-em", "--plot",
-        "--out", str(out),
-    )  # fmt: skip
+        capsys,
+        "identify-actuator",
+        str(log),
+        "--ask",
+        "K1",
+        "--vehicle",
+        "feup-em",
+        "--plot",
+        "--out",
+        str(out),
+    )
     check(keys, told)
     assert header(out / "steps.csv") == list(columns)
     written = {"identify-actuator.html", "steps.csv", "steps.png", "vehicle.toml"}
@@ -167,14 +203,34 @@ def test_what_identify_actuator_writes(capsys, tmp_path):
 def test_what_design_experiment_writes(capsys, tmp_path):
     (keys,) = rows("files-written.md", "design-experiment")
     told = answer(
-        capsys, "design-experiment", "feup-em", "--pool-depth", "4.5", "--sensor-std", "2 mm",
-        "--settling", "5 min", "--moves", "1", "--runs", "2", "--out", str(tmp_path),
-    )  # fmt: skip
+        capsys,
+        "design-experiment",
+        "feup-em",
+        "--pool-depth",
+        "4.5",
+        "--sensor-std",
+        "2 mm",
+        "--settling",
+        "5 min",
+        "--moves",
+        "1",
+        "--runs",
+        "2",
+        "--out",
+        str(tmp_path),
+    )
     check(keys, told)
     assert set(told["against"]) == {
-        "name", "error_ratio", "time_s", "experiments", "parameters", "names", "covariance",
-        "correlation", "bias",
-    }  # fmt: skip
+        "name",
+        "error_ratio",
+        "time_s",
+        "experiments",
+        "parameters",
+        "names",
+        "covariance",
+        "correlation",
+        "bias",
+    }
     text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
     assert all(
         f"`{path.name}`" in text or f"[`{path.name}`]" in text for path in tmp_path.iterdir()
@@ -189,8 +245,10 @@ def test_what_pool_writes(capsys, tmp_path):
     told = json.loads(capsys.readouterr().out)
     check(keys, told)
     assert {path.name for path in tmp_path.iterdir()} == {
-        "experiment-001.csv", "pool.csv", "pool.json",
-    }  # fmt: skip
+        "experiment-001.csv",
+        "pool.csv",
+        "pool.json",
+    }
     assert header(tmp_path / "experiment-001.csv") == list(columns)
     (one,) = told["experiments"]
     text = keys["experiments"][0]
@@ -219,8 +277,11 @@ def test_what_reproduce_writes(capsys, tmp_path):
     told = answer(capsys, "reproduce", "--out", str(tmp_path))
     check(keys, told)
     assert {path.name for path in tmp_path.iterdir()} == {
-        "index.html", "results.json", "figures", "trajectories",
-    }  # fmt: skip
+        "index.html",
+        "results.json",
+        "figures",
+        "trajectories",
+    }
     assert {p.suffix for p in (tmp_path / "figures").iterdir()} == {".png"}
     assert {p.suffix for p in (tmp_path / "trajectories").iterdir()} == {".csv"}
     results = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
@@ -269,8 +330,9 @@ def test_what_mission_and_campaign_write(capsys, tmp_path):
     dive.write_text(_DIVE)
     columns, cycles, speeds, keys = rows("files-written.md", "mission")
     out = tmp_path / "flown"
-    told = answer(capsys, "mission", "example-float", str(dive), "--netcdf", "--plot",
-                  "--out", str(out))  # fmt: skip
+    told = answer(
+        capsys, "mission", "example-float", str(dive), "--netcdf", "--plot", "--out", str(out)
+    )
     check(keys, told)
     assert header(out / "trajectory.csv") == list(columns)
     assert header(out / "cycles.csv") == list(cycles)
@@ -283,12 +345,22 @@ def test_what_mission_and_campaign_write(capsys, tmp_path):
     assert all(f"`{what}`" in text for what in happened)
     columns, keys, indices = rows("files-written.md", "campaign")
     out = tmp_path / "array"
-    told = answer(capsys, "campaign", "example-float", str(dive), "--floats", "3", "--out",
-                  str(out))  # fmt: skip
+    told = answer(
+        capsys, "campaign", "example-float", str(dive), "--floats", "3", "--out", str(out)
+    )
     check(keys, told)
     assert header(out / "floats.csv") == list(columns)
-    told = answer(capsys, "campaign", "example-float", str(dive), "--floats", "100", "--out",
-                  str(tmp_path / "indices"), "--sensitivity")  # fmt: skip
+    told = answer(
+        capsys,
+        "campaign",
+        "example-float",
+        str(dive),
+        "--floats",
+        "100",
+        "--out",
+        str(tmp_path / "indices"),
+        "--sensitivity",
+    )
     check(indices, told["sensitivity"])
     promised = set(re.findall(r"`(\w+)`", indices["outputs"][0]))
     (some, *_) = [one for one in told["sensitivity"]["outputs"] if one["indices"]]

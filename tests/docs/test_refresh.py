@@ -73,11 +73,18 @@ def test_a_page_is_written_anew(tmp_path):
     expected = PAGE.replace("told\n", "b\n").replace("```text\ny", "```text\nx")
     assert page.read_text(encoding="utf-8") == expected.replace("yes\n", "no\n")
     assert [text.splitlines()[1:] for text in said[:3]] == [
-        ["-told", "+b"], ["-y", "+x"], ["-yes", "+no"],
-    ]  # fmt: skip
+        ["-told", "+b"],
+        ["-y", "+x"],
+        ["-yes", "+no"],
+    ]
     assert "exit code 3, not 0" in said[3]
-    page.write_text(PAGE.split("# Page")[1].split("<!--")[0].replace("told", "b").replace(
-        "```text\ny", "```text\nx"), encoding="utf-8")  # fmt: skip
+    page.write_text(
+        PAGE.split("# Page")[1]
+        .split("<!--")[0]
+        .replace("told", "b")
+        .replace("```text\ny", "```text\nx"),
+        encoding="utf-8",
+    )
     assert refresh_docs.refresh(page) == (False, True)
 
 

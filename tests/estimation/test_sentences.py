@@ -12,8 +12,17 @@ from swimbladder.units import unit_factor
 
 ROOM = Path(swimbladder.estimation.__file__).parent
 DRIVEN = {"voltage", "nothing", "reference"}  # keys by what drives an actuator
-SI = {"cm3": "m3", "cm3/m": "m3/m", "cm3/h": "m3/s", "mL": "m3", "L": "m3", "mm": "m",
-      "mm/s": "m/s", "min": "s", "%": "1"}  # fmt: skip
+SI = {
+    "cm3": "m3",
+    "cm3/m": "m3/m",
+    "cm3/h": "m3/s",
+    "mL": "m3",
+    "L": "m3",
+    "mm": "m",
+    "mm/s": "m/s",
+    "min": "s",
+    "%": "1",
+}
 
 
 def calls():

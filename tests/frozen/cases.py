@@ -77,9 +77,16 @@ VOLTS = ("example-eh", "example-em", "feup-em")  # presets whose law commands a 
 LOOPS = (*VOLTS, "ntnu-bv")  # presets that have a sampled loop
 PRESETS = (*LOOPS, "example-float")
 LAWS = (
-    "cascade", "sea-cascade", "adrc", "deadband", "observer", "pulse", "planned", "position-pid",
+    "cascade",
+    "sea-cascade",
+    "adrc",
+    "deadband",
+    "observer",
+    "pulse",
+    "planned",
+    "position-pid",
     "position-observer",
-)  # fmt: skip
+)
 SIMULATED = "simulate feup-em --start 1.5 --target 2.5 --duration 60 --out before"
 POOL = "pool.csv --vehicle feup-em --where run=1,2,3,4"
 EXPERIMENT = "--pool-depth 4.5~m --sensor-std 2~mm --settling 5~min --moves 1 --runs 2"

@@ -15,10 +15,23 @@ RELATIVE = 1e-9
 # Below these a number is nothing, by unit: a speed that is zero but for rounding has no digits to
 # hold. A billionth of what an engineer could measure. Units that are not here have no floor.
 FLOORS = {
-    "m": 1e-9, "m3": 1e-15, "cm3": 1e-9, "s": 1e-9, "m/s": 1e-12, "m_s": 1e-12, "V": 1e-9,
-    "A": 1e-9, "W": 1e-9, "J": 1e-6, "C": 1e-9, "dbar": 1e-9, "Pa": 1e-5, "kg": 1e-9, "pct": 1e-9,
+    "m": 1e-9,
+    "m3": 1e-15,
+    "cm3": 1e-9,
+    "s": 1e-9,
+    "m/s": 1e-12,
+    "m_s": 1e-12,
+    "V": 1e-9,
+    "A": 1e-9,
+    "W": 1e-9,
+    "J": 1e-6,
+    "C": 1e-9,
+    "dbar": 1e-9,
+    "Pa": 1e-5,
+    "kg": 1e-9,
+    "pct": 1e-9,
     "deg": 1e-9,
-}  # fmt: skip
+}
 LIST_FLOOR = 1e-9  # of the largest of a column or a list: a trajectory passes through zero
 
 
@@ -37,8 +50,12 @@ class Difference(NamedTuple):
         return abs(self.new - self.old) / max(abs(self.old), abs(self.new), 1e-300)
 
     def __str__(self) -> str:
-        lines = [f"case {self.case}", f"  at  {self.path}", f"  old {self.old!r}",
-                 f"  new {self.new!r}"]  # fmt: skip
+        lines = [
+            f"case {self.case}",
+            f"  at  {self.path}",
+            f"  old {self.old!r}",
+            f"  new {self.new!r}",
+        ]
         if self.relative is not None:
             lines.append(f"  relative difference {self.relative:.3g}")
         return "\n".join(lines)

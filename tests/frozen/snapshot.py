@@ -27,8 +27,14 @@ KEPT = "parts"  # folder of what is done already, for a run that goes on
 WORDS = 4  # a text of more words is prose
 # What differs between two runs of the same code.
 VOLATILE = {
-    "seconds", "created", "date_created", "date_modified", "version", "history", "id",
-}  # fmt: skip
+    "seconds",
+    "created",
+    "date_created",
+    "date_modified",
+    "version",
+    "history",
+    "id",
+}
 _DATE = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d\S*)?")
 _COMMENT = re.compile(r'("(?:\\.|[^"\\])*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 

@@ -71,42 +71,60 @@ def test_what_counts_as_a_difference(old, new, path):
 def test_a_difference_can_be_read():
     found = first_difference(CASE, snapshot(a=[{"b_m": 2.0}]), snapshot(a=[{"b_m": 3.0}]))
     assert str(found).splitlines() == [
-        "case a-case", "  at  answer.a[0].b_m", "  old 2.0", "  new 3.0",
+        "case a-case",
+        "  at  answer.a[0].b_m",
+        "  old 2.0",
+        "  new 3.0",
         "  relative difference 0.333",
-    ]  # fmt: skip
+    ]
 
 
 def test_renamed_names_stay_comparable(monkeypatch):
-    monkeypatch.setattr(renamed, "KEYS", {
-        "saved": "recovered", "outcomes.alone": "outcomes.unsupervised", "told": "flight.found",
-        "tune: seed": "draw",
-    })  # fmt: skip
+    monkeypatch.setattr(
+        renamed,
+        "KEYS",
+        {
+            "saved": "recovered",
+            "outcomes.alone": "outcomes.unsupervised",
+            "told": "flight.found",
+            "tune: seed": "draw",
+        },
+    )
     monkeypatch.setattr(renamed, "KINDS", {"could be saved": "recoverable"})
     monkeypatch.setattr(renamed, "FILES", {"-told.": "-ideal."})
     monkeypatch.setattr(renamed, "C_NAMES", {"tally": "debounce"})
     old = {
         "exit": 0,
         "answer": {
-            "rows": [{"saved": 1, "seed": 2}], "outcomes": {"alone": 3}, "alone": 4, "told": 5,
-            "flight": {"end": 6}, "kind": "could be saved", "files": ["out/m-told.csv"],
+            "rows": [{"saved": 1, "seed": 2}],
+            "outcomes": {"alone": 3},
+            "alone": 4,
+            "told": 5,
+            "flight": {"end": 6},
+            "kind": "could be saved",
+            "files": ["out/m-told.csv"],
         },
         "files": {
             "m-told.csv": {"rows": 0, "columns": {"saved": []}},
             "x.c": {"sha256": "0", "code": ["int tally, tally_s;"]},
         },
-    }  # fmt: skip
+    }
     kept = copy.deepcopy(old)
     assert rename(old, "simulate") == {
         "exit": 0,
         "answer": {
-            "rows": [{"recovered": 1, "seed": 2}], "outcomes": {"unsupervised": 3}, "alone": 4,
-            "flight": {"found": 5, "end": 6}, "kind": "recoverable", "files": ["out/m-ideal.csv"],
+            "rows": [{"recovered": 1, "seed": 2}],
+            "outcomes": {"unsupervised": 3},
+            "alone": 4,
+            "flight": {"found": 5, "end": 6},
+            "kind": "recoverable",
+            "files": ["out/m-ideal.csv"],
         },
         "files": {
             "m-ideal.csv": {"rows": 0, "columns": {"recovered": []}},
             "x.c": {"sha256": "0", "code": ["int debounce, tally_s;"]},
         },
-    }  # fmt: skip
+    }
     assert old == kept
     assert rename(old, "tune")["answer"]["rows"] == [{"recovered": 1, "draw": 2}]
 
@@ -135,15 +153,24 @@ def test_draws_in_another_order_are_compared_in_distribution(monkeypatch):
 def test_what_is_left_out_of_a_snapshot():
     long = [float(n) for n in range(100)]
     thin = cleaned(
-        {"sentence": "It came up after an hour.", "kind": "two faults at once", "seconds": 1.2,
-         "begin": "2000-01-01T00:00:00Z", "file": "/tmp/x/y.csv", "notes": ["a b c d e."],
-         "row": long}
-    )  # fmt: skip
+        {
+            "sentence": "It came up after an hour.",
+            "kind": "two faults at once",
+            "seconds": 1.2,
+            "begin": "2000-01-01T00:00:00Z",
+            "file": "/tmp/x/y.csv",
+            "notes": ["a b c d e."],
+            "row": long,
+        }
+    )
     row = thin.pop("row")
     assert thin == {
-        "sentence": "<prose>", "kind": "two faults at once", "begin": "<date>", "file": "y.csv",
+        "sentence": "<prose>",
+        "kind": "two faults at once",
+        "begin": "<date>",
+        "file": "y.csv",
         "notes": "<prose>",
-    }  # fmt: skip
+    }
     assert (row["count"], row["sum"], row["largest"]) == (100, sum(long), 99.0)
     assert (row["kept"][0], row["kept"][1], row["kept"][-1]) == (0.0, 3.0, 99.0)
     assert code_of('int a; // b\n\n/* c\n d */\nchar *s = "// e"; /* f */') == (

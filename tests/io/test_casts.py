@@ -72,14 +72,21 @@ def test_without_a_place_it_says_what_that_costs(tmp_path):
 @pytest.mark.parametrize(
     ("name", "meant"),
     [
-        ("pressure_dbar", ("pressure_dbar", "dbar")), ("Pressure [bar]", ("pressure_dbar", "bar")),
-        ("PRES", ("pressure_dbar", None)), ("sci_water_cond_S_m", ("conductivity_S_m", "S/m")),
-        ("conductivity_uS_cm", ("conductivity_S_m", "uS/cm")), ("SP", ("salinity", None)),
-        ("Temp. (deg C)", None), ("Temperature (deg C)", ("temperature_degC", "degC")),
-        ("salinity_psu", ("salinity", "")), ("depth (m)", ("depth_m", "m")), ("oxygen", None),
-        ("density_kg_m3", ("density_kg_m3", "kg/m3")), ("ctd_pressure", ("pressure_dbar", None)),
+        ("pressure_dbar", ("pressure_dbar", "dbar")),
+        ("Pressure [bar]", ("pressure_dbar", "bar")),
+        ("PRES", ("pressure_dbar", None)),
+        ("sci_water_cond_S_m", ("conductivity_S_m", "S/m")),
+        ("conductivity_uS_cm", ("conductivity_S_m", "uS/cm")),
+        ("SP", ("salinity", None)),
+        ("Temp. (deg C)", None),
+        ("Temperature (deg C)", ("temperature_degC", "degC")),
+        ("salinity_psu", ("salinity", "")),
+        ("depth (m)", ("depth_m", "m")),
+        ("oxygen", None),
+        ("density_kg_m3", ("density_kg_m3", "kg/m3")),
+        ("ctd_pressure", ("pressure_dbar", None)),
     ],
-)  # fmt: skip
+)
 def test_names_that_are_known(name, meant):
     assert kind_of(name) == meant
 
@@ -301,9 +308,10 @@ def test_spikes_are_left_out_and_said(tmp_path):
 def test_a_cast_down_and_up_takes_the_way_down(tmp_path):
     p, t, s = sea()
     both = {
-        "pressure_dbar": np.append(p, p[::-1]), "temperature_degC": np.append(t, t[::-1] + 0.5),
+        "pressure_dbar": np.append(p, p[::-1]),
+        "temperature_degC": np.append(t, t[::-1] + 0.5),
         "salinity": np.append(s, s[::-1]),
-    }  # fmt: skip
+    }
     path = csv(tmp_path, both, "both.csv")
     down = read_cast(path, **PLACE)
     np.testing.assert_allclose(down.CT, read_cast(plain(tmp_path), **PLACE).CT, atol=0.01)
@@ -317,9 +325,13 @@ def test_several_casts_in_a_file_have_to_be_chosen_from(tmp_path):
     p, t, s = sea()
     path = csv(
         tmp_path,
-        {"dive": np.repeat([1.0, 2.0, 3.0], len(p)), "pressure_dbar": np.tile(p, 3),
-         "temperature_degC": np.tile(t, 3), "salinity": np.tile(s, 3)},
-    )  # fmt: skip
+        {
+            "dive": np.repeat([1.0, 2.0, 3.0], len(p)),
+            "pressure_dbar": np.tile(p, 3),
+            "temperature_degC": np.tile(t, 3),
+            "salinity": np.tile(s, 3),
+        },
+    )
     error = refused(path)
     assert "profiles in it (1: 0 to 500 dbar" in str(error)
     assert "--where" in error.remedy
@@ -421,10 +433,12 @@ def test_a_winch_that_heaves_makes_one_leg():
         ({"pres": [1.0, 2.0], "psal": [35.0, 35.0]}, "no temperature"),
         ({"pres": [1.0, np.nan], "temp": [5.0, 5.0], "psal": [35.0, 35.0]}, "of 2 rows 1 hold"),
         ({"pres": [5.0, 5.0, 5.0], "temp": [5.0] * 3, "psal": [35.0] * 3}, "one pressure"),
-        ({"pres": [1.0, 2.0], "prdm": [1.0, 2.0], "temp": [5.0] * 2, "psal": [35.0] * 2},
-         "several columns may be the pressure"),
+        (
+            {"pres": [1.0, 2.0], "prdm": [1.0, 2.0], "temp": [5.0] * 2, "psal": [35.0] * 2},
+            "several columns may be the pressure",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_cast_is_refused(tmp_path, columns, words):
     assert words in str(refused(csv(tmp_path, columns)))
 
@@ -734,13 +748,20 @@ def test_names_of_the_hydrographers(tmp_path):
 
 def cnv_file(path, *, temperature="t090C", flags=(), binary=False):
     p, t, s = sea()
-    head = ["* Sea-Bird SBE 9 Data File:", "* NMEA Latitude = 43 00.00 N",
-            "* NMEA Longitude = 008 00.00 E", "# nquan = 5",
-            "# name 0 = scan: Scan Count", "# name 1 = prDM: Pressure, Digiquartz [db]",
-            f"# name 2 = {temperature}: Temperature [ITS-90, deg C]",
-            "# name 3 = c0mS/cm: Conductivity [mS/cm]", "# name 4 = flag: flag",
-            "# bad_flag = -9.990e-29", f"# file_type = {'binary' if binary else 'ascii'}",
-            "*END*"]  # fmt: skip
+    head = [
+        "* Sea-Bird SBE 9 Data File:",
+        "* NMEA Latitude = 43 00.00 N",
+        "* NMEA Longitude = 008 00.00 E",
+        "# nquan = 5",
+        "# name 0 = scan: Scan Count",
+        "# name 1 = prDM: Pressure, Digiquartz [db]",
+        f"# name 2 = {temperature}: Temperature [ITS-90, deg C]",
+        "# name 3 = c0mS/cm: Conductivity [mS/cm]",
+        "# name 4 = flag: flag",
+        "# bad_flag = -9.990e-29",
+        f"# file_type = {'binary' if binary else 'ascii'}",
+        "*END*",
+    ]
     C = gsw.C_from_SP(s, t, p)
     rows = [
         f"{k:11d}{a:11.3f}{b:11.5f}{c:11.6f} {'-9.990e-29' if k in flags else '0.0000e+00'}"

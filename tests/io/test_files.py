@@ -79,8 +79,12 @@ def test_folders_are_made_with_those_above(tmp_path):
 
 def dead_process():
     """The number of a process that has ended."""
-    return subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"],
-                          capture_output=True, text=True, check=True).stdout.strip()  # fmt: skip
+    return subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.strip()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="elsewhere a process cannot be asked for")

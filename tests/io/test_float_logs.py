@@ -103,8 +103,9 @@ def test_a_made_up_dive(made_up: Path) -> None:
     assert log.position == (-12.5, -45.25)
     assert log.settings == {"near": "1000mbar 3mbar/s", "coeff": "16/10"}
     assert [(s.number, s.pressure, s.tolerance, s.duration) for s in log.stages] == [
-        (0, 3e6, 5e4, 3600.0), (1, 0.0, 0.0, 1800.0),
-    ]  # fmt: skip
+        (0, 3e6, 5e4, 3600.0),
+        (1, 0.0, 0.0, 1800.0),
+    ]
     assert log.time.tolist() == [70.0, 300.0, 3000.0, 5580.0]
     assert log.pressure.tolist() == [-1200.0, 6e4, 2.98e6, 1.8e4]
     assert log.temperature.tolist() == [21.0, 20.5, 13.5, 21.0]
@@ -141,9 +142,11 @@ def test_the_words_of_an_older_firmware(tmp_path: Path) -> None:
     assert np.isnan(log.temperature).tolist() == [True, True, True, False]
     assert log.stage.tolist() == [0, 0, 0, 0]
     assert [(a.device, a.time, a.asked, a.seconds) for a in log.actions] == [
-        ("bypass", 110.0, 120.0, 120.0), ("valve", 13000.0, 1.008, 1.008),
-        ("pump", 33000.0, 24.219, 24.219), ("pump", 190000.0, 300.0, 9.0),
-    ]  # fmt: skip
+        ("bypass", 110.0, 120.0, 120.0),
+        ("valve", 13000.0, 1.008, 1.008),
+        ("pump", 33000.0, 24.219, 24.219),
+        ("pump", 190000.0, 300.0, 9.0),
+    ]
     assert (log.internal_pressure, log.battery_voltage, log.battery_least) == (8.2e4, 14.6, 12.1)
     assert log.report == ("3 samples without a temperature that a sea has",)
 
@@ -286,16 +289,19 @@ def test_a_table_of_pressures_and_seconds(tmp_path: Path) -> None:
     log = read_float_log(
         path,
         columns={
-            "time_s": "clock", "pressure_Pa": "p [dbar]", "pump_s": "pump",
+            "time_s": "clock",
+            "pressure_Pa": "p [dbar]",
+            "pump_s": "pump",
             "temperature_degC": "T@degC",
         },
-    )  # fmt: skip
+    )
     assert log.time.tolist() == [0.0, 60.0, 120.0, 240.0]
     assert log.pressure == pytest.approx([5e3, 3e4, 9e4, 1.2e5])
     assert log.temperature.tolist() == [20.0, 19.0, 15.0, 14.0]
     assert [(a.device, a.time, a.seconds) for a in log.actions] == [
-        ("valve", 60.0, 4.5), ("pump", 180.0, 30.0),
-    ]  # fmt: skip
+        ("valve", 60.0, 4.5),
+        ("pump", 180.0, 30.0),
+    ]
     assert set(log.stage.tolist()) == {-2}
 
 

@@ -58,8 +58,12 @@ def test_noise_alone_is_no_spike() -> None:
     rng = np.random.default_rng(2)
     found = 0
     for _ in range(40):
-        for values in (rng.standard_normal(2000), np.cumsum(rng.standard_normal(2000)),
-                       np.round(rng.standard_normal(2000)), rng.laplace(size=2000)):  # fmt: skip
+        for values in (
+            rng.standard_normal(2000),
+            np.cumsum(rng.standard_normal(2000)),
+            np.round(rng.standard_normal(2000)),
+            rng.laplace(size=2000),
+        ):
             found += len(column("depth_m", values, np.arange(2000.0)))
     assert found <= 8  # of 320,000, most of them of the heavy tails of Laplace
 
@@ -147,8 +151,10 @@ def test_gaps_are_listed_and_reported(tmp_path: Path) -> None:
         "149.5 s (line 281)"
     ) in log.report
     assert read_log(path, log_format=LogFormat(gap=0.8)).gaps == (
-        (49.5, 60.0), (149.5, 170.0), (249.5, 250.5),
-    )  # fmt: skip
+        (49.5, 60.0),
+        (149.5, 170.0),
+        (249.5, 250.5),
+    )
     assert read_log(path, log_format=LogFormat(gap=30.0)).gaps == ()
 
 

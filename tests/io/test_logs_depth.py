@@ -14,10 +14,15 @@ from tests.quoted import numbers
 
 POOL = 'water_density = "998 kg/m3"\n'
 PASCALS = {  # by definition: of the pound, the inch, the atmosphere
-    "Pa": Fraction(1), "kPa": Fraction(1000), "mbar": Fraction(100), "hPa": Fraction(100),
-    "dbar": Fraction(10_000), "bar": Fraction(100_000), "atm": Fraction(101_325),
+    "Pa": Fraction(1),
+    "kPa": Fraction(1000),
+    "mbar": Fraction(100),
+    "hPa": Fraction(100),
+    "dbar": Fraction(10_000),
+    "bar": Fraction(100_000),
+    "atm": Fraction(101_325),
     "psi": Fraction("0.45359237") * Fraction("9.80665") / Fraction("0.0254") ** 2,
-}  # fmt: skip
+}
 
 
 def rows(pressures: list[float], name: str) -> str:

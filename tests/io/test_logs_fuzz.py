@@ -32,7 +32,10 @@ DRESSES: tuple[tuple[str, dict[str, str], dict[str, object]], ...] = (
         "t\tP [dbar]\nms\tdbar\n65000\t10,1\n400\t10,2\n900\t10,3\n",
         {"time_s": "t", "pressure_Pa": "P [dbar]"},
         {
-            "decimal": ",", "units_row": True, "counter_bits": 16, "water_density": 1000.0,
+            "decimal": ",",
+            "units_row": True,
+            "counter_bits": 16,
+            "water_density": 1000.0,
             "atmospheric_pressure": "first",
         },
     ),
@@ -57,28 +60,82 @@ DRESSES: tuple[tuple[str, dict[str, str], dict[str, object]], ...] = (
         {"names": ["t", "z", "run"], "tick": "32768 Hz", "where": {"run": "b"}},
     ),
     ("t,depth_m\n23:59:59,1\n00:00:00,2\n00:00:01,3\n", {"time_s": "t@clock"}, {}),
-)  # fmt: skip
-NAMES = st.sampled_from([
-    "time_s", "depth_m", "Time", "t", "when", "day", "clock", "Depth [cm]", "z", "U (mV)",
-    "P [dbar]", "Time[ms]", "piston_m", "note", "", "day+clock",
-])  # fmt: skip
-UNITS = st.sampled_from([
-    "s", "ms", "iso", "clock", "tick", "%d.%m.%Y", "%H:%M", "%", "%%", "%Y%", "cm", "dbar", "V",
-    "kg", "km", "GPa", "d", "", "[", "1/s", "%d.%m.%Y %H:%M:%S",
-])  # fmt: skip
+)
+NAMES = st.sampled_from(
+    [
+        "time_s",
+        "depth_m",
+        "Time",
+        "t",
+        "when",
+        "day",
+        "clock",
+        "Depth [cm]",
+        "z",
+        "U (mV)",
+        "P [dbar]",
+        "Time[ms]",
+        "piston_m",
+        "note",
+        "",
+        "day+clock",
+    ]
+)
+UNITS = st.sampled_from(
+    [
+        "s",
+        "ms",
+        "iso",
+        "clock",
+        "tick",
+        "%d.%m.%Y",
+        "%H:%M",
+        "%",
+        "%%",
+        "%Y%",
+        "cm",
+        "dbar",
+        "V",
+        "kg",
+        "km",
+        "GPa",
+        "d",
+        "",
+        "[",
+        "1/s",
+        "%d.%m.%Y %H:%M:%S",
+    ]
+)
 column = st.one_of(
     NAMES,
     st.builds("{}@{}".format, NAMES, UNITS),
     st.builds(
         lambda name, unit, date: {"name": name, "unit": unit, "date": date},
-        NAMES, st.none() | UNITS, st.none() | NAMES,
+        NAMES,
+        st.none() | UNITS,
+        st.none() | NAMES,
     ),
-)  # fmt: skip
+)
 number = st.integers(-2, 70) | st.floats(width=32)
-quantity = number | st.sampled_from([
-    "998 kg/m3", "1 kg/L", "30.5 us", "32768 Hz", "0 Hz", "gauge", "first", "first 10 s", "9.81",
-    "1013 mbar", "5 mm", "1e308 m", "-1 cm3", "x", "",
-])  # fmt: skip
+quantity = number | st.sampled_from(
+    [
+        "998 kg/m3",
+        "1 kg/L",
+        "30.5 us",
+        "32768 Hz",
+        "0 Hz",
+        "gauge",
+        "first",
+        "first 10 s",
+        "9.81",
+        "1013 mbar",
+        "5 mm",
+        "1e308 m",
+        "-1 cm3",
+        "x",
+        "",
+    ]
+)
 GOOD: dict[str, st.SearchStrategy[object]] = {
     "encoding": st.sampled_from(["utf-8", "utf-16-le", "latin-1", "cp1252", "shift_jis"]),
     "delimiter": st.sampled_from([",", ";", "\t", "|", " "]),
@@ -206,11 +263,33 @@ def test_any_options(file: Path, few, wrong, column_of) -> None:
 
 
 edit = st.tuples(
-    st.integers(0, 200), st.integers(0, 6),
-    st.sampled_from([b"", b",", b";", b'"', b"\n", b"\r", b"\0", b"-", b".", b"9" * 30, b"e99",
-                     b"\xff", b"#", b"nan", b"\t", b"time_s", b"_", b"\xe2\x88\x92", b" "])
+    st.integers(0, 200),
+    st.integers(0, 6),
+    st.sampled_from(
+        [
+            b"",
+            b",",
+            b";",
+            b'"',
+            b"\n",
+            b"\r",
+            b"\0",
+            b"-",
+            b".",
+            b"9" * 30,
+            b"e99",
+            b"\xff",
+            b"#",
+            b"nan",
+            b"\t",
+            b"time_s",
+            b"_",
+            b"\xe2\x88\x92",
+            b" ",
+        ]
+    )
     | st.binary(max_size=4),
-)  # fmt: skip
+)
 
 
 @given(
@@ -270,25 +349,49 @@ texts = st.text(st.sampled_from('0123456789-:.,TZ+ 年Wd"'), max_size=25)
 )
 def test_any_times(file: Path, times: list[str], unit: str, bits: int | None) -> None:
     file.write_text("t;depth_m\n" + "".join(f"{t};1\n" for t in times), encoding="utf-8")
-    form = LogFormat(bad_rows="drop", rows="sort", counter_bits=bits,
-                     tick=1e-3 if unit == "tick" else None)  # fmt: skip
+    form = LogFormat(
+        bad_rows="drop", rows="sort", counter_bits=bits, tick=1e-3 if unit == "tick" else None
+    )
     check(file, columns={"time_s": f"t@{unit}"}, log_format=form)
 
 
 @given(
     lines=st.lists(
-        st.sampled_from([
-            "[log]", "[log.columns]", "[log.where]", "[log.columns.time_s]", 'delimiter = ";"',
-            'decimal = ","', "names = []", 'names = ["a"]', "units_row = 1", "part = true",
-            'tick = "30 us"', "counter_bits = 1e3", 'depth_m = "z"', "depth_m = { name = 3 }",
-            'where = { a = [1] }', 'columns = "x"', "missing = [1]", 'name = "t"', "fields = 99",
-            'water_density = "1 g/cm3"', "atmospheric_pressure = nan", "gap = inf", "x = 1",
-            'comment = ""', "[[log]]", "depth_offset = 1979-05-27", 'encoding = "rot13"',
-        ])
+        st.sampled_from(
+            [
+                "[log]",
+                "[log.columns]",
+                "[log.where]",
+                "[log.columns.time_s]",
+                'delimiter = ";"',
+                'decimal = ","',
+                "names = []",
+                'names = ["a"]',
+                "units_row = 1",
+                "part = true",
+                'tick = "30 us"',
+                "counter_bits = 1e3",
+                'depth_m = "z"',
+                "depth_m = { name = 3 }",
+                "where = { a = [1] }",
+                'columns = "x"',
+                "missing = [1]",
+                'name = "t"',
+                "fields = 99",
+                'water_density = "1 g/cm3"',
+                "atmospheric_pressure = nan",
+                "gap = inf",
+                "x = 1",
+                'comment = ""',
+                "[[log]]",
+                "depth_offset = 1979-05-27",
+                'encoding = "rot13"',
+            ]
+        )
         | st.text(max_size=12),
         max_size=6,
     )
-)  # fmt: skip
+)
 def test_any_log_table(file: Path, lines: list[str]) -> None:
     toml = file.with_name("form.toml")
     toml.write_text("\n".join(lines), encoding="utf-8", errors="replace")
@@ -328,7 +431,7 @@ HUGE = {
     "zeros in gzip": gzip.compress(bytes(20_000_000), 9, mtime=0),
     "gzip in gzip": gzip.compress(gzip.compress(HEAD, mtime=0), mtime=0),
     "a whole number of a million digits in exponents": HEAD + b"2,1e" + b"9" * 1_000_000 + b"\n",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("content", HUGE.values(), ids=HUGE)

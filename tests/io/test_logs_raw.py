@@ -67,8 +67,9 @@ def test_raw_files_give_the_numbers_that_others_took_from_them(data_dir: Path, n
     assert log.reference_depth is not None
     assert log.reference_depth.tolist() == frame["target_depth_m"].tolist()
     for values, name in (
-        (log.piston, "piston_position_m"), (log.reference_piston, "pid_output_m"),
-    ):  # fmt: skip
+        (log.piston, "piston_position_m"),
+        (log.reference_piston, "pid_output_m"),
+    ):
         assert values is not None
         assert values == pytest.approx(0.02575 - frame[name].to_numpy(), abs=1e-15)
     raw_lines = (folder / "raw" / f"{number}.txt").read_bytes().split(b"\r")

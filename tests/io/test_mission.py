@@ -53,9 +53,12 @@ def test_what_cannot_be_asked(feup, fields, field, words):
     task = mission(**fields)
     with pytest.raises(InputError) as said:
         simulate(
-            feup, setpoints=task.pairs, duration=task.span, start_depth=task.start_depth,
+            feup,
+            setpoints=task.pairs,
+            duration=task.span,
+            start_depth=task.start_depth,
             bottom_depth=task.bottom,
-        )  # fmt: skip
+        )
     assert str(said.value) == str(caught.value)
     assert caught.value.field == field
     assert words in str(caught.value)

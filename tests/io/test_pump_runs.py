@@ -40,11 +40,14 @@ def test_other_names_units_and_rows(tmp_path):
     found = read_pump_runs(
         table(tmp_path, text + "pump,60000,1000,14.5,1000,70\n"),
         columns={
-            "duration_s": "ms@ms", "pressure_Pa": "P [dbar]", "voltage_V": "V@V",
-            "current_A": "I [mA]", "volume_m3": "ml@mL",
+            "duration_s": "ms@ms",
+            "pressure_Pa": "P [dbar]",
+            "voltage_V": "V@V",
+            "current_A": "I [mA]",
+            "volume_m3": "ml@mL",
         },
         where={"device": "pump"},
-    )  # fmt: skip
+    )
     assert list(found.duration) == [10.0, 60.0]
     assert found.pressure == pytest.approx([1e5, 1e7])
     assert found.power == pytest.approx([7.5, 14.5])

@@ -22,8 +22,11 @@ def loaded(folder, text):
 
 
 def test_there_is_a_template_for_every_kind_of_actuator():
-    kinds = {tag for model in models_in(Vehicle.model_fields["actuator"].annotation)
-             for tag in tags_of(model)}  # fmt: skip
+    kinds = {
+        tag
+        for model in models_in(Vehicle.model_fields["actuator"].annotation)
+        for tag in tags_of(model)
+    }
     assert set(KINDS) == kinds
 
 

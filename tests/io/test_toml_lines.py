@@ -93,9 +93,21 @@ keys = st.one_of(
     st.sampled_from(['"a.b"', "'[c]'", '"= \\" #"', "'\"'"]),
 )
 scalars = st.sampled_from(
-    ["1", "-0.5e3", "true", "inf", '"x # ]"', "'} = \\'", '""', '"""\nk = 1\n"""', "'''[t]\n'''",
-     '""""quoted""""', "2024-05-02", '"\\\\"'],
-)  # fmt: skip
+    [
+        "1",
+        "-0.5e3",
+        "true",
+        "inf",
+        '"x # ]"',
+        "'} = \\'",
+        '""',
+        '"""\nk = 1\n"""',
+        "'''[t]\n'''",
+        '""""quoted""""',
+        "2024-05-02",
+        '"\\\\"',
+    ],
+)
 values = st.recursive(
     scalars,
     lambda inner: st.one_of(

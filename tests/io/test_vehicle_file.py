@@ -34,9 +34,12 @@ def test_every_kind_survives(kind, tmp_path):
 
 def test_what_was_identified_survives():
     known = Identified(
-        names=("K1", "T1"), values=(4.44e-4, 0.09), covariance=((1e-12, 0.0), (0.0, 1e-6)),
-        logs=("a b.csv (log=1)",), neutral_walk=1e-8,
-    )  # fmt: skip
+        names=("K1", "T1"),
+        values=(4.44e-4, 0.09),
+        covariance=((1e-12, 0.0), (0.0, 1e-6)),
+        logs=("a b.csv (log=1)",),
+        neutral_walk=1e-8,
+    )
     vehicle = load_vehicle("feup-em").model_copy(update={"identified": known})
     assert again(vehicle) == vehicle
 

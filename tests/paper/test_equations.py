@@ -51,9 +51,11 @@ def off(value):
     if isinstance(value, Solution):
         slope = 1.0 + 0.03 * np.arange(len(value.time)) / len(value.time)
         return dataclasses.replace(
-            value, depth=value.depth * slope, speed=value.speed * slope,
+            value,
+            depth=value.depth * slope,
+            speed=value.speed * slope,
             motor_rate=value.motor_rate * slope,
-        )  # fmt: skip
+        )
     if isinstance(value, StateSpace):
         return dataclasses.replace(value, A=1.03 * value.A)
     if hasattr(value, "model_copy"):
@@ -69,29 +71,47 @@ def off(value):
 
 
 MUTATIONS = [
-    (1, oil, "oil_pressure_rate"), (2, oil, "relative_volume_change"),
-    (3, actuator, "leakage_volume_rate"), (4, actuator, "pump_leakage_flow"),
-    (5, actuator, "volume_lost_to_leakage"), (6, actuator, "leakage_coefficient"),
-    (7, actuator, "hydraulic_load_coefficient"), (8, actuator, "hydraulic_volume_per_angle"),
-    (9, transfer, "volume_per_voltage"), (9, transfer, "volume_per_depth"),
-    (10, equations_motion, "acceleration"), (11, equations_actuator, "motor_rhs"),
-    (12, equations_actuator, "motor_rhs"), (13, equations_motion, "acceleration"),
-    (14, equations_actuator, "motor_rhs"), (15, equations_motion, "drive"),
-    (16, equations_motion, "drag_per_mass"), (17, equations_actuator, "linearise"),
-    (18, equations_motion, "linearise"), (19, transfer, "volume_per_voltage"),
-    (20, transfer, "depth_per_volume_physical"), (21, actuation, "drive"),
-    (23, actuator, "to_identified"), (24, actuator, "to_identified"),
-    (23, actuation, "drive"), (24, actuation, "drive"),
-    (25, equations_motion, "linearise"), (26, equations_motion, "fit_speed"),
-    (27, equations_motion, "fit_depth"), (28, equations_motion, "drive"),
-    (29, equations_motion, "drive"), (30, transfer, "depth_per_volume_identified"),
-    (31, equations_motion, "acceleration"), (32, transfer, "depth_per_volume"),
+    (1, oil, "oil_pressure_rate"),
+    (2, oil, "relative_volume_change"),
+    (3, actuator, "leakage_volume_rate"),
+    (4, actuator, "pump_leakage_flow"),
+    (5, actuator, "volume_lost_to_leakage"),
+    (6, actuator, "leakage_coefficient"),
+    (7, actuator, "hydraulic_load_coefficient"),
+    (8, actuator, "hydraulic_volume_per_angle"),
+    (9, transfer, "volume_per_voltage"),
+    (9, transfer, "volume_per_depth"),
+    (10, equations_motion, "acceleration"),
+    (11, equations_actuator, "motor_rhs"),
+    (12, equations_actuator, "motor_rhs"),
+    (13, equations_motion, "acceleration"),
+    (14, equations_actuator, "motor_rhs"),
+    (15, equations_motion, "drive"),
+    (16, equations_motion, "drag_per_mass"),
+    (17, equations_actuator, "linearise"),
+    (18, equations_motion, "linearise"),
+    (19, transfer, "volume_per_voltage"),
+    (20, transfer, "depth_per_volume_physical"),
+    (21, actuation, "drive"),
+    (23, actuator, "to_identified"),
+    (24, actuator, "to_identified"),
+    (23, actuation, "drive"),
+    (24, actuation, "drive"),
+    (25, equations_motion, "linearise"),
+    (26, equations_motion, "fit_speed"),
+    (27, equations_motion, "fit_depth"),
+    (28, equations_motion, "drive"),
+    (29, equations_motion, "drive"),
+    (30, transfer, "depth_per_volume_identified"),
+    (31, equations_motion, "acceleration"),
+    (32, transfer, "depth_per_volume"),
     (33, transfer, "volume_per_voltage_identified"),
     (33, transfer, "volume_per_depth_identified"),
     (34, transfer, "depth_per_voltage"),
     (35, transfer, "depth_per_voltage_without_loads"),
-    (36, cascade, "step"), (37, cascade, "step"),
-]  # fmt: skip
+    (36, cascade, "step"),
+    (37, cascade, "step"),
+]
 
 
 @pytest.mark.parametrize(("number", "module", "name"), MUTATIONS)

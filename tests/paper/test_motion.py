@@ -63,16 +63,21 @@ def test_eq_14_follows_from_11_and_12():
     eq_11 = omega.diff(t) - (k_u * u - k_v * omega - k_z * z) / lam
     ours = sympy.solve(eq_11, V.diff(t, 2))[0]
     printed = (
-        -k_v / lam * V.diff(t) - k_l * z.diff(t) - (k_l * k_v / lam + k_q * k_z / lam) * z
+        -k_v / lam * V.diff(t)
+        - k_l * z.diff(t)
+        - (k_l * k_v / lam + k_q * k_z / lam) * z
         + k_u * k_q / lam * u
-    )  # fmt: skip
+    )
     assert sympy.simplify(ours - printed) == 0
 
 
 @given(
-    st.floats(0.1e-5, 3e-5), st.floats(-2e-4, 2e-4), st.floats(0.5, 1000.0), st.floats(-0.5, 0.5),
+    st.floats(0.1e-5, 3e-5),
+    st.floats(-2e-4, 2e-4),
+    st.floats(0.5, 1000.0),
+    st.floats(-0.5, 0.5),
     st.floats(-24.0, 24.0),
-)  # fmt: skip
+)
 def test_eqs_11_and_12_in_torques(q, V, z, w, u):
     """Motor torque less speed losses, load and dry friction, over the inertia; leakage lost."""
     vehicle = load_vehicle("example-eh")
@@ -102,9 +107,12 @@ def test_eq_15_is_integrated(hydraulic):
         V_rate, V, z, w = x
         lam, k_l = a.inertia, a.k_l
         V_acc = (
-            -a.k_v / lam * V_rate - k_l * w - (k_l * a.k_v / lam + a.k_q * a.k_z / lam) * z
-            + a.k_u * a.k_q / lam * u - a.k_q * a.friction_torque / lam
-        )  # fmt: skip
+            -a.k_v / lam * V_rate
+            - k_l * w
+            - (k_l * a.k_v / lam + a.k_q * a.k_z / lam) * z
+            + a.k_u * a.k_q / lam * u
+            - a.k_q * a.friction_torque / lam
+        )
         drag = 0.8 * w if abs(w) <= 0.05 else 16.0 * w * abs(w)
         return [V_acc, V_rate, w, (-rho_g * V + rho_g * psi * z - drag) / m]
 
@@ -162,9 +170,13 @@ def test_eqs_21_and_22_are_a_voltage_step(paper, u):
     free = paper.actuator.model_copy(update={"depth_voltage": 0.0})
     time = np.linspace(0.0, 0.6, 25)
     s = drive(
-        paper.model_copy(update={"actuator": free}), time=time, voltage=np.full(25, u),
-        start_depth=2.0, start_volume=-1e-4, bottom_depth=2.0,
-    )  # fmt: skip
+        paper.model_copy(update={"actuator": free}),
+        time=time,
+        voltage=np.full(25, u),
+        start_depth=2.0,
+        start_volume=-1e-4,
+        bottom_depth=2.0,
+    )
     assert s.motor_rate / 75e-4 == pytest.approx(
         0.444e-3 * u * (1.0 - np.exp(-time / 0.09)), abs=1e-15
     )
@@ -173,9 +185,13 @@ def test_eqs_21_and_22_are_a_voltage_step(paper, u):
 def test_0_V_let_the_sea_push_the_piston_in(paper):
     """What section 2.3 leaves out: K1 A k_z/k_u z, 1 cm3/s at 3.75 m."""
     s = drive(
-        paper, time=[0.0, 1.0, 11.0], voltage=np.zeros(3), start_depth=3.75, start_volume=-1e-4,
+        paper,
+        time=[0.0, 1.0, 11.0],
+        voltage=np.zeros(3),
+        start_depth=3.75,
+        start_volume=-1e-4,
         bottom_depth=3.75,
-    )  # fmt: skip
+    )
     rate = (s.volume[2] - s.volume[1]) / 10.0
     assert rate == pytest.approx(-0.444e-3 * 75e-4 * 0.07707 * 3.75, rel=1e-4)
     assert rate == pytest.approx(-0.96e-6, rel=0.01)

@@ -17,9 +17,9 @@ SUPPLY = Supply(voltage=14.4, capacity=3.6e6, cold_share=0.8, self_discharge=2e-
 def test_the_charge_is_that_of_its_differential_equation(power, s):
     end = 3e6
     found = battery.charge_after(3.6e6, power, end, s)
-    solved = solve_ivp(
-        lambda _, C: -power - s * C, (0.0, end), [3.6e6], rtol=1e-11, atol=1e-3
-    ).y[0, -1]  # fmt: skip
+    solved = solve_ivp(lambda _, C: -power - s * C, (0.0, end), [3.6e6], rtol=1e-11, atol=1e-3).y[
+        0, -1
+    ]
     assert found == pytest.approx(solved, rel=1e-8)
 
 

@@ -120,9 +120,13 @@ def pump_vehicle(pump, **extra):
 
 def test_a_power_law_is_what_it_says():
     pump = PowerLawPump(
-        delivery=1e-6, slip=2e-14, idle_power=7.0, power_per_pressure=8e-7,
-        power_per_temperature=-0.1, stall_pressure=1.5e7,
-    )  # fmt: skip
+        delivery=1e-6,
+        slip=2e-14,
+        idle_power=7.0,
+        power_per_pressure=8e-7,
+        power_per_temperature=-0.1,
+        stall_pressure=1.5e7,
+    )
     found = be.drive_map(pump_vehicle(pump), PRESSURES, temperature=np.full(6, 5.0))
     assert found.rate_out == pytest.approx([1e-6, 0.996e-6, 0.98e-6, 0.9e-6, 0.8e-6, 0.0])
     assert found.power_out == pytest.approx([8.0, 8.16, 8.8, 12.0, 16.0, 20.0])
@@ -190,10 +194,14 @@ def test_driver_and_battery_take_their_share():
     assert (supply.voltage - 0.5 * i) * i == pytest.approx(10.0, rel=1e-12)
     paper = load_vehicle("example-eh")
     ideal, half = (
-        be.drive_map(changed(paper, driver=d, supply=paper.supply.model_copy(
-            update={"internal_resistance": 0.0})), PRESSURES)
+        be.drive_map(
+            changed(
+                paper, driver=d, supply=paper.supply.model_copy(update={"internal_resistance": 0.0})
+            ),
+            PRESSURES,
+        )
         for d in (None, Driver(efficiency=0.5))
-    )  # fmt: skip
+    )
     assert half.power_out == pytest.approx(2.0 * ideal.power_out, rel=1e-12)
     assert ideal.power_in[-1] < 0.0  # the sea drives the motor and charges the battery
     assert half.power_in[-1] == 0.0
@@ -217,9 +225,11 @@ def test_a_start_falls_short_by_what_its_line_takes():
     # while it fills, the pump takes what the line's pressure does, not what the sea's would
     full = (found.start_volume[-1] - 1e-6) / found.rate_out[-1] * found.power_out[-1]
     start = pump_start(
-        line, lambda dp: 1e-6 + 0.0 * dp, PRESSURES[-1:] + ATMOSPHERE,
+        line,
+        lambda dp: 1e-6 + 0.0 * dp,
+        PRESSURES[-1:] + ATMOSPHERE,
         power=lambda dp: 7.0 + 1e-6 * dp,
-    )  # fmt: skip
+    )
     assert found.start_saving[-1] == pytest.approx(full - start.energy[0], rel=1e-9)
     assert 0.4 * full < found.start_saving[-1] < full
     assert np.all(be.drive_map(pump_vehicle(pump, start_volume=1e-6), PRESSURES).start_saving == 0)

@@ -213,10 +213,11 @@ class TestPlant:
 @pytest.mark.parametrize("law", ["linear", "quadratic", "switched", "blended"])
 def test_drag_while_rising_is_a_share_of_that_while_sinking(law: str) -> None:
     given = {
-        "linear": {"k_dl": 3.0}, "quadratic": {"k_dt": 40.0},
+        "linear": {"k_dl": 3.0},
+        "quadratic": {"k_dt": 40.0},
         "switched": {"k_dl": 3.0, "k_dt": 40.0, "epsilon": 0.05},
         "blended": {"k_dl": 3.0, "k_dt": 40.0},
-    }[law]  # fmt: skip
+    }[law]
     even, uneven = Drag(law=law, **given), Drag(law=law, **given, rising_ratio=0.6)
     for w in (1e-3, 0.04, 0.3):
         assert drag_force(uneven, w) == drag_force(even, w)

@@ -297,9 +297,17 @@ def test_efficiencies_tend_to_one_as_their_losses_go():
         k, k_q, omega, depth = 0.05, 1e-8, 200.0, 1000.0
         weight = SEA.specific_weight * k_q
         actuator = UnifiedActuator(
-            inertia=1e-5, k_u=k / R, k_v=B + k * k / R, k_q=k_q, k_z=weight / eta, k_l=k_l,
-            efficiency=eta, friction_torque=T_b, resistance=R, emf_constant=k,
-        )  # fmt: skip
+            inertia=1e-5,
+            k_u=k / R,
+            k_v=B + k * k / R,
+            k_q=k_q,
+            k_z=weight / eta,
+            k_l=k_l,
+            efficiency=eta,
+            friction_torque=T_b,
+            resistance=R,
+            emf_constant=k,
+        )
         torque = weight / eta * depth + T_b + B * omega
         supply = Supply(voltage=48.0, internal_resistance=R_b)
         u = k * omega + R * torque / k

@@ -138,17 +138,32 @@ def test_the_terms_of_psi_are_the_derivatives_by_sympy():
     column = uniform_column(vehicle.water, 500.0)
     depth = column.depth
     column = type(column)(
-        depth=depth, pressure=1.005e4 * depth, density=1024.0 + 0.006 * depth,
-        temperature=20.0 - 0.02 * depth, gravity=9.81,
-    )  # fmt: skip
+        depth=depth,
+        pressure=1.005e4 * depth,
+        density=1024.0 + 0.006 * depth,
+        temperature=20.0 - 0.02 * depth,
+        gravity=9.81,
+    )
     for at in (0.0, 37.5, 400.0):
         due = float(
             slope.subs(
-                {z: at, V: 0.03, beta: 2.5e-10, alpha: 7e-5, air: 1e-4, rho0: 1024.0, a: 0.006,
-                 g: 1.005e4, T0: 20.0, c: 0.02, p_a: 101325.0, T_r: 10.0,
-                 m: weight_mass(vehicle)}
+                {
+                    z: at,
+                    V: 0.03,
+                    beta: 2.5e-10,
+                    alpha: 7e-5,
+                    air: 1e-4,
+                    rho0: 1024.0,
+                    a: 0.006,
+                    g: 1.005e4,
+                    T0: 20.0,
+                    c: 0.02,
+                    p_a: 101325.0,
+                    T_r: 10.0,
+                    m: weight_mass(vehicle),
+                }
             )
-        )  # fmt: skip
+        )
         assert linear_psi(vehicle, column, at) == pytest.approx(due, rel=1e-9)
         assert all(term != 0.0 for term in psi_terms(vehicle, column, at))
 

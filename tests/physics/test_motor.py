@@ -159,9 +159,14 @@ def test_without_inductance_it_is_the_reduced_actuator(name):
 def test_full_motor_takes_every_constant_from_its_field():
     eh, em = load_vehicle("example-eh"), load_vehicle("example-em")
     numbers = {
-        "resistance": 1.1, "torque_constant": 0.2, "emf_constant": 0.3, "inductance": 4e-3,
-        "rotor_inertia": 5e-6, "viscous_friction": 6e-6, "friction_torque": 7e-3,
-    }  # fmt: skip
+        "resistance": 1.1,
+        "torque_constant": 0.2,
+        "emf_constant": 0.3,
+        "inductance": 4e-3,
+        "rotor_inertia": 5e-6,
+        "viscous_friction": 6e-6,
+        "friction_torque": 7e-3,
+    }
     for vehicle in (eh, em):
         a = vehicle.actuator
         drive = a.drive.model_copy(update={"reflected_inertia": 8e-6, "viscous_friction": 9e-6})
@@ -214,19 +219,29 @@ def test_the_measured_error_is_the_difference_of_the_integrated_models(name):
     assert e.position_lag == pytest.approx(m.L * m.B / (m.R * m.B + m.k_T * m.k_emf), rel=1e-3)
     level = final * (1.0 - math.exp(-1.0))
     reached = solve_ivp(
-        lambda _, x: [(u - m.R * x[0] - m.k_emf * x[1]) / m.L,
-                      (m.k_T * x[0] - m.B * x[1] - m.k_z * depth - m.T_b) / m.inertia],
-        (0.0, 3.0 * T1), [(m.k_z * depth + m.T_b) / m.k_T, 0.0],
-        method="Radau", rtol=1e-11, atol=1e-12, events=lambda _, x: x[1] - level,
-    )  # fmt: skip
+        lambda _, x: [
+            (u - m.R * x[0] - m.k_emf * x[1]) / m.L,
+            (m.k_T * x[0] - m.B * x[1] - m.k_z * depth - m.T_b) / m.inertia,
+        ],
+        (0.0, 3.0 * T1),
+        [(m.k_z * depth + m.T_b) / m.k_T, 0.0],
+        method="Radau",
+        rtol=1e-11,
+        atol=1e-12,
+        events=lambda _, x: x[1] - level,
+    )
     assert e.time_constant_shift == pytest.approx(reached.t_events[0][0] - T1, abs=1e-5 * T1)
     assert e.poles == motor_poles(m)
     assert e.simplified_pole.real == pytest.approx(-1.0 / T1, rel=1e-12)
 
     rising = solve_ivp(
-        lambda _, i: (u - m.R * i) / m.L, (0.0, 5.0 * tau), [0.0], rtol=1e-11, atol=1e-13,
+        lambda _, i: (u - m.R * i) / m.L,
+        (0.0, 5.0 * tau),
+        [0.0],
+        rtol=1e-11,
+        atol=1e-13,
         events=lambda _, i: m.k_T * i[0] - m.k_z * depth - m.T_b,
-    )  # fmt: skip
+    )
     assert e.start_delay == pytest.approx(rising.t_events[0][0], rel=1e-6)
 
 

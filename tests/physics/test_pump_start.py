@@ -29,9 +29,14 @@ def by_scipy(oil, rate, load, reservoir, n, ratio=1.0):
 
     there.terminal = True
     found = solve_ivp(
-        slope, (0.0, 1e4), [reservoir, 0.0], method="Radau", events=there, rtol=1e-10,
+        slope,
+        (0.0, 1e4),
+        [reservoir, 0.0],
+        method="Radau",
+        events=there,
+        rtol=1e-10,
         atol=[1e-3, 1e-9],
-    )  # fmt: skip
+    )
     return float(found.t_events[0][0]), float(found.y_events[0][0][1])
 
 

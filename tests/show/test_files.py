@@ -23,7 +23,7 @@ def test_each_kind_of_content_is_written_under_its_name(tmp_path):
             "own.txt": lambda path: path.write_text(path.suffix),
         },
         advance=told.append,
-    )  # fmt: skip
+    )
     assert sum(told) == pytest.approx(1.0)
     words, raw, picture, columns, answer, own = files
     assert words.read_text() == "some\n"

@@ -80,9 +80,13 @@ def test_memory_is_the_inverse_covariance():
 
 def _flight(body, motor, sample_time=0.3, rest=2, samples=100):
     step = Step(
-        sample_time=sample_time, rest=rest, pulse=1, voltage=8.0, start_depth=3.7,
+        sample_time=sample_time,
+        rest=rest,
+        pulse=1,
+        voltage=8.0,
+        start_depth=3.7,
         reference_depth=3.7,
-    )  # fmt: skip
+    )
     depth, volume = follow(body, motor, step, samples)
     return Experiment(step=step, depth=depth[0], volume=volume[0])
 
@@ -119,9 +123,14 @@ def test_without_priors_psi_and_K2_and_the_neutral_volume_cannot_be_told_apart()
     body = Body.identified(k_b=K_B, K2=7935.54, T2=36.3, psi=4.04e-6)
     motor = Motor(K1=0.444e-3, T1=0.09, area=75e-4)
     step = Step(
-        sample_time=0.3, rest=0, pulse=1, voltage=0.0, start_depth=3.0, reference_depth=3.0,
+        sample_time=0.3,
+        rest=0,
+        pulse=1,
+        voltage=0.0,
+        start_depth=3.0,
+        reference_depth=3.0,
         neutral_error=-20e-6,
-    )  # fmt: skip
+    )
     depth, volume = follow(body, replace(motor, load=0.0), step, 130)
     flight = Experiment(step=step, depth=depth[0], volume=volume[0])
     names = ["K2", "T2", "psi", "neutral_error"]

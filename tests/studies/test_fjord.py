@@ -49,7 +49,8 @@ def test_layers_are_lifted_as_asked(tmp_path):
     rest, higher = (fjord.water(tmp_path, "cast.csv", lifted=by) for by in (0.0, 0.2))
     inside = slice(4, 60)
     np.testing.assert_allclose(
-        higher.density[inside], np.interp(rest.depth + 0.2, rest.depth, rest.density)[inside],
+        higher.density[inside],
+        np.interp(rest.depth + 0.2, rest.depth, rest.density)[inside],
         atol=0.02,
-    )  # fmt: skip
+    )
     assert np.ptp(rest.density) > 5.0

@@ -14,9 +14,14 @@ RHO = np.array([1004.6, 1005.5, 1007.0])
 def made(pressure, density, temperature, volume, pitch, yo=1):
     n = len(pressure)
     return Glides(
-        np.full(n, float(yo)), np.asarray(pressure, float), np.asarray(density, float),
-        np.asarray(temperature, float), np.full(n, volume), np.full(n, pitch), np.zeros(n),
-    )  # fmt: skip
+        np.full(n, float(yo)),
+        np.asarray(pressure, float),
+        np.asarray(density, float),
+        np.asarray(temperature, float),
+        np.full(n, volume),
+        np.full(n, pitch),
+        np.zeros(n),
+    )
 
 
 @pytest.mark.parametrize(("volume", "pitch"), [(230e-6, 0.45), (-230e-6, -0.44)])

@@ -21,8 +21,12 @@ def test_every_event_is_there_with_its_time_volume_and_energy(vehicles, data_dir
     assert len(events) == sum(v.runs.power.size for v in vehicles)
     one = raw[(raw.dive == events.dive[0]) & (raw.gc_vbd_secs == events.duration_s[0])].iloc[0]
     assert events.time[0].timestamp() == pytest.approx(one.gc_st_secs, abs=1e-3)
-    counts = np.mean([one.gc_vbd_pot1_ad - one.gc_vbd_pot1_ad_start,
-                      one.gc_vbd_pot2_ad - one.gc_vbd_pot2_ad_start])  # fmt: skip
+    counts = np.mean(
+        [
+            one.gc_vbd_pot1_ad - one.gc_vbd_pot1_ad_start,
+            one.gc_vbd_pot2_ad - one.gc_vbd_pot2_ad_start,
+        ]
+    )
     assert events.volume_mL[0] == pytest.approx(-0.2453 * counts, rel=1e-6)
     energy = one.gc_vbd_volts * one.gc_vbd_i * one.gc_vbd_secs
     assert events.electrical_J[0] == pytest.approx(energy, rel=1e-9)
@@ -34,9 +38,11 @@ def test_efficiency_over_depth_is_that_of_the_notes(vehicles):
     """0.03 to 0.05 at 40 m, 0.31 to 0.33 at 500 m, 0.33 to 0.40 at 990 m; SG167 has a booster."""
     bands = summary(vehicles).set_index("vehicle")
     for name, low, high, least, most in (
-        ("SG171", 480, 520, 0.30, 0.34), ("SG249", 900, 1010, 0.33, 0.41),
-        ("SG249", 30, 45, 0.025, 0.05), ("SG167", 900, 1010, 0.33, 0.41),
-    ):  # fmt: skip
+        ("SG171", 480, 520, 0.30, 0.34),
+        ("SG249", 900, 1010, 0.33, 0.41),
+        ("SG249", 30, 45, 0.025, 0.05),
+        ("SG167", 900, 1010, 0.33, 0.41),
+    ):
         own = bands.loc[name]
         near = own[(own.dbar > low) & (own.dbar < high)]
         assert len(near)

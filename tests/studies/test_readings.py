@@ -26,22 +26,37 @@ def dive(time, pressure, temperature, acts=(), pumps=()):
     acts, n = np.asarray(acts, dtype=float), len(time)
     density = 1028.0 + 4.5e-7 * LEVELS
     return DeepDive(
-        name="made up", time=time, pressure=pressure, temperature=temperature,
-        unwarmed=0, leaked=np.zeros(n), action_time=acts, action_seconds=np.ones(len(acts)),
-        action_pumps=np.asarray(pumps, dtype=bool), action_bypass=np.zeros(len(acts), dtype=bool),
-        action_volume=np.zeros(len(acts)), action_short=np.zeros(len(acts)),
-        action_pressure=np.zeros(len(acts)), water_pressure=LEVELS, water_density=density,
-        water_layers=np.zeros(len(LEVELS)), gravity=9.8, stroke=6e-4,
-    )  # fmt: skip
+        name="made up",
+        time=time,
+        pressure=pressure,
+        temperature=temperature,
+        unwarmed=0,
+        leaked=np.zeros(n),
+        action_time=acts,
+        action_seconds=np.ones(len(acts)),
+        action_pumps=np.asarray(pumps, dtype=bool),
+        action_bypass=np.zeros(len(acts), dtype=bool),
+        action_volume=np.zeros(len(acts)),
+        action_short=np.zeros(len(acts)),
+        action_pressure=np.zeros(len(acts)),
+        water_pressure=LEVELS,
+        water_density=density,
+        water_layers=np.zeros(len(LEVELS)),
+        gravity=9.8,
+        stroke=6e-4,
+    )
 
 
 def test_the_hulls_time_is_that_of_scipys_own_hull():
     depth = np.arange(0.0, 1600.0, 10.0)
     warmth = 13.0 + 9.0 * np.exp(-depth / 40.0)
     column = Column(
-        depth=depth, pressure=1e4 * depth, density=np.full(len(depth), 1028.0),
-        temperature=warmth, gravity=9.8,
-    )  # fmt: skip
+        depth=depth,
+        pressure=1e4 * depth,
+        density=np.full(len(depth), 1028.0),
+        temperature=warmth,
+        gravity=9.8,
+    )
     time = np.arange(0.0, 6e4, 700.0)
     pressure = np.minimum(1e5 + 350.0 * time, 1.5e7)
 
@@ -89,9 +104,13 @@ def test_a_rest_tells_what_the_drive_lost():
     """Pressures at which body and water ask for ever less volume; a run ends the rest."""
     body = Body(mass=34.0, volume=0.033, reference_temperature=15.0, inertia=40.0)
     values = {
-        "compressibility": 3.6e-10, "stiffening": 0.0, "thermal_expansion": 0.0,
-        "trapped_air": 0.0, "drag": 134.0, "drag_up": 0.6,
-    }  # fmt: skip
+        "compressibility": 3.6e-10,
+        "stiffening": 0.0,
+        "thermal_expansion": 0.0,
+        "trapped_air": 0.0,
+        "drag": 134.0,
+        "drag_up": 0.6,
+    }
     creep, time = 0.1e-6 / 3600.0, np.arange(0.0, 40_000.0, 500.0)
     density = np.interp(LEVELS, LEVELS, 1028.0 + 4.5e-7 * LEVELS)
     asked = body.mass / density - body.volume * (1.0 - values["compressibility"] * LEVELS)

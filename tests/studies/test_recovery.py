@@ -11,17 +11,25 @@ from swimbladder.design.stability.recover import Map, Verdict
 def made(verdicts, hopeless):
     verdicts = np.array(verdicts)
     return Map(
-        name="steps", title="steps", x_label="depth [m]", y_label="change [m]",
-        x=np.arange(verdicts.shape[1], dtype=float), y=np.arange(verdicts.shape[0], dtype=float),
-        verdicts=verdicts, seconds=np.zeros(verdicts.shape), edge=np.zeros(verdicts.shape[1]),
+        name="steps",
+        title="steps",
+        x_label="depth [m]",
+        y_label="change [m]",
+        x=np.arange(verdicts.shape[1], dtype=float),
+        y=np.arange(verdicts.shape[0], dtype=float),
+        verdicts=verdicts,
+        seconds=np.zeros(verdicts.shape),
+        edge=np.zeros(verdicts.shape[1]),
         hopeless=np.array(hopeless),
-    )  # fmt: skip
+    )
 
 
 def test_a_row_counts_each_run_once_and_the_hopeless_among_the_lost():
     V = Verdict
-    one = made([[V.LOST, V.LOST, V.SLOW], [V.RECOVERED, V.NOT_ASKED, V.UNSETTLED]],
-               [[True, False, True], [False, False, False]])  # fmt: skip
+    one = made(
+        [[V.LOST, V.LOST, V.SLOW], [V.RECOVERED, V.NOT_ASKED, V.UNSETTLED]],
+        [[True, False, True], [False, False, False]],
+    )
     assert lines("cascade", [one]) == ["| cascade | steps | 5 | 1 | 1 | 1 | 2 | 1 |"]
 
 

@@ -13,9 +13,12 @@ def test_the_heat_of_a_jump_is_scipys(before, after):
     """R i = u - e, and e follows u with T1: the heat times R is the integral of (u - e)^2."""
     T1 = 0.09
     run = solve_ivp(
-        lambda _, y: [(after - y[0]) / T1, (after - y[0]) ** 2], (0.0, 3.0), [before, 0.0],
-        rtol=1e-10, atol=1e-14,
-    )  # fmt: skip
+        lambda _, y: [(after - y[0]) / T1, (after - y[0]) ** 2],
+        (0.0, 3.0),
+        [before, 0.0],
+        rtol=1e-10,
+        atol=1e-14,
+    )
     assert run.y[1, -1] == pytest.approx((after - before) ** 2 * T1 / 2.0, rel=1e-6)
 
 

@@ -26,10 +26,15 @@ def test_the_motion_and_its_cost_are_scipys():
     for x in ([10.0, 0.0, 0.0], [3.0, -1.0, 0.02], [0.0, 0.5, -0.05]):
         run = solve_ivp(
             lambda _, y, f=x[2]: [
-                y[1], ISSUE.stiffness * y[0] - ISSUE.drag * y[1] + f, y[0] ** 2,
+                y[1],
+                ISSUE.stiffness * y[0] - ISSUE.drag * y[1] + f,
+                y[0] ** 2,
             ],
-            (0.0, 1.5), [x[0], x[1], 0.0], rtol=1e-11, atol=1e-13,
-        )  # fmt: skip
+            (0.0, 1.5),
+            [x[0], x[1], 0.0],
+            rtol=1e-11,
+            atol=1e-13,
+        )
         np.testing.assert_allclose((F @ x)[:2], run.y[:2, -1], rtol=1e-8)
         assert np.array(x) @ C @ x == pytest.approx(run.y[2, -1], rel=1e-8)
 
@@ -86,9 +91,12 @@ def test_sixty_starts_an_hour_cannot_hold_it_and_the_observer_is_near_what_can()
     s = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=20e-6)
     knobs = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=24.0, band=0.027)
     held = trial(
-        vehicle, tunable("observer"), gains("observer", s, knobs), Step(2.0, 2.0001, 2700.0),
+        vehicle,
+        tunable("observer"),
+        gains("observer", s, knobs),
+        Step(2.0, 2.0001, 2700.0),
         Drawn(100, region(vehicle)._replace(neutral=0.0), sample_time=0.3),
-    )  # fmt: skip
+    )
     own = fewest(ISSUE, 1e3 * held.rms, prices, grid=COARSE)
     assert 0.97 * own < 3600.0 * held.starts < 1.12 * own  # 3 %: the grid's and the seeds'
 
@@ -111,9 +119,12 @@ def test_the_law_of_pulses_is_near_the_least_that_pulses_can_do_with():
     s = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=20e-6)
     knobs = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=72.0, band=0.026)
     held = trial(
-        vehicle, tunable("pulse"), gains("pulse", s, knobs), Step(2.0, 2.0001, 2700.0),
+        vehicle,
+        tunable("pulse"),
+        gains("pulse", s, knobs),
+        Step(2.0, 2.0001, 2700.0),
         Drawn(100, region(vehicle)._replace(neutral=0.0), sample_time=0.3),
-    )  # fmt: skip
+    )
     own = fewest(ISSUE, 1e3 * held.rms, [8e3, 12e3, 16e3], pulse=1.0, grid=COARSE)
     # Theirs takes no time and knows the vehicle; ours takes some seconds, in which it still sees.
     assert 0.93 * own < 3600.0 * held.starts < 1.15 * own

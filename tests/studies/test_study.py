@@ -16,9 +16,13 @@ BY_NAME = {s.name: s for s in SCENARIOS}
 def _found(index, value, low, high, identified=True):
     p = {"truth": 10.0, "value": value, "low": low, "high": high, "bound": 0.05}
     return {
-        "scenario": "paper-psi-known", "index": index, "identified": identified, "seconds": 0.1,
-        "why": "", "parameters": {"K2": p, "T2": p},
-    }  # fmt: skip
+        "scenario": "paper-psi-known",
+        "index": index,
+        "identified": identified,
+        "seconds": 0.1,
+        "why": "",
+        "parameters": {"K2": p, "T2": p},
+    }
 
 
 def test_figures_by_hand():
@@ -36,8 +40,9 @@ def test_figures_by_hand():
     assert plain["rms_bound"] == pytest.approx(2.0)
     rows = summary(BY_NAME["paper-psi-known"], found)
     assert [row[:3] for row in rows] == [
-        ["paper-psi-known", "K2", "50.0"], ["paper-psi-known", "T2", "50.0"]
-    ]  # fmt: skip
+        ["paper-psi-known", "K2", "50.0"],
+        ["paper-psi-known", "T2", "50.0"],
+    ]
     assert rows[0][9] == "33.3"
     assert "paper-psi-known: the same" in render(rows, [BY_NAME["paper-psi-known"]])
     none = summary(BY_NAME["paper-psi-known"], [_found(0, 1.0, 1.0, 1.0, False)])

@@ -18,11 +18,14 @@ def test_planned_loses_its_depth_in_a_swell_that_the_others_hardly_see():
 
 def test_the_command_prints_the_table(capsys, monkeypatch):
     monkeypatch.setattr(
-        swell, "swayed",
+        swell,
+        "swayed",
         lambda name, height, period: {
-            "amplitude": height, "rms": period / 100.0, "moved": float(len(name)),
+            "amplitude": height,
+            "rms": period / 100.0,
+            "moved": float(len(name)),
         },
-    )  # fmt: skip
+    )
     main(["--height", "4", "--period", "9"])
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "| the sensor reads | `planned` | `sea-cascade` | `adrc` |"

@@ -17,11 +17,25 @@ HELD_OUT = (35, 43, 51, 65)
 
 def row(**change):
     given = {
-        "log": 1, "skill10": 0.5, "integrator10": 0.4, "coverage10": 0.9, "rms10": 0.1, "n10": 100,
-        "skill60": 0.2, "integrator60": 0.3, "coverage60": 1.0, "rms60": 0.2, "n60": 50,
-        "persistence10": 0.2, "persistence60": 0.25, "constant": 0.1, "drifting": 0.03,
-        "travelled": 1e-6, "touches": False, "reason": "",
-    }  # fmt: skip
+        "log": 1,
+        "skill10": 0.5,
+        "integrator10": 0.4,
+        "coverage10": 0.9,
+        "rms10": 0.1,
+        "n10": 100,
+        "skill60": 0.2,
+        "integrator60": 0.3,
+        "coverage60": 1.0,
+        "rms60": 0.2,
+        "n60": 50,
+        "persistence10": 0.2,
+        "persistence60": 0.25,
+        "constant": 0.1,
+        "drifting": 0.03,
+        "travelled": 1e-6,
+        "touches": False,
+        "reason": "",
+    }
     return Row(**(given | change))
 
 

@@ -12,9 +12,15 @@ K_B = 9806.65
 PAPER = Body.identified(k_b=K_B, K2=7935.54, T2=36.3, psi=4.04e-6)
 MOTOR = Motor(K1=0.444e-3, T1=0.09, area=75e-4, load=7.707e-2)
 STEP = Step(
-    sample_time=0.3, rest=3, pulse=4, voltage=6.0, start_depth=3.7, reference_depth=3.7,
-    neutral_error=3e-7, start_speed=2e-3,
-)  # fmt: skip
+    sample_time=0.3,
+    rest=3,
+    pulse=4,
+    voltage=6.0,
+    start_depth=3.7,
+    reference_depth=3.7,
+    neutral_error=3e-7,
+    start_speed=2e-3,
+)
 
 
 def test_identified_parameters_are_those_of_equations_28_and_29():

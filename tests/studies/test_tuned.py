@@ -11,10 +11,19 @@ from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Trial
 
 TRIAL = Trial(
-    runs=200, settled=1.0, settle_median=16.2, settle_95=16.5, overshoot_median=0.002,
-    overshoot_95=0.013, rms=0.0036, rate=8e-6, starts=60.0 / 3600.0, turns=2.0 / 3600.0,
-    energy=math.nan, power=math.nan,
-)  # fmt: skip
+    runs=200,
+    settled=1.0,
+    settle_median=16.2,
+    settle_95=16.5,
+    overshoot_median=0.002,
+    overshoot_95=0.013,
+    rms=0.0036,
+    rate=8e-6,
+    starts=60.0 / 3600.0,
+    turns=2.0 / 3600.0,
+    energy=math.nan,
+    power=math.nan,
+)
 
 
 def test_rows_have_what_their_goal_is_about():
@@ -48,7 +57,8 @@ def test_the_command_prints_own_rows_then_those_of_the_laws(capsys, monkeypatch)
     lines = capsys.readouterr().out.splitlines()
     assert lines[2] == "| own | 7 |"
     assert [line.split("|")[1].strip() for line in lines[3:6]] == [
-        "`planned`, fast, nominal (median)", "`planned`, fast, 95 % of the region",
+        "`planned`, fast, nominal (median)",
+        "`planned`, fast, 95 % of the region",
         "`observer`, quiet, 95 % of the region",
-    ]  # fmt: skip
+    ]
     assert lines[6].startswith("planned: Knobs(")

@@ -156,9 +156,12 @@ def as_it_may_be(vehicle, column, uncertainty, rng):
     hull = vehicle.hull.model_copy(update={"parts": parts, "trapped_air": air})
     truth = vehicle.model_copy(update={"hull": hull})
     dense = Column(
-        depth=column.depth, pressure=column.pressure, temperature=column.temperature,
-        density=column.density + uncertainty.density * n[6], gravity=column.gravity,
-    )  # fmt: skip
+        depth=column.depth,
+        pressure=column.pressure,
+        temperature=column.temperature,
+        density=column.density + uncertainty.density * n[6],
+        gravity=column.gravity,
+    )
     return neutral_volume(truth, dense, mass=mass) + uncertainty.trim * n[2]
 
 
@@ -168,9 +171,12 @@ def test_margins_and_probability_hold_for_simulated_vehicles():
         mass=0.03, volume=20e-6, trim=30e-6, psi=3e-8, heat=1e-5, air=1e-5, density=0.3
     )
     found = ballast(
-        vehicle, [SEA], target=Target(neutral_depth=300.0, volume=120e-6), uncertainty=uncertainty,
+        vehicle,
+        [SEA],
+        target=Target(neutral_depth=300.0, volume=120e-6),
+        uncertainty=uncertainty,
         probability=0.9,
-    )  # fmt: skip
+    )
     (need,) = found.needs
     rng = np.random.default_rng(11)
     runs = 3000
@@ -259,9 +265,11 @@ def test_what_is_not_known_by_default_and_as_identified():
     assert uncertainty.psi == pytest.approx(0.05 * 1.166e-7, rel=0.01)  # of V_p beta rho g
     assert len(uncertainty.said) == 3
     identified = Identified(
-        names=("psi", "mass"), values=(1e-8, 50.0), covariance=((4e-18, 0.0), (0.0, 1.0)),
+        names=("psi", "mass"),
+        values=(1e-8, 50.0),
+        covariance=((4e-18, 0.0), (0.0, 1.0)),
         neutral_std=2e-6,
-    )  # fmt: skip
+    )
     vehicle = FLOAT.model_copy(update={"identified": identified})
     uncertainty = uncertainty_of(vehicle, {"density": 0.0})
     assert (uncertainty.psi, uncertainty.trim, uncertainty.density) == (
@@ -302,8 +310,14 @@ def test_wishes_that_make_no_sense_are_refused(options, words):
 def test_a_mass_that_nothing_has():
     light = FLOAT.model_copy(update={"stroke": FLOAT.stroke.model_copy(update={"minimum": -0.04})})
     with pytest.raises(NoAnswerError, match="more than half of the vehicle"):
-        ballast(light, [SEA], target=Target(neutral_depth=5.0, volume=-0.04), uncertainty=KNOWN,
-                draws=1, density=float("inf"))  # fmt: skip
+        ballast(
+            light,
+            [SEA],
+            target=Target(neutral_depth=5.0, volume=-0.04),
+            uncertainty=KNOWN,
+            draws=1,
+            density=float("inf"),
+        )
 
 
 def test_the_surface_of_the_cast_is_the_water_of_gsw():

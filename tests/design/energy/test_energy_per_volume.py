@@ -69,9 +69,10 @@ def test_it_stalls_where_the_papers_motor_does():
 
 def pumped(**pump):
     a = PumpAndValve(
-        pump=PowerLawPump(idle_power=5.0, power_per_pressure=1e-6, **pump), valve=Valve(flow=1e-8),
+        pump=PowerLawPump(idle_power=5.0, power_per_pressure=1e-6, **pump),
+        valve=Valve(flow=1e-8),
         internal_pressure=101325.0,
-    )  # fmt: skip
+    )
     return load_vehicle("example-float").model_copy(update={"actuator": a})
 
 

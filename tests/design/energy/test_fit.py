@@ -10,9 +10,14 @@ from swimbladder.vehicle import PowerLawPump, PumpAndValve, Valve
 from tests.quoted import refused
 
 TRUTH = {
-    "idle_power": 7.0, "power_per_pressure": 7.5e-7, "power_per_temperature": -0.12,
-    "lost_energy": 15.0, "delivery": 1.2e-6, "slip": 1.5e-14, "start_volume": 4e-6,
-}  # fmt: skip
+    "idle_power": 7.0,
+    "power_per_pressure": 7.5e-7,
+    "power_per_temperature": -0.12,
+    "lost_energy": 15.0,
+    "delivery": 1.2e-6,
+    "slip": 1.5e-14,
+    "start_volume": 4e-6,
+}
 
 
 def runs(random, dives, *, noise=1.0, each=12):
@@ -25,14 +30,18 @@ def runs(random, dives, *, noise=1.0, each=12):
     T = 13.0 + 9.0 * np.exp(-p / 1e6) * random.uniform(0.2, 1.0, dives)[dive.astype(int)]
     own = random.normal(0.0, noise, (2, dives))[:, dive.astype(int)]
     power = (
-        TRUTH["idle_power"] + TRUTH["power_per_pressure"] * p
-        + TRUTH["power_per_temperature"] * (T - 15.0) - TRUTH["lost_energy"] / t
-        + 0.15 * own[0] + noise * random.normal(0.0, 0.2 + 0.05 * p / 1e6, n)
-    )  # fmt: skip
+        TRUTH["idle_power"]
+        + TRUTH["power_per_pressure"] * p
+        + TRUTH["power_per_temperature"] * (T - 15.0)
+        - TRUTH["lost_energy"] / t
+        + 0.15 * own[0]
+        + noise * random.normal(0.0, 0.2 + 0.05 * p / 1e6, n)
+    )
     volume = (
         (TRUTH["delivery"] * (1.0 + 0.01 * own[1]) - TRUTH["slip"] * p) * t
-        - TRUTH["start_volume"] + noise * random.normal(0.0, 1e-6, n)
-    )  # fmt: skip
+        - TRUTH["start_volume"]
+        + noise * random.normal(0.0, 1e-6, n)
+    )
     return PumpRuns(duration=t, pressure=p, power=power, volume=volume, temperature=T, dive=dive)
 
 
@@ -86,9 +95,11 @@ def test_what_the_runs_cannot_tell_is_not_asked_of_them():
     """Runs of one length tell no start, one temperature no warmth."""
     told = runs(np.random.default_rng(3), 10, noise=0.0)
     same = PumpRuns(
-        duration=np.full(told.power.size, 60.0), pressure=told.pressure, power=told.power,
+        duration=np.full(told.power.size, 60.0),
+        pressure=told.pressure,
+        power=told.power,
         temperature=np.full(told.power.size, 14.0),
-    )  # fmt: skip
+    )
     assert set(fit_pump(same).parameters) == {"idle_power", "power_per_pressure"}
 
 
@@ -96,9 +107,11 @@ def test_runs_that_tell_nothing_are_refused():
     told = runs(np.random.default_rng(4), 6)
     few = told.dive < 2
     two = PumpRuns(
-        duration=told.duration[few], pressure=told.pressure[few], power=told.power[few],
+        duration=told.duration[few],
+        pressure=told.pressure[few],
+        power=told.power[few],
         dive=told.dive[few],
-    )  # fmt: skip
+    )
     with refused(NoAnswerError, holds={2.0}):
         fit_pump(two)
     with pytest.raises(NoAnswerError, match="at several depths"):
@@ -133,9 +146,12 @@ def test_the_vehicle_has_the_pump_that_the_runs_tell():
 def test_what_is_not_distinguishable_from_none_is_none():
     told = runs(np.random.default_rng(6), 8, noise=0.0)
     leaky = PumpRuns(
-        duration=told.duration, pressure=told.pressure, power=told.power,
-        volume=1e-6 * told.duration * (1.0 + 1e-10 * told.pressure) + 1e-7, dive=told.dive,
-    )  # fmt: skip
+        duration=told.duration,
+        pressure=told.pressure,
+        power=told.power,
+        volume=1e-6 * told.duration * (1.0 + 1e-10 * told.pressure) + 1e-7,
+        dive=told.dive,
+    )
     fit = fit_pump(leaky)
     assert fit.value("slip") < 0.0
     pump = PowerLawPump(delivery=1e-6, idle_power=1.0, power_per_pressure=0.0)

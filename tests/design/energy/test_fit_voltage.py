@@ -14,9 +14,11 @@ from swimbladder.vehicle import Supply
 from tests.quoted import refused
 
 TRUTH = {
-    "idle_power": 7.0, "power_per_pressure": 7.5e-7, "power_per_temperature": -0.12,
+    "idle_power": 7.0,
+    "power_per_pressure": 7.5e-7,
+    "power_per_temperature": -0.12,
     "lost_energy": 15.0,
-}  # fmt: skip
+}
 AT = 14.5  # V, at which TRUTH holds
 
 
@@ -36,13 +38,18 @@ def sagging_runs(random, dives, *, each=12, noise=1.0, goes_with=1.0):
     sag = random.uniform(0.06, 0.11, dives)[dive.astype(int)]
     volts = 14.6 * (1.0 - sag * np.exp(-order / 3.0)) + random.normal(0.0, 0.05, n)
     own = random.normal(0.0, noise, dives)[dive.astype(int)]
-    power = (volts / AT) ** goes_with * (
-        TRUTH["idle_power"] + TRUTH["power_per_pressure"] * p
-        + TRUTH["power_per_temperature"] * (T - 15.0) - TRUTH["lost_energy"] / t
-    ) + 0.1 * own + noise * random.normal(0.0, 0.1 + 0.02 * p / 1e6, n)  # fmt: skip
-    return PumpRuns(
-        duration=t, pressure=p, power=power, temperature=T, dive=dive, voltage=volts
-    )  # fmt: skip
+    power = (
+        (volts / AT) ** goes_with
+        * (
+            TRUTH["idle_power"]
+            + TRUTH["power_per_pressure"] * p
+            + TRUTH["power_per_temperature"] * (T - 15.0)
+            - TRUTH["lost_energy"] / t
+        )
+        + 0.1 * own
+        + noise * random.normal(0.0, 0.1 + 0.02 * p / 1e6, n)
+    )
+    return PumpRuns(duration=t, pressure=p, power=power, temperature=T, dive=dive, voltage=volts)
 
 
 def test_without_noise_the_numbers_at_the_reference_are_found():
@@ -120,10 +127,15 @@ def motor_runs(vehicle, volts, p, t):
     """Power and volume of runs of a vehicle's pump from datasheets at terminals of `volts` [n]."""
     pump = vehicle.actuator.pump
     found = [
-        pump_run(pump, np.array([x]), water=vehicle.water, supply=Supply(voltage=u),
-                 driver=vehicle.driver)
+        pump_run(
+            pump,
+            np.array([x]),
+            water=vehicle.water,
+            supply=Supply(voltage=u),
+            driver=vehicle.driver,
+        )
         for u, x in zip(volts, p, strict=True)
-    ]  # fmt: skip
+    ]
     power = np.array([float(f.power[0]) for f in found])
     return power, t * np.array([float(f.rate[0]) for f in found])
 
@@ -148,9 +160,11 @@ def test_a_motor_by_its_own_equations_is_told_at_another_battery():
     weak = Supply(voltage=12.0)
     true_power, true_rate = motor_runs(vehicle, np.full(3, 12.0), at, 1.0)
     small = vehicle.model_copy(
-        update={"supply": weak, "actuator": vehicle.actuator.model_copy(update={
-            "internal_pressure": 101325.0})}
-    )  # fmt: skip
+        update={
+            "supply": weak,
+            "actuator": vehicle.actuator.model_copy(update={"internal_pressure": 101325.0}),
+        }
+    )
     told = pump_run(fitted_vehicle(small, fit).actuator.pump, at, water=vehicle.water)
     unscaled = pump_run(fitted_vehicle(small, plain).actuator.pump, at, water=vehicle.water)
     for name, true, within in (("power", true_power, 0.07), ("rate", true_rate, 0.02)):

@@ -26,10 +26,19 @@ def vehicle():
 @pytest.fixture(scope="session")
 def setting():
     return Setting(
-        pool_depth=4.5, clearance=0.75, sample_time=0.3, noise=2e-3, quantum=5e-3,
-        neutral_std=0.5e-6, drift_std=0.1e-6 / 60.0, settling=300.0, rest=5.0, longest=240.0,
-        largest=math.inf, moves=4,
-    )  # fmt: skip
+        pool_depth=4.5,
+        clearance=0.75,
+        sample_time=0.3,
+        noise=2e-3,
+        quantum=5e-3,
+        neutral_std=0.5e-6,
+        drift_std=0.1e-6 / 60.0,
+        settling=300.0,
+        rest=5.0,
+        longest=240.0,
+        largest=math.inf,
+        moves=4,
+    )
 
 
 @pytest.fixture(scope="session")

@@ -29,9 +29,15 @@ def logs(plan, vehicle, rng, setting, drift_std=0.0):
     found = []
     for number, one in enumerate(plan.experiments, start=1):
         time, depth, volume = run(
-            plan, one, vehicle, rng, noise=setting.noise, quantum=setting.quantum,
-            neutral=setting.neutral_std * rng.normal(), drift=drift_std * rng.normal(),
-        )  # fmt: skip
+            plan,
+            one,
+            vehicle,
+            rng,
+            noise=setting.noise,
+            quantum=setting.quantum,
+            neutral=setting.neutral_std * rng.normal(),
+            drift=drift_std * rng.normal(),
+        )
         line = np.arange(len(time)) + 2
         found.append(
             Log(source=f"{number}", time=time, depth=depth, volume=volume + 1e-4, line=line)
@@ -135,11 +141,15 @@ def test_of_the_records_as_they_came_the_covariance_is_reported(design, vehicle,
         answer = identify(measured, vehicle, profiles=False, choices=False)
         flights = [
             Flight(
-                release, log.time, log.volume - 1e-4,
-                depths(true, log.volume - 1e-4, release.start, plan.sample_time), (17,), "longest",
+                release,
+                log.time,
+                log.volume - 1e-4,
+                depths(true, log.volume - 1e-4, release.start, plan.sample_time),
+                (17,),
+                "longest",
             )
             for log, release in zip(measured, design.chosen.releases, strict=True)
-        ]  # fmt: skip
+        ]
         expected = predict(flights, conditions._replace(question=design.question))
         size = np.sqrt(np.diag(answer.covariance) / np.diag(expected.covariance))
         assert answer.correlation == pytest.approx(expected.correlation, abs=0.06)

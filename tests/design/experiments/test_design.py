@@ -93,11 +93,17 @@ def test_a_prior_and_a_value_help(vehicle):
 def test_other_vehicles_and_laws(name, law):
     small = name == "ntnu-bv"
     found = design_experiment(
-        sb.load_vehicle(name), **{**QUICK, "pool_depth": 1.5 if small else 4.5}, drag=law,
-        clearance=0.3 if small else 0.75, quantum=0.0, against=() if small else None,
-    )  # fmt: skip
-    names = {"blended": ("K2", "T2", "drag_quadratic", "psi"),
-             "quadratic": ("mass", "drag_quadratic", "psi")}[law]  # fmt: skip
+        sb.load_vehicle(name),
+        **{**QUICK, "pool_depth": 1.5 if small else 4.5},
+        drag=law,
+        clearance=0.3 if small else 0.75,
+        quantum=0.0,
+        against=() if small else None,
+    )
+    names = {
+        "blended": ("K2", "T2", "drag_quadratic", "psi"),
+        "quadratic": ("mass", "drag_quadratic", "psi"),
+    }[law]
     assert found.chosen.prediction.names == names
     assert found.chosen.time <= found.budget
 

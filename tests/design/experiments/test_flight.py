@@ -22,10 +22,10 @@ def test_the_actuator_goes_at_its_limit(vehicle, setting, limits):
     """Of the supply, against the deepest sea: the closed form of eqs (21)-(22)."""
     for way, depth, sign in ((limits.out, 3.75, 1.0), (limits.back, 0.75, -1.0)):
         expected = [
-            75e-4 * timed_travel(12.0 * sign, 0.3 * k, K1=0.444e-3, T1=0.09,
-                                 opposing=7.707e-2 * depth)[0]
+            75e-4
+            * timed_travel(12.0 * sign, 0.3 * k, K1=0.444e-3, T1=0.09, opposing=7.707e-2 * depth)[0]
             for k in range(10)
-        ]  # fmt: skip
+        ]
         assert way[:10] == pytest.approx(sign * np.array(expected), rel=1e-9, abs=1e-15)
     # The stroke less the neutral volume of the range, with three deviations of it to spare.
     assert limits.most == pytest.approx(350e-6 - 3.75 * 4.04e-6 - 1.5e-6)

@@ -65,25 +65,31 @@ VOLUMES = st.floats(-1e-3, 1e-3).filter(lambda v: v == 0.0 or abs(v) > 1e-15)
 
 
 @given(
-    first=VOLUMES, later=st.lists(st.tuples(VOLUMES, DEPTHS, st.sampled_from(["up", "down"]))),
-    start=DEPTHS, longest=st.floats(1.0, 1e4),
+    first=VOLUMES,
+    later=st.lists(st.tuples(VOLUMES, DEPTHS, st.sampled_from(["up", "down"]))),
+    start=DEPTHS,
+    longest=st.floats(1.0, 1e4),
     trace=st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=4),
-)  # fmt: skip
+)
 def test_a_plan_reads_back_as_it_was(tmp_path_factory, first, later, start, longest, trace):
     moves = [{"volume": first}]
     moves += [{"volume": v, "depth": z, "going": going} for v, z, going in later]
     expected = {"time": trace, "depth": trace, "volume": trace}
     plan = Plan.model_validate(
         {
-            "name": 'a "name"', "pool_depth": 4.5, "shallowest": 0.75, "deepest": 3.75,
-            "sample_time": 0.3, "rest": 5.0,
+            "name": 'a "name"',
+            "pool_depth": 4.5,
+            "shallowest": 0.75,
+            "deepest": 3.75,
+            "sample_time": 0.3,
+            "rest": 5.0,
             "expected": [{"name": "K2", "value": 7935.54, "std": 0.1, "unit": "1/m2/s"}],
             "experiments": [
                 {"start_depth": start, "longest": longest, "moves": moves, "trace": expected},
                 {"start_depth": 1.0, "longest": 3.0, "moves": [{"volume": 1e-5}]},
             ],
         }
-    )  # fmt: skip
+    )
     path = tmp_path_factory.mktemp("plan") / "plan.toml"
     path.write_text(plan_file(plan, head="A comment\nin two lines"), encoding="utf-8")
     assert load_plan(path) == plan

@@ -43,11 +43,18 @@ def model(x, records):
     own = x[3:].reshape(-1, 3)
     return np.concatenate(
         [
-            depths(vehicle, f.volume, f.release.start, 0.3, neutral=v * CM3, speed=0.01 * w,
-                   depth=f.release.start + 0.01 * z)
+            depths(
+                vehicle,
+                f.volume,
+                f.release.start,
+                0.3,
+                neutral=v * CM3,
+                speed=0.01 * w,
+                depth=f.release.start + 0.01 * z,
+            )
             for f, (v, z, w) in zip(records, own, strict=True)
         ]
-    )  # fmt: skip
+    )
 
 
 def start(records):

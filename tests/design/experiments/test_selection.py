@@ -28,10 +28,12 @@ def table(rows, kind, cost=None, drift=None, names=("a", "b", "c")):
     p = rows.shape[1]
     zero = np.zeros_like(gain)
     return Table(
-        gain=gain, drift=zero if drift is None else drift, prior=np.zeros((p, p)),
+        gain=gain,
+        drift=zero if drift is None else drift,
+        prior=np.zeros((p, p)),
         cost=np.ones(len(rows)) if cost is None else np.array(cost, float),
         judge=criterion(kind, names[:p]),
-    )  # fmt: skip
+    )
 
 
 LINE = np.linspace(-1.0, 1.0, 21)
@@ -113,9 +115,10 @@ def test_the_vehicles_have_the_mean_and_the_covariance_of_what_is_in_doubt(vehic
 
 def test_what_is_known_of_a_vehicle_is_not_in_doubt(vehicle, question):
     known = Identified(
-        names=("psi", "K2"), values=(4.04e-6, 7935.54),
+        names=("psi", "K2"),
+        values=(4.04e-6, 7935.54),
         covariance=((4.04e-8**2, 0.5 * 4.04e-8 * 79.3554), (0.5 * 4.04e-8 * 79.3554, 79.3554**2)),
-    )  # fmt: skip
+    )
     fisher_information = vehicle.model_copy(update={"identified": known})
     S = covariance_of(question, fisher_information, None)
     assert np.sqrt(np.diag(S)) == pytest.approx([0.01, 0.3, 0.01])

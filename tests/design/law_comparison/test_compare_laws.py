@@ -89,9 +89,13 @@ def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
     noisy = FEUP.model_copy(update={"sensors": sensors})
     told = []
     b = compared(
-        noisy, laws=["planned"], tune_for=("fast",), depths=(0.0, 5.0), parts=tmp_path,
+        noisy,
+        laws=["planned"],
+        tune_for=("fast",),
+        depths=(0.0, 5.0),
+        parts=tmp_path,
         advance=told.append,
-    )  # fmt: skip
+    )
     assert [row.who.name for row in b.rows] == ["cascade, the paper's", "planned, fast"]
     paper, planned = b.rows
     assert b.reference is paper
@@ -107,9 +111,12 @@ def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
     assert paper.results["hold-drift"].rms > planned.results["hold-drift"].rms
     assert b.sentences[0].startswith("planned, fast settles soonest")
     # and again, from what was kept
-    assert compared(
-        noisy, laws=["planned"], tune_for=("fast",), depths=(0.0, 5.0), parts=tmp_path
-    ).rows[1].who == planned.who  # fmt: skip
+    assert (
+        compared(noisy, laws=["planned"], tune_for=("fast",), depths=(0.0, 5.0), parts=tmp_path)
+        .rows[1]
+        .who
+        == planned.who
+    )
 
 
 def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):

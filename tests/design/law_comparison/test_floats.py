@@ -45,9 +45,15 @@ def test_what_is_measured_is_that_of_the_flights():
     placed = place(SOME[0], FLOAT, places(FLOAT, (50.0, 400.0)))
     flown, time, _ = fly_scenario(FLOAT, who, placed, Drawn(2, region(FLOAT)))
     same = simulate_ensemble(
-        FLOAT, count=2, setpoints=[(0.0, placed.target)], duration=placed.duration,
-        start_depth=placed.start, keep="trajectory", books=True, seed=1,
-    )  # fmt: skip
+        FLOAT,
+        count=2,
+        setpoints=[(0.0, placed.target)],
+        duration=placed.duration,
+        start_depth=placed.start,
+        keep="trajectory",
+        books=True,
+        seed=1,
+    )
     error = np.abs(same["depth"].to_numpy() - placed.target)
     settled = float(flown.settle[0])
     assert np.all(error[int(settled) + 1 :] <= BAND)

@@ -78,11 +78,17 @@ def test_only_what_counts_is_counted():
 def test_runs_are_summed_up_as_the_words_say():
     nothing = np.zeros(4)
     f = Measured(
-        settle=np.array([10.0, np.nan, 30.0, 20.0]), overshoot=np.array([0.0, 0.3, 0.1, np.nan]),
-        square=np.array([1.0, 4.0, 4.0, 7.0]), farthest=np.array([1.0, 2.0, 5.0, 3.0]),
-        rate=np.array([1.0, 2.0, 3.0, 6.0]), starts=nothing + 2.0, turns=nothing + 1.0,
-        energy=nothing, power=nothing + 9.0, lost=np.array([0.0, 1.0, 0.0, 0.0]),
-    )  # fmt: skip
+        settle=np.array([10.0, np.nan, 30.0, 20.0]),
+        overshoot=np.array([0.0, 0.3, 0.1, np.nan]),
+        square=np.array([1.0, 4.0, 4.0, 7.0]),
+        farthest=np.array([1.0, 2.0, 5.0, 3.0]),
+        rate=np.array([1.0, 2.0, 3.0, 6.0]),
+        starts=nothing + 2.0,
+        turns=nothing + 1.0,
+        energy=nothing,
+        power=nothing + 9.0,
+        lost=np.array([0.0, 1.0, 0.0, 0.0]),
+    )
     r = summarise(f)
     assert (r.settled, r.settle_median, r.lost) == (0.75, 20.0, 0.25)
     assert math.isnan(r.settle_95)  # one of four never settles
@@ -136,9 +142,12 @@ def test_a_low_battery_is_one():
     _, _, shown = flown(vehicle, placed, seed=2)
     weak = vehicle.supply.model_copy(update={"voltage": 0.9 * vehicle.supply.voltage})
     alone = simulate(
-        vehicle.model_copy(update={"supply": weak}), setpoints=[(0.0, placed.target)],
-        duration=120.0, start_depth=placed.start, seed=2,
-    )  # fmt: skip
+        vehicle.model_copy(update={"supply": weak}),
+        setpoints=[(0.0, placed.target)],
+        duration=120.0,
+        start_depth=placed.start,
+        seed=2,
+    )
     assert shown == pytest.approx(alone.depth, abs=1e-9)
 
 
@@ -148,9 +157,7 @@ def test_swell_is_read_as_the_wave_theory_has_it():
     swell = named("hold-swell")._replace(counted=0.0)
     placed = place(swell, vehicle, places(vehicle))._replace(duration=60.0)
     _, time, shown = flown(vehicle, placed, runs=2, seed=4)
-    error = depth_error(
-        swell.swell, vehicle, time, depth=placed.target, runs=2, seed=4
-    )[:, 0]  # fmt: skip
+    error = depth_error(swell.swell, vehicle, time, depth=placed.target, runs=2, seed=4)[:, 0]
     who = own(vehicle)[0]
     state = None
 
@@ -164,9 +171,13 @@ def test_swell_is_read_as_the_wave_theory_has_it():
 
     assert as_law(vehicle, law, who.sample_time)[2] == who.sample_time
     alone = simulate(
-        vehicle, law=law, sample_time=who.sample_time, duration=60.0, start_depth=placed.start,
+        vehicle,
+        law=law,
+        sample_time=who.sample_time,
+        duration=60.0,
+        start_depth=placed.start,
         setpoints=[(0.0, placed.target)],
-    )  # fmt: skip
+    )
     assert shown == pytest.approx(alone.depth, abs=1e-9)
     assert np.ptp(shown) > 1e-3
 

@@ -25,8 +25,11 @@ def by_hand(costs):
     ]
 
 
-@given(st.integers(1, 4).flatmap(lambda k: st.lists(st.lists(COST, min_size=k, max_size=k),
-                                                    min_size=1, max_size=9)))  # fmt: skip
+@given(
+    st.integers(1, 4).flatmap(
+        lambda k: st.lists(st.lists(COST, min_size=k, max_size=k), min_size=1, max_size=9)
+    )
+)
 def test_the_front_is_that_of_brute_force(costs):
     assert front(costs).tolist() == by_hand(costs)
 

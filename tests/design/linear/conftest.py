@@ -31,9 +31,17 @@ def table_3() -> CascadeParameters:
 def position_gains() -> PositionPidParameters:
     """Gains, made up, of a PID on a piston's position."""
     return PositionPidParameters(
-        K_p=0.02, K_i=2e-4, K_d=0.3, threshold=0.3, smoothing=0.4, position_min=0.0,
-        position_max=0.06, piston_area=2e-3, volume_at_zero=6e-5, S_p=0.5,
-    )  # fmt: skip
+        K_p=0.02,
+        K_i=2e-4,
+        K_d=0.3,
+        threshold=0.3,
+        smoothing=0.4,
+        position_min=0.0,
+        position_max=0.06,
+        piston_area=2e-3,
+        volume_at_zero=6e-5,
+        S_p=0.5,
+    )
 
 
 @pytest.fixture(scope="session")
@@ -47,11 +55,14 @@ def feup() -> Vehicle:
         supply=Supply(voltage=12.0),
         stroke=Stroke(minimum="-350 cm3", maximum="350 cm3"),
         hull=Hull(
-            displaced_volume=0.0275, psi=4.04e-6, waterplane_area=0.0314, height=1.285,
+            displaced_volume=0.0275,
+            psi=4.04e-6,
+            waterplane_area=0.0314,
+            height=1.285,
             depth_limit=100.0,
         ),
         motion=IdentifiedMotion(K2=7935.54, T2=36.3),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="session")
@@ -60,8 +71,16 @@ def lossy() -> Vehicle:
     return Vehicle(
         name="lossy",
         actuator=UnifiedActuator(
-            inertia=2e-5, k_u=0.05, k_v=2e-3, k_q=1e-8, k_z=2e-4, k_l=2e-9, efficiency=0.6,
-            friction_torque=0.02, resistance=1.0, emf_constant=0.03,
+            inertia=2e-5,
+            k_u=0.05,
+            k_v=2e-3,
+            k_q=1e-8,
+            k_z=2e-4,
+            k_l=2e-9,
+            efficiency=0.6,
+            friction_torque=0.02,
+            resistance=1.0,
+            emf_constant=0.03,
         ),
         supply=Supply(voltage=24.0, internal_resistance=0.2),
         stroke=Stroke(minimum="-300 cm3", maximum="300 cm3"),
@@ -69,11 +88,13 @@ def lossy() -> Vehicle:
             displaced_volume=0.04, psi=-8e-7, waterplane_area=0.03, height=1.2, depth_limit=200.0
         ),
         motion=PhysicalMotion(
-            dry_mass=40.0, entrained_mass=2.0, added_mass=3.0,
+            dry_mass=40.0,
+            entrained_mass=2.0,
+            added_mass=3.0,
             drag=Drag(law="switched", k_dl=2.0, k_dt=20.0, epsilon=0.02),
         ),
         trim_error=1e-5,
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="session")
@@ -93,9 +114,13 @@ def paper_loop(feup, table_3):
     """The paper's vehicle under its cascade, sampled every 0.3 s."""
     seen = Measurement(0.0, 0.0, 0.0)
     law = linearise_law(
-        CASCADE.step, parameters=table_3, state=CASCADE.initial(table_3, seen, 0.0),
-        measurement=seen, reference=0.0, tick=0.3,
-    )  # fmt: skip
+        CASCADE.step,
+        parameters=table_3,
+        state=CASCADE.initial(table_3, seen, 0.0),
+        measurement=seen,
+        reference=0.0,
+        tick=0.3,
+    )
     return SampledLoop(plant=linearise(plant(feup)), law=law)
 
 
@@ -104,8 +129,11 @@ def stepper_loop(stepper, position_gains):
     """The stepper under a PID on its position, sampled every 0.5 s."""
     seen = Measurement(0.0, 2.0, stepper.neutral_volume(2.0))
     law = linearise_law(
-        POSITION_PID.step, parameters=position_gains,
-        state=POSITION_PID.initial(position_gains, seen, 2.0), measurement=seen, reference=2.0,
+        POSITION_PID.step,
+        parameters=position_gains,
+        state=POSITION_PID.initial(position_gains, seen, 2.0),
+        measurement=seen,
+        reference=2.0,
         tick=0.5,
-    )  # fmt: skip
+    )
     return SampledLoop(plant=linearise(plant(stepper)), law=law)

@@ -29,9 +29,11 @@ from swimbladder.vehicle import (
 from tests.examples import examples
 
 TABLE_3 = {
-    "k_pV": "1002 V/dm3", "k_pz": "-0.1043 dm3/m", "k_iz": "-7.486e-4 dm3/s/m",
+    "k_pV": "1002 V/dm3",
+    "k_pz": "-0.1043 dm3/m",
+    "k_iz": "-7.486e-4 dm3/s/m",
     "k_dz": "-2.341 dm3 s/m",
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -99,11 +101,21 @@ def test_depth_changes_the_rest_and_not_the_model(controlled, paper):
 def test_what_the_text_says(paper):
     text = paper.text()
     for phrase in (
-        "one root with a positive real part", "doubles in 18.7 s", "155.7 m", "is above it",
-        "leaves the stroke at 86.6 m", "before the depth limit", "7.69e-08 m3/m", "1.9 % of psi",
-        "stable; the slowest pole", "41.1 degrees", "0.236 s of computation delay",
-        "it is NOT stable", "phase margin is -73.2 degrees", "3.85 V",
-    ):  # fmt: skip
+        "one root with a positive real part",
+        "doubles in 18.7 s",
+        "155.7 m",
+        "is above it",
+        "leaves the stroke at 86.6 m",
+        "before the depth limit",
+        "7.69e-08 m3/m",
+        "1.9 % of psi",
+        "stable; the slowest pole",
+        "41.1 degrees",
+        "0.236 s of computation delay",
+        "it is NOT stable",
+        "phase margin is -73.2 degrees",
+        "3.85 V",
+    ):
         assert phrase in text, phrase
 
 
@@ -180,9 +192,14 @@ class Nothing(NamedTuple):
 
 def a_law(step, command="voltage"):
     return Law(
-        name="own", summary="a test's", command=command, parameters=Nothing, state=Nothing,
-        step=step, initial=lambda _parameters, _measurement, _reference: Nothing(0.0),
-    )  # fmt: skip
+        name="own",
+        summary="a test's",
+        command=command,
+        parameters=Nothing,
+        state=Nothing,
+        step=step,
+        initial=lambda _parameters, _measurement, _reference: Nothing(0.0),
+    )
 
 
 def test_own_law_and_sample_time(feup):
@@ -228,9 +245,12 @@ def test_vehicle_with_everything(lossy):
     """Friction, sag, leak, a stiff hull: every sentence that the paper's vehicle does not need."""
     text = analyse(lossy, depth=150.0).text()
     for phrase in (
-        "only gives way below", "if the supply did not sag", "the pump leaks more than it moves",
-        "is stiffer than water does not help", "laminar one of small speeds",
-    ):  # fmt: skip
+        "only gives way below",
+        "if the supply did not sag",
+        "the pump leaks more than it moves",
+        "is stiffer than water does not help",
+        "laminar one of small speeds",
+    ):
         assert phrase in text, phrase
 
 
@@ -239,13 +259,22 @@ def decades(low, high):
 
 
 @given(
-    K1=decades(-5, -2), T1=decades(-2, 0), area=decades(-4, -2),
-    load=st.just(0.0) | decades(-4, -0.5), k_l=st.just(0.0) | decades(-12, -8),
-    psi=st.sampled_from([-1.0, 0.0, 1.0]), softness=decades(-9, -5), mass=decades(0, 3),
-    k_dl=st.just(0.0) | decades(-1, 2), h=decades(-1.3, 0.7), k_pV=decades(2, 9),
-    k_pz=decades(-8, -2), integral=decades(-5, 0), derivative=decades(0, 3),
+    K1=decades(-5, -2),
+    T1=decades(-2, 0),
+    area=decades(-4, -2),
+    load=st.just(0.0) | decades(-4, -0.5),
+    k_l=st.just(0.0) | decades(-12, -8),
+    psi=st.sampled_from([-1.0, 0.0, 1.0]),
+    softness=decades(-9, -5),
+    mass=decades(0, 3),
+    k_dl=st.just(0.0) | decades(-1, 2),
+    h=decades(-1.3, 0.7),
+    k_pV=decades(2, 9),
+    k_pz=decades(-8, -2),
+    integral=decades(-5, 0),
+    derivative=decades(0, 3),
     depth=st.just(0.0) | decades(-1, 3.5),
-)  # fmt: skip
+)
 @examples(60)
 def test_any_vehicle_gets_an_answer(
     K1, T1, area, load, k_l, psi, softness, mass, k_dl, h, k_pV, k_pz, integral, derivative, depth

@@ -117,11 +117,32 @@ def test_depth_load_is_what_the_settled_inner_loop_lets_through(k_pV, k_l):
 
 
 _PLANT = Plant(
-    positioner=0.0, T1=0.09, gain=3.33e-6, load_drive=0.07707, load_back=0.05, friction=0.0,
-    k_l=0.0, rate=0.0, supply=12.0, sag=0.0, kappa=0.0, V_min=-3.5e-4, V_max=3.5e-4, a_b=218.6,
-    psi=4.04e-6, V_0=0.0, d_l=0.0275, d_b=0.0, d_0=0.0, d_t=0.0, epsilon=math.inf,
-    z_surface=0.0, a_s=0.0, z_air=-1.0, z_bottom=math.inf,
-)  # fmt: skip
+    positioner=0.0,
+    T1=0.09,
+    gain=3.33e-6,
+    load_drive=0.07707,
+    load_back=0.05,
+    friction=0.0,
+    k_l=0.0,
+    rate=0.0,
+    supply=12.0,
+    sag=0.0,
+    kappa=0.0,
+    V_min=-3.5e-4,
+    V_max=3.5e-4,
+    a_b=218.6,
+    psi=4.04e-6,
+    V_0=0.0,
+    d_l=0.0275,
+    d_b=0.0,
+    d_0=0.0,
+    d_t=0.0,
+    epsilon=math.inf,
+    z_surface=0.0,
+    a_s=0.0,
+    z_air=-1.0,
+    z_bottom=math.inf,
+)
 
 
 def test_inner_loop_settles_there_in_the_nonlinear_motion(feup):

@@ -23,10 +23,15 @@ from tests.examples import examples
 def system(A, B, C, h):
     n = len(A)
     return StateSpace(
-        A=np.array(A, float), B=np.reshape(B, (n, 1)), C=np.reshape(C, (1, n)),
-        D=np.zeros((1, 1)), states=tuple(f"x{i}" for i in range(n)), inputs=("u",), outputs=("y",),
+        A=np.array(A, float),
+        B=np.reshape(B, (n, 1)),
+        C=np.reshape(C, (1, n)),
+        D=np.zeros((1, 1)),
+        states=tuple(f"x{i}" for i in range(n)),
+        inputs=("u",),
+        outputs=("y",),
         sample_time=h,
-    )  # fmt: skip
+    )
 
 
 def from_polynomials(numerator, denominator, h):
@@ -138,14 +143,20 @@ def test_agrees_with_python_control(loop):
     found = loop_margins(loop)
     theirs = loop.to_control()
     # On frequency data, so that no transfer function is formed.
-    w = np.unique(np.concatenate([
-        np.geomspace(1e-5, math.pi / loop.sample_time * (1 - 1e-9), 4_000),
-        np.linspace(0.1, math.pi / loop.sample_time * (1 - 1e-9), 4_000),
-    ]))  # fmt: skip
+    w = np.unique(
+        np.concatenate(
+            [
+                np.geomspace(1e-5, math.pi / loop.sample_time * (1 - 1e-9), 4_000),
+                np.linspace(0.1, math.pi / loop.sample_time * (1 - 1e-9), 4_000),
+            ]
+        )
+    )
     data = control.FRD(theirs, w, smooth=True)
     gains, phases, distances, *_ = control.stability_margins(data, returnall=True)
-    up, down = (min((g for g in gains if g > 1.0), default=math.inf),
-                max((g for g in gains if g < 1.0), default=0.0))  # fmt: skip
+    up, down = (
+        min((g for g in gains if g > 1.0), default=math.inf),
+        max((g for g in gains if g < 1.0), default=0.0),
+    )
     if found.gain_up_frequency < w[-1]:
         assert found.gain_up == pytest.approx(up, rel=1e-3)
     if found.gain_down > 0.0 and found.gain_down_frequency > w[0]:
@@ -302,9 +313,7 @@ def test_double_crossing_close_to_half_the_sampling_frequency():
     A vehicle that was found by chance: a slow piston under a cascade sampled every 0.06 s.
     """
     h, T1, gain = 0.0605521, 0.0164466, 1.57354e-4 * 1.16077e-4
-    motion = np.array(
-        [[-1 / T1, 0, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, -0.3, 0, -0.1]]
-    )  # fmt: skip
+    motion = np.array([[-1 / T1, 0, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, -0.3, 0, -0.1]])
     block = np.zeros((5, 5))
     block[:4, :4], block[0, 4] = motion * h, gain / T1 * h
     exact = expm(block)

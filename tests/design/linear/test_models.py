@@ -68,8 +68,9 @@ def test_numeric_jacobian_is_eqs_17_and_18(factors, k_l, depth, softer):
     k_b = vehicle.water.specific_weight
     formula = linearised_motion(
         **{k: c[k] for k in ("inertia", "k_u", "k_v", "k_q", "k_z", "k_l", "k_dl", "m")},
-        k_b=k_b, k_def=k_b * c["psi"],
-    )  # fmt: skip
+        k_b=k_b,
+        k_def=k_b * c["psi"],
+    )
     numeric = linearise(plant(vehicle), depth=depth)
     # (dV/dt, V, z, w) = T (q, V, z, w), because dV/dt = q - k_l z.
     T = np.eye(4)
@@ -116,9 +117,13 @@ def test_small_motions_follow_the_linear_model(lossy, depth):
     du, t = 0.5, 2.0
     start = State(rest.motor_rate, rest.volume, rest.depth, 0.0)
     solution = solve_ivp(
-        lambda _, x: motor_rhs(State(*x), rest.voltage + du, p), (0.0, t), start,
-        method="Radau", rtol=1e-10, atol=1e-16,
-    )  # fmt: skip
+        lambda _, x: motor_rhs(State(*x), rest.voltage + du, p),
+        (0.0, t),
+        start,
+        method="Radau",
+        rtol=1e-10,
+        atol=1e-16,
+    )
     block = np.zeros((5, 5))
     block[:4, :4], block[:4, 4:] = model.A, model.B * du
     expected = np.array(start) + expm(block * t)[:4, 4]
@@ -135,9 +140,11 @@ def test_rest_is_a_rest(lossy):
     tight = p._replace(k_l=0.0)
     rest = operating_point(tight, depth=80.0)
     for voltage, sign in (
-        (rest.voltage + 1e-6, 1), (rest.voltage - 1e-6, 0),
-        (rest.voltage_back + 1e-6, 0), (rest.voltage_back - 1e-6, -1),
-    ):  # fmt: skip
+        (rest.voltage + 1e-6, 1),
+        (rest.voltage - 1e-6, 0),
+        (rest.voltage_back + 1e-6, 0),
+        (rest.voltage_back - 1e-6, -1),
+    ):
         assert np.sign(motor_rhs(State(0.0, rest.volume, 80.0, 0.0), voltage, tight).q) == sign
 
 
@@ -204,9 +211,14 @@ def test_python_control_gets_the_same_system(feup):
 def test_shapes_are_checked():
     with pytest.raises(ValueError, match="B is"):
         StateSpace(
-            A=np.eye(2), B=np.eye(2), C=np.eye(2), D=np.zeros((2, 1)), states=("a", "b"),
-            inputs=("u",), outputs=("y", "v"),
-        )  # fmt: skip
+            A=np.eye(2),
+            B=np.eye(2),
+            C=np.eye(2),
+            D=np.zeros((2, 1)),
+            states=("a", "b"),
+            inputs=("u",),
+            outputs=("y", "v"),
+        )
 
 
 def test_operating_point_without_loads_asks_for_no_voltage(feup):

@@ -78,8 +78,9 @@ def test_a_speed_follows_its_volume_with_the_time_constant_that_is_stated():
 
 
 def test_a_power_law_stalls_where_its_delivery_ends():
-    pump = PowerLawPump(kind="power-law", delivery=1e-6, slip=1e-13, idle_power=1.0,
-                        power_per_pressure=1e-6)  # fmt: skip
+    pump = PowerLawPump(
+        kind="power-law", delivery=1e-6, slip=1e-13, idle_power=1.0, power_per_pressure=1e-6
+    )
     a = FLOAT.actuator.model_copy(update={"pump": pump})
     slipping = FLOAT.model_copy(update={"actuator": a})
     weight = FLOAT.water.specific_weight

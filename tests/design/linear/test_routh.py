@@ -133,15 +133,20 @@ def test_huge_and_tiny_coefficients_do_not_overflow():
 # The claims of section 2.5.
 
 positive = {
-    "K1": st.floats(1e-5, 1e-2), "K2": st.floats(1e2, 1e5), "A": st.floats(1e-4, 1e-1),
-    "T1": st.floats(1e-3, 1.0), "T2": st.floats(1.0, 100.0),
-}  # fmt: skip
+    "K1": st.floats(1e-5, 1e-2),
+    "K2": st.floats(1e2, 1e5),
+    "A": st.floats(1e-4, 1e-1),
+    "T1": st.floats(1e-3, 1.0),
+    "T2": st.floats(1.0, 100.0),
+}
 
 
 @given(
-    st.fixed_dictionaries(positive), st.floats(-1e-4, 1e-4), st.floats(1e-3, 1.0),
+    st.fixed_dictionaries(positive),
+    st.floats(-1e-4, 1e-4),
+    st.floats(1e-3, 1.0),
     st.just(0.0) | st.floats(1e-9, 1e-6),
-)  # fmt: skip
+)
 def test_any_load_makes_34_unstable_whatever_psi(p, psi, depth_voltage, k_l):
     """Stiffer than water (psi < 0) or softer: k_z alone makes it grow, and so does k_l alone."""
     for loads in ((depth_voltage, 0.0), (depth_voltage, k_l), (0.0, k_l or 1e-9)):
@@ -164,9 +169,15 @@ def test_paper_vehicle_with_a_stiff_hull(feup):
     found = stiff_hull(plant(feup))
     assert found is not None
     _, denominator = transfer.depth_per_voltage(
-        K1=0.444e-3, K2=7935.54, A=75e-4, T1=0.09, T2=36.3, psi=-4.04e-6, depth_voltage=7.707e-2,
+        K1=0.444e-3,
+        K2=7935.54,
+        A=75e-4,
+        T1=0.09,
+        T2=36.3,
+        psi=-4.04e-6,
+        depth_voltage=7.707e-2,
         k_l=0.0,
-    )  # fmt: skip
+    )
     growth = max(np.roots(denominator).real)
     assert found.poles[0].real == pytest.approx(growth, rel=1e-9)
     assert found.doubling_time == pytest.approx(math.log(2.0) / growth, rel=1e-9)

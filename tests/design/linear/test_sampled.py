@@ -19,17 +19,26 @@ AT_REST = Measurement(0.0, 0.0, 0.0)
 
 def linear(step, parameters, state, *, measurement=AT_REST, reference=0.0, tick=0.3):
     return linearise_law(
-        step, parameters=parameters, state=state, measurement=measurement, reference=reference,
+        step,
+        parameters=parameters,
+        state=state,
+        measurement=measurement,
+        reference=reference,
         tick=tick,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("depth", [0.0, 80.0])
 def test_cascade_is_eqs_36_and_37(depth, table_3):
     """Its z-transform by hand: k_pV (U - V), U = (k_p + k_d (1 - 1/z)/S_p + k_i S_p/(z - 1)) e."""
     seen = Measurement(0.0, depth, 4.04e-6 * depth)
-    law = linear(CASCADE.step, table_3, CASCADE.initial(table_3, seen, depth), measurement=seen,
-                 reference=depth)  # fmt: skip
+    law = linear(
+        CASCADE.step,
+        table_3,
+        CASCADE.initial(table_3, seen, depth),
+        measurement=seen,
+        reference=depth,
+    )
     assert law.smooth
     assert law.sample_time == 0.3
     assert law.system.states == ("integral", "error")  # the reference U is only remembered
@@ -47,8 +56,14 @@ def test_position_pid_inside_its_threshold(position_gains):
     """V = -A (K_p e + K_i S_p z/(z - 1) e - K_d (1 - 1/z)/S_p F d), F = a/(1 - (1 - a)/z)."""
     p = position_gains
     seen = Measurement(0.0, 2.0, 6e-7)
-    law = linear(POSITION_PID.step, p, POSITION_PID.initial(p, seen, 2.0), measurement=seen,
-                 reference=2.0, tick=0.5)  # fmt: skip
+    law = linear(
+        POSITION_PID.step,
+        p,
+        POSITION_PID.initial(p, seen, 2.0),
+        measurement=seen,
+        reference=2.0,
+        tick=0.5,
+    )
     assert law.smooth
     assert law.system.states == ("integral", "depth")
     for z in (0.5 + 0.7j, 1.5, -0.9j):
@@ -123,9 +138,13 @@ def test_computation_delay_is_exact(feup, delay):
         k = math.floor((0.5 * (t + end) - delay) / h)
         value = u[k] if k >= 0 else 0.0
         y = solve_ivp(
-            lambda _, y, value=value: model.A @ y + model.B[:, 0] * value, (t, end), y,
-            method="DOP853", rtol=1e-12, atol=1e-22,
-        ).y[:, -1]  # fmt: skip
+            lambda _, y, value=value: model.A @ y + model.B[:, 0] * value,
+            (t, end),
+            y,
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-22,
+        ).y[:, -1]
         t = end
         theirs[round(t, 9)] = y
     expected = np.array([model.C @ theirs[round(k * h, 9)] for k in range(n)])
@@ -191,9 +210,13 @@ def test_closed_loop_is_the_sampled_simulation(feup, paper_loop, table_3, delay)
         for span, value in ((delay, u), (h - delay, command)):
             if span > 0.0:
                 y = solve_ivp(
-                    lambda _, y, value=value: motor_rhs(State(*y), value, p), (0.0, span), x,
-                    method="Radau", rtol=1e-10, atol=1e-20,
-                ).y[:, -1]  # fmt: skip
+                    lambda _, y, value=value: motor_rhs(State(*y), value, p),
+                    (0.0, span),
+                    x,
+                    method="Radau",
+                    rtol=1e-10,
+                    atol=1e-20,
+                ).y[:, -1]
                 x = State(*y)
         u = command
     matrix = paper_loop.closed(command_delay=delay)

@@ -22,8 +22,13 @@ VOLUME = sp.Eq(s * V, K_Q * OMEGA - K_L * Z)
 MOTION = sp.Eq(M * s**2 * Z, -K_B * V + K_DEF * Z - K_DL * s * Z)
 
 # Eqs (23), (24), (28), (29), (31): what the identified parameters stand for.
-IDENTIFIED = {K_U: K1 * A * K_V / K_Q, LAM: T1 * K_V, K_DL: K_B / K2, M: T2 * K_B / K2,
-              K_DEF: PSI * K_B}  # fmt: skip
+IDENTIFIED = {
+    K_U: K1 * A * K_V / K_Q,
+    LAM: T1 * K_V,
+    K_DL: K_B / K2,
+    M: T2 * K_B / K2,
+    K_DEF: PSI * K_B,
+}
 
 
 def rational(ratio):
@@ -119,9 +124,15 @@ def test_numbers_are_those_of_the_numerical_model(name, request):
         actuator = np.linalg.inv(point * np.eye(2) - states)
         v_u, v_z = (actuator @ model.B[:2, 0])[1], (actuator @ load)[1]
         expected = {
-            ("9", "V/U"): v_u, ("9", "V/Z"): v_z, ("20", "Z/V"): z_v, ("30", "Z/V"): z_v,
-            ("32", "Z/V"): z_v, ("33", "V/U"): v_u, ("33", "V/Z"): v_z, ("34", "Z/U"): z_u,
-        }  # fmt: skip
+            ("9", "V/U"): v_u,
+            ("9", "V/Z"): v_z,
+            ("20", "Z/V"): z_v,
+            ("30", "Z/V"): z_v,
+            ("32", "Z/V"): z_v,
+            ("33", "V/U"): v_u,
+            ("33", "V/Z"): v_z,
+            ("34", "Z/U"): z_u,
+        }
         assert set(found) == {*expected, ("35", "Z/U")}
         for key, value in expected.items():
             t = found[key]

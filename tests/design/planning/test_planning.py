@@ -26,9 +26,11 @@ def without_losses(vehicle, **actuator):
     """A vehicle whose hull gives way as the water does, and that nothing brakes."""
     motion = IdentifiedMotion(K2=1e9, T2=1e9 / 9806.65 * vehicle.mass)
     changes = {
-        "hull": vehicle.hull.model_copy(update={"psi": 0.0}), "motion": motion, "trim_error": 0.0,
+        "hull": vehicle.hull.model_copy(update={"psi": 0.0}),
+        "motion": motion,
+        "trim_error": 0.0,
         "actuator": vehicle.actuator.model_copy(update=actuator),
-    }  # fmt: skip
+    }
     return vehicle.model_copy(update=changes)
 
 
@@ -152,8 +154,13 @@ def test_drag_that_is_quadratic_is_planned_as_it_is():
         (FEUP, (1.5, 95.0), {}, NoAnswerError, "the stroke, -350 to 350 cm3"),
         (FEUP, (1.5, 80.0), {"margin": 0.2}, NoAnswerError, "less the margin of 20 %"),
         (FEUP, (1.5, 60.0), {"supply": 4.0}, NoAnswerError, "the depth load: with 4 V"),
-        (FEUP, (1.5, 3.0), {"goal": "effort", "duration": 15.0}, NoAnswerError,
-         r"the duration: .* the voltage .* V instead of 12"),
+        (
+            FEUP,
+            (1.5, 3.0),
+            {"goal": "effort", "duration": 15.0},
+            NoAnswerError,
+            r"the duration: .* the voltage .* V instead of 12",
+        ),
         (FEUP, (1.5, 3.0), {"goal": "energy"}, NoAnswerError, "no torque constant k_T"),
         (TANK, (0.5, 1.0), {"goal": "energy"}, NoAnswerError, "positioner' has no winding"),
         (FEUP, (1.5, 60.0), {"sample_time": 0.003}, NoAnswerError, "longer sample time"),
@@ -167,7 +174,7 @@ def test_drag_that_is_quadratic_is_planned_as_it_is():
         (FEUP, (1.5, 3.0), {"margin": 1.2}, InputError, r"0 or more, .*got 120\.0, .* %"),
         (TANK, (0.5, 1.0), {"supply": 5.0}, InputError, "takes a volume"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_is_said(vehicle, step, options, error, words):
     with pytest.raises(error, match=words):
         plan(vehicle, *step, **options)

@@ -40,13 +40,26 @@ K_U, K_V, K_Q, INERTIA, K_Z = 0.01, 2.5e-4, 8e-8, 2e-5, 8e-4
 def leaky(*, resistance=0.0, friction=0.0, efficiency=None):
     """A vehicle with numbers of its own, each of which matters: it leaks and is out of trim."""
     actuator = UnifiedActuator(
-        inertia=INERTIA, k_u=K_U, k_v=K_V, k_q=K_Q, k_z=K_Z, k_l=LEAK, resistance=R,
-        emf_constant=K_EMF, friction_torque=friction, efficiency=efficiency,
-    )  # fmt: skip
-    return EM.model_copy(update={
-        "actuator": actuator, "motion": IdentifiedMotion(K2=9000.0, T2=25.0), "trim_error": TRIM,
-        "supply": Supply(voltage=12.0, internal_resistance=resistance), "controller": None,
-    })  # fmt: skip
+        inertia=INERTIA,
+        k_u=K_U,
+        k_v=K_V,
+        k_q=K_Q,
+        k_z=K_Z,
+        k_l=LEAK,
+        resistance=R,
+        emf_constant=K_EMF,
+        friction_torque=friction,
+        efficiency=efficiency,
+    )
+    return EM.model_copy(
+        update={
+            "actuator": actuator,
+            "motion": IdentifiedMotion(K2=9000.0, T2=25.0),
+            "trim_error": TRIM,
+            "supply": Supply(voltage=12.0, internal_resistance=resistance),
+            "controller": None,
+        }
+    )
 
 
 def motion(vehicle, h):
@@ -108,9 +121,14 @@ def lacking(vehicle, start, target, *, h, samples, inside_from, share):
     cost = np.zeros(slack + 1)
     cost[slack] = 1.0
     found = linprog(
-        cost, A_ub=G.tocsr(), b_ub=most, A_eq=equal.tocsr(), b_eq=right,
-        bounds=np.column_stack([low, high]), method="highs-ipm",
-    )  # fmt: skip
+        cost,
+        A_ub=G.tocsr(),
+        b_ub=most,
+        A_eq=equal.tocsr(),
+        b_eq=right,
+        bounds=np.column_stack([low, high]),
+        method="highs-ipm",
+    )
     assert found.status == 0
     return found.fun
 

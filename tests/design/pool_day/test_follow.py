@@ -49,9 +49,11 @@ def tail_of(path):
 def day_in(folder, **other):
     folder.mkdir(exist_ok=True)
     settings = {
-        "rules": Rules(bottom=4.45), "tasks": paper_tasks(VEHICLE, pool_depth=4.5),
-        "asked": Asked(targets=(Target("K2", 0.02), Target("T2", 0.02))), "mode": "followed",
-    }  # fmt: skip
+        "rules": Rules(bottom=4.45),
+        "tasks": paper_tasks(VEHICLE, pool_depth=4.5),
+        "asked": Asked(targets=(Target("K2", 0.02), Target("T2", 0.02))),
+        "mode": "followed",
+    }
     return PoolDay(VEHICLE, folder, **settings | other)
 
 
@@ -170,8 +172,9 @@ def test_a_restart_goes_on_from_the_folder_and_counts_nothing_twice(lines, tmp_p
     assert happened.count("ended") == 1
     assert [k.number for k in second.kept] == [1, 2]
     assert {p.name for p in out.glob("experiment-*.csv")} == {
-        "experiment-001.csv", "experiment-002.csv",
-    }  # fmt: skip
+        "experiment-001.csv",
+        "experiment-002.csv",
+    }
     logs = [read_log(p) for p in sorted(out.glob("experiment-*.csv"))]
     assert [len(log) for log in logs] == [len(k.log) for k in second.kept]
 
@@ -179,8 +182,11 @@ def test_a_restart_goes_on_from_the_folder_and_counts_nothing_twice(lines, tmp_p
 def test_it_ends_when_nothing_comes(tmp_path):
     clock = iter(range(0, 1000, 10))
     happening = follow(
-        day_in(tmp_path / "out"), tail_of(tmp_path / "none.csv"), timeout=30.0,
-        sleep=lambda _: None, clock=lambda: next(clock),
-    )  # fmt: skip
+        day_in(tmp_path / "out"),
+        tail_of(tmp_path / "none.csv"),
+        timeout=30.0,
+        sleep=lambda _: None,
+        clock=lambda: next(clock),
+    )
     with refused(LogError, field="--follow"):
         list(happening)

@@ -76,10 +76,14 @@ def cuts_of(found):
 
 @examples(40)
 @given(
-    seed=st.integers(0, 10_000), noise=st.floats(0.0, 0.01), jitter=st.floats(0.0, 5e-6),
-    size=st.floats(20e-6, 80e-6), tick=st.floats(0.1, 0.5), gain=st.floats(100.0, 500.0),
+    seed=st.integers(0, 10_000),
+    noise=st.floats(0.0, 0.01),
+    jitter=st.floats(0.0, 5e-6),
+    size=st.floats(20e-6, 80e-6),
+    tick=st.floats(0.1, 0.5),
+    gain=st.floats(100.0, 500.0),
     quantum=st.sampled_from([0.0, 5e-3, 1e-2]),
-)  # fmt: skip
+)
 def test_one_release_is_one_experiment(seed, noise, jitter, size, tick, gain, quantum):
     t, z, v, rest = day(
         np.random.default_rng(seed), noise=noise, jitter=jitter, size=size, tick=tick, gain=gain

@@ -24,9 +24,7 @@ def _day(number, count=4, value=10.5, state="good enough"):
 def test_the_table_by_hand():
     found = [_day(0), _day(1, 5, 12.0), _day(2, 16, 9.5, "more experiments"), _day(3)]
     lines = stopping.table(found, target=0.05).splitlines()
-    assert lines[1].split() == [
-        "at", "the", "stop", "K2", "3", "66.7", "9.4-99.2", "+2.00", "6.00"
-    ]  # fmt: skip
+    assert lines[1].split() == ["at", "the", "stop", "K2", "3", "66.7", "9.4-99.2", "+2.00", "6.00"]
     assert lines[4].split()[:5] == ["without", "a", "margin", "K2", "4"]
     assert lines[4].split()[-2:] == ["+1.00", "1.00"]  # the first that meets 5 %
     assert lines[10].split()[:5] == ["after", "8", "K2", "4", "100.0"]

@@ -25,17 +25,24 @@ def found(*, n=8, K2=0.01, T2=0.01, psi=0.02, correlation=0.0, findings=()):
         for (name, v), s in zip(values.items(), size, strict=True)
     }
     return SimpleNamespace(
-        names=tuple(values), parameters=parameters, covariance=R * np.outer(size, size),
-        experiments=[None] * n, findings=tuple(findings),
+        names=tuple(values),
+        parameters=parameters,
+        covariance=R * np.outer(size, size),
+        experiments=[None] * n,
+        findings=tuple(findings),
         identified=all(f.severity != "no" for f in findings),
-    )  # fmt: skip
+    )
 
 
 def verdict(answer, *, due=0, faults=(), priors=None, neutral=None):
     return judge(
-        answer, TARGETS, priors=priors or {}, due=due, faults=faults,
+        answer,
+        TARGETS,
+        priors=priors or {},
+        due=due,
+        faults=faults,
         known_neutral=lambda: neutral or answer,
-    )  # fmt: skip
+    )
 
 
 def test_the_targets_reached_and_nothing_against_them_is_good():

@@ -114,9 +114,11 @@ def test_a_candidate_is_the_steady_drive(found: Sizing, kind: str) -> None:
     c = found.batch.of[index]
     drive = unified(c.actuator, BODY.water)
     d = steady_drive(
-        drive, BODY.water, voltage=w.voltage[index],
+        drive,
+        BODY.water,
+        voltage=w.voltage[index],
         depth=found.asked.bottom_pressure / BODY.water.specific_weight,
-    )  # fmt: skip
+    )
     assert d.volume_rate == pytest.approx(w.rate[index], rel=1e-9)
     assert d.current == pytest.approx(w.current[index], rel=1e-9)
     # through a driver of 92 % and the battery: E i_b = P/0.92 + R_b i_b^2
@@ -184,9 +186,12 @@ def test_the_sized_vehicle_is_a_vehicle_that_does_it(found: Sizing) -> None:
 
 def test_the_sized_vehicle_is_ballasted_for_the_sea_it_was_sized_for() -> None:
     cast = Cast(
-        pressure=np.array([0.0, 100.0, 1100.0]), CT=np.array([25.0, 12.0, 5.0]),
-        SA=np.array([36.0, 35.5, 35.0]), latitude=30.0, longitude=-30.0,
-    )  # fmt: skip
+        pressure=np.array([0.0, 100.0, 1100.0]),
+        CT=np.array([25.0, 12.0, 5.0]),
+        SA=np.array([36.0, 35.5, 35.0]),
+        latitude=30.0,
+        longitude=-30.0,
+    )
     sea = cast_column(cast)
     done = size(BODY, DIVE, column=sea, parts=_few(), sweeps=False)
     vehicle, asked = sized_vehicle(done), done.asked
@@ -262,10 +267,15 @@ def test_parts_files_say_what_is_wrong(tmp_path) -> None:
     assert error.value.line == 2
     whole = load_parts()
     assert len(combinations(whole, BODY.water).of) == (
-        len(whole.motors) * len(whole.windings) * len(whole.supplies) * len(whole.batteries)
-        * (len(whole.pumps) * len(whole.amplifiers)
-           + len(whole.gears) * len(whole.screws) * len(whole.pistons))
-    )  # fmt: skip
+        len(whole.motors)
+        * len(whole.windings)
+        * len(whole.supplies)
+        * len(whole.batteries)
+        * (
+            len(whole.pumps) * len(whole.amplifiers)
+            + len(whole.gears) * len(whole.screws) * len(whole.pistons)
+        )
+    )
 
 
 def test_water_of_one_density_is_said_to_be_none_of_the_sea(found: Sizing) -> None:

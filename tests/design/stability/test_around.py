@@ -20,11 +20,15 @@ FEUP = load_vehicle("feup-em")
 LAW, NUMBERS = bind(FEUP.controller)
 H = 0.3
 KNOWN = Identified(
-    names=("K2", "T2", "psi"), values=(7935.54, 36.3, 4.04e-6),
-    covariance=((400.0**2, 0.5 * 400.0 * 2.0, 0.0), (0.5 * 400.0 * 2.0, 4.0, 0.0),
-                (0.0, 0.0, 1e-14)),
+    names=("K2", "T2", "psi"),
+    values=(7935.54, 36.3, 4.04e-6),
+    covariance=(
+        (400.0**2, 0.5 * 400.0 * 2.0, 0.0),
+        (0.5 * 400.0 * 2.0, 4.0, 0.0),
+        (0.0, 0.0, 1e-14),
+    ),
     logs=("a",),
-)  # fmt: skip
+)
 
 
 def look(vehicle=FEUP, numbers=NUMBERS, **options):
@@ -65,9 +69,14 @@ def test_the_papers_cascade_is_unstable_with_a_whole_sample_of_delay():
 
 @pytest.mark.parametrize(
     ("value", "said"),
-    [(1.0564, "1.056"), (0.99976, "0.99976"), (0.9999871, "0.999987"), (1.00002, "1.000020"),
-     (1.0, "1.000")],
-)  # fmt: skip
+    [
+        (1.0564, "1.056"),
+        (0.99976, "0.99976"),
+        (0.9999871, "0.999987"),
+        (1.00002, "1.000020"),
+        (1.0, "1.000"),
+    ],
+)
 def test_a_modulus_is_said_with_the_digits_that_tell_it_from_one(value, said):
     assert modulus(value) == said
 

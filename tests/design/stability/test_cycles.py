@@ -27,9 +27,15 @@ def sampled(A, B, C, *, h=H, gain=1.0):
     Ad, Bd = held(A, B, h)
     n = len(A)
     return StateSpace(
-        A=Ad, B=gain * Bd, C=np.array([C], float), D=np.zeros((1, 1)),
-        states=tuple("abcdefg"[:n]), inputs=("u",), outputs=("y",), sample_time=h,
-    )  # fmt: skip
+        A=Ad,
+        B=gain * Bd,
+        C=np.array([C], float),
+        D=np.zeros((1, 1)),
+        states=tuple("abcdefg"[:n]),
+        inputs=("u",),
+        outputs=("y",),
+        sample_time=h,
+    )
 
 
 def recursed(loop, one, start, steps):

@@ -62,9 +62,15 @@ def test_flights_grow_from_decision_to_decision_where_the_map_says_so(share, gro
     speed = -0.98 * OWN.ascent_speed
     heavy = -p.d_t / p.a_b * speed * speed
     flown = fly(
-        FLOAT, LAW, smooth(LAW, numbers), target=0.0, start_depth=1500.0, duration=1100.0,
-        start_speed=speed, start_volume=FLOAT.neutral_volume(1500.0) - heavy,
-    )  # fmt: skip
+        FLOAT,
+        LAW,
+        smooth(LAW, numbers),
+        target=0.0,
+        start_depth=1500.0,
+        duration=1100.0,
+        start_speed=speed,
+        start_volume=FLOAT.neutral_volume(1500.0) - heavy,
+    )
     changes = np.abs(flown.actions[0][:, 1])
     # The nominal way needs a change each time (the neutral volume falls): growth stands out of it.
     assert (changes[8:].max() > 3.0 * changes[:3].max()) == grows

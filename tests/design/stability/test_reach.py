@@ -29,8 +29,9 @@ def depth_after(p, depth, speed, volume, control, time=600.0):
         rate = 0.0 if (p.V_max <= V and rate > 0.0) or (p.V_min >= V and rate < 0.0) else rate
         return [w, acceleration(min(max(V, p.V_min), p.V_max), z, w, p), rate]
 
-    end = solve_ivp(rates, (0.0, time), [depth, speed, volume], rtol=1e-10, atol=1e-10,
-                    max_step=2.0)  # fmt: skip
+    end = solve_ivp(
+        rates, (0.0, time), [depth, speed, volume], rtol=1e-10, atol=1e-10, max_step=2.0
+    )
     return float(end.y[0, -1])
 
 

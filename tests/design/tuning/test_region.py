@@ -21,9 +21,12 @@ COVARIANCE = (
 
 def identified(**changes):
     known = Identified(
-        names=("K2", "T2", "psi"), values=(7935.54, 36.3, 4.04e-6), covariance=COVARIANCE,
-        neutral_std=0.5e-6, logs=("a", "b"),
-    )  # fmt: skip
+        names=("K2", "T2", "psi"),
+        values=(7935.54, 36.3, 4.04e-6),
+        covariance=COVARIANCE,
+        neutral_std=0.5e-6,
+        logs=("a", "b"),
+    )
     return FEUP.model_copy(update={"identified": known.model_copy(update=changes)})
 
 
@@ -57,9 +60,11 @@ def test_mass_and_drag_of_a_turbulent_vehicle_move_as_identified():
     base = load_vehicle("ntnu-bv")
     mass, k_dt = base.mass, base.drag.k_dt
     known = Identified(
-        names=("mass", "drag_quadratic"), values=(mass, k_dt),
-        covariance=((0.01 * mass**2, 0.0), (0.0, 0.04 * k_dt**2)), logs=("a",),
-    )  # fmt: skip
+        names=("mass", "drag_quadratic"),
+        values=(mass, k_dt),
+        covariance=((0.01 * mass**2, 0.0), (0.0, 0.04 * k_dt**2)),
+        logs=("a",),
+    )
     found = region(base.model_copy(update={"identified": known}), drawn=0)
     radius = math.sqrt(chi2.ppf(0.95, 2))
     heavy = [p.a_b for p in found.plants]

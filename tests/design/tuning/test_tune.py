@@ -44,9 +44,13 @@ def loops(name, knobs, *, depth=2.0, delay=0.0):
     law, p = tunable(name), gains(name, s, knobs)
     seen = Measurement(0.0, depth, FEUP.neutral_volume(depth))
     linear = linearise_law(
-        law.step, parameters=p, state=law.initial(p, seen, depth), measurement=seen,
-        reference=depth, tick=H,
-    )  # fmt: skip
+        law.step,
+        parameters=p,
+        state=law.initial(p, seen, depth),
+        measurement=seen,
+        reference=depth,
+        tick=H,
+    )
     assert linear.smooth
     loop = SampledLoop(plant=linearise(plant(FEUP), depth=depth), law=linear)
     return loop.broken_at_command(command_delay=delay), loop.broken_at_depth(command_delay=delay)
@@ -112,14 +116,22 @@ def test_quiet_holds_a_depth_and_hardly_moves():
     coarse = NOISY.sensors.model_copy(update={"depth_quantum": 5e-3})
     vehicle = NOISY.model_copy(update={"sensors": coarse})
     found = tune(
-        vehicle, law="observer", goal="quiet", depths=(0.0, 5.0), step=(1.5, 2.0), supply=12.0,
+        vehicle,
+        law="observer",
+        goal="quiet",
+        depths=(0.0, 5.0),
+        step=(1.5, 2.0),
+        supply=12.0,
         runs=60,
-    )  # fmt: skip
+    )
     assert falls_short(found.margins, WANTED) == ()
     other = trial(
-        vehicle, found.law, found.parameters, found.step,
+        vehicle,
+        found.law,
+        found.parameters,
+        found.step,
         Drawn(60, region(vehicle), 12.0, seed=7, sample_time=H),
-    )  # fmt: skip
+    )
     for over in (found.region, other):
         assert over.rms < 0.0105
         assert over.rate * 3.6e6 < 0.5  # L an hour
@@ -133,14 +145,22 @@ def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
     coarse = NOISY.sensors.model_copy(update={"depth_quantum": 5e-3})
     vehicle = NOISY.model_copy(update={"sensors": coarse})
     found = tune(
-        vehicle, law="pulse", goal="quiet", depths=(0.0, 5.0), step=(1.5, 2.0), supply=12.0,
+        vehicle,
+        law="pulse",
+        goal="quiet",
+        depths=(0.0, 5.0),
+        step=(1.5, 2.0),
+        supply=12.0,
         runs=100,
-    )  # fmt: skip
+    )
     assert falls_short(found.margins, WANTED) == ()
     other = trial(
-        vehicle, found.law, found.parameters, found.step,
+        vehicle,
+        found.law,
+        found.parameters,
+        found.step,
         Drawn(200, region(vehicle), 12.0, seed=7, sample_time=H),
-    )  # fmt: skip
+    )
     # 25 and 50 hours of some 54 starts: 3 and 2 % by chance, and the target is 11 % away.
     for over in (found.region, other):
         assert over.rms <= 0.010
@@ -185,9 +205,12 @@ def test_a_sensor_too_bad_for_a_fast_law_is_said():
 @pytest.mark.slow
 def test_a_positioner_is_tuned_too():
     found = tune(
-        load_vehicle("ntnu-bv"), law="position-observer", depths=(0.0, 0.9), step=(0.4, 1.0),
+        load_vehicle("ntnu-bv"),
+        law="position-observer",
+        depths=(0.0, 0.9),
+        step=(0.4, 1.0),
         runs=20,
-    )  # fmt: skip
+    )
     assert found.judged == (0.0, 0.4, 0.9, 1.0)  # the step leaves the range, and that is said
     leaves = "0.4 to 1 m, leaves the depths of 0 to 0.9 m (--depth): the margins are judged at 1 m"
     assert any(leaves in words for words in found.assumptions)
@@ -243,19 +266,31 @@ def test_the_energy_of_samples_is_that_of_the_books():
     vehicle = load_vehicle("example-em")
     law, gains_ = bind(vehicle.controller)
     run = simulate(
-        vehicle, law=law, parameters=gains_, setpoints=[(0.0, 3.0)], start_depth=1.5,
-        duration=60.0, sample_time=H,
-    )  # fmt: skip
+        vehicle,
+        law=law,
+        parameters=gains_,
+        setpoints=[(0.0, 3.0)],
+        start_depth=1.5,
+        duration=60.0,
+        sample_time=H,
+    )
     found = electrical_energy(
-        winding(vehicle), plant(vehicle), sample_time=H, command=run.command[:, None],
-        volume=run.volume[:, None], depth=run.depth[:, None],
-    ).sum()  # fmt: skip
+        winding(vehicle),
+        plant(vehicle),
+        sample_time=H,
+        command=run.command[:, None],
+        volume=run.volume[:, None],
+        depth=run.depth[:, None],
+    ).sum()
     assert found == pytest.approx(run.books.energy["source"], rel=1e-9)
 
 
-LIGHT = FEUP.model_copy(update={  # it needs its stroke near the surface, and less of it deeper
-    "trim_error": 3.6e-4, "hull": FEUP.hull.model_copy(update={"psi": -1e-6}),
-})  # fmt: skip
+LIGHT = FEUP.model_copy(
+    update={  # it needs its stroke near the surface, and less of it deeper
+        "trim_error": 3.6e-4,
+        "hull": FEUP.hull.model_copy(update={"psi": -1e-6}),
+    }
+)
 
 
 @pytest.mark.parametrize(
@@ -317,8 +352,12 @@ def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     assert answer["law"] == "planned"
     assert answer["nominal"]["settle2_median_s"] < 20.0
     assert sorted(p.name for p in out.iterdir()) == [
-        "sensitivity.png", "tune.html", "tune.json", "tune.png", "vehicle.toml",
-    ]  # fmt: skip
+        "sensitivity.png",
+        "tune.html",
+        "tune.json",
+        "tune.png",
+        "vehicle.toml",
+    ]
     page = (out / "tune.html").read_text()
     assert "at 0, 1.5, 3, 5 m" in page
     assert f'<td class="n">{answer["margins"]["peak_sensitivity"]:.2f}</td>' in page

@@ -30,8 +30,14 @@ def lake(tmp_path_factory):
     path = tmp_path_factory.mktemp("lake") / "lake.csv"
     depth = np.arange(0.0, 15.05, 0.1)
     warmth = 8.0 + 14.0 / (1.0 + np.exp((depth - 4.0) / 0.4))
-    np.savetxt(path, np.column_stack([0.98 * depth, warmth]), delimiter=",", fmt="%.4f",
-               header="Pressure [dbar],Temperature (deg C)", comments="")  # fmt: skip
+    np.savetxt(
+        path,
+        np.column_stack([0.98 * depth, warmth]),
+        delimiter=",",
+        fmt="%.4f",
+        header="Pressure [dbar],Temperature (deg C)",
+        comments="",
+    )
     return path
 
 
@@ -111,8 +117,19 @@ def test_the_commands_have_the_options_of_a_cast(command, lake, tmp_path, capsys
 
 @pytest.mark.slow
 def test_compare_laws_says_whose_water_it_is(lake, tmp_path, capsys):
-    command = ["compare-laws", "feup-em", "--laws", "position-pid", "--runs", "2", "--depth",
-               "0:6 m", "--json", "--out", str(tmp_path / "out")]  # fmt: skip
+    command = [
+        "compare-laws",
+        "feup-em",
+        "--laws",
+        "position-pid",
+        "--runs",
+        "2",
+        "--depth",
+        "0:6 m",
+        "--json",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert main([*command, "--cast", str(lake), "--salinity", "0"]) == 0
     wet = json.loads(capsys.readouterr().out)
     assert main(command) == 0  # into the same folder: what is kept of the other water is not taken

@@ -36,8 +36,13 @@ def test_with_the_papers_vehicle_each_other_one_says_where_it_is_from(log):
     nine = {k.symbol: k for k in identify_actuator([log], load_vehicle("feup-em")).nine}
     assert nine["K1"].source == "logs"
     assert {s: nine[s].value for s in ("K2", "T2", "A", "k_z/k_u", "k_l", "psi")} == {
-        "K2": 7935.54, "T2": 36.3, "A": 75e-4, "k_z/k_u": 7.707e-2, "k_l": 0.0, "psi": 4.04e-6,
-    }  # fmt: skip
+        "K2": 7935.54,
+        "T2": 36.3,
+        "A": 75e-4,
+        "k_z/k_u": 7.707e-2,
+        "k_l": 0.0,
+        "psi": 4.04e-6,
+    }
     assert nine["rho g"].value == pytest.approx(9806.65)
     assert "7.707e-2" in nine["k_z/k_u"].origin
     assert nine["psi"].origin.startswith("section 3.2")
@@ -69,9 +74,12 @@ def test_the_identified_vehicle_has_the_numbers_and_their_covariance(log):
 
 def test_what_was_identified_before_stays_beside_it(log):
     before = Identified(
-        names=("K2", "K1"), values=(8e3, 1e-3), covariance=((1e4, 1e-9), (1e-9, 1e-8)),
-        depth_noise=2e-3, logs=("pool.csv",),
-    )  # fmt: skip
+        names=("K2", "K1"),
+        values=(8e3, 1e-3),
+        covariance=((1e4, 1e-9), (1e-9, 1e-8)),
+        depth_noise=2e-3,
+        logs=("pool.csv",),
+    )
     vehicle = load_vehicle("feup-em").model_copy(update={"identified": before})
     known = identify_actuator([log], vehicle).vehicle.identified
     assert known.names == ("K1", "T1", "K2")

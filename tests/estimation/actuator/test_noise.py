@@ -109,8 +109,12 @@ def test_intervals():
     assert (np.log(high / 2.0), low * high) == pytest.approx((2.776445 * 0.05, 4.0))
     assert Estimate.given(3.0, "V").to_json()["origin"] == "set"
     assert Estimate.unknown("V", "why").to_json() | {"ci95": None} == {
-        "value": None, "std": None, "ci95": None, "unit": "V", "origin": "none",
-    }  # fmt: skip
+        "value": None,
+        "std": None,
+        "ci95": None,
+        "unit": "V",
+        "origin": "none",
+    }
     assert Estimate.unknown("V", "why").why == "why"
     assert Estimate.bounded(0.0, 0.2, "s", "short").ci95 == (0.0, 0.2)
     assert shown(0.005245, "m/s") == "5.245 mm/s"

@@ -17,8 +17,19 @@ from tests.quoted import numbers, refused
 LEVELS = [3.0, -3.0, 6.0, -6.0, 12.0, -12.0]
 
 
-def bench(levels=LEVELS, motor=None, *, seed=1, hold=1.0, rest=1.0, step=0.02, noise=2e-5,
-          quantum=1e-5, outliers=0.0, source="bench.csv"):  # fmt: skip
+def bench(
+    levels=LEVELS,
+    motor=None,
+    *,
+    seed=1,
+    hold=1.0,
+    rest=1.0,
+    step=0.02,
+    noise=2e-5,
+    quantum=1e-5,
+    outliers=0.0,
+    source="bench.csv",
+):
     time, voltage = steps(levels, hold=hold, rest=rest, step=step)
     position = travel(motor or Motor(), time, voltage)
     random = np.random.default_rng(seed)
@@ -28,9 +39,12 @@ def bench(levels=LEVELS, motor=None, *, seed=1, hold=1.0, rest=1.0, step=0.02, n
 
 def truth(motor):
     return {
-        "K1": motor.K1, "T1": motor.T1, "dead_zone": motor.dead_zone, "load_voltage": motor.load,
+        "K1": motor.K1,
+        "T1": motor.T1,
+        "dead_zone": motor.dead_zone,
+        "load_voltage": motor.load,
         "asymmetry": motor.asymmetry,
-    }  # fmt: skip
+    }
 
 
 def test_without_noise_the_motor_is_found_exactly():
@@ -104,8 +118,9 @@ def differing(levels, motor, share, random):
     number = np.cumsum(np.append(False, (voltage[1:] != 0.0) & (voltage[:-1] == 0.0)))
     gain = 1.0 + share * random.normal(size=len(levels) + 1)[number]
     noise = 1e-3 * motor.K1
-    return log_of(time, measured(travel(motor, time, voltage, gain), random, noise=noise),
-                  voltage=voltage)  # fmt: skip
+    return log_of(
+        time, measured(travel(motor, time, voltage, gain), random, noise=noise), voltage=voltage
+    )
 
 
 @pytest.mark.slow
@@ -256,7 +271,7 @@ def test_it_needs_no_rests(shape):
         "stairs": np.repeat([0, 2, 4, 6, 8, 10, 6, 2, 0, -3, -6, -9, -12, -6, -3, 0], 40)[:600],
         "sine": 8.0 * np.sin(np.pi * time),
         "random": np.repeat(random.choice([-10.0, -5.0, 5.0, 10.0], 200), 3),
-    }[shape].astype(float)  # fmt: skip
+    }[shape].astype(float)
     position = measured(travel(Motor(), time, voltage), random, noise=2e-5, quantum=1e-5)
     found = identify_actuator([log_of(time, position, voltage=voltage)])
     for name in ("K1", "T1", "dead_zone"):
@@ -347,8 +362,15 @@ def test_the_columns_of_the_steps():
     found = identify_actuator([bench()])
     columns = found.columns()
     assert set(columns) == {
-        "log", "step", "time_s", "voltage_V", "piston_m", "piston_fitted_m", "residual_m", "used",
-    }  # fmt: skip
+        "log",
+        "step",
+        "time_s",
+        "voltage_V",
+        "piston_m",
+        "piston_fitted_m",
+        "residual_m",
+        "used",
+    }
     assert columns["residual_m"] == pytest.approx(columns["piston_m"] - columns["piston_fitted_m"])
     assert found.noise == pytest.approx(np.hypot(2e-5, 1e-5 / np.sqrt(12.0)), rel=0.15)
     assert set(columns["step"]) == {1.0, 2.0, 3.0, 4.0, 5.0, 6.0}

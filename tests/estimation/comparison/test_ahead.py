@@ -35,9 +35,13 @@ def made(seed, *, span=240.0, depth=12.0):
     assert truth.depth.min() > 0.5
     measured = truth.depth + rng.normal(0.0, NOISE, len(time))
     return Log(
-        source="made.csv", time=time, depth=measured, volume=volume, volume_absolute=True,
+        source="made.csv",
+        time=time,
+        depth=measured,
+        volume=volume,
+        volume_absolute=True,
         line=np.arange(len(time)),
-    ), truth.depth  # fmt: skip
+    ), truth.depth
 
 
 @pytest.fixture(scope="module")
@@ -103,9 +107,13 @@ def test_noise_that_is_given_is_used():
 def test_noise_that_was_identified_is_used():
     log, _ = made(5, span=60.0)
     table = {
-        "names": ("psi",), "values": (VEHICLE.hull.psi,), "covariance": ((1e-16,),),
-        "depth_noise": 5e-3, "neutral_walk": 0.1e-6, "acceleration_noise": 1e-4,
-    }  # fmt: skip
+        "names": ("psi",),
+        "values": (VEHICLE.hull.psi,),
+        "covariance": ((1e-16,),),
+        "depth_noise": 5e-3,
+        "neutral_walk": 0.1e-6,
+        "acceleration_noise": 1e-4,
+    }
     vehicle = type(VEHICLE).model_validate(VEHICLE.model_dump() | {"identified": table})
     ahead = predict_ahead(log, vehicle, horizons=(10.0,))
     assert ahead.noise["depth_noise"] == pytest.approx(5e-3, rel=0.5)

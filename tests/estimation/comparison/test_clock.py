@@ -18,10 +18,17 @@ from tests.quoted import refused
 @pytest.fixture(scope="module")
 def pool():
     """A step of the paper's vehicle, as it would be logged."""
-    s = sb.simulate(sb.load_vehicle("feup-em"), setpoints=[(0.0, 3.0)], duration=120.0,
-                    start_depth=1.5)  # fmt: skip
-    return Log(source="pool", time=s.time, depth=s.depth, volume=s.volume, voltage=s.voltage,
-               line=np.arange(len(s.time)))  # fmt: skip
+    s = sb.simulate(
+        sb.load_vehicle("feup-em"), setpoints=[(0.0, 3.0)], duration=120.0, start_depth=1.5
+    )
+    return Log(
+        source="pool",
+        time=s.time,
+        depth=s.depth,
+        volume=s.volume,
+        voltage=s.voltage,
+        line=np.arange(len(s.time)),
+    )
 
 
 def own(vehicle="feup-em"):
@@ -80,8 +87,9 @@ def test_times_that_are_texts_have_no_unit_to_be_mapped_in(pool):
 def test_a_vehicle_that_is_twice_as_heavy_or_free_is_none_of_another_unit(pool):
     for times in (0.5, 2.0):
         motion = own().motion
-        other = own().model_copy(update={"motion": motion.model_copy(update={
-            "K2": times * motion.K2})})  # fmt: skip
+        other = own().model_copy(
+            update={"motion": motion.model_copy(update={"K2": times * motion.K2})}
+        )
         assert record(pool, other, drive="volume").drive == "volume"
 
 
@@ -89,8 +97,7 @@ def test_a_vehicle_that_is_twice_as_heavy_or_free_is_none_of_another_unit(pool):
 def test_a_voltage_tells_too(vehicle):
     v = own(vehicle)
     s = sb.simulate(v, setpoints=[(0.0, 3.0), (60.0, 2.0)], duration=120.0, start_depth=1.5)
-    log = Log(source="", time=s.time, depth=s.depth, voltage=s.voltage,
-              line=np.arange(len(s.time)))  # fmt: skip
+    log = Log(source="", time=s.time, depth=s.depth, voltage=s.voltage, line=np.arange(len(s.time)))
     assert record(log, v, drive="voltage").drive == "voltage"
     with pytest.raises(LogError, match='time_s=NAME@ms"'):
         record(replace(log, time=1e3 * log.time), v, drive="voltage")

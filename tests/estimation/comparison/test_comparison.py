@@ -61,8 +61,9 @@ def sail(vehicle, time, volume, z, w):
             here = volume[k] + share * (volume[k + 1] - volume[k])
             return [y[1], acceleration(vehicle, y[0], y[1], here)]
 
-        run = solve_ivp(rate, (time[k], time[k + 1]), state, method="DOP853", rtol=1e-10,
-                        atol=1e-12)  # fmt: skip
+        run = solve_ivp(
+            rate, (time[k], time[k + 1]), state, method="DOP853", rtol=1e-10, atol=1e-12
+        )
         state = run.y[:, -1]
         depth.append(state[0])
     return np.array(depth)
@@ -145,9 +146,12 @@ def test_the_stated_deviation_is_the_one_that_noise_causes(float_vehicle, voyage
 def test_a_drift_of_the_neutral_volume_is_found(float_vehicle, voyage):
     drift = 2e-9
     depth = sail(
-        float_vehicle, voyage.time - 1000.0, voyage.volume - drift * (voyage.time - 1000.0), 0.8,
+        float_vehicle,
+        voyage.time - 1000.0,
+        voyage.volume - drift * (voyage.time - 1000.0),
+        0.8,
         0.01,
-    )  # fmt: skip
+    )
     log = replace(voyage, depth=depth)
     blind = compare(log, float_vehicle)
     assert blind.rms > 0.01
@@ -264,8 +268,15 @@ def test_voltage_drives_the_papers_vehicle(paper_vehicle):
 
     state, depth = [2.0, 0.0, 4.04e-6 * 2.0, 0.0], [2.0]
     for k in range(len(time) - 1):
-        run = solve_ivp(rate, (time[k], time[k + 1]), state, args=(voltage[k],), method="Radau",
-                        rtol=1e-10, atol=1e-13)  # fmt: skip
+        run = solve_ivp(
+            rate,
+            (time[k], time[k + 1]),
+            state,
+            args=(voltage[k],),
+            method="Radau",
+            rtol=1e-10,
+            atol=1e-13,
+        )
         state = run.y[:, -1]
         depth.append(state[0])
     log = made_log(time, depth, voltage=voltage)

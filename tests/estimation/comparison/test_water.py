@@ -31,9 +31,13 @@ def test_water_that_thins_evenly_is_psi():
     depth = np.arange(0.0, 10.01, 0.1)
     rho = 1.0 / (1.0 / SEA + 2e-7 * (4.0 - depth))
     water = Column(
-        depth=depth, pressure=SEA * 9.8 * depth, density=rho, temperature=0.0 * depth + 8.0,
-        gravity=9.8, compressibility=VEHICLE.water.compressibility,
-    )  # fmt: skip
+        depth=depth,
+        pressure=SEA * 9.8 * depth,
+        density=rho,
+        temperature=0.0 * depth + 8.0,
+        gravity=9.8,
+        compressibility=VEHICLE.water.compressibility,
+    )
     layers = layers_of(VEHICLE, water)
     weight = SEA * (VEHICLE.hull.displaced_volume + VEHICLE.trim_error)
     np.testing.assert_allclose(layers.table[:-5, 1], -2e-7 * weight, rtol=1e-3)

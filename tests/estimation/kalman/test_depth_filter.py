@@ -28,9 +28,7 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import drive
 
 NOISE = Noise(depth=3e-3, random_walk=0.2e-6, acceleration=1e-4)
-START = Start(
-    depth=60.0, speed=0.0, neutral=0.0, depth_std=0.02, speed_std=0.01, neutral_std=3e-6
-)  # fmt: skip
+START = Start(depth=60.0, speed=0.0, neutral=0.0, depth_std=0.02, speed_std=0.01, neutral_std=3e-6)
 PLANT = plant(load_vehicle("feup-em"))
 
 
@@ -270,9 +268,12 @@ def test_a_vehicle_on_the_bottom_tells_nothing_of_its_neutral_volume_and_then_it
         time, [0.0, 60.0, 65.0, 120.0], [heavy, heavy, neutral + 1e-6, neutral + 1e-6]
     )
     truth = drive(
-        vehicle.model_copy(update={"trim_error": neutral}), time=time, volume=volume,
-        start_depth=1.4, bottom_depth=1.4,
-    )  # fmt: skip
+        vehicle.model_copy(update={"trim_error": neutral}),
+        time=time,
+        volume=volume,
+        start_depth=1.4,
+        bottom_depth=1.4,
+    )
     depth = truth.depth + np.random.default_rng(2).normal(0.0, 2e-3, len(time))
     clear = truth.depth < 1.37
     samples = Samples(time, volume, depth, clear.astype(np.int8))

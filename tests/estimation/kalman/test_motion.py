@@ -73,9 +73,14 @@ def by_scipy(vehicle, p, x, Va, Vb, h, added=lambda _: 0.0):
 
     def end(x):
         found = solve_ivp(
-            partial(rate, V0=x[2]), (0.0, h), x[:2], method="DOP853", rtol=1e-12, atol=1e-14,
+            partial(rate, V0=x[2]),
+            (0.0, h),
+            x[:2],
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-14,
             max_step=h / 20,
-        )  # fmt: skip
+        )
         return np.array([*found.y[:, -1], x[2]])
 
     F = np.empty((3, 3))
@@ -196,8 +201,9 @@ def test_what_layers_add_is_their_table():
 @pytest.mark.parametrize("law", ["linear", "blended"])
 @pytest.mark.parametrize(
     # all the while emerged; and through the surface, where damping begins at once, within a step
-    ("z", "w", "tolerance"), [(-0.02, -0.02, 1e-5), (0.02, -0.05, 5e-4)]
-)  # fmt: skip
+    ("z", "w", "tolerance"),
+    [(-0.02, -0.02, 1e-5), (0.02, -0.05, 5e-4)],
+)
 def test_an_emerging_hull_is_a_damped_spring(law, z, w, tolerance):
     vehicle = drags()["blended"]
     if law == "linear":

@@ -71,19 +71,30 @@ def made_up_log(runs: list[tuple[str, float, float]], hours: float) -> FloatLog:
     """Return a log of that many hours with these runs (device, time, seconds), not yet dived."""
     time = np.arange(0.0, 3600.0 * hours, 90.0)
     return FloatLog(
-        source="made up", time=time, pressure=np.full(len(time), 2e6),
-        temperature=np.full(len(time), np.nan), stage=np.full(len(time), -2, dtype=np.int64),
+        source="made up",
+        time=time,
+        pressure=np.full(len(time), 2e6),
+        temperature=np.full(len(time), np.nan),
+        stage=np.full(len(time), -2, dtype=np.int64),
         actions=tuple(
             Action(device=device, time=t, asked=s, seconds=s)  # type: ignore[arg-type]
             for device, t, s in runs
         ),
-    )  # fmt: skip
+    )
 
 
 def dived(
-    vehicle: Vehicle, body: Body, column: Column, values: dict[str, float], rng, *,
-    runs: list[tuple[str, float, float]], hours: float, start: float, wave: float = 1.5,
-) -> tuple[FloatLog, DeepDive]:  # fmt: skip
+    vehicle: Vehicle,
+    body: Body,
+    column: Column,
+    values: dict[str, float],
+    rng,
+    *,
+    runs: list[tuple[str, float, float]],
+    hours: float,
+    start: float,
+    wave: float = 1.5,
+) -> tuple[FloatLog, DeepDive]:
     """Return a dive of known values: the nominal volumes follow from where it was, so in rounds.
 
     wave: the water's vertical displacement [m, 1 sigma], an AR(1) process, seen in the pressure.
@@ -93,17 +104,20 @@ def dived(
         dive = deep_dive(log, column, vehicle)
         told = replay(body, values, start, dive, pressure=2.5e5, begin=0.0)
         log = replace(
-            log, pressure=told.at(log.time), temperature=np.interp(
-                told.at(log.time), column.pressure, column.temperature
-            ),
-        )  # fmt: skip
+            log,
+            pressure=told.at(log.time),
+            temperature=np.interp(told.at(log.time), column.pressure, column.temperature),
+        )
     up = np.flatnonzero((log.pressure < 4e5) & (log.time > 3600.0))
     if len(up):  # near the surface the dive is over
         end = int(up[0])
         log = replace(
-            log, time=log.time[:end], pressure=log.pressure[:end],
-            temperature=log.temperature[:end], stage=log.stage[:end],
-        )  # fmt: skip
+            log,
+            time=log.time[:end],
+            pressure=log.pressure[:end],
+            temperature=log.temperature[:end],
+            stage=log.stage[:end],
+        )
     a = np.exp(-90.0 / BREAK)
     moved = np.zeros(len(log))
     moved[0] = rng.normal()

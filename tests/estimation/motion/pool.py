@@ -27,9 +27,19 @@ def trace(time, volume, *, z0, w0=0.0, V0=0.0, m, k_dl=0.0, k_dt=0.0, psi=0.0):
 
 
 def pool_log(
-    dV, *, rng=None, noise=2e-3, quantum=0.0, error=0.0, step=0.3, travel=3.0, longest=120.0,
-    rest=3.0, name=None, **truth
-):  # fmt: skip
+    dV,
+    *,
+    rng=None,
+    noise=2e-3,
+    quantum=0.0,
+    error=0.0,
+    step=0.3,
+    travel=3.0,
+    longest=120.0,
+    rest=3.0,
+    name=None,
+    **truth,
+):
     """Return the log of one experiment: rest, a change of volume, a glide of `travel` [m].
 
     error: of the neutral volume at the start [m3].
@@ -47,9 +57,12 @@ def pool_log(
     if quantum:
         z = quantum * np.round(z / quantum)
     return Log(
-        source=name or f"{1e6 * dV:+.0f} cm3", time=time[:n], depth=z, volume=volume[:n],
+        source=name or f"{1e6 * dV:+.0f} cm3",
+        time=time[:n],
+        depth=z,
+        volume=volume[:n],
         line=np.arange(n),
-    )  # fmt: skip
+    )
 
 
 def campaign(seed, *, noise=2e-3, quantum=0.0, errors=0.5e-6, steps=STEPS, **truth):

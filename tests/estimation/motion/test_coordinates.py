@@ -26,9 +26,11 @@ def _problem(names, law):
     logs = campaign(3, noise=1e-3, steps=STEPS, **BLENDED)
     experiments = [experiment(log.source, record(log, vehicle), vehicle) for log in logs]
     return Problem(
-        experiments, model_of(vehicle, law=law, bottom_depth=math.inf), names,
+        experiments,
+        model_of(vehicle, law=law, bottom_depth=math.inf),
+        names,
         Assumed({"psi": BLENDED["psi"]}, neutral_std=0.5e-6),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("names", [("K2", "T2", "drag_quadratic"), ("K2", "drag_quadratic")])

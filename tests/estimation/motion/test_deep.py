@@ -29,17 +29,34 @@ from tests.estimation.motion.deep import dived, made_up_column, made_up_log, mad
 from tests.quoted import numbers
 
 TRUTH = {
-    "drag": 165.0, "drag_up": 0.8, "compressibility": 3.1e-10, "stiffening": 3e-18,
-    "thermal_expansion": 0.8e-4, "trapped_air": 0.0, "pump_delivery": 0.7, "pump_slip": 0.0,
-    "pump_start": 0.5e-6, "valve": 0.9, "bypass": 1.0, "creep": 5e-11,
+    "drag": 165.0,
+    "drag_up": 0.8,
+    "compressibility": 3.1e-10,
+    "stiffening": 3e-18,
+    "thermal_expansion": 0.8e-4,
+    "trapped_air": 0.0,
+    "pump_delivery": 0.7,
+    "pump_slip": 0.0,
+    "pump_start": 0.5e-6,
+    "valve": 0.9,
+    "bypass": 1.0,
+    "creep": 5e-11,
     "inertia": 1.0,
-}  # fmt: skip
+}
 RUNS = [
-    ("valve", 4000.0, 2.0), ("valve", 9000.0, 1.5), ("valve", 15000.0, 1.2),
-    ("pump", 24000.0, 30.0), ("pump", 27000.0, 15.0), ("valve", 29000.0, 0.6),
-    ("pump", 33000.0, 60.0), ("pump", 33100.0, 60.0), ("pump", 33200.0, 60.0),
-    ("pump", 38000.0, 50.0), ("valve", 41000.0, 2.0), ("pump", 44000.0, 50.0),
-]  # fmt: skip
+    ("valve", 4000.0, 2.0),
+    ("valve", 9000.0, 1.5),
+    ("valve", 15000.0, 1.2),
+    ("pump", 24000.0, 30.0),
+    ("pump", 27000.0, 15.0),
+    ("valve", 29000.0, 0.6),
+    ("pump", 33000.0, 60.0),
+    ("pump", 33100.0, 60.0),
+    ("pump", 33200.0, 60.0),
+    ("pump", 38000.0, 50.0),
+    ("valve", 41000.0, 2.0),
+    ("pump", 44000.0, 50.0),
+]
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +102,16 @@ def test_a_replay_is_that_of_scipy(scene) -> None:
 
     shallow.terminal = True  # type: ignore[attr-defined]
     exact = solve_ivp(
-        motion, (0.0, fine.time[-1]), [5e5, fine.speed[0]], method="Radau", rtol=1e-9,
-        atol=[1e-3, 1e-9], max_step=200.0, dense_output=True, events=shallow,
-    )  # fmt: skip
+        motion,
+        (0.0, fine.time[-1]),
+        [5e5, fine.speed[0]],
+        method="Radau",
+        rtol=1e-9,
+        atol=[1e-3, 1e-9],
+        max_step=200.0,
+        dense_output=True,
+        events=shallow,
+    )
     times = np.linspace(0.0, exact.t[-1], 60)
     assert exact.y[1].min() < -0.02
     assert exact.y[1].max() > 0.04
@@ -140,9 +164,15 @@ def test_what_is_told_and_what_is_not(scene) -> None:
     rng = np.random.default_rng(3)
     down = [run for run in RUNS if run[1] < 20000.0]
     log, dive = dived(
-        vehicle, body, column, TRUTH, rng, runs=down, hours=6.0,
+        vehicle,
+        body,
+        column,
+        TRUTH,
+        rng,
+        runs=down,
+        hours=6.0,
         start=begin_of(body, TRUTH, column, 0.05),
-    )  # fmt: skip
+    )
     fit = fit_deep(body, [dive], priors_of(vehicle, {}), free=DEFAULT)
     assert not fit.identified("drag_up")
     assert fit.std("drag_up") == pytest.approx(0.3, rel=0.05)
@@ -156,9 +186,12 @@ def test_what_is_told_and_what_is_not(scene) -> None:
     assert not any("narrower" in said for said in found.sentences)
     seen = (log.time < 5000.0) | (log.time > 8600.0)
     seldom = replace(
-        log, time=log.time[seen], pressure=log.pressure[seen], temperature=log.temperature[seen],
+        log,
+        time=log.time[seen],
+        pressure=log.pressure[seen],
+        temperature=log.temperature[seen],
         stage=log.stage[seen],
-    )  # fmt: skip
+    )
     gone = identify_deep([seldom], [column], vehicle, free=["drag_up", "compressibility"])
     assert 1.0 in numbers(gone.sentences[-1])  # one gap
     assert 1.0 not in numbers(found.sentences[-1])
@@ -172,12 +205,16 @@ def test_an_identified_vehicle(scene) -> None:
     vehicle, body, column = scene
     rng = np.random.default_rng(5)
     log, _ = dived(
-        vehicle, body, column, TRUTH, rng, runs=RUNS, hours=12.0,
+        vehicle,
+        body,
+        column,
+        TRUTH,
+        rng,
+        runs=RUNS,
+        hours=12.0,
         start=begin_of(body, TRUTH, column, 0.05),
-    )  # fmt: skip
-    found = identify_deep(
-        [log], [column], vehicle, fixed={"drag": 165.0, "pump_start": 5e-7}
-    )  # fmt: skip
+    )
+    found = identify_deep([log], [column], vehicle, fixed={"drag": 165.0, "pump_start": 5e-7})
     assert found.identified
     told = {name: e.value for name, e in found.parameters.items()}
     for name in ("pump_delivery", "valve", "compressibility"):
@@ -201,11 +238,18 @@ def two_dives(vehicle, column, values, runs=RUNS):
     body, rng = body_of(vehicle), np.random.default_rng(3)
     found = [
         dived(
-            vehicle, body, column, values, rng, runs=runs, hours=12.0, wave=0.2,
+            vehicle,
+            body,
+            column,
+            values,
+            rng,
+            runs=runs,
+            hours=12.0,
+            wave=0.2,
             start=begin_of(body, values, column, speed),
         )
         for speed in (0.045, 0.055)
-    ]  # fmt: skip
+    ]
     return [log for log, _ in found], [dive for _, dive in found]
 
 
@@ -250,9 +294,16 @@ def test_what_starts_fall_short_by_counts_once(scene) -> None:
         balance(body, truth | {"pump_start": SHORT}, start, twin), abs=1e-12
     )
     _, still = dived(
-        vehicle, body, column, truth, np.random.default_rng(1), runs=RUNS, hours=12.0,
-        start=begin_of(body, truth, column, 0.05), wave=0.0,
-    )  # fmt: skip
+        vehicle,
+        body,
+        column,
+        truth,
+        np.random.default_rng(1),
+        runs=RUNS,
+        hours=12.0,
+        start=begin_of(body, truth, column, 0.05),
+        wave=0.0,
+    )
     imbalance = balance(body, truth, begin_of(body, truth, column, 0.05), still)
     assert np.median(np.abs(imbalance)) < 0.1e-6
     found = identify_deep(logs, [column], vehicle)
@@ -270,10 +321,12 @@ def test_what_starts_fall_short_by_counts_once(scene) -> None:
         fit = fit_deep(
             body, dives, priors_of(vehicle, {}), free=free, fixed=held | {"pump_start": start}
         )
-        imbalances.append([
-            np.std(balance(body, fit.values, float(begun), dive))
-            for begun, dive in zip(fit.starts, dives, strict=True)
-        ])  # fmt: skip
+        imbalances.append(
+            [
+                np.std(balance(body, fit.values, float(begun), dive))
+                for begun, dive in zip(fit.starts, dives, strict=True)
+            ]
+        )
     assert min(imbalances[1]) > 2.0 * max(imbalances[0])
 
 

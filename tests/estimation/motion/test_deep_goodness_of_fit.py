@@ -58,9 +58,10 @@ def test_the_noise_of_a_book_is_that_of_drag_in_moving_water(scene, agreed) -> N
     vehicle, _, (_, dives) = scene
     tiny = {name: Prior(0.0, 0.0) for name in ("cast_density", "cast_heave")}
     fit = replace(
-        agreed.fit, priors={**agreed.fit.priors, **tiny},
+        agreed.fit,
+        priors={**agreed.fit.priors, **tiny},
         noise=Noise(pressure=0.0, water=2e-3, drift=0.0, runs=0.0, lasts=1e-3),
-    )  # fmt: skip
+    )
     dive, body = dives[0], body_of(vehicle)
     k = np.where(dive.pieces.speed >= 0.0, 1.0, fit.values["drag_up"]) * fit.values["drag"]
     sigma = 2.0 * k * np.abs(dive.pieces.speed) * 2e-3 / (dive.pieces.density * dive.gravity)
@@ -82,9 +83,7 @@ def test_logs_of_two_floats_are_not_identified(scene) -> None:
     """The valves of two dives let in 0.9 of the file's, those of two others 1.5."""
     vehicle, column, (logs, _) = scene
     others, _ = two_dives(vehicle, column, TRUTH | {"valve": 1.5})
-    named = [
-        replace(log, source=f"dive-{k}.csv") for k, log in enumerate([*logs, *others])
-    ]  # fmt: skip
+    named = [replace(log, source=f"dive-{k}.csv") for k, log in enumerate([*logs, *others])]
     found = identify_deep(named, [column], vehicle, fixed=HELD)
     assert found.inconsistent
     assert not found.identified
@@ -146,12 +145,16 @@ def test_a_wrong_cast_passes_for_another_hull_unless_the_hull_is_known() -> None
     assert abs(hull.value - dived.values["stiffening"]) > 5.0 * hull.std
     about = known()
     told = identify_deep(
-        [dived.log], [column], vehicle,
+        [dived.log],
+        [column],
+        vehicle,
         priors={n: about[n] for n in ("compressibility", "stiffening", "thermal_expansion")},
-    )  # fmt: skip
+    )
     assert any("deviations from what was known before" in x for x in told.sentences)
     right = identify_deep(
-        [dived.log], [dived.column], vehicle,
+        [dived.log],
+        [dived.column],
+        vehicle,
         priors={n: about[n] for n in ("compressibility", "stiffening", "thermal_expansion")},
-    )  # fmt: skip
+    )
     assert not any("deviations from what was known before" in x for x in right.sentences)

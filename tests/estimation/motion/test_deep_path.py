@@ -28,9 +28,14 @@ def test_the_volume_while_runs_last(tmp_path) -> None:
     actuator = plain.actuator.model_copy(update={"start_volume": SHORT})
     vehicle = plain.model_copy(update={"actuator": actuator})
     runs = [
-        ("pump", 101.0, 20.0), ("valve", 300.0, 1.3), ("pump", 305.0, 300.0), ("pump", 470.0, 2.0),
-        ("pump", 7000.0, 15.0), ("valve", 7010.0, 90.0), ("pump", 7090.0, 60.0),
-    ]  # fmt: skip
+        ("pump", 101.0, 20.0),
+        ("valve", 300.0, 1.3),
+        ("pump", 305.0, 300.0),
+        ("pump", 470.0, 2.0),
+        ("pump", 7000.0, 15.0),
+        ("valve", 7010.0, 90.0),
+        ("pump", 7090.0, 60.0),
+    ]
     dive = deep_dive(made_up_log(runs, 2.0), made_up_column(), vehicle)
     priors = priors_of(vehicle, {})
     path = deep_path(dive, body_of(vehicle), priors)

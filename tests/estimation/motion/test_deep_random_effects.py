@@ -98,11 +98,18 @@ def test_what_each_dive_tells_by_itself_is_told_though_the_set_does_not_tell_it(
     """The set of several dives is off by its bias too; a parameter that was asked for is known."""
     priors = {name: Prior(1.0, 0.5) for name in ("drag", "valve", "slip")}
     fit = DeepFit(
-        names=tuple(priors), values={"drag": 2.0, "valve": 1.1, "slip": 3.0}, starts=np.zeros(2),
-        covariance=np.diag([0.45, 0.45, 0.45, 1.0, 1.0]) ** 2, noise=_LEAST, tempering=1.0,
+        names=tuple(priors),
+        values={"drag": 2.0, "valve": 1.1, "slip": 3.0},
+        starts=np.zeros(2),
+        covariance=np.diag([0.45, 0.45, 0.45, 1.0, 1.0]) ** 2,
+        noise=_LEAST,
+        tempering=1.0,
         random_effects=RandomEffects(np.zeros(3), np.diag([0.1, 0.9, 0.9]) ** 2, np.zeros(3)),
-        distance=(), priors=priors, innovations=(), residuals=(),
-    )  # fmt: skip
+        distance=(),
+        priors=priors,
+        innovations=(),
+        residuals=(),
+    )
     assert not any(map(fit.identified, priors))
     assert [name for name in priors if fit.identified_singly(name)] == ["drag"]
     near, off, apart = weakly_determined(fit, list(priors))

@@ -57,10 +57,16 @@ def read_again(vehicle, values, path):
 @pytest.mark.parametrize(
     "changed",
     [
-        {}, {"drag_up": 0.1}, {"thermal_expansion": -1e-3}, {"creep": -1e-10},
-        {"pump_start": -1e-6}, {"inertia": 0.5}, {"trapped_air": 1e-5}, {"stiffening": -1e-14},
+        {},
+        {"drag_up": 0.1},
+        {"thermal_expansion": -1e-3},
+        {"creep": -1e-10},
+        {"pump_start": -1e-6},
+        {"inertia": 0.5},
+        {"trapped_air": 1e-5},
+        {"stiffening": -1e-14},
     ],
-)  # fmt: skip
+)
 def test_a_value_with_a_place_is_read_again(scene, tmp_path, changed):
     vehicle, _ = scene
     values = TRUTH | changed
@@ -74,9 +80,16 @@ def test_a_fitted_value_without_a_place_is_said(scene) -> None:
     vehicle, column = scene
     body = body_of(vehicle)
     log, _ = dived(
-        vehicle, body, column, TRUTH, np.random.default_rng(5), runs=RUNS, hours=12.0,
-        start=begin_of(body, TRUTH, column, 0.05), wave=0.2,
-    )  # fmt: skip
+        vehicle,
+        body,
+        column,
+        TRUTH,
+        np.random.default_rng(5),
+        runs=RUNS,
+        hours=12.0,
+        start=begin_of(body, TRUTH, column, 0.05),
+        wave=0.2,
+    )
     # A sensor that tells a twentyfifth of the hull's warmth, the other way round.
     share = TRUTH["thermal_expansion"] / -2e-3
     odd = replace(log, temperature=15.0 + share * (log.temperature - 15.0))
@@ -95,9 +108,15 @@ def test_a_fitted_value_without_a_place_is_said(scene) -> None:
 def test_a_given_value_without_a_place_is_refused(scene) -> None:
     vehicle, column = scene
     log, _ = dived(
-        vehicle, body_of(vehicle), column, TRUTH, np.random.default_rng(5), runs=RUNS, hours=12.0,
+        vehicle,
+        body_of(vehicle),
+        column,
+        TRUTH,
+        np.random.default_rng(5),
+        runs=RUNS,
+        hours=12.0,
         start=begin_of(body_of(vehicle), TRUTH, column, 0.05),
-    )  # fmt: skip
+    )
     with pytest.raises(InputError, match=r"^--set: .*drag_up=0\.05"):
         identify_deep([log], [column], vehicle, fixed={"drag_up": 0.05})
     known = {"thermal_expansion": Prior(1.0, 0.1)}
@@ -109,9 +128,15 @@ def test_missing_temperatures_are_filled_by_time(scene) -> None:
     vehicle, column = scene
     body = body_of(vehicle)
     log, whole = dived(
-        vehicle, body, column, TRUTH, np.random.default_rng(5), runs=RUNS, hours=12.0,
+        vehicle,
+        body,
+        column,
+        TRUTH,
+        np.random.default_rng(5),
+        runs=RUNS,
+        hours=12.0,
         start=begin_of(body, TRUTH, column, 0.05),
-    )  # fmt: skip
+    )
     water = np.interp(whole.pressure, column.pressure, column.temperature)
     # A hull that is warmer than the water by what falls evenly in time.
     warmer = 3.0 - 2.0 * (log.time - log.time[0]) / (log.time[-1] - log.time[0])
@@ -139,20 +164,31 @@ def test_missing_temperatures_are_told(scene) -> None:
     vehicle, column = scene
     body = body_of(vehicle)
     log, _ = dived(
-        vehicle, body, column, TRUTH, np.random.default_rng(5), runs=RUNS[:3], hours=6.0,
+        vehicle,
+        body,
+        column,
+        TRUTH,
+        np.random.default_rng(5),
+        runs=RUNS[:3],
+        hours=6.0,
         start=begin_of(body, TRUTH, column, 0.05),
-    )  # fmt: skip
+    )
     gaps = log.temperature.copy()
     gaps[50] = np.nan
     none = np.full(len(log), np.nan)
     held = {n: m.mean for n, m in priors_of(vehicle, {}).items() if n in ("drag", "inertia")}
     said = [
-        " ".join(identify_deep(
-            [replace(log, temperature=one)], [column], vehicle, free=["compressibility"],
-            fixed=held,
-        ).assumptions)
+        " ".join(
+            identify_deep(
+                [replace(log, temperature=one)],
+                [column],
+                vehicle,
+                free=["compressibility"],
+                fixed=held,
+            ).assumptions
+        )
         for one in (log.temperature, gaps, none)
-    ]  # fmt: skip
+    ]
     assert "temperatures of the hull" not in said[0]
     assert f"lacks 1 of {len(log)} temperatures of the hull: they are filled by time" in said[1]
     assert "has no temperatures of the hull: it is as warm as the water" in said[2]

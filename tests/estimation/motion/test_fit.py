@@ -36,17 +36,23 @@ def test_exact_data_give_the_truth_back():
     for law, names, truth in (
         ("linear", ("K2", "T2", "psi"), {}),
         ("quadratic", ("mass", "drag_quadratic", "psi"), {"m": 44.0, "k_dt": 12.0, "psi": 1e-6}),
-        ("blended", ("K2", "T2", "drag_quadratic", "psi"),
-         {"m": 44.0, "k_dl": 1.0, "k_dt": 12.0, "psi": 1e-6}),
-    ):  # fmt: skip
+        (
+            "blended",
+            ("K2", "T2", "drag_quadratic", "psi"),
+            {"m": 44.0, "k_dl": 1.0, "k_dt": 12.0, "psi": 1e-6},
+        ),
+    ):
         logs = [pool_log(dV, longest=60.0, **truth) for dV in (60e-6, -30e-6, 25e-6)]
         problem = problem_of(logs, names, law=law)
         values = problem.named(fit(problem).x)
         truth = truth or FEUP
         expected = {
-            "K2": 9806.65 / truth.get("k_dl", math.inf), "T2": truth["m"] / truth.get("k_dl", 1e9),
-            "mass": truth["m"], "drag_quadratic": truth.get("k_dt", 0.0), "psi": truth["psi"],
-        }  # fmt: skip
+            "K2": 9806.65 / truth.get("k_dl", math.inf),
+            "T2": truth["m"] / truth.get("k_dl", 1e9),
+            "mass": truth["m"],
+            "drag_quadratic": truth.get("k_dt", 0.0),
+            "psi": truth["psi"],
+        }
         for name in names:
             assert values[name] == pytest.approx(expected[name], rel=1e-5), (law, name)
 
@@ -123,7 +129,9 @@ def test_a_poor_start_is_left_by_way_of_short_stretches():
     problem = problem_of([log], ("K2", "T2"), fixed={"psi": 0.0}, neutral_std=math.inf)
     problem.values |= {"K2": 300.0, "T2": 500.0}
     begun = problem.begin()
-    assert any(module._excess(problem, module._solve(problem, x)[2]) < module._POOR
-               for x in module._others(problem, begun))  # fmt: skip
+    assert any(
+        module._excess(problem, module._solve(problem, x)[2]) < module._POOR
+        for x in module._others(problem, begun)
+    )
     values = problem.named(fit(problem).x)
     assert values["K2"] == pytest.approx(9806.65 / 3.0, rel=0.02)

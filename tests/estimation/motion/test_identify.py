@@ -99,9 +99,11 @@ def test_the_direction_that_is_not_told_is_the_one_of_the_model():
 
 def test_a_prior_that_the_data_do_not_narrow_is_called_so():
     found = identify(
-        [pool_log(45e-6, rng=np.random.default_rng(1))], FEUP_EM, priors={"psi": Prior(4e-6, 1e-9)},
+        [pool_log(45e-6, rng=np.random.default_rng(1))],
+        FEUP_EM,
+        priors={"psi": Prior(4e-6, 1e-9)},
         **QUICK,
-    )  # fmt: skip
+    )
     assert found.parameters["psi"].origin == "prior"
     assert found.parameters["psi"].std == pytest.approx(1e-9, rel=0.05)
 
@@ -162,8 +164,9 @@ def test_a_drifting_neutral_volume_is_said():
     slow = pool_log(20e-6, rng=rng)
     t = slow.time
     drifting = slow.volume + 0.05e-6 * (t - t[0])
-    logs.append(type(slow)(source="drifting", time=t, depth=slow.depth, volume=drifting,
-                           line=slow.line))  # fmt: skip
+    logs.append(
+        type(slow)(source="drifting", time=t, depth=slow.depth, volume=drifting, line=slow.line)
+    )
     found = identify(logs, FEUP_EM, **QUICK)
     said = [f.sentence for f in found.findings if f.kind == "drift"]
     assert len(said) == 1
@@ -194,8 +197,14 @@ def test_voltage_drives_where_no_volume_is_logged():
         s = drive(FEUP_EM, time=t, voltage=u, start_depth=5.0)
         z = s.depth + 1e-3 * rng.normal(size=len(t))
         logs.append(Log(source="x", time=t, depth=z, voltage=u, line=np.arange(len(t))))
-    known = identify(logs, FEUP_EM, free=("K1", "T2"), fixed={"psi": 4.04e-6, "K2": 7935.54},
-                     neutral_std=1e-8, **QUICK)  # fmt: skip
+    known = identify(
+        logs,
+        FEUP_EM,
+        free=("K1", "T2"),
+        fixed={"psi": 4.04e-6, "K2": 7935.54},
+        neutral_std=1e-8,
+        **QUICK,
+    )
     e = known.parameters["K1"]
     assert abs(e.value - 0.444e-3) < 4.0 * e.std < 0.1 * 0.444e-3
 
@@ -252,8 +261,9 @@ def test_neutral_volumes_that_walk():
         true = log.volume - np.cumsum(steps)  # as if: the piston's sensor does not see the walk
         z0 = 3.75 if dV > 0 else 0.75
         z = trace(log.time, true, z0=z0, V0=-FEUP["psi"] * z0, **FEUP) + 2e-3 * rng.normal(size=n)
-        logs.append(type(log)(source=log.source, time=log.time, depth=z, volume=log.volume,
-                              line=log.line))  # fmt: skip
+        logs.append(
+            type(log)(source=log.source, time=log.time, depth=z, volume=log.volume, line=log.line)
+        )
     found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, random_walk=True)
     assert found.identified
     assert found.random_walk is not None
@@ -316,9 +326,13 @@ def test_a_simulated_log_without_noise_gives_intervals_that_hold_the_truth():
 
     run = swimbladder.simulate(FEUP_EM, setpoints=[(0.0, 3.0)], duration=200.0, start_depth=1.5)
     log = Log(
-        source="run", time=run.time, depth=run.depth, volume=run.volume, volume_absolute=True,
+        source="run",
+        time=run.time,
+        depth=run.depth,
+        volume=run.volume,
+        volume_absolute=True,
         line=np.arange(len(run.time)),
-    )  # fmt: skip
+    )
     found = identify([log], FEUP_EM)
     assert found.identified
     for name, value in (("K2", 7935.54), ("T2", 36.3), ("psi", 4.04e-6)):

@@ -12,9 +12,10 @@ from tests.quoted import refused
 
 VEHICLE, COLUMN = vehicle(), column()
 TRUTH = {
-    "K2": SEA * G / VEHICLE.drag.k_dl, "T2": VEHICLE.mass / VEHICLE.drag.k_dl,
+    "K2": SEA * G / VEHICLE.drag.k_dl,
+    "T2": VEHICLE.mass / VEHICLE.drag.k_dl,
     "psi": VEHICLE.hull.psi,
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

@@ -34,8 +34,11 @@ def held_log(seed, *, noise=2e-3):
         mean = np.array([volume[-1], V])
         run = solve_ivp(
             lambda t, x, mean=mean: rates(t, x, mean[0] + (mean[1] - mean[0]) * t / step),
-            t, state, rtol=1e-11, atol=1e-13,
-        )  # fmt: skip
+            t,
+            state,
+            rtol=1e-11,
+            atol=1e-13,
+        )
         state = run.y[:, -1]
         volume.append(V)
         depth.append(state[0])

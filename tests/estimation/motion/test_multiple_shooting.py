@@ -39,9 +39,13 @@ def log_of(dive, seed):
     time, volume, depth = dive
     noise = 2e-3 * np.random.default_rng(seed).normal(size=len(time))
     return Log(
-        source="dive", time=time, depth=depth + noise, volume=volume, volume_absolute=True,
+        source="dive",
+        time=time,
+        depth=depth + noise,
+        volume=volume,
+        volume_absolute=True,
         line=np.arange(len(time)),
-    )  # fmt: skip
+    )
 
 
 # Seeds 1, 4, 9 and 10 led a search over the whole record 10 standard deviations away.
@@ -72,9 +76,10 @@ def test_the_search_does_not_need_good_first_values(vehicle, dive):
 def problem_of(vehicle, log):
     return Problem(
         [experiment("dive", record(log, vehicle, drive="volume"), vehicle)],
-        model_of(vehicle, law=None, bottom_depth=np.inf), ("K2", "T2", "psi"),
+        model_of(vehicle, law=None, bottom_depth=np.inf),
+        ("K2", "T2", "psi"),
         Assumed(neutral_std=0.5e-6),
-    )  # fmt: skip
+    )
 
 
 def test_growth_is_what_the_slopes_of_the_true_path_say(vehicle, dive):

@@ -43,16 +43,22 @@ def test_logs_that_it_cannot_be_used_on_say_why():
     logs = campaign(41, steps=STEPS[:4])
     uneven = logs[0].time + 0.1 * np.sin(np.arange(len(logs[0].time)))
     moving = dataclasses.replace(
-        logs[1], time=logs[1].time[60:] - logs[1].time[60], depth=logs[1].depth[60:],
+        logs[1],
+        time=logs[1].time[60:] - logs[1].time[60],
+        depth=logs[1].depth[60:],
         volume=logs[1].volume[60:] + 1e-9 * np.arange(len(logs[1].time) - 60),
-        line=logs[1].line[60:], suspect=logs[1].suspect[60:],
-    )  # fmt: skip
+        line=logs[1].line[60:],
+        suspect=logs[1].suspect[60:],
+    )
     logs[0] = dataclasses.replace(logs[0], time=uneven - uneven[0])
     logs[1] = moving
     found = paper_fits(identify(logs, FEUP_EM, neutral_std=float("inf"), **QUICK))
     assert [fit.why for fit in found.each] == [
-        "it is not sampled evenly", "it does not begin at rest", "", "",
-    ]  # fmt: skip
+        "it is not sampled evenly",
+        "it does not begin at rest",
+        "",
+        "",
+    ]
     told = [fit.by_depth for fit in found.each[2:]]
     assert found.by_depth == pytest.approx(np.mean(told, axis=0))
     none = paper_fits(identify(logs[:2], FEUP_EM, neutral_std=float("inf"), **QUICK))

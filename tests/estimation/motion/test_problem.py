@@ -41,10 +41,17 @@ def scipy_depths(problem, x):
             part = slice(s.first, s.last + 1)
             found.append(
                 trace(
-                    e.record.time[part], e.inputs[part], z0=x[at] * DEPTH, w0=x[at + 1] * SPEED,
-                    V0=V0, m=m, k_dl=k_dl, k_dt=k_dt, psi=values["psi"],
+                    e.record.time[part],
+                    e.inputs[part],
+                    z0=x[at] * DEPTH,
+                    w0=x[at + 1] * SPEED,
+                    V0=V0,
+                    m=m,
+                    k_dl=k_dl,
+                    k_dt=k_dt,
+                    psi=values["psi"],
                 )
-            )  # fmt: skip
+            )
     return np.concatenate(found)
 
 
@@ -105,8 +112,9 @@ def test_a_long_gap_and_the_surface_cut_a_log():
     depth = np.where((time > 40.0) & (time < 45.0), 0.02, 1.0)
     from swimbladder.io.logs import Log
 
-    log = Log(source="x", time=time, depth=depth, volume=np.zeros(len(time)),
-              line=np.arange(len(time)))  # fmt: skip
+    log = Log(
+        source="x", time=time, depth=depth, volume=np.zeros(len(time)), line=np.arange(len(time))
+    )
     e = experiment("x", record(log, FEUP_EM), FEUP_EM)
     spans = [(time[s.first], time[s.last]) for s in e.segments]
     assert spans == [(0.0, 19.5), (30.0, 40.0), (45.0, 59.5)]

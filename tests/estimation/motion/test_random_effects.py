@@ -25,10 +25,13 @@ def vehicle():
     base["motion"] = {"kind": "identified", "K2": WEIGHT / K_DL, "T2": MASS / K_DL}
     base["hull"]["psi"] = PSI
     base["identified"] = {
-        "names": ("K2", "T2", "psi"), "values": (WEIGHT / K_DL, MASS / K_DL, PSI),
+        "names": ("K2", "T2", "psi"),
+        "values": (WEIGHT / K_DL, MASS / K_DL, PSI),
         "covariance": ((1e4, 0.0, 0.0), (0.0, 0.04, 0.0), (0.0, 0.0, 1e-16)),
-        "depth_noise": NOISE, "neutral_walk": 1e-7, "acceleration_noise": 1e-4,
-    }  # fmt: skip
+        "depth_noise": NOISE,
+        "neutral_walk": 1e-7,
+        "acceleration_noise": 1e-4,
+    }
     return Vehicle.model_validate(base)
 
 
@@ -51,10 +54,20 @@ def made(seed, *, psi=PSI, share=1.0, drift=0.0, n=240, h=0.5):
             x = (F @ np.append(x, ramp))[:3]
             x[2] += drift * h
     return Record(
-        drive="volume", time=np.arange(n) * h, depth=depth + rng.normal(0.0, NOISE, n), speed=None,
-        volume=volume, volume_absolute=True, voltage=None, setpoints=(), reference=None,
-        compared=np.ones(n, bool), afloat=False, bottom_depth=math.inf, notes=(),
-    )  # fmt: skip
+        drive="volume",
+        time=np.arange(n) * h,
+        depth=depth + rng.normal(0.0, NOISE, n),
+        speed=None,
+        volume=volume,
+        volume_absolute=True,
+        voltage=None,
+        setpoints=(),
+        reference=None,
+        compared=np.ones(n, bool),
+        afloat=False,
+        bottom_depth=math.inf,
+        notes=(),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +81,13 @@ def different():
     spread = {"psi": 6e-6, "share": 0.35, "drift": 3e-8}
     logs = [
         made(
-            seed, psi=PSI + spread["psi"] * rng.normal(),
-            share=math.exp(spread["share"] * rng.normal()), drift=spread["drift"] * rng.normal(),
+            seed,
+            psi=PSI + spread["psi"] * rng.normal(),
+            share=math.exp(spread["share"] * rng.normal()),
+            drift=spread["drift"] * rng.normal(),
         )
         for seed in range(10)
-    ]  # fmt: skip
+    ]
     return between_logs(logs, vehicle()), spread
 
 

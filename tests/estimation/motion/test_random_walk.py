@@ -59,10 +59,20 @@ def made(seed, *, random_walk=WALK, acceleration=JOLT, n=160, outliers=0.0, neut
     bad[:10] = False
     depth = depth + np.where(bad, rng.choice([-1.0, 1.0], n) * rng.uniform(0.2, 2.0, n), 0.0)
     return Record(
-        drive="volume", time=np.append(0.0, np.cumsum(spans)), depth=depth, speed=None,
-        volume=1e-6 * volume, volume_absolute=True, voltage=None, setpoints=(), reference=None,
-        compared=np.ones(n, bool), afloat=False, bottom_depth=math.inf, notes=(),
-    ), 1e-6 * states[:, 2]  # fmt: skip
+        drive="volume",
+        time=np.append(0.0, np.cumsum(spans)),
+        depth=depth,
+        speed=None,
+        volume=1e-6 * volume,
+        volume_absolute=True,
+        voltage=None,
+        setpoints=(),
+        reference=None,
+        compared=np.ones(n, bool),
+        afloat=False,
+        bottom_depth=math.inf,
+        notes=(),
+    ), 1e-6 * states[:, 2]
 
 
 def campaign(seed, count=4, **change):
@@ -78,9 +88,10 @@ def test_the_parameters_and_the_walk_are_found_with_honest_intervals():
     for seed in range(runs):
         found = walked(campaign(seed), acceleration=True)
         estimates = found.estimates | {
-            "random_walk": found.random_walk, "depth_noise": found.depth_noise,
+            "random_walk": found.random_walk,
+            "depth_noise": found.depth_noise,
             "acceleration": found.acceleration,
-        }  # fmt: skip
+        }
         truth = TRUTH | {"random_walk": WALK, "depth_noise": NOISE, "acceleration": JOLT}
         for name, e in estimates.items():
             held[name] += e.ci95[0] <= truth[name] <= e.ci95[1]

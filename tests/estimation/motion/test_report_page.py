@@ -66,9 +66,13 @@ def page_of(identification, *, paper=None, files=("identify.json",)):
     drawn = pictures(identification, paper)
     figures = {p.name: page_figure(p.name, PNG, p.about, p.part) for p in drawn}
     html = page(
-        identification, figures, files=files, command="swimbladder identify a b", seconds=1.23,
+        identification,
+        figures,
+        files=files,
+        command="swimbladder identify a b",
+        seconds=1.23,
         paper=paper,
-    )  # fmt: skip
+    )
     return Page(html), html
 
 
@@ -177,7 +181,7 @@ def test_residuals_as_columns(found):
         (Estimate(2e-6, 0.0, (2e-6, 2e-6), "m3/m", "set"), ("2", "", "")),
         (Estimate(123456.0, 7654.0, (1e5, 1.4e5), "s"), ("123500", "7700", "100000 to 140000")),
     ],
-)  # fmt: skip
+)
 def test_numbers_have_the_digits_that_their_errors_leave(estimate, texts):
     r = text.row("x", estimate)
     assert (r.value, r.std, r.ci95) == texts

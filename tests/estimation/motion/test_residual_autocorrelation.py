@@ -28,8 +28,12 @@ def test_the_spread_of_coloured_estimates_is_not_underrated():
     for _ in range(400):
         start = rng.normal(size=(2, 1))
         fresh = 0.6 * rng.normal(size=(2, 100))
-        noise = np.stack([lfilter([1.0], [1.0, -0.8], f, zi=0.8 * s)[0]
-                          for f, s in zip(fresh, start, strict=True)])  # fmt: skip
+        noise = np.stack(
+            [
+                lfilter([1.0], [1.0, -0.8], f, zi=0.8 * s)[0]
+                for f, s in zip(fresh, start, strict=True)
+            ]
+        )
         left = noise.ravel() - X @ (inverse @ (X.T @ noise.ravel()))
         scale = np.sqrt(left @ left / (len(left) - 5))  # as the fit has it
         parts = [left[:100] / scale, left[100:] / scale]

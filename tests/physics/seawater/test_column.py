@@ -41,9 +41,16 @@ def test_depth_and_pressure_are_those_of_gsw_with_the_water_of_the_cast():
 
 def test_pressure_is_the_weight_of_the_water_above():
     column = cast_column(ocean())
-    weight = quad(
-        lambda z: np.interp(z, column.depth, column.density), 0.0, 1500.0, limit=2000, epsabs=1.0
-    )[0] * column.gravity  # fmt: skip
+    weight = (
+        quad(
+            lambda z: np.interp(z, column.depth, column.density),
+            0.0,
+            1500.0,
+            limit=2000,
+            epsabs=1.0,
+        )[0]
+        * column.gravity
+    )
     # gravity grows by 2.2e-7 of itself a metre on the way down, half of it on average
     grown = 0.5 * (gsw.grav(43.0, 1511.0) / gsw.grav(43.0, 0.0) - 1.0)
     found = float(np.interp(1500.0, column.depth, column.pressure))

@@ -101,8 +101,10 @@ def test_the_distribution_is_that_of_the_residuals(found):
     n = sum((e.weight > 0.0).sum() for e in found.experiments)
     assert mean == pytest.approx(np.sum(parts, axis=0) / n, abs=5e-3)
     assert [axes.get_xlabel() for axes in (histogram, quantiles, alike)] == [
-        "residual [standard deviations]", "normal quantile [-]", "lag [samples]",
-    ]  # fmt: skip
+        "residual [standard deviations]",
+        "normal quantile [-]",
+        "lag [samples]",
+    ]
 
 
 def test_the_regions_of_a_pair_are_where_chi_squared_says(found):
@@ -111,8 +113,10 @@ def test_the_regions_of_a_pair_are_where_chi_squared_says(found):
     lower = figure.axes[1]  # psi against K2
     assert lower.get_xlabel() == "K₂ [1/(m² s)]"
     assert lower.get_ylabel() == "ψ [cm³/m]"
-    outer = max((line.get_xydata() for line in lower.get_lines() if len(line.get_xdata()) > 100),
-                key=lambda xy: np.ptp(xy[:, 0]))  # fmt: skip
+    outer = max(
+        (line.get_xydata() for line in lower.get_lines() if len(line.get_xdata()) > 100),
+        key=lambda xy: np.ptp(xy[:, 0]),
+    )
     K2, psi = found.parameters["K2"], found.parameters["psi"]
     i, j = found.names.index("K2"), found.names.index("psi")
     C = found.covariance[np.ix_([i, j], [i, j])] / np.outer([K2.value, 1.0], [K2.value, 1.0])
@@ -134,8 +138,11 @@ def test_a_profile_stands_beside_its_quadratic_approximation(found):
             expected = (np.log(quadratic[:, 0] / e.value) * e.value / e.std) ** 2
         assert quadratic[:, 1] == pytest.approx(expected, abs=1e-9)
         drawn = curve(axes, "profile")
-        crossing = np.interp(3.8415, drawn[:, 1][drawn[:, 0] > per * e.value],
-                             drawn[:, 0][drawn[:, 0] > per * e.value])  # fmt: skip
+        crossing = np.interp(
+            3.8415,
+            drawn[:, 1][drawn[:, 0] > per * e.value],
+            drawn[:, 0][drawn[:, 0] > per * e.value],
+        )
         assert crossing == pytest.approx(per * p.ci95[1], rel=1e-3)
         bars = [line.get_xdata() for line in axes.get_lines() if len(line.get_xdata()) == 2]
         assert any(np.allclose(bar, per * np.array(p.ci95)) for bar in bars)

@@ -35,8 +35,11 @@ def test_margins_are_written_where_they_are():
     analysis = analyse(load_vehicle("feup-em"))
     top, bottom = linear.draw_loop_gains(analysis).axes
     assert {t.get_text() for t in top.texts} == {
-        "gain × 3.89", "gain × 0.00471", "gain × 5.04", "gain × 0.0461",
-    }  # fmt: skip
+        "gain × 3.89",
+        "gain × 0.00471",
+        "gain × 5.04",
+        "gain × 0.0461",
+    }
     assert {t.get_text() for t in bottom.texts} == {"phase margin 41.1°", "phase margin 74.8°"}
     margins = analysis.closed_loop.at_command
     label = next(t for t in top.texts if t.get_text() == "gain × 3.89")

@@ -12,9 +12,16 @@ from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors
 
 OKABE_ITO = {
-    "#000000", "#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7",
+    "#000000",
+    "#e69f00",
+    "#56b4e9",
+    "#009e73",
+    "#f0e442",
+    "#0072b2",
+    "#d55e00",
+    "#cc79a7",
     "#767676",  # and a grey that contrasts 4.5 to 1 with white
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

@@ -85,5 +85,7 @@ def test_no_legend_lies_over_the_ends_of_the_stroke():
     assert all(axes.get_legend() is None for axes in figure.axes)
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == [
-        "ends of the stroke", "neutral volume", "in 95 % of cases",
-    ]  # fmt: skip
+        "ends of the stroke",
+        "neutral volume",
+        "in 95 % of cases",
+    ]

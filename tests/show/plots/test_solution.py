@@ -30,14 +30,16 @@ def run(name, start, target, **more):
         (lambda: run("ntnu-bv", 0.3, 1.0, bottom_depth=1.5), [DEPTH, VOLUME]),
         (
             lambda: drive(
-                load_vehicle("feup-em"), time=[0.0, 5.0, 9.0], volume=[0.0, 2e-5, 0.0],
+                load_vehicle("feup-em"),
+                time=[0.0, 5.0, 9.0],
+                volume=[0.0, 2e-5, 0.0],
                 start_depth=2.0,
             ),
             [DEPTH, VOLUME],
         ),
     ],
     ids=["identified", "electrohydraulic", "positioner", "recorded volume"],
-)  # fmt: skip
+)
 def test_panels_are_what_is_known(solution, panels):
     figure = draw_solution(solution())
     assert [axes.get_ylabel() for axes in figure.axes] == panels
@@ -61,9 +63,12 @@ def test_curves_are_the_solution():
 def test_surface_bottom_and_end_stops_are_marked():
     v = load_vehicle("feup-em")
     s = drive(
-        v, time=np.arange(0.0, 60.0, 0.5), volume=np.full(120, -60e-6), start_depth=3.5,
+        v,
+        time=np.arange(0.0, 60.0, 0.5),
+        volume=np.full(120, -60e-6),
+        start_depth=3.5,
         bottom_depth=4.5,
-    )  # fmt: skip
+    )
     depth, _ = draw_solution(s).axes
     marked = [line for line in depth.get_lines() if line.get_label() == "reached the bottom"]
     assert [float(y) for y in marked[0].get_ydata()] == [pytest.approx(4.5, abs=0.03)]

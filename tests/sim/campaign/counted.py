@@ -28,9 +28,13 @@ TASK = Mission(
 def floats(store: Path, count: int) -> Floats:
     vehicle = load_vehicle("example-float")
     return Floats(
-        vehicle=vehicle, mission=TASK, columns=[uniform_column(vehicle.water, 150.0)],
-        floats=count, store=store, seed=3,
-    )  # fmt: skip
+        vehicle=vehicle,
+        mission=TASK,
+        columns=[uniform_column(vehicle.water, 150.0)],
+        floats=count,
+        store=store,
+        seed=3,
+    )
 
 
 @dataclass(frozen=True)

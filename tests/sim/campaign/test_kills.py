@@ -53,13 +53,18 @@ class Cluster:
 
     def _start(self, name, *arguments):
         environment = os.environ | {
-            "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "5s",
-        }  # fmt: skip
+            "PYTHONPATH": str(ROOT),
+            "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "5s",
+        }
         with (self.folder / f"{name}.txt").open("ab") as said:
             self.processes[name] = subprocess.Popen(
-                [sys.executable, *arguments], stdout=said, stderr=said, cwd=self.folder,
-                env=environment, start_new_session=True,
-            )  # fmt: skip
+                [sys.executable, *arguments],
+                stdout=said,
+                stderr=said,
+                cwd=self.folder,
+                env=environment,
+                start_new_session=True,
+            )
 
     def heal(self):
         """Start what is not there."""
@@ -67,9 +72,17 @@ class Cluster:
             if self._gone("scheduler"):
                 self.file.unlink(missing_ok=True)
                 self._start(
-                    "scheduler", "-m", "distributed.cli.dask_scheduler", "--port", "0", "--host",
-                    "127.0.0.1", "--no-dashboard", "--scheduler-file", str(self.file),
-                )  # fmt: skip
+                    "scheduler",
+                    "-m",
+                    "distributed.cli.dask_scheduler",
+                    "--port",
+                    "0",
+                    "--host",
+                    "127.0.0.1",
+                    "--no-dashboard",
+                    "--scheduler-file",
+                    str(self.file),
+                )
                 for name in [name for name in self.processes if name.startswith("worker")]:
                     self.kill(name)  # they wait for the one that is gone
             if not self.file.exists():
@@ -77,15 +90,27 @@ class Cluster:
             for name in (f"worker {n}" for n in range(WORKERS)):
                 if self._gone(name):
                     self._start(
-                        name, "-m", "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1",
-                        "--no-dashboard", "--scheduler-file", str(self.file),
-                    )  # fmt: skip
+                        name,
+                        "-m",
+                        "distributed.cli.dask_worker",
+                        "--no-nanny",
+                        "--nthreads",
+                        "1",
+                        "--no-dashboard",
+                        "--scheduler-file",
+                        str(self.file),
+                    )
         if self._gone("client"):
             self._start(
-                "client", "-c", "from tests.sim.campaign.counted import main; main()",
-                str(self.store),                str(self.log), str(self.count), self.executor,
+                "client",
+                "-c",
+                "from tests.sim.campaign.counted import main; main()",
+                str(self.store),
+                str(self.log),
+                str(self.count),
+                self.executor,
                 *[str(self.file)] * (self.executor == "dask"),
-            )  # fmt: skip
+            )
 
     def _gone(self, name):
         return name not in self.processes or self.processes[name].poll() is not None

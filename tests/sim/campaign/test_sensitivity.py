@@ -49,8 +49,10 @@ def test_ishigami():
     assert design.rows == 4096
     found = found_for(design, ishigami(drawn))
     right = {
-        "trim": (V1 / V, (V1 + V13) / V), "psi": (V2 / V, V2 / V), "drag": (0.0, V13 / V),
-    }  # fmt: skip
+        "trim": (V1 / V, (V1 + V13) / V),
+        "psi": (V2 / V, V2 / V),
+        "drag": (0.0, V13 / V),
+    }
     for name, (first, total) in right.items():
         one = found[name]
         assert one.first == pytest.approx(first, abs=0.02), name
@@ -112,8 +114,13 @@ def test_rows_of_a_design_differ_in_one_group_only():
     rows = drawn.reshape(design.rows, design.width, -1)
     places = [Drawn.TRIM, Drawn.PSI, Drawn.DRAG, Drawn.PUMP, Drawn.MASS, Drawn.CAST]
     assert [group for group in design.groups] == [
-        ("trim",), ("psi",), ("drag",), ("pump",), ("mass",), ("cast",)
-    ]  # fmt: skip
+        ("trim",),
+        ("psi",),
+        ("drag",),
+        ("pump",),
+        ("mass",),
+        ("cast",),
+    ]
     for k, place in enumerate(places):
         right = rows[:, 0].copy()
         right[:, place] = rows[:, 1, place]
@@ -141,11 +148,15 @@ def parked(tmp_path_factory):
     still = vehicle.model_copy(update={"sensors": quiet, "trim_error": 1e-4})
     phases = [{"kind": "park", "depth": 60.0, "tolerance": 30.0, "duration": 600.0}]
     job = Floats(
-        vehicle=still, mission=Mission(start_depth=60.0, phases=phases, cycles=1),
-        columns=[uniform_column(vehicle.water, 150.0)], floats=5 * 512, seed=4,
-        spread=Spread(trim=5e-6, psi=5e-8, drag=0.1, pump=0.0), sensitivity=True,
+        vehicle=still,
+        mission=Mission(start_depth=60.0, phases=phases, cycles=1),
+        columns=[uniform_column(vehicle.water, 150.0)],
+        floats=5 * 512,
+        seed=4,
+        spread=Spread(trim=5e-6, psi=5e-8, drag=0.1, pump=0.0),
+        sensitivity=True,
         store=tmp_path_factory.mktemp("parked") / "campaign.zarr",
-    )  # fmt: skip
+    )
     assert run(job, Workers())
     return Sensitivity(design=job.design, table=job.layout.table(), energy_unknown="")
 

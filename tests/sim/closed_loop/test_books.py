@@ -31,11 +31,16 @@ def under(vehicle: Any, commands: list[float], *, tick: float = 0.5, **start: An
     """The vehicle under a list of commands, one per sample."""
     start = {"depth": 20.0} | start
     return simulate(
-        vehicle, law=lambda seen, _: commands[round(seen.time / tick)], sample_time=tick,
-        setpoints=[(0.0, start["depth"])], duration=tick * (len(commands) - 1),
-        bottom_depth=start.pop("bottom", math.inf), parts=start.pop("parts", None), checked=False,
+        vehicle,
+        law=lambda seen, _: commands[round(seen.time / tick)],
+        sample_time=tick,
+        setpoints=[(0.0, start["depth"])],
+        duration=tick * (len(commands) - 1),
+        bottom_depth=start.pop("bottom", math.inf),
+        parts=start.pop("parts", None),
+        checked=False,
         **{f"start_{k}": v for k, v in start.items()},
-    )  # fmt: skip
+    )
 
 
 def wave(n: int, amplitude: float, offset: float = 0.0) -> list[float]:
@@ -90,10 +95,15 @@ def test_source_drag_and_hydraulic_work_against_quadrature(case: str) -> None:
     commands, tick = run["commands"], run.get("tick", 0.5)
     ours = under(vehicle, **run)
     theirs = closed_loop(
-        vehicle, lambda t, *_: commands[round(t / tick)], setpoints=[(0.0, 0.0)],
-        duration=tick * (len(commands) - 1), tick=tick, depth=run.get("depth", 20.0),
-        volume=run.get("volume"), bottom=run.get("bottom", math.inf),
-    )  # fmt: skip
+        vehicle,
+        lambda t, *_: commands[round(t / tick)],
+        setpoints=[(0.0, 0.0)],
+        duration=tick * (len(commands) - 1),
+        tick=tick,
+        depth=run.get("depth", 20.0),
+        volume=run.get("volume"),
+        bottom=run.get("bottom", math.inf),
+    )
     energy = ours.books.energy
     assert energy["drag"] == pytest.approx(theirs.drag, rel=1e-3, abs=1e-9)
     if "copper" in energy:
@@ -212,9 +222,13 @@ def test_books_of_random_vehicles(vehicle, commands, tick, depth, share, ground)
     low, high = vehicle.stroke.minimum, vehicle.stroke.maximum
     unit = 12.0 if vehicle.voltage_driven else high
     s = under(
-        vehicle, [unit * c for c in commands for _ in range(4)], tick=tick, depth=depth,
-        volume=low + share * (high - low), bottom=depth + ground,
-    )  # fmt: skip
+        vehicle,
+        [unit * c for c in commands for _ in range(4)],
+        tick=tick,
+        depth=depth,
+        volume=low + share * (high - low),
+        bottom=depth + ground,
+    )
     assume(s.finished)
     balanced(s)
     if getattr(vehicle.actuator, "efficiency", None) and s.depth.min() > 0.4:

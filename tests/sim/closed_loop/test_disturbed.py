@@ -21,9 +21,14 @@ def samples(seconds, vehicle=FEUP):
 
 def flown(vehicle=FEUP, *, duration=60.0, count=2, start_depth=1.5, to=3.0, **given):
     return simulate_ensemble(
-        vehicle, count=count, duration=duration, keep="trajectory", start_depth=start_depth,
-        setpoints=[(0.0, to)], **given,
-    )  # fmt: skip
+        vehicle,
+        count=count,
+        duration=duration,
+        keep="trajectory",
+        start_depth=start_depth,
+        setpoints=[(0.0, to)],
+        **given,
+    )
 
 
 def test_a_neutral_volume_that_jumps_is_what_scipy_makes_of_it():
@@ -42,9 +47,13 @@ def test_a_neutral_volume_that_jumps_is_what_scipy_makes_of_it():
         u = min(max(u, -12.0), 12.0)
         now = still._replace(V_0=float(change[k, 0]))
         x = solve_ivp(
-            lambda _, y, u=u, now=now: motor_rhs(y, u, now), (0.0, h), x, method="DOP853",
-            rtol=1e-12, atol=1e-15,
-        ).y[:, -1]  # fmt: skip
+            lambda _, y, u=u, now=now: motor_rhs(y, u, now),
+            (0.0, h),
+            x,
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-15,
+        ).y[:, -1]
     for lane in (0, 1):
         assert ran["depth"].to_numpy()[:, lane] == pytest.approx(np.array(depths), abs=1e-9)
     without = flown(duration=45.0)["depth"].to_numpy()
@@ -72,9 +81,7 @@ def test_a_lane_that_left_the_water_stays_where_it_stopped():
     n = samples(60.0)
     up = np.where(np.arange(n) % 50 < 25, -4e-4, -4.1e-4)[:, None] * np.array([1.0, 0.0])
     hull = FEUP.hull.model_copy(update={"height": 0.05})
-    ran = flown(
-        FEUP.model_copy(update={"hull": hull}), duration=60.0, to=1.5, neutral_change=up
-    )  # fmt: skip
+    ran = flown(FEUP.model_copy(update={"hull": hull}), duration=60.0, to=1.5, neutral_change=up)
     assert ran["stop"].to_numpy().tolist() == [1, 0]
     stopped = round(float(ran["stop_time"][0]) / FEUP.controller.sample_time)
     assert 0 < stopped < n - 100

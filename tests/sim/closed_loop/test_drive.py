@@ -47,9 +47,7 @@ def test_a_prescribed_volume_under_laminar_drag_is_exact() -> None:
 
     x = np.array([6.0, 0.0])
     for k in range(len(TIME) - 1):  # the ramps have corners
-        x = solve_ivp(
-            rhs, TIME[k : k + 2], x, method="DOP853", rtol=1e-13, atol=1e-15
-        ).y[:, -1]  # fmt: skip
+        x = solve_ivp(rhs, TIME[k : k + 2], x, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
         assert ours.depth[k + 1] == pytest.approx(x[0], abs=1e-11)
 
 

@@ -87,11 +87,17 @@ def test_summaries_of_lanes_that_meet_an_end_are_those_of_single_runs() -> None:
     met = np.zeros(4, int)
     for lane in range(N):
         s = simulate(
-            vehicle, start_depth=float(STARTS[lane]), setpoints=[(0.0, far[lane]), (60.0, 0.0)],
+            vehicle,
+            start_depth=float(STARTS[lane]),
+            setpoints=[(0.0, far[lane]), (60.0, 0.0)],
             **asked,
-        )  # fmt: skip
-        met += [s.volume.min() <= -4e-5, s.volume.max() >= 4e-5, s.depth.min() < 0.3,
-                s.depth.max() >= 7.0]  # fmt: skip
+        )
+        met += [
+            s.volume.min() <= -4e-5,
+            s.volume.max() >= 4e-5,
+            s.depth.min() < 0.3,
+            s.depth.max() >= 7.0,
+        ]
         near = dict(rtol=0.0, atol=1e-9)
         np.testing.assert_allclose(summary.final_depth[lane], s.depth[-1], **near)
         np.testing.assert_allclose(summary.final_volume[lane], s.volume[-1], rtol=0.0, atol=1e-13)
@@ -102,9 +108,14 @@ def test_summaries_of_lanes_that_meet_an_end_are_those_of_single_runs() -> None:
 @pytest.mark.parametrize("workers", [1, 3])
 def test_neither_workers_nor_neighbours_change_a_lane(plain: Any, workers: int) -> None:
     few = simulate_ensemble(
-        paper(), count=3, start_depth=STARTS[:3], bottom_depth=4.5, workers=workers,
-        setpoints=[(0.0, 2.0), (60.0, TARGETS[:3])], duration=180.0,
-    )  # fmt: skip
+        paper(),
+        count=3,
+        start_depth=STARTS[:3],
+        bottom_depth=4.5,
+        workers=workers,
+        setpoints=[(0.0, 2.0), (60.0, TARGETS[:3])],
+        duration=180.0,
+    )
     np.testing.assert_array_equal(few.final_depth, plain.final_depth[:3])
 
 
@@ -115,9 +126,14 @@ def test_any_parameter_of_vehicle_and_law() -> None:
     k_pz = RNG.uniform(-0.15e-3, -0.05e-3, N)
     T1 = RNG.uniform(0.01, 0.3, N)
     data = simulate_ensemble(
-        paper(), count=N, start_depth=STARTS, bottom_depth=4.5, keep="trajectory",
-        vary=dict(a_b=K2 / T2, d_l=1.0 / T2, psi=psi, k_pz=k_pz, T1=T1), **MISSION,
-    )  # fmt: skip
+        paper(),
+        count=N,
+        start_depth=STARTS,
+        bottom_depth=4.5,
+        keep="trajectory",
+        vary=dict(a_b=K2 / T2, d_l=1.0 / T2, psi=psi, k_pz=k_pz, T1=T1),
+        **MISSION,
+    )
     base = paper()
     for lane in range(0, N, 4):
         vehicle = paper(
@@ -138,15 +154,25 @@ def test_nonlinear_drag_leaks_friction_and_a_sagging_supply(drag: Any) -> None:
     starts = 2.0 + STARTS
     setpoints = [(0.0, 9.5), (80.0, 0.2)]
     data = simulate_ensemble(
-        vehicle, count=N, start_depth=starts, setpoints=setpoints, duration=160.0,
-        keep="trajectory", **run,
-    )  # fmt: skip
+        vehicle,
+        count=N,
+        start_depth=starts,
+        setpoints=setpoints,
+        duration=160.0,
+        keep="trajectory",
+        **run,
+    )
     parts = base_steps(plant(vehicle), 0.5, 0.0)
     for lane in range(0, N, 6):
         s = simulate(
-            vehicle, setpoints=setpoints, duration=160.0, start_depth=float(starts[lane]),
-            parts=parts, checked=False, **run,
-        )  # fmt: skip
+            vehicle,
+            setpoints=setpoints,
+            duration=160.0,
+            start_depth=float(starts[lane]),
+            parts=parts,
+            checked=False,
+            **run,
+        )
         assert s.events
         assert np.abs(data.depth.values[:, lane] - s.depth).max() < 1e-9
         assert np.abs(data.volume.values[:, lane] - s.volume).max() < 1e-13
@@ -169,12 +195,20 @@ def test_each_lane_has_noise_of_its_own() -> None:
 def test_lanes_that_stop_do_not_stop_the_others() -> None:
     """Of three lanes one sinks below all seas, one rises out of the water, one arrives."""
     data = simulate_ensemble(
-        paper(), count=3, start_depth=[90.0, 1.0, 2.0], start_volume=[-350e-6, 350e-6, 8e-6],
-        setpoints=[(0.0, [90.0, 1.0, 2.0])], duration=1500.0, keep="trajectory",
+        paper(),
+        count=3,
+        start_depth=[90.0, 1.0, 2.0],
+        start_volume=[-350e-6, 350e-6, 8e-6],
+        setpoints=[(0.0, [90.0, 1.0, 2.0])],
+        duration=1500.0,
+        keep="trajectory",
         vary=dict(
-            k_pV=[0.0, 0.0, 1002e3], load_drive=0.0, load_back=0.0, a_s=[1.0, 1e-3, 7.0],
+            k_pV=[0.0, 0.0, 1002e3],
+            load_drive=0.0,
+            load_back=0.0,
+            a_s=[1.0, 1e-3, 7.0],
         ),
-    )  # fmt: skip
+    )
     codes = [StopReason.TOO_DEEP.code, StopReason.LEFT_WATER.code, StopReason.FINISHED.code]
     assert data.stop.values.tolist() == codes
     assert data.stop_time.values[2] == pytest.approx(1500.0)
@@ -214,8 +248,12 @@ def test_what_is_refused(field: str, says: str, given: dict[str, Any]) -> None:
 def test_progress_counts_lanes() -> None:
     told: list[int] = []
     simulate_ensemble(
-        paper(), count=N, start_depth=2.0, setpoints=[(0.0, 2.0)], duration=3.0,
+        paper(),
+        count=N,
+        start_depth=2.0,
+        setpoints=[(0.0, 2.0)],
+        duration=3.0,
         progress=told.append,
-    )  # fmt: skip
+    )
     assert told == sorted(told)
     assert told[-1] == N

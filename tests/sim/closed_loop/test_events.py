@@ -26,14 +26,22 @@ def both(
 
     renamed = {"bottom": "bottom_depth"}
     ours = simulate(
-        vehicle, law=lambda seen, _: command(seen.time), sample_time=TICK, duration=duration,
-        setpoints=[(0.0, start["depth"])], checked=False,
+        vehicle,
+        law=lambda seen, _: command(seen.time),
+        sample_time=TICK,
+        duration=duration,
+        setpoints=[(0.0, start["depth"])],
+        checked=False,
         **{renamed.get(k, f"start_{k}"): v for k, v in start.items()},
-    )  # fmt: skip
+    )
     theirs = closed_loop(
-        vehicle, lambda t, *_: command(t), setpoints=[(0.0, 0.0)], duration=duration, tick=TICK,
+        vehicle,
+        lambda t, *_: command(t),
+        setpoints=[(0.0, 0.0)],
+        duration=duration,
+        tick=TICK,
         **start,
-    )  # fmt: skip
+    )
     return ours, theirs
 
 
@@ -66,9 +74,7 @@ class TestEndStops:
     """The piston at the end of its travel."""
 
     def test_upper_and_back(self) -> None:
-        ours, theirs = both(
-            paper(), [(0.0, 12.0), (12.0, -6.0)], 20.0, depth=40.0, volume=300e-6
-        )  # fmt: skip
+        ours, theirs = both(paper(), [(0.0, 12.0), (12.0, -6.0)], 20.0, depth=40.0, volume=300e-6)
         agree(ours, theirs)
         (reached,), (left,) = (
             times(ours, f"{verb} the upper end stop") for verb in ("reached", "left")
@@ -80,9 +86,7 @@ class TestEndStops:
         assert np.all(ours.volume <= 350e-6)
 
     def test_lower_and_back(self) -> None:
-        ours, theirs = both(
-            paper(), [(0.0, -12.0), (12.0, 9.0)], 20.0, depth=40.0, volume=-300e-6
-        )  # fmt: skip
+        ours, theirs = both(paper(), [(0.0, -12.0), (12.0, 9.0)], 20.0, depth=40.0, volume=-300e-6)
         agree(ours, theirs)
         assert len(times(ours, "reached the lower end stop")) == 1
         assert np.all(ours.volume >= -350e-6)
@@ -118,7 +122,7 @@ class TestEndStops:
                 K1=K / 5e-3, T1=T1, piston_area=5e-3, k_l=k_l, depth_voltage=load
             ),
             trim_error=stop - 4.04e-6 * 10.0,
-        )  # fmt: skip
+        )
         commands = [(0.0, 12.0), (0.5, 2.23)]
         start = dict(depth=10.0, volume=stop, speed=0.1)
         ours, theirs = both(vehicle, commands, 3.0, **start)
@@ -136,9 +140,15 @@ class TestEndStops:
         x = np.array([1e6 * k_l * 10.0, 0.0, 10.0, 0.1])
         for (t, volts), end in zip(commands, (0.5, 3.0), strict=True):
             spring = solve_ivp(
-                rates, (t, end), x, args=(volts,), method="Radau", rtol=1e-9, atol=1e-12,
+                rates,
+                (t, end),
+                x,
+                args=(volts,),
+                method="Radau",
+                rtol=1e-9,
+                atol=1e-12,
                 dense_output=True,
-            )  # fmt: skip
+            )
             x = spring.y[:, -1]
         after = ours.time > left
         np.testing.assert_allclose(
@@ -150,9 +160,7 @@ class TestEndStops:
         K, T1, k_l = 5e-6, 0.4, 1e-7
         vehicle = paper(actuator=IdentifiedActuator(K1=K / 5e-3, T1=T1, piston_area=5e-3, k_l=k_l))
         volts = k_l * (10.0 - 0.5 * T1 * 0.2) / K
-        ours, theirs = both(
-            vehicle, [(0.0, volts)], 5.0, depth=10.0, volume=350e-6, speed=-0.2
-        )  # fmt: skip
+        ours, theirs = both(vehicle, [(0.0, volts)], 5.0, depth=10.0, volume=350e-6, speed=-0.2)
         agree(ours, theirs)
         assert times(ours, "left the upper end stop") == []
 
@@ -178,9 +186,7 @@ class TestEndStops:
     def test_a_pump_that_still_turns_when_the_leakage_wins(self) -> None:
         """Slower than the leak, but turning: reaching the lower stop does not stop the pump."""
         vehicle = pump(leak=5e-11, friction=0.0)
-        ours, theirs = both(
-            vehicle, [(0.0, 9.0), (4.0, 14.0)], 8.0, depth=60.0, volume=-199e-6
-        )  # fmt: skip
+        ours, theirs = both(vehicle, [(0.0, 9.0), (4.0, 14.0)], 8.0, depth=60.0, volume=-199e-6)
         agree(ours, theirs)
         reached = times(ours, "reached the lower end stop")[0]
         at = int(np.searchsorted(ours.time, reached))
@@ -191,9 +197,14 @@ class TestEndStops:
         vehicle = paper(actuator=IdentifiedActuator(K1=1e-3, T1=0.5, piston_area=75e-4))
         commands = [(0.0, 12.0), (1.0, -12.0)]
         free = closed_loop(
-            vehicle, lambda t, *_: 12.0 if t < 1.0 else -12.0, setpoints=[(0.0, 0.0)],
-            duration=2.0, tick=TICK, depth=20.0, volume=0.0,
-        )  # fmt: skip
+            vehicle,
+            lambda t, *_: 12.0 if t < 1.0 else -12.0,
+            setpoints=[(0.0, 0.0)],
+            duration=2.0,
+            tick=TICK,
+            depth=20.0,
+            volume=0.0,
+        )
         peak = free.volume.max()  # at a sample; between samples it is higher
         ours, theirs = both(vehicle, commands, 2.0, depth=20.0, volume=350e-6 - peak - 2e-8)
         assert len(theirs.times("reached the upper end stop")) == 1
@@ -206,9 +217,14 @@ class TestEndStops:
             actuator=IdentifiedActuator(K1=1e-4, T1=0.4, piston_area=5e-3, depth_voltage=0.5)
         )
         ours = simulate(
-            vehicle, law=lambda *_: 0.0, sample_time=0.1, setpoints=[(0.0, 0.0)], duration=5.0,
-            start_depth=0.0, start_volume=350e-6,
-        )  # fmt: skip
+            vehicle,
+            law=lambda *_: 0.0,
+            sample_time=0.1,
+            setpoints=[(0.0, 0.0)],
+            duration=5.0,
+            start_depth=0.0,
+            start_volume=350e-6,
+        )
         assert ours.finished
         assert np.all(ours.volume == 350e-6)
 
@@ -218,9 +234,7 @@ class TestBottomAndSurface:
 
     def test_landing_and_release(self) -> None:
         vehicle = paper()
-        ours, theirs = both(
-            vehicle, [(0.0, -12.0), (20.0, 12.0)], 60.0, depth=3.0, bottom=5.0
-        )  # fmt: skip
+        ours, theirs = both(vehicle, [(0.0, -12.0), (20.0, 12.0)], 60.0, depth=3.0, bottom=5.0)
         agree(ours, theirs)
         landed, off = (times(ours, f"{verb} the bottom")[0] for verb in ("reached", "left"))
         ground = (ours.time > landed) & (ours.time < off)
@@ -244,9 +258,16 @@ class TestBottomAndSurface:
 
     def test_starting_on_the_bottom_with_speed_is_a_blow(self) -> None:
         ours = simulate(
-            paper(), law=lambda *_: -1.0, sample_time=TICK, setpoints=[(0.0, 5.0)], duration=2.0,
-            start_depth=5.0, start_volume=-50e-6, start_speed=0.2, bottom_depth=5.0,
-        )  # fmt: skip
+            paper(),
+            law=lambda *_: -1.0,
+            sample_time=TICK,
+            setpoints=[(0.0, 5.0)],
+            duration=2.0,
+            start_depth=5.0,
+            start_volume=-50e-6,
+            start_speed=0.2,
+            bottom_depth=5.0,
+        )
         assert ours.events[0] == Event(0.0, "reached the bottom")
         np.testing.assert_array_equal(ours.speed[1:], 0.0)
         np.testing.assert_array_equal(ours.depth, 5.0)
@@ -301,9 +322,7 @@ class TestBottomAndSurface:
         ours = simulate(
             vehicle, law=lambda *_: 0.0, sample_time=1.0, start_depth=0.8, start_volume=5e-5, **run
         )
-        theirs = closed_loop(
-            vehicle, lambda *_: 0.0, tick=1.0, depth=0.8, volume=5e-5, **run
-        )  # fmt: skip
+        theirs = closed_loop(vehicle, lambda *_: 0.0, tick=1.0, depth=0.8, volume=5e-5, **run)
         assert len(times(ours, "began to emerge")) >= 4
         np.testing.assert_allclose(ours.depth, theirs.depth, rtol=0.0, atol=4e-6)
 
@@ -311,13 +330,23 @@ class TestBottomAndSurface:
         """A sample of 6 s, a period of 2.4 s: no emergence goes unseen."""
         vehicle = paper()
         ours = simulate(
-            vehicle, law=lambda *_: 0.0, sample_time=6.0, setpoints=[(0.0, 0.0)], duration=60.0,
-            start_depth=0.3, start_volume=150e-6,
-        )  # fmt: skip
+            vehicle,
+            law=lambda *_: 0.0,
+            sample_time=6.0,
+            setpoints=[(0.0, 0.0)],
+            duration=60.0,
+            start_depth=0.3,
+            start_volume=150e-6,
+        )
         theirs = closed_loop(
-            vehicle, lambda *_: 0.0, setpoints=[(0.0, 0.0)], duration=60.0, tick=6.0, depth=0.3,
+            vehicle,
+            lambda *_: 0.0,
+            setpoints=[(0.0, 0.0)],
+            duration=60.0,
+            tick=6.0,
+            depth=0.3,
             volume=150e-6,
-        )  # fmt: skip
+        )
         np.testing.assert_allclose(ours.depth, theirs.depth, rtol=0.0, atol=1e-5)
         kinds = ("began to emerge", "submerged")
         assert [e.kind for e in ours.events] == [k for _, k in theirs.events if k in kinds]
@@ -327,9 +356,14 @@ class TestBottomAndSurface:
             hull=Hull(displaced_volume=0.0275, psi=0.0, waterplane_area=1e-4, height=0.2)
         )
         ours = simulate(
-            vehicle, law=lambda *_: 0.0, sample_time=TICK, setpoints=[(0.0, 1.0)], duration=60.0,
-            start_depth=3.0, start_volume=350e-6,
-        )  # fmt: skip
+            vehicle,
+            law=lambda *_: 0.0,
+            sample_time=TICK,
+            setpoints=[(0.0, 1.0)],
+            duration=60.0,
+            start_depth=3.0,
+            start_volume=350e-6,
+        )
         assert ours.stop is StopReason.LEFT_WATER
         assert ours.time[-1] < 60.0
         assert ours.depth[-1] > -0.2
@@ -337,9 +371,13 @@ class TestBottomAndSurface:
 
     def test_sinking_without_end_stops_the_run(self) -> None:
         ours = simulate(
-            paper(), law=lambda *_: -12.0, sample_time=10.0, setpoints=[(0.0, 1.0)],
-            duration=1e5, start_depth=80.0,
-        )  # fmt: skip
+            paper(),
+            law=lambda *_: -12.0,
+            sample_time=10.0,
+            setpoints=[(0.0, 1.0)],
+            duration=1e5,
+            start_depth=80.0,
+        )
         # psi > 0: the deeper the heavier, at the rate of the pole of eq. (34)
         assert ours.stop is StopReason.TOO_DEEP
         assert 0.8 * 12000.0 < ours.depth[-1] <= 12000.0
@@ -357,12 +395,19 @@ class TestDirectionAndFriction:
         low = (torque * 0.5 - 2e-3) / k_u
         assert 0.0 < low < high < 12.0
         for volts, direction in [
-            (low - 1e-6, -1), (low + 1e-6, 0), (high - 1e-6, 0), (high + 1e-6, 1),
-        ]:  # fmt: skip
+            (low - 1e-6, -1),
+            (low + 1e-6, 0),
+            (high - 1e-6, 0),
+            (high + 1e-6, 1),
+        ]:
             s = simulate(
-                vehicle, law=lambda *_, v=volts: v, sample_time=TICK, setpoints=[(0.0, depth)],
-                duration=TICK, start_depth=depth,
-            )  # fmt: skip
+                vehicle,
+                law=lambda *_, v=volts: v,
+                sample_time=TICK,
+                setpoints=[(0.0, depth)],
+                duration=TICK,
+                start_depth=depth,
+            )
             assert np.sign(s.motor_rate[1]) == direction
 
     @pytest.mark.parametrize("friction", [0.0, 3e-3])
@@ -392,9 +437,14 @@ class TestSupply:
     def test_the_motor_at_full_duty_settles_where_battery_and_motor_meet(self) -> None:
         vehicle = screw(efficiency=1.0, R_b=0.6)
         s = simulate(
-            vehicle, law=lambda *_: 12.0, sample_time=TICK, setpoints=[(0.0, 50.0)], duration=8.0,
-            start_depth=50.0, start_volume=-1e-4,
-        )  # fmt: skip
+            vehicle,
+            law=lambda *_: 12.0,
+            sample_time=TICK,
+            setpoints=[(0.0, 50.0)],
+            duration=8.0,
+            start_depth=50.0,
+            start_volume=-1e-4,
+        )
         u, q, i, z = s.voltage[-1], s.motor_rate[-1], s.current[-1], s.depth[-1]
         assert u == pytest.approx(12.0 - 0.6 * i, rel=1e-12)  # Kirchhoff
         assert i == pytest.approx((u - 0.03 * q / (60e-4 * 1e-4 / 2 / math.pi)) / 1.5, rel=1e-9)
@@ -418,9 +468,14 @@ class TestPositioner:
     def test_the_ramp_and_its_end(self) -> None:
         vehicle = stepper()
         s = simulate(
-            vehicle, law=lambda *_: 50e-6, sample_time=TICK, setpoints=[(0.0, 5.0)],
-            duration=6.0, start_depth=5.0, start_volume=0.0,
-        )  # fmt: skip
+            vehicle,
+            law=lambda *_: 50e-6,
+            sample_time=TICK,
+            setpoints=[(0.0, 5.0)],
+            duration=6.0,
+            start_depth=5.0,
+            start_volume=0.0,
+        )
         rate = 2e-3 * 1e-2
         np.testing.assert_allclose(s.volume, np.minimum(rate * s.time, 50e-6), rtol=0, atol=1e-18)
         assert np.all(s.volume[s.time > 2.5] == 50e-6)
@@ -450,9 +505,14 @@ def test_sliding_along_the_jump_of_the_literal_drag() -> None:
     vehicle = vehicle.model_copy(update={"hull": vehicle.hull.model_copy(update={"psi": 0.0})})
     pull = 0.4  # N, above k_dl epsilon = 0.2 and below k_dt epsilon^2 = 0.6
     s = simulate(
-        vehicle, law=lambda *_: 0.3, sample_time=0.5, setpoints=[(0.0, 5.0)], duration=60.0,
-        start_depth=5.0, start_volume=-pull / 9806.65,
-    )  # fmt: skip
+        vehicle,
+        law=lambda *_: 0.3,
+        sample_time=0.5,
+        setpoints=[(0.0, 5.0)],
+        duration=60.0,
+        start_depth=5.0,
+        start_volume=-pull / 9806.65,
+    )
     sliding = s.time > 20.0
     assert np.all(s.motor_rate == 0.0)
     np.testing.assert_allclose(s.speed[sliding], epsilon, rtol=0.0, atol=1e-4)

@@ -74,9 +74,15 @@ def flown_by_scipy(solution):
             continue
         inside = solution.time[(solution.time >= t) & (solution.time < end)]
         found = solve_ivp(
-            force, (t, end), x, method="DOP853", rtol=1e-11, atol=1e-13, args=(move,),
+            force,
+            (t, end),
+            x,
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-13,
+            args=(move,),
             dense_output=True,
-        )  # fmt: skip
+        )
         if len(inside):
             depth = np.concatenate((depth, found.sol(inside)[0]))
         x = found.y[:, -1]
@@ -162,8 +168,11 @@ def test_a_mission_of_the_same_phases_flies_the_same_way(dive):
 
 def test_lanes_are_single_runs_and_what_they_vary_counts():
     flown = {
-        "setpoints": [(0.0, 420.0)], "duration": 2400.0, "start_depth": 380.0, "keep": "trajectory",
-    }  # fmt: skip
+        "setpoints": [(0.0, 420.0)],
+        "duration": 2400.0,
+        "start_depth": 380.0,
+        "keep": "trajectory",
+    }
     two = simulate_ensemble(FLOAT, count=2, vary={"d_t": [0.3893, 0.6]}, books=True, **flown)
     drag = FLOAT.drag.model_copy(update={"k_dt": 0.6 * FLOAT.mass})
     slow = FLOAT.model_copy(update={"motion": FLOAT.motion.model_copy(update={"drag": drag})})
@@ -199,9 +208,13 @@ def test_noise_is_drawn_from_the_seed():
 
 def test_a_float_that_hits_the_bottom_lies_there_and_comes_up_again():
     s = simulate(
-        FLOAT, setpoints=[(0.0, 400.0), (3000.0, 300.0)], duration=6000.0, start_depth=380.0,
-        start_volume=-5e-5, bottom_depth=400.0,
-    )  # fmt: skip
+        FLOAT,
+        setpoints=[(0.0, 400.0), (3000.0, 300.0)],
+        duration=6000.0,
+        start_depth=380.0,
+        start_volume=-5e-5,
+        bottom_depth=400.0,
+    )
     assert s.deepest <= 400.0 + 1e-9
     kinds = [event.kind for event in s.events]
     assert kinds.index("reached the bottom") < kinds.index("left the bottom")
@@ -215,9 +228,13 @@ def test_a_python_function_commands_changes_of_volume():
         return -1e-5, 600.0
 
     s = simulate(
-        FLOAT, law=once, setpoints=[(0.0, 400.0)], duration=1500.0, start_depth=380.0,
+        FLOAT,
+        law=once,
+        setpoints=[(0.0, 400.0)],
+        duration=1500.0,
+        start_depth=380.0,
         sample_time=1.0,
-    )  # fmt: skip
+    )
     asked = s.time[s.command != 0.0]
     assert list(asked) == [0.0, 600.0, 1200.0]
     assert s.books.volume["let in"] == pytest.approx(3e-5, rel=1e-3)
@@ -239,9 +256,13 @@ def test_what_cannot_be_flown_is_refused():
     parameters = CASCADE.parameters(*[1.0] * len(CASCADE.parameters._fields))
     with refused(InputError, field="controller.law", value="cascade"):
         simulate(
-            FLOAT, setpoints=[(0.0, 100.0)], law=CASCADE, parameters=parameters, sample_time=1.0,
+            FLOAT,
+            setpoints=[(0.0, 100.0)],
+            law=CASCADE,
+            parameters=parameters,
+            sample_time=1.0,
             **flown,
-        )  # fmt: skip
+        )
     with refused(InputError, field="parts", value=4):
         simulate(FLOAT, setpoints=[(0.0, 100.0)], parts=4, **flown)
     with refused(InputError, field="vary['T1']", value="T1"):

@@ -87,23 +87,39 @@ def test_the_message_tells_value_unit_and_remedy() -> None:
 
 def test_a_law_for_another_kind_of_actuator() -> None:
     refused(
-        simulate, stepper(), "controller.law", "commands a voltage, but .* takes a volume",
-        **RUN, law=CASCADE, parameters=GAINS, sample_time=0.3,
-    )  # fmt: skip
+        simulate,
+        stepper(),
+        "controller.law",
+        "commands a voltage, but .* takes a volume",
+        **RUN,
+        law=CASCADE,
+        parameters=GAINS,
+        sample_time=0.3,
+    )
     gains = POSITION_PID.parameters(*[1.0] * 10)
     refused(
-        simulate, paper(), "controller.law", "commands a volume, but .* takes a voltage",
-        **RUN, law=POSITION_PID, parameters=gains, sample_time=0.3,
-    )  # fmt: skip
+        simulate,
+        paper(),
+        "controller.law",
+        "commands a volume, but .* takes a voltage",
+        **RUN,
+        law=POSITION_PID,
+        parameters=gains,
+        sample_time=0.3,
+    )
 
 
 def test_a_vehicle_without_a_controller() -> None:
     error = refused(simulate, paper(controller=None), "controller", "no controller", **RUN)
     assert "[controller]" in str(error)
     refused(
-        simulate, paper(controller=None), "sample_time", "needs a sample time", **RUN,
+        simulate,
+        paper(controller=None),
+        "sample_time",
+        "needs a sample time",
+        **RUN,
         law=lambda *_: 0.0,
-    )  # fmt: skip
+    )
 
 
 def test_a_battery_that_sags_at_an_unknown_motor() -> None:
@@ -140,7 +156,12 @@ def test_drive(field: str, says: str, given: dict[str, Any]) -> None:
 
 def test_a_positioner_has_no_voltage() -> None:
     error = refused(
-        drive, stepper(), "voltage", "not driven by a voltage", time=TIME, voltage=[0.0] * 3,
+        drive,
+        stepper(),
+        "voltage",
+        "not driven by a voltage",
+        time=TIME,
+        voltage=[0.0] * 3,
         start_depth=5.0,
-    )  # fmt: skip
+    )
     assert error.remedy == "Give the volume"

@@ -51,9 +51,14 @@ def still(parameters, measurement, reference):  # type: ignore[no-untyped-def]  
 
 
 WAVE = Law(
-    name="wave", summary="a swinging voltage", command="voltage", parameters=Wave, state=Nothing,
-    step=wave, initial=still,
-)  # fmt: skip
+    name="wave",
+    summary="a swinging voltage",
+    command="voltage",
+    parameters=Wave,
+    state=Nothing,
+    step=wave,
+    initial=still,
+)
 waves = st.builds(Wave, st.floats(0.0, 14.0), st.floats(-6.0, 6.0), exponents(0.05, 4.0))
 
 
@@ -68,9 +73,11 @@ def by_hand(vehicle: Any, parameters: Wave, **run: Any) -> Solution:
 def mission(depth: float, vehicle: Any, share: float) -> dict[str, Any]:
     low, high = vehicle.stroke.minimum, vehicle.stroke.maximum
     return dict(
-        setpoints=[(0.0, depth)], duration=N * TICK, start_depth=depth,
+        setpoints=[(0.0, depth)],
+        duration=N * TICK,
+        start_depth=depth,
         start_volume=low + share * (high - low),
-    )  # fmt: skip
+    )
 
 
 def same(compiled: Solution, plain: Solution) -> None:
@@ -87,10 +94,12 @@ def same(compiled: Solution, plain: Solution) -> None:
 # the same examples each time: two roundings may part where a hull just grazes a limit
 @examples(100)
 @given(
-    vehicle=vehicles(kinds="identified unified lossy"), parameters=waves,
-    depth=st.floats(1.0, 40.0), share=st.sampled_from([0.0, 0.2, 0.5, 0.9, 1.0]),
+    vehicle=vehicles(kinds="identified unified lossy"),
+    parameters=waves,
+    depth=st.floats(1.0, 40.0),
+    share=st.sampled_from([0.0, 0.2, 0.5, 0.9, 1.0]),
     ground=st.sampled_from([math.inf, 0.0, 0.5]),
-)  # fmt: skip
+)
 def test_one_lane(vehicle, parameters, depth, share, ground) -> None:  # type: ignore[no-untyped-def]
     run = mission(depth, vehicle, share) | {"bottom_depth": depth + ground}
     compiled = fly_anything(vehicle, law=WAVE, parameters=parameters, sample_time=TICK, **run)
@@ -101,12 +110,15 @@ def test_one_lane(vehicle, parameters, depth, share, ground) -> None:  # type: i
 @given(
     lanes=st.lists(
         st.tuples(
-            vehicles(kinds="identified unified lossy"), waves, st.floats(1.0, 40.0),
+            vehicles(kinds="identified unified lossy"),
+            waves,
+            st.floats(1.0, 40.0),
             st.sampled_from([0.0, 0.3, 0.8, 1.0]),
         ),
-        min_size=3, max_size=9,
+        min_size=3,
+        max_size=9,
     )
-)  # fmt: skip
+)
 def test_many_lanes_of_different_vehicles(lanes) -> None:  # type: ignore[no-untyped-def]
     """Vehicles with nothing in common run beside each other; each moves as it would alone."""
     plants = np.array([plant(vehicle) for vehicle, *_ in lanes]).T
@@ -115,10 +127,18 @@ def test_many_lanes_of_different_vehicles(lanes) -> None:  # type: ignore[no-unt
     vary |= {name: np.array([w[k] for _, w, *_ in lanes]) for k, name in enumerate(Wave._fields)}
     depths = [run["start_depth"] for run in runs]
     data = simulate_ensemble(
-        lanes[0][0], count=len(lanes), law=WAVE, parameters=lanes[0][1], sample_time=TICK,
-        setpoints=[(0.0, depths)], duration=N * TICK, start_depth=depths,
-        start_volume=[run["start_volume"] for run in runs], vary=vary, keep="trajectory",
-    )  # fmt: skip
+        lanes[0][0],
+        count=len(lanes),
+        law=WAVE,
+        parameters=lanes[0][1],
+        sample_time=TICK,
+        setpoints=[(0.0, depths)],
+        duration=N * TICK,
+        start_depth=depths,
+        start_volume=[run["start_volume"] for run in runs],
+        vary=vary,
+        keep="trajectory",
+    )
     parts = data.attrs["steps_per_sample"]
     for lane, ((vehicle, parameters, *_), run) in enumerate(zip(lanes, runs, strict=True)):
         alone = by_hand(vehicle, parameters, parts=parts, **run)
@@ -138,11 +158,14 @@ def test_drag_of_rising_vehicles() -> None:
     run = dict(setpoints=[(0.0, 30.0)], duration=30.0, start_depth=30.0, start_volume=0.0)
     up, down = (
         simulate(
-            vehicle, law=WAVE, parameters=Wave(0.0, volts, 1.0), sample_time=TICK,
+            vehicle,
+            law=WAVE,
+            parameters=Wave(0.0, volts, 1.0),
+            sample_time=TICK,
             **run,  # type: ignore[arg-type]
         )
         for volts in (3.0, -3.0)
-    )  # fmt: skip
+    )
     assert up.depth[-1] < 29.0
     np.testing.assert_allclose(30.0 - up.depth, down.depth - 30.0, rtol=0.0, atol=1e-12)
 

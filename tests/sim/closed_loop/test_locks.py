@@ -17,9 +17,13 @@ def locking(back):
 
 def under(vehicle, commands, depth):
     return simulate(
-        vehicle, law=lambda seen, _: commands[round(seen.time / 0.5)], sample_time=0.5,
-        setpoints=[(0.0, depth)], duration=0.5 * (len(commands) - 1), start_depth=depth,
-    )  # fmt: skip
+        vehicle,
+        law=lambda seen, _: commands[round(seen.time / 0.5)],
+        sample_time=0.5,
+        setpoints=[(0.0, depth)],
+        duration=0.5 * (len(commands) - 1),
+        start_depth=depth,
+    )
 
 
 @pytest.mark.parametrize("back", [0.3, 0.0, -0.5])
@@ -32,9 +36,7 @@ def test_the_books_of_a_screw_that_locks_balance(back):
 
 def test_a_screw_that_locks_holds_without_voltage_and_another_does_not():
     """At 60 m its dry friction alone does not: the sea drives back what does not lock."""
-    held, locked, slipping = (
-        under(locking(back), [0.0] * 40, 60.0) for back in (-0.5, 0.0, 0.3)
-    )  # fmt: skip
+    held, locked, slipping = (under(locking(back), [0.0] * 40, 60.0) for back in (-0.5, 0.0, 0.3))
     assert held.volume[-1] == held.volume[0]
     assert locked.volume[-1] == locked.volume[0]
     assert slipping.volume[-1] < slipping.volume[0] - 1e-6

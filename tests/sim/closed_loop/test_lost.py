@@ -21,12 +21,17 @@ def block_of(vehicle, *, command, lanes, ticks, start, tick=0.3, record=True, bo
     law, _, _ = as_law(vehicle, lambda *_: 0.0, tick)
     p = plant(vehicle, bottom_depth=bottom)
     block = Block(
-        plants=np.repeat(np.array(p)[:, None], lanes, axis=1), law=law,
+        plants=np.repeat(np.array(p)[:, None], lanes, axis=1),
+        law=law,
         parameters={"command": command, "pause": 0.0},
-        clock=schedule([0.0], ticks * tick, tick), parts=1, depths=np.full((1, lanes), start[2]),
-        start=np.repeat(np.array(start)[:, None], lanes, axis=1), sensors=Sensors(),
-        recorded=record, loses=True,
-    )  # fmt: skip
+        clock=schedule([0.0], ticks * tick, tick),
+        parts=1,
+        depths=np.full((1, lanes), start[2]),
+        start=np.repeat(np.array(start)[:, None], lanes, axis=1),
+        sensors=Sensors(),
+        recorded=record,
+        loses=True,
+    )
     return block, p
 
 
@@ -38,13 +43,15 @@ def test_leak_drift_and_swell_pull_as_scipy_says(lanes: int) -> None:
     leak, drift, swell, omega, phase = 5e-8, -3e-8, 4e-6, 0.7, 0.3
     blocks = []
     for record in (True, False):  # tick by tick, and all lanes at once
-        block, p = block_of(
-            vehicle, command=0.4, lanes=lanes, ticks=n, start=start, record=record
-        )  # fmt: skip
+        block, p = block_of(vehicle, command=0.4, lanes=lanes, ticks=n, start=start, record=record)
         for row, value in (
-            (Row.LEAK, leak), (Row.DRIFT, drift), (Row.SWELL, swell), (Row.SWELL_OMEGA, omega),
-            (Row.SWELL_PHASE, phase), (Row.SWELL_DECAY, omega**2 / G),
-        ):  # fmt: skip
+            (Row.LEAK, leak),
+            (Row.DRIFT, drift),
+            (Row.SWELL, swell),
+            (Row.SWELL_OMEGA, omega),
+            (Row.SWELL_PHASE, phase),
+            (Row.SWELL_DECAY, omega**2 / G),
+        ):
             block.work[row] = value
         block.run()
         blocks.append(block)
@@ -61,13 +68,13 @@ def test_leak_drift_and_swell_pull_as_scipy_says(lanes: int) -> None:
         def rates(_, y, lost=lost):
             q, V, z, w = y
             return [
-                (p.gain * (0.4 - p.load_drive * z) - q) / p.T1, q - p.k_l * z, w,
+                (p.gain * (0.4 - p.load_drive * z) - q) / p.T1,
+                q - p.k_l * z,
+                w,
                 p.a_b * (p.psi * z + p.V_0 + lost - V) - p.d_l * w,
-            ]  # fmt: skip
+            ]
 
-        x = solve_ivp(
-            rates, (0.0, tick), x, method="DOP853", rtol=1e-11, atol=1e-13
-        ).y[:, -1]  # fmt: skip
+        x = solve_ivp(rates, (0.0, tick), x, method="DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
     assert np.ptp(depths) > 0.1
     for lane in range(lanes):
         assert block.record[0, :, lane] == pytest.approx(np.array(depths), abs=1e-8)
@@ -100,9 +107,13 @@ def test_what_leaks_in_keeps_a_vehicle_on_the_bottom() -> None:
     V = vehicle.neutral_volume(z)
     for water, lifts in ((30e-6, False), (5e-6, True)):
         block, _ = block_of(
-            vehicle, command=p_hold(vehicle, z), lanes=1, ticks=200, bottom=z,
+            vehicle,
+            command=p_hold(vehicle, z),
+            lanes=1,
+            ticks=200,
+            bottom=z,
             start=(0.0, V + 10e-6, z, 0.0),
-        )  # fmt: skip
+        )
         block.work[Row.WATER] = water
         block.run()
         assert (block.record[0, -1, 0] < z - 0.1) == lifts

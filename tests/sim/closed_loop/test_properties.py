@@ -35,14 +35,24 @@ def gains(vehicle: Vehicle, tick: float, strength: float):
     stroke = vehicle.stroke.maximum
     if vehicle.voltage_driven:
         return CASCADE, CascadeParameters(
-            k_pV=strength * 12.0 / (0.1 * stroke), k_pz=-0.1 * strength * stroke,
-            k_iz=-1e-3 * strength * stroke, k_dz=-2.0 * strength * stroke, S_p=tick,
-        )  # fmt: skip
+            k_pV=strength * 12.0 / (0.1 * stroke),
+            k_pz=-0.1 * strength * stroke,
+            k_iz=-1e-3 * strength * stroke,
+            k_dz=-2.0 * strength * stroke,
+            S_p=tick,
+        )
     return POSITION_PID, PositionPidParameters(
-        K_p=0.02 * strength, K_i=1e-3, K_d=0.1 * strength, threshold=1.0, smoothing=0.4,
-        position_min=0.0, position_max=0.05, piston_area=2.0 * stroke / 0.05,
-        volume_at_zero=stroke, S_p=tick,
-    )  # fmt: skip
+        K_p=0.02 * strength,
+        K_i=1e-3,
+        K_d=0.1 * strength,
+        threshold=1.0,
+        smoothing=0.4,
+        position_min=0.0,
+        position_max=0.05,
+        piston_area=2.0 * stroke / 0.05,
+        volume_at_zero=stroke,
+        S_p=tick,
+    )
 
 
 def sound(s: Solution, bottom: float) -> None:
@@ -70,9 +80,16 @@ def sound(s: Solution, bottom: float) -> None:
 
 
 def light(
-    *, K1: float, T1: float, k_l: float, stroke: float, psi: float, area: float, mass: float,
+    *,
+    K1: float,
+    T1: float,
+    k_l: float,
+    stroke: float,
+    psi: float,
+    area: float,
+    mass: float,
     trim_error: float = 0.0,
-) -> Vehicle:  # fmt: skip
+) -> Vehicle:
     """A vehicle that the property below once failed for, by the numbers that mattered."""
     return Vehicle(
         name="counter-example",
@@ -90,27 +107,66 @@ def light(
     vehicle=light(
         K1=0.0152, T1=0.368, k_l=9.12e-9, stroke=911.9e-6, psi=1.042e-5, area=0.0498, mass=7.389
     ),
-    tick=0.05, strength=0.01, start="surface", share=1.0, speed=0.0, targets=[2.46e-10], seed=None,
-)  # fmt: skip
+    tick=0.05,
+    strength=0.01,
+    start="surface",
+    share=1.0,
+    speed=0.0,
+    targets=[2.46e-10],
+    seed=None,
+)
 @example(  # stuck at the upper stop while leakage in air pressed the volume beyond it
     vehicle=light(
-        K1=1.0, T1=1.0, k_l=0.0, stroke=0.0009118819655545162, psi=1.0421508177765899e-05,
-        area=0.049787068367863944, mass=7.38905609893065,
-    ).model_copy(update={"actuator": UnifiedActuator(
-        inertia=0.001255161230831118, k_u=0.05, k_v=0.003411881965554517,
-        k_q=5.185389388316432e-06, k_z=0.050851298844933335, k_l=9.118819655545162e-09,
-        efficiency=1.0, friction_torque=0.02, resistance=1.0, emf_constant=0.05,
-    )}),
-    tick=0.05, strength=0.3, start="surface", share=1.0, speed=0.0, targets=[0.0], seed=None,
-)  # fmt: skip
+        K1=1.0,
+        T1=1.0,
+        k_l=0.0,
+        stroke=0.0009118819655545162,
+        psi=1.0421508177765899e-05,
+        area=0.049787068367863944,
+        mass=7.38905609893065,
+    ).model_copy(
+        update={
+            "actuator": UnifiedActuator(
+                inertia=0.001255161230831118,
+                k_u=0.05,
+                k_v=0.003411881965554517,
+                k_q=5.185389388316432e-06,
+                k_z=0.050851298844933335,
+                k_l=9.118819655545162e-09,
+                efficiency=1.0,
+                friction_torque=0.02,
+                resistance=1.0,
+                emf_constant=0.05,
+            )
+        }
+    ),
+    tick=0.05,
+    strength=0.3,
+    start="surface",
+    share=1.0,
+    speed=0.0,
+    targets=[0.0],
+    seed=None,
+)
 @example(  # neutral at the surface: rounding moved it in and out
     vehicle=light(
-        K1=0.0008054662277904188, T1=0.36787944117144233, k_l=0.0, stroke=4.8327973667425135e-05,
-        psi=2.7615984952814365e-06, area=0.0820849986238988, mass=260.4732060371668,
+        K1=0.0008054662277904188,
+        T1=0.36787944117144233,
+        k_l=0.0,
+        stroke=4.8327973667425135e-05,
+        psi=2.7615984952814365e-06,
+        area=0.0820849986238988,
+        mass=260.4732060371668,
         trim_error=4.832797366742514e-06,
     ),
-    tick=0.05, strength=0.01, start="surface", share=None, speed=0.0, targets=[0.0], seed=None,
-)  # fmt: skip
+    tick=0.05,
+    strength=0.01,
+    start="surface",
+    share=None,
+    speed=0.0,
+    targets=[0.0],
+    seed=None,
+)
 @given(
     vehicle=vehicles(),
     tick=st.sampled_from([0.05, 0.3, 0.5, 2.0]),
@@ -133,11 +189,18 @@ def test_any_vehicle_on_any_mission(  # type: ignore[no-untyped-def]
         volume = low + share * (high - low)
     law, parameters = gains(vehicle, tick, strength)
     s = fly_anything(
-        vehicle, law=law, parameters=parameters, sample_time=tick,
+        vehicle,
+        law=law,
+        parameters=parameters,
+        sample_time=tick,
         setpoints=[(40.0 * tick * k, z) for k, z in enumerate(targets)],
-        duration=40.0 * tick * len(targets), start_depth=depth, start_volume=volume,
-        start_speed=speed, bottom_depth=bottom, seed=seed,
-    )  # fmt: skip
+        duration=40.0 * tick * len(targets),
+        start_depth=depth,
+        start_volume=volume,
+        start_speed=speed,
+        bottom_depth=bottom,
+        seed=seed,
+    )
     sound(s, bottom)
     leaks_in_air = getattr(vehicle.actuator, "k_l", 0.0) > 0.0 and s.depth.min() < 0.0
     if s.stop is StopReason.FINISHED:
@@ -145,11 +208,18 @@ def test_any_vehicle_on_any_mission(  # type: ignore[no-untyped-def]
         assert s.books.relative_energy_residue <= 1e-3 or leaks_in_air
     # once more: the same run
     again = fly_anything(
-        vehicle, law=law, parameters=parameters, sample_time=tick,
+        vehicle,
+        law=law,
+        parameters=parameters,
+        sample_time=tick,
         setpoints=[(40.0 * tick * k, z) for k, z in enumerate(targets)],
-        duration=40.0 * tick * len(targets), start_depth=depth, start_volume=volume,
-        start_speed=speed, bottom_depth=bottom, seed=seed,
-    )  # fmt: skip
+        duration=40.0 * tick * len(targets),
+        start_depth=depth,
+        start_volume=volume,
+        start_speed=speed,
+        bottom_depth=bottom,
+        seed=seed,
+    )
     np.testing.assert_array_equal(again.depth, s.depth)
 
 
@@ -165,16 +235,26 @@ def test_lighter_rises_and_heavier_sinks(vehicle, depth: float, share: float) ->
         return
     hold = (lambda *_: volume) if not vehicle.voltage_driven else (lambda *_: 0.0)
     s = fly_anything(
-        vehicle, law=hold, sample_time=0.05, setpoints=[(0.0, depth)], duration=0.2,
-        start_depth=depth, start_volume=volume,
-    )  # fmt: skip
+        vehicle,
+        law=hold,
+        sample_time=0.05,
+        setpoints=[(0.0, depth)],
+        duration=0.2,
+        start_depth=depth,
+        start_volume=volume,
+    )
     assert np.sign(s.speed[1]) == -np.sign(extra)
     assert np.sign(s.depth[-1] - depth) == -np.sign(extra)
     # and from rest the acceleration is Archimedes': -rho g (V - V_neutral)/m
     early = fly_anything(
-        vehicle, law=hold, sample_time=1e-4, setpoints=[(0.0, depth)], duration=1e-4,
-        start_depth=depth, start_volume=volume,
-    )  # fmt: skip
+        vehicle,
+        law=hold,
+        sample_time=1e-4,
+        setpoints=[(0.0, depth)],
+        duration=1e-4,
+        start_depth=depth,
+        start_volume=volume,
+    )
     expected = -9806.65 * extra / vehicle.mass
     assert early.speed[1] / 1e-4 == pytest.approx(expected, rel=0.02)
 

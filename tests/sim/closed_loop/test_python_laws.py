@@ -43,9 +43,12 @@ class TestFunctions:
     def test_with_events(self, vehicle) -> None:
         gains = dict(k_pV=8e5, k_pz=-2e-4, k_iz=-1e-6, k_dz=-1e-3, S_p=0.4)
         run = dict(
-            setpoints=[(0.0, 6.0), (40.0, 1.0)], duration=90.0, start_depth=5.0, bottom_depth=6.5,
+            setpoints=[(0.0, 6.0), (40.0, 1.0)],
+            duration=90.0,
+            start_depth=5.0,
+            bottom_depth=6.5,
             sample_time=0.4,
-        )  # fmt: skip
+        )
         law = paper_cascade(**gains)
         by_hand = simulate(
             vehicle, law=lambda seen, ref: law(seen.time, seen.depth, seen.volume, ref), **run
@@ -56,9 +59,17 @@ class TestFunctions:
 
     def test_a_positioner(self) -> None:
         parameters = PositionPidParameters(
-            K_p=0.01, K_i=1e-4, K_d=0.05, threshold=1.0, smoothing=0.4, position_min=0.0,
-            position_max=0.04, piston_area=1e-2, volume_at_zero=2e-4, S_p=0.5,
-        )  # fmt: skip
+            K_p=0.01,
+            K_i=1e-4,
+            K_d=0.05,
+            threshold=1.0,
+            smoothing=0.4,
+            position_min=0.0,
+            position_max=0.04,
+            piston_area=1e-2,
+            volume_at_zero=2e-4,
+            S_p=0.5,
+        )
         state = None
 
         def function(seen: Measurement, reference: float) -> tuple[float, float]:
@@ -197,9 +208,12 @@ class TestSleep:
         """Its S_p follows: eqs (36)-(37) divide by the time that passes."""
         s = simulate(paper(), sample_time=0.1, **STEP)
         expected = simulate(
-            paper(), law=CASCADE, parameters=CascadeParameters(**TABLE_3 | {"S_p": 0.1}),
-            sample_time=0.1, **STEP,
-        )  # fmt: skip
+            paper(),
+            law=CASCADE,
+            parameters=CascadeParameters(**TABLE_3 | {"S_p": 0.1}),
+            sample_time=0.1,
+            **STEP,
+        )
         same(s, expected)
 
 
@@ -233,9 +247,14 @@ def bang_initial(parameters, measurement, reference):  # type: ignore[no-untyped
 
 
 BANG = Law(
-    name="bang", summary="full voltage or none", command="voltage", parameters=BangParameters,
-    state=BangState, step=bang, initial=bang_initial,
-)  # fmt: skip
+    name="bang",
+    summary="full voltage or none",
+    command="voltage",
+    parameters=BangParameters,
+    state=BangState,
+    step=bang,
+    initial=bang_initial,
+)
 
 
 class TestOwnLaw:

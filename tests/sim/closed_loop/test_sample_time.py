@@ -32,9 +32,12 @@ def error_left(vehicle, sample_time):
     An unstable loop ends in a limit cycle, or beyond its limits at the surface or the bottom.
     """
     s = simulate(
-        sampled(vehicle, sample_time), setpoints=[(0.0, 1.51)], duration=2400.0, start_depth=1.5,
+        sampled(vehicle, sample_time),
+        setpoints=[(0.0, 1.51)],
+        duration=2400.0,
+        start_depth=1.5,
         checked=False,
-    )  # fmt: skip
+    )
     return float(np.max(np.abs(s.depth[2 * len(s.depth) // 3 :] - 1.51))) / 0.01
 
 

@@ -24,9 +24,14 @@ def seen(sensors: Sensors, seed: int | None, law: Any = None) -> tuple[np.ndarra
         return 0.8  # holds the piston against 10.4 m or so: V and z creep
 
     s = simulate(
-        paper(sensors=sensors), law=law or look, sample_time=0.01, setpoints=[(0.0, 10.0)],
-        duration=0.01 * (N - 1), start_depth=10.38, seed=seed,
-    )  # fmt: skip
+        paper(sensors=sensors),
+        law=law or look,
+        sample_time=0.01,
+        setpoints=[(0.0, 10.0)],
+        duration=0.01 * (N - 1),
+        start_depth=10.38,
+        seed=seed,
+    )
     depth, volume = np.array(rows).T
     return depth, volume, s
 

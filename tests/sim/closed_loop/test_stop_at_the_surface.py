@@ -19,9 +19,14 @@ def test_a_voltage_near_zero_leaves_it_at_the_upper_stop(u):
     assert ours.finished
     assert np.max(np.abs(ours.volume - P.V_max)) < 1e-12
     theirs = solve_ivp(
-        lambda _, y: [y[1], acceleration(P.V_max, y[0], y[1], P)], (0.0, END), [0.0, 0.0],
-        t_eval=ours.time, rtol=1e-12, atol=1e-14, max_step=0.01,
-    ).y[0]  # fmt: skip
+        lambda _, y: [y[1], acceleration(P.V_max, y[0], y[1], P)],
+        (0.0, END),
+        [0.0, 0.0],
+        t_eval=ours.time,
+        rtol=1e-12,
+        atol=1e-14,
+        max_step=0.01,
+    ).y[0]
     np.testing.assert_allclose(ours.depth, theirs, rtol=0.0, atol=1e-9)
 
 

@@ -29,10 +29,14 @@ def flown(v, commands, *, depth, bottom=math.inf):
     if v.stroke.switch_margin is not None or not v.voltage_driven:
         low, high = v.stroke.lowest, v.stroke.highest
     ours = simulate(
-        v, law=lambda seen, _: float(commands[round(seen.time / TICK)]), sample_time=TICK,
-        setpoints=[(0.0, depth)], duration=TICK * (len(commands) - 1), start_depth=depth,
+        v,
+        law=lambda seen, _: float(commands[round(seen.time / TICK)]),
+        sample_time=TICK,
+        setpoints=[(0.0, depth)],
+        duration=TICK * (len(commands) - 1),
+        start_depth=depth,
         bottom_depth=bottom,
-    )  # fmt: skip
+    )
     oracle = Oracle(v, depth=depth, bottom=bottom)
     rows = []
     for k, command in enumerate(commands):
@@ -142,7 +146,12 @@ def test_every_kind_of_actuator_lands_and_leaves_again(name):
 def test_a_switch_that_is_just_touched_cuts(sign):
     v = with_switches("feup-em", 30e-6)
     ours = simulate(
-        v, law=lambda *_: 12.0 * sign, sample_time=TICK, setpoints=[(0.0, 30.0)], duration=TICK,
-        start_depth=30.0, start_volume=v.stroke.highest if sign > 0.0 else v.stroke.lowest,
-    )  # fmt: skip
+        v,
+        law=lambda *_: 12.0 * sign,
+        sample_time=TICK,
+        setpoints=[(0.0, 30.0)],
+        duration=TICK,
+        start_depth=30.0,
+        start_volume=v.stroke.highest if sign > 0.0 else v.stroke.lowest,
+    )
     assert ours.voltage[0] == 0.0

@@ -79,9 +79,13 @@ def test_a_step_against_adaptive_integration() -> None:
     """The same, by SciPy's DOP853 at 1e-12 from the equations in torques and forces."""
     ours = simulate(paper(), setpoints=[(0.0, 3.0)], duration=120.0, start_depth=1.5)
     theirs = closed_loop(
-        paper(), paper_cascade(**TABLE_3), setpoints=[(0.0, 3.0)], duration=120.0, tick=0.3,
+        paper(),
+        paper_cascade(**TABLE_3),
+        setpoints=[(0.0, 3.0)],
+        duration=120.0,
+        tick=0.3,
         depth=1.5,
-    )  # fmt: skip
+    )
     assert np.abs(ours.depth - theirs.depth).max() < 1e-11
     assert np.abs(ours.volume - theirs.volume).max() < 1e-15
     np.testing.assert_allclose(ours.command, theirs.command, rtol=1e-9, atol=1e-8)
@@ -95,9 +99,13 @@ def test_losses_nonlinear_drag_and_a_sagging_supply(start: float, target: float)
     gains = dict(k_pV=3e5, k_pz=-2e-5, k_iz=-1e-7, k_dz=-5e-4, S_p=0.5)
     run = dict(setpoints=[(0.0, target), (50.0, start)], duration=90.0)
     ours = simulate(
-        vehicle, law=CASCADE, parameters=CascadeParameters(**gains), sample_time=0.5,
-        start_depth=start, **run,
-    )  # fmt: skip
+        vehicle,
+        law=CASCADE,
+        parameters=CascadeParameters(**gains),
+        sample_time=0.5,
+        start_depth=start,
+        **run,
+    )
     theirs = closed_loop(vehicle, paper_cascade(**gains), tick=0.5, depth=start, **run)
     assert {"stands still", "drives", "driven back"} <= {kind for _, kind in theirs.events}
     assert np.any(np.abs(ours.command) > 24.0)

@@ -54,9 +54,14 @@ def afloat(base, *, depth=6.0, thin=True, **hull):
     volume = base.hull.displaced_volume
     parts = (
         HullPart(name="tube", volume=0.7 * volume, compressibility=3e-10, thermal_expansion=7e-5),
-        HullPart(name="foam", volume=0.299 * volume, compressibility=9e-10, stiffening=1e-17,
-                 thermal_expansion=1.5e-4),
-    )  # fmt: skip
+        HullPart(
+            name="foam",
+            volume=0.299 * volume,
+            compressibility=9e-10,
+            stiffening=1e-17,
+            thermal_expansion=1.5e-4,
+        ),
+    )
     changed = {"parts": parts, "trapped_air": 1e-3 * volume, "psi": 2e-6} | hull
     if thin:  # so that the density over the hull's height is the density at the sensor
         changed |= {"height": 1e-3, "emergence_depth": 5e-4}
@@ -74,9 +79,14 @@ class ByScipy:
         self.v = v
         # p(z): dp/dz = rho(S(p), T(p), p) g(p), by DOP853
         found = solve_ivp(
-            lambda _, p: [self.rho(p[0]) * float(gsw.grav(LATITUDE, p[0])) / 1e4], (0.0, 39.0),
-            [0.0], method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True,
-        )  # fmt: skip
+            lambda _, p: [self.rho(p[0]) * float(gsw.grav(LATITUDE, p[0])) / 1e4],
+            (0.0, 39.0),
+            [0.0],
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+            dense_output=True,
+        )
         self.pressure = lambda z: float(found.sol(z)[0])
         self.weight = self.pressure(reach) * 1e4 / reach  # N/m3
         self.mass = 1025.0 * (self.displaced(0.0, 10.0) + v.trim_error)
@@ -118,9 +128,15 @@ class ByScipy:
             return [x[1], force / self.v.mass]
 
         found = solve_ivp(
-            rate, (0.0, span), [start, 0.0], t_eval=np.arange(0.0, span, every), method="DOP853",
-            rtol=1e-10, atol=1e-11, max_step=1.0,
-        )  # fmt: skip
+            rate,
+            (0.0, span),
+            [start, 0.0],
+            t_eval=np.arange(0.0, span, every),
+            method="DOP853",
+            rtol=1e-10,
+            atol=1e-11,
+            max_step=1.0,
+        )
         assert found.success
         return found.y[0]
 
@@ -136,9 +152,12 @@ def test_a_volume_in_a_fjord_against_scipy_and_gsw(drag):
     centre = oracle.neutral(6.0)
     theirs = oracle.sailed(lambda t: centre + np.interp(t, TIMES, PUSH), 300.0, 6.0)
     ours = drive(
-        v, time=np.arange(300.0), volume=centre + np.interp(np.arange(300.0), TIMES, PUSH),
-        start_depth=6.0, column=column(),
-    )  # fmt: skip
+        v,
+        time=np.arange(300.0),
+        volume=centre + np.interp(np.arange(300.0), TIMES, PUSH),
+        start_depth=6.0,
+        column=column(),
+    )
     assert ours.finished
     assert np.ptp(theirs) > 2.0
     assert np.abs(ours.depth - theirs).max() < 2e-3
@@ -157,9 +176,14 @@ def test_a_closed_loop_in_a_fjord_against_scipy_and_gsw():
         return 5.0 * math.cos(0.15 * t) + 0.5 * (z - 6.0)
 
     ours = simulate(
-        v, law=lambda seen, _: law(seen.time, seen.depth), sample_time=0.5,
-        setpoints=[(0.0, 6.0)], duration=120.0, start_depth=5.0, column=column(),
-    )  # fmt: skip
+        v,
+        law=lambda seen, _: law(seen.time, seen.depth),
+        sample_time=0.5,
+        setpoints=[(0.0, 6.0)],
+        duration=120.0,
+        start_depth=5.0,
+        column=column(),
+    )
     x, theirs = np.array([0.0, ours.volume[0] * C, 5.0, 0.0]), []
     assert ours.volume[0] == pytest.approx(oracle.neutral(5.0), abs=1e-7)
     for t in ours.time:
@@ -201,9 +225,15 @@ def test_the_order_is_four_in_layers():
     errors = []
     for parts in (1, 2, 4, 8):
         ours = simulate(
-            v, law=lambda seen, _: volts[round(seen.time / tick)], sample_time=tick, parts=parts,
-            setpoints=[(0.0, 8.0)], duration=n * tick, start_depth=8.0, column=coarse,
-        )  # fmt: skip
+            v,
+            law=lambda seen, _: volts[round(seen.time / tick)],
+            sample_time=tick,
+            parts=parts,
+            setpoints=[(0.0, 8.0)],
+            duration=n * tick,
+            start_depth=8.0,
+            column=coarse,
+        )
         errors.append(np.abs(ours.depth - exact[:, 2]).max())
     assert 1.0 < exact[:, 2].min() < exact[:, 2].max() < 11.5
     assert np.ptp(exact[:, 2]) > 1.0
@@ -216,9 +246,12 @@ def test_the_order_is_four_in_layers():
 def test_its_own_water_changes_nothing():
     v = screw(drag=BLENDED)
     run = dict(
-        law=lambda seen, _: 3.0 * math.sin(0.1 * seen.time), sample_time=0.5, duration=120.0,
-        setpoints=[(0.0, 10.0)], start_depth=10.0,
-    )  # fmt: skip
+        law=lambda seen, _: 3.0 * math.sin(0.1 * seen.time),
+        sample_time=0.5,
+        duration=120.0,
+        setpoints=[(0.0, 10.0)],
+        start_depth=10.0,
+    )
     plain, cast_ = simulate(v, **run), simulate(v, column=uniform_column(v.water, 50.0), **run)
     assert np.ptp(plain.depth) > 1.0
     np.testing.assert_allclose(cast_.depth, plain.depth, rtol=0.0, atol=1e-9)
@@ -238,15 +271,19 @@ def test_near_a_depth_it_is_psi_of_eq_31():
     )
     hull = v.hull.model_copy(update={"psi": psi, "parts": (), "trapped_air": 0.0})
     here = medium.specific_weight / v.water.gravity
-    linear = v.model_copy(update={
-        "hull": hull, "trim_error": medium.neutral_volume(20.0) - psi * 20.0,
-        "water": v.water.model_copy(update={"density": here}),
-    })  # fmt: skip
+    linear = v.model_copy(
+        update={
+            "hull": hull,
+            "trim_error": medium.neutral_volume(20.0) - psi * 20.0,
+            "water": v.water.model_copy(update={"density": here}),
+        }
+    )
     t = np.linspace(0.0, 40.0, 81)
     run = dict(
-        time=t, start_depth=20.0,
+        time=t,
+        start_depth=20.0,
         volume=medium.neutral_volume(20.0) + 4e-6 * np.sin(2.0 * math.pi * t / 40.0),
-    )  # fmt: skip
+    )
     ours, theirs = drive(v, column=water, **run), drive(linear, **run)
     assert 0.05 < np.ptp(theirs.depth) < 0.5
     assert np.abs(ours.depth - theirs.depth).max() < 0.01 * np.ptp(theirs.depth)
@@ -259,9 +296,7 @@ def test_a_mission_flown_in_the_same_water_goes_the_same_way():
     flown = fly_mission(v, task, column(), accuracy=TIGHT, checked=False)
     t, keep = np.unique(flown.rows["t"], return_index=True)
     rows = flown.rows[keep][t < 100.0]
-    ours = drive(
-        v, time=rows["t"], volume=rows["v"], start_depth=10.0, column=column()
-    )  # fmt: skip
+    ours = drive(v, time=rows["t"], volume=rows["v"], start_depth=10.0, column=column())
     share = medium_of(v, column(), reach=10.0).misses
     way = np.ptp(rows["z"])
     assert way > 6.0  # up into the brackish layer, where it floats
@@ -290,8 +325,9 @@ def test_it_comes_up_in_the_water_of_the_cast():
     medium = medium_of(v, column(), reach=3.0)
     p = medium.plant
     V = medium.neutral_volume(0.1) + 6e-5
-    s = drive(v, time=np.arange(0.0, 600.0), volume=np.full(600, V), start_depth=3.0,
-              column=column())  # fmt: skip
+    s = drive(
+        v, time=np.arange(0.0, 600.0), volume=np.full(600, V), start_depth=3.0, column=column()
+    )
     floats = brentq(
         lambda z: p.a_b * (medium.neutral_volume(z) - V) + p.a_s * (p.z_surface - z), -1.0, 0.3
     )
@@ -304,14 +340,23 @@ def test_an_ensemble_is_each_vehicle_alone():
     v = afloat(screw(), depth=5.0)
     gains = CascadeParameters(**TABLE_3)
     run = dict(
-        law=CASCADE, sample_time=0.3, setpoints=[(0.0, 6.0)], duration=60.0, start_depth=4.0,
+        law=CASCADE,
+        sample_time=0.3,
+        setpoints=[(0.0, 6.0)],
+        duration=60.0,
+        start_depth=4.0,
         column=column(),
-    )  # fmt: skip
+    )
     shares = np.array([1.0, 0.8])
     many = simulate_ensemble(
-        v, count=2, vary={"k_pz": shares * gains.k_pz}, parameters=gains, keep="trajectory",
-        books=True, **run,
-    )  # fmt: skip
+        v,
+        count=2,
+        vary={"k_pz": shares * gains.k_pz},
+        parameters=gains,
+        keep="trajectory",
+        books=True,
+        **run,
+    )
     for lane, share in enumerate(shares):
         alone = simulate(v, parameters=gains._replace(k_pz=share * gains.k_pz), **run)
         np.testing.assert_allclose(many.depth[:, lane], alone.depth, rtol=0.0, atol=1e-9)

@@ -39,9 +39,13 @@ def python(code: str, *, cache: Path | None = None, package: Path | None = None)
         environment["SWIMBLADDER_CACHE_DIR"] = str(cache)
     environment["PYTHONPATH"] = str((package or PACKAGE).parent)
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True,
-        text=True, timeout=120, check=False,
-    )  # fmt: skip
+        [sys.executable, "-W", "error", "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     return done.stdout.strip()

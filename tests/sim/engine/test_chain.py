@@ -123,9 +123,13 @@ def test_every_mode_against_scipy(name: str, h: float) -> None:
             ours = entries(chain[level])
             phi = V1, V2 / step, V3 / step**2
             expected = (
-                D[:, :4], b_u_h, b_1_h, phi[0] - 3 * phi[1] + 4 * phi[2], 2 * phi[1] - 4 * phi[2],
+                D[:, :4],
+                b_u_h,
+                b_1_h,
+                phi[0] - 3 * phi[1] + 4 * phi[2],
+                2 * phi[1] - 4 * phi[2],
                 4 * phi[2] - phi[1],
-            )  # fmt: skip
+            )
             for a, b in zip(ours, expected, strict=True):
                 close(a, b, 1e-11)
 
@@ -138,9 +142,10 @@ def test_each_entry_to_twelve_digits(T1: float, h: float) -> None:
     with mpmath.workdps(60):
         for level in (0, 3, 20):
             D, b_u, b_1, *_ = exact(
-                *system(p, Act.FORWARD, 0, Where.EMERGING), h / 2**level,
+                *system(p, Act.FORWARD, 0, Where.EMERGING),
+                h / 2**level,
                 lambda m: mpmath.expm(mpmath.matrix(m.tolist())).tolist(),
-            )  # fmt: skip
+            )
             ours = entries(chain[level])
             # D and the vectors, each entry relative to itself: nothing small is lost against 1
             for a, b in zip(ours[:3], (D[:, :4], b_u, b_1), strict=True):

@@ -29,16 +29,26 @@ def to_and_fro(time: float, *_: float) -> float:
 
 def run(vehicle, parts: int, volts=to_and_fro):
     return simulate(
-        vehicle, law=lambda seen, _: volts(seen.time), sample_time=TICK, setpoints=[(0.0, 20.0)],
-        duration=N * TICK, start_depth=20.0, parts=parts,
-    )  # fmt: skip
+        vehicle,
+        law=lambda seen, _: volts(seen.time),
+        sample_time=TICK,
+        setpoints=[(0.0, 20.0)],
+        duration=N * TICK,
+        start_depth=20.0,
+        parts=parts,
+    )
 
 
 def reference(vehicle, volts=to_and_fro):
     return closed_loop(
-        vehicle, volts, setpoints=[(0.0, 20.0)], duration=N * TICK, tick=TICK, depth=20.0,
+        vehicle,
+        volts,
+        setpoints=[(0.0, 20.0)],
+        duration=N * TICK,
+        tick=TICK,
+        depth=20.0,
         rtol=1e-13,
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(
@@ -125,6 +135,8 @@ def test_the_default_step_keeps_nonlinear_drag_to_a_micrometre() -> None:
         assert gains is not None
         ours = simulate(
             vehicle.model_copy(update={"controller": gains}),
-            setpoints=[(0.0, 8.0)], duration=60.0, start_depth=5.0,
-        )  # fmt: skip
+            setpoints=[(0.0, 8.0)],
+            duration=60.0,
+            start_depth=5.0,
+        )
         assert np.abs(ours.depth - exact.depth).max() < 1e-6, drag.law

@@ -51,14 +51,32 @@ class Rig:
             p = p._replace(supply=supply)
         full = p.supply if self.vehicle.voltage_driven else p.V_max
         quiet = Condition(
-            end=ticks, tick=self.tick, start_depth=depth,
+            end=ticks,
+            tick=self.tick,
+            start_depth=depth,
             start_volume=medium.neutral_volume(depth) if volume is None else volume,
-            depth_noise=0.0, depth_quantum=0.0, volume_noise=0.0, volume_quantum=0.0,
-            battery_noise=0.0, full=full, ramp=1e9, drift=0.0, swell=0.0, swell_omega=1.0,
+            depth_noise=0.0,
+            depth_quantum=0.0,
+            volume_noise=0.0,
+            volume_quantum=0.0,
+            battery_noise=0.0,
+            full=full,
+            ramp=1e9,
+            drift=0.0,
+            swell=0.0,
+            swell_omega=1.0,
             swell_phase=0.0,
-            gravity=9.80665, leak_input=math.inf, brown_out=0.0, boot=7, band=1.0, rated=math.inf,
-            stay=1e9, quiet_at=0.0, full_after=200.0, seed=1.0,
-        )._replace(**changes)  # fmt: skip
+            gravity=9.80665,
+            leak_input=math.inf,
+            brown_out=0.0,
+            boot=7,
+            band=1.0,
+            rated=math.inf,
+            stay=1e9,
+            quiet_at=0.0,
+            full_after=200.0,
+            seed=1.0,
+        )._replace(**changes)
         mission = Mission(
             number=0,
             faults=(),

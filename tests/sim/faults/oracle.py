@@ -62,9 +62,22 @@ class Faulty:
     """A machine under faults (kind, severity, second one, first tick, tick of the end)."""
 
     def __init__(
-        self, machine, vehicle, fault_rows, *, tick, depth, volume, speed=0.0, drift=0.0, swell=0.0,
-        swell_omega=1.0, swell_phase=0.0, gravity=9.80665, first=0,
-    ):  # fmt: skip
+        self,
+        machine,
+        vehicle,
+        fault_rows,
+        *,
+        tick,
+        depth,
+        volume,
+        speed=0.0,
+        drift=0.0,
+        swell=0.0,
+        swell_omega=1.0,
+        swell_phase=0.0,
+        gravity=9.80665,
+        first=0,
+    ):
         self.healthy, self.fault_rows, self.tick, self.first = machine, fault_rows, tick, first
         self.drift, self.stroke = drift, vehicle.stroke
         self.swell = swell, swell_omega, swell_phase, gravity

@@ -138,10 +138,21 @@ def test_the_table_has_a_row_for_each(flown):
 
 def test_outcomes_of_rows_made_by_hand():
     fine = Result(
-        stop=0.0, last=1000.0, arrived=800.0, beyond=math.nan, bottom=0.0, depth=0.0, deepest=9.0,
-        latched=math.nan, reason=0.0, released=math.nan, resets=0.0, acting=1.0,
-        up=700.0, filled=-1.0,
-    )  # fmt: skip
+        stop=0.0,
+        last=1000.0,
+        arrived=800.0,
+        beyond=math.nan,
+        bottom=0.0,
+        depth=0.0,
+        deepest=9.0,
+        latched=math.nan,
+        reason=0.0,
+        released=math.nan,
+        resets=0.0,
+        acting=1.0,
+        up=700.0,
+        filled=-1.0,
+    )
     rows = [
         (fine, Outcome.SURFACED),
         (fine._replace(arrived=801.0), Outcome.NOT_UP),
@@ -180,11 +191,12 @@ def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
         (FEUP, {"depths": (5.0, 2.0)}, "depths that grow"),
         (FEUP, {"depths": (5.0, 95.0)}, "turns the vehicle round"),
         (
-            FEUP.model_copy(update={"supervisor": Supervisor(time_limit=100.0)}), {},
+            FEUP.model_copy(update={"supervisor": Supervisor(time_limit=100.0)}),
+            {},
             "would be cut short",
         ),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_flown_is_refused(vehicle, options, said):
     with pytest.raises(InputError, match=said):
         run_missions(vehicle, **{"missions": 5, **options})

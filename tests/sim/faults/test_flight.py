@@ -33,9 +33,14 @@ def test_a_mission_without_faults_is_that_of_simulate_with_the_twin(
     first = 0.0 if law.command == "voltage" else vehicle.stroke.maximum
     board = ControllerTwin(twin(law), parameters, tick_s=tick, low=low, high=high, first=first)
     solution = sb.simulate(
-        vehicle, law=lambda seen, asked: float(board.tick(seen.depth, seen.volume, asked)),
-        sample_time=tick, setpoints=[(0.0, target)], duration=n * tick, start_depth=depth, parts=1,
-    )  # fmt: skip
+        vehicle,
+        law=lambda seen, asked: float(board.tick(seen.depth, seen.volume, asked)),
+        sample_time=tick,
+        setpoints=[(0.0, target)],
+        duration=n * tick,
+        start_depth=depth,
+        parts=1,
+    )
     _, flown = rig.fly(depth=depth, target=target, ticks=n)
     if name == "feup-em":  # the same kernel, the same step
         assert np.abs(solution.depth - flown["depth"]).max() < 1e-12
@@ -51,9 +56,13 @@ def test_a_stalled_piston_leaves_the_glide_of_the_hull(rig):
     _, flown = rig.fly((Fault.STALLED, 0, 0, 0, ALWAYS), depth=z0, volume=V, ticks=300)
     time = rig.tick * np.arange(301)
     glide = solve_ivp(
-        lambda _, x: [x[1], p.a_b * (p.psi * x[0] + p.V_0 - V) - p.d_l * x[1]], (0.0, time[-1]),
-        [z0, 0.0], t_eval=time, rtol=1e-11, atol=1e-12,
-    )  # fmt: skip
+        lambda _, x: [x[1], p.a_b * (p.psi * x[0] + p.V_0 - V) - p.d_l * x[1]],
+        (0.0, time[-1]),
+        [z0, 0.0],
+        t_eval=time,
+        rtol=1e-11,
+        atol=1e-12,
+    )
     under = glide.y[0] > 0.5
     assert under.sum() > 100
     assert np.abs(flown["depth"][:301][under] - glide.y[0][under]).max() < 1e-7
@@ -71,10 +80,14 @@ def test_water_that_leaks_in_is_a_volume_that_is_lost(rig):
     for water in flown["water"][:-1]:
         step = solve_ivp(
             lambda _, y, w=water: [
-                y[1], p.a_b * (p.psi * y[0] + p.V_0 + w - V) - p.d_l * y[1],
+                y[1],
+                p.a_b * (p.psi * y[0] + p.V_0 + w - V) - p.d_l * y[1],
             ],
-            (0.0, rig.tick), x, rtol=1e-10, atol=1e-12,
-        )  # fmt: skip
+            (0.0, rig.tick),
+            x,
+            rtol=1e-10,
+            atol=1e-12,
+        )
         x = step.y[:, -1]
         depths.append(x[0])
     assert depths[-1] > z0 + 1.0

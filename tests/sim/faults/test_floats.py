@@ -41,8 +41,9 @@ class Machine:
     numbers; what the pump gives at a voltage and a pressure is that of its datasheet's formulas.
     """
 
-    def __init__(self, fault_rows, depth, volume, *, drift=0.0, swell=0.0, swell_omega=1.0,
-                 swell_phase=0.0):  # fmt: skip
+    def __init__(
+        self, fault_rows, depth, volume, *, drift=0.0, swell=0.0, swell_omega=1.0, swell_phase=0.0
+    ):
         self.fault_rows, self.sea = fault_rows, (drift, swell, swell_omega, swell_phase)
         grid = np.arange(0.0, 700.0, 0.5)
         column = uniform_column(FLOAT.water, 700.0, step=0.5)
@@ -56,9 +57,11 @@ class Machine:
                 yield first, (k - begin) * TICK
 
     def head(self, z):
-        return FLOAT.water.specific_weight * z + ATMOSPHERIC_PRESSURE - (
-            FLOAT.actuator.internal_pressure
-        )  # fmt: skip
+        return (
+            FLOAT.water.specific_weight * z
+            + ATMOSPHERIC_PRESSURE
+            - (FLOAT.actuator.internal_pressure)
+        )
 
     def battery(self, k):
         """Return the supply that the pump has at tick k, and its voltage without load [V]."""
@@ -80,9 +83,12 @@ class Machine:
         load = math.prod(first for first, _ in self.on(Fault.WEAK, k))
         head = FLOAT.water.specific_weight * z * (load - 1.0) + self.head(z)
         run = pump_run(
-            FLOAT.actuator.pump, np.array([head]), water=FLOAT.water, supply=supply,
+            FLOAT.actuator.pump,
+            np.array([head]),
+            water=FLOAT.water,
+            supply=supply,
             driver=FLOAT.driver,
-        )  # fmt: skip
+        )
         speed = math.prod(first for first, _ in self.on(Fault.SLOW, k))
         if any(self.on(Fault.STALLED, k)):
             speed = 0.0
@@ -176,9 +182,16 @@ class Machine:
         done = 0.0
         while length - done > 1e-9:
             found = solve_ivp(
-                rhs, (done, length), self.x, method="Radau", rtol=1e-9, atol=[1e-8, 1e-9, 1e-14],
-                args=(does,), events=stop, max_step=0.5,
-            )  # fmt: skip
+                rhs,
+                (done, length),
+                self.x,
+                method="Radau",
+                rtol=1e-9,
+                atol=[1e-8, 1e-9, 1e-14],
+                args=(does,),
+                events=stop,
+                max_step=0.5,
+            )
             self.x, done = found.y[:, -1], found.t[-1]
             if found.status == 1:
                 self.x[2] = min(max(self.x[2], low), high)
@@ -190,17 +203,29 @@ def follow(machine, flown):
     return dict(zip(names, np.array(rows).T, strict=True))
 
 
-NEAR = {"depth": 2e-3, "speed": 1e-4, "volume": 2e-8, "applied": 1e-12, "battery": 2e-3,
-        "water": 1e-18}  # fmt: skip
+NEAR = {
+    "depth": 2e-3,
+    "speed": 1e-4,
+    "volume": 2e-8,
+    "applied": 1e-12,
+    "battery": 2e-3,
+    "water": 1e-18,
+}
 # Of a battery's resistance: its current is the driver's here, and the motor's in the formulas.
 NEAR_SAGGING = NEAR | {"depth": 1e-2, "speed": 3e-4, "battery": 5e-3}
 
 
 def against_radau(rig, *fault_rows, sea=None, ticks=80, depth=400.0, target=340.0, near=NEAR):
     _, flown = rig.fly(
-        *fault_rows, depth=depth, volume=math.nan, turns=((0.0, target), (45.0, depth + 60.0)),
-        ticks=ticks, ramp=math.inf, full=TICK, **(sea or {}),
-    )  # fmt: skip
+        *fault_rows,
+        depth=depth,
+        volume=math.nan,
+        turns=((0.0, target), (45.0, depth + 60.0)),
+        ticks=ticks,
+        ramp=math.inf,
+        full=TICK,
+        **(sea or {}),
+    )
     expected = follow(Machine(fault_rows, depth, flown["volume"][0], **(sea or {})), flown)
     for name, most in near.items():
         off = np.abs(flown[name] - expected[name])
@@ -212,9 +237,10 @@ def test_a_mission_without_faults_is_that_of_the_twin_in_the_loop(rig):
     """The C law and supervisor, from the surface to 30 m: commands to the bit, depths to 1e-9 m."""
     made = make_program(rig.course.vehicle, depths=())
     board = VehicleTwin(
-        made.controller(made.twin()), made.supervisor,
+        made.controller(made.twin()),
+        made.supervisor,
         supervisor=twin(SUPERVISOR, read_law(SUPERVISOR, Watched)),
-    )  # fmt: skip
+    )
 
     def tick(seen, asked):
         watched = Watched(seen.depth, 0.0, math.nan, 14.4, False, 0, 0)
@@ -223,9 +249,14 @@ def test_a_mission_without_faults_is_that_of_the_twin_in_the_loop(rig):
     asked = np.full(901, 30.0)
     rows = fly_float(FLOAT, tick, tick=TICK, start_depth=0.0, asked=asked)
     _, flown = rig.fly(
-        who="supervised", depth=0.0, target=30.0, volume=math.nan, ticks=900, ramp=math.inf,
+        who="supervised",
+        depth=0.0,
+        target=30.0,
+        volume=math.nan,
+        ticks=900,
+        ramp=math.inf,
         full=TICK,
-    )  # fmt: skip
+    )
     assert rows[:, 0].max() > 20.0
     for column, name, near in ((3, "command", 0.0), (0, "depth", 1e-9), (2, "volume", 1e-15)):
         assert np.abs(rows[:, column] - flown[name][:901]).max() <= near
@@ -238,11 +269,21 @@ def test_pump_valve_and_hull_are_those_of_radau_in_a_sea(rig):
 
 
 SEVERE = {
-    Fault.SLOW: 0.3, Fault.WEAK: 3.0, Fault.BLOCKED_OUT: 1e-3, Fault.BLOCKED_IN: 5e-4,
-    Fault.RUNS_ON: 9.0, Fault.BATTERY_DECLINE: 1e-2, Fault.BATTERY_SAG: 0.9,
-    Fault.BATTERY_DROP: 0.4, Fault.BATTERY_CELL: 0.3, Fault.BATTERY_DEAD: 60.0,
-    Fault.VALVE_OPEN: 0.3, Fault.VALVE_LEAKS: 5e-3, Fault.LEAK_SMALL: 3e-7, Fault.LEAK_LARGE: 5e-6,
-}  # fmt: skip
+    Fault.SLOW: 0.3,
+    Fault.WEAK: 3.0,
+    Fault.BLOCKED_OUT: 1e-3,
+    Fault.BLOCKED_IN: 5e-4,
+    Fault.RUNS_ON: 9.0,
+    Fault.BATTERY_DECLINE: 1e-2,
+    Fault.BATTERY_SAG: 0.9,
+    Fault.BATTERY_DROP: 0.4,
+    Fault.BATTERY_CELL: 0.3,
+    Fault.BATTERY_DEAD: 60.0,
+    Fault.VALVE_OPEN: 0.3,
+    Fault.VALVE_LEAKS: 5e-3,
+    Fault.LEAK_SMALL: 3e-7,
+    Fault.LEAK_LARGE: 5e-6,
+}
 PLANT = ("actuator", "battery", "leak")
 
 
@@ -253,9 +294,13 @@ def test_each_fault_of_pump_valve_battery_and_hull_is_that_of_radau(rig, fault):
     near = NEAR_SAGGING if fault == Fault.BATTERY_SAG else NEAR
     flown = against_radau(rig, (fault, SEVERE.get(fault, 0.0), 0, 12, ALWAYS), near=near)
     _, well = rig.fly(
-        depth=400.0, volume=math.nan, turns=((0.0, 340.0), (45.0, 460.0)), ticks=80, full=TICK,
+        depth=400.0,
+        volume=math.nan,
+        turns=((0.0, 340.0), (45.0, 460.0)),
+        ticks=80,
+        full=TICK,
         ramp=math.inf,
-    )  # fmt: skip
+    )
     acts = {"actuator": ("volume",), "battery": ("battery",), "leak": ("water", "depth")}
     for name in acts[KINDS[fault].family]:
         assert np.array_equal(flown[name][:12], well[name][:12])
@@ -265,9 +310,14 @@ def test_each_fault_of_pump_valve_battery_and_hull_is_that_of_radau(rig, fault):
 def test_a_board_that_misses_ticks_leaves_pump_and_valve_off(rig):
     """Each command is for its tick; a law that has lost its time goes on with its run."""
     _, flown = rig.fly(
-        (Fault.PAUSE, 5.0, 5.0, 4, ALWAYS), depth=400.0, target=340.0, volume=math.nan, ticks=60,
-        ramp=math.inf, full=TICK,
-    )  # fmt: skip
+        (Fault.PAUSE, 5.0, 5.0, 4, ALWAYS),
+        depth=400.0,
+        target=340.0,
+        volume=math.nan,
+        ticks=60,
+        ramp=math.inf,
+        full=TICK,
+    )
     missed = flown["board"] == 1.0
     assert missed.sum() > 20
     assert not flown["applied"][missed].any()

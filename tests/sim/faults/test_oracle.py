@@ -20,8 +20,14 @@ from tests.sim.faults.oracle import COMPARED, Drawn, Fault, Faulty, Layered, fol
 ALWAYS = math.inf
 # A motor whose load does not depend on the direction; and one that stops where it turns, as all
 # drag of two laws does: the kernel finds that instant to about 1e-11 m3, and psi makes it grow.
-NEAR = {"depth": 2e-8, "speed": 2e-8, "volume": 2e-12, "applied": 1e-12, "battery": 2e-7,
-        "water": 1e-18}  # fmt: skip
+NEAR = {
+    "depth": 2e-8,
+    "speed": 2e-8,
+    "volume": 2e-12,
+    "applied": 1e-12,
+    "battery": 2e-7,
+    "water": 1e-18,
+}
 NEAR_TURNING = NEAR | {"depth": 2e-5, "speed": 1e-6, "volume": 1e-10, "battery": 5e-6}
 SEA = dict(drift=2e-8, swell=20e-6, swell_omega=2.0 * math.pi / 7.0, swell_phase=0.6)
 POOL = dict(drift=2e-9, swell=5e-7, swell_omega=2.0 * math.pi / 6.0, swell_phase=2.0)
@@ -73,7 +79,7 @@ def compare(flown, found, first=0, skip=0, near=NEAR):
 
 def against_oracle(
     rig, *fault_rows, depth=20.0, ticks=300, bottom=math.inf, sea=SEA, near=NEAR, **run
-):  # fmt: skip
+):
     """Fly, compare with the oracle; return (result, columns)."""
     result, flown = rig.fly(*fault_rows, depth=depth, ticks=ticks, bottom=bottom, **sea, **run)
     machine = Machine(rig.vehicle, bottom)
@@ -81,11 +87,16 @@ def against_oracle(
         machine.E = run["supply"]
     found = follow(
         Faulty(
-            machine, rig.vehicle, fault_rows, tick=rig.tick, depth=depth,
-            volume=run.get("volume", rig.vehicle.neutral_volume(depth)), **sea,
+            machine,
+            rig.vehicle,
+            fault_rows,
+            tick=rig.tick,
+            depth=depth,
+            volume=run.get("volume", rig.vehicle.neutral_volume(depth)),
+            **sea,
         ),
         flown,
-    )  # fmt: skip
+    )
     compare(flown, found, near=near)
     return result, flown
 
@@ -98,9 +109,13 @@ def test_a_flight_in_swell_with_drift_and_a_leak_is_that_of_the_oracle(rig_of, n
     turns = ((0.0, 1.4), (100.0, 1.0)) if small else ((0.0, 23.0), (100.0, 19.0), (200.0, 21.0))
     leak = (Fault.LEAK_SMALL, 1e-9 if small else 2e-7, 0, 40, ALWAYS)
     _, flown = against_oracle(
-        rig, leak, depth=1.2 if small else 20.0, turns=turns, sea=POOL if small else SEA,
+        rig,
+        leak,
+        depth=1.2 if small else 20.0,
+        turns=turns,
+        sea=POOL if small else SEA,
         near=NEAR if name in ("feup-em", "leaky") else NEAR_TURNING,
-    )  # fmt: skip
+    )
     assert np.ptp(flown["depth"]) > (0.05 if small else 1.0)
 
 
@@ -110,9 +125,14 @@ def test_a_flight_in_the_layers_of_a_cast_is_that_of_the_oracle(rig_of):
     step, g = 0.001, 9.7
     z = np.arange(0.0, 9.0, step)
     column = Column(
-        depth=z, pressure=SALT * g * z, density=density(z), temperature=np.full_like(z, 8.0),
-        gravity=g, compressibility=vehicle.water.compressibility, source="halocline",
-    )  # fmt: skip
+        depth=z,
+        pressure=SALT * g * z,
+        density=density(z),
+        temperature=np.full_like(z, 8.0),
+        gravity=g,
+        compressibility=vehicle.water.compressibility,
+        source="halocline",
+    )
     rig = rig_of(vehicle, (1.0, 6.0), column)
     share, psi = g / vehicle.water.gravity, vehicle.hull.psi
 
@@ -128,9 +148,14 @@ def test_a_flight_in_the_layers_of_a_cast_is_that_of_the_oracle(rig_of):
     _, flown = rig.fly(*fault_rows, depth=2.0, turns=turns, ticks=300, **SEA)
     assert flown["depth"].min() < 1.2 < 2.0 < flown["depth"].max()
     faulty = Faulty(
-        Layered(vehicle, layers, share), vehicle, fault_rows, tick=rig.tick, depth=2.0,
-        volume=start, **SEA,
-    )  # fmt: skip
+        Layered(vehicle, layers, share),
+        vehicle,
+        fault_rows,
+        tick=rig.tick,
+        depth=2.0,
+        volume=start,
+        **SEA,
+    )
     # steps of fourth order from row to row of the table, where the rest of the plant is exact
     near = NEAR | {"depth": 2e-5, "speed": 2e-5, "volume": 1e-10, "battery": 5e-6}
     compare(flown, follow(faulty, flown), near=near)
@@ -171,19 +196,32 @@ def test_the_surface_the_bottom_and_both_end_stops(rig):
 BEGIN, END = 60, 130
 # Severity, in the unit that the oracle takes it in: what the catalogue says has to be the same.
 SEVERE = {
-    Fault.DEPTH_RANGE: (-400.0, 0, "m"), Fault.DEPTH_DROPOUTS: (0.7, 0, ""),
-    Fault.DEPTH_LATE: (6.0, 1, "s"), Fault.DEPTH_OLD: (4.5, 0, "s"),
-    Fault.DEPTH_JUMP: (-7.0, 0, "m"), Fault.DEPTH_DRIFT: (0.1, 0, "m/s"),
-    Fault.DEPTH_SCALE: (-0.25, 0, ""), Fault.DEPTH_NOISE: (2.0, 0, "m"),
-    Fault.VOLUME_DRIFT: (0.01, 0, "1/s"), Fault.SLOW: (0.05, 0, ""), Fault.WEAK: (5.0, 0, ""),
-    Fault.BLOCKED_OUT: (0.01, 0, ""), Fault.BLOCKED_IN: (0.01, 0, ""),
-    Fault.RUNS_ON: (9.0, 0, "s"), Fault.BATTERY_DECLINE: (5e-3, 0, "1/s"),
-    Fault.BATTERY_SAG: (0.6, 0, ""), Fault.BATTERY_DROP: (0.4, 0, ""),
-    Fault.BATTERY_CELL: (0.3, 0, ""), Fault.BATTERY_DEAD: (30.0, 0, "s"),
-    Fault.TICKS_LOST: (0.6, 0, ""), Fault.PAUSE: (3.0, 6.0, "s"), Fault.RESETS: (6.0, 0, "s"),
-    Fault.HANG: (3.0, 0, "s"), Fault.LEAK_SMALL: (3e-7, 0, "m3/s"),
+    Fault.DEPTH_RANGE: (-400.0, 0, "m"),
+    Fault.DEPTH_DROPOUTS: (0.7, 0, ""),
+    Fault.DEPTH_LATE: (6.0, 1, "s"),
+    Fault.DEPTH_OLD: (4.5, 0, "s"),
+    Fault.DEPTH_JUMP: (-7.0, 0, "m"),
+    Fault.DEPTH_DRIFT: (0.1, 0, "m/s"),
+    Fault.DEPTH_SCALE: (-0.25, 0, ""),
+    Fault.DEPTH_NOISE: (2.0, 0, "m"),
+    Fault.VOLUME_DRIFT: (0.01, 0, "1/s"),
+    Fault.SLOW: (0.05, 0, ""),
+    Fault.WEAK: (5.0, 0, ""),
+    Fault.BLOCKED_OUT: (0.01, 0, ""),
+    Fault.BLOCKED_IN: (0.01, 0, ""),
+    Fault.RUNS_ON: (9.0, 0, "s"),
+    Fault.BATTERY_DECLINE: (5e-3, 0, "1/s"),
+    Fault.BATTERY_SAG: (0.6, 0, ""),
+    Fault.BATTERY_DROP: (0.4, 0, ""),
+    Fault.BATTERY_CELL: (0.3, 0, ""),
+    Fault.BATTERY_DEAD: (30.0, 0, "s"),
+    Fault.TICKS_LOST: (0.6, 0, ""),
+    Fault.PAUSE: (3.0, 6.0, "s"),
+    Fault.RESETS: (6.0, 0, "s"),
+    Fault.HANG: (3.0, 0, "s"),
+    Fault.LEAK_SMALL: (3e-7, 0, "m3/s"),
     Fault.LEAK_LARGE: (5e-6, 0, "m3/s"),
-}  # fmt: skip
+}
 TURNS = ((0.0, 22.0), (55.0, 17.0), (95.0, 24.0), (140.0, 20.0))
 
 
@@ -346,20 +384,28 @@ def test_limit_switches_cut_and_fail_as_in_the_oracle(rig_of, fault):
         way = flown["applied"] > 0.0 if out else flown["applied"] < 0.0
         assert not way[20:].any()
     assert set(kinds_of(vehicle)) - set(kinds_of(load_vehicle("feup-em"))) == {
-        Fault.SWITCH_OPEN, Fault.SWITCH_CLOSED,
-    }  # fmt: skip
+        Fault.SWITCH_OPEN,
+        Fault.SWITCH_CLOSED,
+    }
 
 
-@pytest.mark.parametrize("fault", [Fault.STALLED, Fault.SLOW, Fault.REVERSED, Fault.BLOCKED_OUT,
-                                   Fault.BLOCKED_IN, Fault.RUNS_ON])  # fmt: skip
+@pytest.mark.parametrize(
+    "fault",
+    [Fault.STALLED, Fault.SLOW, Fault.REVERSED, Fault.BLOCKED_OUT, Fault.BLOCKED_IN, Fault.RUNS_ON],
+)
 def test_each_fault_of_an_actuator_also_fails_a_positioner(rig_of, fault):
     rig = rig_of("ntnu-bv", (1.0, 1.5))
     first, second, _ = SEVERE.get(fault, (0.0, 0.0, ""))
     turns = ((0.0, 1.4), (25.0, 1.1), (60.0, 1.3))
     _, flown = against_oracle(
-        rig, (fault, first, second, 30, 70 if KINDS[fault].may_end else ALWAYS), depth=1.2,
-        ticks=120, turns=turns, sea=POOL, near=NEAR_TURNING,
-    )  # fmt: skip
+        rig,
+        (fault, first, second, 30, 70 if KINDS[fault].may_end else ALWAYS),
+        depth=1.2,
+        ticks=120,
+        turns=turns,
+        sea=POOL,
+        near=NEAR_TURNING,
+    )
     _, well = rig.fly(depth=1.2, ticks=120, turns=turns, **POOL)
     assert np.abs(flown["volume"] - well["volume"]).max() > 1e-7
 
@@ -369,9 +415,11 @@ def test_two_faults_act_one_upon_the_other(rig):
         rig, (Fault.SLOW, 0.3, 0, 20, 150), (Fault.WEAK, 3.0, 0, 60, ALWAYS), turns=TURNS
     )
     against_oracle(
-        rig, (Fault.BATTERY_SAG, 0.5, 0, 20, ALWAYS), (Fault.BATTERY_DROP, 0.3, 0, 60, 200),
+        rig,
+        (Fault.BATTERY_SAG, 0.5, 0, 20, ALWAYS),
+        (Fault.BATTERY_DROP, 0.3, 0, 60, 200),
         turns=TURNS,
-    )  # fmt: skip
+    )
     against_oracle(
         rig, (Fault.REVERSED, 0, 0, 50, 120), (Fault.LEAK_LARGE, 4e-6, 0, 60, ALWAYS), turns=TURNS
     )
@@ -394,9 +442,18 @@ def test_a_drawn_mission_is_that_of_the_oracle_around_its_onset(number):
         )
         start = {name: flown[name][first] for name in ("depth", "volume", "speed")}
         faulty = Faulty(
-            machine, vehicle, fault_rows, tick=tick, first=first, drift=c.drift, swell=c.swell,
-            swell_omega=c.swell_omega, swell_phase=c.swell_phase, gravity=c.gravity, **start,
-        )  # fmt: skip
+            machine,
+            vehicle,
+            fault_rows,
+            tick=tick,
+            first=first,
+            drift=c.drift,
+            swell=c.swell,
+            swell_omega=c.swell_omega,
+            swell_phase=c.swell_phase,
+            gravity=c.gravity,
+            **start,
+        )
         faulty.applied = flown["applied"][first - 1]
         compare(flown, follow(faulty, flown, ticks=200, settle=20), first, skip=21)
 

@@ -40,10 +40,15 @@ class Line:
         # Radau's Jacobian by differences may overflow, and its last step be of rounding: it goes on
         with np.errstate(over="ignore", divide="ignore"):
             found = solve_ivp(
-                slope, (0.0, end - begin), y, method="Radau", rtol=tolerance,
-                atol=[1e-12, 1e-9, 1e-8], first_step=min(1e-6, end - begin),
+                slope,
+                (0.0, end - begin),
+                y,
+                method="Radau",
+                rtol=tolerance,
+                atol=[1e-12, 1e-9, 1e-8],
+                first_step=min(1e-6, end - begin),
                 max_step=max((end - begin) / 20.0, 1e-6),
-            )  # fmt: skip
+            )
         assert found.success
         return found.y[:, -1]
 

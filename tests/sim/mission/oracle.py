@@ -29,11 +29,14 @@ class Oracle:
                 "pressure": column.pressure,
                 "neutral": neutral_volume(vehicle, column),
                 "layers": layered_volume(vehicle, column),
-                "out": drive.rate_out, "in": drive.rate_in, "bypass": drive.bypass_in,
-                "leak": drive.leakage, "short": drive.start_volume,
+                "out": drive.rate_out,
+                "in": drive.rate_in,
+                "bypass": drive.bypass_in,
+                "leak": drive.leakage,
+                "short": drive.start_volume,
                 "temperature": column.temperature,
             }.items()
-        }  # fmt: skip
+        }
         self.slope = self.table["pressure"].derivative()
         self.lag = vehicle.hull.thermal_time_constant
         self.grows = sum(p.volume * p.thermal_expansion for p in hull_parts(vehicle))
@@ -84,9 +87,14 @@ class Oracle:
         crosses.terminal = True
         while t < end:
             found = solve_ivp(
-                self.rhs(what), (t, end), y, method="DOP853", rtol=1e-10,
-                atol=[1e-10, 1e-11, 1e-8, 1e-9], events=crosses,
-            )  # fmt: skip
+                self.rhs(what),
+                (t, end),
+                y,
+                method="DOP853",
+                rtol=1e-10,
+                atol=[1e-10, 1e-11, 1e-8, 1e-9],
+                events=crosses,
+            )
             assert found.success, found.message
             y, t = found.y[:, -1].copy(), float(found.t[-1])
             if found.status == 1:

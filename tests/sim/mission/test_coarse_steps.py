@@ -35,12 +35,18 @@ def stepping(vehicle: Vehicle, step: str) -> Vehicle:
 def alike(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
     """Return the vehicle with drag and valve as far off as dives tell them, 2.6 %."""
     drag, valve = vehicle.drag, vehicle.actuator.valve
-    return vehicle.model_copy(update={
-        "drag": drag.model_copy(update={"k_dt": drag.k_dt * (1.0 + 0.026 * rng.normal())}),
-        "actuator": vehicle.actuator.model_copy(update={
-            "valve": valve.model_copy(update={"flow": valve.flow * (1.0 + 0.026 * rng.normal())})
-        }),
-    })  # fmt: skip
+    return vehicle.model_copy(
+        update={
+            "drag": drag.model_copy(update={"k_dt": drag.k_dt * (1.0 + 0.026 * rng.normal())}),
+            "actuator": vehicle.actuator.model_copy(
+                update={
+                    "valve": valve.model_copy(
+                        update={"flow": valve.flow * (1.0 + 0.026 * rng.normal())}
+                    )
+                }
+            ),
+        }
+    )
 
 
 def shares(vehicle: Vehicle, count: int) -> np.ndarray:

@@ -16,10 +16,16 @@ SHORT = 4e-7  # m3 that each start falls short by
 def steady(profiler):
     """The float with a pump of one delivery, no bypass and runs as long as they have to be."""
     pump = profiler.actuator.pump.model_copy(update={"slip": 0.0})
-    actuator = profiler.actuator.model_copy(update={
-        "pump": pump, "bypass": None, "quantum": 0.0, "longest_run": None, "line": None,
-        "start_volume": SHORT,
-    })  # fmt: skip
+    actuator = profiler.actuator.model_copy(
+        update={
+            "pump": pump,
+            "bypass": None,
+            "quantum": 0.0,
+            "longest_run": None,
+            "line": None,
+            "start_volume": SHORT,
+        }
+    )
     return profiler.model_copy(update={"actuator": actuator})
 
 

@@ -78,15 +78,25 @@ def test_a_swell_carries_the_vehicle_as_scipy_says(profiler, sea):
 
 
 def coast(
-    vehicle, column, *, depth, volume, speed, seconds, accuracy=TIGHT, bottom=math.inf, step=None,
+    vehicle,
+    column,
+    *,
+    depth,
+    volume,
+    speed,
+    seconds,
+    accuracy=TIGHT,
+    bottom=math.inf,
+    step=None,
     celsius=None,
-):  # fmt: skip
+):
     """Let a vehicle go, with nobody looking; return state and accounts after `seconds`."""
     task = Mission(
-        start_depth=depth, bottom_depth=None if math.isinf(bottom) else bottom,
+        start_depth=depth,
+        bottom_depth=None if math.isinf(bottom) else bottom,
         start_temperature=celsius,
         phases=[{"kind": "park", "depth": depth, "duration": seconds}],
-    )  # fmt: skip
+    )
     plan = make_plan(vehicle, task, column, accuracy=accuracy)
     x, at, accounts = first_state(plan, task)
     if step is not None:
@@ -159,8 +169,11 @@ def test_in_the_papers_water_it_is_the_papers_model():
     rows = flown.rows[np.concatenate(([True], np.diff(flown.rows["t"]) > 0.0))]
     assert np.ptp(rows["v"]) > 1e-6
     paper = sb.drive(
-        vehicle, time=rows["t"], volume=rows["v"], start_depth=1.0,
-    )  # fmt: skip
+        vehicle,
+        time=rows["t"],
+        volume=rows["v"],
+        start_depth=1.0,
+    )
     assert np.max(np.abs(paper.depth - rows["z"])) < 1e-6
 
 
@@ -230,9 +243,14 @@ def test_the_bottom_takes_the_speed_at_the_instant_that_scipy_says(profiler, sea
     )
     oracle = Oracle(profiler, sea)
     found = solve_ivp(
-        oracle.rhs("nothing"), (0.0, 900.0), [100.0, 0.1, volume * 1e6, 9.0], method="DOP853",
-        rtol=1e-11, atol=1e-12, events=_lands,
-    )  # fmt: skip
+        oracle.rhs("nothing"),
+        (0.0, 900.0),
+        [100.0, 0.1, volume * 1e6, 9.0],
+        method="DOP853",
+        rtol=1e-11,
+        atol=1e-12,
+        events=_lands,
+    )
     w = float(found.y_events[0][0, 1])
     assert at["place"] == 2
     assert (x["z"], x["w"]) == (120.0, 0.0)

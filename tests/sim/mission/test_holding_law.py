@@ -63,11 +63,25 @@ def test_on_its_own_model_an_error_falls_by_the_pole_from_wake_to_wake():
     K2, T2, psi, interval = 8000.0, 36.0, 4e-6, 20.0
     gains = deadband_gains(K2, T2, psi, interval)
     law = DeadbandParameters(
-        K2=K2, T2=T2, psi=psi, depth_noise=1e-5, neutral_step=1e-7, band=1e-6, speed_band=1e-9,
-        fastest=10.0, **gains._asdict(), interval=interval, k_pV=0.0, tolerance=0.0,
-        depth_voltage=0.0, rate_per_volt=0.0, voltage_limit=0.0, volume_min=-1.0, volume_max=1.0,
+        K2=K2,
+        T2=T2,
+        psi=psi,
+        depth_noise=1e-5,
+        neutral_step=1e-7,
+        band=1e-6,
+        speed_band=1e-9,
+        fastest=10.0,
+        **gains._asdict(),
+        interval=interval,
+        k_pV=0.0,
+        tolerance=0.0,
+        depth_voltage=0.0,
+        rate_per_volt=0.0,
+        voltage_limit=0.0,
+        volume_min=-1.0,
+        volume_max=1.0,
         S_p=1.0,
-    )  # fmt: skip
+    )
     b, x, V = 2e-5, np.array([1.0, 0.0]), 2e-5 + 4e-6
     state = begin(law, Measurement(0.0, x[0], V), 0.0)
     rates = np.zeros((3, 3))
@@ -231,9 +245,12 @@ def test_the_time_of_an_approach_is_the_integral_of_its_speeds(way):
         1e-3, 5.0, 10.0, 50.0, 0.02, 0.03, 0.1, 0.1, 0.02, 0.0, 0.0, 50.0, 10.0, 60.0
     )
     due = quad(
-        lambda d: 1.0 / approach_speed(law, d), min(law.tolerance, way), way,
-        points=[p for p in (10.0, 50.0) if p < way], limit=200,
-    )[0]  # fmt: skip
+        lambda d: 1.0 / approach_speed(law, d),
+        min(law.tolerance, way),
+        way,
+        points=[p for p in (10.0, 50.0) if p < way],
+        limit=200,
+    )[0]
     assert approach_time(law, way) == pytest.approx(due, rel=1e-6)
     mission = task(400.0, 5.0)
     vehicle = load_vehicle("example-float")
@@ -264,9 +281,16 @@ def test_a_slow_drive_may_not_go_as_deep_as_it_could_rest():
             return [w, (push - k * w) / m, np.interp(z, column.depth, rates)]
 
         start = slow.neutral_volume(depth) - k * 0.2 / weight
-        end = solve_ivp(f, (0.0, 3600.0), [depth, 0.2, start], rtol=1e-8, events=[
-            _at(lambda z: z - depth + 1.0), _at(lambda z: z - 3.0 * rests),
-        ])  # fmt: skip
+        end = solve_ivp(
+            f,
+            (0.0, 3600.0),
+            [depth, 0.2, start],
+            rtol=1e-8,
+            events=[
+                _at(lambda z: z - depth + 1.0),
+                _at(lambda z: z - 3.0 * rests),
+            ],
+        )
         return len(end.t_events[0]) > 0
 
     assert comes_up(found)

@@ -29,9 +29,11 @@ EXPANSION, LAG = 7e-5, 900.0  # 1/K, of aluminium; s, as a logged float's
 
 def heated(vehicle, lag=LAG, expansion=EXPANSION, **hull):
     part = HullPart(
-        name="hull", volume=vehicle.hull.displaced_volume, compressibility=3.4e-10,
+        name="hull",
+        volume=vehicle.hull.displaced_volume,
+        compressibility=3.4e-10,
         thermal_expansion=expansion,
-    )  # fmt: skip
+    )
     changes = {"parts": (part,), "thermal_time_constant": lag, **hull}
     return vehicle.model_copy(update={"hull": vehicle.hull.model_copy(update=changes)})
 
@@ -56,9 +58,12 @@ def test_in_water_of_one_temperature_it_is_a_decay(profiler):
 def test_sinking_through_layers_it_stays_behind_by_speed_times_gradient(profiler, sea):
     """A ramp of b K/s is followed at a distance b tau: as a vehicle of no expansion sinks."""
     linear = sea.__class__(
-        depth=sea.depth, pressure=sea.pressure, density=sea.density,
-        temperature=20.0 - 0.02 * sea.depth, gravity=sea.gravity,
-    )  # fmt: skip
+        depth=sea.depth,
+        pressure=sea.pressure,
+        density=sea.density,
+        temperature=20.0 - 0.02 * sea.depth,
+        gravity=sea.gravity,
+    )
     vehicle = heated(profiler, lag=60.0, expansion=1e-12)
     start = float(np.interp(50.0, sea.depth, neutral_volume(vehicle, linear)))
     x, _, _ = coast(vehicle, linear, depth=50.0, volume=start - 100e-6, speed=0.0, seconds=1200.0)
@@ -86,12 +91,13 @@ def test_a_dive_in_an_internal_wave_is_that_of_scipy(profiler, sea):
     wave = InternalWave(amplitude=12.0, period=2400.0, water_depth=380.0, phase=0.7)
     table = motion_table(WaterMotion(internal_waves=(wave,)), sea.gravity)
     task = Mission(
-        start_depth=20.0, start_temperature=5.0,
+        start_depth=20.0,
+        start_temperature=5.0,
         phases=[
             {"kind": "descend", "depth": 90.0, "tolerance": 4.0},
             {"kind": "hold", "depth": 90.0, "tolerance": 4.0, "duration": 3600.0},
         ],
-    )  # fmt: skip
+    )
     vehicle = heated(profiler)
     flown = fly_mission(vehicle, task, sea, waves=table, accuracy=TIGHT, checked=False)
     states = Oracle(vehicle, sea, waves=lambda z, t: moved(table, z, t)).replay(flown)
@@ -144,9 +150,11 @@ def test_it_is_lifted_off_the_bottom_when_its_hull_has_warmed(profiler):
     water, bottom = vehicle.water.temperature, 100.0
     colder, light = 10.0, 5e-6  # K, m3
     task = Mission(
-        start_depth=bottom - 0.01, bottom_depth=bottom, start_temperature=water - colder,
+        start_depth=bottom - 0.01,
+        bottom_depth=bottom,
+        start_temperature=water - colder,
         phases=[{"kind": "park", "depth": bottom - 1.0, "tolerance": 5.0, "duration": 3600.0}],
-    )  # fmt: skip
+    )
     rest = float(np.interp(bottom, column.depth, neutral_volume(vehicle, column)))
     flown = fly_mission(vehicle, task, column, start_volume=rest + light)
     kinds = flown.notes["what"]

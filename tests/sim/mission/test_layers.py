@@ -45,9 +45,11 @@ def layers():
 
 def made_of(profiler, *, compressibility, expansion=0.0):
     part = HullPart(
-        name="hull", volume=profiler.hull.displaced_volume, compressibility=compressibility,
+        name="hull",
+        volume=profiler.hull.displaced_volume,
+        compressibility=compressibility,
         thermal_expansion=expansion,
-    )  # fmt: skip
+    )
     return profiler.model_copy(update={"hull": profiler.hull.model_copy(update={"parts": (part,)})})
 
 
@@ -141,9 +143,12 @@ def test_water_lighter_than_fresh_water_can_be_has_a_compressibility():
     """Density below that of S = 0 at this temperature: TEOS-10 has no salinity for it."""
     depth = np.arange(0.0, 11.0)
     light = Column(
-        depth=depth, pressure=9.78e3 * depth, density=990.0 + 0.1 * depth,
-        temperature=np.full_like(depth, 20.0), gravity=9.81,
-    )  # fmt: skip
+        depth=depth,
+        pressure=9.78e3 * depth,
+        density=990.0 + 0.1 * depth,
+        temperature=np.full_like(depth, 20.0),
+        gravity=9.81,
+    )
     assert np.allclose(water_compressibility(light), gsw.kappa(0.0, 20.0, 5.0), rtol=0.01)
 
 

@@ -29,28 +29,37 @@ TIGHT = Accuracy(relative=1e-8, depth=1e-7, speed=1e-9, volume=1e-13)
 def with_line(profiler, oil, *, resistance=0.0, reservoir=RESERVOIR, **more):
     actuator = profiler.actuator.model_copy(
         update={
-            "pump": PUMP, "line": oil, "start_volume": 0.0, "internal_pressure": reservoir, **more
+            "pump": PUMP,
+            "line": oil,
+            "start_volume": 0.0,
+            "internal_pressure": reservoir,
+            **more,
         }
-    )  # fmt: skip
+    )
     supply = profiler.supply.model_copy(update={"internal_resistance": resistance})
     return profiler.model_copy(update={"actuator": actuator, "supply": supply})
 
 
 def by_hand(oil, **more):
     return Line(
-        oil, lambda h: PUMP.delivery - PUMP.slip * h,
+        oil,
+        lambda h: PUMP.delivery - PUMP.slip * h,
         lambda h: PUMP.idle_power + PUMP.power_per_pressure * h,
-        reservoir=RESERVOIR, slip=PUMP.slip, **more,
-    )  # fmt: skip
+        reservoir=RESERVOIR,
+        slip=PUMP.slip,
+        **more,
+    )
 
 
 def one_run(vehicle, depth, speed, duration, after, *, bottom=None, drive_error=None):
     """A pump that starts at once, at a depth and a speed, and stops after `duration` [s]."""
     column = uniform_column(vehicle.water, 2300.0)
     task = Mission(
-        start_depth=depth, phases=[{"kind": "park", "depth": depth, "duration": 1e5}],
-        safety={"deepest": 2250.0}, bottom_depth=bottom,
-    )  # fmt: skip
+        start_depth=depth,
+        phases=[{"kind": "park", "depth": depth, "duration": 1e5}],
+        safety={"deepest": 2250.0},
+        bottom_depth=bottom,
+    )
     plan = make_plan(vehicle, task, column, accuracy=TIGHT, drive_error=drive_error)
     x, at, accounts = first_state(plan, task)
     begin = x.copy()
@@ -61,11 +70,20 @@ def one_run(vehicle, depth, speed, duration, after, *, bottom=None, drive_error=
     flown = plan.under_way((x, at, accounts), rows=3000, notes=100, cycles=0)
     stop = fly(flown)
     return Flight(
-        vehicle=vehicle, mission=task, column=column, plan=plan,
-        rows=flown.rows[: flown.lane.counts[0]], notes=flown.lane.notes[: flown.lane.counts[1]],
-        cycles=flown.cycles, begin=begin, end=x, whole=at, accounts=accounts, stop=stop,
+        vehicle=vehicle,
+        mission=task,
+        column=column,
+        plan=plan,
+        rows=flown.rows[: flown.lane.counts[0]],
+        notes=flown.lane.notes[: flown.lane.counts[1]],
+        cycles=flown.cycles,
+        begin=begin,
+        end=x,
+        whole=at,
+        accounts=accounts,
+        stop=stop,
         reach=reach_of(vehicle, task, plan),
-    )  # fmt: skip
+    )
 
 
 def length_of(line, depth, volume, vehicle):
@@ -79,11 +97,17 @@ def length_of(line, depth, volume, vehicle):
 @pytest.mark.parametrize(
     ("depth", "speed", "mL", "line"),
     [
-        (2.0, 0.1, 0.5, 20.0), (2.0, 0.1, 50.0, 100.0), (10.0, -0.1, 0.5, 100.0),
-        (10.0, -0.1, 50.0, 20.0), (100.0, 0.1, 0.5, 20.0), (100.0, -0.1, 5.0, 100.0),
-        (1000.0, 0.1, 1.0, 100.0), (1990.0, -0.1, 0.5, 100.0), (1990.0, 0.1, 50.0, 20.0),
+        (2.0, 0.1, 0.5, 20.0),
+        (2.0, 0.1, 50.0, 100.0),
+        (10.0, -0.1, 0.5, 100.0),
+        (10.0, -0.1, 50.0, 20.0),
+        (100.0, 0.1, 0.5, 20.0),
+        (100.0, -0.1, 5.0, 100.0),
+        (1000.0, 0.1, 1.0, 100.0),
+        (1990.0, -0.1, 0.5, 100.0),
+        (1990.0, 0.1, 50.0, 20.0),
     ],
-)  # fmt: skip
+)
 def test_a_run_is_that_of_the_lines_pressure(profiler, air, depth, speed, mL, line):
     """From 0 to 2000 m, 0.5 to 50 mL: volume and energy as SciPy, with the vehicle moving."""
     oil = Oil(volume=1e-6 * line, bulk_modulus=1.4e9, trapped_air=air)
@@ -160,14 +184,16 @@ def test_datasheets_their_amplifier_and_a_battery_that_sags(profiler):
     vehicle = with_line(profiler, oil, pump=pump, resistance=0.15)
 
     def point(h):
-        return datasheet_point(
-            pump, np.array([h]), vehicle.water, vehicle.supply, vehicle.driver
-        )  # fmt: skip
+        return datasheet_point(pump, np.array([h]), vehicle.water, vehicle.supply, vehicle.driver)
 
     hand = Line(
-        oil, lambda h: float(point(h).drive.volume_rate[0]), lambda h: float(point(h).cells[0]),
-        reservoir=RESERVOIR, slip=drive.pump_leakage / 4.0, ratio=2.0,
-    )  # fmt: skip
+        oil,
+        lambda h: float(point(h).drive.volume_rate[0]),
+        lambda h: float(point(h).cells[0]),
+        reservoir=RESERVOIR,
+        slip=drive.pump_leakage / 4.0,
+        ratio=2.0,
+    )
     flight = one_run(vehicle, 300.0, -0.1, 6.0, 20.0)
     sea = sea_of(flight)
     ran = hand.run([np.log(RESERVOIR), 0.0, 0.0], 0.0, 6.0, sea, pumps=True)
@@ -187,10 +213,12 @@ def test_a_weak_pump_in_cold_water_fills_its_line_for_longer_and_dearer(profiler
         update={"water": vehicle.water.model_copy(update={"temperature": 4.0})}
     )
     hand = Line(
-        oil, lambda h: 0.8 * (PUMP.delivery - PUMP.slip * h),
+        oil,
+        lambda h: 0.8 * (PUMP.delivery - PUMP.slip * h),
         lambda h: PUMP.idle_power + PUMP.power_per_pressure * h + 0.2 * 11.0,
-        reservoir=RESERVOIR, slip=PUMP.slip,
-    )  # fmt: skip
+        reservoir=RESERVOIR,
+        slip=PUMP.slip,
+    )
     flight = one_run(vehicle, 500.0, 0.1, 9.0, 1.0, drive_error=DriveError(pump=0.8))
     ran = hand.run([np.log(RESERVOIR), 0.0, 0.0], 0.0, 9.0, sea_of(flight), pumps=True)
     over = at_time(flight, 9.0)
@@ -264,7 +292,8 @@ def test_a_start_that_falls_short_besides_waits_until_its_line_is_full(profiler)
 @pytest.mark.parametrize(("reservoir", "air"), [(0.0, 0.0), (9e3, 0.1)])
 def test_a_line_needs_a_reservoir_at_some_pressure(profiler, reservoir, air):
     values = profiler.actuator.model_dump() | {
-        "line": {"volume": 1e-5, "trapped_air": air}, "internal_pressure": reservoir
-    }  # fmt: skip
+        "line": {"volume": 1e-5, "trapped_air": air},
+        "internal_pressure": reservoir,
+    }
     with pytest.raises(InputError, match=r"internal_pressure"):
         type(profiler.actuator)(**values)

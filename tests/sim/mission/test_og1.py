@@ -19,40 +19,77 @@ from tests.sim.mission.conftest import phases
 
 BEGIN = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
 GLOBAL = (
-    "title", "platform", "platform_vocabulary", "id", "contributor_name", "contributor_email",
-    "contributor_role", "contributor_role_vocabulary", "contributing_institutions",
-    "contributing_institutions_role", "contributing_institutions_role_vocabulary", "rtqc_method",
-    "start_date", "date_created", "featureType", "Conventions",
-)  # fmt: skip
+    "title",
+    "platform",
+    "platform_vocabulary",
+    "id",
+    "contributor_name",
+    "contributor_email",
+    "contributor_role",
+    "contributor_role_vocabulary",
+    "contributing_institutions",
+    "contributing_institutions_role",
+    "contributing_institutions_role_vocabulary",
+    "rtqc_method",
+    "start_date",
+    "date_created",
+    "featureType",
+    "Conventions",
+)
 TIME = {
-    "calendar": "gregorian", "units": "seconds since 1970-01-01T00:00:00Z", "_FillValue": -1.0,
-    "valid_min": 1e9, "valid_max": 4e9,
-}  # fmt: skip
+    "calendar": "gregorian",
+    "units": "seconds since 1970-01-01T00:00:00Z",
+    "_FillValue": -1.0,
+    "valid_min": 1e9,
+    "valid_max": 4e9,
+}
 LATITUDE = {
-    "standard_name": "latitude", "units": "degrees_north", "_FillValue": -9999.9,
-    "valid_min": -90.0, "valid_max": 90.0,
-}  # fmt: skip
+    "standard_name": "latitude",
+    "units": "degrees_north",
+    "_FillValue": -9999.9,
+    "valid_min": -90.0,
+    "valid_max": 90.0,
+}
 LONGITUDE = {
-    "standard_name": "longitude", "units": "degrees_east", "_FillValue": -9999.9,
-    "valid_min": -180.0, "valid_max": 180.0,
-}  # fmt: skip
+    "standard_name": "longitude",
+    "units": "degrees_east",
+    "_FillValue": -9999.9,
+    "valid_min": -180.0,
+    "valid_max": 180.0,
+}
 DEPTH = {
-    "standard_name": "depth", "units": "metres", "_FillValue": -9999.9, "valid_min": 0.0,
+    "standard_name": "depth",
+    "units": "metres",
+    "_FillValue": -9999.9,
+    "valid_min": 0.0,
     "valid_max": 10000.0,
-}  # fmt: skip
+}
 DOUBLES = {
-    "TIME": TIME, "LATITUDE": LATITUDE, "LONGITUDE": LONGITUDE, "DEPTH": DEPTH, "TIME_GPS": TIME,
-    "LATITUDE_GPS": LATITUDE, "LONGITUDE_GPS": LONGITUDE,
-}  # fmt: skip
+    "TIME": TIME,
+    "LATITUDE": LATITUDE,
+    "LONGITUDE": LONGITUDE,
+    "DEPTH": DEPTH,
+    "TIME_GPS": TIME,
+    "LATITUDE_GPS": LATITUDE,
+    "LONGITUDE_GPS": LONGITUDE,
+}
 VOCABULARY = {
-    "TIME": "time_vocabulary", "LATITUDE": "latitude_vocabulary",
-    "LONGITUDE": "longitude_vocabulary", "DEPTH": "depth_vocabulary",
-}  # fmt: skip
+    "TIME": "time_vocabulary",
+    "LATITUDE": "latitude_vocabulary",
+    "LONGITUDE": "longitude_vocabulary",
+    "DEPTH": "depth_vocabulary",
+}
 STRINGS = ("TRAJECTORY", "WMO_IDENTIFIER", "PLATFORM_MODEL", "PLATFORM_SERIAL_NUMBER")
 PARAMETER = (
-    "long_name", "standard_name", "vocabulary", "_FillValue", "units", "ancillary_variables",
-    "coordinates", "sensor",
-)  # fmt: skip
+    "long_name",
+    "standard_name",
+    "vocabulary",
+    "_FillValue",
+    "units",
+    "ancillary_variables",
+    "coordinates",
+    "sensor",
+)
 SENSOR = ("sensor_type_vocabulary", "long_name", "sensor_model", "sensor_model_vocabulary")
 
 

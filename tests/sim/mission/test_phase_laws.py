@@ -137,10 +137,11 @@ def test_energy_and_battery():
     )
     vehicle = vehicle.model_copy(
         update={
-            "supply": supply, "driver": None,
+            "supply": supply,
+            "driver": None,
             "loads": (Load(name="board", power=0.5), Load(name="lamp", power=2.0, phases=["park"])),
         }
-    )  # fmt: skip
+    )
     flight = flown(vehicle, steps(HOLD, PARK), checked=False)
     found, _ = simulated(vehicle, flight)
     a = flight.accounts

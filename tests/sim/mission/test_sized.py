@@ -31,9 +31,14 @@ def parts(**changes):
     """Pumps of the typical list, and few of the rest."""
     listed = load_parts()
     few = {
-        "supplies": (24.0,), "windings": (1.5,), "motors": listed.motors[1:2], "gears": (),
-        "screws": (), "pistons": (), "amplifiers": listed.amplifiers[:1],
-    }  # fmt: skip
+        "supplies": (24.0,),
+        "windings": (1.5,),
+        "motors": listed.motors[1:2],
+        "gears": (),
+        "screws": (),
+        "pistons": (),
+        "amplifiers": listed.amplifiers[:1],
+    }
     return listed.model_copy(update=few | changes)
 
 
@@ -73,9 +78,11 @@ def test_the_capacity_for_what_a_cycle_took_is_that_many_cycles(cold):
     each = (book.drawn - book.battery["self-discharge"]) / cycles
     for wanted in (40, 80):
         capacity = needed_capacity(
-            wanted * each, wanted * flight.duration / cycles,
-            0.9 * usable_share(vehicle.supply, 4.0), vehicle.supply.self_discharge,
-        )  # fmt: skip
+            wanted * each,
+            wanted * flight.duration / cycles,
+            0.9 * usable_share(vehicle.supply, 4.0),
+            vehicle.supply.self_discharge,
+        )
         supply = vehicle.supply.model_copy(update={"capacity": float(capacity)})
         _, again = flown(vehicle.model_copy(update={"supply": supply}), cold)
         assert again in (wanted, wanted + 1)

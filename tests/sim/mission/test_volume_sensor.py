@@ -32,13 +32,19 @@ def runs(flight):
     """Volume at the begin of each run, at its end, and what was wanted [m3], end stops apart."""
     begins = (Note.PUMP, Note.VALVE, Note.BYPASS)
     notes = flight.notes[np.isin(flight.notes["what"], [*begins, Note.RUN_OVER])]
-    pairs = [(a, b) for a, b in itertools.pairwise(notes)
-             if a["what"] in begins and b["what"] == Note.RUN_OVER]  # fmt: skip
+    pairs = [
+        (a, b)
+        for a, b in itertools.pairwise(notes)
+        if a["what"] in begins and b["what"] == Note.RUN_OVER
+    ]
     stroke = FEUP.stroke
-    return np.array([
-        (a["v"], b["v"], a["number"]) for a, b in pairs
-        if stroke.minimum < b["v"] < stroke.maximum
-    ])  # fmt: skip
+    return np.array(
+        [
+            (a["v"], b["v"], a["number"])
+            for a, b in pairs
+            if stroke.minimum < b["v"] < stroke.maximum
+        ]
+    )
 
 
 def test_without_a_seed_volumes_are_true():
@@ -81,5 +87,6 @@ def test_the_noise_of_begin_and_end_is_in_what_a_run_moves():
     wide = 5.0 / math.sqrt(2.0 * missed.size)
     assert np.sqrt(np.mean(missed**2)) == pytest.approx(math.sqrt(2.0) * sigma, rel=wide)
     assert Doing.PUMPING in flight.rows["doing"]
-    assert np.array_equal(flight.rows, flown(depth_noise=0.0, depth_quantum=0.0,
-                                             volume_noise=sigma).rows)  # fmt: skip
+    assert np.array_equal(
+        flight.rows, flown(depth_noise=0.0, depth_quantum=0.0, volume_noise=sigma).rows
+    )

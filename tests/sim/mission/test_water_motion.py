@@ -77,9 +77,13 @@ def test_water_that_goes_along_with_the_swell_keeps_its_pressure(amplitude):
     """p = rho g (z - displacement): along the path of a parcel it stays, to the second order."""
     table = motion_table(WaterMotion(swell=[Swell(amplitude=amplitude, period=9.0)]), 9.81)
     path = solve_ivp(
-        lambda t, z: [moved(table, z[0], t)[1]], (0.0, 36.0), [5.0], rtol=1e-10, atol=1e-12,
+        lambda t, z: [moved(table, z[0], t)[1]],
+        (0.0, 36.0),
+        [5.0],
+        rtol=1e-10,
+        atol=1e-12,
         max_step=0.1,
-    )  # fmt: skip
+    )
     displaced = [moved(table, z, t)[0] for t, z in zip(path.t, path.y[0], strict=True)]
     head = path.y[0] - displaced
     k = (2.0 * np.pi / 9.0) ** 2 / 9.81

@@ -37,9 +37,11 @@ def travel(t, dV, psi=PSI):
 
 
 @given(
-    st.floats(500.0, 5e4), st.floats(1.0, 200.0),
-    st.sampled_from([0.0, 4.04e-6, 1e-9, -1e-7, -4.04e-6, -1e-3]), st.integers(0, 2**32 - 1),
-)  # fmt: skip
+    st.floats(500.0, 5e4),
+    st.floats(1.0, 200.0),
+    st.sampled_from([0.0, 4.04e-6, 1e-9, -1e-7, -4.04e-6, -1e-3]),
+    st.integers(0, 2**32 - 1),
+)
 @examples(30)
 def test_response_is_that_of_the_differential_equation(gain, lag, psi, seed):
     random = np.random.default_rng(seed)

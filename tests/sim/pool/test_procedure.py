@@ -194,9 +194,12 @@ def test_the_phases_of_a_run_are_named(runs):
 
 
 @given(
-    st.floats(0.5, 12.0), st.floats(0.01, 5.0), st.floats(0.005, 0.5), st.floats(0.0, 0.4),
+    st.floats(0.5, 12.0),
+    st.floats(0.01, 5.0),
+    st.floats(0.005, 0.5),
+    st.floats(0.0, 0.4),
     st.floats(-5e-3, 5e-3),
-)  # fmt: skip
+)
 def test_timed_travel_is_the_integral_of_the_speed(u, time, lag, opposing, speed):
     """eq. (22): T1 dv/dt = K1 (u - opposing) - v, then K1 u = K1 opposing holds."""
     steady = K1 * (u - opposing)
@@ -225,9 +228,13 @@ def test_the_lag_is_made_up_by_the_coast():
 def test_timed_travel_is_what_the_simulator_does(vehicle, depth, u):
     load = LOAD * depth
     s = drive(
-        vehicle, time=[0.0, 0.9, 5.0], voltage=[u, load, load], start_depth=depth,
-        start_volume=-150e-6, bottom_depth=depth,
-    )  # fmt: skip
+        vehicle,
+        time=[0.0, 0.9, 5.0],
+        voltage=[u, load, load],
+        start_depth=depth,
+        start_volume=-150e-6,
+        bottom_depth=depth,
+    )
     at_end, at_last = pool.timed_travel(u, 0.9, K1=K1, T1=T1, opposing=load)
     moved = (s.volume - s.volume[0]) / A
     assert moved[1:] == pytest.approx([at_end, at_last], rel=1e-12)
