@@ -89,9 +89,16 @@ class NoAnswerError(SwimbladderError):
 
 
 def check_number(
-    value: float, field: str, unit: str = "", *, least: float = -math.inf, above: float = -math.inf,
-    most: float = math.inf, finite: bool = True, remedy: str = "Check the number and its unit",
-) -> None:  # fmt: skip
+    value: float,
+    field: str,
+    unit: str = "",
+    *,
+    least: float = -math.inf,
+    above: float = -math.inf,
+    most: float = math.inf,
+    finite: bool = True,
+    remedy: str = "Check the number and its unit",
+) -> None:
     """Raise InputError about `field` for a number that is not within its bounds, or not finite."""
     if value >= least and value > above and value <= most and (math.isfinite(value) or not finite):
         return

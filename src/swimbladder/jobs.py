@@ -166,9 +166,12 @@ class Store:
 
 
 def each(
-    work: Callable[[Item], Answer], items: Iterable[Item], *, workers: int | None = None,
+    work: Callable[[Item], Answer],
+    items: Iterable[Item],
+    *,
+    workers: int | None = None,
     processes: bool = False,
-) -> Iterator[tuple[Item, Answer]]:  # fmt: skip
+) -> Iterator[tuple[Item, Answer]]:
     """Yield (item, its answer) as they come, on all cores by threads: kernels let others run.
 
     processes: instead of threads, for work that holds Python's lock. Few items wait at a time, so
@@ -237,17 +240,42 @@ class Workers:
         """Refuse what cannot be."""
         k, n = self.part
         for fits, field, value, what, remedy in (
-            (self.executor in EXECUTORS, "--executor", self.executor, "no such executor",
-             f"Choose from {', '.join(EXECUTORS)}"),
-            (self.count is None or 1 <= self.count <= 4096, "--workers", self.count,
-             "must be a whole number from 1 to 4096", "Leave it out for one on each core"),
-            (self.scheduler is None or self.executor == "dask", "--scheduler", self.scheduler,
-             "only dask has a scheduler", "Give --executor dask"),
-            (self.scheduler is None or self.count is None, "--workers", self.count,
-             "a scheduler has workers of its own", "Leave it out"),
-            (1 <= k <= n <= 1_000_000, "--part", f"{k}/{n}", "no part of a whole",
-             "Give a number and how many there are, from --part 1/8 to --part 8/8"),
-        ):  # fmt: skip
+            (
+                self.executor in EXECUTORS,
+                "--executor",
+                self.executor,
+                "no such executor",
+                f"Choose from {', '.join(EXECUTORS)}",
+            ),
+            (
+                self.count is None or 1 <= self.count <= 4096,
+                "--workers",
+                self.count,
+                "must be a whole number from 1 to 4096",
+                "Leave it out for one on each core",
+            ),
+            (
+                self.scheduler is None or self.executor == "dask",
+                "--scheduler",
+                self.scheduler,
+                "only dask has a scheduler",
+                "Give --executor dask",
+            ),
+            (
+                self.scheduler is None or self.count is None,
+                "--workers",
+                self.count,
+                "a scheduler has workers of its own",
+                "Leave it out",
+            ),
+            (
+                1 <= k <= n <= 1_000_000,
+                "--part",
+                f"{k}/{n}",
+                "no part of a whole",
+                "Give a number and how many there are, from --part 1/8 to --part 8/8",
+            ),
+        ):
             if not fits:
                 raise InputError(what, field=field, value=value, remedy=remedy)
 

@@ -97,11 +97,17 @@ def ballast(
         uncertainty = uncertainty_of(v, given)
     with progress("drawing vehicles", 1.0) as advance, task.said_as_typed(), target.said_as_typed():
         found = find(
-            v, sea.columns, target=Target(**sought), uncertainty=uncertainty,
-            probability=asked["probability"], speed=asked["speed"], density=density, material=named,
+            v,
+            sea.columns,
+            target=Target(**sought),
+            uncertainty=uncertainty,
+            probability=asked["probability"],
+            speed=asked["speed"],
+            density=density,
+            material=named,
             assumptions=(*warned, *sea.assumed, told, *_hull_words(v), *uncertainty.said),
             advance=advance,
-        )  # fmt: skip
+        )
     files = partial(ballast_files, found)
     to.answer(found.to_json(), files, _shown(found, warned), good=found.covered)
 

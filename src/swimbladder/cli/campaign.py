@@ -130,9 +130,15 @@ def campaign(
     drawn = stated.of(v)
     with asked_of(mission, task, duration=how.span):
         job = Floats(
-            vehicle=v, mission=task, columns=columns, floats=floats, spread=drawn,
-            sensitivity=stated.sensitivity, store=(to.out / "campaign.zarr").absolute(), **asked,
-        )  # fmt: skip
+            vehicle=v,
+            mission=task,
+            columns=columns,
+            floats=floats,
+            spread=drawn,
+            sensitivity=stated.sensitivity,
+            store=(to.out / "campaign.zarr").absolute(),
+            **asked,
+        )
     layout = job.layout
     doing = f"flying {layout.floats} floats"
     job.check()
@@ -144,9 +150,14 @@ def campaign(
     layout.tidy()
     table, energy_unknown = layout.table(), job.plans[0].energy_known
     found = Campaign(
-        vehicle=v, mission=task, columns=columns, spread=job.spread, seed=job.seed,
-        table=table, energy_unknown=energy_unknown,
-    )  # fmt: skip
+        vehicle=v,
+        mission=task,
+        columns=columns,
+        spread=job.spread,
+        seed=job.seed,
+        table=table,
+        energy_unknown=energy_unknown,
+    )
     files: dict[str, object] = {"floats.csv": found.columns_csv}
     if job.design is None:
         answer, shown, good = found.to_json(), _shown(found), bool(found.good.all())

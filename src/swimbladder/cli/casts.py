@@ -154,8 +154,9 @@ class LogCasts(Options):
         found: list[Cast] = []
         reading = {
             "columns": pairs(self.cast_column or [], "--cast-column"),
-            "profile": self.cast_profile, "inversions": "average",
-        }  # fmt: skip
+            "profile": self.cast_profile,
+            "inversions": "average",
+        }
         for rows in selections(self.cast_where or []):
             try:
                 found += _read({**reading, "where": rows}, self.cast or [])

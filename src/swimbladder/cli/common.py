@@ -110,9 +110,12 @@ def severities(findings: Sequence[Any]) -> Iterator[Text | str]:
 
 
 def table(
-    headings: Sequence[str], rows: Iterable[Iterable[str]], *,
-    left: Collection[str] | None = None, **given: Any,
-) -> Table:  # fmt: skip
+    headings: Sequence[str],
+    rows: Iterable[Iterable[str]],
+    *,
+    left: Collection[str] | None = None,
+    **given: Any,
+) -> Table:
     """Return a table without lines, whose columns of words stand to the left.
 
     left: their headings (the first, which has names: they are not broken). given: as
@@ -281,8 +284,10 @@ def asked_of(path: Path, task: Mission, **typed: str | None) -> Iterator[None]:
     from swimbladder.io.config import locate
 
     try:
-        with said_as_typed({f"--{name}": text for name, text in typed.items()},
-                           **{name: f"--{name}" for name in typed}):  # fmt: skip
+        with said_as_typed(
+            {f"--{name}": text for name, text in typed.items()},
+            **{name: f"--{name}" for name in typed},
+        ):
             yield
     except InputError as error:
         field = (error.field or "-").split("[")[0].split(".")[0]

@@ -55,9 +55,11 @@ def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> It
 
     yield from (*said, "")
     shown = {
-        "W/Pa": ("mW/dbar", 1e7), "m3/s": ("mL/s", 1e6), "m3/s/Pa": ("mL/s/MPa", 1e12),
+        "W/Pa": ("mW/dbar", 1e7),
+        "m3/s": ("mL/s", 1e6),
+        "m3/s/Pa": ("mL/s/MPa", 1e12),
         "m3": ("mL", 1e6),
-    }  # fmt: skip
+    }
     rows = []
     for name, e in found.parameters.items():
         unit, factor = shown.get(e.unit, (e.unit, 1.0))
@@ -75,9 +77,13 @@ def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> It
 
 
 _SHORT = {
-    "battery": "batt", "driver": "driver", "motor": "motor", "transmission": "drive",
-    "leakage": "leak", "reservoir": "tank",
-}  # fmt: skip
+    "battery": "batt",
+    "driver": "driver",
+    "motor": "motor",
+    "transmission": "drive",
+    "leakage": "leak",
+    "reservoir": "tank",
+}
 _LINES = 11  # depths in the printed table
 
 

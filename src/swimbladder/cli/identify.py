@@ -44,9 +44,14 @@ _DBAR = 1e4  # Pa
 
 
 def _identify_deep(
-    logs: Sequence[Chosen], vehicle: Vehicle, given: str, reading: LogReading, sought: Sought,
-    casts: LogCasts, to: Files,
-) -> None:  # fmt: skip
+    logs: Sequence[Chosen],
+    vehicle: Vehicle,
+    given: str,
+    reading: LogReading,
+    sought: Sought,
+    casts: LogCasts,
+    to: Files,
+) -> None:
     """Identify, write the files, print; exit code 1 where a parameter is not identifiable.
 
     given: how the vehicle was named.
@@ -294,9 +299,14 @@ def identify(
     answer = {**found.to_json(), "paper": None if beside is None else beside.to_json()}
     with progress("writing the report", 1.0) as advance:
         files = write_identification(
-            found, to.out, answer=answer, command=typed_command(), seconds=seconds,
-            paper=beside, advance=advance,
-        )  # fmt: skip
+            found,
+            to.out,
+            answer=answer,
+            command=typed_command(),
+            seconds=seconds,
+            paper=beside,
+            advance=advance,
+        )
     named = [path for path in files if to.json or path.suffix != ".png"]
     refused = [f.sentence for f in found.findings if f.severity == "no"]
     shown = _shown(found, beside, seconds)

@@ -58,9 +58,13 @@ class LogReading(Options):
         return pairs(self.column or [], "--column")
 
     def log(
-        self, log: Chosen, vehicle: Vehicle | None, *, quiet: bool = False,
+        self,
+        log: Chosen,
+        vehicle: Vehicle | None,
+        *,
+        quiet: bool = False,
         required: Collection[str] = ("time_s", "depth_m"),
-    ) -> Log:  # fmt: skip
+    ) -> Log:
         """Return the log of a vehicle, read by the format asked for or the one shipped for it.
 
         quiet: that a shipped one is used has been said. required: columns it must have. Raises
@@ -100,9 +104,14 @@ def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogErr
 
 
 def _format(
-    path: Path, vehicle: Vehicle | None, columns: Mapping[str, str], asked: str | None,
-    required: Collection[str], *, quiet: bool,
-) -> LogFormat | None:  # fmt: skip
+    path: Path,
+    vehicle: Vehicle | None,
+    columns: Mapping[str, str],
+    asked: str | None,
+    required: Collection[str],
+    *,
+    quiet: bool,
+) -> LogFormat | None:
     """Return the log format asked for; else the shipped one of the vehicle, where it fits.
 
     It fits where the log has all its columns and lacks a required one; that it is used is said.

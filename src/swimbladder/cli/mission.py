@@ -111,9 +111,15 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
 
 
 def _write(
-    found: MissionResult, out: Path, answer: dict[str, Any], cast: Cast | None,
-    begin: datetime.datetime, *, netcdf: bool, plot: bool,
-) -> list[Path]:  # fmt: skip
+    found: MissionResult,
+    out: Path,
+    answer: dict[str, Any],
+    cast: Cast | None,
+    begin: datetime.datetime,
+    *,
+    netcdf: bool,
+    plot: bool,
+) -> list[Path]:
     """Write the files, take away those of an earlier flight, and return their paths."""
     from swimbladder.show.files import write_all
     from swimbladder.sim.mission.export import float_configuration

@@ -20,10 +20,22 @@ from swimbladder.cli.common import aside, emit_json, progress, quantity, said_as
 from swimbladder.errors import InputError
 
 _UNITS = {
-    "DEPTH": "m", "DENSITY": "kg/m3", "DISTANCE": "m", "ENERGY": "J", "LENGTH": "m", "MASS": "kg",
-    "POWER": "W", "PSI": "m3/m", "SHARE": "", "SPEED": "m/s", "TEMP": "degC", "TIME": "s",
-    "VOLTAGE": "V", "VOLUME": "m3", "1/K": "1/K",
-}  # fmt: skip
+    "DEPTH": "m",
+    "DENSITY": "kg/m3",
+    "DISTANCE": "m",
+    "ENERGY": "J",
+    "LENGTH": "m",
+    "MASS": "kg",
+    "POWER": "W",
+    "PSI": "m3/m",
+    "SHARE": "",
+    "SPEED": "m/s",
+    "TEMP": "degC",
+    "TIME": "s",
+    "VOLTAGE": "V",
+    "VOLUME": "m3",
+    "1/K": "1/K",
+}
 
 
 _Value = TypeVar("_Value")
@@ -37,9 +49,14 @@ LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV file
 
 
 def valued(
-    word: str | None, help: str, default: Any = None, *, name: str | None = None,
-    read: Callable[[Any, str], Any] | None = None, **more: Any,
-) -> Any:  # fmt: skip
+    word: str | None,
+    help: str,
+    default: Any = None,
+    *,
+    name: str | None = None,
+    read: Callable[[Any, str], Any] | None = None,
+    **more: Any,
+) -> Any:
     """Return a field of a group: an option with a word for its value in the help.
 
     default: ... where it must be given. name: of the option, where that is not the field's. read:

@@ -33,9 +33,17 @@ if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
 _STEP = (
-    "time_s", "start_depth_m", "target_depth_m", "overshoot_pct", "rise90_s", "settle2_s",
-    "final_depth_m", "peak_volume_m3", "volume_range_m3", "actuator_travel_m3",
-)  # fmt: skip
+    "time_s",
+    "start_depth_m",
+    "target_depth_m",
+    "overshoot_pct",
+    "rise90_s",
+    "settle2_s",
+    "final_depth_m",
+    "peak_volume_m3",
+    "volume_range_m3",
+    "actuator_travel_m3",
+)
 
 
 def write_files(

@@ -146,9 +146,14 @@ class ExpressionText:
     """
 
     def __init__(
-        self, law: str, functions: dict[tree.Function, str], names: dict[str, str],
-        pointers: set[str], fields: dict[str, set[str]], keep: Callable[[str, tree.Record], str],
-    ) -> None:  # fmt: skip
+        self,
+        law: str,
+        functions: dict[tree.Function, str],
+        names: dict[str, str],
+        pointers: set[str],
+        fields: dict[str, set[str]],
+        keep: Callable[[str, tree.Record], str],
+    ) -> None:
         self.law, self.functions = law, functions
         self.names, self.pointers, self.fields, self.keep = names, pointers, fields, keep
 
@@ -248,10 +253,14 @@ class FunctionText:
     """A function being written: names of its variables, declared or not yet, and its lines."""
 
     def __init__(
-        self, law: str, function: tree.Function, names: dict[tree.Function, str],
-        fields: dict[str, set[str]], home: tree.Home | None = None,
+        self,
+        law: str,
+        function: tree.Function,
+        names: dict[tree.Function, str],
+        fields: dict[str, set[str]],
+        home: tree.Home | None = None,
         placed: Collection[tree.Function] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.law, self.function, self.placed = law, function, placed
         self.home = {name for name in home or () if name is not None}
         self.body = tree.alive(function.body)

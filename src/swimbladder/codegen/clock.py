@@ -48,9 +48,16 @@ class ControllerTwin:
     """
 
     def __init__(
-        self, law: Law, parameters: Any, *, tick_s: float, low: float, high: float,
-        first: float = 0.0, seconds: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        law: Law,
+        parameters: Any,
+        *,
+        tick_s: float,
+        low: float,
+        high: float,
+        first: float = 0.0,
+        seconds: bool = False,
+    ) -> None:
         self.law, self.parameters = law, parameters
         self.tick_s = np.float32(tick_s)
         self.low, self.high = np.float32(low), np.float32(high)
@@ -110,10 +117,15 @@ class VehicleTwin:
     """
 
     def __init__(
-        self, controller: ControllerTwin, limits: SupervisorParameters, *,
-        supervisor: Law = SUPERVISOR, after_reset: bool = False, before: Any = None,
+        self,
+        controller: ControllerTwin,
+        limits: SupervisorParameters,
+        *,
+        supervisor: Law = SUPERVISOR,
+        after_reset: bool = False,
+        before: Any = None,
         spoil: Callable[[int, Watched], Watched] = lambda _, seen: seen,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.controller, self.limits, self.supervisor = controller, limits, supervisor
         self.spoil = spoil
         self.ticks = 0

@@ -206,11 +206,18 @@ def fly_float(
     law, held, _ = as_law(vehicle, commanded, tick)
     ticks = np.arange(n, dtype=np.int64)
     block = Block(
-        plants=plants, law=law, parameters=held._asdict(),
-        clock=Schedule(tick=tick, turn=ticks, given=ticks), parts=1, depths=asked[:, None],
-        start=start, sensors=vehicle.sensors, seeds=None if seed is None else [[seed, 0]],
-        recorded=True, stepper=stepper,
-    )  # fmt: skip
+        plants=plants,
+        law=law,
+        parameters=held._asdict(),
+        clock=Schedule(tick=tick, turn=ticks, given=ticks),
+        parts=1,
+        depths=asked[:, None],
+        start=start,
+        sensors=vehicle.sensors,
+        seeds=None if seed is None else [[seed, 0]],
+        recorded=True,
+        stepper=stepper,
+    )
     run_function(block, commanded, progress)
     if block.work[Row.STOPPED, 0] != 0.0:
         at = block.work[Row.STOP_TICK, 0] * tick

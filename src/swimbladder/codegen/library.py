@@ -70,10 +70,15 @@ class Library(BoardProgram):
 
 
 def make_library(
-    vehicle: Vehicle, *, start_depth: float | None = None, target: float | None = None,
-    duration: float | None = None, seed: int | None = 1, pool: PoolOptions | None = None,
+    vehicle: Vehicle,
+    *,
+    start_depth: float | None = None,
+    target: float | None = None,
+    duration: float | None = None,
+    seed: int | None = 1,
+    pool: PoolOptions | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Library:  # fmt: skip
+) -> Library:
     """Return the library of a vehicle's controller; the golden mission is a depth step.
 
     start_depth, target [m], duration [s] (`STEP` where not given; a float's also comes up again,
@@ -113,12 +118,20 @@ def make_library(
     golden = fly(vehicle, made, mission, seed, progress)
     day = None if pool is None else plan_pool_day(vehicle, pool, made.supervisor, seed=seed)
     facts = made.facts | {
-        "start": mission.start, "goal": mission.target, "ticks": len(golden.depth), "pool": day,
-        "pool_units": POOL.units, "day": False, "pushes": made.supervisor.proof.same_tried < NEVER,
-        "positioner": made.supervisor.rate.positioner > 0.0, "drive": drive,
-        "time_limit": time_limit(made.supervisor), "launch_min": LAUNCH, "dive_min": UNDER_WATER,
+        "start": mission.start,
+        "goal": mission.target,
+        "ticks": len(golden.depth),
+        "pool": day,
+        "pool_units": POOL.units,
+        "day": False,
+        "pushes": made.supervisor.proof.same_tried < NEVER,
+        "positioner": made.supervisor.rate.positioner > 0.0,
+        "drive": drive,
+        "time_limit": time_limit(made.supervisor),
+        "launch_min": LAUNCH,
+        "dive_min": UNDER_WATER,
         "lined": getattr(vehicle.actuator, "line", None) is not None,
-    }  # fmt: skip
+    }
     rows = [
         [f"0x{np.float32(x).view(np.uint32):08x}" for x in row]
         for row in zip(*(column[:_ON_BOARD] for column in golden[:4]), strict=True)
@@ -184,13 +197,26 @@ def make_program(
     plain = re.sub(r"[^\w .-]", "_", vehicle.name, flags=re.ASCII)
     release = re.match(r"\d+\.\d+\.\d+", version("swimbladder"))
     facts = {
-        "vehicle": plain, "library": f"Swimbladder {plain}", "law": law, "tick": tick_s,
-        "version": release.group() if release else "0.0.0", "low": ends[0], "high": ends[1],
-        "first": first, "soon": SOON, "most_turns": MOST_TURNS, "unit": unit, "ends": said,
-        "digits": digits, "column": column, "parameters": parameters, "reasons": Reason,
-        "header": f"time_s,depth_m,volume_m3,{column},reference_depth_m", "limits": limits,
+        "vehicle": plain,
+        "library": f"Swimbladder {plain}",
+        "law": law,
+        "tick": tick_s,
+        "version": release.group() if release else "0.0.0",
+        "low": ends[0],
+        "high": ends[1],
+        "first": first,
+        "soon": SOON,
+        "most_turns": MOST_TURNS,
+        "unit": unit,
+        "ends": said,
+        "digits": digits,
+        "column": column,
+        "parameters": parameters,
+        "reasons": Reason,
+        "header": f"time_s,depth_m,volume_m3,{column},reference_depth_m",
+        "limits": limits,
         "units": SUPERVISOR.units,
-    }  # fmt: skip
+    }
     own = write_c99(program)
     supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
     sources = {
@@ -205,9 +231,17 @@ def make_program(
         "swb_vehicle.c": render("swb_vehicle.c.j2", facts),
     }
     return BoardProgram(
-        law=law, parameters=parameters, tick_s=tick_s, first=first, limits=ends,
-        supervisor=limits, drive=drive, program=program, facts=facts, sources=sources,
-    )  # fmt: skip
+        law=law,
+        parameters=parameters,
+        tick_s=tick_s,
+        first=first,
+        limits=ends,
+        supervisor=limits,
+        drive=drive,
+        program=program,
+        facts=facts,
+        sources=sources,
+    )
 
 
 def _controller(vehicle: Vehicle) -> tuple[Law, Any, float]:
@@ -294,18 +328,25 @@ def render(template: str, facts: Mapping[str, Any]) -> str:
     """Return a template of this package filled in."""
     environment = Environment(
         loader=PackageLoader("swimbladder.codegen", "templates"),
-        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        keep_trailing_newline=True, autoescape=False,
-    )  # fmt: skip
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
     tick = facts.get("tick", 0.0)
 
     def after(count: int) -> str:
         return f"{count * tick:.3g} s" if count < NEVER else "never"
 
     environment.filters |= {
-        "c": c_float, "c_law": c_law, "g": lambda x, digits: f"{x:.{digits}g}", "after": after,
-        "numbers": _numbers, "seconds": lambda count: f"{count * tick:.0f}",
-    }  # fmt: skip
+        "c": c_float,
+        "c_law": c_law,
+        "g": lambda x, digits: f"{x:.{digits}g}",
+        "after": after,
+        "numbers": _numbers,
+        "seconds": lambda count: f"{count * tick:.0f}",
+    }
     return environment.get_template(template).render(facts)
 
 

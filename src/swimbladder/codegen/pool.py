@@ -48,9 +48,14 @@ class PoolTwin:
     """What the board does on a pool day, tick by tick: the procedure under its supervisor."""
 
     def __init__(
-        self, parameters: PoolParameters, limits: SupervisorParameters, *, procedure: Law,
-        supervisor: Law, after_reset: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        parameters: PoolParameters,
+        limits: SupervisorParameters,
+        *,
+        procedure: Law,
+        supervisor: Law,
+        after_reset: bool = False,
+    ) -> None:
         self.parameters, self.limits = parameters, limits
         self.procedure, self.supervisor = procedure, supervisor
         unseen = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
@@ -83,16 +88,22 @@ class PoolTwin:
 def float32_twin(parameters: PoolParameters, limits: SupervisorParameters) -> PoolTwin:
     """Return the twin that equals the C to the bit."""
     return PoolTwin(
-        parameters, limits, procedure=twin(POOL),
+        parameters,
+        limits,
+        procedure=twin(POOL),
         supervisor=twin(SUPERVISOR, read_law(SUPERVISOR, Watched)),
-    )  # fmt: skip
+    )
 
 
 def rehearse(
-    vehicle: Vehicle, beside: PoolTwin, *, pool_depth: float, seed: int | None,
+    vehicle: Vehicle,
+    beside: PoolTwin,
+    *,
+    pool_depth: float,
+    seed: int | None,
     fly: Callable[[Watched, bool], float] | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Rehearsal:  # fmt: skip
+) -> Rehearsal:
     """Return a pool day of a vehicle under a twin: from afloat, through all rounds, and up again.
 
     fly: what gives the commands in the twin's place. Raises NoAnswerError where the procedure does
@@ -115,11 +126,18 @@ def rehearse(
         return float(given), math.inf if ends else 0.0
 
     flown = simulate(
-        vehicle, setpoints=[(0.0, pool_depth)], law=every_tick, sample_time=tick, seed=seed,
+        vehicle,
+        setpoints=[(0.0, pool_depth)],
+        law=every_tick,
+        sample_time=tick,
+        seed=seed,
         duration=_AFLOAT + _AFTER + beside.parameters.rounds * _LONGEST,
-        start_depth=p.z_surface, start_volume=beside.limits.volume.volume_high,
-        bottom_depth=pool_depth, progress=progress, checked=False,
-    )  # fmt: skip
+        start_depth=p.z_surface,
+        start_volume=beside.limits.volume.volume_high,
+        bottom_depth=pool_depth,
+        progress=progress,
+        checked=False,
+    )
     kinds = ("f4", "f4", "?", "f4", "i1")
     columns = zip(zip(*rows, strict=True), kinds, strict=True)
     depth, volume, may_begin, command, phase = (np.array(*of) for of in columns)
@@ -203,18 +221,25 @@ def in_float32(parameters: Any, law: Law) -> dict[str, dict[str, Any]]:
 
 
 def plan_pool_day(
-    vehicle: Vehicle, options: PoolOptions, limits: SupervisorParameters, *, seed: int | None,
+    vehicle: Vehicle,
+    options: PoolOptions,
+    limits: SupervisorParameters,
+    *,
+    seed: int | None,
     progress: Callable[[int], None] | None = None,
-) -> PoolDay:  # fmt: skip
+) -> PoolDay:
     """Return a pool day that a vehicle comes through, flown by the float32 twin.
 
     Raises InputError as `board_procedure`, NoAnswerError as `rehearse`.
     """
     parameters = board_procedure(vehicle, options, limits)
     flown = rehearse(
-        vehicle, float32_twin(parameters, limits), pool_depth=options.depth, seed=seed,
+        vehicle,
+        float32_twin(parameters, limits),
+        pool_depth=options.depth,
+        seed=seed,
         progress=progress,
-    )  # fmt: skip
+    )
     own = vehicle.controller is not None and isinstance(
         bind(vehicle.controller)[1], CascadeParameters | SeaCascadeParameters
     )
@@ -256,18 +281,26 @@ def board_procedure(
     top = limits.volume.volume_high
     lifts = top > p.V_0 + limits.neutral.neutral_range + p.psi * options.depth
     one = procedure_for(
-        _loop(vehicle, p, S_p), rate_per_volt=p.gain, limit=p.supply,
-        load_voltage=p.load_drive + p.k_l / p.gain, pool_depth=options.depth,
-        clearance=options.clearance, change=options.first,
-    )  # fmt: skip
+        _loop(vehicle, p, S_p),
+        rate_per_volt=p.gain,
+        limit=p.supply,
+        load_voltage=p.load_drive + p.k_l / p.gain,
+        pool_depth=options.depth,
+        clearance=options.clearance,
+        change=options.first,
+    )
     return one._replace(
-        shallow=p.z_surface + options.clearance, surface=p.z_surface + margin,
-        bottom=options.depth - margin, rounds=float(options.rounds),
+        shallow=p.z_surface + options.clearance,
+        surface=p.z_surface + margin,
+        bottom=options.depth - margin,
+        rounds=float(options.rounds),
         more=(options.last - options.first) / max(options.rounds - 1, 1),
-        depth_least=limits.depth.depth_least, depth_most=options.depth + _OVER,
-        volume_least=limits.volume.volume_least, volume_most=limits.volume.volume_most,
+        depth_least=limits.depth.depth_least,
+        depth_most=options.depth + _OVER,
+        volume_least=limits.volume.volume_least,
+        volume_most=limits.volume.volume_most,
         end_volume=top if lifts else p.V_max,
-    )  # fmt: skip
+    )
 
 
 def _loop(vehicle: Vehicle, p: Plant, S_p: float) -> CascadeParameters:
@@ -293,9 +326,11 @@ def _check_pool(
         raise InputError(
             f"a vehicle within {margin:.3g} m of surface or bottom counts as arrived there, and "
             "has to rest clear of it",
-            field="--pool-clearance", value=options.clearance, unit="m",
+            field="--pool-clearance",
+            value=options.clearance,
+            unit="m",
             remedy=f"Give more than {2.0 * margin:.3g} m",
-        )  # fmt: skip
+        )
     travel = options.depth - p.z_surface - 2.0 * options.clearance
     if not travel >= _LEAST_TRAVEL:
         raise _of_depth(
@@ -336,6 +371,8 @@ def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters)
             raise InputError(
                 "a change of volume has to be above 0 and to fit the stroke, should the neutral "
                 f"volume be off by {unsure * 1e6:.3g} cm3",
-                field="--pool-volumes", value=change * 1e6, unit="cm3",
+                field="--pool-volumes",
+                value=change * 1e6,
+                unit="cm3",
                 remedy=f"Give at most {fits * 1e6:.3g} cm3, or a smaller supervisor.neutral_range",
-            )  # fmt: skip
+            )

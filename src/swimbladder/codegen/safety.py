@@ -136,78 +136,119 @@ def supervisor_parameters(
     if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
         stop_rate = math.inf
     found = SupervisorParameters(
-        S_p=tick, per_tick=1.0 / tick,
+        S_p=tick,
+        per_tick=1.0 / tick,
         push=PushLimits(
             surface_command=p.supply if voltage else p.V_max,
             hold_command=hold if voltage else p.V_max,
-            away_command=-p.supply if voltage else p.V_min, away_hold=0.0 if voltage else p.V_min,
-            push=ticks(2.0 * stroke_s, tick), again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
-            rest=ticks(_REST_S, tick), grown=grown,
-            away=_AWAY * grown + (p.T1 * full_rate if voltage else 0.0), astray=ticks(follow, tick),
-            release=ticks(given.release_time or 2.0 * stroke_s + _RELEASE_S, tick), rise=_RISE,
+            away_command=-p.supply if voltage else p.V_min,
+            away_hold=0.0 if voltage else p.V_min,
+            push=ticks(2.0 * stroke_s, tick),
+            again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
+            rest=ticks(_REST_S, tick),
+            grown=grown,
+            away=_AWAY * grown + (p.T1 * full_rate if voltage else 0.0),
+            astray=ticks(follow, tick),
+            release=ticks(given.release_time or 2.0 * stroke_s + _RELEASE_S, tick),
+            rise=_RISE,
         ),
         depth=DepthLimits(
             depth_least=p.z_air - _AIR_PRESSURE,
             depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
-            fastest=fastest, jump=moving + 0.05, step=fastest + moving + 0.05,
-            late_age=given.late or max(2.0 * tick, 1.0), blind_quarters=_quarters(patience),
+            fastest=fastest,
+            jump=moving + 0.05,
+            step=fastest + moving + 0.05,
+            late_age=given.late or max(2.0 * tick, 1.0),
+            blind_quarters=_quarters(patience),
             gap=patience,
         ),
         volume=VolumeLimits(
-            blind=patience, volume_least=p.V_min - 2.0 * _END_SHARE * half,
+            blind=patience,
+            volume_least=p.V_min - 2.0 * _END_SHARE * half,
             volume_most=p.V_max + 2.0 * _END_SHARE * half,
             volume_low=p.V_min + 2.0 * _END_SHARE * half,
             volume_high=p.V_max - 2.0 * _END_SHARE * half,
         ),
         rate=RateLimits(
-            positioner=p.positioner, rate=p.gain if voltage else p.rate, load_drive=p.load_drive,
-            load_back=p.load_back, friction=p.friction, leakage=p.k_l,
-            rate_smoothing=tick / (follow + tick), rate_share=_RATE_SHARE,
+            positioner=p.positioner,
+            rate=p.gain if voltage else p.rate,
+            load_drive=p.load_drive,
+            load_back=p.load_back,
+            friction=p.friction,
+            leakage=p.k_l,
+            rate_smoothing=tick / (follow + tick),
+            rate_share=_RATE_SHARE,
             rate_least=(_RATE_LEAST if voltage else _RATE_LEAST_POSITIONER) * full_rate,
-            stop_rate=stop_rate, stop_least=grown / tick, stops=_STOPS, following=patience,
+            stop_rate=stop_rate,
+            stop_least=grown / tick,
+            stops=_STOPS,
+            following=patience,
         ),
         same=SameLimits(
-            same=same, same_begun=ticks(2.0 * tau, tick), same_moved=ticks(3.0 * tau, tick),
-            moved=moved, same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY), noisy=_NOISY,
+            same=same,
+            same_begun=ticks(2.0 * tau, tick),
+            same_moved=ticks(3.0 * tau, tick),
+            moved=moved,
+            same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY),
+            noisy=_NOISY,
             noisy_weight=_NOISY_WEIGHT,
         ),
         proof=ProofLimits(
-            same_tried=tried, unproven=proof, sinks=_SINKS * moved, reach=_REACH * moved,
+            same_tried=tried,
+            unproven=proof,
+            sinks=_SINKS * moved,
+            reach=_REACH * moved,
         ),
         neutral=NeutralLimits(
-            psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range,
+            psi=p.psi,
+            psi_range=psi_range,
+            neutral=p.V_0,
+            neutral_range=neutral_range,
         ),
         motion=MotionLimits(
-            neutral_change=change, known=ticks(_KNOWN_S, tick),
-            forgetting=tick / (_FORGET_S + tick), calm=_CALM_SHARE * change,
-            model_error=given.model_error, inertia=1.0 / (p.a_b * tau * tau),
-            drag_linear=p.d_l / (p.a_b * tau), epsilon=p.epsilon, drag_blunt=p.d_b / p.a_b,
-            drag_0=p.d_0 / p.a_b, drag_square=p.d_t / p.a_b, per_tau=1.0 / tau,
-            smoothing=tick / (tau + tick), settle=ticks(_SETTLE * tau, tick),
+            neutral_change=change,
+            known=ticks(_KNOWN_S, tick),
+            forgetting=tick / (_FORGET_S + tick),
+            calm=_CALM_SHARE * change,
+            model_error=given.model_error,
+            inertia=1.0 / (p.a_b * tau * tau),
+            drag_linear=p.d_l / (p.a_b * tau),
+            epsilon=p.epsilon,
+            drag_blunt=p.d_b / p.a_b,
+            drag_0=p.d_0 / p.a_b,
+            drag_square=p.d_t / p.a_b,
+            per_tau=1.0 / tau,
+            smoothing=tick / (tau + tick),
+            settle=ticks(_SETTLE * tau, tick),
             # one that is driven off twice the band counts threefold until it has left its place
             wrong=max(patience + still, math.ceil(1.25 * still)),
         ),
         rest=RestLimits(
             surface=p.z_surface + _AFLOAT,
             aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
-            still_distance=moving + 0.02, still=still,
+            still_distance=moving + 0.02,
+            still=still,
         ),
         deep=DeepLimits(
-            depth_limit=depth_limit, deepest=deepest,
+            depth_limit=depth_limit,
+            deepest=deepest,
             neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
-            per_turn_rate=1.0 / turn_rate, coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
+            per_turn_rate=1.0 / turn_rate,
+            coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
             deep=max(2, ticks(_SHORT_S, tick)),
         ),
         board=BoardLimits(
-            battery_low=battery_low, battery=ticks(_BATTERY_S, tick),
-            leak=max(2, ticks(_SHORT_S, tick)), missed=max(3, ticks(_NO_COMMAND_S, tick)),
+            battery_low=battery_low,
+            battery=ticks(_BATTERY_S, tick),
+            leak=max(2, ticks(_SHORT_S, tick)),
+            missed=max(3, ticks(_NO_COMMAND_S, tick)),
         ),
         time=TimeLimits(
             lost_quarters=_quarters(patience),
             time_blocks=NEVER if whole is None else whole // _BLOCK,
             time_ticks=0 if whole is None else whole % _BLOCK,
         ),
-    )  # fmt: skip
+    )
     return _for_pump(vehicle, found) if pumps else found
 
 
@@ -288,9 +329,13 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
     fastest = p.depth.fastest / math.sqrt(min(light, 1.0))
     again = ticks(_LEAST_PUSH_S + start * deep.per_turn_rate, tick)
     push = _off(p.push, "grown", "away", "astray")._replace(
-        surface_command=tick, hold_command=0.0, away_command=0.0, away_hold=0.0, again=again,
+        surface_command=tick,
+        hold_command=0.0,
+        away_command=0.0,
+        away_hold=0.0,
+        again=again,
         rest=ticks(_AFLOAT_REST_S, tick),
-    )  # fmt: skip
+    )
     motion = _off(p.motion, "neutral_change", "known", "epsilon", "wrong")
     return p._replace(
         push=push,
@@ -301,11 +346,16 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
         proof=_off(p.proof, *p.proof._fields),
         neutral=NeutralLimits(psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf),
         motion=motion._replace(
-            calm=0.0, model_error=0.0, inertia=0.0, drag_linear=0.0, drag_blunt=0.0, drag_0=0.0,
+            calm=0.0,
+            model_error=0.0,
+            inertia=0.0,
+            drag_linear=0.0,
+            drag_blunt=0.0,
+            drag_0=0.0,
             drag_square=0.0,
         ),
         deep=deep._replace(neutral_deepest=lacks, coast=min(vehicle.mass * fast / drag, _COAST_S)),
-    )  # fmt: skip
+    )
 
 
 def _off(limits: _Limits, *names: str) -> _Limits:
@@ -347,9 +397,11 @@ def _quarters(whole: int) -> int:
     if 4 * whole > _COUNTED - 2:
         raise InputError(
             f"that many quarters of ticks are more than the supervisor counts to, {_COUNTED}",
-            field="supervisor.patience", value=whole, unit="ticks",
+            field="supervisor.patience",
+            value=whole,
+            unit="ticks",
             remedy="Give a shorter patience, or a longer sample_time",
-        )  # fmt: skip
+        )
     return 4 * whole
 
 
@@ -371,14 +423,19 @@ def _depths(
     if p.positioner == 0.0 and free <= 0.0:
         raise InputError(
             f"at {volts:g} V the motor does not beat its friction, {p.friction:g} V",
-            field="supervisor.battery_low", value=volts, unit="V", remedy="Give a higher voltage",
-        )  # fmt: skip
+            field="supervisor.battery_low",
+            value=volts,
+            unit="V",
+            remedy="Give a higher voltage",
+        )
     if neutral_range >= spare:
         raise InputError(
             "the neutral volume may then be beyond the stroke, and full buoyancy not lift",
-            field="supervisor.neutral_range", value=neutral_range, unit="m3",
+            field="supervisor.neutral_range",
+            value=neutral_range,
+            unit="m3",
             remedy=f"Trim the vehicle lighter, or give less than {spare * 1e6:.3g} cm3",
-        )  # fmt: skip
+        )
     deepest, why = min(
         (rated, "the hull is rated for (hull.depth_limit)"),
         (lifted, "full buoyancy lifts the vehicle (stroke, psi)"),
@@ -388,9 +445,11 @@ def _depths(
         if given > deepest:
             raise InputError(
                 f"deeper than the {deepest:.4g} m to which {why}",
-                field="supervisor.depth_limit", value=given, unit="m",
+                field="supervisor.depth_limit",
+                value=given,
+                unit="m",
                 remedy=f"Give at most {deepest:.4g} m, less a margin to turn round in",
-            )  # fmt: skip
+            )
         return given, deepest
     slope = p.psi + psi_range
     sure = (spare - neutral_range) / slope if slope > 0.0 else math.inf

@@ -172,9 +172,20 @@ class Make(Node):
 
 
 Expression = (
-    Number | Constant | Name | Field | Minus | Binary | Compare | Logic | Not | Choice | Builtin
-    | Call | Make
-)  # fmt: skip
+    Number
+    | Constant
+    | Name
+    | Field
+    | Minus
+    | Binary
+    | Compare
+    | Logic
+    | Not
+    | Choice
+    | Builtin
+    | Call
+    | Make
+)
 
 
 class Assign(Node):

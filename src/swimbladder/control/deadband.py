@@ -331,13 +331,25 @@ def _gains(s: Setting, k: Knobs) -> DeadbandParameters:
     speed = k.band / interval
     own = deadband_gains(a / d, 1.0 / d, p.psi, interval, _FADING, creep=p.gain * p.load_drive)
     return DeadbandParameters(
-        **own._asdict(), K2=a / d, T2=1.0 / d, psi=p.psi, depth_noise=s.noise,
-        neutral_step=_STEP * s.noise / (a * interval * interval), band=k.band, speed_band=speed,
-        fastest=max(5.0 * speed, 0.01), interval=interval, k_pV=k.inner / p.gain,
-        tolerance=max(k.dead, s.least_move), depth_voltage=p.load_drive,
-        rate_per_volt=p.gain, voltage_limit=k.volts * s.limit, volume_min=p.V_min,
-        volume_max=p.V_max, S_p=h,
-    )  # fmt: skip
+        **own._asdict(),
+        K2=a / d,
+        T2=1.0 / d,
+        psi=p.psi,
+        depth_noise=s.noise,
+        neutral_step=_STEP * s.noise / (a * interval * interval),
+        band=k.band,
+        speed_band=speed,
+        fastest=max(5.0 * speed, 0.01),
+        interval=interval,
+        k_pV=k.inner / p.gain,
+        tolerance=max(k.dead, s.least_move),
+        depth_voltage=p.load_drive,
+        rate_per_volt=p.gain,
+        voltage_limit=k.volts * s.limit,
+        volume_min=p.V_min,
+        volume_max=p.V_max,
+        S_p=h,
+    )
 
 
 DEADBAND = Law(

@@ -168,13 +168,19 @@ class Grid(NamedTuple):
 
 
 FAST = Grid(
-    (0.3, 0.45), (0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.8, 1.0), (5.0, 8.0, 12.0),
+    (0.3, 0.45),
+    (0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23),
+    (0.8, 1.0),
+    (5.0, 8.0, 12.0),
     (0.003, 0.01),
-)  # fmt: skip
+)
 QUIET = Grid(
-    (0.3,), (0.042, 0.046, 0.05, 0.06, 0.07, 0.08, 0.12), (0.7, 0.85, 1.0), (3.0, 4.0, 5.0, 6.0),
+    (0.3,),
+    (0.042, 0.046, 0.05, 0.06, 0.07, 0.08, 0.12),
+    (0.7, 0.85, 1.0),
+    (3.0, 4.0, 5.0, 6.0),
     (1.0, 0.7, 0.4, 0.2, 0.1, 0.03),
-)  # fmt: skip
+)
 
 
 _EXAMPLE = Knobs(frequency=0.35, damping=0.9, inner=1.2)
@@ -247,8 +253,15 @@ def target_numbers(s: Setting, k: Knobs) -> dict[str, float]:
     """Return what sea-cascade and adrc have in common: how the target moves, and the limits."""
     p, jerk = s.plant, jerk_of(s, k)
     return {
-        "leash": 0.0, "fastest": fastest_speed(p, jerk), "jerk": jerk,
-        "shortest": _SHORTEST * s.sample_time, "psi": p.psi, "depth_voltage": p.load_drive,
-        "rate_per_volt": p.gain, "voltage_limit": k.volts * s.limit, "volume_min": p.V_min,
-        "volume_max": p.V_max, "S_p": s.sample_time,
-    }  # fmt: skip
+        "leash": 0.0,
+        "fastest": fastest_speed(p, jerk),
+        "jerk": jerk,
+        "shortest": _SHORTEST * s.sample_time,
+        "psi": p.psi,
+        "depth_voltage": p.load_drive,
+        "rate_per_volt": p.gain,
+        "voltage_limit": k.volts * s.limit,
+        "volume_min": p.V_min,
+        "volume_max": p.V_max,
+        "S_p": s.sample_time,
+    }

@@ -139,16 +139,32 @@ def feedback(s: law.Setting, k: law.Knobs) -> dict[str, float]:
     L = filter_gains(p, h, depth=s.noise, acceleration=acceleration, neutral_walk=drift)
     k_z = k.frequency**2 / a
     return {
-        "f_zz": F[0, 0], "f_zw": F[0, 1], "f_wz": F[1, 0], "f_ww": F[1, 1],
-        "g_z0": G0[0], "g_z1": G1[0], "g_w0": G0[1], "g_w1": G1[1], "turbulent": h * p.d_t,
-        "l_z": L[0], "l_w": L[1], "l_b": L[2],
-        "neutral": p.V_0, "neutral_range": s.neutral_range, "psi": p.psi,
-        "k_z": k_z, "k_w": (2.0 * k.damping * k.frequency - d) / a,
-        "k_V": k.inner / p.gain if p.gain > 0.0 else 0.0, "dead": k.dead,
-        "depth_voltage": p.load_drive, "limit": k.volts * s.limit,
-        "volume_min": p.V_min, "volume_max": p.V_max, "S_p": h,
+        "f_zz": F[0, 0],
+        "f_zw": F[0, 1],
+        "f_wz": F[1, 0],
+        "f_ww": F[1, 1],
+        "g_z0": G0[0],
+        "g_z1": G1[0],
+        "g_w0": G0[1],
+        "g_w1": G1[1],
+        "turbulent": h * p.d_t,
+        "l_z": L[0],
+        "l_w": L[1],
+        "l_b": L[2],
+        "neutral": p.V_0,
+        "neutral_range": s.neutral_range,
+        "psi": p.psi,
+        "k_z": k_z,
+        "k_w": (2.0 * k.damping * k.frequency - d) / a,
+        "k_V": k.inner / p.gain if p.gain > 0.0 else 0.0,
+        "dead": k.dead,
+        "depth_voltage": p.load_drive,
+        "limit": k.volts * s.limit,
+        "volume_min": p.V_min,
+        "volume_max": p.V_max,
+        "S_p": h,
         "farthest": law.STROKE * law.room_of(p) / k_z,  # it asks for half the room, by k_z
-    }  # fmt: skip
+    }
 
 
 def resting_gains(s: law.Setting, band: float, ahead: float) -> dict[str, float]:
@@ -281,8 +297,12 @@ OBSERVER = law.Law(
     near="near",
     band="band",
     recipe=law.Recipe(
-        gains=_gains, fast=law.FAST, quiet=law.QUIET, holds=(0.8, 1.0, 1.2), holds_best=True,
+        gains=_gains,
+        fast=law.FAST,
+        quiet=law.QUIET,
+        holds=(0.8, 1.0, 1.2),
+        holds_best=True,
         bands=(2.2, 2.35, 2.5, 2.65, 2.8, 2.95, 3.1, 3.4, 3.8),
         example=law.Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
     ),
-)  # fmt: skip
+)

@@ -181,20 +181,31 @@ def step(
     return (
         voltage,
         PlannedState(
-            e, there.depth, there.speed, there.acceleration,
-            wanted, moving, voltage - load, state.drive, ability,
+            e,
+            there.depth,
+            there.speed,
+            there.acceleration,
+            wanted,
+            moving,
+            voltage - load,
+            state.drive,
+            ability,
         ),
         p.S_p,
-    )  # fmt: skip
+    )
 
 
 def _gains(s: law.Setting, k: law.Knobs) -> PlannedParameters:
     p = s.plant
     d, a = law.stiffness(p)
     own = {
-        "inertia": 1.0 / a, "laminar": d, "quadratic": p.d_t, "share": k.share,
-        "speed": law.fastest_speed(p, law.jerk_of(s, k)), "rate": 1.0 / p.gain,
-    }  # fmt: skip
+        "inertia": 1.0 / a,
+        "laminar": d,
+        "quadratic": p.d_t,
+        "share": k.share,
+        "speed": law.fastest_speed(p, law.jerk_of(s, k)),
+        "rate": 1.0 / p.gain,
+    }
     return from_leaves(PlannedParameters, feedback(s, k) | own)
 
 

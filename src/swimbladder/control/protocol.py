@@ -110,9 +110,15 @@ class PoolParameters(NamedTuple):
 
 
 def procedure_for(
-    loop: CascadeParameters, *, rate_per_volt: float, limit: float, load_voltage: float,
-    pool_depth: float, clearance: float, change: float,
-) -> PoolParameters:  # fmt: skip
+    loop: CascadeParameters,
+    *,
+    rate_per_volt: float,
+    limit: float,
+    load_voltage: float,
+    pool_depth: float,
+    clearance: float,
+    change: float,
+) -> PoolParameters:
     """Return one round for a change of volume [m3], positive, with the times of section 3.1.
 
     pool_depth: where the vehicle stands on the bottom [m]; clearance: Delta_z [m], from bottom and
@@ -120,13 +126,29 @@ def procedure_for(
     Every measurement that is a number counts as possible, and at the end the piston is held.
     """
     return PoolParameters(
-        loop=loop, deep=pool_depth - clearance, shallow=clearance, surface=MARGIN,
-        bottom=pool_depth - MARGIN, change=change, more=0.0, rounds=1.0,
-        rate_per_volt=rate_per_volt, limit=limit, load_voltage=load_voltage,
-        minute=60.0, rest_speed=5e-4, rest_distance=0.02, halt=0.6, patience=1200.0, blind=10.0,
-        depth_least=-math.inf, depth_most=math.inf, volume_least=-math.inf, volume_most=math.inf,
+        loop=loop,
+        deep=pool_depth - clearance,
+        shallow=clearance,
+        surface=MARGIN,
+        bottom=pool_depth - MARGIN,
+        change=change,
+        more=0.0,
+        rounds=1.0,
+        rate_per_volt=rate_per_volt,
+        limit=limit,
+        load_voltage=load_voltage,
+        minute=60.0,
+        rest_speed=5e-4,
+        rest_distance=0.02,
+        halt=0.6,
+        patience=1200.0,
+        blind=10.0,
+        depth_least=-math.inf,
+        depth_most=math.inf,
+        volume_least=-math.inf,
+        volume_most=math.inf,
         end_volume=math.inf,
-    )  # fmt: skip
+    )
 
 
 class Window(NamedTuple):
@@ -274,11 +296,18 @@ def initial(parameters: PoolParameters, measurement: Measurement, go: float) -> 
     if good:
         loop = cascade.initial(p.loop, measurement, p.deep)
     return PoolState(
-        phase=_HOLD if good and go > 0.0 else _WAITS, completed=0.0, ticks=0.0, blind=0.0,
+        phase=_HOLD if good and go > 0.0 else _WAITS,
+        completed=0.0,
+        ticks=0.0,
+        blind=0.0,
         depth=measurement.depth if good else 0.0,
-        loop=loop, window=Window(0.0, 0.0, 0.0, 0.0), neutral=measurement.volume if good else 0.0,
-        pulse=0.0, pulses=0.0, gave_up_in=_WAITS,
-    )  # fmt: skip
+        loop=loop,
+        window=Window(0.0, 0.0, 0.0, 0.0),
+        neutral=measurement.volume if good else 0.0,
+        pulse=0.0,
+        pulses=0.0,
+        gave_up_in=_WAITS,
+    )
 
 
 def step(
@@ -334,11 +363,23 @@ def step(
         command = pulse
         pulses = pulses - 1.0
     command = max(-p.limit, min(p.limit, command))  # upward, should it be no number
-    return command, PoolState(
-        phase=phase, completed=completed, ticks=ticks + 1.0, blind=0.0 if good else s.blind + 1.0,
-        depth=depth, loop=loop, window=window, neutral=neutral, pulse=pulse, pulses=pulses,
-        gave_up_in=gave_up_in,
-    ), p.loop.S_p  # fmt: skip
+    return (
+        command,
+        PoolState(
+            phase=phase,
+            completed=completed,
+            ticks=ticks + 1.0,
+            blind=0.0 if good else s.blind + 1.0,
+            depth=depth,
+            loop=loop,
+            window=window,
+            neutral=neutral,
+            pulse=pulse,
+            pulses=pulses,
+            gave_up_in=gave_up_in,
+        ),
+        p.loop.S_p,
+    )
 
 
 POOL = Law(

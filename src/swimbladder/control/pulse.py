@@ -115,9 +115,15 @@ def holds(p: PulseParameters, before: float, error: float, speed: float) -> floa
 
 
 def run(
-    p: PulseParameters, going: float, error: float, speed: float, volume: float, neutral: float,
-    end: float, rate: float,
-) -> Run:  # fmt: skip
+    p: PulseParameters,
+    going: float,
+    error: float,
+    speed: float,
+    volume: float,
+    neutral: float,
+    end: float,
+    rate: float,
+) -> Run:
     """Return how the motor goes on near the set-point.
 
     error [m]: of the depth, positive where the vehicle is to sink; speed [m/s]; volume, neutral and
@@ -236,7 +242,10 @@ PULSE = law.Law(
     near="near",
     band="band",
     recipe=law.Recipe(
-        gains=_gains, quiet=law.QUIET, holds=(2.5, 2.8, 3.1), bands=(2.3, 2.5, 2.7, 2.9),
+        gains=_gains,
+        quiet=law.QUIET,
+        holds=(2.5, 2.8, 3.1),
+        bands=(2.3, 2.5, 2.7, 2.9),
         example=law.Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
     ),
-)  # fmt: skip
+)

@@ -51,9 +51,13 @@ class SurfacingState(NamedTuple):
 
 
 def at_surface(
-    parameters: SurfacingParameters, state: SurfacingState, depth: float, volume: float,
-    reference: float, floats: float,
-) -> tuple[float, float, SurfacingState]:  # fmt: skip
+    parameters: SurfacingParameters,
+    state: SurfacingState,
+    depth: float,
+    volume: float,
+    reference: float,
+    floats: float,
+) -> tuple[float, float, SurfacingState]:
     """Return who acts, what is wanted [m3], and the state.
 
     That is the change of volume, or, for `IN` where it is measured, the volume to go down to.

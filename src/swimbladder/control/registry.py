@@ -45,16 +45,25 @@ def _accept(law: Any, name: str) -> Law:
 
 
 LAWS: Registry[Law] = Registry(
-    "swimbladder.laws", "law",
+    "swimbladder.laws",
+    "law",
     own={
         module.replace("_", "-"): _own(module)
         for module in (
-            "cascade", "sea_cascade", "adrc", "deadband", "observer", "pulse", "planned",
-            "position_pid", "position_observer", "rate",
+            "cascade",
+            "sea_cascade",
+            "adrc",
+            "deadband",
+            "observer",
+            "pulse",
+            "planned",
+            "position_pid",
+            "position_observer",
+            "rate",
         )
     },
     accept=_accept,
-)  # fmt: skip
+)
 """The laws: called at a sample when they asked to be; one word each here."""
 
 
@@ -137,9 +146,13 @@ def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:
 
 
 def check_command(
-    law: Law, vehicle: Vehicle, *, field: str = "controller.law",
-    among: Collection[str] | None = None, remedy: str | None = None,
-) -> None:  # fmt: skip
+    law: Law,
+    vehicle: Vehicle,
+    *,
+    field: str = "controller.law",
+    among: Collection[str] | None = None,
+    remedy: str | None = None,
+) -> None:
     """Raise InputError where a vehicle's actuator does not take what a law commands.
 
     field: where the law was chosen. among: the names to choose from there; None: all.
@@ -150,5 +163,7 @@ def check_command(
         fitting = [name for name in names if law_by_name(name).command == vehicle.command]
         raise InputError(
             f"this law commands a {law.command}, but the actuator takes a {vehicle.command}",
-            field=field, value=law.name, remedy=remedy or f"Choose one of: {', '.join(fitting)}",
-        )  # fmt: skip
+            field=field,
+            value=law.name,
+            remedy=remedy or f"Choose one of: {', '.join(fitting)}",
+        )

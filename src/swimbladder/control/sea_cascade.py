@@ -246,10 +246,14 @@ def _gains(s: law.Setting, k: law.Knobs) -> SeaCascadeParameters:
     d, a = law.stiffness(p)
     own = sea_cascade_gains(a, d, p.gain, k.frequency, h)._replace(k_pV=k.inner / p.gain)
     return SeaCascadeParameters(
-        gains=own, **law.target_numbers(s, k), target_weight=1.0,
-        smoothing=1.0 - math.exp(-k.sharpness * k.frequency * h), volume_per_speed=d / a,
-        volume_per_acceleration=1.0 / a, dead_zone=k.dead,
-    )  # fmt: skip
+        gains=own,
+        **law.target_numbers(s, k),
+        target_weight=1.0,
+        smoothing=1.0 - math.exp(-k.sharpness * k.frequency * h),
+        volume_per_speed=d / a,
+        volume_per_acceleration=1.0 / a,
+        dead_zone=k.dead,
+    )
 
 
 def _jitter(p: SeaCascadeParameters, s: law.Setting) -> float:

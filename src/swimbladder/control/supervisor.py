@@ -347,18 +347,32 @@ def reasons_in(bits: Count) -> tuple[Reason, ...]:
 def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -> SupervisorState:
     """Return the state at the start; restarted: 1.0 after a watchdog's reset or a brown-out."""
     return SupervisorState(
-        restarted=restarted > 0.0, command=0.0, deep=0, unproven=0, time=TimeWatch(0, 0, 0),
-        depth=DepthWatch(since=NEVER, depth=0.0, blind=0), volume=VolumeWatch(0.0, False, 0),
+        restarted=restarted > 0.0,
+        command=0.0,
+        deep=0,
+        unproven=0,
+        time=TimeWatch(0, 0, 0),
+        depth=DepthWatch(since=NEVER, depth=0.0, blind=0),
+        volume=VolumeWatch(0.0, False, 0),
         rate=RateWatch(lag=0.0, asked=0.0, following=0, top=0.0, stops=0),
         same=SameWatch(0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False),
         motion=MotionWatch(
-            z1=0.0, z2=0.0, n1=0.0, n2=0.0, settled=0, wrong=0, own=0.0, own_depth=0.0, weight=0.5,
+            z1=0.0,
+            z2=0.0,
+            n1=0.0,
+            n2=0.0,
+            settled=0,
+            wrong=0,
+            own=0.0,
+            own_depth=0.0,
+            weight=0.5,
             known=0,
         ),
-        rest=RestWatch(anchor=0.0, still=0), board=BoardWatch(0, 0, 0),
+        rest=RestWatch(anchor=0.0, still=0),
+        board=BoardWatch(0, 0, 0),
         push=PushWatch(phase=0, pushed=parameters.volume.volume_least, astray=0, turns=0),
         rescue=Rescue(reason=0, reasons=0, window=0, from_depth=0.0, release=False),
-    )  # fmt: skip
+    )
 
 
 _BLOCK = 4096  # ticks that the fine count of time holds
@@ -534,9 +548,14 @@ def learn(p: MotionLimits, s: MotionWatch, depth: float, n: float, room: float) 
 
 
 def watch_motion(
-    p: SupervisorParameters, s: MotionWatch, depth: float, n: float, room: float, stands: bool,
+    p: SupervisorParameters,
+    s: MotionWatch,
+    depth: float,
+    n: float,
+    room: float,
+    stands: bool,
     anew: bool,
-) -> MotionWatch:  # fmt: skip
+) -> MotionWatch:
     """Ask which neutral volume the motion means, and whether the vehicle can have it."""
     s = smooth_motion(s, depth, n, 1.0 if anew else p.motion.smoothing)
     s = s._replace(settled=0 if anew else more(s.settled, 1))
@@ -657,9 +676,14 @@ def first_of(bits: Count) -> Count:
 
 
 def watch_push(
-    p: SupervisorParameters, s: PushWatch, volume: float, measured: bool, sinks: bool, high: bool,
+    p: SupervisorParameters,
+    s: PushWatch,
+    volume: float,
+    measured: bool,
+    sinks: bool,
+    high: bool,
     blind: bool,
-) -> PushWatch:  # fmt: skip
+) -> PushWatch:
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
     At the inner end little is lost by trying; a try ends at a tick that is lost, or does not see

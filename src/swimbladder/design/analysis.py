@@ -37,8 +37,10 @@ def analyse(
     if sample_time is None:
         raise InputError(
             "the law has no sample time, and the vehicle has no controller to take it from",
-            field="sample_time", unit="s", remedy="Give sample_time",
-        )  # fmt: skip
+            field="sample_time",
+            unit="s",
+            remedy="Give sample_time",
+        )
     check_command(law, vehicle)
     if law.command == "volume change":
         note = (

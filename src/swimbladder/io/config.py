@@ -136,8 +136,14 @@ _MOST_BYTES = 1 << 24  # of a file: a mission of 300 000 set-points
 _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
 _LEAST = {"dead": 0.05, "run": 0.05}  # s, of the law `rate`
 _ABOVE_0 = {
-    "coefficient", "tolerance", "slow_speed", "near_speed", "far_speed", "ascent_speed", "window",
-}  # fmt: skip
+    "coefficient",
+    "tolerance",
+    "slow_speed",
+    "near_speed",
+    "far_speed",
+    "ascent_speed",
+    "window",
+}
 _Model = TypeVar("_Model", bound=Parameters)
 
 

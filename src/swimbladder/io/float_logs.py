@@ -107,10 +107,14 @@ def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> Floa
     ]
     temperature = values.get("temperature_degC", np.full(len(time), np.nan))
     return FloatLog(
-        source=str(file.path), time=time[known] - time[0], pressure=pressure[known],
-        temperature=temperature[known], stage=np.full(int(known.sum()), -2, dtype=np.int64),
-        actions=tuple(sorted(actions, key=lambda a: a.time)), report=tuple(file.report),
-    )  # fmt: skip
+        source=str(file.path),
+        time=time[known] - time[0],
+        pressure=pressure[known],
+        temperature=temperature[known],
+        stage=np.full(int(known.sum()), -2, dtype=np.int64),
+        actions=tuple(sorted(actions, key=lambda a: a.time)),
+        report=tuple(file.report),
+    )
 
 
 def _refuse_dives(

@@ -125,9 +125,16 @@ def _tick(value: object) -> object:
 
 Delimiter = Literal[",", ";", "\t", "|", " "]
 Encoding = Literal[
-    "utf-8", "utf-16-le", "utf-16-be", "latin-1", "cp1252", "cp437", "mac-roman", "shift_jis",
+    "utf-8",
+    "utf-16-le",
+    "utf-16-be",
+    "latin-1",
+    "cp1252",
+    "cp437",
+    "mac-roman",
+    "shift_jis",
     "gb18030",
-]  # fmt: skip
+]
 
 
 class LogFormat(Parameters):

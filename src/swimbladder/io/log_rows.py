@@ -350,9 +350,16 @@ class Rows:
 
 
 _TEXT_OPTIONS = (
-    "encoding", "delimiter", "header_starts", "names", "skip_lines", "units_row", "skip_rows",
-    "fields", "part",
-)  # fmt: skip
+    "encoding",
+    "delimiter",
+    "header_starts",
+    "names",
+    "skip_lines",
+    "units_row",
+    "skip_rows",
+    "fields",
+    "part",
+)
 
 
 def is_parquet(data: bytes, file: LogFile) -> bool:

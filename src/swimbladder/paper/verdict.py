@@ -65,9 +65,17 @@ _NOTABLE = 1e-3  # a relative difference from which on the tolerance is printed
 
 
 def number(
-    where: str, what: str, *, paper: float, ours: float, unit: str, within: float,
-    known: Known | None = None, digits: int = 4, why: str = "",
-) -> Finding:  # fmt: skip
+    where: str,
+    what: str,
+    *,
+    paper: float,
+    ours: float,
+    unit: str,
+    within: float,
+    known: Known | None = None,
+    digits: int = 4,
+    why: str = "",
+) -> Finding:
     """Return the comparison of two numbers; `within` is relative to the paper's.
 
     known: what accounts for a difference beyond that. why: a remark where they agree.
@@ -83,17 +91,31 @@ def number(
     if agrees and abs(relative) > _NOTABLE:
         why = f"{why} Within {100.0 * within:.2g} % counts as agreement.".strip()
     return Finding(
-        where=where, what=what, paper=f"{paper:.{max(digits, 6)}g} {unit}".strip(),
-        ours=f"{ours:.{digits}g} {unit}".strip(), difference=_percent(relative), verdict=verdict,
+        where=where,
+        what=what,
+        paper=f"{paper:.{max(digits, 6)}g} {unit}".strip(),
+        ours=f"{ours:.{digits}g} {unit}".strip(),
+        difference=_percent(relative),
+        verdict=verdict,
         why=why if agrees or known is None else known.why,
-        paper_value=paper, ours_value=ours, unit=unit,
-    )  # fmt: skip
+        paper_value=paper,
+        ours_value=ours,
+        unit=unit,
+    )
 
 
 def claim(
-    where: str, what: str, *, paper: str, ours: str, holds: bool, why: str = "",
-    accounted_for: bool = False, value: float | None = None, unit: str = "",
-) -> Finding:  # fmt: skip
+    where: str,
+    what: str,
+    *,
+    paper: str,
+    ours: str,
+    holds: bool,
+    why: str = "",
+    accounted_for: bool = False,
+    value: float | None = None,
+    unit: str = "",
+) -> Finding:
     """Return the comparison of a claim with what was computed.
 
     why, accounted_for: the reason where it does not hold, and whether the computation bears the
@@ -104,9 +126,16 @@ def claim(
     else:
         verdict = Verdict.EXPLAINED if why and accounted_for else Verdict.FAILS
     return Finding(
-        where=where, what=what, paper=paper, ours=ours, difference="none" if holds else "see why",
-        verdict=verdict, why=why, ours_value=value, unit=unit,
-    )  # fmt: skip
+        where=where,
+        what=what,
+        paper=paper,
+        ours=ours,
+        difference="none" if holds else "see why",
+        verdict=verdict,
+        why=why,
+        ours_value=value,
+        unit=unit,
+    )
 
 
 def _percent(relative: float) -> str:

@@ -79,9 +79,11 @@ def needed_capacity(energy: Any, duration: Any, share: Any, self_discharge: Any)
     left = np.asarray(share, float) + np.expm1(-x)
     taken = np.asarray(energy, float) * mean
     return np.divide(
-        taken, left, out=np.full(np.broadcast_shapes(taken.shape, left.shape), np.inf),
+        taken,
+        left,
+        out=np.full(np.broadcast_shapes(taken.shape, left.shape), np.inf),
         where=left > 0.0,
-    )[()]  # fmt: skip
+    )[()]
 
 
 def hotel_power(vehicle: Vehicle, phase: Phase | None = None) -> float:

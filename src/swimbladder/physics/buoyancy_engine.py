@@ -255,9 +255,13 @@ def running_pump(
     temperature: of the water [degC] [n] or one.
     """
     run = pump_run(
-        a.pump, head, water=vehicle.water, supply=vehicle.supply, driver=vehicle.driver,
+        a.pump,
+        head,
+        water=vehicle.water,
+        supply=vehicle.supply,
+        driver=vehicle.driver,
         temperature=temperature,
-    )  # fmt: skip
+    )
     return run.rate, battery_power(run.power, vehicle.supply)
 
 

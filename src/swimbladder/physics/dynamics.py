@@ -73,9 +73,10 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     if vehicle.drag.rising_ratio != 1.0:
         raise InputError(
             "only `mission`, `ballast`, `energy` and `size` know a drag that differs up and down",
-            field="motion.drag.rising_ratio", value=vehicle.drag.rising_ratio,
+            field="motion.drag.rising_ratio",
+            value=vehicle.drag.rising_ratio,
             remedy="Leave the line out here, and give a drag between the two",
-        )  # fmt: skip
+        )
     body, actuator = body_plant(vehicle, bottom_depth=bottom_depth), vehicle.actuator
     if isinstance(actuator, Positioner):
         a, supply, sag = ReducedActuator(1.0, *5 * (0.0,), None, None), math.inf, 0.0
@@ -94,14 +95,23 @@ def body_plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     k_b = vehicle.water.specific_weight
     d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
     return Plant(*[math.nan] * len(Plant._fields))._replace(
-        V_min=stroke.minimum, V_max=stroke.maximum,
-        a_b=k_b / m, psi=hull.psi, V_0=vehicle.trim_error,
-        d_l=d_l, d_b=d_b, d_0=d_0, d_t=d_t, epsilon=epsilon,
-        z_surface=hull.emergence_depth, a_s=k_b * hull.waterplane_area / m,
-        z_air=hull.emergence_depth - hull.height, z_bottom=bottom_depth,
+        V_min=stroke.minimum,
+        V_max=stroke.maximum,
+        a_b=k_b / m,
+        psi=hull.psi,
+        V_0=vehicle.trim_error,
+        d_l=d_l,
+        d_b=d_b,
+        d_0=d_0,
+        d_t=d_t,
+        epsilon=epsilon,
+        z_surface=hull.emergence_depth,
+        a_s=k_b * hull.waterplane_area / m,
+        z_air=hull.emergence_depth - hull.height,
+        z_bottom=bottom_depth,
         switch_in=-math.inf if stroke.switch_margin is None else stroke.lowest,
         switch_out=math.inf if stroke.switch_margin is None else stroke.highest,
-    )  # fmt: skip
+    )
 
 
 def _sag(supply: Supply, actuator: ReducedActuator) -> float:

@@ -58,9 +58,11 @@ def hull_parts(vehicle: Vehicle) -> tuple[HullPart, ...]:
     volume = hull.displaced_volume - hull.trapped_air
     displaced = hull.displaced_volume + vehicle.trim_error
     loss = hull.psi / water.specific_weight + displaced * water.compressibility
-    return (HullPart.model_construct(
-        name="hull", volume=volume, compressibility=loss / volume, thermal_expansion=0.0
-    ),)  # fmt: skip
+    return (
+        HullPart.model_construct(
+            name="hull", volume=volume, compressibility=loss / volume, thermal_expansion=0.0
+        ),
+    )
 
 
 def displaced_volume(vehicle: Vehicle, pressure: ArrayLike, temperature: ArrayLike) -> Array:
@@ -73,10 +75,9 @@ def displaced_volume(vehicle: Vehicle, pressure: ArrayLike, temperature: ArrayLi
     warmth = (T + _ZERO_CELSIUS) / (reference + _ZERO_CELSIUS)
     air = vehicle.hull.trapped_air * ATMOSPHERE / (ATMOSPHERE + p) * warmth
     solid = sum(
-        part.volume
-        * (1.0 - _pressed(part, p)[0] + part.thermal_expansion * (T - reference))
+        part.volume * (1.0 - _pressed(part, p)[0] + part.thermal_expansion * (T - reference))
         for part in hull_parts(vehicle)
-    )  # fmt: skip
+    )
     return np.asarray(solid + air)
 
 
@@ -135,10 +136,12 @@ def check_mass(vehicle: Vehicle) -> None:
                 f"with T2 = {T2:g} s this implies a mass of rho g T2/K2 = {vehicle.mass:.3g} kg, "
                 f"and the vehicle weighs about {by_trim:.4g} kg by hull.displaced_volume and "
                 "trim_error",
-                field="motion.K2", value=K2, unit="1/m2/s",
+                field="motion.K2",
+                value=K2,
+                unit="1/m2/s",
                 remedy="Check the units of motion.K2, motion.T2 and hull.displaced_volume, or "
                 "identify the motion again",
-            )  # fmt: skip
+            )
         return
     dry = vehicle.motion.dry_mass
     if _FEASIBLE[0] * by_trim < dry < _FEASIBLE[1] * by_trim:
@@ -148,9 +151,11 @@ def check_mass(vehicle: Vehicle) -> None:
         f"a vehicle that displaces {1e3 * displaced:.4g} L weighs about {by_trim:.4g} kg, by "
         f"hull.displaced_volume and trim_error: with this it {ends} in any water, whatever its "
         "drive does",
-        field="motion.dry_mass", value=dry, unit="kg",
+        field="motion.dry_mass",
+        value=dry,
+        unit="kg",
         remedy="Weigh it, and check the units of motion.dry_mass and hull.displaced_volume",
-    )  # fmt: skip
+    )
 
 
 def weighing(vehicle: Vehicle, mass: float) -> Vehicle:

@@ -39,9 +39,14 @@ class Record(NamedTuple):
 
 
 def still_starts(
-    vehicle: Vehicle, *, dVs: Sequence[float], travel: float = 3.0, sample_time: float = 0.3,
-    start: float = 10.0, longest: float = 300.0,
-) -> tuple[Record, ...]:  # fmt: skip
+    vehicle: Vehicle,
+    *,
+    dVs: Sequence[float],
+    travel: float = 3.0,
+    sample_time: float = 0.3,
+    start: float = 10.0,
+    longest: float = 300.0,
+) -> tuple[Record, ...]:
     """Return experiments without noise, the volume changed at once from an exactly neutral rest.
 
     dVs [m3], either sign; travel: where a record ends [m]; start: depth of rest [m], which changes
@@ -94,9 +99,13 @@ class PoolRun:
 
 
 def pool_parameters(
-    vehicle: Vehicle, *, dV: float, pool_depth: float = 4.5, clearance: float = 0.75,
+    vehicle: Vehicle,
+    *,
+    dV: float,
+    pool_depth: float = 4.5,
+    clearance: float = 0.75,
     hold: bool = True,
-) -> PoolParameters:  # fmt: skip
+) -> PoolParameters:
     """Return the procedure for a vehicle with an identified actuator and a cascade.
 
     dV [m3]; pool_depth and clearance (Delta_z) [m]; hold: whether the piston is held against the
@@ -105,26 +114,39 @@ def pool_parameters(
     a, controller, supply = vehicle.actuator, vehicle.controller, vehicle.supply
     if not isinstance(a, IdentifiedActuator) or supply is None:
         raise InputError(
-            "the timed voltage needs K1, T1 and the piston area", field="actuator.kind",
-            value=a.kind, remedy="Describe the actuator as kind identified",
-        )  # fmt: skip
+            "the timed voltage needs K1, T1 and the piston area",
+            field="actuator.kind",
+            value=a.kind,
+            remedy="Describe the actuator as kind identified",
+        )
     law, loop = bind(controller) if controller is not None else (None, None)
     if law is not CASCADE or not isinstance(loop, CascadeParameters):
         raise InputError(
-            "the pool procedure holds the depth with the cascade", field="controller.law",
-            value=None if law is None else law.name, remedy="Give the vehicle that controller",
-        )  # fmt: skip
+            "the pool procedure holds the depth with the cascade",
+            field="controller.law",
+            value=None if law is None else law.name,
+            remedy="Give the vehicle that controller",
+        )
     return procedure_for(
-        loop, rate_per_volt=a.K1 * a.piston_area, limit=supply.voltage,
-        load_voltage=a.depth_voltage if hold else 0.0, pool_depth=pool_depth, clearance=clearance,
+        loop,
+        rate_per_volt=a.K1 * a.piston_area,
+        limit=supply.voltage,
+        load_voltage=a.depth_voltage if hold else 0.0,
+        pool_depth=pool_depth,
+        clearance=clearance,
         change=dV,
-    )  # fmt: skip
+    )
 
 
 def pool_test(
-    vehicle: Vehicle, *, dVs: Sequence[float], seed: int, pool_depth: float = 4.5,
-    clearance: float = 0.75, advance: Callable[[float], None] | None = None,
-) -> tuple[PoolRun, ...]:  # fmt: skip
+    vehicle: Vehicle,
+    *,
+    dVs: Sequence[float],
+    seed: int,
+    pool_depth: float = 4.5,
+    clearance: float = 0.75,
+    advance: Callable[[float], None] | None = None,
+) -> tuple[PoolRun, ...]:
     """Return one run, two experiments, for each change of volume [m3]; `advance` counts runs done.
 
     Each run has its own noise. Raises NoAnswerError as run_procedure does.
@@ -140,9 +162,15 @@ def pool_test(
 
 
 def run_procedure(
-    vehicle: Vehicle, parameters: PoolParameters, *, pool_depth: float, seed: int | None,
-    travel: float = 3.0, duration: float = 1800.0, sink: float = 30e-6,
-) -> PoolRun:  # fmt: skip
+    vehicle: Vehicle,
+    parameters: PoolParameters,
+    *,
+    pool_depth: float,
+    seed: int | None,
+    travel: float = 3.0,
+    duration: float = 1800.0,
+    sink: float = 30e-6,
+) -> PoolRun:
     """Return one run: from rest on the bottom, `sink` [m3] below neutral, through (a) to (d).
 
     travel: how far the vehicle has gone at the end of an experiment's record [m], so that the
@@ -159,10 +187,17 @@ def run_procedure(
         return u, next_s
 
     s = simulate(
-        vehicle, setpoints=[(0.0, pool_depth)], duration=duration, start_depth=pool_depth,
-        start_volume=vehicle.neutral_volume(pool_depth) - sink, bottom_depth=pool_depth, seed=seed,
-        law=law, sample_time=parameters.loop.S_p, checked=False,
-    )  # fmt: skip
+        vehicle,
+        setpoints=[(0.0, pool_depth)],
+        duration=duration,
+        start_depth=pool_depth,
+        start_volume=vehicle.neutral_volume(pool_depth) - sink,
+        bottom_depth=pool_depth,
+        seed=seed,
+        law=law,
+        sample_time=parameters.loop.S_p,
+        checked=False,
+    )
     index = np.array([int(state.phase) for _, state, _ in notes])
     began = {int(i): int(np.argmax(index == i)) for i in np.unique(index)}
     phases = tuple((float(s.time[k]), named[i].step, named[i].does) for i, k in began.items())
@@ -189,15 +224,22 @@ def run_procedure(
                 released=float(s.time[first]),
                 ended=float(s.time[last]),
                 record=Record(
-                    s.time[part] - s.time[first], seen_depth[part], seen_volume[part] - neutral,
+                    s.time[part] - s.time[first],
+                    seen_depth[part],
+                    seen_volume[part] - neutral,
                     start,
                 ),
             )
-        )  # fmt: skip
+        )
     return PoolRun(
-        dV=parameters.change, parameters=parameters, solution=s, seen_depth=seen_depth,
-        seen_volume=seen_volume, phases=phases, experiments=tuple(experiments),
-    )  # fmt: skip
+        dV=parameters.change,
+        parameters=parameters,
+        solution=s,
+        seen_depth=seen_depth,
+        seen_volume=seen_volume,
+        phases=phases,
+        experiments=tuple(experiments),
+    )
 
 
 def _check_over(s: Solution, phases: tuple[tuple[float, str, Does], ...]) -> None:

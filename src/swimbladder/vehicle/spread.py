@@ -20,10 +20,13 @@ Input = Literal["trim", "psi", "drag", "pump", "mass"]
 INPUTS: tuple[Input, ...] = ("trim", "psi", "drag", "pump", "mass")
 # How the inputs change with the logarithms of what is identified: drag is times the force.
 _BY_NAME: dict[str, Mapping[Input, float]] = {
-    "K1": {"pump": 1.0}, "K2": {"drag": -1.0, "mass": -1.0}, "T2": {"mass": 1.0},
-    "mass": {"mass": 1.0}, "drag_quadratic": {"drag": 1.0},
+    "K1": {"pump": 1.0},
+    "K2": {"drag": -1.0, "mass": -1.0},
+    "T2": {"mass": 1.0},
+    "mass": {"mass": 1.0},
+    "drag_quadratic": {"drag": 1.0},
     "T1": {},  # missions have no lag of the motor
-}  # fmt: skip
+}
 
 
 class Correlation(Parameters):
@@ -113,9 +116,10 @@ class Spread(Parameters):
         found["correlation"] = tuple(
             Correlation(of=(a, b), value=float(np.clip(value, -1.0, 1.0)))
             for (i, a), (j, b) in itertools.combinations(enumerate(INPUTS), 2)
-            if sigma[i] > 0.0 and sigma[j] > 0.0
+            if sigma[i] > 0.0
+            and sigma[j] > 0.0
             and (value := covariance[i, j] / (sigma[i] * sigma[j])) != 0.0
-        )  # fmt: skip
+        )
         return Spread(**found)
 
 

@@ -517,14 +517,28 @@ def ballast(
     at = min(target.neutral_depth or 0.5 * first.deepest, first.deepest)
     spread = sensitivities(made, first, uncertainty).items()
     return Ballasting(
-        vehicle=made, given=vehicle, target=target, columns=tuple(columns), curves=tuple(curves),
-        needs=tuple(needs), uncertainty=uncertainty, wanted=probability, draws=draws, speed=speed,
-        added=added, added_volume=added / density, material=material, best=shift / per_mass,
+        vehicle=made,
+        given=vehicle,
+        target=target,
+        columns=tuple(columns),
+        curves=tuple(curves),
+        needs=tuple(needs),
+        uncertainty=uncertainty,
+        wanted=probability,
+        draws=draws,
+        speed=speed,
+        added=added,
+        added_volume=added / density,
+        material=material,
+        best=shift / per_mass,
         best_margin=0.5 * (tight.margin_in + tight.margin_out),
-        freeboard=free, sure_freeboard=sure, psi_depth=at,
-        psi=psi_terms(made, first, at), assumptions=tuple(assumptions),
+        freeboard=free,
+        sure_freeboard=sure,
+        psi_depth=at,
+        psi=psi_terms(made, first, at),
+        assumptions=tuple(assumptions),
         spread={name: float(abs(values[-1])) for name, values in spread},
-    )  # fmt: skip
+    )
 
 
 def ballasted(vehicle: Vehicle, added: float, density: float, column: Column) -> Vehicle:
@@ -574,9 +588,13 @@ def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
 
 
 def _check(
-    vehicle: Vehicle, columns: Sequence[Column], target: Target, probability: float, speed: float,
+    vehicle: Vehicle,
+    columns: Sequence[Column],
+    target: Target,
+    probability: float,
+    speed: float,
     density: float,
-) -> None:  # fmt: skip
+) -> None:
     """Raise InputError for what cannot be asked."""
     deepest, height, stroke = columns[0].deepest, vehicle.hull.height, vehicle.stroke
     at, volume, out = target.neutral_depth, target.volume, target.freeboard
@@ -637,9 +655,14 @@ def _thinned(column: Column, vehicle: Vehicle) -> Column:
 
 
 def _need(
-    vehicle: Vehicle, column: Column, nominal: Array, drawn: Array, push: list[Array],
-    target: Target, probability: float,
-) -> Need:  # fmt: skip
+    vehicle: Vehicle,
+    column: Column,
+    nominal: Array,
+    drawn: Array,
+    push: list[Array],
+    target: Target,
+    probability: float,
+) -> Need:
     """Return what the stroke has to cover in one column, and how likely it does.
 
     push: what drives it down and up [m3] [n].
@@ -654,10 +677,13 @@ def _need(
     inward = (drawn - down).min(axis=1) - stroke.minimum
     outward = stroke.maximum - highest
     return Need(
-        source=column.source, least=float(sink[least]), least_depth=float(column.depth[least]),
-        most=float(rise[most]), most_depth=float(column.depth[most]),
+        source=column.source,
+        least=float(sink[least]),
+        least_depth=float(column.depth[least]),
+        most=float(rise[most]),
+        most_depth=float(column.depth[most]),
         probability=float(np.mean((inward >= 0.0) & (outward >= 0.0))),
         margin_in=float(np.quantile(inward, 1.0 - probability)),
         margin_out=float(np.quantile(outward, 1.0 - probability)),
         out_for="freeboard" if most == 0 and out > up[0] else "rise",
-    )  # fmt: skip
+    )

@@ -55,10 +55,18 @@ def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
         efficiencies = np.array(rows)
     stall = stall_pressure(vehicle)
     return DriveEnergy(
-        vehicle=vehicle, column=column, map=found, per_volume=per_volume, per_volume_in=per_in,
-        efficiency=efficiency, stages=stages, stall=stall, stall_depth=_depth(column, stall),
-        shares=shares, efficiencies=efficiencies,
-    )  # fmt: skip
+        vehicle=vehicle,
+        column=column,
+        map=found,
+        per_volume=per_volume,
+        per_volume_in=per_in,
+        efficiency=efficiency,
+        stages=stages,
+        stall=stall,
+        stall_depth=_depth(column, stall),
+        shares=shares,
+        efficiencies=efficiencies,
+    )
 
 
 def sea(

@@ -294,10 +294,16 @@ def fit_pump(
             without[number] |= dict(zip(law.names, x.tolist(), strict=True))
     dives = () if runs.dive is None else tuple(_predicted(runs, laws, number) for number in groups)
     return PumpFit(
-        runs=runs, kept=kept, parameters=parameters, clusters=len(groups), dives=dives,
-        power_rms=rms[0], volume_rms=(*rms, math.nan)[1], without=without,
+        runs=runs,
+        kept=kept,
+        parameters=parameters,
+        clusters=len(groups),
+        dives=dives,
+        power_rms=rms[0],
+        volume_rms=(*rms, math.nan)[1],
+        without=without,
         reference_voltage=reference,
-    )  # fmt: skip
+    )
 
 
 def _columns(runs: PumpRuns, names: Iterable[str], reference: float | None) -> dict[str, Array]:
@@ -333,9 +339,13 @@ class _Law(NamedTuple):
 
     @classmethod
     def of(
-        cls, columns: Mapping[str, Array], measured: Array, weight: Array, dive: Array,
+        cls,
+        columns: Mapping[str, Array],
+        measured: Array,
+        weight: Array,
+        dive: Array,
         rows: NDArray[np.bool_],
-    ) -> _Law:  # fmt: skip
+    ) -> _Law:
         """Return the law of what was measured, columns by the numbers that they are for [n]."""
         A = np.column_stack([*columns.values()])[rows]
         y, weight, dive = measured[rows], weight[rows], dive[rows]

@@ -116,9 +116,13 @@ def hovering(found: DriveEnergy, thruster: Thruster, *, weight_error: float) -> 
     spared = power - hold
     later = np.divide(once, spared, out=np.full(spared.shape, np.inf), where=spared > 0.0)
     return Hovering(
-        weight_error=weight_error, thrust=weight, thruster_power=power, engine_energy=once,
-        engine_power=hold, break_even=np.where(np.isfinite(once), later, np.inf),
-    )  # fmt: skip
+        weight_error=weight_error,
+        thrust=weight,
+        thruster_power=power,
+        engine_energy=once,
+        engine_power=hold,
+        break_even=np.where(np.isfinite(once), later, np.inf),
+    )
 
 
 def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profiling:
@@ -169,10 +173,14 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     pushed = np.array([pushing(k) for k in range(z.size)])
     reached = z[: np.argmin(fits)].max(initial=-math.inf)  # before the first that does not fit
     return Profiling(
-        speed=speed, depth=z, engine=engine, thruster=pushed, drag=(force + back) * z,
+        speed=speed,
+        depth=z,
+        engine=engine,
+        thruster=pushed,
+        drag=(force + back) * z,
         stroke_depth=math.inf if fits.all() else float(reached),
         break_even=_crossing(z, engine, pushed),
-    )  # fmt: skip
+    )
 
 
 def _summed(values: Array, z: Array) -> Array:

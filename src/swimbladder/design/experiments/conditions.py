@@ -237,15 +237,30 @@ def experiment_of(flight: Flight, name: str) -> Experiment:
     """Return a flight as `identify` takes a log of it."""
     n = len(flight.time)
     record = Record(
-        drive="volume", time=flight.time, depth=flight.depth, speed=None, volume=flight.volume,
-        volume_absolute=False, voltage=None, setpoints=(), reference=None,
-        compared=np.ones(n, np.bool_), afloat=False, bottom_depth=math.inf, notes=(),
-    )  # fmt: skip
+        drive="volume",
+        time=flight.time,
+        depth=flight.depth,
+        speed=None,
+        volume=flight.volume,
+        volume_absolute=False,
+        voltage=None,
+        setpoints=(),
+        reference=None,
+        compared=np.ones(n, np.bool_),
+        afloat=False,
+        bottom_depth=math.inf,
+        notes=(),
+    )
     start = flight.release.start
     return Experiment(
-        source=name, record=record, inputs=flight.volume, ramps=True, reference=start, neutral=0.0,
+        source=name,
+        record=record,
+        inputs=flight.volume,
+        ramps=True,
+        reference=start,
+        neutral=0.0,
         segments=(Segment(0, n - 1, start, 0.0),),
-    )  # fmt: skip
+    )
 
 
 FEWEST = 12  # samples of a record, below which `identify` does not take it

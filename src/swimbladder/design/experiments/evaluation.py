@@ -143,10 +143,19 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
     both = np.sqrt(np.diag(shares) + off**2)
     n, k = len(problem.measured), len(problem.experiments)
     fit = Fit(  # that would be made if the records were as predicted
-        x=x, residual=np.zeros(n), weight=np.ones(n), noise=np.full(k, noise),
-        root=np.full(n, 1.0 / noise), objective=0.0, slope=J, ar=((),) * k,
-        ar_noise=(ArNoise((), 1.0),) * k, information=information, covariance=C, data=data,
-    )  # fmt: skip
+        x=x,
+        residual=np.zeros(n),
+        weight=np.ones(n),
+        noise=np.full(k, noise),
+        root=np.full(n, 1.0 / noise),
+        objective=0.0,
+        slope=J,
+        ar=((),) * k,
+        ar_noise=(ArNoise((), 1.0),) * k,
+        information=information,
+        covariance=C,
+        data=data,
+    )
     return Prediction(
         names=names,
         parameters={

@@ -21,9 +21,12 @@ _COARSE = 0.3  # of the quantum: less noise than that and rounding is no white n
 
 
 def judge(
-    chosen: EvaluatedSet, curve: Curve, stretched: Mapping[str, float], question: Question,
+    chosen: EvaluatedSet,
+    curve: Curve,
+    stretched: Mapping[str, float],
+    question: Question,
     setting: Setting,
-) -> tuple[Finding, ...]:  # fmt: skip
+) -> tuple[Finding, ...]:
     """Return what is to be said of a set; stretched: its shares in a pool half as deep again."""
     return (
         *chosen.prediction.open,
@@ -252,16 +255,22 @@ class Design:
         """Return the plan to follow at the pool: of the chosen set, or of another one."""
         w, s = evaluated or self.chosen, self.setting
         return Plan(
-            name=f"experiments for {self.vehicle}", vehicle=self.vehicle, pool_depth=s.pool_depth,
-            shallowest=s.shallowest, deepest=s.deepest, sample_time=s.sample_time, rest=s.rest,
-            depth_noise=s.noise, depth_quantum=s.quantum,
+            name=f"experiments for {self.vehicle}",
+            vehicle=self.vehicle,
+            pool_depth=s.pool_depth,
+            shallowest=s.shallowest,
+            deepest=s.deepest,
+            sample_time=s.sample_time,
+            rest=s.rest,
+            depth_noise=s.noise,
+            depth_quantum=s.quantum,
             neutral_std=s.neutral_std if math.isfinite(s.neutral_std) else None,
             expected=tuple(
                 Expected(name=name, value=e.value, std=e.std, unit=e.unit)
                 for name, e in w.prediction.parameters.items()
             ),
             experiments=tuple(_planned(flight, s) for flight in w.flights),
-        )  # fmt: skip
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""

@@ -43,16 +43,31 @@ _LEAST_TRAVEL = 0.2  # m
 
 
 def design_experiment(
-    vehicle: Vehicle, *, pool_depth: float, sensor_std: float | None = None,
-    quantum: float | None = None, sample_time: float | None = None,
-    neutral_std: float | None = None, drift_std: float | None = None,
-    free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None,
-    priors: Mapping[str, Prior] | None = None, drag: str | None = None, time: float | None = None,
-    releases: int | None = None, clearance: float = 0.75, settling: float | None = None,
-    rest: float = 5.0, longest: float = 240.0, moves: int = 4, largest: float = math.inf,
-    criterion: str = "largest", uncertainty: float | None = None,
-    against: Sequence[float] | None = None, advance: Callable[[float], None] | None = None,
-) -> Design:  # fmt: skip
+    vehicle: Vehicle,
+    *,
+    pool_depth: float,
+    sensor_std: float | None = None,
+    quantum: float | None = None,
+    sample_time: float | None = None,
+    neutral_std: float | None = None,
+    drift_std: float | None = None,
+    free: Sequence[str] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    drag: str | None = None,
+    time: float | None = None,
+    releases: int | None = None,
+    clearance: float = 0.75,
+    settling: float | None = None,
+    rest: float = 5.0,
+    longest: float = 240.0,
+    moves: int = 4,
+    largest: float = math.inf,
+    criterion: str = "largest",
+    uncertainty: float | None = None,
+    against: Sequence[float] | None = None,
+    advance: Callable[[float], None] | None = None,
+) -> Design:
     """Return the most informative experiments on a vehicle's motion in a pool time.
 
     pool_depth, clearance: of the bottom, and of all records from it and from the surface [m].
@@ -79,10 +94,20 @@ def design_experiment(
         question = Question(model, names, held, known)
         settled, how = _settling(vehicle, settling, pool_depth, clearance)
         s = _setting(
-            vehicle, pool_depth=pool_depth, clearance=clearance, sensor_std=sensor_std,
-            quantum=quantum, sample_time=sample_time, neutral_std=neutral_std, drift_std=drift_std,
-            settling=settled, rest=rest, longest=longest, largest=largest, moves=moves,
-        )  # fmt: skip
+            vehicle,
+            pool_depth=pool_depth,
+            clearance=clearance,
+            sensor_std=sensor_std,
+            quantum=quantum,
+            sample_time=sample_time,
+            neutral_std=neutral_std,
+            drift_std=drift_std,
+            settling=settled,
+            rest=rest,
+            longest=longest,
+            largest=largest,
+            moves=moves,
+        )
         report(0.05)
         limits = ramps(vehicle, s)
         if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
@@ -106,11 +131,19 @@ def design_experiment(
         stretched = deeper(chosen, c, _DEEPER)
         report(0.06)
     return Design(
-        vehicle=vehicle.name, setting=s, question=question, criterion=criterion, budget=budget,
-        chosen=ours, against=theirs, rival=_rival_name(against), curve=buys,
-        piston_area=vehicle.piston_area, findings=judge(ours, buys, stretched, question, s),
+        vehicle=vehicle.name,
+        setting=s,
+        question=question,
+        criterion=criterion,
+        budget=budget,
+        chosen=ours,
+        against=theirs,
+        rival=_rival_name(against),
+        curve=buys,
+        piston_area=vehicle.piston_area,
+        findings=judge(ours, buys, stretched, question, s),
         assumptions=_assumptions(question, s, how, len(others)),
-    )  # fmt: skip
+    )
 
 
 def paper_steps(volumes: Sequence[float], setting: Setting) -> list[Release]:
@@ -145,9 +178,15 @@ def _settling(
 
 
 def _setting(
-    vehicle: Vehicle, *, sensor_std: float | None, quantum: float | None,
-    sample_time: float | None, neutral_std: float | None, drift_std: float | None, **others: Any,
-) -> Setting:  # fmt: skip
+    vehicle: Vehicle,
+    *,
+    sensor_std: float | None,
+    quantum: float | None,
+    sample_time: float | None,
+    neutral_std: float | None,
+    drift_std: float | None,
+    **others: Any,
+) -> Setting:
     known, sensors = vehicle.identified, vehicle.sensors
     noise, neutral, drift = 0.0, 0.0, DRIFT_STD
     if known is not None:

@@ -395,9 +395,11 @@ def _refined(
         return worth(_release(kind, x.tolist(), s.conditions))
 
     found = minimize(
-        of_numbers, start, method="Nelder-Mead",
+        of_numbers,
+        start,
+        method="Nelder-Mead",
         options={"maxfev": _TRIES, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-3},
-    )  # fmt: skip
+    )
     best = _release(kind, found.x.tolist(), s.conditions)
     return best if worth(best) < worth(kind) else kind
 

@@ -132,9 +132,12 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
     least, most = max(given[0], top), given[1]
     if not (given[0] >= 0.0 and least < most < math.inf):
         raise InputError(
-            "no range of depths under water", field="--depth", value=f"{given[0]:g}:{most:g}",
-            unit="m", remedy="Give the least and the greatest, like 0:10",
-        )  # fmt: skip
+            "no range of depths under water",
+            field="--depth",
+            value=f"{given[0]:g}:{most:g}",
+            unit="m",
+            remedy="Give the least and the greatest, like 0:10",
+        )
     if most >= reach:
         raise NoAnswerError(
             f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Compare laws for "
@@ -225,9 +228,11 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
     for name in wanted or ():
         if name not in LAWS:
             raise InputError(
-                "no such law", field="--laws", value=name,
+                "no such law",
+                field="--laws",
+                value=name,
                 remedy=f"{did_you_mean(name, LAWS.names())}Choose from {', '.join(LAWS.names())}",
-            )  # fmt: skip
+            )
     command = vehicle.command
     kept = []
     out = {} if wanted else dict(LAWS.broken())
@@ -268,10 +273,17 @@ def own(vehicle: Vehicle) -> list[Contender]:
 
 
 def tuned(
-    vehicle: Vehicle, name: str, goal: str, *, where: Places, step: tuple[float, float],
-    sample_time: float | None, store: Store, advance: Callable[[float], None],
+    vehicle: Vehicle,
+    name: str,
+    goal: str,
+    *,
+    where: Places,
+    step: tuple[float, float],
+    sample_time: float | None,
+    store: Store,
+    advance: Callable[[float], None],
     column: Column | None = None,
-) -> Contender | str:  # fmt: skip
+) -> Contender | str:
     """Return a law tuned for a goal over the range of depths, or why it cannot be.
 
     step [m]: of the tuner's trials. column: their water. advance: told the share of the work done.
@@ -287,9 +299,17 @@ def tuned(
     def controller() -> dict[str, Any]:
         try:
             found = tune(
-                vehicle, law=name, goal=goal, depths=depths, step=step, sample_time=sample_time,
-                supply=least, runs=_TRIALS, advance=tell, column=column,
-            )  # fmt: skip
+                vehicle,
+                law=name,
+                goal=goal,
+                depths=depths,
+                step=step,
+                sample_time=sample_time,
+                supply=least,
+                runs=_TRIALS,
+                advance=tell,
+                column=column,
+            )
             assert found.vehicle.controller is not None
             return found.vehicle.controller.model_dump()
         except SwimbladderError as error:

@@ -115,10 +115,20 @@ def fly_scenario(
     if not pumped:  # neutral is otherwise what its stepper makes of it
         given["start_volume"] = medium.neutral_volume(placed.start)
     flown = trial.fly(
-        vehicle, who.law, who.parameters, target=placed.target, duration=placed.duration,
-        sample_time=h, count=runs, start_depth=placed.start, seed=seed, column=column,
-        books=no_energy(vehicle) is None, workers=1, **given,
-    )  # fmt: skip
+        vehicle,
+        who.law,
+        who.parameters,
+        target=placed.target,
+        duration=placed.duration,
+        sample_time=h,
+        count=runs,
+        start_depth=placed.start,
+        seed=seed,
+        column=column,
+        books=no_energy(vehicle) is None,
+        workers=1,
+        **given,
+    )
     time, depth = flown.time, flown.depth
     rating = math.inf if vehicle.hull.depth_limit is None else vehicle.hull.depth_limit
     found = trial.measure(flown, s.counted)

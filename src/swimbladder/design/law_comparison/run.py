@@ -135,12 +135,20 @@ class LawComparison:
         bound = self.bounds.get("step-down")
         alone = len(self.rows) == 1
         for words, scenario, field, shown in (
-            (f"settles{'' if alone else ' soonest'} after a step, in 95 % of the runs",
-             "step-down", "settle_95", _seconds),
-            (f"holds{'' if alone else ' best'} while the trim drifts", "hold-drift", "rms",
-             _millimetres),
+            (
+                f"settles{'' if alone else ' soonest'} after a step, in 95 % of the runs",
+                "step-down",
+                "settle_95",
+                _seconds,
+            ),
+            (
+                f"holds{'' if alone else ' best'} while the trim drifts",
+                "hold-drift",
+                "rms",
+                _millimetres,
+            ),
             (f"moves{'' if alone else ' least'} while holding", "hold", "rate", _litres),
-        ):  # fmt: skip
+        ):
             ranked = sorted(
                 (row for row in self.rows if math.isfinite(row.cost(scenario, field))),
                 key=lambda row: row.cost(scenario, field),
@@ -252,12 +260,19 @@ _NOT_A_STEP = dict.fromkeys(Trial._fields[1:6], math.nan)  # settling and oversh
 
 
 def compare_laws(
-    vehicle: Vehicle, *, laws: Sequence[str] | None = None, runs: int = 40,
-    depths: tuple[float, float] | None = None, seed: int = 1, sample_time: float | None = None,
-    scenarios: Sequence[Scenario] | None = None, tune_for: Sequence[str] = GOALS,
-    parts: Path | None = None, column: Column | None = None,
+    vehicle: Vehicle,
+    *,
+    laws: Sequence[str] | None = None,
+    runs: int = 40,
+    depths: tuple[float, float] | None = None,
+    seed: int = 1,
+    sample_time: float | None = None,
+    scenarios: Sequence[Scenario] | None = None,
+    tune_for: Sequence[str] = GOALS,
+    parts: Path | None = None,
+    column: Column | None = None,
     advance: Callable[[float], None] | None = None,
-) -> LawComparison:  # fmt: skip
+) -> LawComparison:
     """Return every law on the same scenarios, each tuned fast and tuned quiet for this vehicle.
 
     laws: names; all that fit the actuator where not given. The vehicle's own controller is always
@@ -296,10 +311,16 @@ def compare_laws(
         bounding = aside.submit(_bounds, vehicle, placed, store)
         for name, goal in jobs:
             found = contenders.tuned(
-                vehicle, name, goal, where=where, step=(shallow.start, shallow.target),
-                sample_time=sample_time, store=store, column=column,
+                vehicle,
+                name,
+                goal,
+                where=where,
+                step=(shallow.start, shallow.target),
+                sample_time=sample_time,
+                store=store,
+                column=column,
                 advance=lambda share: tell(_TUNING * share / len(jobs)),
-            )  # fmt: skip
+            )
             if isinstance(found, str):
                 left_out[f"{name}, {goal}"] = found
             else:
@@ -312,10 +333,18 @@ def compare_laws(
         rows = _fly_all(vehicle, everyone, placed, drawn, store, lambda x: tell(x * flying))
         bounds, missing = bounding.result()
     return LawComparison(
-        vehicle=vehicle, where=where, placed=placed, rows=rows, left_out=left_out, bounds=bounds,
-        no_bound=missing, no_energy=no_energy(vehicle), runs=runs, seed=seed,
+        vehicle=vehicle,
+        where=where,
+        placed=placed,
+        rows=rows,
+        left_out=left_out,
+        bounds=bounds,
+        no_bound=missing,
+        no_energy=no_energy(vehicle),
+        runs=runs,
+        seed=seed,
         assumptions=_assumptions(vehicle, where.words, around, column),
-    )  # fmt: skip
+    )
 
 
 def _bounds(
@@ -349,9 +378,13 @@ def _bounds(
 
 
 def _fly_all(
-    vehicle: Vehicle, everyone: Sequence[Contender], placed: Sequence[Placed], drawn: Drawn,
-    store: Store, advance: Callable[[float], None],
-) -> list[Row]:  # fmt: skip
+    vehicle: Vehicle,
+    everyone: Sequence[Contender],
+    placed: Sequence[Placed],
+    drawn: Drawn,
+    store: Store,
+    advance: Callable[[float], None],
+) -> list[Row]:
     """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
 
     def one(job: tuple[int, int]) -> tuple[Trial, Trace]:

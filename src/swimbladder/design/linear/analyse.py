@@ -387,9 +387,13 @@ class Analysis:
 
 
 def analyse_linear(
-    vehicle: Vehicle, *, depth: float = 0.0, law: LinearLaw | None = None, law_name: str = "",
+    vehicle: Vehicle,
+    *,
+    depth: float = 0.0,
+    law: LinearLaw | None = None,
+    law_name: str = "",
     notes: tuple[str, ...] = (),
-) -> Analysis:  # fmt: skip
+) -> Analysis:
     """Return the linear analysis of a vehicle at rest at `depth` [m], with its law already linear.
 
     Raises InputError where the depth is negative or not finite.
@@ -435,9 +439,12 @@ def check_depth(depth: float, *, field: str = "depth") -> None:
     """Raise InputError, about `field`, where a depth [m] is negative or not finite."""
     if not (math.isfinite(depth) and depth >= 0.0):
         raise InputError(
-            "the depth must be finite and not negative", field=field, value=depth, unit="m",
+            "the depth must be finite and not negative",
+            field=field,
+            value=depth,
+            unit="m",
             remedy="Give a depth below the surface, positive down",
-        )  # fmt: skip
+        )
 
 
 def _open_loop(model: models.StateSpace, T1: float, d_l: float) -> OpenLoop:

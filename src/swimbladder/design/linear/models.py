@@ -145,9 +145,18 @@ def _with_outputs(
 
 
 def linearised_motion(
-    *, inertia: float, k_u: float, k_v: float, k_q: float, k_z: float, k_l: float,
-    k_b: float, k_def: float, k_dl: float, m: float,
-) -> StateSpace:  # fmt: skip
+    *,
+    inertia: float,
+    k_u: float,
+    k_v: float,
+    k_q: float,
+    k_z: float,
+    k_l: float,
+    k_b: float,
+    k_def: float,
+    k_dl: float,
+    m: float,
+) -> StateSpace:
     """Return eqs (17)-(18) as a system with states (dV/dt, V, z, w) and input u.
 
     inertia: lambda [kg m2]; k_u [N m/V]; k_v [N m s/rad]; k_q [m3/rad]; k_z [N m/m]; k_l [m2/s];

@@ -41,9 +41,14 @@ class LinearLaw:
 
 
 def linearise_law(
-    step: Callable[..., Any], *, parameters: Any, state: Any, measurement: Any, reference: float,
+    step: Callable[..., Any],
+    *,
+    parameters: Any,
+    state: Any,
+    measurement: Any,
+    reference: float,
     tick: float,
-) -> LinearLaw:  # fmt: skip
+) -> LinearLaw:
     """Return the linear form of any law, its `step` differentiated about rest by differences.
 
     state, measurement: named tuples of floats, at rest: the reference is the depth measured; tick:

@@ -90,9 +90,16 @@ def volume_per_depth_identified(
 
 
 def depth_per_voltage(
-    *, K1: float, K2: float, A: float, T1: float, T2: float, psi: float, depth_voltage: float,
+    *,
+    K1: float,
+    K2: float,
+    A: float,
+    T1: float,
+    T2: float,
+    psi: float,
+    depth_voltage: float,
     k_l: float,
-) -> Ratio:  # fmt: skip
+) -> Ratio:
     """Z/U in open loop, eq. (34) [m/V].
 
     K1 [m/s/V]; K2 [1/m2/s]; A [m2]; T1, T2 [s]; psi [m3/m]; depth_voltage: k_z/k_u [V/m];

@@ -296,10 +296,23 @@ def _plan_of(
     moved = float(np.abs(np.diff(volume)).sum())
     energy = electrical(task, answer) if winding_of(task.vehicle) is not None else math.nan
     return Plan(
-        task=task, goal=goal, arrive=arrive, time=time, depth=depth, speed=speed, volume=volume,
-        command=command, arrival=arrival * h, least=least, moved=moved, energy=energy,
-        gap=answer.gap, proven=answer.proven, residual=residual, at_limit=_at_limit(task, answer),
-    )  # fmt: skip
+        task=task,
+        goal=goal,
+        arrive=arrive,
+        time=time,
+        depth=depth,
+        speed=speed,
+        volume=volume,
+        command=command,
+        arrival=arrival * h,
+        least=least,
+        moved=moved,
+        energy=energy,
+        gap=answer.gap,
+        proven=answer.proven,
+        residual=residual,
+        at_limit=_at_limit(task, answer),
+    )
 
 
 def _at_limit(task: Task, answer: Answer) -> dict[str, float]:

@@ -136,10 +136,17 @@ class Task:
 
 
 def task_of(
-    vehicle: Vehicle, start: float, target: float, *, sample_time: float | None = None,
-    supply: float | None = None, band: float = 0.02, margin: float = 0.0,
-    speed_limit: float | None = None, bottom_depth: float = math.inf,
-) -> Task:  # fmt: skip
+    vehicle: Vehicle,
+    start: float,
+    target: float,
+    *,
+    sample_time: float | None = None,
+    supply: float | None = None,
+    band: float = 0.02,
+    margin: float = 0.0,
+    speed_limit: float | None = None,
+    bottom_depth: float = math.inf,
+) -> Task:
     """Return the task, checked.
 
     start, target [m]. sample_time [s] and supply [V]: the vehicle's where not given. band [-]: of

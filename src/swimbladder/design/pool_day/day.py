@@ -137,9 +137,16 @@ class PoolDay:
     """Experiments found in logs, kept in a folder, and identified together after each."""
 
     def __init__(
-        self, vehicle: Vehicle, folder: Path, *, rules: Rules, tasks: Sequence[Task], asked: Asked,
-        mode: str, kept: Sequence[Kept] = (),
-    ) -> None:  # fmt: skip
+        self,
+        vehicle: Vehicle,
+        folder: Path,
+        *,
+        rules: Rules,
+        tasks: Sequence[Task],
+        asked: Asked,
+        mode: str,
+        kept: Sequence[Kept] = (),
+    ) -> None:
         self.vehicle, self.folder, self.rules = vehicle, folder, rules
         self.tasks, self.asked, self.mode = tuple(tasks), asked, mode
         self.kept = [k for k in kept if not k.set_aside]
@@ -350,9 +357,12 @@ _STD = 0.02  # of a parameter, to which it is to be known
 
 
 def rules_of(
-    vehicle: Vehicle, *, pool_depth: float | None = None, travel: float = Rules().travel,
+    vehicle: Vehicle,
+    *,
+    pool_depth: float | None = None,
+    travel: float = Rules().travel,
     plan: Plan | None = None,
-) -> Rules:  # fmt: skip
+) -> Rules:
     """Return by which numbers phases are distinguished.
 
     pool_depth: of the bottom, None where it is not known; travel: after which an experiment is
@@ -383,11 +393,16 @@ def rules_of(
 
 
 def asked_of(
-    vehicle: Vehicle, *, free: tuple[str, ...] | None = None,
-    fixed: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
-    drag: str | None = None, neutral_std: float = NEUTRAL_STD,
-    target: Sequence[Target] | None = None, target_std: float | None = None,
-) -> Asked:  # fmt: skip
+    vehicle: Vehicle,
+    *,
+    free: tuple[str, ...] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    drag: str | None = None,
+    neutral_std: float = NEUTRAL_STD,
+    target: Sequence[Target] | None = None,
+    target_std: float | None = None,
+) -> Asked:
     """Return what is to be identified, how well, and what is known before.
 
     target: of each by itself, or target_std [-] of all but psi. Raises InputError for what this

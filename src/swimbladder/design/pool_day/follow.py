@@ -135,9 +135,13 @@ def check_waiting(*, timeout: float | None = None, speed: float | None = None) -
 
 
 def follow(
-    day: PoolDay, tail: GrowingLog, *, timeout: float, sleep: Callable[[float], None] = time.sleep,
+    day: PoolDay,
+    tail: GrowingLog,
+    *,
+    timeout: float,
+    sleep: Callable[[float], None] = time.sleep,
     clock: Callable[[], float] = time.monotonic,
-) -> Iterator[News | None]:  # fmt: skip
+) -> Iterator[News | None]:
     """Yield what happens in a growing log until it is good enough, and None at every read.
 
     timeout: ends when the log has not grown for so long [s]. Raises LogError where there is no log
@@ -181,9 +185,14 @@ def finished(day: PoolDay, tail: GrowingLog) -> Iterator[News | None]:
 
 
 def rehearse(
-    day: PoolDay, operator: Operator, *, most: int, speed: float, whole: Path,
+    day: PoolDay,
+    operator: Operator,
+    *,
+    most: int,
+    speed: float,
+    whole: Path,
     sleep: Callable[[float], None] = time.sleep,
-) -> Iterator[News | None]:  # fmt: skip
+) -> Iterator[News | None]:
     """Yield what happens in a rehearsal of at most so many experiments; None at every step.
 
     speed: simulated seconds a second, inf for no waiting. whole: the log of all of it, as far as

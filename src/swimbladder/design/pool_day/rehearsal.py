@@ -164,12 +164,18 @@ class Operator:
             return command, math.inf if does in ("over", "gave up") else 0.0
 
         s = simulate(
-            self.truth, setpoints=[(0.0, self.pool_depth)],
-            duration=_PATIENCE + task.longest + 120.0, start_depth=self._depth,
-            start_speed=self._speed, start_volume=self._volume, bottom_depth=self.pool_depth,
-            seed=self.seed + self._runs, law=law, sample_time=self.believed.controller.sample_time,
+            self.truth,
+            setpoints=[(0.0, self.pool_depth)],
+            duration=_PATIENCE + task.longest + 120.0,
+            start_depth=self._depth,
+            start_speed=self._speed,
+            start_volume=self._volume,
+            bottom_depth=self.pool_depth,
+            seed=self.seed + self._runs,
+            law=law,
+            sample_time=self.believed.controller.sample_time,
             checked=False,
-        )  # fmt: skip
+        )
         if notes[-1][2] != "over":
             where = f"{task.start:.2f} m in {_PATIENCE / 60.0:g} min. Tune its controller"
             why = f"the vehicle did not come to rest at {where}" if s.finished else s.stop.value

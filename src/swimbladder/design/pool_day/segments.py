@@ -614,9 +614,13 @@ class Segmenter:
         if abs(away) <= limit:
             return None
         return Glide(
-            self.rules, self._window, rest, since=float(recent[0, TIME]), limit=limit,
+            self.rules,
+            self._window,
+            rest,
+            since=float(recent[0, TIME]),
+            limit=limit,
             side=math.copysign(1.0, away),
-        )  # fmt: skip
+        )
 
     def _date(self, g: Glide) -> None:
         """Give a glide the time when the volume left, and the minute before; drop what is older."""

@@ -68,9 +68,14 @@ class Verdict(NamedTuple):
 
 
 def judge(
-    found: Identification | None, targets: Sequence[Target], *, priors: Mapping[str, Prior],
-    due: int, faults: Sequence[str], known_neutral: Callable[[], Identification],
-) -> Verdict:  # fmt: skip
+    found: Identification | None,
+    targets: Sequence[Target],
+    *,
+    priors: Mapping[str, Prior],
+    due: int,
+    faults: Sequence[str],
+    known_neutral: Callable[[], Identification],
+) -> Verdict:
     """Return the verdict on an identification, None where there is none yet.
 
     priors: those it was made with. due: experiments of the plan that are not done yet; their

@@ -68,13 +68,23 @@ _PLACES = 41  # depths at which the energy of a cycle is summed up
 _SAID = {"most": 1.0, "remedy": 'Write a share like "10 %", which is 0.1'}
 _ABOVE, _LEAST, _SHARE = {"above": 0.0}, {"least": 0.0}, {"least": 0.0} | _SAID
 _BOUNDS: dict[str, tuple[str, dict[str, Any]]] = {
-    "depth": ("m", _ABOVE), "speed": ("m/s", _ABOVE), "turn_time": ("s", _ABOVE),
-    "cycles": ("", _ABOVE), "trim": ("m3", _LEAST), "freeboard": ("m3", _LEAST),
-    "park_time": ("s", _LEAST), "hotel": ("W", _LEAST), "surface_energy": ("J", _LEAST),
-    "stall_reserve": ("", _LEAST), "surface_time": ("s", _LEAST), "reserve": ("", _SHARE),
-    "corrections": ("", _SHARE), "battery_reserve": ("", _SHARE),
-    "probability": ("", _ABOVE | _SAID), "battery_low": ("", _ABOVE | _SAID),
-}  # fmt: skip
+    "depth": ("m", _ABOVE),
+    "speed": ("m/s", _ABOVE),
+    "turn_time": ("s", _ABOVE),
+    "cycles": ("", _ABOVE),
+    "trim": ("m3", _LEAST),
+    "freeboard": ("m3", _LEAST),
+    "park_time": ("s", _LEAST),
+    "hotel": ("W", _LEAST),
+    "surface_energy": ("J", _LEAST),
+    "stall_reserve": ("", _LEAST),
+    "surface_time": ("s", _LEAST),
+    "reserve": ("", _SHARE),
+    "corrections": ("", _SHARE),
+    "battery_reserve": ("", _SHARE),
+    "probability": ("", _ABOVE | _SAID),
+    "battery_low": ("", _ABOVE | _SAID),
+}
 
 
 @dataclass(frozen=True, kw_only=True)

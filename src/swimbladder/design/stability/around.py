@@ -63,9 +63,12 @@ def _searched(
     best = ranked[0]
     for start in ranked[:_STARTS]:
         found = minimize(
-            worse, 0.98 * start.at, args=(start.piece,), method="Nelder-Mead",
+            worse,
+            0.98 * start.at,
+            args=(start.piece,),
+            method="Nelder-Mead",
             options={"maxfev": _CALLS * len(names), "xatol": 1e-4, "fatol": 1e-9},
-        )  # fmt: skip
+        )
         calls += int(found.nfev)
         if -float(found.fun) > best.worth:
             best = Point(-float(found.fun), _within(found.x, ball), start.piece)
@@ -367,9 +370,15 @@ def modulus(value: float) -> str:
 
 
 def look_around(
-    vehicle: Vehicle, law: Law, parameters: Any, *, depths: Sequence[float], sample_time: float,
-    delay: float, advance: Callable[[float], None] = lambda _: None,
-) -> Around | None:  # fmt: skip
+    vehicle: Vehicle,
+    law: Law,
+    parameters: Any,
+    *,
+    depths: Sequence[float],
+    sample_time: float,
+    delay: float,
+    advance: Callable[[float], None] = lambda _: None,
+) -> Around | None:
     """Return the worst over region and depths [m]; None for a law not linear at rest, or asleep.
 
     parameters: without the law's own dead zone. delay [s]: from a sample to its command.

@@ -129,10 +129,17 @@ class Held(NamedTuple):
         quiet = self.vehicle.sensors.model_copy(update={"depth_noise": 0.0, "volume_noise": 0.0})
         off = np.asarray(disturbances, float)
         return fly(
-            self.vehicle.model_copy(update={"sensors": quiet}), self.law, self.parameters,
-            target=self.depth, duration=duration, sample_time=self.sample_time, vary=self.vary,
-            start_depth=self.depth + off, start_speed=kick * off, seed=0 if quantised else None,
-        )  # fmt: skip
+            self.vehicle.model_copy(update={"sensors": quiet}),
+            self.law,
+            self.parameters,
+            target=self.depth,
+            duration=duration,
+            sample_time=self.sample_time,
+            vary=self.vary,
+            start_depth=self.depth + off,
+            start_speed=kick * off,
+            seed=0 if quantised else None,
+        )
 
 
 def hold(
@@ -198,9 +205,13 @@ def hunting(
 
 
 def _predicted(
-    source: str, size: float, unit: str, amplitude: float, period: float = math.nan,
+    source: str,
+    size: float,
+    unit: str,
+    amplitude: float,
+    period: float = math.nan,
     error: float | None = None,
-) -> Predicted:  # fmt: skip
+) -> Predicted:
     """Return a prediction; amplitude [m], period [s], error: of both; None: they are bounds."""
     off = math.inf if error is None else error
     cycle = Cycle(amplitude, 2.0 * math.pi / period, True, 0.0, off, off)
@@ -299,9 +310,15 @@ def _flown_rest(
     apart = q.volume_step / abs(vehicle.hull.psi) if vehicle.hull.psi else 0.0
     begin = depth + max(0.5 * apart, 1.5 * q.tolerance)
     flown = fly(
-        alone, law, q, target=depth, duration=duration, start_depth=begin,
-        start_speed=_DISTURBED, seed=0 if quantised else None,
-    )  # fmt: skip
+        alone,
+        law,
+        q,
+        target=depth,
+        duration=duration,
+        start_depth=begin,
+        start_speed=_DISTURBED,
+        seed=0 if quantised else None,
+    )
     return _remains(flown, depth, min(_FIRST * period, 0.3 * duration))
 
 

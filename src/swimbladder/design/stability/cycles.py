@@ -99,19 +99,25 @@ def saturation(limit: float) -> Nonlinearity:
     Gelb and Vander Velde 1968, appendix B.
     """
     return Nonlinearity(
-        name="saturation", size=limit, onset=limit, reach=1e5,
+        name="saturation",
+        size=limit,
+        onset=limit,
+        reach=1e5,
         gain=lambda A: _cap(limit / A),
         output=lambda x: np.clip(x, -limit, limit),
-    )  # fmt: skip
+    )
 
 
 def dead_zone(half: float) -> Nonlinearity:
     """Return a dead zone of `half` to either side: N is 1 less that of the limit at its edge."""
     return Nonlinearity(
-        name="dead zone", size=half, onset=half, reach=1e5,
+        name="dead zone",
+        size=half,
+        onset=half,
+        reach=1e5,
         gain=lambda A: 1.0 - _cap(half / A),
         output=lambda x: x - np.clip(x, -half, half),
-    )  # fmt: skip
+    )
 
 
 def quantiser(quantum: float) -> Nonlinearity:
@@ -126,9 +132,13 @@ def quantiser(quantum: float) -> Nonlinearity:
         return np.asarray(4.0 * quantum / (math.pi * A) * reached)
 
     return Nonlinearity(
-        name="quantiser", size=quantum, onset=0.5 * quantum, reach=78.0, gain=gain,
+        name="quantiser",
+        size=quantum,
+        onset=0.5 * quantum,
+        reach=78.0,
+        gain=gain,
         output=lambda x: quantum * np.floor(x / quantum + 0.5),
-    )  # fmt: skip
+    )
 
 
 def relay(level: float, hysteresis: float = 0.0) -> Nonlinearity:
@@ -149,9 +159,13 @@ def relay(level: float, hysteresis: float = 0.0) -> Nonlinearity:
 
     onset = h if h > 0.0 else 1e-4 * level
     return Nonlinearity(
-        name="relay", size=max(h, level), onset=onset, reach=1e5 * level / onset, gain=gain,
+        name="relay",
+        size=max(h, level),
+        onset=onset,
+        reach=1e5 * level / onset,
+        gain=gain,
         output=output,
-    )  # fmt: skip
+    )
 
 
 def play(half: float) -> Nonlinearity:
@@ -217,8 +231,11 @@ def balance(loop: StateSpace, nonlinearity: Nonlinearity) -> tuple[Cycle, ...]:
         if not (polished.success and inside and math.exp(polished.x[0]) > nonlinearity.onset):
             continue
         cycle = _cycle(loop, nonlinearity, polished.x)
-        if all(abs(math.log(cycle.frequency / c.frequency)) > 1e-6
-               or abs(math.log(cycle.amplitude / c.amplitude)) > 1e-9 for c in found):  # fmt: skip
+        if all(
+            abs(math.log(cycle.frequency / c.frequency)) > 1e-6
+            or abs(math.log(cycle.amplitude / c.amplitude)) > 1e-9
+            for c in found
+        ):
             found.append(cycle)
     return tuple(sorted(found))
 
@@ -259,9 +276,13 @@ def _cycle(loop: StateSpace, nonlinearity: Nonlinearity, x: Array) -> Cycle:
     J = np.array([[F_A.real, F_w.real], [F_A.imag, F_w.imag]])
     rows = np.linalg.norm(np.linalg.inv(J), axis=1)
     return Cycle(
-        amplitude=A, frequency=w, stable=(F_A.conjugate() * F_w).imag > 0.0, third=third,
-        amplitude_error=third * float(rows[0]), period_error=third * float(rows[1]),
-    )  # fmt: skip
+        amplitude=A,
+        frequency=w,
+        stable=(F_A.conjugate() * F_w).imag > 0.0,
+        third=third,
+        amplitude_error=third * float(rows[0]),
+        period_error=third * float(rows[1]),
+    )
 
 
 def _returning(loop: StateSpace, nonlinearity: Nonlinearity, A: float, w: float) -> float:
@@ -308,9 +329,15 @@ def broken_at_volume(p: Plant, law: LinearLaw, *, depth: float, k_pV: float) -> 
 
 
 def predict(
-    p: Plant, law: Law, parameters: Any, linear: LinearLaw, *, depth: float, depth_quantum: float,
+    p: Plant,
+    law: Law,
+    parameters: Any,
+    linear: LinearLaw,
+    *,
+    depth: float,
+    depth_quantum: float,
     voltage_quantum: float,
-) -> tuple[Predicted, ...]:  # fmt: skip
+) -> tuple[Predicted, ...]:
     """Return what each nonlinearity of a voltage-driven vehicle does at `depth` [m], by itself.
 
     linear: the law's linear form, without its dead zone; depth_quantum [m]; voltage_quantum [V].

@@ -189,10 +189,18 @@ class Map:
 
 
 def recovery_maps(
-    vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float,
-    depths: tuple[float, float], within: float, band: float, cells: int, parts: Store,
+    vehicle: Vehicle,
+    law: Law,
+    parameters: Any,
+    *,
+    sample_time: float,
+    depths: tuple[float, float],
+    within: float,
+    band: float,
+    cells: int,
+    parts: Store,
     advance: Callable[[float], None] = lambda _: None,
-) -> tuple[Map, ...]:  # fmt: skip
+) -> tuple[Map, ...]:
     """Return the map of steps, and at three depths that of depth errors and speeds.
 
     within [s]: what counts as recovered in time; band [m]; cells: to a side. advance: told the
@@ -216,11 +224,17 @@ def recovery_maps(
         maps.append(Map(verdicts=verdicts, seconds=seconds, **about))
 
     add(
-        (Z, goal, 0.0, neutral), asked, name="steps",
-        title="set-point changes from rest", x_label="depth now [m]",
-        y_label="change of the set-point [m]", x=depth, y=change, edge=held - depth,
+        (Z, goal, 0.0, neutral),
+        asked,
+        name="steps",
+        title="set-point changes from rest",
+        x_label="depth now [m]",
+        y_label="change of the set-point [m]",
+        x=depth,
+        y=change,
+        edge=held - depth,
         hopeless=np.maximum(goal, Z) >= held,
-    )  # fmt: skip
+    )
     deepest = min(high, _HOLDABLE * held)
     for n, share_of in enumerate((0.2, 0.5, 1.0)):
         reference = low + share_of * (deepest - low)
@@ -231,12 +245,17 @@ def recovery_maps(
         E, S = np.meshgrid(error, speed)
         edge = np.array([edge_speed(p, depth=reference + e, volume=volume) for e in error])
         add(
-            (reference + E, reference, S, volume), reference + E <= made.deepest,
+            (reference + E, reference, S, volume),
+            reference + E <= made.deepest,
             name=f"errors-{n + 1}",
             title=f"errors and speeds about {rounded(reference, 3)} m",
-            x_label="depth less set-point [m]", y_label="speed, down [m/s]", x=error, y=speed,
-            edge=edge, hopeless=(S - edge >= 0.0) | (reference >= held),
-        )  # fmt: skip
+            x_label="depth less set-point [m]",
+            y_label="speed, down [m/s]",
+            x=error,
+            y=speed,
+            edge=edge,
+            hopeless=(S - edge >= 0.0) | (reference >= held),
+        )
     return tuple(maps)
 
 
@@ -286,10 +305,16 @@ class _Runs:
     def _chunk(self, depth: Array, target: Array, speed: Array, volume: Array) -> dict[str, Any]:
         p = plant(moved_by_volume(self.vehicle))
         runs = fly(
-            self.vehicle, self.law, self.parameters, target=target,
-            duration=_WATCHED * self.within, start_depth=depth, start_speed=speed,
-            sample_time=self.sample_time if self.law.ways is None else None, start_volume=volume,
-        )  # fmt: skip
+            self.vehicle,
+            self.law,
+            self.parameters,
+            target=target,
+            duration=_WATCHED * self.within,
+            start_depth=depth,
+            start_speed=speed,
+            sample_time=self.sample_time if self.law.ways is None else None,
+            start_volume=volume,
+        )
         deep = np.nan_to_num(runs.depth, nan=math.inf).max(axis=0) > self.deepest
         since = arrivals(runs.time, ~(np.abs(runs.depth - target) <= self.band))
         lost = deep | runs.stopped

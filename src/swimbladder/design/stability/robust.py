@@ -55,9 +55,15 @@ class Wrapped(NamedTuple):
     inner: Law
 
     def parameters(
-        self, numbers: Any, *, sample_time: float, gain: float = 1.0, late: bool = False,
-        quantum: float = 0.0, rest: float = 0.0,
-    ) -> Any:  # fmt: skip
+        self,
+        numbers: Any,
+        *,
+        sample_time: float,
+        gain: float = 1.0,
+        late: bool = False,
+        quantum: float = 0.0,
+        rest: float = 0.0,
+    ) -> Any:
         """Return the wrapped law's parameters from those of the law.
 
         sample_time [s]: the law's own; quantum [V]; rest [V]: command before the first one comes.
@@ -85,18 +91,25 @@ def _wrap(law: Law) -> Wrapped:
     Parameters = _record(f"Wrapped{name}Parameters", law.parameters, given)
     State = _record(f"Wrapped{name}State", law.state, kept)
     space: dict[str, Any] = {
-        "__name__": __name__, "math": math, "State": State, "law_step": law.step,
+        "__name__": __name__,
+        "math": math,
+        "State": State,
+        "law_step": law.step,
         "law_initial": law.initial,
-    }  # fmt: skip
+    }
     exec(_STEP, space)  # one for each law: the compiler finds it by its parameters
     return Wrapped(
         Law(
-            name=f"{law.name}, wrapped", summary=f"{law.summary}; gain and delay off",
-            command=law.command, parameters=Parameters, state=State,
-            step=space["step"], initial=space["initial"],
+            name=f"{law.name}, wrapped",
+            summary=f"{law.summary}; gain and delay off",
+            command=law.command,
+            parameters=Parameters,
+            state=State,
+            step=space["step"],
+            initial=space["initial"],
         ),
         law,
-    )  # fmt: skip
+    )
 
 
 _WRAPPED: dict[type[Any], Wrapped] = {}
@@ -136,10 +149,18 @@ def settling_band(parameters: Any, step: Step, quantum: float) -> float:
 
 
 def robustness(
-    vehicle: Vehicle, law: Law, parameters: Any, *, sample_time: float, region: Region, step: Step,
-    draws: int, parts: Store, gains: Sequence[float] = GAINS,
+    vehicle: Vehicle,
+    law: Law,
+    parameters: Any,
+    *,
+    sample_time: float,
+    region: Region,
+    step: Step,
+    draws: int,
+    parts: Store,
+    gains: Sequence[float] = GAINS,
     advance: Callable[[float], None] = lambda _: None,
-) -> tuple[Stood, ...]:  # fmt: skip
+) -> tuple[Stood, ...]:
     """Return what a law stands: each gain, without and with half a sample of extra delay."""
     p = plant(vehicle)
     rest = p.load_drive * step.start if vehicle.voltage_driven else p.psi * step.start + p.V_0

@@ -129,12 +129,14 @@ class Stability:
             **as_json(self, "within_s band_m robustness=stood"),
             "maps": [
                 {
-                    "name": m.name, "title": m.title, "runs": m.asked,
+                    "name": m.name,
+                    "title": m.title,
+                    "runs": m.asked,
                     **{v.name.lower(): m.count(v) for v in Verdict if v is not Verdict.NOT_ASKED},
                 }
                 for m in self.maps
             ],
-        }  # fmt: skip
+        }
 
 
 def _cycle(c: Confirmed) -> dict[str, Any]:
@@ -160,12 +162,13 @@ def _cycle_words(c: Confirmed) -> str:
     if p.place == "decision":
         who = "the balance from decision to decision"
     if p.cycle is None:
-        seen = "" if s is None else (
-            f"; the simulation goes to and fro by {1e3 * s.amplitude:.3g} mm every {s.period:.3g} s"
-            if s.cycles
-            else "; in the simulation none is left, and the depth is within "
-            f"{length(s.farthest, 2)}"
-        )  # fmt: skip
+        seen = ""
+        if s is not None and s.cycles:
+            size = f"{1e3 * s.amplitude:.3g} mm every {s.period:.3g} s"
+            seen = f"; the simulation goes to and fro by {size}"
+        elif s is not None:
+            left = "in the simulation none is left, and the depth is within"
+            seen = f"; {left} {length(s.farthest, 2)}"
         return f"{head}: {who} predicts no limit cycle{seen}."
     if p.bound:
         most = f"{head}: {length(p.depth_amplitude)} to either side at most"
@@ -250,11 +253,20 @@ _ENDLESS = {"V_min": -1.0, "V_max": 1.0, "z_surface": -1e4, "z_air": -2e4}
 
 
 def stability(
-    vehicle: Vehicle, *, depths: tuple[float, float] = (0.0, 10.0), delay: float = 0.1,
-    within: float | None = None, cells: int = 21, voltage_quantum: float = 0.0,
-    maps: bool = True, with_robustness: bool = False, laws: Sequence[str] = (), draws: int = 200,
-    keep: Path | None = None, advance: Callable[[float], None] | None = None,
-) -> Stability:  # fmt: skip
+    vehicle: Vehicle,
+    *,
+    depths: tuple[float, float] = (0.0, 10.0),
+    delay: float = 0.1,
+    within: float | None = None,
+    cells: int = 21,
+    voltage_quantum: float = 0.0,
+    maps: bool = True,
+    with_robustness: bool = False,
+    laws: Sequence[str] = (),
+    draws: int = 200,
+    keep: Path | None = None,
+    advance: Callable[[float], None] | None = None,
+) -> Stability:
     """Return what is stable of a vehicle under its controller.
 
     depths: least and greatest [m]. delay: from a sample to its command, as a share of the sample
@@ -293,9 +305,14 @@ def stability(
             cycles = hunting(vehicle, law, numbers, depth=at, depths=depths)
         else:
             around = look_around(
-                vehicle, law, without_rest(law, numbers), depths=three, sample_time=h,
-                delay=delay * h, advance=lambda x: tell(0.1 * x),
-            )  # fmt: skip
+                vehicle,
+                law,
+                without_rest(law, numbers),
+                depths=three,
+                sample_time=h,
+                delay=delay * h,
+                advance=lambda x: tell(0.1 * x),
+            )
             if around is None or not around.stable:
                 unmet.append(
                     "Limit cycles are predicted for loops that are linear and stable at rest."
@@ -310,21 +327,39 @@ def stability(
         found: tuple[Map, ...] = ()
         if maps:
             found = recovery_maps(
-                vehicle, law, numbers, sample_time=h, depths=depths, within=within,
-                band=band, cells=cells, parts=parts,
+                vehicle,
+                law,
+                numbers,
+                sample_time=h,
+                depths=depths,
+                within=within,
+                band=band,
+                cells=cells,
+                parts=parts,
                 advance=lambda x: tell(0.4 * x),
-            )  # fmt: skip
+            )
         stood: tuple[Stood, ...] = ()
         if with_robustness:
             stood = _robustness(
                 vehicle, law, numbers, laws, depths, within, draws, parts, lambda x: tell(0.3 * x)
             )
     return Stability(
-        vehicle=vehicle.name, law=law.name, sample_time=h, depths=depths, depth=at,
-        words=region(vehicle).words, around=around, cycles=cycles, maps=found, within=within,
-        band=band, stood=stood, unmet=tuple(unmet),
-        beyond=_beyond(vehicle, depths[1]), decided=decided,
-    )  # fmt: skip
+        vehicle=vehicle.name,
+        law=law.name,
+        sample_time=h,
+        depths=depths,
+        depth=at,
+        words=region(vehicle).words,
+        around=around,
+        cycles=cycles,
+        maps=found,
+        within=within,
+        band=band,
+        stood=stood,
+        unmet=tuple(unmet),
+        beyond=_beyond(vehicle, depths[1]),
+        decided=decided,
+    )
 
 
 def _within(law: Law, numbers: Any, depths: tuple[float, float]) -> float:
@@ -357,9 +392,15 @@ def _beyond(vehicle: Vehicle, deepest: float) -> str:
 
 
 def _check(
-    vehicle: Vehicle, depths: tuple[float, float], delay: float, within: float | None, cells: int,
-    voltage_quantum: float, draws: int, laws: Sequence[str],
-) -> None:  # fmt: skip
+    vehicle: Vehicle,
+    depths: tuple[float, float],
+    delay: float,
+    within: float | None,
+    cells: int,
+    voltage_quantum: float,
+    draws: int,
+    laws: Sequence[str],
+) -> None:
     gains.check_depths(depths, vehicle.hull.emergence_depth)
     for field, value, fits, remedy in (
         ("--delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
@@ -373,9 +414,11 @@ def _check(
     for name in laws:
         if name not in (names := gains.tunable_names()) and name != own_law(vehicle)[0].name:
             raise InputError(
-                "not a law that can be tuned for this", field="--law", value=name,
+                "not a law that can be tuned for this",
+                field="--law",
+                value=name,
                 remedy=f"{did_you_mean(name, names)}Choose from {', '.join(names)}",
-            )  # fmt: skip
+            )
 
 
 def _cycle_depth(vehicle: Vehicle, depths: tuple[float, float]) -> float:
@@ -391,9 +434,14 @@ def _cycles(
     p = plant(vehicle)
     linear = at_rest(law, without_rest(law, numbers), p, depth=depth, sample_time=h)
     predicted = predict(
-        p, law, numbers, linear, depth=depth, depth_quantum=vehicle.sensors.depth_quantum,
+        p,
+        law,
+        numbers,
+        linear,
+        depth=depth,
+        depth_quantum=vehicle.sensors.depth_quantum,
         voltage_quantum=voltage_quantum,
-    )  # fmt: skip
+    )
     return tuple(
         Confirmed(one, _simulated(vehicle, p, law, numbers, one, depth, h)) for one in predicted
     )
@@ -428,9 +476,16 @@ def _simulated(
 
 
 def _robustness(
-    vehicle: Vehicle, law: Law, numbers: Any, laws: Sequence[str], depths: tuple[float, float],
-    within: float, draws: int, parts: Store, tell: Callable[[float], None],
-) -> tuple[Stood, ...]:  # fmt: skip
+    vehicle: Vehicle,
+    law: Law,
+    numbers: Any,
+    laws: Sequence[str],
+    depths: tuple[float, float],
+    within: float,
+    draws: int,
+    parts: Store,
+    tell: Callable[[float], None],
+) -> tuple[Stood, ...]:
     assert vehicle.controller is not None
     h = vehicle.controller.sample_time
     low = max(depths[0], vehicle.hull.emergence_depth)
@@ -446,9 +501,16 @@ def _robustness(
     found: list[Stood] = []
     for one, its in chosen:
         found += robustness(
-            vehicle, one, its, sample_time=h, region=around, step=step, draws=draws,
-            parts=parts, advance=lambda x: tell(x / len(chosen)),
-        )  # fmt: skip
+            vehicle,
+            one,
+            its,
+            sample_time=h,
+            region=around,
+            step=step,
+            draws=draws,
+            parts=parts,
+            advance=lambda x: tell(x / len(chosen)),
+        )
     return tuple(found)
 
 

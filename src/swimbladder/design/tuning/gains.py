@@ -56,17 +56,23 @@ def grid(recipe: Recipe, goal: str, setting: Setting, held: float) -> Iterator[K
         away = runaway(setting.plant, asleep=True)
         for sleep, band in product(recipe.sleeps, recipe.bands):
             yield Knobs(
-                frequency=1.0 / (sleep * away), damping=1.0, inner=0.5 / h, pause=sleep * away,
+                frequency=1.0 / (sleep * away),
+                damping=1.0,
+                inner=0.5 / h,
+                pause=sleep * away,
                 band=band * held,
-            )  # fmt: skip
+            )
         return
     g = recipe.fast if goal == "fast" else recipe.quiet
     for inner, share, damping, sharpness, learning in product(*(g or ())):
         rate = inner / h
         yield Knobs(
-            frequency=share * rate, damping=damping, inner=rate, sharpness=sharpness,
+            frequency=share * rate,
+            damping=damping,
+            inner=rate,
+            sharpness=sharpness,
             learning=learning,
-        )  # fmt: skip
+        )
 
 
 def preference(goal: str, knobs: Knobs) -> float:
@@ -182,9 +188,12 @@ def check_depths(depths: tuple[float, float], surface: float = 0.0) -> None:
     """Raise InputError for what is no range of depths [m] that ends below `surface`."""
     if not (0.0 <= depths[0] < depths[1] < math.inf and depths[1] > surface):
         raise InputError(
-            "no range of depths", field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
+            "no range of depths",
+            field="--depth",
+            value=f"{depths[0]:g}:{depths[1]:g}",
+            unit="m",
             remedy="Give the least and the greatest, like 0:100",
-        )  # fmt: skip
+        )
 
 
 def tunable_names(command: str | None = None) -> list[str]:
@@ -202,9 +211,11 @@ def tunable(name: str) -> Law:
     if law is None or law.recipe is None:
         names = tunable_names()
         raise InputError(
-            "this law is not tuned", field="--law", value=name,
+            "this law is not tuned",
+            field="--law",
+            value=name,
             remedy=f"{did_you_mean(name, names)}Choose from {', '.join(names)}",
-        )  # fmt: skip
+        )
     return law
 
 
@@ -270,10 +281,15 @@ class _Search:
         """
         linear, count = knobs._replace(dead=0.0, pause=0.0), 1 if nominal else None
         m = margins.worst(
-            self.law, self.recipe.gains(self.setting, linear), self.region.plants[:count],
-            depths=self.depths[:count], sample_time=self.setting.sample_time, delay=self.delay,
-            look=look, wanted=None if nominal else wanted,
-        )  # fmt: skip
+            self.law,
+            self.recipe.gains(self.setting, linear),
+            self.region.plants[:count],
+            depths=self.depths[:count],
+            sample_time=self.setting.sample_time,
+            delay=self.delay,
+            look=look,
+            wanted=None if nominal else wanted,
+        )
         short = margins.falls_short(m, wanted)
         if not short:
             return m
@@ -314,9 +330,15 @@ class Goal(NamedTuple):
 
 
 def search(
-    name: str, vehicle: Vehicle, setting: Setting, asked: Goal, *, delay: float,
-    wanted: Margins = margins.WANTED, advance: Callable[[float], None] | None = None,
-) -> Found:  # fmt: skip
+    name: str,
+    vehicle: Vehicle,
+    setting: Setting,
+    asked: Goal,
+    *,
+    delay: float,
+    wanted: Margins = margins.WANTED,
+    advance: Callable[[float], None] | None = None,
+) -> Found:
     """Return the best knobs found for a goal; delay [s]: from sample to command.
 
     Raises NoAnswerError where no knobs have the margins, with the one that is farthest from them,
@@ -455,6 +477,9 @@ def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:
 
 def _tightened(m: Margins) -> Margins:
     return m._replace(
-        gain_up=m.gain_up / _SLACK, gain_down=m.gain_down * _SLACK, phase=m.phase / _SLACK,
-        peak_sensitivity=1.0 + (m.peak_sensitivity - 1.0) * _SLACK, disk=m.disk / _SLACK,
-    )  # fmt: skip
+        gain_up=m.gain_up / _SLACK,
+        gain_down=m.gain_down * _SLACK,
+        phase=m.phase / _SLACK,
+        peak_sensitivity=1.0 + (m.peak_sensitivity - 1.0) * _SLACK,
+        disk=m.disk / _SLACK,
+    )

@@ -102,9 +102,13 @@ def in_water(medium: Medium, one: Member, depth: float) -> Member:
 
 
 def largest_radius(
-    vehicle: Vehicle, law: Law, parameters: Any, members: Sequence[Member], rates: DriveRates,
+    vehicle: Vehicle,
+    law: Law,
+    parameters: Any,
+    members: Sequence[Member],
+    rates: DriveRates,
     medium: Medium,
-) -> float:  # fmt: skip
+) -> float:
     """Return the largest eigenvalue's modulus over members of a region, ways and depths [-]."""
     decisions = decisions_of(law, parameters)
     return max(
@@ -200,17 +204,26 @@ def at_rest(law: Law, parameters: Any, p: Plant, *, depth: float, sample_time: f
         return law.step(numbers, state, seen._replace(volume=math.nan), reference)
 
     return linearise_law(
-        law.step if law.command == "voltage" else step, parameters=parameters,
-        state=law.initial(parameters, seen, depth), measurement=seen, reference=depth,
+        law.step if law.command == "voltage" else step,
+        parameters=parameters,
+        state=law.initial(parameters, seen, depth),
+        measurement=seen,
+        reference=depth,
         tick=sample_time,
-    )  # fmt: skip
+    )
 
 
 def worst(
-    law: Law, parameters: Any, plants: Sequence[Plant], *, depths: Sequence[float],
-    sample_time: float, delay: float = 0.0, wanted: Margins | None = None,
+    law: Law,
+    parameters: Any,
+    plants: Sequence[Plant],
+    *,
+    depths: Sequence[float],
+    sample_time: float,
+    delay: float = 0.0,
+    wanted: Margins | None = None,
     look: Callable[[StateSpace], Margins] | None = None,
-) -> Margins:  # fmt: skip
+) -> Margins:
     """Return the worst margins of a law over all plants and depths [m].
 
     The law is linearised at rest with the first plant, the nominal one that it was made for.
@@ -262,9 +275,14 @@ def loop_of(
 
 
 def loops(
-    law: Law, parameters: Any, plants: Sequence[Plant], *, depths: Sequence[float],
-    sample_time: float, delay: float,
-) -> Iterator[Loop]:  # fmt: skip
+    law: Law,
+    parameters: Any,
+    plants: Sequence[Plant],
+    *,
+    depths: Sequence[float],
+    sample_time: float,
+    delay: float,
+) -> Iterator[Loop]:
     """Yield the loops of a law, linear at rest with the first plant, with every plant and depth."""
     for depth in depths:
         linear = at_rest(law, parameters, plants[0], depth=depth, sample_time=sample_time)

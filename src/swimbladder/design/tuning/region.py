@@ -176,6 +176,12 @@ def _changed(p: Plant, shares: Mapping[str, float], *, psi: float) -> Plant:
     mass = shares.get("mass", T2 / K2)
     turbulent = max(shares.get("drag_quadratic", 1.0), 0.0)
     return p._replace(
-        a_b=p.a_b / mass, a_s=p.a_s / mass, d_l=p.d_l / T2, d_b=p.d_b / T2,
-        d_t=p.d_t * turbulent / mass, gain=p.gain * K1, T1=p.T1 * T1, psi=psi,
-    )  # fmt: skip
+        a_b=p.a_b / mass,
+        a_s=p.a_s / mass,
+        d_l=p.d_l / T2,
+        d_b=p.d_b / T2,
+        d_t=p.d_t * turbulent / mass,
+        gain=p.gain * K1,
+        T1=p.T1 * T1,
+        psi=psi,
+    )

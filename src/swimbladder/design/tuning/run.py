@@ -67,10 +67,14 @@ class Tuning(gains.Found):
         linear = gains.gains(self.law.name, self.setting, self.knobs._replace(dead=0.0, pause=0.0))
         return tuple(
             loops(
-                self.law, linear, self.plants, depths=self.judged, sample_time=self.sample_time,
+                self.law,
+                linear,
+                self.plants,
+                depths=self.judged,
+                sample_time=self.sample_time,
                 delay=self.delay,
             )
-        )  # fmt: skip
+        )
 
     @property
     def _low(self) -> str:
@@ -194,12 +198,20 @@ _ASKED = "(--depth, --step)"
 
 
 def tune(
-    vehicle: Vehicle, *, law: str | None = None, goal: str = "fast",
-    depths: tuple[float, float] = (0.0, 10.0), sample_time: float | None = None,
-    delay: float = 0.1, supply: float | None = None, step: tuple[float, float] | None = None,
-    hold: float | None = None, runs: int = 200, column: Column | None = None,
+    vehicle: Vehicle,
+    *,
+    law: str | None = None,
+    goal: str = "fast",
+    depths: tuple[float, float] = (0.0, 10.0),
+    sample_time: float | None = None,
+    delay: float = 0.1,
+    supply: float | None = None,
+    step: tuple[float, float] | None = None,
+    hold: float | None = None,
+    runs: int = 200,
+    column: Column | None = None,
     advance: Callable[[float], None] | None = None,
-) -> Tuning:  # fmt: skip
+) -> Tuning:
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
 
     law: the name of one that has a recipe; planned where not given, rate for a pump and valve.
@@ -228,23 +240,31 @@ def tune(
     if supply is not None and math.isinf(p.supply):
         raise InputError(
             f"a {'power law of a pump' if pumped else 'positioner'} has a supply of its own",
-            field="--supply", value=supply, unit="V", remedy="Leave it out",
-        )  # fmt: skip
+            field="--supply",
+            value=supply,
+            unit="V",
+            remedy="Leave it out",
+        )
     least = _LOW * p.supply if supply is None else supply
     if not 0.0 < least <= p.supply:
         raise InputError(
-            "the least supply must be above 0 and not above the vehicle's", field="--supply",
-            value=least, unit="V", remedy=f"Give more than 0 V, and up to {p.supply:g} V",
-        )  # fmt: skip
+            "the least supply must be above 0 and not above the vehicle's",
+            field="--supply",
+            value=least,
+            unit="V",
+            remedy=f"Give more than 0 V, and up to {p.supply:g} V",
+        )
     around = region(vehicle)
     held = _held(vehicle, chosen, goal, hold)
     ends = depths if pumped and step is None else _step(depths, step)
     if pumped and abs(ends[1] - ends[0]) <= 2.0 * held:
         raise InputError(
             f"the way is no longer than the band of {held:g} m to either side that the law keeps",
-            field="--depth", value=f"{depths[0]:g}:{depths[1]:g}", unit="m",
+            field="--depth",
+            value=f"{depths[0]:g}:{depths[1]:g}",
+            unit="m",
             remedy="Give depths farther apart, like 100:1500, or a narrower band (--hold)",
-        )  # fmt: skip
+        )
     judged = tuple(sorted({*depths, *ends}))
     if column is not None and column.cast is not None:
         check_cast_unit(column.cast, judged[-1], vehicle.hull.depth_limit)
@@ -252,11 +272,13 @@ def tune(
     off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
     _check_reach(vehicle, judged, least, around, layers)
     setting = gains.setting_of(
-        vehicle, sample_time=h, supply=least,
+        vehicle,
+        sample_time=h,
+        supply=least,
         neutral_range=(around.neutral if pumped else max(10.0 * around.neutral, 20e-6))
         + float(np.abs(off).max()),
         depths=judged,
-    )  # fmt: skip
+    )
     long = _WATCH
     recipe = gains.recipe_of(law)
     if recipe.lasts is not None:
@@ -267,9 +289,13 @@ def tune(
     drawn = trial.Drawn(runs, around, least, column, sample_time=h)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         found = gains.search(
-            law, vehicle, setting, gains.Goal(goal, held, judged, watched, drawn), delay=delay * h,
+            law,
+            vehicle,
+            setting,
+            gains.Goal(goal, held, judged, watched, drawn),
+            delay=delay * h,
             advance=advance,
-        )  # fmt: skip
+        )
     numbers = found.parameters
     controller = controller_of(chosen, numbers, sample_time=h)
     flown = partial(trial.traces, vehicle, chosen, numbers, watched)
@@ -279,8 +305,18 @@ def tune(
     made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
     return Tuning(
         vehicle=vehicle.model_copy(update=made),
-        law=chosen, goal=goal, setting=setting, **vars(found), shown=shown, step=watched,
-        sample_time=h, delay=delay * h, depths=depths, judged=judged, supply=least, held=held,
+        law=chosen,
+        goal=goal,
+        setting=setting,
+        **vars(found),
+        shown=shown,
+        step=watched,
+        sample_time=h,
+        delay=delay * h,
+        depths=depths,
+        judged=judged,
+        supply=least,
+        held=held,
         band=trial.arrival_band(chosen, numbers, watched) if pumped else 0.0,
         assumptions=(
             *around.words,
@@ -293,13 +329,18 @@ def tune(
             *(() if pumped else (f"a command comes {1e3 * delay * h:.3g} ms after its sample",)),
         ),
         plants=around.plants,
-    )  # fmt: skip
+    )
 
 
 def _check(
-    vehicle: Vehicle, law: str, goal: str, depths: tuple[float, float], delay: float, runs: int,
+    vehicle: Vehicle,
+    law: str,
+    goal: str,
+    depths: tuple[float, float],
+    delay: float,
+    runs: int,
     hold: float | None,
-) -> None:  # fmt: skip
+) -> None:
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
     check_command(gains.tunable(law), vehicle, field="--law", among=gains.tunable_names())
@@ -312,24 +353,31 @@ def _check(
         )
     if goal not in gains.goals_of(gains.recipe_of(law)):
         raise InputError(
-            f"the law {law} is not tuned for this", field="--goal", value=goal,
+            f"the law {law} is not tuned for this",
+            field="--goal",
+            value=goal,
             remedy=f"Choose from {', '.join(gains.goals_of(gains.recipe_of(law)))}, or another law",
-        )  # fmt: skip
+        )
     pumped = isinstance(vehicle.actuator, PumpAndValve)
     allowed = goal != "fast" or pumped
     if hold is not None and not (allowed and 0.0 < hold < math.inf):
         raise InputError(
-            "an error that is allowed is above 0, and for quiet and energy", field="--hold",
-            value=hold, unit="m", remedy='Give something like "1 cm" with --goal quiet',
-        )  # fmt: skip
+            "an error that is allowed is above 0, and for quiet and energy",
+            field="--hold",
+            value=hold,
+            unit="m",
+            remedy='Give something like "1 cm" with --goal quiet',
+        )
     if goal == "energy" and not pumped:
         known_winding(vehicle, instead="tune for quiet, which moves least")
     gains.check_depths(depths)
     if not 0.0 <= delay < 1.0:
         raise InputError(
-            "a delay is given as a share of the sample time", field="--delay", value=delay,
+            "a delay is given as a share of the sample time",
+            field="--delay",
+            value=delay,
             remedy="Give 0 or more, below 1",
-        )  # fmt: skip
+        )
     if runs < 20:
         raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
 
@@ -376,9 +424,12 @@ def _sample_time(vehicle: Vehicle, given: float | None) -> float:
         return vehicle.controller.sample_time
     if given is None or not 0.0 < given < math.inf:
         raise InputError(
-            "the sample time must be a finite time above 0", field="--sample-time", value=given,
-            unit="s", remedy='Give it, like --sample-time "0.3 s"',
-        )  # fmt: skip
+            "the sample time must be a finite time above 0",
+            field="--sample-time",
+            value=given,
+            unit="s",
+            remedy='Give it, like --sample-time "0.3 s"',
+        )
     return given
 
 
@@ -436,9 +487,12 @@ def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tup
         return trial.usual_step(*depths)
     if not (given[0] != given[1] and min(given) >= 0.0 and max(given) < math.inf):
         raise InputError(
-            "no step of depth", field="--step", value=f"{given[0]:g}:{given[1]:g}", unit="m",
+            "no step of depth",
+            field="--step",
+            value=f"{given[0]:g}:{given[1]:g}",
+            unit="m",
             remedy="Give two different depths, like 1.5:3",
-        )  # fmt: skip
+        )
     return given
 
 

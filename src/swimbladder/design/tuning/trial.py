@@ -113,9 +113,16 @@ class Runs(NamedTuple):
 
 
 def fly(
-    vehicle: Vehicle, law: Law, parameters: Any, *, target: ArrayLike, duration: float,
-    sample_time: float | None = None, count: int = 1, **given: Any,
-) -> Runs:  # fmt: skip
+    vehicle: Vehicle,
+    law: Law,
+    parameters: Any,
+    *,
+    target: ArrayLike,
+    duration: float,
+    sample_time: float | None = None,
+    count: int = 1,
+    **given: Any,
+) -> Runs:
     """Return runs to a depth `target` [m] under a law with these parameters.
 
     target: of a float 0 is the surface. duration [s]. sample_time [s]: where not given, of a law of
@@ -128,18 +135,32 @@ def fly(
         plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
         vehicle = vehicle.model_copy(update={"hull": plain})
     data = simulate_ensemble(
-        vehicle, count=max(count, *map(np.size, many)), setpoints=[(0.0, target)],
-        duration=duration, law=law, parameters=parameters, keep="trajectory",
-        sample_time=_tick(parameters) if sample_time is None else sample_time, **given,
-    )  # fmt: skip
+        vehicle,
+        count=max(count, *map(np.size, many)),
+        setpoints=[(0.0, target)],
+        duration=duration,
+        law=law,
+        parameters=parameters,
+        keep="trajectory",
+        sample_time=_tick(parameters) if sample_time is None else sample_time,
+        **given,
+    )
     known = {str(name): values.to_numpy() for name, values in data.variables.items()}
     unknown = np.full(data.sizes["lane"], math.nan)
     drive_runs = known["pump_runs"] + known["valve_runs"] if "pump_runs" in known else unknown
     return Runs(
-        known["time"], known["depth"], known["speed"], known["volume"], known["command"],
-        np.broadcast_to(np.asarray(target, float), unknown.shape), known["settle2"],
-        known["overshoot"] / 100.0, known.get("energy", unknown), drive_runs, known["stop"] != 0,
-    )  # fmt: skip
+        known["time"],
+        known["depth"],
+        known["speed"],
+        known["volume"],
+        known["command"],
+        np.broadcast_to(np.asarray(target, float), unknown.shape),
+        known["settle2"],
+        known["overshoot"] / 100.0,
+        known.get("energy", unknown),
+        drive_runs,
+        known["stop"] != 0,
+    )
 
 
 def _tick(parameters: Any) -> float:
@@ -160,9 +181,15 @@ def traces(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn
         targets, depths = np.where([down, ~down], step.target, step.start)
         neutral = [medium.neutral_volume(z) for z in (step.start, step.target)]
         return fly(
-            with_supply(vehicle, supply), law, parameters, target=targets, duration=step.duration,
-            start_depth=depths, start_volume=np.where(down, *neutral), **given,
-        )  # fmt: skip
+            with_supply(vehicle, supply),
+            law,
+            parameters,
+            target=targets,
+            duration=step.duration,
+            start_depth=depths,
+            start_volume=np.where(down, *neutral),
+            **given,
+        )
     if region is not None:
         given["neutral_change"] = random_walk(
             region.walk, step.duration, sample_time=h, runs=runs, seed=seed
@@ -171,9 +198,16 @@ def traces(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn
     if math.isfinite(supply):
         drawn_from["supply"] = np.full(runs, supply)
     return fly(
-        vehicle, law, parameters, target=step.target, duration=step.duration, sample_time=h,
-        count=runs, start_depth=step.start, **given,
-    )  # fmt: skip
+        vehicle,
+        law,
+        parameters,
+        target=step.target,
+        duration=step.duration,
+        sample_time=h,
+        count=runs,
+        start_depth=step.start,
+        **given,
+    )
 
 
 def random_walk(
@@ -268,13 +302,17 @@ def measure(runs: Runs, since: float) -> Measured:
     error, volume = runs.depth[late] - runs.target, runs.volume[late]
     seconds = float(np.ptp(runs.time[late]))
     return Measured(
-        settle=runs.settle, overshoot=runs.overshoot, square=np.mean(error**2, axis=0),
+        settle=runs.settle,
+        overshoot=runs.overshoot,
+        square=np.mean(error**2, axis=0),
         farthest=np.abs(error).max(axis=0),
         rate=np.abs(np.diff(volume, axis=0)).sum(axis=0) / seconds,
-        starts=motor_starts(volume) / seconds, turns=motor_turns(volume) / seconds,
-        energy=runs.energy, power=runs.energy / float(runs.time[-1]),
+        starts=motor_starts(volume) / seconds,
+        turns=motor_turns(volume) / seconds,
+        energy=runs.energy,
+        power=runs.energy / float(runs.time[-1]),
         lost=runs.stopped.astype(float),
-    )  # fmt: skip
+    )
 
 
 class Trial(NamedTuple):
@@ -336,9 +374,13 @@ def trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn)
     if motor is not None:
         p = plant(vehicle)
         joules = electrical_energy(
-            motor, p._replace(supply=min(p.supply, drawn.supply)), sample_time=h,
-            command=runs.command, volume=runs.volume, depth=runs.depth,
-        )  # fmt: skip
+            motor,
+            p._replace(supply=min(p.supply, drawn.supply)),
+            sample_time=h,
+            command=runs.command,
+            volume=runs.volume,
+            depth=runs.depth,
+        )
         late = joules[(time >= since)[:-1]]
         found = found._replace(energy=joules.sum(axis=0), power=late.mean(axis=0) / h)
     return summarise(found)
@@ -363,8 +405,11 @@ def _of_floats(
         overshoot=np.maximum(
             np.nanmax(beyond * error, axis=0) / abs(step.target - step.start), 0.0
         ),
-        rate=rate, starts=starts, turns=turns, power=runs.energy * share,
-    )  # fmt: skip
+        rate=rate,
+        starts=starts,
+        turns=turns,
+        power=runs.energy * share,
+    )
 
 
 def energy_of(vehicle: Vehicle, runs: Runs, lane: int) -> Array:

@@ -243,10 +243,16 @@ class Ahead:
 
 
 def predict_ahead(
-    log: Log, vehicle: Vehicle, *, horizons: Sequence[float] = (10.0, 60.0),
-    tuning: Tuning | None = None, bottom_depth: float = np.inf, surface_margin: float = 0.1,
-    column: Column | None = None, advance: Callable[[float], None] | None = None,
-) -> Ahead:  # fmt: skip
+    log: Log,
+    vehicle: Vehicle,
+    *,
+    horizons: Sequence[float] = (10.0, 60.0),
+    tuning: Tuning | None = None,
+    bottom_depth: float = np.inf,
+    surface_margin: float = 0.1,
+    column: Column | None = None,
+    advance: Callable[[float], None] | None = None,
+) -> Ahead:
     """Return how well the vehicle's model predicts the log's depths over each horizon [s].
 
     tuning: the noise, where the vehicle's [identified] is not to say it; what neither says is
@@ -262,9 +268,13 @@ def predict_ahead(
         value = ",".join(f"{seconds:g}" for seconds in horizons)
         raise InputError(what, field="horizons", unit="s", value=value, remedy=remedy)
     rec = record(
-        log, vehicle, drive="volume", bottom_depth=bottom_depth, surface_margin=surface_margin,
+        log,
+        vehicle,
+        drive="volume",
+        bottom_depth=bottom_depth,
+        surface_margin=surface_margin,
         column=column,
-    )  # fmt: skip
+    )
     pairs = [_pairs(rec, seconds) for seconds in horizons]
     spread, origins = unknowns(vehicle, tuning or Tuning())
     samples, members = rec.samples, draw(spread, vehicle, rec)
@@ -278,9 +288,12 @@ def predict_ahead(
         report(0.8 / len(horizons))
     last = [float(values[-1]) for values in _noise(bank)]
     return Ahead(
-        source=log.source, record=rec, horizons=tuple(found),
-        noise=dict(zip(UNITS, last, strict=True)), origins=origins,
-    )  # fmt: skip
+        source=log.source,
+        record=rec,
+        horizons=tuple(found),
+        noise=dict(zip(UNITS, last, strict=True)),
+        origins=origins,
+    )
 
 
 def _horizon(
@@ -291,12 +304,18 @@ def _horizon(
     std = np.hypot(std, _noise(bank)[0][origin])
     off = predicted - measured
     return Horizon(
-        seconds=seconds, origin=origin, target=target, predicted=predicted, std=std,
-        rms=rms(off), bias=float(off.mean()), spread=rms(std),
+        seconds=seconds,
+        origin=origin,
+        target=target,
+        predicted=predicted,
+        std=std,
+        rms=rms(off),
+        bias=float(off.mean()),
+        spread=rms(std),
         coverage=float(np.mean(np.abs(off) <= Z95 * std)),
         persistence_rms=rms(rec.depth[origin] - measured),
         integrator_rms=rms(free.ahead(origin, target)[0] - measured),
-    )  # fmt: skip
+    )
 
 
 def _pairs(rec: Record, seconds: float) -> tuple[Index, Index]:

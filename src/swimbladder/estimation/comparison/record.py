@@ -81,8 +81,12 @@ def follow_in(
 
 
 _UNITS = {
-    "s": "seconds", "ms": "milliseconds", "us": "microseconds", "min": "minutes", "h": "hours",
-}  # fmt: skip
+    "s": "seconds",
+    "ms": "milliseconds",
+    "us": "microseconds",
+    "min": "minutes",
+    "h": "hours",
+}
 _FACTORS = (1e-3, 1e-6, 60.0, 1e3, 1.0 / 60.0)  # true time over time as read, if that is no unit's
 _ALIKE = (0.3, 3.0)  # of the vehicle's force: another vehicle of the kind, whose file is a guess
 _FAR = (0.1, 10.0)
@@ -338,9 +342,12 @@ def record(
         )
         raise bad_depth(log.source, what, float(log.depth.max()), remedy)
     refuse_wrong_clock(
-        log, vehicle, under & clear, volume=volume if chosen == "volume" else None,
+        log,
+        vehicle,
+        under & clear,
+        volume=volume if chosen == "volume" else None,
         voltage=log.voltage if chosen == "voltage" else None,
-    )  # fmt: skip
+    )
     time = log.time - log.time[0]
     reference = log.reference_depth
     return Record(

@@ -107,15 +107,41 @@ def filter_depth(
     error, variance, contribution = np.empty(n), np.empty(n), np.empty(n)
     fate = np.empty(n, np.int8)
     total = filter_kernel(
-        np.array(plant), samples.layers, samples.time, samples.volume, samples.depth, samples.use,
-        np.array(start[:3]), np.diag(np.square(start[3:])), noise.variances(), gate, before, spread,
-        slopes, mean, covariance, error, variance, contribution, fate,
-    )  # fmt: skip
+        np.array(plant),
+        samples.layers,
+        samples.time,
+        samples.volume,
+        samples.depth,
+        samples.use,
+        np.array(start[:3]),
+        np.diag(np.square(start[3:])),
+        noise.variances(),
+        gate,
+        before,
+        spread,
+        slopes,
+        mean,
+        covariance,
+        error,
+        variance,
+        contribution,
+        fate,
+    )
     return Filtered(
-        plant=plant, samples=samples, noise=noise, log_likelihood=total, predicted=before,
-        predicted_covariance=spread, mean=mean, covariance=covariance, innovation=error,
-        variance=variance, contribution=contribution, fate=fate, slopes=slopes,
-    )  # fmt: skip
+        plant=plant,
+        samples=samples,
+        noise=noise,
+        log_likelihood=total,
+        predicted=before,
+        predicted_covariance=spread,
+        mean=mean,
+        covariance=covariance,
+        innovation=error,
+        variance=variance,
+        contribution=contribution,
+        fate=fate,
+        slopes=slopes,
+    )
 
 
 def follow(
@@ -129,9 +155,13 @@ def follow(
     """
     depth = np.empty((len(plants), len(time)))
     follow_kernel(
-        np.array(plants), layers, np.ascontiguousarray(time, float),
-        np.ascontiguousarray(volume, float), np.ascontiguousarray(starts, float), depth,
-    )  # fmt: skip
+        np.array(plants),
+        layers,
+        np.ascontiguousarray(time, float),
+        np.ascontiguousarray(volume, float),
+        np.ascontiguousarray(starts, float),
+        depth,
+    )
     return depth
 
 
@@ -172,10 +202,18 @@ class Bank:
             at = np.searchsorted(rows, first[worth])
             depth, variance = np.empty(len(worth)), np.empty(len(worth))
             predict_kernel(
-                np.array(member.plant), self.samples.layers, self.samples.time,
-                _drifted(self.samples, member).volume, states[at], covariances[at],
-                first[worth], last[worth], member.noise.variances(), depth, variance,
-            )  # fmt: skip
+                np.array(member.plant),
+                self.samples.layers,
+                self.samples.time,
+                _drifted(self.samples, member).volume,
+                states[at],
+                covariances[at],
+                first[worth],
+                last[worth],
+                member.noise.variances(),
+                depth,
+                variance,
+            )
             mean[worth] += weight[worth] * depth
             square[worth] += weight[worth] * (variance + depth**2)
             total[worth] += weight[worth]

@@ -319,9 +319,26 @@ def _soften(P, floor2):  # type: ignore[no-untyped-def]
 
 @compiled
 def filter_kernel(  # type: ignore[no-untyped-def]
-    p, layers, time, volume, depth, use, start, cov, noise, gate, before, spread, F, mean, P, error,
-    variance, likelihood, fate,
-):  # fmt: skip
+    p,
+    layers,
+    time,
+    volume,
+    depth,
+    use,
+    start,
+    cov,
+    noise,
+    gate,
+    before,
+    spread,
+    F,
+    mean,
+    P,
+    error,
+    variance,
+    likelihood,
+    fate,
+):
     """Filter n measured depths [m]; return the log likelihood of those that count.
 
     use [n]: 1 counts, 0 is held with the contact's noise, -1 is not looked at. start [3], cov
@@ -340,9 +357,19 @@ def filter_kernel(  # type: ignore[no-untyped-def]
     for k in range(time.shape[0]):
         if k:
             x[0], x[1], aground = transition(
-                p, layers, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
-                walk2, jolt2, F[k], Q,
-            )  # fmt: skip
+                p,
+                layers,
+                x[0],
+                x[1],
+                x[2],
+                volume[k - 1],
+                volume[k],
+                time[k] - time[k - 1],
+                walk2,
+                jolt2,
+                F[k],
+                Q,
+            )
             _propagate(C, F[k], Q)
             if aground:
                 _soften(C, floor2)
@@ -402,9 +429,19 @@ def predict_kernel(  # type: ignore[no-untyped-def]
         C = P[i].copy()
         for k in range(first[i] + 1, last[i] + 1):
             x[0], x[1], aground = transition(
-                p, layers, x[0], x[1], x[2], volume[k - 1], volume[k], time[k] - time[k - 1],
-                walk2, jolt2, F, Q,
-            )  # fmt: skip
+                p,
+                layers,
+                x[0],
+                x[1],
+                x[2],
+                volume[k - 1],
+                volume[k],
+                time[k] - time[k - 1],
+                walk2,
+                jolt2,
+                F,
+                Q,
+            )
             _propagate(C, F, Q)
             if aground:
                 _soften(C, floor2)
@@ -426,9 +463,19 @@ def follow_kernel(plants, layers, time, volume, starts, depth):  # type: ignore[
         depth[i, 0] = z
         for k in range(1, time.shape[0]):
             z, w, _ = transition(
-                p, layers, z, w, p[V_0], volume[k - 1], volume[k], time[k] - time[k - 1], 0.0, 0.0,
-                F, Q,
-            )  # fmt: skip
+                p,
+                layers,
+                z,
+                w,
+                p[V_0],
+                volume[k - 1],
+                volume[k],
+                time[k] - time[k - 1],
+                0.0,
+                0.0,
+                F,
+                Q,
+            )
             if not (z > p[Z_AIR] and z < DEEPEST):
                 break
             depth[i, k] = z

@@ -388,10 +388,15 @@ class DeepIdentification:
 
 
 def identify_deep(
-    logs: Sequence[FloatLog], columns: Sequence[Column], vehicle: Vehicle, *,
-    free: Sequence[str] | None = None, fixed: Mapping[str, float] | None = None,
-    priors: Mapping[str, Prior] | None = None, advance: Callable[[float], None] = lambda _: None,
-) -> DeepIdentification:  # fmt: skip
+    logs: Sequence[FloatLog],
+    columns: Sequence[Column],
+    vehicle: Vehicle,
+    *,
+    free: Sequence[str] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    advance: Callable[[float], None] = lambda _: None,
+) -> DeepIdentification:
     """Return drag, hull, pump and valve as identified from deep dives.
 
     columns: the water, one for all dives or one each. free: names of `DEEP`, most of them unless
@@ -426,18 +431,24 @@ def identify_deep(
     strange = out_of_place(vehicle, fit.values, placed)
     good = not (asked or bad or strange)
     return DeepIdentification(
-        vehicle=vehicle, fit=fit, parameters=parameters,
+        vehicle=vehicle,
+        fit=fit,
+        parameters=parameters,
         result_vehicle=identified_vehicle(vehicle, fit.values) if good else vehicle,
-        dives=fits, identified=good, inconsistent=bad,
+        dives=fits,
+        identified=good,
+        inconsistent=bad,
         sentences=_sentences(fit, fits, weak, asked, strange),
         assumptions=_assumptions(vehicle, fit, dives),
-    )  # fmt: skip
+    )
 
 
 def _check_place(
-    vehicle: Vehicle, known: Mapping[str, Prior], fixed: Mapping[str, float],
+    vehicle: Vehicle,
+    known: Mapping[str, Prior],
+    fixed: Mapping[str, float],
     priors: Mapping[str, Prior],
-) -> None:  # fmt: skip
+) -> None:
     """Raise InputError for a given value that has no place in a vehicle's file."""
     values = {name: known[name].mean for name in DEEP} | dict(fixed)
     for option, names in (("--set", fixed), ("--prior", priors)):
@@ -466,9 +477,12 @@ def _dive_fit(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> DiveFit:
 
 
 def _sentences(
-    fit: DeepFit, fits: Sequence[DiveFit], weak: Sequence[str], missed: Sequence[str],
+    fit: DeepFit,
+    fits: Sequence[DiveFit],
+    weak: Sequence[str],
+    missed: Sequence[str],
     strange: Sequence[str],
-) -> tuple[str, ...]:  # fmt: skip
+) -> tuple[str, ...]:
     closes = rms(np.concatenate([one.imbalance for one in fits]))
     speed = rms(np.concatenate([one.speed for one in fits]))
     dives = f"{len(fits)} dive{'s' if len(fits) > 1 else ''}"

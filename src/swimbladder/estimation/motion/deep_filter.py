@@ -71,21 +71,29 @@ def glide(w, force, mass, down, up, t):  # type: ignore[no-untyped-def]
             by_f = (speed + steady * grows * ((1.0 + r * r) * x - r)) / (2.0 * f)
             length = mass / k
             return (
-                sign * speed, -sign * length * math.log(math.cos(x) - r * math.sin(x)),
-                grows, by_f, length / steady * q * n,
+                sign * speed,
+                -sign * length * math.log(math.cos(x) - r * math.sin(x)),
+                grows,
+                by_f,
+                length / steady * q * n,
                 length * n * ((q + r) * x - r * q) / (2.0 * f),
-            )  # fmt: skip
+            )
         one = 1.0 + r * r
         way = -0.5 * mass / k * math.log(one)
         way_v, way_f = -mass / k * r / one / steady, mass / k * r * r / one / (2.0 * f)
         stop_v, stop_f = -1.0 / (steady * one * a), (r / (one * a) - stop) / (2.0 * f)
-        speed, on, grows, by_f, way_w, by_way = _along(0.0, f, mass, up if sign < 0.0 else down,
-                                                       t - stop)  # fmt: skip
+        speed, on, grows, by_f, way_w, by_way = _along(
+            0.0, f, mass, up if sign < 0.0 else down, t - stop
+        )
         gain = f / mass * grows
         return (
-            sign * speed, sign * (way + on), -gain * stop_v, by_f - gain * stop_f,
-            way_v - speed * stop_v, way_f + by_way - speed * stop_f,
-        )  # fmt: skip
+            sign * speed,
+            sign * (way + on),
+            -gain * stop_v,
+            by_f - gain * stop_f,
+            way_v - speed * stop_v,
+            way_f + by_way - speed * stop_f,
+        )
     speed, on, grows, by_f, way_w, by_way = _along(v, f, mass, up if sign < 0.0 else down, t)
     return sign * speed, sign * on, grows, by_f, way_w, by_way
 
@@ -103,9 +111,13 @@ def _along(v, f, mass, k, t):  # type: ignore[no-untyped-def]
         way = length * (x + math.log(0.5 * (1.0 + r)))
     speed, grows = steady * (r + q) * n, (1.0 - q * q) * n * n
     return (
-        speed, way, grows, (speed + steady * grows * ((1.0 - r * r) * x - r)) / (2.0 * f),
-        length / steady * q * n, length * n * ((q + r) * x - r * q) / (2.0 * f),
-    )  # fmt: skip
+        speed,
+        way,
+        grows,
+        (speed + steady * grows * ((1.0 - r * r) * x - r)) / (2.0 * f),
+        length / steady * q * n,
+        length * n * ((q + r) * x - r * q) / (2.0 * f),
+    )
 
 
 AWAY = 7200.0  # s; with tau of 300 s 1.9 km of displacement per m/s of speed: 6 m for 3 mm/s

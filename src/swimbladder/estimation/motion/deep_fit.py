@@ -245,10 +245,14 @@ def start_volume(
 
 
 def fit_deep(
-    body: Body, dives: Sequence[DeepDive], priors: Mapping[str, Prior], *,
-    free: Sequence[str], fixed: Mapping[str, float] | None = None,
+    body: Body,
+    dives: Sequence[DeepDive],
+    priors: Mapping[str, Prior],
+    *,
+    free: Sequence[str],
+    fixed: Mapping[str, float] | None = None,
     advance: Callable[[float], None] = lambda _: None,
-) -> DeepFit:  # fmt: skip
+) -> DeepFit:
     """Return the parameters `free` and each dive's start; the rest are `fixed` or as their priors.
 
     advance: called with shares of the work. Raises InputError for a name that is not one, or none
@@ -284,14 +288,20 @@ def fit_deep(
         [[covariance[:count, :count] * np.outer(scale, scale), mixed.T], [mixed, moved]]
     )
     return DeepFit(
-        names=names, values=problem.values(x), covariance=whole, noise=problem.noise(x),
-        starts=np.array([f.start for f in found.filtered]), tempering=tempering,
-        random_effects=differing, distance=distances(found.scores), priors=dict(priors),
+        names=names,
+        values=problem.values(x),
+        covariance=whole,
+        noise=problem.noise(x),
+        starts=np.array([f.start for f in found.filtered]),
+        tempering=tempering,
+        random_effects=differing,
+        distance=distances(found.scores),
+        priors=dict(priors),
         innovations=tuple(f.innovation / np.sqrt(f.variance) for f in found.filtered),
         residuals=tuple(
             _residuals(path, f) for path, f in zip(problem.paths, found.filtered, strict=True)
         ),
-    )  # fmt: skip
+    )
 
 
 def _residuals(path: Path, found: Filtered) -> Array:
@@ -323,9 +333,13 @@ class _Problem:
     """Minus the log posterior of x: deviations of the parameters, of the logarithms of noises."""
 
     def __init__(
-        self, body: Body, paths: Sequence[Path], priors: Mapping[str, Prior],
-        names: tuple[str, ...], fixed: Mapping[str, float] | None,
-    ) -> None:  # fmt: skip
+        self,
+        body: Body,
+        paths: Sequence[Path],
+        priors: Mapping[str, Prior],
+        names: tuple[str, ...],
+        fixed: Mapping[str, float] | None,
+    ) -> None:
         self.body, self.paths, self.names, self.priors = body, paths, names, priors
         self.held = {name: prior.mean for name, prior in priors.items()} | dict(fixed or {})
 

@@ -112,12 +112,18 @@ class DeepDive:
         speed = (self.pressure[last] - self.pressure[first]) / (b - a) / (density * self.gravity)
         elapsed = middle - self.time[0]
         return Pieces(
-            time=middle, elapsed=elapsed, idle=elapsed - before @ self.action_seconds,
-            duration=b - a, pressure=p, density=density, speed=speed,
+            time=middle,
+            elapsed=elapsed,
+            idle=elapsed - before @ self.action_seconds,
+            duration=b - a,
+            pressure=p,
+            density=density,
+            speed=speed,
             acceleration=_acceleration(middle, speed, before.sum(axis=1)),
-            temperature=0.5 * (self.temperature[first] + self.temperature[last]), before=before,
+            temperature=0.5 * (self.temperature[first] + self.temperature[last]),
+            before=before,
             leaked=np.interp(middle, self.time, self.leaked),
-        )  # fmt: skip
+        )
 
 
 def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = "") -> DeepDive:
@@ -177,15 +183,25 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     levels, density = _deepened(column)
     layers = slopes(layered_volume(vehicle, column), column.step)
     return DeepDive(
-        name=name or log.source, time=time, pressure=pressure, temperature=temperature,
-        unwarmed=int(np.sum(~np.isfinite(logged))), leaked=leaked, action_time=begun,
-        action_seconds=seconds, action_pumps=pumps, action_bypass=bypass,
+        name=name or log.source,
+        time=time,
+        pressure=pressure,
+        temperature=temperature,
+        unwarmed=int(np.sum(~np.isfinite(logged))),
+        leaked=leaked,
+        action_time=begun,
+        action_seconds=seconds,
+        action_pumps=pumps,
+        action_bypass=bypass,
         action_volume=np.where(pumps, out, np.where(bypass, by, let_in)) * seconds,
         action_short=np.where(pumps, map_.start_volume.reshape(at.shape)[:, 0], 0.0),
-        action_pressure=at.mean(axis=1), water_pressure=levels, water_density=density,
-        water_layers=np.interp(levels, column.pressure, layers), gravity=column.gravity,
+        action_pressure=at.mean(axis=1),
+        water_pressure=levels,
+        water_density=density,
+        water_layers=np.interp(levels, column.pressure, layers),
+        gravity=column.gravity,
         stroke=vehicle.stroke.maximum - vehicle.stroke.minimum,
-    )  # fmt: skip
+    )
 
 
 def _warmth(time: Array, logged: Array, water: Array) -> Array:
@@ -282,9 +298,11 @@ def body_of(vehicle: Vehicle) -> Body:
     """Return a vehicle's mass and hull."""
     hull = vehicle.hull
     return Body(
-        mass=weight_mass(vehicle), volume=hull.displaced_volume - hull.trapped_air,
-        reference_temperature=hull.reference_temperature, inertia=vehicle.mass,
-    )  # fmt: skip
+        mass=weight_mass(vehicle),
+        volume=hull.displaced_volume - hull.trapped_air,
+        reference_temperature=hull.reference_temperature,
+        inertia=vehicle.mass,
+    )
 
 
 def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
@@ -326,9 +344,14 @@ def check_deep_names(names: Sequence[str], option: str) -> None:
 
 
 def check_deep_request(
-    vehicle: Vehicle, dives: int, casts: int, *, free: Sequence[str] | None,
-    fixed: Sequence[str], priors: Mapping[str, Prior],
-) -> None:  # fmt: skip
+    vehicle: Vehicle,
+    dives: int,
+    casts: int,
+    *,
+    free: Sequence[str] | None,
+    fixed: Sequence[str],
+    priors: Mapping[str, Prior],
+) -> None:
     """Raise InputError for what cannot be identified, whatever the logs say."""
     if not isinstance(vehicle.actuator, PumpAndValve):
         what = "deep dives are identified for a pump and a valve"
@@ -464,14 +487,23 @@ def deep_path(dive: DeepDive, body: Body, priors: Mapping[str, Prior]) -> Path:
         knots.append(knots[-1] * _WIDER)
     weight = float(np.interp(measured[0], grid, density)) * dive.gravity
     return Path(
-        dive=dive, time=time, measured=measured, steps=steps, sample=sample,
-        runs=runs, begun=begun,
-        leaked=np.interp(middle, dive.time, dive.leaked), idle=middle - time[0] - ran,
-        warmth=np.interp(middle, dive.time, dive.temperature), grid=grid, density=density,
-        layers=layers, knots=np.array(knots),
+        dive=dive,
+        time=time,
+        measured=measured,
+        steps=steps,
+        sample=sample,
+        runs=runs,
+        begun=begun,
+        leaked=np.interp(middle, dive.time, dive.leaked),
+        idle=middle - time[0] - ran,
+        warmth=np.interp(middle, dive.time, dive.temperature),
+        grid=grid,
+        density=density,
+        layers=layers,
+        knots=np.array(knots),
         width=cast_volume(body, priors, np.interp(knots, grid, layers)),
         speed=float((measured[1] - measured[0]) / (time[1] - time[0])) / weight,
-    )  # fmt: skip
+    )
 
 
 def _edges(time: Array, begin: Array, end: Array) -> tuple[Array, Index]:
@@ -586,10 +618,22 @@ def filtered(body: Body, values: Mapping[str, float], noise: Noise, path: Path) 
     n = len(path.measured)
     innovation, spread = np.zeros(n), np.ones(n)
     filter_kernel(
-        path.steps, volume, path.begun, path.sample, path.measured, _SPACING, water, path.knots,
-        path.width, np.array([body.inertia * values["inertia"], down, up]), np.array(noise), x,
-        covariance, innovation, spread,
-    )  # fmt: skip
+        path.steps,
+        volume,
+        path.begun,
+        path.sample,
+        path.measured,
+        _SPACING,
+        water,
+        path.knots,
+        path.width,
+        np.array([body.inertia * values["inertia"], down, up]),
+        np.array(noise),
+        x,
+        covariance,
+        innovation,
+        spread,
+    )
     return Filtered(innovation[1:], spread[1:], x, covariance)
 
 
@@ -622,10 +666,16 @@ class Replay:
 
 
 def replay(
-    body: Body, values: Mapping[str, float], start: float, dive: DeepDive, *,
-    pressure: float | None = None, begin: float | None = None, end: float | None = None,
+    body: Body,
+    values: Mapping[str, float],
+    start: float,
+    dive: DeepDive,
+    *,
+    pressure: float | None = None,
+    begin: float | None = None,
+    end: float | None = None,
     step: float = STEP,
-) -> Replay:  # fmt: skip
+) -> Replay:
     """Return the dive as the model predicts it, from its first sample or a time `begin` [s].
 
     start: the drive's volume when the dive began [m3]; pressure: where it begins [Pa], as logged

@@ -145,9 +145,12 @@ def _begin(other: Problem, problem: Problem, fit: Fit) -> Array:
     if other.model.law == "blended":  # which holds the law that was fitted
         laminar, turbulent = own_l or _TRACE * laminar, own_t or _TRACE * turbulent
     begin = {
-        "mass": m, "K2": other.model.specific_weight / laminar, "T2": m / laminar,
-        "drag_quadratic": turbulent, "psi": values["psi"],
-    }  # fmt: skip
+        "mass": m,
+        "K2": other.model.specific_weight / laminar,
+        "T2": m / laminar,
+        "drag_quadratic": turbulent,
+        "psi": values["psi"],
+    }
     x = other.begin(begin)
     x[other.shared :] = fit.x[problem.shared :]
     return x
@@ -177,11 +180,16 @@ def _choice(problem: Problem, fit: Fit, psi: Psi, worth: float, *, reported: boo
     samples = max(worth * float(problem.rows[-1]), 2.0)
     values = problem.named(fit.x)
     return Choice(
-        drag=problem.model.law, psi=psi, parameters=problem.shared,
+        drag=problem.model.law,
+        psi=psi,
+        parameters=problem.shared,
         rms=float(np.sqrt((fit.weight * fit.residual**2).sum() / fit.weight.sum())),
-        log_likelihood=likelihood, bic=-2.0 * likelihood + problem.shared * math.log(samples),
-        weight=math.nan, values={n: values[n] for n in problem.names}, reported=reported,
-    )  # fmt: skip
+        log_likelihood=likelihood,
+        bic=-2.0 * likelihood + problem.shared * math.log(samples),
+        weight=math.nan,
+        values={n: values[n] for n in problem.names},
+        reported=reported,
+    )
 
 
 LIMIT = 0.3  # of a parameter, or of what is large for one that may be 0: more is not known
@@ -377,18 +385,25 @@ def _experiment(
     }
     left = residual[weight > 0.0]
     return ExperimentFit(
-        source=e.source, record=e.record, reference_depth=e.reference, predicted=predicted,
-        residual=residual, weight=weight,
+        source=e.source,
+        record=e.record,
+        reference_depth=e.reference,
+        predicted=predicted,
+        residual=residual,
+        weight=weight,
         estimates={
             name: Estimate.of(float(found.x[i] * per), float(std[i] * per), unit)
             for name, (i, per, unit) in own.items()
         },
-        drift=drift(problem, found, j), noise=float(found.noise[j]),
+        drift=drift(problem, found, j),
+        noise=float(found.noise[j]),
         rms=rms(left) if len(left) else math.nan,
-        ar=found.ar[j], whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
-        outliers=int((weight[e.used] < 0.5).sum()), step=e.step(),
+        ar=found.ar[j],
+        whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
+        outliers=int((weight[e.used] < 0.5).sum()),
+        step=e.step(),
         own_gain=gain if gain and 0.0 < gain[1] < 1.0 else None,
-    )  # fmt: skip
+    )
 
 
 def diagnose(

@@ -482,11 +482,19 @@ def finish(problem: Problem, x: Array) -> Fit:
     covariance = inverse @ (B + prior) @ inverse
     covariance = 0.5 * (covariance + covariance.T)  # so to the last digit
     return Fit(
-        x=x, residual=residual, weight=weight, root=root, noise=noise,
-        objective=_objective(problem, x, residual, noise), slope=slope,
-        ar=seen, ar_noise=found,
-        information=A + prior, covariance=covariance, data=A @ inverse_of(B) @ A,
-    )  # fmt: skip
+        x=x,
+        residual=residual,
+        weight=weight,
+        root=root,
+        noise=noise,
+        objective=_objective(problem, x, residual, noise),
+        slope=slope,
+        ar=seen,
+        ar_noise=found,
+        information=A + prior,
+        covariance=covariance,
+        data=A @ inverse_of(B) @ A,
+    )
 
 
 def inverse_of(M: Array) -> Array:

@@ -50,9 +50,14 @@ class Posterior:
 
 
 def sample(
-    problem: Problem, fit: Fit, *, seed: int, steps: int = _STEPS, walkers: int = _WALKERS,
+    problem: Problem,
+    fit: Fit,
+    *,
+    seed: int,
+    steps: int = _STEPS,
+    walkers: int = _WALKERS,
     advance: Callable[[float], None] = lambda _: None,
-) -> Posterior:  # fmt: skip
+) -> Posterior:
     """Return draws from the posterior around a fit, its noise and outliers' weights as they are.
 
     The likelihood is flattened by as much as autocorrelated residuals widen the intervals. steps:

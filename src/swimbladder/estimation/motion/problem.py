@@ -133,17 +133,25 @@ def model_of(vehicle: Vehicle, *, law: str | None = None, bottom_depth: float) -
     if wanted == "blended" and drag.k_dt == 0.0:
         k_dl, k_dt = 0.5 * k_dl, 0.5 * k_dl / _TYPICAL_SPEED
     values = {
-        "K2": k_b / k_dl, "T2": m / k_dl, "mass": m, "drag_quadratic": k_dt, "psi": vehicle.hull.psi
-    }  # fmt: skip
+        "K2": k_b / k_dl,
+        "T2": m / k_dl,
+        "mass": m,
+        "drag_quadratic": k_dt,
+        "psi": vehicle.hull.psi,
+    }
     area = math.nan
     if isinstance(vehicle.actuator, IdentifiedActuator):
         area = vehicle.actuator.piston_area
         values |= {"K1": vehicle.actuator.K1, "T1": vehicle.actuator.T1}
     return Model(
-        base=plant(vehicle, bottom_depth=bottom_depth), law=wanted, specific_weight=k_b,
-        waterplane=vehicle.hull.waterplane_area, piston_area=area,
-        displaced=vehicle.hull.displaced_volume, values=values,
-    )  # fmt: skip
+        base=plant(vehicle, bottom_depth=bottom_depth),
+        law=wanted,
+        specific_weight=k_b,
+        waterplane=vehicle.hull.waterplane_area,
+        piston_area=area,
+        displaced=vehicle.hull.displaced_volume,
+        values=values,
+    )
 
 
 def default_names(law: str, given: Sequence[str]) -> tuple[str, ...]:
@@ -311,9 +319,13 @@ VOLUME, DEPTH, SPEED = 1e-6, 1e-2, 1e-2  # m3, m, m/s: units of the experiments'
 _STEP = 1e-5  # of an entry of x, for derivatives; the runs are exact to 1e-13
 LOST = 10.0  # m, the residual where the model cannot follow
 _LIMITS = {  # of the logarithmic ones, in SI units
-    "K2": (1e0, 1e9), "T2": (1e-2, 1e6), "mass": (1e-3, 1e7), "drag_quadratic": (1e-4, 1e8),
-    "K1": (1e-7, 1e1), "T1": (1e-4, 1e2),
-}  # fmt: skip
+    "K2": (1e0, 1e9),
+    "T2": (1e-2, 1e6),
+    "mass": (1e-3, 1e7),
+    "drag_quadratic": (1e-4, 1e8),
+    "K1": (1e-7, 1e1),
+    "T1": (1e-4, 1e2),
+}
 
 
 class Assumed(NamedTuple):
@@ -500,9 +512,15 @@ class Problem:
         return np.concatenate(depths), found, columns
 
     def _stretch(
-        self, x: Array, e: Experiment, course: Course, at: int, plants: list[Plant], *,
+        self,
+        x: Array,
+        e: Experiment,
+        course: Course,
+        at: int,
+        plants: list[Plant],
+        *,
         derivatives: bool,
-    ) -> tuple[Array, Array]:  # fmt: skip
+    ) -> tuple[Array, Array]:
         lanes = [*plants, plants[0], plants[0]] if derivatives else plants
         volume, rate = e.neutral, 0.0
         if e.ramps:
@@ -536,9 +554,15 @@ class Problem:
 
 
 def posed(
-    records: Sequence[Record], vehicle: Vehicle, assumed: Assumed, *, sources: Sequence[str] = (),
-    free: Sequence[str] | None = None, drag: str | None = None, bottom_depth: float = math.inf,
-) -> Problem:  # fmt: skip
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    assumed: Assumed,
+    *,
+    sources: Sequence[str] = (),
+    free: Sequence[str] | None = None,
+    drag: str | None = None,
+    bottom_depth: float = math.inf,
+) -> Problem:
     """Return the problem of records of a vehicle.
 
     sources: what the records are called; free: names of NAMES that are fitted, those of the drag
@@ -555,9 +579,13 @@ def posed(
 
 
 def check_parameters(
-    names: Sequence[str], fixed: Mapping[str, float], priors: Mapping[str, Prior],
-    model: Model, *, voltage: bool,
-) -> None:  # fmt: skip
+    names: Sequence[str],
+    fixed: Mapping[str, float],
+    priors: Mapping[str, Prior],
+    model: Model,
+    *,
+    voltage: bool,
+) -> None:
     """Raise InputError where names, values and priors do not go together."""
     check_names(names, model, voltage=voltage, option="--free")
     check_names(list(fixed), model, voltage=voltage, option="--set")

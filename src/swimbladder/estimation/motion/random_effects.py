@@ -116,10 +116,14 @@ def _with(vehicle: Vehicle, wide: Unknowns, mean: Array, std: Array, logs: int) 
     known = vehicle.identified
     assert known is not None  # between_logs checks it
     between = Between(
-        psi=found.psi.std, drag=found.drag.std, neutral_drift=found.drift.mean,
-        neutral_drift_std=found.drift.std, depth_noise=found.depth_noise.std,
-        neutral_walk=found.random_walk.std, acceleration_noise=found.acceleration_noise.std,
-    )  # fmt: skip
+        psi=found.psi.std,
+        drag=found.drag.std,
+        neutral_drift=found.drift.mean,
+        neutral_drift_std=found.drift.std,
+        depth_noise=found.depth_noise.std,
+        neutral_walk=found.random_walk.std,
+        acceleration_noise=found.acceleration_noise.std,
+    )
     share = math.exp(found.drag.mean)
     values, covariance = _values(known, found, share, logs)
     changes = {

@@ -84,9 +84,12 @@ class Likelihood:
     """
 
     def __init__(
-        self, problem: Problem, vehicle: Vehicle, quantities: Sequence[Quantity],
+        self,
+        problem: Problem,
+        vehicle: Vehicle,
+        quantities: Sequence[Quantity],
         values: Mapping[str, float],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.model, self.priors = problem.model, problem.priors
         self.quantities, self.values = tuple(quantities), dict(values)
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
@@ -136,9 +139,13 @@ class Likelihood:
                 neutral += (self.model.base.psi - values["psi"]) * float(record.depth[0])
             std = math.hypot(std, noise.random_walk * math.sqrt(float(s.time[0])))
         return Start(
-            depth=float(s.depth[0]), speed=0.0, neutral=neutral, depth_std=3.0 * noise.depth,
-            speed_std=_SPEED_STD, neutral_std=std,
-        )  # fmt: skip
+            depth=float(s.depth[0]),
+            speed=0.0,
+            neutral=neutral,
+            depth_std=3.0 * noise.depth,
+            speed_std=_SPEED_STD,
+            neutral_std=std,
+        )
 
     def prior(self, x: Array) -> float:
         """Return the log density of the priors at x, up to a constant."""
@@ -364,13 +371,21 @@ def fit_random_walk(
     travelled = tuple(float(np.ptp(each)) for each in of_each)
     nothing = Estimate.given(0.0, _UNITS["acceleration"])
     return RandomWalkFit(
-        names=names, law=problem.model.law, estimates={name: estimates[name] for name in names},
-        covariance=C[:p, :p] * np.outer(per[:p], per[:p]), random_walk=walk,
-        depth_noise=estimates["depth_noise"], acceleration=estimates.get("acceleration", nothing),
-        noise=full.noise(values), values=values, log_likelihood=best, likelihood_ratio=ratio,
-        p_value=0.5 * float(chi2.sf(ratio, 1)) if ratio > 0.0 else 1.0, travelled=travelled,
+        names=names,
+        law=problem.model.law,
+        estimates={name: estimates[name] for name in names},
+        covariance=C[:p, :p] * np.outer(per[:p], per[:p]),
+        random_walk=walk,
+        depth_noise=estimates["depth_noise"],
+        acceleration=estimates.get("acceleration", nothing),
+        noise=full.noise(values),
+        values=values,
+        log_likelihood=best,
+        likelihood_ratio=ratio,
+        p_value=0.5 * float(chi2.sf(ratio, 1)) if ratio > 0.0 else 1.0,
+        travelled=travelled,
         robust=robust,
-    )  # fmt: skip
+    )
 
 
 def _quantity(name: str, problem: Problem) -> Quantity:
@@ -469,24 +484,45 @@ def with_random_walk(
     identified = all(f.severity != "no" for f in findings)
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
     noise = fit.noise
-    new = found.result_vehicle if not identified else identified_vehicle(
-        vehicle, model, fit.values, fit.names, C, trim_error=trim_of(found.experiments, vehicle),
-        depth_noise=noise.depth, neutral_walk=noise.random_walk,
-        neutral_std=neutral_spread(found.experiments, found.neutral_std, single=0.0),
-        acceleration_noise=noise.acceleration, logs=tuple(e.source for e in found.experiments),
-    )  # fmt: skip
+    new = (
+        found.result_vehicle
+        if not identified
+        else identified_vehicle(
+            vehicle,
+            model,
+            fit.values,
+            fit.names,
+            C,
+            trim_error=trim_of(found.experiments, vehicle),
+            depth_noise=noise.depth,
+            neutral_walk=noise.random_walk,
+            neutral_std=neutral_spread(found.experiments, found.neutral_std, single=0.0),
+            acceleration_noise=noise.acceleration,
+            logs=tuple(e.source for e in found.experiments),
+        )
+    )
     if identified and len(records) >= FEWEST:
         new = between_logs(records, new)
         findings.append(_differ(new))
     held = {n: e for n, e in found.parameters.items() if e.origin == "set"}
     return replace(
-        found, names=fit.names, parameters={**fit.estimates, **held}, derived={},
-        covariance=C, correlation=C / np.outer(size, size), profiles={}, choices=(),
-        findings=tuple(findings), depth_noise=noise.depth, random_walk=fit, result_vehicle=new,
+        found,
+        names=fit.names,
+        parameters={**fit.estimates, **held},
+        derived={},
+        covariance=C,
+        correlation=C / np.outer(size, size),
+        profiles={},
+        choices=(),
+        findings=tuple(findings),
+        depth_noise=noise.depth,
+        random_walk=fit,
+        result_vehicle=new,
         assumptions=(
-            *found.assumptions, sentence("motion", "is random"),
+            *found.assumptions,
+            sentence("motion", "is random"),
         ),
-    )  # fmt: skip
+    )
 
 
 def _not_identifiable(fit: RandomWalkFit, model: Model) -> Iterator[Finding]:
@@ -517,7 +553,12 @@ def _summary(fit: RandomWalkFit) -> Finding:
     minute = math.sqrt(60.0)
     low, high = (f"{1e6 * minute * end:.2g}" for end in fit.random_walk.ci95)
     return Finding.of(
-        "motion", "random_walk", minute=minute * fit.random_walk.value, low=low, high=high,
-        sure="" if fit.drifts else ", which the logs do not require", p=fit.p_value,
+        "motion",
+        "random_walk",
+        minute=minute * fit.random_walk.value,
+        low=low,
+        high=high,
+        sure="" if fit.drifts else ", which the logs do not require",
+        p=fit.p_value,
         farthest=max(fit.travelled, default=0.0),
-    )  # fmt: skip
+    )

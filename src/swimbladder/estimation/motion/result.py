@@ -211,9 +211,16 @@ def neutral_spread(each: Sequence[ExperimentFit], assumed: float, *, single: flo
 
 
 def identified_vehicle(
-    vehicle: Vehicle, model: Model, values: Mapping[str, float], names: tuple[str, ...],
-    covariance: Array, *, trim_error: float | None, logs: tuple[str, ...], **noise: float,
-) -> Vehicle:  # fmt: skip
+    vehicle: Vehicle,
+    model: Model,
+    values: Mapping[str, float],
+    names: tuple[str, ...],
+    covariance: Array,
+    *,
+    trim_error: float | None,
+    logs: tuple[str, ...],
+    **noise: float,
+) -> Vehicle:
     """Return the vehicle with its motion, psi and, where known, trim as identified.
 
     A vehicle given by K2 and T2 stays one where its drag is laminar. Where masses are stated, the

@@ -248,14 +248,25 @@ NEUTRAL_STD = 0.5e-6  # m3
 
 
 def identify(
-    logs: Sequence[Log], vehicle: Vehicle, *, free: Sequence[str] | None = None,
-    fixed: Mapping[str, float] | None = None, priors: Mapping[str, Prior] | None = None,
-    drag: str | None = None, neutral_std: float = NEUTRAL_STD, speed_std: float = math.inf,
-    drive: Drive | None = None, bottom_depth: float = math.inf, surface_margin: float = 0.1,
-    profiles: bool = True, choices: bool = True, random_walk: bool = False,
-    posterior: int | None = None, columns: Sequence[Column] = (),
+    logs: Sequence[Log],
+    vehicle: Vehicle,
+    *,
+    free: Sequence[str] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    drag: str | None = None,
+    neutral_std: float = NEUTRAL_STD,
+    speed_std: float = math.inf,
+    drive: Drive | None = None,
+    bottom_depth: float = math.inf,
+    surface_margin: float = 0.1,
+    profiles: bool = True,
+    choices: bool = True,
+    random_walk: bool = False,
+    posterior: int | None = None,
+    columns: Sequence[Column] = (),
     advance: Callable[[float], None] | None = None,
-) -> Identification:  # fmt: skip
+) -> Identification:
     """Return the parameters that make the vehicle's model meet all logs together, with intervals.
 
     Output-error maximum likelihood on depth: each log is an experiment with its own neutral
@@ -276,24 +287,38 @@ def identify(
     check_logs(logs, neutral_std, speed_std, drive)
     waters = water_of_each(len(logs), columns)
     records = [
-        record(log, vehicle, drive=drive or driven_by(log, vehicle), bottom_depth=bottom_depth,
-               surface_margin=surface_margin, column=water)
+        record(
+            log,
+            vehicle,
+            drive=drive or driven_by(log, vehicle),
+            bottom_depth=bottom_depth,
+            surface_margin=surface_margin,
+            column=water,
+        )
         for log, water in zip(logs, waters, strict=True)
-    ]  # fmt: skip
+    ]
     check_motion(records)
     assumed = Assumed(dict(fixed or {}), dict(priors or {}), neutral_std, speed_std)
     problem = posed(
-        records, vehicle, assumed, sources=[log.source for log in logs], free=free, drag=drag,
+        records,
+        vehicle,
+        assumed,
+        sources=[log.source for log in logs],
+        free=free,
+        drag=drag,
         bottom_depth=bottom_depth,
-    )  # fmt: skip
+    )
     report(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         share = 0.3 if random_walk or posterior is not None else 1.0
         found = _answer(
-            problem, vehicle, advance=lambda part: report(share * part),
-            profiles=profiles and not random_walk, choices=choices and not random_walk,
+            problem,
+            vehicle,
+            advance=lambda part: report(share * part),
+            profiles=profiles and not random_walk,
+            choices=choices and not random_walk,
             posterior=posterior,
-        )  # fmt: skip
+        )
         if not random_walk:
             return found
         walked = fit_random_walk(problem, vehicle)
@@ -302,9 +327,14 @@ def identify(
 
 
 def _answer(
-    problem: Problem, vehicle: Vehicle, *, advance: Callable[[float], None], profiles: bool,
-    choices: bool, posterior: int | None,
-) -> Identification:  # fmt: skip
+    problem: Problem,
+    vehicle: Vehicle,
+    *,
+    advance: Callable[[float], None],
+    profiles: bool,
+    choices: bool,
+    posterior: int | None,
+) -> Identification:
     report, names, model = advance, problem.names, problem.model
     found = solve(problem)
     report(0.35 if choices or profiles else 0.95)
@@ -335,22 +365,35 @@ def _answer(
     size = np.sqrt(np.diag(covariance))
     noise = float(np.sqrt(np.average(found.noise**2, weights=np.diff(problem.rows))))
     return Identification(
-        names=names, law=model.law, parameters=estimates,
-        derived=derived(problem, found), covariance=covariance,
-        correlation=covariance / np.outer(size, size), experiments=each,
-        findings=tuple(findings), choices=listed, profiles=drawn,
-        assumptions=assumptions(problem, vehicle), priors=dict(problem.priors),
+        names=names,
+        law=model.law,
+        parameters=estimates,
+        derived=derived(problem, found),
+        covariance=covariance,
+        correlation=covariance / np.outer(size, size),
+        experiments=each,
+        findings=tuple(findings),
+        choices=listed,
+        profiles=drawn,
+        assumptions=assumptions(problem, vehicle),
+        priors=dict(problem.priors),
         neutral_std=problem.neutral_std,
         notes=tuple(dict.fromkeys(note for e in each for note in e.record.notes)),
-        depth_noise=noise, posterior=drawn_points,
+        depth_noise=noise,
+        posterior=drawn_points,
         result_vehicle=(
             vehicle
             if any(f.severity == "no" for f in findings)
             else identified_vehicle(
-                vehicle, model, values, names, covariance,
-                trim_error=trim_of(each, vehicle), depth_noise=noise,
+                vehicle,
+                model,
+                values,
+                names,
+                covariance,
+                trim_error=trim_of(each, vehicle),
+                depth_noise=noise,
                 neutral_std=neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD),
                 logs=tuple(e.source for e in problem.experiments),
             )
         ),
-    )  # fmt: skip
+    )

@@ -94,10 +94,11 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
         raise _problem(
             f"the cast {cast.name or 'given'} begins at {top:.0f} dbar, and of the water above, "
             "where a vehicle floats and dives, it says nothing",
-            value=round(top, 1), unit="dbar",
+            value=round(top, 1),
+            unit="dbar",
             remedy="Take one that begins near the surface, or add a row at 0 dbar with the "
             "temperature and salinity that the surface has",
-        )  # fmt: skip
+        )
     if top > _NEAR:
         report.append(f"the cast begins at {top:.1f} dbar and is taken to be the same above")
     return Column(

@@ -39,9 +39,11 @@ def check_cast_unit(cast: Cast, asked: float | None, rating: float | None) -> st
     remedy = f"Say which, with --column {said}"
     if not cast.unit_named:
         raise InputError(
-            f"the column {name!r} states no unit: {ends}", file=cast.name or None,
-            field="pressure_dbar", remedy=remedy,
-        )  # fmt: skip
+            f"the column {name!r} states no unit: {ends}",
+            file=cast.name or None,
+            field="pressure_dbar",
+            remedy=remedy,
+        )
     return f"{cast.name}: the column {name!r} is taken at its word: {ends}. {remedy}"
 
 
@@ -54,11 +56,12 @@ def above_rating(name: str, end: float, rating: float | None, asked: str) -> lis
         return []
     if end < _FAR_ABOVE * rating:
         raise InputError(
-            f"it ends at {end:.0f} m, and the vehicle is rated for {rating:g} m", file=name,
+            f"it ends at {end:.0f} m, and the vehicle is rated for {rating:g} m",
+            file=name,
             field="cast",
             remedy="Is its pressure in bar, not dbar? Then map it with --column "
             f'"pressure_dbar=NAME@bar". If not, say how deep it is to go: `{asked}` "{end:.0f} m"',
-        )  # fmt: skip
+        )
     # the grid of a cast that was taken down to the rating ends within a metre of it
     if end >= rating - 1.0:
         return []

@@ -72,9 +72,11 @@ def check_motion(motion: WaterMotion, column: Column) -> None:
             raise InputError(
                 f"no internal wave is that fast here: the shortest in {column.source} lasts "
                 f"{2.0 * math.pi / fastest:.0f} s",
-                field=f"water_motion.internal_waves[{k}].period", value=wave.period, unit="s",
+                field=f"water_motion.internal_waves[{k}].period",
+                value=wave.period,
+                unit="s",
                 remedy="Give a longer period; what is faster near the surface is swell",
-            )  # fmt: skip
+            )
 
 
 def motion_table(motion: WaterMotion, gravity: float) -> Array:

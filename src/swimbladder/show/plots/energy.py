@@ -11,9 +11,13 @@ from swimbladder.show.plots.style import Ink
 from swimbladder.units import rounded
 
 _STAGES = {
-    "battery": Ink.SKY, "driver": Ink.PURPLE, "motor": Ink.BLUE, "transmission": Ink.ORANGE,
-    "leakage": Ink.GREEN, "reservoir": Ink.GREY,
-}  # fmt: skip
+    "battery": Ink.SKY,
+    "driver": Ink.PURPLE,
+    "motor": Ink.BLUE,
+    "transmission": Ink.ORANGE,
+    "leakage": Ink.GREEN,
+    "reservoir": Ink.GREY,
+}
 
 _DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
 

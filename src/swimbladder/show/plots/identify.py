@@ -25,12 +25,21 @@ from swimbladder.units import rounded, shown_unit, unit_factor
 Array = NDArray[np.float64]
 
 _PRETTY = {
-    "1/m2/s": "1/(m² s)", "N s2/m2": "N s²/m²", "cm3/m": "cm³/m", "cm3": "cm³", "cm3/h": "cm³/h",
-}  # fmt: skip
+    "1/m2/s": "1/(m² s)",
+    "N s2/m2": "N s²/m²",
+    "cm3/m": "cm³/m",
+    "cm3": "cm³",
+    "cm3/h": "cm³/h",
+}
 _SYMBOL = {
-    "K1": "K₁", "T1": "T₁", "K2": "K₂", "T2": "T₂", "mass": "mass",
-    "drag_quadratic": r"k$_\mathrm{dt}$", "psi": "ψ",
-}  # fmt: skip
+    "K1": "K₁",
+    "T1": "T₁",
+    "K2": "K₂",
+    "T2": "T₂",
+    "mass": "mass",
+    "drag_quadratic": r"k$_\mathrm{dt}$",
+    "psi": "ψ",
+}
 _WIDTH = 9.6  # inches
 _DRAWS = 1500  # of the posterior, that are drawn
 

@@ -14,9 +14,12 @@ from swimbladder.show.plots.style import Ink, label_panels, new_figure, stacked,
 from swimbladder.units import length
 
 _COLORS = {
-    Verdict.NOT_ASKED: "#FFFFFF", Verdict.RECOVERED: Ink.BLUE, Verdict.SLOW: Ink.SKY,
-    Verdict.UNSETTLED: Ink.ORANGE, Verdict.LOST: Ink.VERMILION,
-}  # fmt: skip
+    Verdict.NOT_ASKED: "#FFFFFF",
+    Verdict.RECOVERED: Ink.BLUE,
+    Verdict.SLOW: Ink.SKY,
+    Verdict.UNSETTLED: Ink.ORANGE,
+    Verdict.LOST: Ink.VERMILION,
+}
 
 
 @styled
@@ -30,9 +33,10 @@ def draw_recovery(found: Stability) -> Figure:
         axes.set_title(one.title, fontsize=9.5)
     labels = {
         Verdict.RECOVERED: f"within {length(found.band, 3, 'cm')} in {found.within:g} s, and stays",
-        Verdict.SLOW: "later", Verdict.UNSETTLED: f"not in {3.0 * found.within:g} s",
+        Verdict.SLOW: "later",
+        Verdict.UNSETTLED: f"not in {3.0 * found.within:g} s",
         Verdict.LOST: "lost",
-    }  # fmt: skip
+    }
     handles: list[Any] = [Patch(color=_COLORS[v], label=text) for v, text in labels.items()]
     handles += [line for axes in panels for line in axes.get_lines()][:1]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)

@@ -26,9 +26,14 @@ _DRIVEN = {
 
 
 def write_actuator(
-    found: ActuatorIdentification, out: Path, *, command: str, seconds: float, picture: bool,
+    found: ActuatorIdentification,
+    out: Path,
+    *,
+    command: str,
+    seconds: float,
+    picture: bool,
     advance: Callable[[float], None] = lambda _: None,
-) -> tuple[list[Path], str]:  # fmt: skip
+) -> tuple[list[Path], str]:
     """Write page and steps into the folder `out`; return the paths, and why there is no vehicle.
 
     A vehicle is written where one was given and something of it was identified; else the one of an
@@ -53,9 +58,12 @@ def write_actuator(
 
 
 def _page(
-    found: ActuatorIdentification, files: list[str], command: str, seconds: float,
+    found: ActuatorIdentification,
+    files: list[str],
+    command: str,
+    seconds: float,
     advance: Callable[[float], None],
-) -> str:  # fmt: skip
+) -> str:
     """Return the report as HTML that needs nothing but itself."""
     share = 1.0 / (len(found.logs) + 1)
     scale, unit = (1e3, "mm") if found.quantity == "piston" else (1e6, "cm³")

@@ -33,9 +33,14 @@ PSI = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": 
 
 
 def page(
-    found: Identification, figures: Mapping[str, PageFigure], *,
-    files: Sequence[str], command: str, seconds: float, paper: PaperFits | None = None,
-) -> str:  # fmt: skip
+    found: Identification,
+    figures: Mapping[str, PageFigure],
+    *,
+    files: Sequence[str],
+    command: str,
+    seconds: float,
+    paper: PaperFits | None = None,
+) -> str:
     """Return the report as HTML that needs nothing but itself.
 
     seconds: how long the fit took; paper: the paper's fits, to stand beside ours.
@@ -140,9 +145,15 @@ def _is_ours(path: Path) -> bool:
 
 
 def write_identification(
-    found: Identification, out: Path, *, answer: Mapping[str, Any], command: str, seconds: float,
-    paper: PaperFits | None = None, advance: Callable[[float], None] = lambda _: None,
-) -> list[Path]:  # fmt: skip
+    found: Identification,
+    out: Path,
+    *,
+    answer: Mapping[str, Any],
+    command: str,
+    seconds: float,
+    paper: PaperFits | None = None,
+    advance: Callable[[float], None] = lambda _: None,
+) -> list[Path]:
     """Write everything into the folder `out` and return the paths.
 
     answer: identify.json; command: how the page says that it was made; seconds: how

@@ -54,10 +54,14 @@ def drawn_of(spread: Spread, z: Array, cast: float) -> Array:
     trim, psi, drag, pump, mass = np.clip(z, -_CUT, _CUT)
     return np.array(
         [
-            spread.trim * trim, spread.psi * psi, 1.0 + spread.drag * drag,
-            1.0 + spread.pump * pump, 1.0 + spread.mass * mass, cast,
+            spread.trim * trim,
+            spread.psi * psi,
+            1.0 + spread.drag * drag,
+            1.0 + spread.pump * pump,
+            1.0 + spread.mass * mass,
+            cast,
         ]
-    )  # fmt: skip
+    )
 
 
 def varied(plan: Plan, drawn: Array) -> Plan:
@@ -99,14 +103,17 @@ class Design:
         width = 2 + len(groups)
         if not groups:
             raise InputError(
-                "nothing spreads, so that nothing can be sensitive to it", field="--sensitivity",
+                "nothing spreads, so that nothing can be sensitive to it",
+                field="--sensitivity",
                 remedy="Give a spread, like --trim-std '5 cm3'",
-            )  # fmt: skip
+            )
         if floats < _FEWEST * width:
             raise InputError(
-                f"too few floats for the indices of {len(groups)} inputs", field="--floats",
-                value=floats, remedy=f"Give {_FEWEST * width} at least; thousands say more",
-            )  # fmt: skip
+                f"too few floats for the indices of {len(groups)} inputs",
+                field="--floats",
+                value=floats,
+                remedy=f"Give {_FEWEST * width} at least; thousands say more",
+            )
         rows = 1 << ((floats // width).bit_length() - 1)
         return cls(spread, tuple(groups), rows, casts, seed)
 
@@ -168,9 +175,10 @@ def indices(values: Array, *, seed: int = 1) -> list[Index]:
         part = values[chosen]
         # twice the same output: with one alone SciPy drops an axis too many for a single input
         pair: Any = {
-            "f_A": np.tile(part[:, 0], (2, 1)), "f_B": np.tile(part[:, 1], (2, 1)),
+            "f_A": np.tile(part[:, 0], (2, 1)),
+            "f_B": np.tile(part[:, 1], (2, 1)),
             "f_AB": np.repeat(part[:, None, 2:].T, 2, axis=1),
-        }  # fmt: skip
+        }
         found = sobol_indices(func=pair, n=len(part))
         return np.array(
             [np.reshape(found.first_order, (2, -1))[0], np.reshape(found.total_order, (2, -1))[0]]
@@ -179,14 +187,21 @@ def indices(values: Array, *, seed: int = 1) -> list[Index]:
     rows = np.arange(len(values))
     point = both(rows)
     spread = bootstrap(
-        (rows,), both, n_resamples=_RESAMPLES, vectorized=False, method="percentile",
-        confidence_level=0.95, rng=np.random.default_rng(seed),
-    )  # fmt: skip
+        (rows,),
+        both,
+        n_resamples=_RESAMPLES,
+        vectorized=False,
+        method="percentile",
+        confidence_level=0.95,
+        rng=np.random.default_rng(seed),
+    )
     low, high = (np.asarray(end) for end in spread.confidence_interval)
     return [
         Index(
-            float(point[0, k]), (float(low[0, k]), float(high[0, k])),
-            float(point[1, k]), (float(low[1, k]), float(high[1, k])),
+            float(point[0, k]),
+            (float(low[0, k]), float(high[0, k])),
+            float(point[1, k]),
+            (float(low[1, k]), float(high[1, k])),
         )
         for k in range(values.shape[1] - 2)
-    ]  # fmt: skip
+    ]

@@ -213,10 +213,13 @@ class Sensitivity:
         else:
             found = indices(by_row, seed=self.design.seed)
         return Output(
-            name=name, unit=unit, indices=tuple(found), why=why,
+            name=name,
+            unit=unit,
+            indices=tuple(found),
+            why=why,
             mean=float(np.mean(known)) if known.size else float("nan"),
             std=float(np.std(known, ddof=1)) if known.size > 1 else float("nan"),
-        )  # fmt: skip
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the indices as plain values."""
@@ -226,7 +229,10 @@ class Sensitivity:
             "inputs": [list(group) for group in self.design.groups],
             "outputs": [
                 {
-                    "what": one.name, "unit": one.unit, "mean": one.mean, "std": one.std,
+                    "what": one.name,
+                    "unit": one.unit,
+                    "mean": one.mean,
+                    "std": one.std,
                     "why_none": one.why or None,
                     "indices": [
                         {"inputs": list(group), **found._asdict()}
@@ -235,4 +241,4 @@ class Sensitivity:
                 }
                 for one in self.outputs
             ],
-        }  # fmt: skip
+        }

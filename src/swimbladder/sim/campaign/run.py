@@ -76,9 +76,11 @@ class Floats:
         """Refuse what cannot be flown; the rest of the work knows that it can."""
         if not 1 <= self.floats <= MOST:
             raise InputError(
-                "must be a whole number from 1 to a million", field="--floats", value=self.floats,
+                "must be a whole number from 1 to a million",
+                field="--floats",
+                value=self.floats,
                 remedy="Give --floats 4000",
-            )  # fmt: skip
+            )
         for column in self.columns:
             check_flight(self.vehicle, self.mission, column, cycles=self.cycles, span=self.span)
         self._most_cycles()
@@ -114,21 +116,30 @@ class Floats:
         count = self.floats if self.design is None else self.design.floats
         energy = self.plans[0].energy_known
         return Layout(
-            folder=self.store, floats=count, cycles=self._most_cycles(),
+            folder=self.store,
+            floats=count,
+            cycles=self._most_cycles(),
             chunk=min(max(math.ceil(count / _PARTS), 1), CHUNK),
             about={
-                "vehicle": self.vehicle.name, "mission": self.mission.name,
-                "waters": [column.source for column in self.columns], "seed": self.seed,
-                "spread": self.spread.model_dump(mode="json"), "energy_unknown": energy,
+                "vehicle": self.vehicle.name,
+                "mission": self.mission.name,
+                "waters": [column.source for column in self.columns],
+                "seed": self.seed,
+                "spread": self.spread.model_dump(mode="json"),
+                "energy_unknown": energy,
             },
             hashes={
-                "vehicle": identity(self.vehicle), "mission": identity(self.mission),
-                "cast": identity(list(self.columns)), "seed": identity(self.seed),
-                "spread": identity(self.spread), "number of floats": identity(self.floats),
+                "vehicle": identity(self.vehicle),
+                "mission": identity(self.mission),
+                "cast": identity(list(self.columns)),
+                "seed": identity(self.seed),
+                "spread": identity(self.spread),
+                "number of floats": identity(self.floats),
                 "cycles and duration": identity(self.cycles, self.span),
-                "kind of draws": identity(self.sensitivity), "version": software(),
+                "kind of draws": identity(self.sensitivity),
+                "version": software(),
             },
-        )  # fmt: skip
+        )
 
     @property
     def name(self) -> str:
@@ -172,9 +183,11 @@ class Floats:
             last = min(last, math.floor(span / shortest) + 1.0)
         if last > _LONGEST:
             raise InputError(
-                f"a float may do more than {_LONGEST} cycles", field="--cycles",
-                value=last, remedy="Say how many cycles it does at most: --cycles 1000",
-            )  # fmt: skip
+                f"a float may do more than {_LONGEST} cycles",
+                field="--cycles",
+                value=last,
+                remedy="Say how many cycles it does at most: --cycles 1000",
+            )
         return int(last)
 
     def _one(self, number: int) -> tuple[list[float], list[list[float]]]:
@@ -208,13 +221,20 @@ class Floats:
         drive, other = _energies(accounts)
         g = plan.given
         return [
-            *drawn, float(at["stop"]), float(at["cycle"]), float(np.sum(by["phases_missed"])),
+            *drawn,
+            float(at["stop"]),
+            float(at["cycle"]),
+            float(np.sum(by["phases_missed"])),
             sum(arrived) / len(arrived) if arrived else math.nan,
-            max([0.0, *by["deepest"].tolist()]), float(x["t"]), drive, drive + other,
-            float(accounts[Account.PUMP_RUNS]), float(x["charge"]),
+            max([0.0, *by["deepest"].tolist()]),
+            float(x["t"]),
+            drive,
+            drive + other,
+            float(accounts[Account.PUMP_RUNS]),
+            float(x["charge"]),
             math.sqrt(float(held[Holding.SQUARES]) / time) if time > 0.0 else math.nan,
             float(min(low - g["v_min"], g["v_max"] - high)),
-        ], rows  # fmt: skip
+        ], rows
 
 
 _MADE = ("plans", "design", "layout")
@@ -244,7 +264,14 @@ def _cycle(row: np.void, accounts: Array, given: np.record) -> list[float]:
     late = int(row["missed"]) | int(row["not_held"])
     margin = min(row["v_least"] - given["v_min"], given["v_max"] - row["v_most"])
     return [
-        float(row["t_begin"]), float(row["t_end"]), float(row["arrival"]),
-        float(row["surfaced"]), float(row["deepest"]), float(late.bit_count()),
-        float(margin), drive, drive + other, float(accounts[Account.PUMP_RUNS]),
-    ]  # fmt: skip
+        float(row["t_begin"]),
+        float(row["t_end"]),
+        float(row["arrival"]),
+        float(row["surfaced"]),
+        float(row["deepest"]),
+        float(late.bit_count()),
+        float(margin),
+        drive,
+        drive + other,
+        float(accounts[Account.PUMP_RUNS]),
+    ]

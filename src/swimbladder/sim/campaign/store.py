@@ -119,16 +119,19 @@ class Layout:
         if differ:
             here = f" (this is swimbladder {release()})"
             raise self._refused(
-                "this is the store of another campaign; what differs: " + ", ".join(differ)
+                "this is the store of another campaign; what differs: "
+                + ", ".join(differ)
                 + here * ("version" in differ)
-            )  # fmt: skip
+            )
         return True
 
     def _refused(self, what: str) -> InputError:
         return InputError(
-            what, file=self.folder, field="--out",
+            what,
+            file=self.folder,
+            field="--out",
             remedy="Choose another folder with --out, or remove that one",
-        )  # fmt: skip
+        )
 
     def create(self) -> None:
         """Make the store where there is none yet; whole, whoever else makes it just now.
@@ -146,9 +149,11 @@ class Layout:
                     made.rename(self.folder)
         except OSError as error:
             raise InputError(
-                f"cannot make the store: {error.strerror or error}", file=self.folder,
-                field="--out", remedy="Choose another folder with --out",
-            ) from error  # fmt: skip
+                f"cannot make the store: {error.strerror or error}",
+                file=self.folder,
+                field="--out",
+                remedy="Choose another folder with --out",
+            ) from error
         if not self.check():
             raise self._refused("the store cannot be made")
 
@@ -167,8 +172,9 @@ class Layout:
 
         held: dict[str, Any] = {
             key: cpu.Buffer.from_bytes(content)
-            for key, content in self._empty.items() if key.endswith("zarr.json")
-        }  # fmt: skip
+            for key, content in self._empty.items()
+            if key.endswith("zarr.json")
+        }
         group = zarr.open_group(MemoryStore(held), mode="r+")
         numbers = self.numbers(chunk)
         rows = slice(numbers.start, numbers.stop)
@@ -216,14 +222,18 @@ class Layout:
             if kept.standard_name:
                 attributes["standard_name"] = kept.standard_name
             made = group.create_array(
-                name, shape=data.shape, dtype=data.dtype,
+                name,
+                shape=data.shape,
+                dtype=data.dtype,
                 chunks=(self.chunk, min(self.cycles, _MOST_WIDE))[: data.ndim]
-                if name not in _AXES else data.shape,
-                fill_value=np.nan if data.dtype.kind == "f" else 0, filters=None,
+                if name not in _AXES
+                else data.shape,
+                fill_value=np.nan if data.dtype.kind == "f" else 0,
+                filters=None,
                 compressors=[ZstdCodec(level=3, checksum=True)],
                 dimension_names=("float", "cycle")[: 1 + wide] if name != "cycle" else ("cycle",),
                 attributes=attributes,
-            )  # fmt: skip
+            )
             if name in _AXES:
                 made[:] = data
 
@@ -243,9 +253,12 @@ class Layout:
         for name, kept in CYCLES.items():
             create(name, np.broadcast_to(np.float64(), (self.floats, self.cycles)), kept)
         create(
-            MARKER, one.astype(np.int8), _Kept("1", "whether the float was flown"),
-            flag_values=[0, 1], flag_meanings="not_flown flown",
-        )  # fmt: skip
+            MARKER,
+            one.astype(np.int8),
+            _Kept("1", "whether the float was flown"),
+            flag_values=[0, 1],
+            flag_meanings="not_flown flown",
+        )
         with warnings.catch_warnings():  # that version 3 of the format does not know of it yet
             warnings.simplefilter("ignore")
             zarr.consolidate_metadata(group.store)
@@ -256,8 +269,9 @@ class Layout:
             "Conventions": "CF-1.11",
             "title": f"{self.about['vehicle']}, {self.floats} floats on a mission",
             "source": f"swimbladder {version('swimbladder')}",
-            "campaign": dict(self.about), "hashes": dict(self.hashes),
-        }  # fmt: skip
+            "campaign": dict(self.about),
+            "hashes": dict(self.hashes),
+        }
 
 
 _AXES = ("float", "cycle")

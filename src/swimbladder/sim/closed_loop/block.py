@@ -97,9 +97,15 @@ class Block:
     noted: NDArray[np.int64] = field(init=False)
 
     def __post_init__(
-        self, plants: Array, start: Array, sensors: Sensors,
-        seeds: Sequence[Sequence[int]] | None, recorded: bool, booked: bool, logged: bool,
-    ) -> None:  # fmt: skip
+        self,
+        plants: Array,
+        start: Array,
+        sensors: Sensors,
+        seeds: Sequence[Sequence[int]] | None,
+        recorded: bool,
+        booked: bool,
+        logged: bool,
+    ) -> None:
         """Lay the lanes out."""
         p, names = Plant(*plants), leaf_names(self.law.parameters)
         lanes = self.lanes = plants.shape[1]
@@ -240,7 +246,28 @@ class Running:
         b = self.block
         chains = self.chains if b.stepper is None else None
         self._kernel(
-            self.flat, self.token, self._bend, self._sea, b.hooks, b.stepper, b.parameters,
-            self._state, first, last, b.clock.tick, b.parts, b.clock.turn, b.clock.given, b.depths,
-            noise, b.record, self._row, chains, self.built, b.books, b.log, b.noted, b.layers,
-        )  # fmt: skip
+            self.flat,
+            self.token,
+            self._bend,
+            self._sea,
+            b.hooks,
+            b.stepper,
+            b.parameters,
+            self._state,
+            first,
+            last,
+            b.clock.tick,
+            b.parts,
+            b.clock.turn,
+            b.clock.given,
+            b.depths,
+            noise,
+            b.record,
+            self._row,
+            chains,
+            self.built,
+            b.books,
+            b.log,
+            b.noted,
+            b.layers,
+        )

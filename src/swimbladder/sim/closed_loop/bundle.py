@@ -63,9 +63,21 @@ def _submerged(p, layers, start, parts, nonlinear, spans, place, volume, chain, 
 
 @compiled
 def _bundle(  # type: ignore[no-untyped-def]
-    plants, layers, starts, parts, nonlinear, time, spans, place, inputs, ramps, tables, chains,
-    built, depth,
-):  # fmt: skip
+    plants,
+    layers,
+    starts,
+    parts,
+    nonlinear,
+    time,
+    spans,
+    place,
+    inputs,
+    ramps,
+    tables,
+    chains,
+    built,
+    depth,
+):
     """Follow the record with every vehicle; depth [lanes, n] stays NaN where one stopped."""
     record = np.empty((7, time.shape[0]))
     nothing = np.zeros(0)
@@ -86,9 +98,22 @@ def _bundle(  # type: ignore[no-untyped-def]
             x[0] = starts[i, 0]
         built[:] = 0
         reached, _ = follow(
-            p, layers, parts, nonlinear, mode, x, time, inputs, ramps, record, nothing, log, noted,
-            chains, built,
-        )  # fmt: skip
+            p,
+            layers,
+            parts,
+            nonlinear,
+            mode,
+            x,
+            time,
+            inputs,
+            ramps,
+            record,
+            nothing,
+            log,
+            noted,
+            chains,
+            built,
+        )
         for k in range(reached):
             depth[i, k] = record[0, k]
 
@@ -131,10 +156,19 @@ class Course:
         except InputError:  # far from any vehicle: a search looks elsewhere
             return depth
         _bundle(
-            np.array(plants), NO_LAYERS, starts, steps[self.place], nonlinear, self.time,
-            self.spans, self.place, self.inputs, self.ramps,
+            np.array(plants),
+            NO_LAYERS,
+            starts,
+            steps[self.place],
+            nonlinear,
+            self.time,
+            self.spans,
+            self.place,
+            self.inputs,
+            self.ramps,
             np.empty((len(self.different), 2, COEFFICIENTS)),
             np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
-            np.zeros(COUNT, np.uint8), depth,
-        )  # fmt: skip
+            np.zeros(COUNT, np.uint8),
+            depth,
+        )
         return depth

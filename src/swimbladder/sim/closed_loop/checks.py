@@ -44,9 +44,13 @@ def law_at_rest(
     """Return the linear form of a law that holds a vehicle at `depth` [m], called every sample."""
     seen = Measurement(0.0, depth, vehicle.neutral_volume(depth))
     return linearise_law(
-        law.step, parameters=parameters, state=law.initial(parameters, seen, depth),
-        measurement=seen, reference=depth, tick=sample_time,
-    )  # fmt: skip
+        law.step,
+        parameters=parameters,
+        state=law.initial(parameters, seen, depth),
+        measurement=seen,
+        reference=depth,
+        tick=sample_time,
+    )
 
 
 def check_sample_time(
@@ -78,10 +82,12 @@ def check_sample_time(
         raise InputError(
             f"the law {law.name!r} does not hold {vehicle.name!r} at {depth:g} m with so long a "
             f"sample time: an error grows {grows:.3g}-fold from sample to sample",
-            field="controller.sample_time", value=sample_time, unit="s",
+            field="controller.sample_time",
+            value=sample_time,
+            unit="s",
             remedy=f"Sample every {0.99 * holds:.3g} s or sooner, or tune the law for this time "
             "(`swimbladder tune --sample-time`)",
-        )  # fmt: skip
+        )
 
 
 def _growth(
@@ -146,5 +152,8 @@ def _check_stroke(vehicle: Vehicle, medium: Medium, depth: float, field: str) ->
     raise InputError(
         f"the stroke is smaller than the neutral volume {where}: {neutral * 1e6:.4g} cm3 is "
         f"outside {stroke.lowest * 1e6:g} to {stroke.highest * 1e6:g} cm3",
-        field=field, value=depth, unit="m", remedy=remedy,
-    )  # fmt: skip
+        field=field,
+        value=depth,
+        unit="m",
+        remedy=remedy,
+    )

@@ -58,9 +58,11 @@ def vary_plants(
             own = [field for field in Plant._fields if not np.isnan(getattr(p, field))]
             known = (*own, *values)
             raise InputError(
-                "neither the plant nor the law has such a parameter", field=f"vary[{name!r}]",
-                value=name, remedy=f"{did_you_mean(name, known)}Known: {', '.join(known)}",
-            )  # fmt: skip
+                "neither the plant nor the law has such a parameter",
+                field=f"vary[{name!r}]",
+                value=name,
+                remedy=f"{did_you_mean(name, known)}Known: {', '.join(known)}",
+            )
     for name in ("T1", "a_b", "a_s"):
         least = plants[Plant._fields.index(name)].min()
         if least <= 0.0:
@@ -75,9 +77,11 @@ def spread(given: ArrayLike, count: int, field: str, unit: str) -> Array:
     array = np.asarray(given, float)
     if array.shape not in ((), (count,)):
         raise InputError(
-            f"has the shape {array.shape}, not ({count},)", field=field, unit=unit or None,
+            f"has the shape {array.shape}, not ({count},)",
+            field=field,
+            unit=unit or None,
             remedy="Give one number, or one for each lane",
-        )  # fmt: skip
+        )
     if np.isnan(array).any():
         raise InputError("holds a value that is not a number", field=field, unit=unit or None)
     return np.broadcast_to(array, (count,)).copy()
@@ -93,8 +97,10 @@ def series(given: ArrayLike, clock: Schedule, count: int, field: str, unit: str)
     if array.shape not in ((samples, count), (samples, 1)):
         raise InputError(
             f"has the shape {array.shape}, not ({samples}, {count}) or ({samples}, 1)",
-            field=field, unit=unit, remedy="Give a row for each sample, both ends included",
-        )  # fmt: skip
+            field=field,
+            unit=unit,
+            remedy="Give a row for each sample, both ends included",
+        )
     if not np.isfinite(array).all():
         raise InputError("holds a value that is no finite number", field=field, unit=unit)
     return np.broadcast_to(array, (samples, count))
@@ -111,9 +117,12 @@ def check_starts(lanes: Plant, z: Array, V: Array) -> None:
         if np.any(bad):
             lane = int(np.argmax(bad))
             raise InputError(
-                f"lane {lane} of {len(z)} {why}", field=name, value=float(values[lane]),
-                unit="m" if values is z else "m3", remedy="Start within the water and the stroke",
-            )  # fmt: skip
+                f"lane {lane} of {len(z)} {why}",
+                field=name,
+                value=float(values[lane]),
+                unit="m" if values is z else "m3",
+                remedy="Start within the water and the stroke",
+            )
 
 
 _STATE = slice(int(Row.Q), int(Row.Q) + 4)
@@ -224,9 +233,15 @@ def simulate_ensemble(
     if neutral_change is not None:
         own["neutral"] = series(neutral_change, clock, count, "neutral_change", "m3")
     lay_out = partial(
-        Block, law=chosen, clock=clock, parts=parts, sensors=vehicle.sensors, layers=layers,
-        recorded=keep == "trajectory", booked=books and not pumped,
-    )  # fmt: skip
+        Block,
+        law=chosen,
+        clock=clock,
+        parts=parts,
+        sensors=vehicle.sensors,
+        layers=layers,
+        recorded=keep == "trajectory",
+        booked=books and not pumped,
+    )
     run = _Run(lay_out, own, values, seed, model)
     work = np.empty((int(Row.STEP), count))
     samples = clock.ticks + 1 if keep == "trajectory" else 0

@@ -73,9 +73,14 @@ class FloatModel:
     energy_unknown: str  # why no electrical energy is known; "" where it is
 
     def lanes(
-        self, parameters: dict[str, Array], plants: Array, start: Array, *, noted: int = 0,
+        self,
+        parameters: dict[str, Array],
+        plants: Array,
+        start: Array,
+        *,
+        noted: int = 0,
         rates: Array | None = None,
-    ) -> tuple[Pumped, Array]:  # fmt: skip
+    ) -> tuple[Pumped, Array]:
         """Return a stepper of lanes that start at (q, V, z, w) [4, lanes], and these states.
 
         parameters: of the law by name, each [lanes]; plants [len(Plant), lanes]: of the body; what
@@ -112,12 +117,18 @@ class FloatModel:
             board[n, DIVES] = 0.0 if x["v"][n] >= up.full - up[3] else 1.0
             board[n, FLOATS] = 1.0
         stepper = Pumped(
-            given=given, table=self.table, waves=np.zeros((0, 6)), x=x, at=at,
+            given=given,
+            table=self.table,
+            waves=np.zeros((0, 6)),
+            x=x,
+            at=at,
             accounts=np.zeros((count, len(Account))),
             notes=np.zeros((count, noted), NOTE),
-            counts=np.zeros((count, 3), dtype=np.int64), work=np.zeros((count, *WORK)),
-            board=board, segment=np.zeros((count, SEGMENT)),
-        )  # fmt: skip
+            counts=np.zeros((count, 3), dtype=np.int64),
+            work=np.zeros((count, *WORK)),
+            board=board,
+            segment=np.zeros((count, SEGMENT)),
+        )
         return stepper, np.stack([np.zeros(count), x["v"], x["z"], x["w"]])
 
 
@@ -133,10 +144,13 @@ def surfacing_of(
     own = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
     slack = parameters["coefficient"] * speed**2 if "coefficient" in parameters else own
     found = SurfacingParameters(
-        shallow=_shallow(hull), neutral=vehicle.trim_error,
-        full=stroke.maximum, lacking=FULL * (stroke.maximum - stroke.minimum), slack=slack,
+        shallow=_shallow(hull),
+        neutral=vehicle.trim_error,
+        full=stroke.maximum,
+        lacking=FULL * (stroke.maximum - stroke.minimum),
+        slack=slack,
         measured=0.0 if isinstance(vehicle.actuator, PumpAndValve) else 1.0,
-    )  # fmt: skip
+    )
     return found, parameters.get("dead", _PAUSE)
 
 
@@ -163,20 +177,30 @@ def _shallow(hull: Hull) -> float:
 
 _ROOM = 20_000  # notes, beside what runs of the drive add
 _WORDS = {
-    Note.EMERGED: "began to emerge", Note.SUBMERGED: "submerged", Note.BOTTOM: "reached the bottom",
-    Note.LEFT_BOTTOM: "left the bottom", Note.UPPER_STOP: "reached the upper end stop",
+    Note.EMERGED: "began to emerge",
+    Note.SUBMERGED: "submerged",
+    Note.BOTTOM: "reached the bottom",
+    Note.LEFT_BOTTOM: "left the bottom",
+    Note.UPPER_STOP: "reached the upper end stop",
     Note.LOWER_STOP: "reached the lower end stop",
-}  # fmt: skip
+}
 _POWER = {
-    Doing.NOTHING: Table.HOLDING, Doing.PUMPING: Table.POWER_OUT, Doing.PRIMING: Table.POWER_OUT,
-    Doing.LETTING_IN: Table.POWER_IN, Doing.BYPASSING: Table.POWER_BYPASS,
-}  # fmt: skip
+    Doing.NOTHING: Table.HOLDING,
+    Doing.PUMPING: Table.POWER_OUT,
+    Doing.PRIMING: Table.POWER_OUT,
+    Doing.LETTING_IN: Table.POWER_IN,
+    Doing.BYPASSING: Table.POWER_BYPASS,
+}
 
 
 def run_float(
-    model: FloatModel, parameters: dict[str, Array], start: Array, ticks: int,
-    lay_out: Callable[..., Block], run: Callable[[Block], SingleRun],
-) -> Solution:  # fmt: skip
+    model: FloatModel,
+    parameters: dict[str, Array],
+    start: Array,
+    ticks: int,
+    lay_out: Callable[..., Block],
+    run: Callable[[Block], SingleRun],
+) -> Solution:
     """Return the motion of a float from (q, V, z, w) [4, 1], with its V as `FloatModel.lanes` has.
 
     parameters: of the law by name, each [1]. lay_out: a block of what else holds.
@@ -186,10 +210,13 @@ def run_float(
     begin, emerges = stepper.x[0].copy(), bool(stepper.at["place"][0] == 1)
     found = run(lay_out(parts=1, start=start, stepper=stepper))
     return assemble(
-        model.vehicle, model.plant, found, (_events(stepper, found.time, found.record), 0),
+        model.vehicle,
+        model.plant,
+        found,
+        (_events(stepper, found.time, found.record), 0),
         float_balance(model, stepper, 0, begin, emerges),
         _power(model, found.record[0], found.record[5]),
-    )  # fmt: skip
+    )
 
 
 def _events(stepper: Pumped, time: Array, record: Array) -> tuple[Event, ...]:
@@ -235,8 +262,12 @@ def float_balance(
     throughput = max(found.throughput, model.vehicle.water.specific_weight * 1e-12)
     return Books(
         volume={**found.volume, "travel": found.volume["pumped"] + found.volume["let in"]},
-        energy={"source": source, **sinks}, basis=basis, volume_residue=found.volume_residue,
-        energy_residue=residual, throughput=max(throughput, source),
-        motion_residue=residual, motion_throughput=throughput,
+        energy={"source": source, **sinks},
+        basis=basis,
+        volume_residue=found.volume_residue,
+        energy_residue=residual,
+        throughput=max(throughput, source),
+        motion_residue=residual,
+        motion_throughput=throughput,
         motor_on=float(a[Account.PUMP_TIME]),
-    )  # fmt: skip
+    )

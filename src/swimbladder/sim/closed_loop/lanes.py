@@ -75,9 +75,7 @@ def _tick(S, token, bend, sea, like, like_state, k, t, since, tick):  # type: ig
         q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, tick, len(bend) > 0)
         q, v = S[Row.Q * W_ + i], S[Row.V * W_ + i]
         z, w = S[Row.Z * W_ + i], S[Row.W * W_ + i]
-        commit(
-            S, W_, i, sea, q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w
-        )  # fmt: skip
+        commit(S, W_, i, sea, q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w)
         S[Row.TROUBLE * W_ + i] = 0.0 if ok else 1.0
         troubled += 0 if ok else 1
     return troubled
@@ -94,9 +92,31 @@ def _start_laws(S: Array, token: Any, like: Any, t: float) -> None:
 
 @compiled
 def run_block(  # type: ignore[no-untyped-def]
-    S, token, bend, sea, hooks, stepper, like, like_state, first, last, tick, parts, turn, given,
-    depths, noise, record, state_row, chains, built, books, log, count, layers,
-):  # fmt: skip
+    S,
+    token,
+    bend,
+    sea,
+    hooks,
+    stepper,
+    like,
+    like_state,
+    first,
+    last,
+    tick,
+    parts,
+    turn,
+    given,
+    depths,
+    noise,
+    record,
+    state_row,
+    chains,
+    built,
+    books,
+    log,
+    count,
+    layers,
+):
     """Run a block of len(token) lanes from tick `first` to `last`.
 
     S: the block's array, rows x lanes, flat. bend, sea: empty where drag is laminar, and where
@@ -152,9 +172,24 @@ def run_block(  # type: ignore[no-untyped-def]
                 for i in range(W_):
                     if S[Row.TROUBLE * W_ + i] != 0.0:
                         _take_slowly(
-                            S, token, i, k, t, h, bend, sea, p, x, y,
-                            chains[i], built[i], books[i], log[i], count[i], layers,
-                        )  # fmt: skip
+                            S,
+                            token,
+                            i,
+                            k,
+                            t,
+                            h,
+                            bend,
+                            sea,
+                            p,
+                            x,
+                            y,
+                            chains[i],
+                            built[i],
+                            books[i],
+                            log[i],
+                            count[i],
+                            layers,
+                        )
             continue
         for i in range(W_):
             judge(S, W_, i, since)
@@ -177,9 +212,24 @@ def run_block(  # type: ignore[no-untyped-def]
                     continue
                 kept[0] = -1
                 _take_slowly(
-                    S, token, i, k, t + n * h, h, bend, sea, p, x, y,
-                    chains[i], built[i], books[i], log[i], count[i], layers,
-                )  # fmt: skip
+                    S,
+                    token,
+                    i,
+                    k,
+                    t + n * h,
+                    h,
+                    bend,
+                    sea,
+                    p,
+                    x,
+                    y,
+                    chains[i],
+                    built[i],
+                    books[i],
+                    log[i],
+                    count[i],
+                    layers,
+                )
 
 
 @inlined

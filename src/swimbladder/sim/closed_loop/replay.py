@@ -55,9 +55,12 @@ def drive(
         raise InputError("give either a volume or a voltage", field="volume, voltage")
     if volume is not None and start_volume is not None:
         raise InputError(
-            "a prescribed volume brings its own start", field="start_volume", value=start_volume,
-            unit="m3", remedy="Leave start_volume out: the first entry of volume is the start",
-        )  # fmt: skip
+            "a prescribed volume brings its own start",
+            field="start_volume",
+            value=start_volume,
+            unit="m3",
+            remedy="Leave start_volume out: the first entry of volume is the start",
+        )
     inputs = np.ascontiguousarray(given[named[0]], float)
     _check(t, inputs, named[0])
     if voltage is not None and not vehicle.voltage_driven:
@@ -85,9 +88,22 @@ def drive(
     books = np.zeros(len(Account))
     log, noted = np.zeros((2000, 3)), np.zeros(1, np.int64)
     reached, why = follow(
-        flat, layers, parts, math.isfinite(p.epsilon), mode, x, t, inputs, ramps, record, books,
-        log, noted, np.empty((COUNT, LEVELS + 1, COEFFICIENTS)), np.zeros(COUNT, np.uint8),
-    )  # fmt: skip
+        flat,
+        layers,
+        parts,
+        math.isfinite(p.epsilon),
+        mode,
+        x,
+        t,
+        inputs,
+        ramps,
+        record,
+        books,
+        log,
+        noted,
+        np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
+        np.zeros(COUNT, np.uint8),
+    )
     if ramps:
         record[5] = np.nan
     law, stop = f"none (recorded {'volume' if ramps else 'voltage'})", list(StopReason)[why]
@@ -115,6 +131,8 @@ def _check(t: Any, inputs: Any, name: str) -> None:
     wrong = np.flatnonzero(np.diff(t) <= 0.0)
     if wrong.size:
         raise InputError(
-            f"must grow, but entry {wrong[0] + 1} does not", field="time",
-            value=float(t[wrong[0] + 1]), unit="s",
-        )  # fmt: skip
+            f"must grow, but entry {wrong[0] + 1} does not",
+            field="time",
+            value=float(t[wrong[0] + 1]),
+            unit="s",
+        )

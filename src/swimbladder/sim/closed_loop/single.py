@@ -176,26 +176,37 @@ def simulate(
         if column is not None and column.cast is not None:
             check_cast_unit(column.cast, reach, vehicle.hull.depth_limit)
         check_depths(
-            vehicle, medium, setpoints=depths,
+            vehicle,
+            medium,
+            setpoints=depths,
             start_depth=start_depth if start_volume is None else None,
-        )  # fmt: skip
+        )
         if law is None and vehicle.command != "volume change":
             check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
     values = {name: np.array([value]) for name, value in leaves(numbers).items()}
     lay_out = partial(
-        Block, plants=np.array(p)[:, None], law=chosen, parameters=values, clock=clock,
-        depths=np.array(depths)[:, None], sensors=vehicle.sensors,
-        seeds=None if seed is None else [[seed, 0]], recorded=True, layers=layers,
-    )  # fmt: skip
+        Block,
+        plants=np.array(p)[:, None],
+        law=chosen,
+        parameters=values,
+        clock=clock,
+        depths=np.array(depths)[:, None],
+        sensors=vehicle.sensors,
+        seeds=None if seed is None else [[seed, 0]],
+        recorded=True,
+        layers=layers,
+    )
     fly = partial(run_single, function=function, progress=progress)
     if vehicle.command == "volume change":
         if parts is not None:
             raise InputError(
-                "the steps of a float are as long as its motion lets", field="parts", value=parts,
+                "the steps of a float are as long as its motion lets",
+                field="parts",
+                value=parts,
                 remedy="Leave it out",
-            )  # fmt: skip
+            )
         model = float_model(vehicle, medium, column, reach=reach)
         start[1] = math.nan if start_volume is None else start_volume
         return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
@@ -222,9 +233,13 @@ def run_single(
 
 
 def choose_law(
-    vehicle: Vehicle, law: Law | None, parameters: Any, sample_time: float | None, *,
+    vehicle: Vehicle,
+    law: Law | None,
+    parameters: Any,
+    sample_time: float | None,
+    *,
     pumped: bool = False,
-) -> tuple[Law, Any, float]:  # fmt: skip
+) -> tuple[Law, Any, float]:
     """Return (law, parameters, sample time [s]): those given, or the vehicle's controller.
 
     pumped: take a pump and valve too. Raises InputError where there is none, or where the law
@@ -277,9 +292,12 @@ def check_start(medium: Medium, depth: float, volume: float | None, speed: float
     check_number(speed, "start_speed", "m/s")
     if math.isnan(p.z_bottom):
         raise InputError(
-            "not a number", field="bottom_depth", value=p.z_bottom, unit="m",
+            "not a number",
+            field="bottom_depth",
+            value=p.z_bottom,
+            unit="m",
             remedy="Give the depth of the bottom, or leave it out",
-        )  # fmt: skip
+        )
     problem = partial(InputError, field="start_depth", value=depth, unit="m")
     if depth > p.z_bottom:
         raise problem(
@@ -293,9 +311,11 @@ def check_start(medium: Medium, depth: float, volume: float | None, speed: float
         raise problem(
             f"the stroke, {p.V_min * 1e6:g} to {p.V_max * 1e6:g} cm3, does not hold "
             + ("this volume" if volume is not None else f"the neutral volume at {depth:g} m"),
-            field="start_volume" if volume is not None else "start_depth", value=neutral, unit="m3",
+            field="start_volume" if volume is not None else "start_depth",
+            value=neutral,
+            unit="m3",
             remedy="Start where the stroke can balance the vehicle, or give a start volume",
-        )  # fmt: skip
+        )
     return np.array([0.0, neutral, depth, speed])
 
 
@@ -341,6 +361,8 @@ def check_counts(**given: tuple[int | None, int]) -> None:
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
         if value is not None and not (whole and value >= least):
             raise InputError(
-                f"must be a whole number of at least {least}", field=field, value=value,
+                f"must be a whole number of at least {least}",
+                field=field,
+                value=value,
                 remedy=f"Give {field} as a number like {least + 1}",
-            )  # fmt: skip
+            )

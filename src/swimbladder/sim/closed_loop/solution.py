@@ -298,7 +298,9 @@ class Solution:
 TIME = {"units": "s", "long_name": "time since the start", "axis": "T"}
 VARIABLES: dict[str, dict[str, Any]] = {
     "depth": {
-        "units": "m", "standard_name": "depth", "long_name": "depth of the pressure sensor",
+        "units": "m",
+        "standard_name": "depth",
+        "long_name": "depth of the pressure sensor",
         "positive": "down",
     },
     "reference": {"units": "m", "long_name": "depth asked for", "positive": "down"},
@@ -306,14 +308,15 @@ VARIABLES: dict[str, dict[str, Any]] = {
     "volume": {"units": "m3", "long_name": "change of displaced volume, positive is lighter"},
     "motor_rate": {"units": "m3 s-1", "long_name": "volume rate driven by the motor"},
     "drive": {
-        "long_name": "what pump and valve do", "flag_values": [float(one) for one in Doing],
+        "long_name": "what pump and valve do",
+        "flag_values": [float(one) for one in Doing],
         "flag_meanings": "nothing pump valve bypass pump_without_delivery",
     },
     "voltage": {"units": "V", "long_name": "voltage applied to the motor"},
     "volume_reference": {"units": "m3", "long_name": "volume asked for by the depth controller"},
     "current": {"units": "A", "long_name": "motor current"},
     "power": {"units": "W", "long_name": "electrical power from the supply"},
-}  # fmt: skip
+}
 
 
 def name_events(log: Array, noted: int) -> tuple[tuple[Event, ...], int]:
@@ -356,9 +359,13 @@ class SingleRun(NamedTuple):
 
 
 def assemble(
-    vehicle: Vehicle, p: Plant, run: SingleRun, events: tuple[tuple[Event, ...], int],
-    books: Books, power: Array | None = None,
-) -> Solution:  # fmt: skip
+    vehicle: Vehicle,
+    p: Plant,
+    run: SingleRun,
+    events: tuple[tuple[Event, ...], int],
+    books: Books,
+    power: Array | None = None,
+) -> Solution:
     """Return a Solution of a run, with current and power where known.
 
     events: and how many found no room. power [W]: of pump and valve, whose record has what they do
@@ -378,12 +385,25 @@ def assemble(
             )
             power = p.supply * drawn
     return Solution(
-        vehicle=vehicle, law=run.law, time=run.time, reference=run.reference, depth=depth,
-        speed=speed, volume=volume, motor_rate=motor_rate, command=command, voltage=voltage,
-        volume_reference=volume_reference, current=current, power=power, drive=drive,
-        events=_with_limit(events[0], vehicle, run.time, depth), events_left_out=events[1],
-        stop=run.stop, books=books,
-    )  # fmt: skip
+        vehicle=vehicle,
+        law=run.law,
+        time=run.time,
+        reference=run.reference,
+        depth=depth,
+        speed=speed,
+        volume=volume,
+        motor_rate=motor_rate,
+        command=command,
+        voltage=voltage,
+        volume_reference=volume_reference,
+        current=current,
+        power=power,
+        drive=drive,
+        events=_with_limit(events[0], vehicle, run.time, depth),
+        events_left_out=events[1],
+        stop=run.stop,
+        books=books,
+    )
 
 
 def _with_limit(

@@ -162,9 +162,22 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
 
 @compiled
 def follow(  # type: ignore[no-untyped-def]
-    p, layers, parts, nonlinear, mode, x, time, inputs, ramps, record, books, log, count, chains,
+    p,
+    layers,
+    parts,
+    nonlinear,
+    mode,
+    x,
+    time,
+    inputs,
+    ramps,
+    record,
+    books,
+    log,
+    count,
+    chains,
     built,
-):  # fmt: skip
+):
     """Drive x = (q, V, z, w, integral of z) by recorded inputs; return (instants reached, why).
 
     time [n], inputs [n]: a voltage held until the next instant or, where `ramps`, a volume that

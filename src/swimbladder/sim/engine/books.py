@@ -45,9 +45,24 @@ class Account(IntEnum):
 
 
 (
-    PUMPED, LEAKED, TRAVEL, U_Q, U_U, Q_Q, LOAD_Q, FRICTION_Q, Z_Q, LEAK_Z, Z_DV, DRAG, STOP_U,
-    STOP_Q, BOTTOM_W, MOTOR_ON, TO_AND_FRO,
-) = range(17)  # fmt: skip
+    PUMPED,
+    LEAKED,
+    TRAVEL,
+    U_Q,
+    U_U,
+    Q_Q,
+    LOAD_Q,
+    FRICTION_Q,
+    Z_Q,
+    LEAK_Z,
+    Z_DV,
+    DRAG,
+    STOP_U,
+    STOP_Q,
+    BOTTOM_W,
+    MOTOR_ON,
+    TO_AND_FRO,
+) = range(17)
 
 
 @part

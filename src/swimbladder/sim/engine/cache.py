@@ -32,9 +32,12 @@ from swimbladder.io.files import source_hash
 # Division as the hardware does it and fused multiply-add: without either no loop is vectorised.
 # Nothing but Python calls a kernel, so that none needs a way in for C.
 OPTIONS: dict[str, Any] = {
-    "error_model": "numpy", "fastmath": {"contract"}, "nogil": True, "no_cfunc_wrapper": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "nogil": True,
+    "no_cfunc_wrapper": True,
     "_nrt": True,
-}  # fmt: skip
+}
 # Without counting who holds an array, which takes longer than a step of a vehicle: for what makes
 # no arrays, its caller holding those that it is given.
 _BARE: dict[str, Any] = OPTIONS | {"_nrt": False}

@@ -92,10 +92,34 @@ LANE = _Index(*range(len(Plant._fields)))
 assert LANE._fields == Plant._fields
 
 (
-    POSITIONER, T1, GAIN, LOAD_DRIVE, LOAD_BACK, FRICTION, K_L, RATE, V_MIN, V_MAX, SUPPLY, SAG,
-    KAPPA, A_B, PSI, V_0, D_L, D_B, D_0, D_T, EPSILON, Z_SURFACE, A_S, Z_AIR, Z_BOTTOM,
-    SWITCH_IN, SWITCH_OUT,
-) = LANE  # fmt: skip
+    POSITIONER,
+    T1,
+    GAIN,
+    LOAD_DRIVE,
+    LOAD_BACK,
+    FRICTION,
+    K_L,
+    RATE,
+    V_MIN,
+    V_MAX,
+    SUPPLY,
+    SAG,
+    KAPPA,
+    A_B,
+    PSI,
+    V_0,
+    D_L,
+    D_B,
+    D_0,
+    D_T,
+    EPSILON,
+    Z_SURFACE,
+    A_S,
+    Z_AIR,
+    Z_BOTTOM,
+    SWITCH_IN,
+    SWITCH_OUT,
+) = LANE
 
 
 drag_at = inlined(drag_law)

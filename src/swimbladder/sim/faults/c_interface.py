@@ -70,10 +70,11 @@ def compiler() -> str:
             return found
     raise InputError(
         "the controller's C has to be compiled on this machine, and there is no C compiler",
-        field="CC" if asked else None, value=asked[0] if asked else None,
+        field="CC" if asked else None,
+        value=asked[0] if asked else None,
         remedy="Install gcc or clang (Debian: apt install gcc; macOS: xcode-select --install; "
         "Windows: MSYS2), or name one with the environment variable CC",
-    )  # fmt: skip
+    )
 
 
 class Board(contextlib.ExitStack):
@@ -97,9 +98,11 @@ class Board(contextlib.ExitStack):
             sources = [str(folder / name) for name in files if name.endswith(".c")]
             made = folder / ("board.dll" if os.name == "nt" else "board.so")
             done = subprocess.run(
-                [cc, *_FLAGS, *sources, "-o", str(made), "-lm"], capture_output=True, text=True,
+                [cc, *_FLAGS, *sources, "-o", str(made), "-lm"],
+                capture_output=True,
+                text=True,
                 check=False,
-            )  # fmt: skip
+            )
             if done.returncode != 0:
                 said = " ".join((done.stderr or done.stdout or "no message").split())
                 raise InputError(

@@ -45,9 +45,13 @@ class Outcome(IntEnum):
     def words(self) -> str:
         """What a reader of the table sees."""
         return (
-            "surfaced", "beyond the rated depth", "on the bottom", "not at the surface",
-            "the simulation stopped", "surfaced and was filled by the leak",
-        )[self]  # fmt: skip
+            "surfaced",
+            "beyond the rated depth",
+            "on the bottom",
+            "not at the surface",
+            "the simulation stopped",
+            "surfaced and was filled by the leak",
+        )[self]
 
 
 def outcomes(results: Array, *, tick: float, stay: float) -> Array:
@@ -227,15 +231,19 @@ class Campaign:
         recovered, unsupervised = self.came_up(0), self.came_up(1)
         latch = self.detection_time[chosen & ~np.isnan(self.detection_time)]
         return Line(
-            name=name, family=family, missions=int(chosen.sum()), recoverable=int(able.sum()),
+            name=name,
+            family=family,
+            missions=int(chosen.sum()),
+            recoverable=int(able.sum()),
             recovered=int((able & recovered).sum()),
             lost_without_supervisor=int((able & ~unsupervised).sum()),
             recovered_by_supervisor=int((able & recovered & ~unsupervised).sum()),
-            unrecoverable_surfaced=int((chosen & ~able & recovered).sum()), latched=len(latch),
+            unrecoverable_surfaced=int((chosen & ~able & recovered).sum()),
+            latched=len(latch),
             detection_time_median=float(np.median(latch)) if len(latch) else math.nan,
             detection_time_95=float(np.quantile(latch, 0.95)) if len(latch) else math.nan,
             deepest=float(self.result(0, "deepest")[chosen].max()) if chosen.any() else math.nan,
-        )  # fmt: skip
+        )
 
     def reason(self, number: int) -> str:
         """Return the supervisor's reason in a mission, in words; empty where it had none."""

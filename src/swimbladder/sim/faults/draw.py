@@ -146,13 +146,21 @@ def course_of(
     elif limit < takes:
         raise InputError(
             f"the missions take {takes:.0f} s and would be cut short",
-            field="supervisor.time_limit", value=limit, unit="s",
+            field="supervisor.time_limit",
+            value=limit,
+            unit="s",
             remedy="Leave it out, give more, or ask for less --depth",
-        )  # fmt: skip
+        )
     return Course(
-        vehicle, where, region(vehicle).neutral, speed, ramp, limit + slack + 3.0 * way / speed,
-        medium, column,
-    )  # fmt: skip
+        vehicle,
+        where,
+        region(vehicle).neutral,
+        speed,
+        ramp,
+        limit + slack + 3.0 * way / speed,
+        medium,
+        column,
+    )
 
 
 def _tick(vehicle: Vehicle) -> float:
@@ -166,9 +174,11 @@ def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None
     if depths is not None:
         if not (least <= depths[0] < depths[1]):
             raise too_deep(
-                f"the missions need depths that grow, from {least:g} m on", unit="m",
-                value=f"{depths[0]:g}:{depths[1]:g}", remedy='Write it like "1:40 m"',
-            )  # fmt: skip
+                f"the missions need depths that grow, from {least:g} m on",
+                unit="m",
+                value=f"{depths[0]:g}:{depths[1]:g}",
+                remedy='Write it like "1:40 m"',
+            )
         if depths[1] > limit:
             raise too_deep(
                 f"the supervisor turns the vehicle round at {limit:.4g} m",
@@ -186,7 +196,7 @@ def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None
             f"the supervisor turns the vehicle round at {limit:.3g} m: too shallow for a mission",
             field="supervisor.depth_limit",
             remedy="Check hull.psi, the stroke, the supply and the rated depth",
-        )  # fmt: skip
+        )
     words = f"{RESERVE:.0%} of the supervisor's {limit:.4g} m"
     if vehicle.hull.depth_limit is None and vehicle.supervisor.depth_limit is None:
         words += ", from stroke and motor: no rating is stated, give hull.depth_limit or --depth"
@@ -223,15 +233,24 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
             fault_rows.append(FaultRow(float(fault), first, second, begin, end))
     rest = p["psi"] * targets[0] + p["V_0"] + course.medium.layers.at(targets[0])
     condition = _condition(
-        course, random, start=targets[0], V=rest, quiet=max([turns[-1], *times]),
+        course,
+        random,
+        start=targets[0],
+        V=rest,
+        quiet=max([turns[-1], *times]),
         full=p["supply"] if vehicle.voltage_driven else p["V_max"],
-    )  # fmt: skip
+    )
     return Mission(
-        number=number, faults=faults, plant=np.array(list(p.values())), condition=condition,
+        number=number,
+        faults=faults,
+        plant=np.array(list(p.values())),
+        condition=condition,
         fault_rows=np.array(fault_rows, float).reshape(-1, len(FaultRow._fields)),
-        turns=np.ceil(np.array(turns) / tick), depths=np.array(targets),
-        layers=course.medium.layers, drive=drive,
-    )  # fmt: skip
+        turns=np.ceil(np.array(turns) / tick),
+        depths=np.array(targets),
+        layers=course.medium.layers,
+        drive=drive,
+    )
 
 
 def _plant(
@@ -289,9 +308,14 @@ def _rise_speed(medium: Medium, depth: float) -> float:
 
 
 def _condition(
-    course: Course, random: np.random.Generator, *, start: float, V: float, quiet: float,
+    course: Course,
+    random: np.random.Generator,
+    *,
+    start: float,
+    V: float,
+    quiet: float,
     full: float,
-) -> Condition:  # fmt: skip
+) -> Condition:
     vehicle, tick = course.vehicle, course.tick
     stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
     sensors = vehicle.sensors
@@ -311,20 +335,31 @@ def _condition(
     noisy = 0.005 if vehicle.supply is not None else math.nan  # what is not measured is nan
     floats = course.floats
     return Condition(
-        end=math.ceil(course.end / tick), tick=tick, start_depth=0.0 if floats else start,
-        start_volume=math.nan if floats
+        end=math.ceil(course.end / tick),
+        tick=tick,
+        start_depth=0.0 if floats else start,
+        start_volume=math.nan
+        if floats
         else min(max(V, vehicle.stroke.minimum), vehicle.stroke.maximum),
-        depth_noise=noise, depth_quantum=quantum, volume_noise=volume_noise,
+        depth_noise=noise,
+        depth_quantum=quantum,
+        volume_noise=volume_noise,
         volume_quantum=sensors.volume_quantum,
-        battery_noise=noisy, full=tick if floats else full,
+        battery_noise=noisy,
+        full=tick if floats else full,
         ramp=math.inf if floats else course.ramp * tick,
         drift=random.uniform(-1.0, 1.0) * course.neutral / max(DRIFT, 0.5 * course.time_limit),
-        swell=swell if rough else 0.0, swell_omega=2.0 * math.pi / period, swell_phase=phase,
+        swell=swell if rough else 0.0,
+        swell_omega=2.0 * math.pi / period,
+        swell_phase=phase,
         gravity=(vehicle.water if course.column is None else course.column).gravity,
         leak_input=threshold if has_input else math.inf,
         brown_out=BROWN_OUT * supply if MOTOR in parts_of(vehicle) else 0.0,
-        boot=math.ceil(BOOT / tick), band=BAND, rated=math.inf if limit is None else limit,
-        stay=STAY / tick, quiet_at=math.ceil(quiet / tick),
+        boot=math.ceil(BOOT / tick),
+        band=BAND,
+        rated=math.inf if limit is None else limit,
+        stay=STAY / tick,
+        quiet_at=math.ceil(quiet / tick),
         full_after=math.ceil(RECOVERY / tick),
         seed=float(random.integers(2**32)),
-    )  # fmt: skip
+    )

@@ -87,9 +87,14 @@ def _initial(_board: Board, _measurement: Measurement, _reference: float) -> Not
 
 
 _LAW = Law(
-    name="board", summary="the C of a board", command="voltage", parameters=Board, state=Nothing,
-    step=_step, initial=_initial,
-)  # fmt: skip
+    name="board",
+    summary="the C of a board",
+    command="voltage",
+    parameters=Board,
+    state=Nothing,
+    step=_step,
+    initial=_initial,
+)
 
 
 class FlightState(NamedTuple):
@@ -122,17 +127,20 @@ class FlightState(NamedTuple):
     flow: float  # -, of its valves
 
 
-FLIGHT = np.dtype([
-    ("condition", record_type(Condition)), ("now", record_type(FlightState)),
-    ("result", record_type(Result)),
-    ("base", np.float64, (N_PLANT,)),  # the healthy vehicle
-    ("faults", np.int64),  # how many
-    ("fault_rows", np.float64, (MOST, len(FaultRow._fields))),
-    ("acts", np.float64, (len(On), 2)),  # what they do at this tick, see `fault_effects.act`
-    ("kept", np.float64, NOTHING_KEPT.shape),  # what the faults remember
-    ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
-    ("depths", np.float64, (MOST_TURNS,)),  # m
-])  # fmt: skip
+FLIGHT = np.dtype(
+    [
+        ("condition", record_type(Condition)),
+        ("now", record_type(FlightState)),
+        ("result", record_type(Result)),
+        ("base", np.float64, (N_PLANT,)),  # the healthy vehicle
+        ("faults", np.int64),  # how many
+        ("fault_rows", np.float64, (MOST, len(FaultRow._fields))),
+        ("acts", np.float64, (len(On), 2)),  # what they do at this tick, see `fault_effects.act`
+        ("kept", np.float64, NOTHING_KEPT.shape),  # what the faults remember
+        ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
+        ("depths", np.float64, (MOST_TURNS,)),  # m
+    ]
+)
 
 
 class Faults(NamedTuple):
@@ -411,9 +419,13 @@ hook_in(Faults, begin=_begin, sense=_sense, ask=_ask, drive=_drive)
 
 
 def fly(
-    mission: Mission, condition: Condition, how: int, functions: tuple[int, int], room: Room,
+    mission: Mission,
+    condition: Condition,
+    how: int,
+    functions: tuple[int, int],
+    room: Room,
     record: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """Fly one mission; fill record where it has rows [n, len(Trace)], return [len(Result)].
 
     how: OWN, FULL or EARLY. functions: addresses of the board's begin and tick.
@@ -424,10 +436,17 @@ def fly(
     m: Any = flights[0]
     m["condition"], m["base"] = c, mission.plant
     m["now"] = FlightState(*(0.0 for _ in FlightState._fields))._replace(
-        how=how, off_until=-1.0, hung_until=-1.0, must_begin=1.0, asked=mission.depths[0],
-        full_at=math.inf, deepest=c.start_depth, delivery=mission.drive[0], flow=mission.drive[1],
+        how=how,
+        off_until=-1.0,
+        hung_until=-1.0,
+        must_begin=1.0,
+        asked=mission.depths[0],
+        full_at=math.inf,
+        deepest=c.start_depth,
+        delivery=mission.drive[0],
+        flow=mission.drive[1],
         delivered=mission.drive[0],
-    )  # fmt: skip
+    )
     m["kept"] = NOTHING_KEPT
     m["result"] = unset._replace(stop=0.0, bottom=0.0, reason=0.0, resets=0.0, filled=-1.0)
     m["turns"], m["faults"] = math.inf, len(mission.fault_rows)
@@ -442,15 +461,20 @@ def fly(
         stepper = stepper._replace(wide=np.zeros(1))
     sensors = {name: getattr(c, name) for name in Sensors.model_fields}
     block = Block(
-        plants=mission.plant[:, None], law=_LAW, parameters=dict.fromkeys(Board._fields, 0.0),
+        plants=mission.plant[:, None],
+        law=_LAW,
+        parameters=dict.fromkeys(Board._fields, 0.0),
         clock=Schedule(
             tick=c.tick, turn=np.zeros(int(c.end) + 1, np.int64), given=np.zeros(1, np.int64)
         ),
         parts=base_steps(p, c.tick, 0.0) if stepper is None else 1,
-        depths=mission.depths[:1, None], start=start, stepper=stepper,
+        depths=mission.depths[:1, None],
+        start=start,
+        stepper=stepper,
         sensors=Sensors.model_construct(**sensors),
-        layers=mission.layers, loses=True,
-    )  # fmt: skip
+        layers=mission.layers,
+        loses=True,
+    )
     block.parameters = board
     block.hooks = Faults(
         m, board, room.before, mission.layers, room.late, stepper, room.pump, record
@@ -465,7 +489,12 @@ def fly(
     ended = Result(*m["result"].tolist())
     if now["below"] > 0.0:
         ended = ended._replace(arrived=math.nan)
-    return np.array(ended._replace(
-        stop=0.0 if stopped == OVER else stopped, bottom=1.0 if z >= p.z_bottom else 0.0, depth=z,
-        deepest=now["deepest"], resets=now["resets"],
-    ))  # fmt: skip
+    return np.array(
+        ended._replace(
+            stop=0.0 if stopped == OVER else stopped,
+            bottom=1.0 if z >= p.z_bottom else 0.0,
+            depth=z,
+            deepest=now["deepest"],
+            resets=now["resets"],
+        )
+    )

@@ -120,9 +120,14 @@ def pump_table(vehicle: Vehicle) -> PumpTable:
     resistance = 0.0 if supply is None else supply.internal_resistance
     motor = a.pump.motor.resistance if isinstance(a.pump, DatasheetPump) else 0.0
     return PumpTable(
-        rates, currents, per_volt=1.0 / volts[1], per_metre=1.0 / depth[1], nominal=volts[-1],
-        resistance=resistance, motor=motor,
-    )  # fmt: skip
+        rates,
+        currents,
+        per_volt=1.0 / volts[1],
+        per_metre=1.0 / depth[1],
+        nominal=volts[-1],
+        resistance=resistance,
+        motor=motor,
+    )
 
 
 _VOLTAGES, _HEADS, _HEADS_TO = 49, 481, 12000.0  # of a pump's table; m
@@ -134,10 +139,16 @@ def board_of(course: Course) -> Board:
 
 
 def run_missions(
-    vehicle: Vehicle, *, missions: int = 100_000, healthy: int | None = None, seed: int = 1,
-    depths: tuple[float, float] | None = None, column: Column | None = None,
-    keep: Path | None = None, advance: Callable[[float], None] = lambda _: None,
-) -> Campaign:  # fmt: skip
+    vehicle: Vehicle,
+    *,
+    missions: int = 100_000,
+    healthy: int | None = None,
+    seed: int = 1,
+    depths: tuple[float, float] | None = None,
+    column: Column | None = None,
+    keep: Path | None = None,
+    advance: Callable[[float], None] = lambda _: None,
+) -> Campaign:
     """Fly missions with faults, and `healthy` ones without (a tenth as many); return what happened.
 
     depths [m]: least and greatest. column: the water, the vehicle's own where not given. keep: a
@@ -168,9 +179,14 @@ def run_missions(
 
 
 def _all(
-    campaign: FaultCampaign, course: Course, seed: int, count: int, healthy: bool, kept: Store,
+    campaign: FaultCampaign,
+    course: Course,
+    seed: int,
+    count: int,
+    healthy: bool,
+    kept: Store,
     advance: Callable[[float], None],
-) -> Rows:  # fmt: skip
+) -> Rows:
     """Return a row per mission."""
     table = np.empty(count, ROW)
     size = FLOATS if course.floats else CHUNK

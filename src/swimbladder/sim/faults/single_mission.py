@@ -24,10 +24,23 @@ from swimbladder.sim.faults.run import FaultCampaign, board_of
 from swimbladder.vehicle import Vehicle
 
 TRACE_COLUMNS = (
-    "time_s", "depth_m", "speed_m_s", "volume_m3", "command", "applied", "battery_V",
-    "reference_depth_m", "depth_seen_m", "depth_age_s", "volume_seen_m3", "leak_seen",
-    "lost_ticks", "board", "reason", "water_m3",
-)  # fmt: skip
+    "time_s",
+    "depth_m",
+    "speed_m_s",
+    "volume_m3",
+    "command",
+    "applied",
+    "battery_V",
+    "reference_depth_m",
+    "depth_seen_m",
+    "depth_age_s",
+    "volume_seen_m3",
+    "leak_seen",
+    "lost_ticks",
+    "board",
+    "reason",
+    "water_m3",
+)
 assert len(TRACE_COLUMNS) == 1 + len(Trace._fields)
 
 
@@ -115,9 +128,10 @@ class Flown:
     def outcome(self, flight: int) -> Outcome:
         """Return how a flight ended."""
         found = outcomes(
-            np.array([self.results[flight]]), tick=self.tick,
+            np.array([self.results[flight]]),
+            tick=self.tick,
             stay=self.mission.condition.stay * self.tick,
-        )  # fmt: skip
+        )
         return Outcome(int(found[0]))
 
     def lines(self) -> list[str]:
@@ -165,9 +179,14 @@ class Flown:
 
 
 def fly_one(
-    vehicle: Vehicle, number: int, *, healthy: bool = False, seed: int = 1,
-    depths: tuple[float, float] | None = None, column: Column | None = None,
-) -> Flown:  # fmt: skip
+    vehicle: Vehicle,
+    number: int,
+    *,
+    healthy: bool = False,
+    seed: int = 1,
+    depths: tuple[float, float] | None = None,
+    column: Column | None = None,
+) -> Flown:
     """Return mission `number` of a seed, as a campaign flew it, with its trajectories.
 
     Raises InputError as `run_missions` does.
@@ -180,7 +199,9 @@ def fly_one(
         campaign = FaultCampaign(course, board)
         flown = [campaign.traced(mission, who, how) for who, how in ways]
     return Flown(
-        course=course, mission=mission, healthy=healthy,
+        course=course,
+        mission=mission,
+        healthy=healthy,
         results=tuple(Result(*result) for result, _ in flown),
         rows=tuple(rows for _, rows in flown),
-    )  # fmt: skip
+    )

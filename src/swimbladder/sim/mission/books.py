@@ -88,10 +88,14 @@ def close_books(flight: Flight) -> MissionBooks:
     drawn = sum(battery.values())
     sinks = {"loads": drawn - found.drive - lost, SELF_DISCHARGE: lost, **found.sinks}
     return MissionBooks(
-        volume=found.volume, battery=battery, drawn=drawn, sinks=sinks,
-        residue=drawn - sum(sinks.values()), throughput=found.throughput,
+        volume=found.volume,
+        battery=battery,
+        drawn=drawn,
+        sinks=sinks,
+        residue=drawn - sum(sinks.values()),
+        throughput=found.throughput,
         volume_residue=found.volume_residue,
-    )  # fmt: skip
+    )
 
 
 _OF_DRIVE = ("pump_energy", "valve_energy", "holding_energy")

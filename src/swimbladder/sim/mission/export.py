@@ -24,9 +24,12 @@ def created(begin: datetime.datetime) -> datetime.datetime:
         return datetime.datetime.fromtimestamp(int(given), datetime.UTC)
     except (ValueError, OverflowError, OSError):
         raise InputError(
-            "not a number of seconds since 1970", field="SOURCE_DATE_EPOCH", value=given, unit="s",
+            "not a number of seconds since 1970",
+            field="SOURCE_DATE_EPOCH",
+            value=given,
+            unit="s",
             remedy="Set the environment variable to a whole number, or unset it",
-        ) from None  # fmt: skip
+        ) from None
 
 
 def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> dict[str, Any]:
@@ -53,28 +56,50 @@ def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> d
     hours = _whole(length / 3600.0)
     life = result.battery_cycles or result.cycles
     values: list[tuple[str, float | int, str, str, str]] = [
-        ("cycle_duration", hours, "Maximum length of float complete cycle", "hours",
-         "CONFIG_CycleTime_hours"),
-        ("life_expectancy", life, "Maximum number of completed cycle", "cycle",
-         "CONFIG_MaxCycles_NUMBER"),
-        ("parking_depth", _whole(parked[0] if parked else max(depths)), "Drifting depth", "m",
-         "CONFIG_ParkPressure_dbar"),
-        ("profile_depth", _whole(max(depths)), "Maximum profile depth", "m",
-         "CONFIG_ProfilePressure_dbar"),
+        (
+            "cycle_duration",
+            hours,
+            "Maximum length of float complete cycle",
+            "hours",
+            "CONFIG_CycleTime_hours",
+        ),
+        (
+            "life_expectancy",
+            life,
+            "Maximum number of completed cycle",
+            "cycle",
+            "CONFIG_MaxCycles_NUMBER",
+        ),
+        (
+            "parking_depth",
+            _whole(parked[0] if parked else max(depths)),
+            "Drifting depth",
+            "m",
+            "CONFIG_ParkPressure_dbar",
+        ),
+        (
+            "profile_depth",
+            _whole(max(depths)),
+            "Maximum profile depth",
+            "m",
+            "CONFIG_ProfilePressure_dbar",
+        ),
         ("vertical_speed", speed, "Vertical profiling speed", "m/s", ""),
-    ]  # fmt: skip
+    ]
     return {
         "created": created(begin).isoformat(),
         "version": "2.0",
         "name": flight.vehicle.name,
         "parameters": [
             {
-                "name": name, "value": value, "description": words,
+                "name": name,
+                "value": value,
+                "description": words,
                 "meta": {"unit": unit, "dtype": type(value).__name__, "techkey": key},
             }
             for name, value, words, unit, key in values
         ],
-    }  # fmt: skip
+    }
 
 
 def _whole(value: float) -> float:

@@ -76,12 +76,21 @@ class Flight:
 
 
 def fly_mission(
-    vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
-    cycles: int | None = None, span: float | None = None, seed: int | None = None,
-    accuracy: Accuracy | None = None, drive_error: DriveError | None = None,
-    start_volume: float | None = None, keep: Path | None = None, checked: bool = True,
+    vehicle: Vehicle,
+    mission: Mission,
+    column: Column,
+    *,
+    waves: Array | None = None,
+    cycles: int | None = None,
+    span: float | None = None,
+    seed: int | None = None,
+    accuracy: Accuracy | None = None,
+    drive_error: DriveError | None = None,
+    start_volume: float | None = None,
+    keep: Path | None = None,
+    checked: bool = True,
     advance: Callable[[float], None] = lambda _: None,
-) -> Flight:  # fmt: skip
+) -> Flight:
     """Fly a mission with phases to its end.
 
     waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's. seed:
@@ -111,10 +120,20 @@ def fly_mission(
 
     def flown(rows: Records, notes: Records, cycles: Records) -> Flight:
         return Flight(
-            vehicle=vehicle, mission=mission, column=column, plan=plan, rows=rows, notes=notes,
-            cycles=cycles, begin=begin, end=x, whole=at, accounts=accounts,
-            stop=Stop(int(at["stop"])), reach=reach,
-        )  # fmt: skip
+            vehicle=vehicle,
+            mission=mission,
+            column=column,
+            plan=plan,
+            rows=rows,
+            notes=notes,
+            cycles=cycles,
+            begin=begin,
+            end=x,
+            whole=at,
+            accounts=accounts,
+            stop=Stop(int(at["stop"])),
+            reach=reach,
+        )
 
     def first(mission: Mission) -> Flight:
         asked = how | {"seed": seed, "start_volume": start_volume}
@@ -132,9 +151,13 @@ def fly_mission(
 
 
 def _fly(
-    plan: Plan, state: State, pilot: ByRule | ByLaws,
-    store: Store, advance: Callable[[float], None], check: Callable[..., None],
-) -> tuple[Records, Records, Records]:  # fmt: skip
+    plan: Plan,
+    state: State,
+    pilot: ByRule | ByLaws,
+    store: Store,
+    advance: Callable[[float], None],
+    check: Callable[..., None],
+) -> tuple[Records, Records, Records]:
     """Fly to the end, part by part; return rows, notes and cycles.
 
     check: called with them once the first cycle is over.

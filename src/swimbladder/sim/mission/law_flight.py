@@ -42,9 +42,15 @@ class ByLaws:
     rows = 4000  # of a part
 
     def __init__(
-        self, vehicle: Vehicle, mission: Mission, plan: Plan, state: Any, *,
-        seed: int | None, volume: float | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        vehicle: Vehicle,
+        mission: Mission,
+        plan: Plan,
+        state: Any,
+        *,
+        seed: int | None,
+        volume: float | None = None,
+    ) -> None:
         check_samples(mission, plan)
         self.vehicle, self.mission, self.plan = vehicle, mission, plan
         self.phases = plan.under_way(state)
@@ -55,15 +61,23 @@ class ByLaws:
         if not p.V_min <= x["v"] <= p.V_max:
             raise InputError(
                 f"the stroke, {p.V_min * 1e6:g} to {p.V_max * 1e6:g} cm3, does not hold the volume "
-                "at the start", field="start_depth", value=mission.start_depth, unit="m",
+                "at the start",
+                field="start_depth",
+                value=mission.start_depth,
+                unit="m",
                 remedy="Start where the stroke can balance the vehicle",
-            )  # fmt: skip
+            )
         x["v_least"] = x["v"]
-        self.tasks = np.array([
-            [plan.laws.index(next(one for one in plan.laws if one.continues(law))),
-             phase.rest_band or 0.0, phase.speed or 0.0]
-            for law, phase in zip(plan.laws, mission.phases, strict=True)
-        ])  # fmt: skip
+        self.tasks = np.array(
+            [
+                [
+                    plan.laws.index(next(one for one in plan.laws if one.continues(law))),
+                    phase.rest_band or 0.0,
+                    phase.speed or 0.0,
+                ]
+                for law, phase in zip(plan.laws, mission.phases, strict=True)
+            ]
+        )
         self.random: np.random.Generator | None = None
         if seed is not None:
             self.random = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 0])))
@@ -103,9 +117,14 @@ class ByLaws:
         """Return all that `resume` needs to go on from here, beside the phases."""
         block, built = self.running.block, self.running.built
         return {
-            "way": self.way, "work": block.work, "sums": block.books, "log": block.log,
-            "noted": block.noted, "built": built, "chains": self.running.chains[built == 1],
-        }  # fmt: skip
+            "way": self.way,
+            "work": block.work,
+            "sums": block.books,
+            "log": block.log,
+            "noted": block.noted,
+            "built": built,
+            "chains": self.running.chains[built == 1],
+        }
 
     def resume(self, kept: dict[str, NDArray[Any]]) -> None:
         """Go on from what was kept."""
@@ -132,15 +151,27 @@ class ByLaws:
         now: Any = self.way[0]
         law, medium = self.plan.laws[int(now["law"])], self.medium
         block = Block(
-            plants=np.array(medium.plant)[:, None], law=law.law, parameters=leaves(law.parameters),
+            plants=np.array(medium.plant)[:, None],
+            law=law.law,
+            parameters=leaves(law.parameters),
             clock=Schedule(tick=law.sample_time, turn=MANY, given=np.zeros(1, np.int64)),
-            parts=int(now["parts"]), depths=np.zeros((1, 1)), start=start[:, None],
-            sensors=self.vehicle.sensors, booked=True, logged=True, layers=medium.layers,
-        )  # fmt: skip
+            parts=int(now["parts"]),
+            depths=np.zeros((1, 1)),
+            start=start[:, None],
+            sensors=self.vehicle.sensors,
+            booked=True,
+            logged=True,
+            layers=medium.layers,
+        )
         block.hooks = Sampled(
-            self.phases, self._numbers(law.sample_time), now, self.tasks, block.books, block.log,
+            self.phases,
+            self._numbers(law.sample_time),
+            now,
+            self.tasks,
+            block.books,
+            block.log,
             block.noted,
-        )  # fmt: skip
+        )
         self.running = block.begin()
 
     def _numbers(self, tick: float) -> Numbers:

@@ -39,18 +39,35 @@ _PHASES = (
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 _SECONDS = "seconds since 1970-01-01T00:00:00Z"
 _TIME: dict[str, Any] = {
-    "calendar": "gregorian", "units": _SECONDS, "valid_min": 1e9, "valid_max": 4e9,
-}  # fmt: skip
+    "calendar": "gregorian",
+    "units": _SECONDS,
+    "valid_min": 1e9,
+    "valid_max": 4e9,
+}
 _LATITUDE: dict[str, Any] = {
-    "standard_name": "latitude", "units": "degrees_north", "valid_min": -90.0, "valid_max": 90.0,
-}  # fmt: skip
+    "standard_name": "latitude",
+    "units": "degrees_north",
+    "valid_min": -90.0,
+    "valid_max": 90.0,
+}
 _LONGITUDE: dict[str, Any] = {
-    "standard_name": "longitude", "units": "degrees_east", "valid_min": -180.0, "valid_max": 180.0,
-}  # fmt: skip
+    "standard_name": "longitude",
+    "units": "degrees_east",
+    "valid_min": -180.0,
+    "valid_max": 180.0,
+}
 _FLAGGED = (
-    "TIME", "LATITUDE", "LONGITUDE", "DEPTH", "TIME_GPS", "LATITUDE_GPS", "LONGITUDE_GPS", "PRES",
-    "TEMP", "PHASE",
-)  # fmt: skip
+    "TIME",
+    "LATITUDE",
+    "LONGITUDE",
+    "DEPTH",
+    "TIME_GPS",
+    "LATITUDE_GPS",
+    "LONGITUDE_GPS",
+    "PRES",
+    "TEMP",
+    "PHASE",
+)
 _SENSOR = "SENSOR_SIMULATION_0"
 _NOT_STATED = "not stated"
 _AT = "N_MEASUREMENTS"
@@ -62,9 +79,12 @@ _Table = dict[str, tuple[str, Any, dict[str, Any]]]
 
 
 def og1_dataset(
-    result: MissionResult, *, begin: datetime.datetime, latitude: float | None = None,
+    result: MissionResult,
+    *,
+    begin: datetime.datetime,
+    latitude: float | None = None,
     longitude: float | None = None,
-) -> xr.Dataset:  # fmt: skip
+) -> xr.Dataset:
     """Return a mission as a dataset in the terms of OG 1.0.
 
     begin: when it starts, with its time zone. latitude, longitude [degrees]: where the water was
@@ -78,12 +98,17 @@ def og1_dataset(
     n = len(result.flight.rows)
     for name in _FLAGGED:
         data[name][2]["ancillary_variables"] = f"{name}_QC"
-        data[f"{name}_QC"] = (_AT, np.zeros(n, np.int8), {
-            "long_name": "quality flag", "valid_range": np.array([0, 4], np.int8),
-            "flag_values": np.arange(5, dtype=np.int8),
-            "flag_meanings": "no_QC_has_been_applied good_data probably_good_data "
-            "probably_bad_data bad_data",
-        })  # fmt: skip
+        data[f"{name}_QC"] = (
+            _AT,
+            np.zeros(n, np.int8),
+            {
+                "long_name": "quality flag",
+                "valid_range": np.array([0, 4], np.int8),
+                "flag_values": np.arange(5, dtype=np.int8),
+                "flag_meanings": "no_QC_has_been_applied good_data probably_good_data "
+                "probably_bad_data bad_data",
+            },
+        )
     found = xarray.Dataset({key: xarray.Variable(*value) for key, value in data.items()})
     stamp = f"{begin.astimezone(datetime.UTC):%Y%m%dT%H%M%S}"
     for key, (value, attributes) in _scalars(result, start, stamp, *where).items():
@@ -100,33 +125,61 @@ def _located(result: MissionResult, start: float, latitude: float, longitude: fl
     nowhere = np.full(n, np.nan)
     constant = "the place of the cast, at all times"
     return {
-        "TIME": (_AT, start + rows["t"], _TIME | {
-            "long_name": "Time elapsed since 1970-01-01T00:00:00Z", "standard_name": "time",
-            "interpolation_methodology": "none: simulated",
-            "time_vocabulary": _VOCABULARY + "TIME/",
-        }),
-        "LATITUDE": (_AT, np.full(n, latitude), _LATITUDE | {
-            "long_name": "Latitude north (WGS84)", "interpolation_methodology": constant,
-            "latitude_vocabulary": _VOCABULARY + "LAT/",
-        }),
-        "LONGITUDE": (_AT, np.full(n, longitude), _LONGITUDE | {
-            "long_name": "longitude of each measurement and GPS location",
-            "interpolation_methodology": constant, "longitude_vocabulary": _VOCABULARY + "LON/",
-        }),
-        "DEPTH": (_AT, np.maximum(rows["z"], 0.0), {
-            "long_name": "Depth below surface of the water body", "standard_name": "depth",
-            "units": "metres", "positive": "down", "valid_min": 0.0, "valid_max": 10000.0,
-            "interpolation_methodology": "none: simulated; 0 where the sensor is out of the water",
-            "depth_vocabulary": _VOCABULARY + "DEPTH/",
-        }),
+        "TIME": (
+            _AT,
+            start + rows["t"],
+            _TIME
+            | {
+                "long_name": "Time elapsed since 1970-01-01T00:00:00Z",
+                "standard_name": "time",
+                "interpolation_methodology": "none: simulated",
+                "time_vocabulary": _VOCABULARY + "TIME/",
+            },
+        ),
+        "LATITUDE": (
+            _AT,
+            np.full(n, latitude),
+            _LATITUDE
+            | {
+                "long_name": "Latitude north (WGS84)",
+                "interpolation_methodology": constant,
+                "latitude_vocabulary": _VOCABULARY + "LAT/",
+            },
+        ),
+        "LONGITUDE": (
+            _AT,
+            np.full(n, longitude),
+            _LONGITUDE
+            | {
+                "long_name": "longitude of each measurement and GPS location",
+                "interpolation_methodology": constant,
+                "longitude_vocabulary": _VOCABULARY + "LON/",
+            },
+        ),
+        "DEPTH": (
+            _AT,
+            np.maximum(rows["z"], 0.0),
+            {
+                "long_name": "Depth below surface of the water body",
+                "standard_name": "depth",
+                "units": "metres",
+                "positive": "down",
+                "valid_min": 0.0,
+                "valid_max": 10000.0,
+                "interpolation_methodology": (
+                    "none: simulated; 0 where the sensor is out of the water"
+                ),
+                "depth_vocabulary": _VOCABULARY + "DEPTH/",
+            },
+        ),
         "TIME_GPS": (_AT, nowhere, _TIME | {"long_name": "time of each GPS location"}),
-        "LATITUDE_GPS": (_AT, nowhere, _LATITUDE | {
-            "long_name": "latitude of each GPS location"
-        }),
-        "LONGITUDE_GPS": (_AT, nowhere, _LONGITUDE | {
-            "long_name": "longitude of each GPS location"
-        }),
-    }  # fmt: skip
+        "LATITUDE_GPS": (_AT, nowhere, _LATITUDE | {"long_name": "latitude of each GPS location"}),
+        "LONGITUDE_GPS": (
+            _AT,
+            nowhere,
+            _LONGITUDE | {"long_name": "longitude of each GPS location"},
+        ),
+    }
 
 
 def _measured(result: MissionResult) -> _Table:
@@ -137,50 +190,93 @@ def _measured(result: MissionResult) -> _Table:
     pressure = np.interp(z, column.depth, column.pressure) / 1e4
     temperature = np.interp(z, column.depth, column.temperature)
     return {
-        "PRES": (_AT, pressure.astype(np.float32), common | {
-            "long_name": "Pressure", "standard_name": "sea_water_pressure", "units": "dbar",
-            "vocabulary": _VOCABULARY + "PRES/",
-        }),
-        "TEMP": (_AT, temperature.astype(np.float32), common | {
-            "long_name": "Sea Water Temperature, of the cast", "units": "Celsius",
-            "standard_name": "sea_water_temperature", "vocabulary": _VOCABULARY + "TEMP/",
-        }),
-        "PHASE": (_AT, og1_phase(result), {
-            "long_name": "behavior of the glider at sea", "phase_vocabulary": _PHASES,
-            "phase_calculation_method": "the phase of the mission, and the sign of the speed",
-            "phase_calculation_method_vocabulary": "n/a",
-            "flag_values": np.array([0, 1, 2, 3, 4], np.int8),
-            "flag_meanings": "unknown ascent descent surfacing parking",
-        }),
-    }  # fmt: skip
+        "PRES": (
+            _AT,
+            pressure.astype(np.float32),
+            common
+            | {
+                "long_name": "Pressure",
+                "standard_name": "sea_water_pressure",
+                "units": "dbar",
+                "vocabulary": _VOCABULARY + "PRES/",
+            },
+        ),
+        "TEMP": (
+            _AT,
+            temperature.astype(np.float32),
+            common
+            | {
+                "long_name": "Sea Water Temperature, of the cast",
+                "units": "Celsius",
+                "standard_name": "sea_water_temperature",
+                "vocabulary": _VOCABULARY + "TEMP/",
+            },
+        ),
+        "PHASE": (
+            _AT,
+            og1_phase(result),
+            {
+                "long_name": "behavior of the glider at sea",
+                "phase_vocabulary": _PHASES,
+                "phase_calculation_method": "the phase of the mission, and the sign of the speed",
+                "phase_calculation_method_vocabulary": "n/a",
+                "flag_values": np.array([0, 1, 2, 3, 4], np.int8),
+                "flag_meanings": "unknown ascent descent surfacing parking",
+            },
+        ),
+    }
 
 
 def _own(result: MissionResult) -> _Table:
     """Return what OG1 has no term for."""
     columns = trajectory_columns(result)
     data: _Table = {
-        "VOLUME_CHANGE": (_AT, columns["volume_m3"], {
-            "long_name": "change of displaced volume, positive is lighter", "units": "m3",
-        }),
-        "VERTICAL_SPEED": (_AT, columns["speed_m_s"], {
-            "long_name": "vertical speed through the water, positive down", "units": "m s-1",
-        }),
+        "VOLUME_CHANGE": (
+            _AT,
+            columns["volume_m3"],
+            {
+                "long_name": "change of displaced volume, positive is lighter",
+                "units": "m3",
+            },
+        ),
+        "VERTICAL_SPEED": (
+            _AT,
+            columns["speed_m_s"],
+            {
+                "long_name": "vertical speed through the water, positive down",
+                "units": "m s-1",
+            },
+        ),
         "CYCLE_NUMBER": (_AT, columns["cycle"].astype(np.int32), {"long_name": "cycle"}),
-        "PUMP": (_AT, (columns["doing"] == Doing.PUMPING).astype(np.int8), {
-            "long_name": "whether the drive presses volume out until the next measurement",
-        }),
-    }  # fmt: skip
+        "PUMP": (
+            _AT,
+            (columns["doing"] == Doing.PUMPING).astype(np.int8),
+            {
+                "long_name": "whether the drive presses volume out until the next measurement",
+            },
+        ),
+    }
     if result.energy_known:
         names = power_names(list(result.books.battery))
         for consumer, name in {"the battery": "power_W", **names}.items():
-            data[name.removesuffix("_W").upper()] = (_AT, columns[name], {
-                "long_name": f"mean electrical power until the next measurement: {consumer}",
-                "units": "W", "comment": _MEAN,
-            })  # fmt: skip
+            data[name.removesuffix("_W").upper()] = (
+                _AT,
+                columns[name],
+                {
+                    "long_name": f"mean electrical power until the next measurement: {consumer}",
+                    "units": "W",
+                    "comment": _MEAN,
+                },
+            )
         if "battery" in columns:
-            data["BATTERY"] = (_AT, columns["battery"], {
-                "long_name": "share of the full battery that is left", "units": "1",
-            })  # fmt: skip
+            data["BATTERY"] = (
+                _AT,
+                columns["battery"],
+                {
+                    "long_name": "share of the full battery that is left",
+                    "units": "1",
+                },
+            )
     return data
 
 
@@ -191,32 +287,52 @@ def _scalars(
     vehicle = result.flight.vehicle
     name, limit = vehicle.name, vehicle.hull.depth_limit
     found: dict[str, tuple[Any, dict[str, Any]]] = {
-        "TRAJECTORY": (f"{name}_{stamp}", {
-            "cf_role": "trajectory_id", "long_name": "trajectory name",
-        }),
+        "TRAJECTORY": (
+            f"{name}_{stamp}",
+            {
+                "cf_role": "trajectory_id",
+                "long_name": "trajectory name",
+            },
+        ),
         "WMO_IDENTIFIER": ("none", {"long_name": "wmo id"}),
-        "PLATFORM_MODEL": (name, {
-            "long_name": "model of the glider", "platform_model_vocabulary": _MODELS,
-        }),
+        "PLATFORM_MODEL": (
+            name,
+            {
+                "long_name": "model of the glider",
+                "platform_model_vocabulary": _MODELS,
+            },
+        ),
         "PLATFORM_SERIAL_NUMBER": (name, {"long_name": "glider serial number"}),
         "PLATFORM_NAME": (name, {"long_name": "Local or nickname of the glider"}),
-        "DEPLOYMENT_TIME": (start, {
-            "long_name": "date of deployment", "standard_name": "time",
-            "calendar": "gregorian", "units": _SECONDS,
-        }),
+        "DEPLOYMENT_TIME": (
+            start,
+            {
+                "long_name": "date of deployment",
+                "standard_name": "time",
+                "calendar": "gregorian",
+                "units": _SECONDS,
+            },
+        ),
         "DEPLOYMENT_LATITUDE": (latitude, _LATITUDE | {"long_name": "latitude of deployment"}),
         "DEPLOYMENT_LONGITUDE": (longitude, _LONGITUDE | {"long_name": "longitude of deployment"}),
-        _SENSOR: ("", {
-            "long_name": "no sensor: the values are those of the cast and of the simulation",
-            "sensor_type_vocabulary": "n/a", "sensor_model": "none",
-            "sensor_model_vocabulary": "n/a",
-        }),
-    }  # fmt: skip
+        _SENSOR: (
+            "",
+            {
+                "long_name": "no sensor: the values are those of the cast and of the simulation",
+                "sensor_type_vocabulary": "n/a",
+                "sensor_model": "none",
+                "sensor_model_vocabulary": "n/a",
+            },
+        ),
+    }
     if limit is not None:
-        found["PLATFORM_DEPTH_RATING"] = (np.int32(limit), {
-            "long_name": "depth limit in meters of the glider for this mission",
-            "convention": "positive value expected - e.g. 100m depth = 100",
-        })  # fmt: skip
+        found["PLATFORM_DEPTH_RATING"] = (
+            np.int32(limit),
+            {
+                "long_name": "depth limit in meters of the glider for this mission",
+                "convention": "positive value expected - e.g. 100m depth = 100",
+            },
+        )
     return found
 
 
@@ -290,7 +406,8 @@ def write_og1(dataset: xr.Dataset, path: Path) -> Path:
         encoding[f"{name}_QC"]["_FillValue"] = np.int8(-127)
     encoding["PHASE"]["_FillValue"] = np.int8(0)
     return write_through(
-        path, lambda place: dataset.to_netcdf(
+        path,
+        lambda place: dataset.to_netcdf(
             place, engine="h5netcdf", encoding=encoding, unlimited_dims=[_AT]
         ),
-    )  # fmt: skip
+    )

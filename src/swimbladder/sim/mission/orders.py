@@ -49,23 +49,39 @@ def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
         tolerance = phase.tolerance or base.tolerance
         run = base.run if interval is None else min(base.run, 0.5 * interval)
         given = base._replace(
-            tolerance=tolerance, near=max(base.near, tolerance), far=max(base.far, tolerance),
-            run=run, dead=base.dead if interval is None else interval - run,
-        )  # fmt: skip
+            tolerance=tolerance,
+            near=max(base.near, tolerance),
+            far=max(base.far, tolerance),
+            run=run,
+            dead=base.dead if interval is None else interval - run,
+        )
         if phase.speed is None:
             return given
         return given._replace(
-            far_speed=speed, ascent_speed=speed, near_speed=min(base.near_speed, speed),
-            slow_speed=min(base.slow_speed, speed), speed_band=min(base.speed_band, 0.5 * speed),
-        )  # fmt: skip
+            far_speed=speed,
+            ascent_speed=speed,
+            near_speed=min(base.near_speed, speed),
+            slow_speed=min(base.slow_speed, speed),
+            speed_band=min(base.speed_band, 0.5 * speed),
+        )
     looks = phase.check_interval or min(interval or _LOOKS, _needed(vehicle, tolerance, speed))
     run = min(_RUN, 0.5 * looks)
     return RateParameters(
-        coefficient=drag_coefficient(vehicle, speed), tolerance=tolerance, near=tolerance,
-        far=3.0 * tolerance, slow_speed=0.25 * speed, near_speed=0.5 * speed, far_speed=speed,
-        ascent_speed=speed, speed_band=0.2 * speed, speed_step=0.1 * speed, volume_step=0.0,
-        dead=looks - run, run=run, window=2.0 * looks,
-    )  # fmt: skip
+        coefficient=drag_coefficient(vehicle, speed),
+        tolerance=tolerance,
+        near=tolerance,
+        far=3.0 * tolerance,
+        slow_speed=0.25 * speed,
+        near_speed=0.5 * speed,
+        far_speed=speed,
+        ascent_speed=speed,
+        speed_band=0.2 * speed,
+        speed_step=0.1 * speed,
+        volume_step=0.0,
+        dead=looks - run,
+        run=run,
+        window=2.0 * looks,
+    )
 
 
 def _needed(vehicle: Vehicle, tolerance: float, speed: float) -> float:
@@ -136,17 +152,30 @@ def hold_parameters(
     longest = phase.check_interval or (_PARKED if phase.kind == "park" else 4.0 * _LOOKS)
     lag = interval - T2 * (1.0 - math.exp(-interval / T2))
     found = DeadbandParameters(
-        K2=K2, T2=T2, psi=psi, depth_noise=max(noise, LEAST_NOISE),
+        K2=K2,
+        T2=T2,
+        psi=psi,
+        depth_noise=max(noise, LEAST_NOISE),
         # the neutral volume goes along with layers and with a psi that changes on the way
         neutral_step=max(abs(psi) * fastest * interval, LEAST_NOISE / (K2 * lag)),
-        band=tolerance, speed_band=0.3 * fastest, fastest=fastest, k_z=gains.k_z,
-        k_w=gains.k_w, growth=gains.growth, interval=interval,
-        longest=max(min(gains.longest, longest), interval), k_pV=0.0,
+        band=tolerance,
+        speed_band=0.3 * fastest,
+        fastest=fastest,
+        k_z=gains.k_z,
+        k_w=gains.k_w,
+        growth=gains.growth,
+        interval=interval,
+        longest=max(min(gains.longest, longest), interval),
+        k_pV=0.0,
         # moves it by little in an interval, and is less than what it may ask for
         tolerance=min(0.02 * tolerance / (K2 * lag), 0.5 * fastest / K2),
-        depth_voltage=0.0, rate_per_volt=0.0,
-        voltage_limit=0.0, volume_min=stroke.minimum, volume_max=stroke.maximum, S_p=1.0,
-    )  # fmt: skip
+        depth_voltage=0.0,
+        rate_per_volt=0.0,
+        voltage_limit=0.0,
+        volume_min=stroke.minimum,
+        volume_max=stroke.maximum,
+        S_p=1.0,
+    )
     return (math.inf if runs else law.far), found
 
 
@@ -158,10 +187,13 @@ def law_facts(vehicle: Vehicle, mission: Mission) -> list[dict[str, Any]]:
         if law is not None:
             found.append(
                 {
-                    "phase": title, "law": law.law.name, "sample_time_s": law.sample_time,
-                    "parameters": leaves(law.parameters), "source": law.source,
+                    "phase": title,
+                    "law": law.law.name,
+                    "sample_time_s": law.sample_time,
+                    "parameters": leaves(law.parameters),
+                    "source": law.source,
                 }
-            )  # fmt: skip
+            )
             continue
         own = rate_controller(vehicle, phase)
         asked = phase.law is not None and own is None
@@ -174,8 +206,11 @@ def law_facts(vehicle: Vehicle, mission: Mission) -> list[dict[str, Any]]:
             source += f"; {vehicle.name!r} has no [controller]"
         found.append(
             {
-                "phase": title, "law": RATE.name, "sample_time_s": None,
-                "parameters": leaves(law_parameters(vehicle, phase)), "source": source,
+                "phase": title,
+                "law": RATE.name,
+                "sample_time_s": None,
+                "parameters": leaves(law_parameters(vehicle, phase)),
+                "source": source,
             }
-        )  # fmt: skip
+        )
     return found

@@ -50,10 +50,12 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
     if not flown:
         if vehicle.stroke.switch_margin:
             raise InputError(
-                "the mission's own rule knows no limit switches", field="stroke.switch_margin",
-                value=vehicle.stroke.switch_margin, unit="m3",
+                "the mission's own rule knows no limit switches",
+                field="stroke.switch_margin",
+                value=vehicle.stroke.switch_margin,
+                unit="m3",
                 remedy="Fly a law: give the vehicle a [controller], or leave the switches out",
-            )  # fmt: skip
+            )
         _check_rests(mission)
         return ()
     if len(flown) < len(found):
@@ -62,9 +64,10 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
         raise InputError(
             f"this phase is flown by the mission's own rule and others by the law {name!r}; one "
             "mission has either",
-            field=f"phases[{index}].law", value=mission.phases[index].law,
+            field=f"phases[{index}].law",
+            value=mission.phases[index].law,
             remedy=f'Write law = "{RATE.name}" in every phase, or in none',
-        )  # fmt: skip
+        )
     _check_fields(mission)
     _check_physics(vehicle, mission)
     return flown
@@ -83,9 +86,10 @@ def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
                 raise InputError(
                     f"the phase gives it and no law, and the vehicle {vehicle.name!r} has no "
                     "controller",
-                    field=name, value=getattr(phase, name),
+                    field=name,
+                    value=getattr(phase, name),
                     remedy='Add a line law = "..." to the phase, or leave this out',
-                )  # fmt: skip
+                )
         return None
     name = phase.law or ("" if own is None else own.law)
     same = own is not None and own.law == name
@@ -95,8 +99,10 @@ def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
     if tick is None:
         raise InputError(
             f"the law {name!r} needs it, and the vehicle has no controller that has one",
-            field="sample_time", unit="s", remedy='Add a line sample_time = "0.5 s" to the phase',
-        )  # fmt: skip
+            field="sample_time",
+            unit="s",
+            remedy='Add a line sample_time = "0.5 s" to the phase',
+        )
     kept = own.parameters if own is not None and same else {}
     return Controller(law=name, sample_time=tick, parameters={**kept, **phase.parameters})
 
@@ -117,19 +123,23 @@ def _law_of(vehicle: Vehicle, phase: Phase) -> PhaseLaw | None:
     if law.name == RATE.name:
         return None  # it commands any drive by volumes
     check_command(
-        law, vehicle,
+        law,
+        vehicle,
         remedy=f'Choose a law for this kind of actuator, or write law = "{RATE.name}"',
-    )  # fmt: skip
+    )
     if law.command == "volume change":
         raise InputError(
             "a mission flies a pump and valve by its own rule only",
-            field="controller.law", value=law.name,
+            field="controller.law",
+            value=law.name,
             remedy=f'Write law = "{RATE.name}", or fly set-points with `swimbladder simulate`',
-        )  # fmt: skip
+        )
     return PhaseLaw(
-        law=law, parameters=numbers, sample_time=controller.sample_time,
+        law=law,
+        parameters=numbers,
+        sample_time=controller.sample_time,
         source=source_of(vehicle, phase),
-    )  # fmt: skip
+    )
 
 
 def source_of(vehicle: Vehicle, phase: Phase) -> str:
@@ -148,11 +158,13 @@ def _check_fields(mission: Mission) -> None:
         if phase.check_interval is not None:
             raise InputError(
                 "the law of this phase is called at each sample: it is a number of the mission's "
-                "own rule", field=f"phases[{index}].check_interval", value=phase.check_interval,
+                "own rule",
+                field=f"phases[{index}].check_interval",
+                value=phase.check_interval,
                 unit="s",
                 remedy=f'Leave it out, or give a sample_time, or write law = "{RATE.name}" in '
                 "every phase",
-            )  # fmt: skip
+            )
 
 
 def _check_rests(mission: Mission) -> None:
@@ -160,9 +172,11 @@ def _check_rests(mission: Mission) -> None:
         if phase.rest_band is not None:
             raise InputError(
                 "the mission's own rule flies this phase, and rests within the tolerance anyway",
-                field=f"phases[{index}].rest_band", value=phase.rest_band, unit="m",
+                field=f"phases[{index}].rest_band",
+                value=phase.rest_band,
+                unit="m",
                 remedy="Leave it out, or give the vehicle a [controller] or the phase a law",
-            )  # fmt: skip
+            )
 
 
 def _check_physics(vehicle: Vehicle, mission: Mission) -> None:
@@ -174,16 +188,19 @@ def _check_physics(vehicle: Vehicle, mission: Mission) -> None:
         (bool(moves), "water_motion", None, "water that moves"),
         (lags, "hull.thermal_time_constant", hull.thermal_time_constant, "a hull that warms late"),
         (
-            vehicle.drag.rising_ratio != 1.0, "motion.drag.rising_ratio",
-            vehicle.drag.rising_ratio, "drag that differs up and down",
+            vehicle.drag.rising_ratio != 1.0,
+            "motion.drag.rising_ratio",
+            vehicle.drag.rising_ratio,
+            "drag that differs up and down",
         ),
-    ):  # fmt: skip
+    ):
         if there:
             raise InputError(
                 f"{what} is not flown with a law that is called at each sample",
-                field=field, value=value,
+                field=field,
+                value=value,
                 remedy=f'Leave it out, or write law = "{RATE.name}" in every phase',
-            )  # fmt: skip
+            )
 
 
 def law_words(facts: Sequence[dict[str, Any]]) -> list[str]:

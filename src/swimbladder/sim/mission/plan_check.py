@@ -79,20 +79,28 @@ def check_flight(
     """
     if not mission.phases:
         raise InputError(
-            "the mission has set-points, and this takes phases", field="setpoints",
+            "the mission has set-points, and this takes phases",
+            field="setpoints",
             remedy="Fly it with `swimbladder simulate`, or write [[phases]]",
-        )  # fmt: skip
+        )
     check_mass(vehicle)
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
     if cycles is not None and not (cycles >= 1 and cycles == math.floor(cycles)):
         raise InputError(
-            "it must be a whole number of at least 1", field="cycles", value=cycles,
+            "it must be a whole number of at least 1",
+            field="cycles",
+            value=cycles,
             remedy="Give how often the phases are repeated",
-        )  # fmt: skip
+        )
     if span is not None and not span > 0.0:
-        raise InputError("it must be above 0", field="duration", value=span, unit="s",
-                         remedy="Check the number and its unit")  # fmt: skip
+        raise InputError(
+            "it must be above 0",
+            field="duration",
+            value=span,
+            unit="s",
+            remedy="Check the number and its unit",
+        )
     if column.cast is not None:
         depths = [mission.start_depth, *(p.depth for p in mission.phases if p.depth is not None)]
         check_cast_unit(column.cast, max(depths), vehicle.hull.depth_limit)
@@ -103,9 +111,11 @@ def check_flight(
             raise InputError(
                 f"{column.source or 'the water'} ends at {column.deepest:.0f} m, "
                 f"{depth - column.deepest:.0f} m above the {depth:g} m of {what}",
-                field="cast", value=round(column.deepest, 1), unit="m",
+                field="cast",
+                value=round(column.deepest, 1),
+                unit="m",
                 remedy="Take a cast that goes as deep, or ask for a lesser depth",
-            )  # fmt: skip
+            )
 
 
 def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:

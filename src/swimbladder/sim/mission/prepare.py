@@ -68,11 +68,18 @@ class Plan:
         delivery = float(g["delivery"])
         mass = float(g["mass"]) / vehicle.mass
         own = p._replace(
-            V_0=p.V_0 + float(g["trim"]), psi=p.psi + float(g["give"]),
-            gain=p.gain * delivery, rate=p.rate * delivery, kappa=p.kappa / delivery,
-            a_b=p.a_b / mass, a_s=p.a_s / mass, d_l=float(g["d_l"]), d_b=float(g["d_b"]),
-            d_0=float(g["d_0"]), d_t=float(g["d_t"]),
-        )  # fmt: skip
+            V_0=p.V_0 + float(g["trim"]),
+            psi=p.psi + float(g["give"]),
+            gain=p.gain * delivery,
+            rate=p.rate * delivery,
+            kappa=p.kappa / delivery,
+            a_b=p.a_b / mass,
+            a_s=p.a_s / mass,
+            d_l=float(g["d_l"]),
+            d_b=float(g["d_b"]),
+            d_0=float(g["d_0"]),
+            d_t=float(g["d_t"]),
+        )
         return replace(self.water, plant=own)
 
     def under_way(self, state: State, *, rows: int = 0, notes: int = 0, cycles: int = 1) -> Phases:
@@ -97,10 +104,16 @@ def check_samples(mission: Mission, plan: Plan) -> None:
 
 
 def make_plan(
-    vehicle: Vehicle, mission: Mission, column: Column, *, waves: Array | None = None,
-    cycles: float | None = None, span: float | None = None, accuracy: Accuracy | None = None,
+    vehicle: Vehicle,
+    mission: Mission,
+    column: Column,
+    *,
+    waves: Array | None = None,
+    cycles: float | None = None,
+    span: float | None = None,
+    accuracy: Accuracy | None = None,
     drive_error: DriveError | None = None,
-) -> Plan:  # fmt: skip
+) -> Plan:
     """Return a mission as the kernel takes it.
 
     waves: of `mission.water.waves_of`; waves, cycles, span [s]: in the place of the mission's.
@@ -136,10 +149,13 @@ def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:
         return
     raise InputError(
         f"it changes nothing: the hull of {vehicle.name!r} has the water's temperature at once, or "
-        "does not expand", field="start_temperature", value=mission.start_temperature, unit="degC",
+        "does not expand",
+        field="start_temperature",
+        value=mission.start_temperature,
+        unit="degC",
         remedy="Leave it out, or give the vehicle hull.thermal_time_constant and [[hull.parts]] "
         "with a thermal_expansion",
-    )  # fmt: skip
+    )
 
 
 def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
@@ -232,9 +248,13 @@ def first_state(
     the one that is given [m3]. Its hull is as warm as the water there, or as the mission says.
     """
     x, at = first_lane(
-        plan.given, plan.table, mission.start_depth, volume=volume,
-        temperature=mission.start_temperature, seed=seed,
-    )  # fmt: skip
+        plan.given,
+        plan.table,
+        mission.start_depth,
+        volume=volume,
+        temperature=mission.start_temperature,
+        seed=seed,
+    )
     at["new_phase"] = 1
     accounts = np.zeros(len(Account) + len(Holding) * len(plan.stages))
     return x, at, accounts

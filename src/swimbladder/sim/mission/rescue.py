@@ -100,9 +100,21 @@ def _emerges(medium: Medium, depth: float, *, speed: float, less: float, gone: f
     mode, state[0] = begin(numbers, layers, 0.0, volume, depth, speed)
     while t < _LONGEST and state[2] < gone:
         mode, why = advance(
-            numbers, layers, True, mode, state, np.zeros(10), full, h, t, chains, built,
-            np.zeros(0), np.zeros((0, 3)), np.zeros(1, np.int64),
-        )  # fmt: skip
+            numbers,
+            layers,
+            True,
+            mode,
+            state,
+            np.zeros(10),
+            full,
+            h,
+            t,
+            chains,
+            built,
+            np.zeros(0),
+            np.zeros((0, 3)),
+            np.zeros(1, np.int64),
+        )
         t += h
         if why != DONE or mode // 20 == Where.EMERGING:
             return bool(why == DONE)

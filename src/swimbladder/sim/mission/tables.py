@@ -122,11 +122,13 @@ def cycle_words(result: MissionResult, shown: int = 12) -> list[tuple[str, ...]]
         begin, end = columns["begin_s"][n], columns["end_s"][n]
         arrival = columns["arrival_s"][n]
         words = [
-            f"{columns['cycle'][n]:.0f}", f"{(end - begin) / 86400.0:.2f}",
+            f"{columns['cycle'][n]:.0f}",
+            f"{(end - begin) / 86400.0:.2f}",
             "never" if np.isnan(arrival) else f"{arrival / 3600.0:.2f}",
-            f"{columns['deepest_m'][n]:.1f}", f"{columns['pump_runs'][n]:.0f}",
+            f"{columns['deepest_m'][n]:.1f}",
+            f"{columns['pump_runs'][n]:.0f}",
             f"{columns['valve_runs'][n]:.0f}",
-        ]  # fmt: skip
+        ]
         lines.append((*words, *(f"{columns[key][n] / 1e3:.4g}" for key in keys)))
     return lines
 
@@ -162,8 +164,10 @@ def speeds(flight: Flight) -> dict[str, Array]:
         return np.asarray(np.divide(crossed, times[way], out=nothing, where=counts[way] > 0.0))
 
     return {
-        "depth_m": 0.5 * (edges[1:] + edges[:-1]), "sinking_m_s": mean(1), "rising_m_s": mean(-1),
-    }  # fmt: skip
+        "depth_m": 0.5 * (edges[1:] + edges[:-1]),
+        "sinking_m_s": mean(1),
+        "rising_m_s": mean(-1),
+    }
 
 
 def _ways(flight: Flight) -> list[tuple[Array, Array]]:

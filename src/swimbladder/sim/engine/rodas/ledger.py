@@ -52,9 +52,11 @@ def balance(
     }
     change = float(last["v"] - first["v"])
     volume = {
-        "pumped": a[Account.PUMPED], "let in": a[Account.LET_IN], "leaked": a[Account.LEAKED],
+        "pumped": a[Account.PUMPED],
+        "let in": a[Account.LET_IN],
+        "leaked": a[Account.LEAKED],
         "change": change,
-    }  # fmt: skip
+    }
     passed = a[Account.PUMP_WORK] + a[Account.LET_IN_WORK]
     return Balance(
         volume=volume,
@@ -62,7 +64,7 @@ def balance(
         sinks=sinks,
         throughput=max(passed + a[Account.LEAK_WORK], abs(work), a[Account.DRAG]),
         volume_residue=change - volume["pumped"] + volume["let in"] + volume["leaked"],
-    )  # fmt: skip
+    )
 
 
 def potential(given: np.record, table: Array, z: float) -> float:

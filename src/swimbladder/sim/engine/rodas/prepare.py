@@ -210,9 +210,14 @@ def given_of(vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accur
 
 
 def first_lane(
-    given: np.record, table: Array, z: float, *, volume: float | None = None,
-    temperature: float | None = None, seed: int | None = None,
-) -> tuple[np.record, np.record]:  # fmt: skip
+    given: np.record,
+    table: Array,
+    z: float,
+    *,
+    volume: float | None = None,
+    temperature: float | None = None,
+    seed: int | None = None,
+) -> tuple[np.record, np.record]:
     """Return a vehicle before the start: records of NOW and AT.
 
     At the depth of 0 it floats with all volume out; at another z [m] it rests, with its neutral

@@ -224,9 +224,29 @@ def fly(phases: Phases) -> Stop:
     lane, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
     lane[Row.PLANT + V_0] = p.neutral_top + p.trim
     kernel_of(RULE, pumped=True)(
-        lane, (0.0,), (), (), phases, stepper,
-        Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), 1, len(MANY) - 1, 0.0, 1, MANY,
-        np.zeros(1, np.int64), np.zeros((1, 1)), none, none, -1, None,
-        np.zeros((1, 1), np.uint8), np.zeros((1, 0)), none, np.zeros((1, 1), np.int64), NO_LAYERS,
-    )  # fmt: skip
+        lane,
+        (0.0,),
+        (),
+        (),
+        phases,
+        stepper,
+        Rule(phases.stages, stepper.x, stepper.at),
+        Nothing(0.0),
+        1,
+        len(MANY) - 1,
+        0.0,
+        1,
+        MANY,
+        np.zeros(1, np.int64),
+        np.zeros((1, 1)),
+        none,
+        none,
+        -1,
+        None,
+        np.zeros((1, 1), np.uint8),
+        np.zeros((1, 0)),
+        none,
+        np.zeros((1, 1), np.int64),
+        NO_LAYERS,
+    )
     return Stop(int(at.stop))

@@ -88,6 +88,11 @@ def _step(
 
 
 RULE = Law(
-    name="rule", summary="the mission's own rule", command="volume change", parameters=Rule,
-    state=Nothing, step=_step, initial=_initial,
-)  # fmt: skip
+    name="rule",
+    summary="the mission's own rule",
+    command="volume change",
+    parameters=Rule,
+    state=Nothing,
+    step=_step,
+    initial=_initial,
+)
