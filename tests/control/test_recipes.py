@@ -1,0 +1,63 @@
+"""Gains from what a law is tuned with: poles of the loop, and numbers that are the vehicle's."""
+
+import numpy as np
+import pytest
+
+from swimbladder.control.law import Knobs
+from swimbladder.control.records import leaf_names, numbers
+from swimbladder.control.registry import LAWS
+from swimbladder.design.tuning.gains import gains, setting_of
+from swimbladder.io.config import load_vehicle
+
+H, SUPPLY = 0.4, 10.8
+VEHICLE = load_vehicle("feup-em")
+SETTING = setting_of(VEHICLE, sample_time=H, supply=SUPPLY, neutral_range=20e-6)
+KNOBS = Knobs(0.15, 0.7, 1.1, learning=0.1, share=0.7, dead=2e-6, pause=12.0, band=0.02, volts=0.8)
+SAMPLED = [name for name, law in LAWS.items() if law.recipe and law.command == "voltage"]
+
+
+@pytest.mark.parametrize("psi", [-1e-6, 0.0, 2.5e-6])
+@pytest.mark.parametrize("damping", [0.5, 0.7, 1.3])
+def test_the_cascade_places_its_poles(damping, psi):
+    """With V = U: z'' = a (psi z - U) - d z', U = k_pz e + k_dz e' + k_iz times the integral."""
+    setting = SETTING._replace(plant=SETTING.plant._replace(psi=psi))
+    d, a = setting.plant.d_l, setting.plant.a_b
+    g = gains("cascade", setting, KNOBS._replace(damping=damping))
+    loop = [1.0, d - a * g.k_dz, -a * (psi + g.k_pz), -a * g.k_iz]
+    w = KNOBS.frequency
+    asked = [*np.roots([1.0, 2.0 * damping * w, w * w]), -0.4 * w]
+    np.testing.assert_allclose(np.poly(np.roots(loop)), np.poly(asked), rtol=1e-9)
+    assert g.k_pV * setting.plant.gain == pytest.approx(KNOBS.inner, rel=1e-12)  # V' = gain u
+
+
+@pytest.mark.parametrize("name", SAMPLED)
+def test_what_is_the_vehicles_stands_in_every_law(name):
+    """Under other names of the same thing no law may have another number."""
+    p = SETTING.plant
+    parameters = gains(name, SETTING, KNOBS)
+    found = dict(zip(leaf_names(type(parameters)), numbers(parameters), strict=True))
+    known = {
+        "S_p": H,
+        "psi": p.psi,
+        "V_min": p.V_min,
+        "V_max": p.V_max,
+        "volume_min": p.V_min,
+        "volume_max": p.V_max,
+        "rate_per_volt": p.gain,
+        "depth_voltage": p.load_drive,
+        "voltage_limit": KNOBS.volts * SUPPLY,
+        "k_pV": KNOBS.inner / p.gain,
+        "drag": p.d_l,
+        "laminar": p.d_l,
+        "quadratic": p.d_t,
+        "inertia": 1.0 / p.a_b,
+        "volume_per_acceleration": 1.0 / p.a_b,
+        "K2": p.a_b / p.d_l,
+        "T2": 1.0 / p.d_l,
+        "share": KNOBS.share,
+        "depth_noise": SETTING.noise,
+    }
+    shared = found.keys() & known.keys()
+    assert "S_p" in shared
+    for field in shared:
+        assert found[field] == pytest.approx(known[field], rel=1e-9), field
