@@ -31,7 +31,8 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 KILLED, SURVIVED, TIMEOUT = "killed", "survived", "timeout"
-LEFT_OUT = (".*", "__pycache__", "build", "dist", "report", "node_modules")
+LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "node_modules")
+MADE = {"build", "dist", "report"}  # at the top of the tree
 
 COMPARISONS: dict[type[ast.cmpop], tuple[str, tuple[str, ...]]] = {
     ast.Lt: ("<", ("<=", ">=")),
@@ -194,11 +195,15 @@ class Run:
         if not hasattr(self._of_thread, "copy"):
             with self._lock:
                 made = self.folder / str(next(self._copies))
-            shutil.copytree(self.root, made / "tree", ignore=shutil.ignore_patterns(*LEFT_OUT))
+            shutil.copytree(self.root, made / "tree", ignore=self._left_out)
             (made / "cache").mkdir()
             self._of_thread.copy = made
         copy: Path = self._of_thread.copy
         return copy
+
+    def _left_out(self, folder: str, names: list[str]) -> set[str]:
+        top = MADE if Path(folder) == self.root else set[str]()
+        return set(LEFT_OUT(folder, names)) | top & set(names)
 
     def environment(self) -> dict[str, str]:
         """Return what programs run with in this thread's copy."""

@@ -28,6 +28,7 @@ def clipped(x: float) -> float:
 '''
 TESTS = """\
 import pytest
+from report import NAME  # a folder of the source, not what is made at the top
 from tiny import clipped
 
 def test_clipped():
@@ -51,6 +52,7 @@ reason = "0 is added or taken away"
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
     files = {"src/tiny.py": SOURCE, "tests/test_tiny.py": TESTS, "scripts/mutants.toml": LISTED}
+    files |= {"src/report/__init__.py": 'NAME = "report"\n', "report/made.py": "no source\n"}
     for name, text in files.items():
         (tmp_path / "tree" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "tree" / name).write_text(text, encoding="utf-8")
