@@ -138,6 +138,14 @@ def test_inside_the_band_nothing_moves():
     assert all(s.holding == 1.0 and s.going == 0.0 for s in ran.states[1:])
 
 
+def test_an_error_of_just_the_band_is_left_alone():
+    p = parameters()
+    ahead = abs(p.a_z * 0.03)  # at rest with the neutral volume nothing else adds to it
+    for band, going in ((ahead, 0.0), (math.nextafter(ahead, 0.0), 1.0)):
+        found = run(p._replace(band=band), 0.0, -0.03, 0.0, NEUTRAL, NEUTRAL, NEUTRAL, p.rate)
+        assert found.going == going
+
+
 def test_at_the_end_of_the_stroke_it_comes_back():
     p = parameters(volume_max=NEUTRAL + 1e-6)
     out = run(p, 1.0, -0.03, 0.01, NEUTRAL + 0.9e-6, NEUTRAL, NEUTRAL, p.rate)

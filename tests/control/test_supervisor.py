@@ -14,10 +14,12 @@ from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import (
     SUPERVISOR,
     Reason,
+    SameWatch,
     Watched,
     expected_rate,
     reasons_in,
     times,
+    watch_sameness,
 )
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
@@ -261,6 +263,19 @@ def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, 
         if first is None and reason in reasons_in(s.rescue.reasons):
             first = k
     assert first == at
+
+
+def test_a_volume_that_moved_by_just_what_it_may_says_nothing_of_a_depth_that_stays():
+    limits = supervisor_parameters(example("cascade")[0], 0.3).same._replace(
+        same_begun=1, same_moved=2, same=NEVER, same_noisy=NEVER, moved=3e-6
+    )
+    for moved, frozen in ((3e-6, False), (math.nextafter(3e-6, 1.0), True), (-4e-6, True)):
+        watch = SameWatch(0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False)
+        for n1 in (0.0, moved, moved):
+            watch = watch_sameness(limits, watch, 2.0, 2.0, n1, old=False, resting=False)
+            if n1 == 0.0:
+                assert not watch.frozen
+        assert watch.frozen is frozen
 
 
 def drives():

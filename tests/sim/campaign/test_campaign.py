@@ -62,6 +62,11 @@ def flown(job, **workers):
     return job.layout.table()
 
 
+@pytest.mark.parametrize(("floats", "chunk"), [(3, 1), (32, 2), (33, 3), (800, 50), (4000, 50)])
+def test_small_campaigns_have_sixteen_chunks_and_large_ones_chunks_of_fifty(job, floats, chunk):
+    assert job(floats=floats).layout.chunk == chunk
+
+
 def test_a_float_that_does_not_differ_flies_the_mission(vehicle, column, job):
     same = Spread(trim=0.0, psi=0.0, drag=0.0, pump=0.0)
     one = job(floats=1, spread=same)
