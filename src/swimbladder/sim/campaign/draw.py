@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.sim.engine.rodas.records import GIVEN, made
+from swimbladder.sim.engine.rodas.records import made
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle.spread import INPUTS, Spread
 
@@ -66,7 +66,7 @@ def drawn_of(spread: Spread, z: Array, cast: float) -> Array:
 
 def varied(plan: Plan, drawn: Array) -> Plan:
     """Return a plan for a float that differs so; the table is shared, not copied."""
-    given = made(GIVEN, plan.given)
+    given = made(plan.given.dtype, plan.given)
     given["trim"] += drawn[Drawn.TRIM]
     given["give"] += drawn[Drawn.PSI]
     given["delivery"] *= drawn[Drawn.PUMP]

@@ -23,7 +23,6 @@ from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import (
     AT,
-    GIVEN,
     NOTE,
     NOW,
     WORK,
@@ -58,7 +57,7 @@ _VARIED = [
     "z_air",
     "z_bottom",
 ]
-"""Fields of Plant that a lane may have of its own; in GIVEN they are in lower case."""
+"""Fields of Plant that a lane may have of its own; in `given` they are in lower case."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ class FloatModel:
     vehicle: Vehicle
     column: Column
     plant: Plant  # of the body; what the drive would say is nan
-    given: Any  # a record of GIVEN
+    given: Any  # of `engine.rodas.prepare.given_of`
     table: Array  # [n, 2 len(Table)]
     energy_unknown: str  # why no electrical energy is known; "" where it is
 
@@ -89,7 +88,7 @@ class FloatModel:
         what the processor knows [len(RATES), lanes].
         """
         count = plants.shape[1]
-        given = np.array([self.given] * count, GIVEN)
+        given = np.array([self.given] * count, self.given.dtype)
         rows = dict(zip(Plant._fields, plants, strict=True))
         for name in _VARIED:
             given[name.lower()] = rows[name]

@@ -62,7 +62,7 @@ LAW_NOT_FINITE = 5  # why a lane stopped, beside engine.advance
 class Pumped(NamedTuple):
     """Lanes that RODAS moves, of records of `engine.rodas.records`."""
 
-    given: Any  # [lanes] of GIVEN
+    given: Any  # [lanes], of `engine.rodas.prepare.given_of`
     table: Array  # [n, 2 len(Table)], of all lanes
     waves: Array  # [m, 6], as `table`
     x: Any  # [lanes] of NOW

@@ -21,7 +21,7 @@ from swimbladder.sim.engine.advance import DONE, advance, begin
 from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.modes import COUNT, Where
 from swimbladder.sim.engine.rodas.prepare import first_lane
-from swimbladder.sim.engine.rodas.records import GIVEN, Account, Stop, Table, made
+from swimbladder.sim.engine.rodas.records import Account, Stop, Table, made
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.vehicle import Vehicle
@@ -144,7 +144,7 @@ def _pressing(plan: Plan, depth: float, less: float) -> tuple[Plan, Any, float]:
 
     depth [m]; less [m3]: below the neutral volume; the volume is the last that is returned.
     """
-    given = made(GIVEN, plan.given)
+    given = made(plan.given.dtype, plan.given)
     given["z_bottom"], given["deepest"], given["empty"] = math.inf, math.inf, -math.inf
     neutral = look_up(plan.table, float(given["step"]), Table.NEUTRAL, depth)[0]
     volume = max(float(neutral) - less, float(given["v_min"]))

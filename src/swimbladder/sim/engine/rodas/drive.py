@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.leap import AIR, BOTTOM, LOST, SURFACE, VALVE, VOLUME, leap
-from swimbladder.sim.engine.rodas.line import empty_line, fill_lacks, turn_valve, valve_turns
+from swimbladder.sim.engine.rodas.line import (
+    fill_lacks,
+    fills_line,
+    lost_to_start,
+    turn_valve,
+    valve_turns,
+    with_line,
+)
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop, Table
 from swimbladder.sim.engine.rodas.rest import lift_volume, settle, stay
@@ -83,16 +90,9 @@ def start_run(lane: Lane, doing: int, wanted: float, volume: float, longest: flo
         return
     at.doing = doing
     at.rests = 0
-    if p.line == 0.0:
-        at.shut = 0
     short = value(table, p.step, Table.START, max(x.z, 0.0))[0]
     delivery = p.delivery * value(table, p.step, Table.RATE_OUT, max(x.z, 0.0))[0]
-    if doing == Doing.PUMPING and p.line > 0.0:
-        empty_line(lane)
-        at.doing = Doing.PRIMING
-        at.shut = 1
-        x.t_primed = math.inf
-    elif doing == Doing.PUMPING and short > 0.0 and delivery > 0.0:
+    if doing == Doing.PUMPING and not fills_line(lane) and short > 0.0 and delivery > 0.0:
         at.doing = Doing.PRIMING
         x.t_primed = x.t + short / delivery
     x.v_move = volume
@@ -134,10 +134,7 @@ def change_volume(lane: Lane, volume: float, wanted: float, longest: float) -> N
     if rate_now > 0.0:
         lost = 0.0
         if wanted > 0.0 and p.makes_up > 0.0:
-            lost = value(table, p.step, Table.START, max(x.z, 0.0))[0]
-            if p.line > 0.0:  # what its line still holds it need not press into it
-                empty_line(lane)
-                lost = p.run_up + rate_now * fill_lacks(lane)
+            lost = lost_to_start(lane, rate_now)
         length = min((abs(wanted) + lost) / rate_now, longest)
     length = _in_steps(p, length)
     if length > 0.0:
@@ -280,11 +277,11 @@ def end_turn(lane: Lane) -> None:
         end_run(lane)
 
 
-@inlined
+@with_line(lambda *_: None)
 def turn_line(lane: Lane) -> None:
     """Open or shut the check valve of an oil line where its pressure is that of the sea."""
     x, at = lane.x, lane.at
-    if lane.p.line > 0.0 and at.stop == 0:
+    if at.stop == 0:
         early = _FULL_LINE if at.doing == Doing.PRIMING and at.place == 2 else 0.0
         if valve_turns(lane, 0.0, x.z, x.w) > -early:
             turn_valve(lane)

@@ -50,9 +50,7 @@ def _fill(lane: Lane, level: float, t: float, z: float, w: float, v: float, foun
     elif at.doing != Doing.NOTHING and at.doing != Doing.PRIMING:
         found[VOLUME] = (max(p.v_min, x.v_move) - v) * _V_SCALE
     found[LOST] = z - p.z_lost
-    found[VALVE] = -1.0
-    if p.line > 0.0:
-        found[VALVE] = valve_turns(lane, t, z, w)
+    found[VALVE] = valve_turns(lane, t, z, w)
 
 
 @part
@@ -100,7 +98,7 @@ def leap(lane: Lane, loads: float, level: float, until: float) -> int:
     x.z, x.w, x.v, x.hull = y[0], y[1], y[2], y[3]
     if x.z > x.z_most:
         x.z_most = x.z
-    if p.line > 0.0 and event != VOLUME and at.doing != Doing.PUMPING and at.doing != Doing.PRIMING:
+    if event != VOLUME and at.doing != Doing.PUMPING and at.doing != Doing.PRIMING:
         relieve(lane, h)
     x.v_least = min(x.v_least, x.v)
     if at.place == 0:

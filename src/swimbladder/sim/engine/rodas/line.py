@@ -24,18 +24,22 @@ the slip s it is -(C_0/s) ln h - S, S being the integral of (C - C_0)/(s h) dh t
 """
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
+from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from swimbladder.physics.seawater.motion import moved
-from swimbladder.sim.engine.cache import inlined, part
+from swimbladder.sim.engine.cache import OVERLOADED, inlined, part
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Table
 
 Array = NDArray[np.float64]
-
+P = ParamSpec("P")
+R = TypeVar("R")
 
 _moved = inlined(moved)
 
@@ -45,6 +49,30 @@ _MUCH = 1e-8  # m3 that a line gives in one step of a vehicle that rises, at mos
 _EMPTY = 1e-9  # share of the reservoir's pressure above it that does not count
 _SEATS = 1e-15  # m3/s of flow back that shut it
 _FLOW_SCALE = 1e6  # the guard of a flow counts in mL/s
+
+
+def with_line(without: Callable[..., R]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Let a function of a lane, or of a record of GIVEN, be that of a vehicle with an oil line.
+
+    For others it is `without`, and nothing of it is compiled: a sixth of the time of a first run.
+    """
+
+    def choose(function: Callable[P, R]) -> Callable[P, R]:
+        own = part(function)
+
+        def called(*given: P.args, **named: P.kwargs) -> R:
+            of: Any = given[0]
+            there = "line" in getattr(of, "p", of).dtype.fields
+            return (function if there else without)(*given, **named)
+
+        @overload(called, jit_options=OVERLOADED, strict=False)  # strict: same arguments
+        def compiled(*kinds: Any) -> Any:
+            of = kinds[0] if isinstance(kinds[0], types.Record) else kinds[0].types[0]
+            return (lambda *given: own(*given)) if "line" in of.fields else without
+
+        return called
+
+    return choose
 
 
 @part
@@ -74,7 +102,7 @@ def _give(p: Any, y: float) -> Any:
     return (liquid + p.line_power * gas / oil) / squared, by_level / squared
 
 
-@part
+@with_line(lambda *_: (0.0, 0.0, 0.0))
 def line_flow(p: Any, table: Array, z: float, dz: float) -> Any:
     """Return what an open line gives the bladder beside the pump's delivery [m3/s].
 
@@ -146,7 +174,7 @@ def _emptied(p: Any, table: Array, y: float, h: float) -> Any:
     return high
 
 
-@part
+@with_line(lambda *_: 0.0)
 def fill_lacks(lane: Lane) -> Any:
     """Return how long the pump has to run [s] before the line is at the pressure of the sea."""
     p, table, x = lane.p, lane.table, lane.x
@@ -154,24 +182,52 @@ def fill_lacks(lane: Lane) -> Any:
     return max(_fill_time(p, table, _sea(p, table, x.z)) - begun, 0.0)
 
 
-@part
+def _begins_at_once(lane: Lane) -> bool:
+    lane.at.shut = 0
+    return False
+
+
+@with_line(_begins_at_once)
+def fills_line(lane: Lane) -> bool:
+    """Begin to bring the line to the sea's pressure; return whether the pump has to."""
+    x, at = lane.x, lane.at
+    empty_line(lane)
+    at.doing = Doing.PRIMING
+    at.shut = 1
+    x.t_primed = math.inf
+    return True
+
+
+def _start_volume(lane: Lane, rate: float) -> Any:  # noqa: ARG001
+    return value(lane.table, lane.p.step, Table.START, max(lane.x.z, 0.0))[0]
+
+
+@with_line(_start_volume)
+def lost_to_start(lane: Lane, rate: float) -> Any:
+    """Return what a start falls short of [m3] with a pump of this rate [m3/s].
+
+    What its line still holds it need not press into it.
+    """
+    empty_line(lane)
+    return lane.p.run_up + rate * fill_lacks(lane)
+
+
+@with_line(lambda *_: False)
 def stalls(lane: Lane, z: float) -> bool:
     """Return whether the pump fills a line that it cannot bring to the sea's pressure."""
     p, at = lane.p, lane.at
-    if p.line == 0.0 or at.doing != Doing.PRIMING or at.shut == 0:
+    if at.doing != Doing.PRIMING or at.shut == 0:
         return False
     return bool(_sea(p, lane.table, z) > p.line_top)
 
 
-@part
+@with_line(lambda *given: given[3])
 def advance_line(lane: Lane, z: float, h: float, energy: float) -> Any:
     """Let the line's pressure go on for h [s], in which the vehicle comes to depth z [m].
 
     energy: what the drive takes at the sea's pressure [J]. Return what it does take.
     """
     p, table, x, at = lane.p, lane.table, lane.x, lane.at
-    if p.line == 0.0:
-        return energy
     if at.shut == 0:
         x.line_level = _sea(p, table, z)
         x.t_level = x.t + h
@@ -184,7 +240,7 @@ def advance_line(lane: Lane, z: float, h: float, energy: float) -> Any:
     return energy  # what a line loses at rest is seen when it matters: `empty_line`
 
 
-@part
+@with_line(lambda *_: None)
 def empty_line(lane: Lane) -> None:
     """Let the line be as empty as it is by now, while the pump stands."""
     x = lane.x
@@ -201,7 +257,7 @@ def _held(p: Any, y: float) -> Any:
     return (p.reservoir * liquid / p.line_modulus + gas) / p.line_ratio
 
 
-@part
+@with_line(lambda *_: None)
 def relieve(lane: Lane, h: float) -> None:
     """Let the line give what it holds above the sea's pressure after a step of h [s].
 
@@ -234,7 +290,7 @@ def relieve(lane: Lane, h: float) -> None:
         x.h = min(x.h, h * _MUCH / given)
 
 
-@part
+@with_line(lambda *_: -1.0)
 def valve_turns(lane: Lane, t: float, z: float, w: float) -> Any:
     """Return a number that is above 0 where the check valve of a pump that runs opens, or shuts.
 
@@ -258,7 +314,7 @@ def valve_turns(lane: Lane, t: float, z: float, w: float) -> Any:
     return -(out + _SEATS) * _FLOW_SCALE
 
 
-@part
+@with_line(lambda *_: None)
 def turn_valve(lane: Lane) -> None:
     """Open or shut the check valve of a pump that runs: the line is at the pressure of the sea."""
     p, table, x, at = lane.p, lane.table, lane.x, lane.at

@@ -82,7 +82,7 @@ def rate_of(p: Any, table: Array, doing: int, shut: bool, z: float, V: float, dz
     shut: whether the check valve behind an oil line is.
     """
     rate, slope = _drive_rate(p, table, doing, z, V)
-    if p.line == 0.0 or shut or doing != Doing.PUMPING:
+    if shut or doing != Doing.PUMPING:
         return rate, slope, 0.0
     flow, by_depth, by_speed = line_flow(p, table, z, dz)
     return rate + flow, slope + by_depth, by_speed

@@ -21,7 +21,7 @@ from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.column import slopes
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.engine.modes import DEEPEST
-from swimbladder.sim.engine.rodas.records import AT, GIVEN, NOW, Table, made
+from swimbladder.sim.engine.rodas.records import AT, GIVEN, GIVEN_WITH_LINE, NOW, Table, made
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
 
 Array = NDArray[np.float64]
@@ -203,8 +203,9 @@ def given_of(vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accur
         "volume_noise": vehicle.sensors.volume_noise,
         "volume_quantum": vehicle.sensors.volume_quantum,
     }
-    found = made(GIVEN)
-    for name, value in (values | line_given(vehicle, column)).items():
+    line = line_given(vehicle, column)
+    found = made(GIVEN_WITH_LINE if line else GIVEN)
+    for name, value in (values | line).items():
         found[name] = value
     return found
 

@@ -75,7 +75,7 @@ class Table(IntEnum):
 
 
 # What does not change in a mission: the vehicle, its processor, the tolerances.
-GIVEN = record(
+_VEHICLE: tuple[tuple[str, type], ...] = (
     ("step", float),  # m, of the table
     ("mass", float),  # kg, accelerated
     ("d_l", float),  # 1/s, laminar drag over mass; as physics.dynamics.Plant, like the next four
@@ -123,7 +123,11 @@ GIVEN = record(
     ("expansion", float),  # m3/K, of a hull that does not take it at once
     ("volume_noise", float),  # m3, of a measured volume, 1 sigma
     ("volume_quantum", float),  # m3, its quantum
-    ("line", float),  # m3, of the oil line; 0: the oil is incompressible
+    ("open", float),  # -, of the valve's flow that comes in whatever is commanded
+)
+# Its oil line between pump and check valve; without one the oil is incompressible.
+_LINE: tuple[tuple[str, type], ...] = (
+    ("line", float),  # m3
     ("line_gas", float),  # m3 of air in it at the reservoir's pressure
     ("line_modulus", float),  # Pa, of its oil
     ("line_power", float),  # -, one over the polytropic exponent of its air
@@ -134,8 +138,8 @@ GIVEN = record(
     ("run_up", float),  # m3 that a start falls short beside what the line takes
     ("line_step", float),  # of ln(p/reservoir) from row to row
     ("line_top", float),  # ln(p/reservoir) at which the pump stalls; inf: above all that is assumed
-    ("open", float),  # -, of the valve's flow that comes in whatever is commanded
 )
+GIVEN, GIVEN_WITH_LINE = record(*_VEHICLE), record(*_VEHICLE, *_LINE)
 
 # The state, as far as it is real numbers.
 NOW = record(

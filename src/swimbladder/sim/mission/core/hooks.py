@@ -85,12 +85,7 @@ def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
     if at.stop == 0 and (S[Row.STOPPED] != 0.0 or at.idle > _IDLE):
         at.stop = Stop.STUCK
     over = turn(f)
-    if (
-        at.stop != 0
-        and f.lane.p.line > 0.0
-        and at.doing != Doing.PUMPING
-        and at.doing != Doing.PRIMING
-    ):
+    if at.stop != 0 and at.doing != Doing.PUMPING and at.doing != Doing.PRIMING:
         empty_line(f.lane)
     if over or full(f, _ROOM):
         return True
