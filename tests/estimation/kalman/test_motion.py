@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.linalg import expm
 
-from swimbladder.estimation.kalman.kernels import BOBBING_DAMPING, transition
+from swimbladder.estimation.kalman.kernels import BOBBING_DAMPING, Motion, Span, transition
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.engine.cache import compiled
@@ -20,14 +20,15 @@ SCALE = np.array([1.0, 1.0, 1e-6])  # the neutral volume in cm3, so that one tol
 
 
 @compiled
-def step(p, layers, x, Va, Vb, h, walk2, jolt2, F, Q):
-    return transition(p, layers, x[0], x[1], x[2], Va, Vb, h, walk2, jolt2, F, Q)
+def step(motion, x, span, F, Q):
+    return transition(motion, x, span, F, Q)
 
 
 def stepped(p, x, Va, Vb, h, layers=NO_LAYERS):
     F, Q = np.empty((3, 3)), np.empty((3, 3))
-    z, w, aground = step(np.array(p), layers, np.array(x), Va, Vb, h, WALK2, JOLT2, F, Q)
-    return np.array([z, w, x[2]]), F, np.triu(Q) + np.triu(Q, 1).T, aground
+    after = np.array(x)
+    aground = step(Motion(np.array(p), layers, WALK2, JOLT2), after, Span(h, Va, Vb), F, Q)
+    return after, F, np.triu(Q) + np.triu(Q, 1).T, aground
 
 
 def by_expm(p, x, Va, Vb, h):

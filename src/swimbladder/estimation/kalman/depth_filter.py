@@ -14,18 +14,18 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.estimation.kalman.kernels import (
     HELD,
+    Filtered,
+    Samples,
     filter_kernel,
     follow_kernel,
     predict_kernel,
-    smooth_kernel,
 )
 from swimbladder.estimation.series import Array, Index
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.engine.layers import NO_LAYERS, Layers
+from swimbladder.sim.engine.layers import Layers
 
 GATE = 3.0  # standard deviations of an innovation beyond which it is not believed in full
 
@@ -56,41 +56,6 @@ class Start(NamedTuple):
     neutral_std: float
 
 
-class Samples(NamedTuple):
-    """A log's arrays of one length n, and the layers of the water that it was made in."""
-
-    time: Array  # s, growing
-    volume: Array  # m3, linear between samples
-    depth: Array  # m; nan: not measured
-    use: NDArray[np.int8]  # 1: counts; 0: in contact, with the contact's noise; -1: not looked at
-    layers: Layers = NO_LAYERS
-
-
-@dataclass(frozen=True)
-class Filtered:
-    """What the filter made of n samples; states are (depth m, speed m/s, neutral volume m3)."""
-
-    plant: Plant
-    samples: Samples
-    noise: Noise
-    log_likelihood: float  # of the samples that count
-    predicted: Array  # [n, 3], before each sample
-    predicted_covariance: Array  # [n, 3, 3]
-    mean: Array  # [n, 3], after each sample
-    covariance: Array  # [n, 3, 3]
-    innovation: Array  # m [n], measured less predicted; nan where not looked at
-    variance: Array  # m2 [n], of the innovation
-    contribution: Array  # [n], to the log likelihood
-    fate: NDArray[np.int8]  # [n], UNSEEN ... RESTARTED of kernels
-    slopes: Array  # [n, 3, 3], of each predicted state by the one before
-
-    def smoothed(self) -> tuple[Array, Array]:
-        """Return states [n, 3] and covariances [n, 3, 3] given all samples, earlier and later."""
-        mean, covariance = self.mean.copy(), self.covariance.copy()
-        smooth_kernel(self.predicted, self.predicted_covariance, self.slopes, mean, covariance)
-        return mean, covariance
-
-
 def filter_depth(
     plant: Plant, samples: Samples, *, noise: Noise, start: Start, gate: float = GATE
 ) -> Filtered:
@@ -102,46 +67,13 @@ def filter_depth(
     the depth measured, with the speed's and the neutral volume's first deviations.
     """
     n = len(samples.time)
-    before, spread, slopes = np.empty((n, 3)), np.empty((n, 3, 3)), np.zeros((n, 3, 3))
-    mean, covariance = np.empty((n, 3)), np.empty((n, 3, 3))
-    error, variance, contribution = np.empty(n), np.empty(n), np.empty(n)
-    fate = np.empty(n, np.int8)
-    total = filter_kernel(
-        np.array(plant),
-        samples.layers,
-        samples.time,
-        samples.volume,
-        samples.depth,
-        samples.use,
-        np.array(start[:3]),
-        np.diag(np.square(start[3:])),
-        noise.variances(),
-        gate,
-        before,
-        spread,
-        slopes,
-        mean,
-        covariance,
-        error,
-        variance,
-        contribution,
-        fate,
-    )
-    return Filtered(
-        plant=plant,
-        samples=samples,
-        noise=noise,
-        log_likelihood=total,
-        predicted=before,
-        predicted_covariance=spread,
-        mean=mean,
-        covariance=covariance,
-        innovation=error,
-        variance=variance,
-        contribution=contribution,
-        fate=fate,
-        slopes=slopes,
-    )
+    states, matrices = np.empty((2, n, 3)), np.zeros((3, n, 3, 3))
+    before, after = (states[0], matrices[0], matrices[1]), (states[1], matrices[2])
+    error, variance, contribution = np.empty((3, n))
+    out = Filtered(*before, *after, error, variance, contribution, np.empty(n, np.int8))
+    first, covariance = np.array(start[:3]), np.diag(np.square(start[3:]))
+    filter_kernel(np.array(plant), samples, first, covariance, noise.variances(), gate, out)
+    return out
 
 
 def follow(
@@ -153,16 +85,8 @@ def follow(
     the instants time [n] in s; starts [lanes, 2]: depth [m] and speed [m/s]. nan from where a
     vehicle left the water.
     """
-    depth = np.empty((len(plants), len(time)))
-    follow_kernel(
-        np.array(plants),
-        layers,
-        np.ascontiguousarray(time, float),
-        np.ascontiguousarray(volume, float),
-        np.ascontiguousarray(starts, float),
-        depth,
-    )
-    return depth
+    arrays = [np.ascontiguousarray(a, float) for a in (time, volume, starts)]
+    return np.asarray(follow_kernel(np.array(plants), layers, *arrays))
 
 
 # Depths in contact are wrong by much the same from sample to sample: so many make one.
@@ -199,21 +123,10 @@ class Bank:
         for i, (rows, states, covariances) in self.states.items():
             member, weight = self.members[i], self.weight[i, first]
             (worth,) = np.nonzero(weight > _WORTH)
-            at = np.searchsorted(rows, first[worth])
-            depth, variance = np.empty(len(worth)), np.empty(len(worth))
-            predict_kernel(
-                np.array(member.plant),
-                self.samples.layers,
-                self.samples.time,
-                _drifted(self.samples, member).volume,
-                states[at],
-                covariances[at],
-                first[worth],
-                last[worth],
-                member.noise.variances(),
-                depth,
-                variance,
-            )
+            at, ends = np.searchsorted(rows, first[worth]), (first[worth], last[worth])
+            plant, noise = np.array(member.plant), member.noise.variances()
+            known, samples = (states[at], covariances[at]), _drifted(self.samples, member)
+            depth, variance = predict_kernel(plant, samples, known, ends, noise)
             mean[worth] += weight[worth] * depth
             square[worth] += weight[worth] * (variance + depth**2)
             total[worth] += weight[worth]

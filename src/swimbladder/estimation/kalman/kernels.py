@@ -13,11 +13,14 @@ integrals. Else Runge-Kutta's fourth-order scheme carries the motion with its va
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from swimbladder.estimation.series import Array, Index
 from swimbladder.sim.engine.cache import allocating, compiled
-from swimbladder.sim.engine.layers import layered
+from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layered
 from swimbladder.sim.engine.modes import (
     A_B,
     A_S,
@@ -47,8 +50,60 @@ _x, _c = np.polynomial.legendre.leggauss(5)
 _POINTS, _WEIGHTS = tuple((0.5 * (_x + 1.0)).tolist()), tuple((0.5 * _c).tolist())
 
 
+class Samples(NamedTuple):
+    """A log's arrays of one length n, and the layers of the water that it was made in."""
+
+    time: Array  # s, growing
+    volume: Array  # m3, linear between samples
+    depth: Array  # m; nan: not measured
+    use: NDArray[np.int8]  # 1: counts; 0: in contact, with the contact's noise; -1: not looked at
+    layers: Layers = NO_LAYERS
+
+
+class Filtered(NamedTuple):
+    """What the filter made of n samples; states are (depth m, speed m/s, neutral volume m3)."""
+
+    predicted: Array  # [n, 3], before each sample
+    predicted_covariance: Array  # [n, 3, 3]
+    slopes: Array  # [n, 3, 3], of each predicted state by the one before
+    mean: Array  # [n, 3], after each sample
+    covariance: Array  # [n, 3, 3]
+    innovation: Array  # m [n], measured less predicted; nan where not looked at
+    variance: Array  # m2 [n], of the innovation
+    contribution: Array  # [n], to the log likelihood
+    fate: NDArray[np.int8]  # [n], UNSEEN ... RESTARTED
+
+    @property
+    def log_likelihood(self) -> float:
+        """That of the samples that count."""
+        return float(self.contribution.sum())
+
+    def smoothed(self) -> tuple[Array, Array]:
+        """Return states [n, 3] and covariances [n, 3, 3] given all samples, earlier and later."""
+        mean, covariance = self.mean.copy(), self.covariance.copy()
+        smooth_kernel(self.predicted, self.predicted_covariance, self.slopes, mean, covariance)
+        return mean, covariance
+
+
+class Motion(NamedTuple):
+    """A vehicle, its water, and the intensities of the noise that moves it."""
+
+    p: Array  # the plant, by `modes`
+    layers: Layers
+    walk2: float  # m6/s, random walk of the neutral volume
+    jolt2: float  # m2/s3, acceleration
+
+
+class Span(NamedTuple):
+    """The time between two samples [s], and the volumes at its ends [m3]."""
+
+    h: float
+    Va: float
+    Vb: float
+
+
 @allocating
-def _response(d, kappa, h):  # type: ignore[no-untyped-def]
+def _response(d: float, kappa: float, h: float) -> tuple[float, float, float, float]:
     """Return (G', G, I1, I2) at h [s] of G'' = kappa G - d G', G(0) = 0, G'(0) = 1.
 
     I1 and I2 are the first and second integral of G. Meant for h (d + sqrt|kappa|) up to 1 or so.
@@ -72,11 +127,12 @@ def _response(d, kappa, h):  # type: ignore[no-untyped-def]
 
 
 @allocating
-def _add_noise(a, d, kappa, tau, weight, walk2, jolt2, Q):  # type: ignore[no-untyped-def]
+def _add_noise(m: Motion, tau: float, weight: float, Q: Array) -> None:
     """Add to Q what the noise of an instant does tau [s] later."""
-    slope, g, i1, _ = _response(d, kappa, tau)
+    a = m.p[A_B]
+    slope, g, i1, _ = _response(m.p[D_L], a * m.p[PSI], tau)
     vz, vw = a * i1, a * g
-    q, s = weight * walk2, weight * jolt2
+    q, s = weight * m.walk2, weight * m.jolt2
     Q[0, 0] += q * vz * vz + s * g * g
     Q[0, 1] += q * vz * vw + s * g * slope
     Q[1, 1] += q * vw * vw + s * slope * slope
@@ -86,7 +142,7 @@ def _add_noise(a, d, kappa, tau, weight, walk2, jolt2, Q):  # type: ignore[no-un
 
 
 @allocating
-def _propagate(P, F, Q):  # type: ignore[no-untyped-def]
+def _propagate(P: Array, F: Array, Q: Array) -> None:
     """Replace P [3, 3] by F P F' + Q, symmetric; Q holds its upper triangle."""
     T = np.empty((3, 3))
     for i in range(3):
@@ -100,7 +156,7 @@ def _propagate(P, F, Q):  # type: ignore[no-untyped-def]
 
 
 @allocating
-def _spread(F, Q, f, q):  # type: ignore[no-untyped-def]
+def _spread(F: Array, Q: Array, f: Array, q: Array) -> None:
     """Advance: F becomes f F, Q becomes f Q f' + q, of which the upper triangle is read."""
     for j in range(3):
         a, b, c = F[0, j], F[1, j], F[2, j]
@@ -110,46 +166,47 @@ def _spread(F, Q, f, q):  # type: ignore[no-untyped-def]
 
 
 @allocating
-def _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
-    """Advance over h [s] under laminar drag, clear of surface and bottom, exactly."""
-    a, d = p[A_B], p[D_L]
-    kappa = a * p[PSI]
-    n = max(math.ceil(h * (d + math.sqrt(abs(kappa))) / _REACH), 1)
-    s = h / n
+def _laminar(m: Motion, x: Array, span: Span, F: Array, Q: Array) -> None:
+    """Advance x over a span under laminar drag, clear of surface and bottom, exactly."""
+    a, d = m.p[A_B], m.p[D_L]
+    kappa = a * m.p[PSI]
+    n = max(math.ceil(span.h * (d + math.sqrt(abs(kappa))) / _REACH), 1)
+    s = span.h / n
     slope, g, i1, i2 = _response(d, kappa, s)
     f = np.zeros((3, 3))
     q = np.zeros((3, 3))
     f[0, 0], f[0, 1], f[0, 2] = 1.0 + kappa * i1, g, a * i1
     f[1, 0], f[1, 1], f[1, 2] = kappa * g, slope, a * g
     f[2, 2] = 1.0
-    if walk2 > 0.0 or jolt2 > 0.0:
+    if m.walk2 > 0.0 or m.jolt2 > 0.0:
         for i in range(5):
-            _add_noise(a, d, kappa, _POINTS[i] * s, _WEIGHTS[i] * s, walk2, jolt2, q)
-    rate = (Vb - Va) / h
+            _add_noise(m, _POINTS[i] * s, _WEIGHTS[i] * s, q)
+    rate = (span.Vb - span.Va) / span.h
+    z, w, V0 = x[0], x[1], x[2]
     F[:, :], Q[:, :] = f, q
     Q[1, 0], Q[2, 0], Q[2, 1] = q[0, 1], q[0, 2], q[1, 2]
     for i in range(n):
         if i:
             _spread(F, Q, f, q)
-        V = Va + rate * (i * s)
+        V = span.Va + rate * (i * s)
         # with the neutral volume taken off first: the difference is small, both are not
         force = a * (V0 - V)
         z, w = (
             f[0, 0] * z + g * w + force * i1 - a * rate * i2,
             kappa * g * z + slope * w + force * g - a * rate * i1,
         )
-    return z, w
+    x[0], x[1] = z, w
 
 
 @allocating
-def _slopes(p, layers, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped-def]
+def _slopes(m: Motion, x: Array, V: float, tau: float, out: Array) -> None:
     """Right-hand side of x: z, w, then F's columns (z and w rows of each), then Q's five parts.
 
     V: volume less neutral volume [m3]; tau: time since the step began [s].
     """
-    z, w = x[0], x[1]
+    p, z, w = m.p, x[0], x[1]
     taken, bends, _ = drag(p, w)
-    added, steeper = layered(layers, z)
+    added, steeper = layered(m.layers, z)
     force = p[A_B] * (p[PSI] * z + added - V) - taken
     pull, damping = p[A_B] * (p[PSI] + steeper), bends
     if z < p[Z_SURFACE]:
@@ -166,13 +223,13 @@ def _slopes(p, layers, x, V, walk2, jolt2, tau, out):  # type: ignore[no-untyped
     zz, zw, ww, zV, wV = x[8], x[9], x[10], x[11], x[12]
     out[8] = 2.0 * zw
     out[9] = ww + pull * zz - damping * zw + a * zV
-    out[10] = 2.0 * (pull * zw - damping * ww + a * wV) + jolt2
+    out[10] = 2.0 * (pull * zw - damping * ww + a * wV) + m.jolt2
     out[11] = wV
-    out[12] = pull * zV - damping * wV + a * walk2 * tau
+    out[12] = pull * zV - damping * wV + a * m.walk2 * tau
 
 
 @allocating
-def _cross(p, x, up):  # type: ignore[no-untyped-def]
+def _cross(p: Array, x: Array, up: bool) -> None:
     """Change slopes and noise of x where the vehicle passes through the surface.
 
     The damping begins or ends there at once, and a vehicle that is higher gets there earlier: by
@@ -187,92 +244,116 @@ def _cross(p, x, up):  # type: ignore[no-untyped-def]
 
 
 @allocating
-def _substep(p, layers, x, V, rate, s, t, walk2, jolt2, k, y):  # type: ignore[no-untyped-def]
-    """Advance x by one step of s [s]; V: volume less neutral volume at its beginning [m3]."""
-    _slopes(p, layers, x, V, walk2, jolt2, t, k[0])
+def _substep(m: Motion, x: Array, V: float, rate: float, t: float, s: float, k: Array) -> None:
+    """Fill the last row of k [5, 13] with x after a step of s [s], t [s] after the span began.
+
+    V: volume less neutral volume then [m3], which grows at a rate [m3/s].
+    """
+    y, middle, late = k[4], V + 0.5 * rate * s, V + rate * s
+    _slopes(m, x, V, t, k[0])
     y[:] = x + 0.5 * s * k[0]
-    _slopes(p, layers, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[1])
+    _slopes(m, y, middle, t + 0.5 * s, k[1])
     y[:] = x + 0.5 * s * k[1]
-    _slopes(p, layers, y, V + 0.5 * rate * s, walk2, jolt2, t + 0.5 * s, k[2])
+    _slopes(m, y, middle, t + 0.5 * s, k[2])
     y[:] = x + s * k[2]
-    _slopes(p, layers, y, V + rate * s, walk2, jolt2, t + s, k[3])
+    _slopes(m, y, late, t + s, k[3])
     y[:] = x + s / 6.0 * (k[0] + 2.0 * (k[1] + k[2]) + k[3])
 
 
 @allocating
-def _runge_kutta(p, layers, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
-    """Advance over h [s] in n steps; the bottom stops the vehicle. Return (z, w, aground)."""
-    x = np.zeros(13)
-    y = np.empty(13)
-    k = np.empty((4, 13))
-    x[0], x[1], x[2], x[5] = z, w, 1.0, 1.0
-    s = h / n
-    rate = (Vb - Va) / h
+def _runge_kutta(m: Motion, state: Array, span: Span, n: int, F: Array, Q: Array) -> bool:
+    """Advance a state over a span in n steps; the bottom stops the vehicle. Return if aground."""
+    p, x, k = m.p, np.zeros(13), np.empty((5, 13))
+    y = k[4]
+    x[0], x[1], x[2], x[5] = state[0], state[1], 1.0, 1.0
+    s = span.h / n
+    rate = (span.Vb - span.Va) / span.h
     surface = p[Z_SURFACE]
     aground = False
     for i in range(n):
         t = i * s
-        V = Va - V0 + rate * t
-        push = p[A_B] * (p[PSI] * x[0] + layered(layers, x[0])[0] - V)
+        V = span.Va - state[2] + rate * t
+        push = p[A_B] * (p[PSI] * x[0] + layered(m.layers, x[0])[0] - V)
         aground = x[0] >= p[Z_BOTTOM] and x[1] >= 0.0 and push >= 0.0
         if aground:
             x[0], x[1] = p[Z_BOTTOM], 0.0
             x[2:] = 0.0
             continue
-        _substep(p, layers, x, V, rate, s, t, walk2, jolt2, k, y)
+        _substep(m, x, V, rate, t, s, k)
         up = y[0] < surface
         if up != (x[0] < surface):  # to the surface, through it, and on
             share = (surface - x[0]) / (y[0] - x[0])
+            part = share * s
             if share > 0.0:
-                _substep(p, layers, x, V, rate, share * s, t, walk2, jolt2, k, y)
+                _substep(m, x, V, rate, t, part, k)
                 x[:] = y
             _cross(p, x, up)
-            left = (1.0 - share) * s
-            late = t + share * s
-            _substep(p, layers, x, V + rate * share * s, rate, left, late, walk2, jolt2, k, y)
+            _substep(m, x, V + rate * part, rate, t + part, (1.0 - share) * s, k)
         x[:] = y
         if x[0] > p[Z_BOTTOM]:
             x[0], x[1] = p[Z_BOTTOM], min(x[1], 0.0)
             x[2:] = 0.0
             aground = True
-    F[0, 0], F[1, 0], F[2, 0] = x[2], x[3], 0.0
-    F[0, 1], F[1, 1], F[2, 1] = x[4], x[5], 0.0
-    F[0, 2], F[1, 2], F[2, 2] = x[6], x[7], 1.0
+    for j in range(3):
+        F[0, j], F[1, j], F[2, j] = x[2 + 2 * j], x[3 + 2 * j], 0.0
+    F[2, 2] = 1.0
     Q[0, 0], Q[0, 1], Q[1, 1] = x[8], x[9], x[10]
-    Q[0, 2], Q[1, 2], Q[2, 2] = x[11], x[12], walk2 * h
-    return x[0], x[1], aground
+    Q[0, 2], Q[1, 2], Q[2, 2] = x[11], x[12], m.walk2 * span.h
+    state[:2] = x[:2]
+    return aground
 
 
 @allocating
-def transition(p, layers, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q):  # type: ignore[no-untyped-def]
-    """Advance over h [s] while the volume goes from Va to Vb; return (z, w, whether aground).
+def transition(m: Motion, x: Array, span: Span, F: Array, Q: Array) -> bool:
+    """Advance the state x [3] over a span; return whether it is aground.
 
-    layers: what the water adds to the neutral volume. Fills F [3, 3], the slope of the new state
-    by the old one, and Q [3, 3], upper triangle, the covariance that the noise of intensities walk2
-    [m6/s] and jolt2 [m2/s3] adds.
+    Fills F [3, 3], the slope of the new state by the old one, and Q [3, 3], upper triangle, the
+    covariance that the noise adds.
     """
+    p, z, w, h = m.p, x[0], x[1], span.h
     taken = drag(p, w)[0]
-    steady = p[A_B] * (p[PSI] * z + layered(layers, z)[0] + V0)
-    pulls = (steady - p[A_B] * Va - taken, steady - p[A_B] * Vb - taken)
-    up = max(-w, 0.0) * h + 0.5 * max(-min(pulls[0], pulls[1]), 0.0) * h * h
-    down = max(w, 0.0) * h + 0.5 * max(pulls[0], pulls[1], 0.0) * h * h
+    steady = p[A_B] * (p[PSI] * z + layered(m.layers, z)[0] + x[2])
+    first, last = steady - p[A_B] * span.Va, steady - p[A_B] * span.Vb
+    least, most = min(first, last) - taken, max(first, last) - taken
+    up = max(-w, 0.0) * h + 0.5 * max(-least, 0.0) * h * h
+    down = max(w, 0.0) * h + 0.5 * max(most, 0.0) * h * h
     rises = z - up <= p[Z_SURFACE]
-    plain = p[EPSILON] == math.inf and layers.table.shape[0] == 0
+    plain = p[EPSILON] == math.inf and m.layers.table.shape[0] == 0
     if plain and not rises and z + down < p[Z_BOTTOM]:
-        z, w = _laminar(p, z, w, V0, Va, Vb, h, walk2, jolt2, F, Q)
-        return z, w, False
+        _laminar(m, x, span, F, Q)
+        return False
     # as fast as it may become within the step, where drag does not hold it back
-    fastest = abs(w) + max(abs(pulls[0]), abs(pulls[1])) * h
+    fastest = abs(w) + max(abs(least), abs(most)) * h
     if p[D_T] > 0.0:
-        net = max(abs(steady - p[A_B] * Va), abs(steady - p[A_B] * Vb))
-        fastest = min(fastest, max(abs(w), math.sqrt(net / p[D_T])))
+        fastest = min(fastest, max(abs(w), math.sqrt(max(abs(first), abs(last)) / p[D_T])))
     rate = max(p[D_L], p[D_B] + 2.0 * p[D_T] * fastest)
-    rate += math.sqrt(p[A_B] * (abs(p[PSI]) + layers.steepest))
+    rate += math.sqrt(p[A_B] * (abs(p[PSI]) + m.layers.steepest))
     steps = h * rate / _FINE
     if rises:
         steps = max(steps, h * math.sqrt(p[A_S]) / _FINE_BOBBING)
     n = int(min(math.ceil(steps), _MOST)) + 1
-    return _runge_kutta(p, layers, z, w, V0, Va, Vb, h, n, walk2, jolt2, F, Q)
+    aground: bool = _runge_kutta(m, x, span, n, F, Q)
+    return aground
+
+
+@allocating
+def _span(time: Array, volume: Array, k: int) -> Span:
+    """Return what is between the sample before k and k."""
+    return Span(time[k] - time[k - 1], volume[k - 1], volume[k])
+
+
+@allocating
+def _predict(m: Motion, x: Array, C: Array, span: Span, F: Array, noise: Array) -> None:
+    """Advance the state x [3] and its covariance C over a span; fills F, as `transition` does.
+
+    On the bottom depth and speed are known, but for what the noise in contact says.
+    """
+    Q = np.empty((3, 3))
+    aground = transition(m, x, span, F, Q)
+    _propagate(C, F, Q)
+    if aground:
+        C[0, 0] += noise[1]
+        C[1, 1] += noise[4]
 
 
 # What became of a sample.
@@ -281,7 +362,7 @@ _IN_A_ROW = 4  # samples beyond the gate to one side: not outliers, the state is
 
 
 @allocating
-def _loss(size, gate):  # type: ignore[no-untyped-def]
+def _loss(size: float, gate: float) -> tuple[float, float]:
     """Return minus the log density of an innovation of so many deviations, and its weight.
 
     Normal up to the gate; beyond it falls as 1/size, which no longer asks for larger deviations.
@@ -295,7 +376,7 @@ def _loss(size, gate):  # type: ignore[no-untyped-def]
 
 
 @allocating
-def _update(x, P, error, R, S):  # type: ignore[no-untyped-def]
+def _update(x: Array, P: Array, error: float, R: float, S: float) -> None:
     """Take in a measured depth: x += K error with K = P H'/S, and P in Joseph's form."""
     k0, k1, k2 = P[0, 0] / S, P[0, 1] / S, P[0, 2] / S
     x[0] += k0 * error
@@ -310,179 +391,96 @@ def _update(x, P, error, R, S):  # type: ignore[no-untyped-def]
     _propagate(P, F, Q)
 
 
-@allocating
-def _soften(P, floor2):  # type: ignore[no-untyped-def]
-    """On the bottom depth and speed are known, but for what a floor of variance says."""
-    P[0, 0] += floor2[0]
-    P[1, 1] += floor2[1]
-
-
 @compiled
-def filter_kernel(  # type: ignore[no-untyped-def]
-    p,
-    layers,
-    time,
-    volume,
-    depth,
-    use,
-    start,
-    cov,
-    noise,
-    gate,
-    before,
-    spread,
-    F,
-    mean,
-    P,
-    error,
-    variance,
-    likelihood,
-    fate,
-):
-    """Filter n measured depths [m]; return the log likelihood of those that count.
+def filter_kernel(
+    p: Array, samples: Samples, start: Array, cov: Array, noise: Array, gate: float, out: Filtered
+) -> None:
+    """Filter n measured depths [m].
 
-    use [n]: 1 counts, 0 is held with the contact's noise, -1 is not looked at. start [3], cov
-    [3, 3]: state and covariance at the first instant, before its sample. noise: variance of the
-    depth [m2], of the depth in contact [m2], random walk^2 [m6/s], acceleration^2 [m2/s3], variance
-    of the speed in contact [m2/s2]. Fills the states before (`before` [n, 3], `spread` [n, 3, 3])
-    and after (`mean`, `P`) each sample, F [n, 3, 3] into sample k, and for each sample error [m],
-    variance [m2], log likelihood and fate.
+    start [3], cov [3, 3]: state and covariance at the first instant, before its sample. noise:
+    variance of the depth [m2], of the depth in contact [m2], random walk^2 [m6/s], acceleration^2
+    [m2/s3], variance of the speed in contact [m2/s2].
     """
-    R, R_held, walk2, jolt2 = noise[0], noise[1], noise[2], noise[3]
-    floor2 = (R_held, noise[4])
-    x = start.copy()
-    C = cov.copy()
-    Q = np.empty((3, 3))
-    total, row, side = 0.0, 0, 0.0
-    for k in range(time.shape[0]):
+    R, R_held = noise[0], noise[1]
+    m = Motion(p, samples.layers, noise[2], noise[3])
+    x, C = start.copy(), cov.copy()
+    row, side = 0, 0.0
+    for k in range(samples.time.shape[0]):
         if k:
-            x[0], x[1], aground = transition(
-                p,
-                layers,
-                x[0],
-                x[1],
-                x[2],
-                volume[k - 1],
-                volume[k],
-                time[k] - time[k - 1],
-                walk2,
-                jolt2,
-                F[k],
-                Q,
-            )
-            _propagate(C, F[k], Q)
-            if aground:
-                _soften(C, floor2)
-        before[k] = x
-        spread[k] = C
-        fate[k], error[k], variance[k], likelihood[k] = UNSEEN, np.nan, np.nan, 0.0
-        if use[k] >= 0 and math.isfinite(depth[k]):
-            e = depth[k] - x[0]
-            error[k] = e
-            if use[k] == 0:
-                S = C[0, 0] + R_held
-                variance[k], fate[k] = S, HELD
-                size = abs(e) / math.sqrt(S)
+            _predict(m, x, C, _span(samples.time, samples.volume, k), out.slopes[k], noise)
+        out.predicted[k], out.predicted_covariance[k] = x, C
+        out.fate[k], out.contribution[k] = UNSEEN, 0.0
+        out.innovation[k], out.variance[k] = np.nan, np.nan
+        if samples.use[k] >= 0 and math.isfinite(samples.depth[k]):
+            e = samples.depth[k] - x[0]
+            S = C[0, 0] + (R_held if samples.use[k] == 0 else R)
+            size = abs(e) / math.sqrt(S)
+            out.innovation[k], out.variance[k] = e, S
+            if samples.use[k] == 0:
+                out.fate[k], row = HELD, 0
                 if size > gate:
                     S *= size / gate
-                _update(x, C, e, S - C[0, 0], S)
-                row = 0
             else:
-                S = C[0, 0] + R
-                size = abs(e) / math.sqrt(S)
-                variance[k] = S
                 loss, pull = _loss(size, gate)
-                likelihood[k] = -loss - 0.5 * math.log(2.0 * math.pi * S)
-                total += likelihood[k]
+                out.contribution[k] = -loss - 0.5 * math.log(2.0 * math.pi * S)
+                S /= pull
                 if size > gate:
-                    fate[k] = CLIPPED if size < 2.0 * gate else REJECTED
+                    out.fate[k] = CLIPPED if size < 2.0 * gate else REJECTED
                     row, side = (row + 1 if row and (e > 0.0) == (side > 0.0) else 1), e
                 else:
-                    fate[k], row = COUNTED, 0
-                if row == _IN_A_ROW:
-                    fate[k], row = RESTARTED, 0
-                    x[0], x[1] = depth[k], 0.0
-                    C[:, :] = 0.0
-                    C[0, 0], C[1, 1] = R, cov[1, 1]
-                    C[2, 2] = max(cov[2, 2], spread[k, 2, 2])
-                else:
-                    S /= pull
-                    _update(x, C, e, S - C[0, 0], S)
-        mean[k] = x
-        P[k] = C
-    return total
+                    out.fate[k], row = COUNTED, 0
+            if row == _IN_A_ROW:
+                out.fate[k], row = RESTARTED, 0
+                x[0], x[1] = samples.depth[k], 0.0
+                neutral = max(cov[2, 2], C[2, 2])
+                C[:, :] = 0.0
+                C[0, 0], C[1, 1], C[2, 2] = R, cov[1, 1], neutral
+            else:
+                _update(x, C, e, S - C[0, 0], S)
+        out.mean[k], out.covariance[k] = x, C
 
 
 @compiled
-def predict_kernel(  # type: ignore[no-untyped-def]
-    p, layers, time, volume, mean, P, first, last, noise, depth, variance
-):
-    """Predict the depth at sample last[i] from the state mean[i], P[i] after sample first[i].
+def predict_kernel(
+    p: Array, samples: Samples, known: tuple[Array, Array], ends: tuple[Index, Index], noise: Array
+) -> tuple[Array, Array]:
+    """Return depths at samples ends[1] [n], predicted from after samples ends[0], and variances.
 
-    The volume on the way is known. variance [m2] is of the true depth, without the measurement's.
+    known: states [n, 3] and covariances there. The volume on the way is known. The variances [m2]
+    are of the true depth, without the measurement's.
     """
-    walk2, jolt2 = noise[2], noise[3]
-    floor2 = (noise[1], noise[4])
-    F, Q = np.empty((3, 3)), np.empty((3, 3))
-    for i in range(first.shape[0]):
-        x = mean[i].copy()
-        C = P[i].copy()
-        for k in range(first[i] + 1, last[i] + 1):
-            x[0], x[1], aground = transition(
-                p,
-                layers,
-                x[0],
-                x[1],
-                x[2],
-                volume[k - 1],
-                volume[k],
-                time[k] - time[k - 1],
-                walk2,
-                jolt2,
-                F,
-                Q,
-            )
-            _propagate(C, F, Q)
-            if aground:
-                _soften(C, floor2)
-        depth[i] = x[0]
-        variance[i] = C[0, 0]
+    m, F = Motion(p, samples.layers, noise[2], noise[3]), np.empty((3, 3))
+    x, C = known[0].copy(), known[1].copy()
+    for i in range(len(x)):
+        for k in range(ends[0][i] + 1, ends[1][i] + 1):
+            _predict(m, x[i], C[i], _span(samples.time, samples.volume, k), F, noise)
+    return x[:, 0], C[:, 0, 0]
 
 
 @compiled
-def follow_kernel(plants, layers, time, volume, starts, depth):  # type: ignore[no-untyped-def]
-    """Follow a volume [n] with several vehicles; depth [lanes, n] is nan once one left the water.
+def follow_kernel(
+    plants: Array, layers: Layers, time: Array, volume: Array, starts: Array
+) -> Array:
+    """Follow a volume [n] with several vehicles; depths [lanes, n] are nan once one left the water.
 
     plants [lanes, fields]; starts [lanes, 2]: depth [m] and speed [m/s] at the first instant.
     """
-    F, Q = np.empty((3, 3)), np.empty((3, 3))
-    for i in range(plants.shape[0]):
+    F, Q, x = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    depth = np.full((len(plants), len(time)), np.nan)
+    for i in range(len(plants)):
         p = plants[i]
-        z, w = starts[i, 0], starts[i, 1]
-        depth[i] = math.nan
-        depth[i, 0] = z
-        for k in range(1, time.shape[0]):
-            z, w, _ = transition(
-                p,
-                layers,
-                z,
-                w,
-                p[V_0],
-                volume[k - 1],
-                volume[k],
-                time[k] - time[k - 1],
-                0.0,
-                0.0,
-                F,
-                Q,
-            )
-            if not (z > p[Z_AIR] and z < DEEPEST):
+        x[:2], x[2] = starts[i], p[V_0]
+        depth[i, 0] = x[0]
+        for k in range(1, len(time)):
+            transition(Motion(p, layers, 0.0, 0.0), x, _span(time, volume, k), F, Q)
+            if not (x[0] > p[Z_AIR] and x[0] < DEEPEST):
                 break
-            depth[i, k] = z
+            depth[i, k] = x[0]
+    return depth
 
 
 @compiled
-def smooth_kernel(before, spread, F, mean, P):  # type: ignore[no-untyped-def]
+def smooth_kernel(before: Array, spread: Array, F: Array, mean: Array, P: Array) -> None:
     """Replace mean and P by those given all samples (Rauch, Tung and Striebel)."""
     for k in range(mean.shape[0] - 2, -1, -1):
         scale = np.sqrt(np.maximum(np.diag(spread[k + 1]), 1e-300))
