@@ -96,10 +96,10 @@ def _marks(dive: DeepDive) -> tuple[int, int, float]:
     p = dive.pressure
     begin = int(np.argmax(p > BEGIN))
     arrived = int(np.argmax(p > ARRIVED * p.max()))
-    pumps = dive.action_time[
-        dive.action_pumps
-        & (dive.action_pressure > 0.9 * p.max())
-        & (dive.action_time > dive.time[arrived])
+    pumps = dive.actions.time[
+        dive.actions.pumps
+        & (dive.actions.pressure > 0.9 * p.max())
+        & (dive.actions.time > dive.time[arrived])
     ]
     leave = float(pumps[-1])
     for time in pumps[::-1]:
@@ -122,7 +122,7 @@ def predict(body: Body, fit: DeepFit, dive: DeepDive, speeds: tuple[float, float
         hold = min(float(dive.pressure[begin] + speeds[0] * (t_leave - t0)), target)
         return np.where(t < t_leave, down, np.maximum(hold - speeds[1] * (t - t_leave), 0.0))
 
-    runs = dive.action_time[(dive.action_time > t0) & (dive.action_time < dive.time[-1])]
+    runs = dive.actions.time[(dive.actions.time > t0) & (dive.actions.time < dive.time[-1])]
     measured = Replay(time=dive.time, pressure=dive.pressure, speed=np.zeros(len(dive.time)))
     fine = np.arange(t0, dive.time[-1], 10.0)
     simple = Replay(time=fine, pressure=constant(fine), speed=np.zeros(len(fine)))
@@ -163,7 +163,7 @@ def _ahead(
     found = []
     measured = Replay(time=dive.time, pressure=dive.pressure, speed=np.zeros(len(dive.time)))
     imbalance = balance(body, fit.values, 0.0, dive)
-    for t0, t1 in pairwise(dive.action_time):
+    for t0, t1 in pairwise(dive.actions.time):
         known = np.flatnonzero(dive.pieces.time < t0)[-LOOKS:]
         if t1 - t0 < FOLLOWS or len(known) < LOOKS:
             continue

@@ -168,7 +168,7 @@ def waves_of(speed: float, seed: int) -> WaterMotion:
 def logged(log: FloatLog, dive: DeepDive) -> Told:
     """Return what the float did."""
     stage = log.stages[0]
-    time, acts = dive.time - dive.time[0], dive.action_time - dive.time[0]
+    time, acts = dive.time - dive.time[0], dive.actions.time - dive.time[0]
     inside = time[np.abs(dive.pressure - stage.pressure) < stage.tolerance]
     # samples are hours apart in one log; the float asks for no speed only where it has arrived
     rests = [
@@ -177,7 +177,7 @@ def logged(log: FloatLog, dive: DeepDive) -> Told:
         if a.target is not None and abs(a.target.speed_to) < MBAR and a.time > dive.time[0]
     ]
     arrived = float(min([*inside[:1], *rests[:1]]))
-    leave = float(min(acts[(acts > arrived) & (dive.action_seconds > LEAVES)], default=time[-1]))
+    leave = float(min(acts[(acts > arrived) & (dive.actions.seconds > LEAVES)], default=time[-1]))
     return _told(time, dive.pressure, acts, arrived, leave, float(time[-1]), stage)
 
 

@@ -119,7 +119,7 @@ def speed_scatter(dives: Sequence[DeepDive], leaves: Sequence[float]) -> Scatter
     speeds, acts = [], []
     for dive, leave in zip(dives, leaves, strict=True):
         t, p = dive.time - dive.time[0], dive.pressure
-        begun, over = dive.action_time - dive.time[0], dive.action_seconds + _AFTER
+        begun, over = dive.actions.time - dive.time[0], dive.actions.seconds + _AFTER
         cycle = float(np.median(np.diff(t[t > leave])))
         for i in range(1, len(t)):
             if t[i] < leave + _STEADY or p[i] < TOP or t[i] - t[i - 1] > 1.1 * cycle:
@@ -128,7 +128,7 @@ def speed_scatter(dives: Sequence[DeepDive], leaves: Sequence[float]) -> Scatter
                 continue
             soon = np.flatnonzero((begun > t[i] + 1.0) & (begun < t[i] + RUN + 20.0))
             speeds.append((p[i - 1] - p[i]) / (t[i] - t[i - 1]))
-            acts.append(0 if not len(soon) else (1 if dive.action_pumps[soon[0]] else -1))
+            acts.append(0 if not len(soon) else (1 if dive.actions.pumps[soon[0]] else -1))
     v, a = np.array(speeds), np.array(acts)
     least, most = _edge(SLOWER), _edge(FASTER)
 
@@ -172,14 +172,14 @@ def rests(
     The drive's volume is what body, water and drag ask for, as identified.
     """
     t, found = dive.time - dive.time[0], []
-    acts = dive.action_time - dive.time[0]
+    acts = dive.actions.time - dive.time[0]
     edges = np.unique([arrived, *acts[(acts >= arrived) & (acts <= leave + 1.0)]])
     for a, b in pairwise(edges):
         at = (t > a + _STEADY) & (t < b)
         if b - a < LEAST_REST or at.sum() < 3:
             continue
         x, p = t[at], dive.pressure[at]
-        rho = np.interp(p, dive.water_pressure, dive.water_density)
+        rho = np.interp(p, dive.water.pressure, dive.water.density)
         w = np.gradient(p, x) / (rho * dive.gravity)
         drive = body.mass / rho - hull_volume(body, values, p, dive.temperature[at])
         drive = drive - drag_volume(values, w, rho, dive.gravity)

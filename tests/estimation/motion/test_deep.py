@@ -86,9 +86,9 @@ def test_a_replay_is_that_of_scipy(scene) -> None:
 
     def motion(t: float, y: np.ndarray) -> list[float]:
         p, w = y
-        rho = float(np.interp(p, dive.water_pressure, dive.water_density))
+        rho = float(np.interp(p, dive.water.pressure, dive.water.density))
         volume = start - values["creep"] * t
-        for begun, nominal in zip(dive.action_time, dive.action_volume, strict=True):
+        for begun, nominal in zip(dive.actions.time, dive.actions.volume, strict=True):
             share = min(max((t - begun) / 100.0, 0.0), 1.0)
             volume += share * (values["pump_delivery"] * nominal - 2e-6 - values["pump_start"])
         solid = 1.0 - values["compressibility"] * p + 0.5 * values["stiffening"] * p * p
@@ -284,9 +284,9 @@ def test_what_starts_fall_short_by_counts_once(scene) -> None:
     truth = TRUTH | AS_FILED
     logs, dives = two_dives(vehicle, column, truth)
     for dive in dives:
-        pumps = dive.action_pumps
-        assert dive.action_volume[pumps] == pytest.approx(0.8e-6 * dive.action_seconds[pumps])
-        assert dive.action_short == pytest.approx(np.where(pumps, SHORT, 0.0))
+        pumps = dive.actions.pumps
+        assert dive.actions.volume[pumps] == pytest.approx(0.8e-6 * dive.actions.seconds[pumps])
+        assert dive.actions.short == pytest.approx(np.where(pumps, SHORT, 0.0))
     # The same dive of a file that does not know, told that it is what starts fall short by beyond.
     twin = deep_dive(logs[0], column, plain)
     body, start = body_of(vehicle), 1e-5
@@ -341,7 +341,7 @@ def test_a_short_run_gives_nothing_and_the_line_counts(scene) -> None:
     assert run_volumes(values | {"pump_start": -SHORT}, dive)[0] == pytest.approx(1.6e-6)
     oil = Oil(volume=2e-5)
     lined = deep_dive(made_up_log(runs, 2.0), column, with_drive(plain, line=oil))
-    assert lined.action_short[1] > 0.0
+    assert lined.actions.short[1] > 0.0
 
 
 def test_the_bypass_has_a_share_of_its_own(scene) -> None:
@@ -355,7 +355,7 @@ def test_the_bypass_has_a_share_of_its_own(scene) -> None:
     ]
     truth = TRUTH | {"valve": 1.2, "bypass": 0.7, "drag": 160.0}
     logs, dives = two_dives(vehicle, column, truth, runs)
-    assert sum(dive.action_bypass.sum() for dive in dives) == 4
+    assert sum(dive.actions.bypass.sum() for dive in dives) == 4
     found = identify_deep(logs, [column], vehicle, fixed={"drag": 160.0})
     for name in ("valve", "bypass"):
         told = found.parameters[name]

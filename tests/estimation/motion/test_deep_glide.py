@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swimbladder.estimation.motion.deep_filter import glide
+from swimbladder.estimation.motion.deep_filter import Resistance, glide
 
 MASS = 28.0
 
@@ -27,7 +27,7 @@ def test_speed_and_way_are_those_of_scipy() -> None:
             return [y[1], (force - k * y[1] * abs(y[1])) / MASS]
 
         exact = solve_ivp(motion, (0.0, t), [0.0, w], rtol=1e-10, atol=1e-13).y[:, -1]
-        found = glide(w, force, MASS, down, up, t)
+        found = glide(w, force, Resistance(MASS, down, up), t)
         assert found[0] == pytest.approx(exact[1], abs=1e-7)
         assert found[1] == pytest.approx(exact[0], abs=1e-6)
         turned += w * exact[1] < 0.0
@@ -36,10 +36,11 @@ def test_speed_and_way_are_those_of_scipy() -> None:
 
 def test_slopes_are_those_of_small_changes() -> None:
     for w, force, down, up, t in drawn(60):
-        found = glide(w, force, MASS, down, up, t)
+        body = Resistance(MASS, down, up)
+        found = glide(w, force, body, t)
         h, f = 1e-6, 1e-5 * abs(force)
-        more, less = (glide(w + s * h, force, MASS, down, up, t) for s in (1.0, -1.0))
-        pushed, pulled = (glide(w, force + s * f, MASS, down, up, t) for s in (1.0, -1.0))
+        more, less = (glide(w + s * h, force, body, t) for s in (1.0, -1.0))
+        pushed, pulled = (glide(w, force + s * f, body, t) for s in (1.0, -1.0))
         for place, by_w, by_f in ((0, 2, 3), (1, 4, 5)):
             slope = (more[place] - less[place]) / (2.0 * h)
             assert found[by_w] == pytest.approx(slope, rel=1e-4, abs=1e-6 * t)
@@ -49,5 +50,5 @@ def test_slopes_are_those_of_small_changes() -> None:
 
 def test_it_ends_at_the_steady_speed() -> None:
     """F = k w^2."""
-    assert glide(0.0, 0.4, MASS, 40.0, 10.0, 1e5)[0] == pytest.approx(0.1)
-    assert glide(0.3, -0.4, MASS, 40.0, 10.0, 1e5)[0] == pytest.approx(-0.2)
+    assert glide(0.0, 0.4, Resistance(MASS, 40.0, 10.0), 1e5)[0] == pytest.approx(0.1)
+    assert glide(0.3, -0.4, Resistance(MASS, 40.0, 10.0), 1e5)[0] == pytest.approx(-0.2)

@@ -42,14 +42,14 @@ def test_the_volume_while_runs_last(tmp_path) -> None:
     for beyond in (-2e-6, 0.0, 2e-6):
         values = {name: prior.mean for name, prior in priors.items()}
         values |= {"pump_delivery": 0.8, "pump_start": beyond, "creep": 0.0}
-        t = np.arange(0.005, path.steps.sum(), 0.01)
+        t = np.arange(0.005, path.track.steps.sum(), 0.01)
         volume = np.zeros(len(t))
         for (device, begin, seconds), given in zip(runs, run_volumes(values, dive), strict=True):
             # 0.8 mL/s, of which the pump gives 0.8, less the seconds in which it makes up for that
             primes = (SHORT + beyond) / (0.8 * 0.8e-6) if device == "pump" else 0.0
             if given != 0.0:
                 volume += given * np.clip((t - begin - primes) / (seconds - primes), 0.0, 1.0)
-        step = np.searchsorted(np.cumsum(path.steps), t)
+        step = np.searchsorted(np.cumsum(path.track.steps), t)
         mean = np.bincount(step, volume) / np.bincount(step)
         assert np.abs(mean).max() > 1e-4
         assert drive_volume(values, path) == pytest.approx(mean, abs=2e-8)

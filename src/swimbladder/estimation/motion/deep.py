@@ -12,7 +12,7 @@ place there.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from scipy.special import ndtri
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence
-from swimbladder.estimation.motion.deep_filter import displaced_variance
+from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep
 from swimbladder.estimation.motion.deep_model import (
     CAST,
@@ -31,7 +31,6 @@ from swimbladder.estimation.motion.deep_model import (
     DEFAULT,
     Body,
     DeepDive,
-    Noise,
     Replay,
     body_of,
     cast_volume,
@@ -195,11 +194,8 @@ class Misfit(NamedTuple):
 def misfit_of(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> Misfit:
     """Return how far volume balance and speeds of dive `k` of a fit are off."""
     off = balance(body, fit.values, float(fit.starts[k]), dive)
-    return Misfit(
-        imbalance=_times(off / _noise(body, fit, dive)) if len(off) else 0.0,
-        speeds=_times(fit.innovations[k]),
-        distance=fit.distance[k],
-    )
+    imbalance = _times(off / _noise(body, fit, dive)) if len(off) else 0.0
+    return Misfit(imbalance, speeds=_times(fit.innovations[k]), distance=fit.distance[k])
 
 
 def _times(ratio: Array) -> float:
@@ -217,7 +213,7 @@ def _noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
     carried = np.abs(drag_volume(fit.values, p.speed, p.density, dive.gravity))
     per_speed = 2.0 * carried / np.maximum(np.abs(p.speed), np.finfo(float).tiny)
     measured = np.sqrt(2.0) * noise.pressure / (p.density * dive.gravity * p.duration)
-    layers = np.interp(p.pressure, dive.water_pressure, dive.water_layers)
+    layers = dive.water.at(p.pressure).layers
     moved = displaced_variance(noise.water**2, noise.lasts)
     variance = per_speed**2 * (noise.water**2 + measured**2)
     variance += noise.drift**2 * p.elapsed
@@ -245,12 +241,11 @@ def messages(
         wrong = [one.distance > min(BEYOND, 0.999 * farthest) for one in found]
     if not any(wrong):
         return []
-    which = "; ".join(
-        sentence("deep", "misfit", name=name, rms=imbalance, off=one)
-        for name, one, imbalance, off in zip(names, found, imbalances, wrong, strict=True)
-        if off
-    )
-    return [sentence("deep", "inconsistent" if bad else "lacks", which=which)]
+    which = [
+        sentence("deep", "misfit", name=names[k], rms=imbalances[k], off=found[k])
+        for k in np.flatnonzero(wrong).tolist()
+    ]
+    return [sentence("deep", "inconsistent" if bad else "lacks", which="; ".join(which))]
 
 
 def water_messages(noise: Noise) -> list[str]:
@@ -270,14 +265,13 @@ def effects_json(fit: DeepFit) -> dict[str, Any] | None:
     found = fit.random_effects
     if found is None:
         return None
-    return {
-        name: {
-            "value": fit.priors[name].mean + fit.priors[name].std * float(found.value[i]),
-            "std": fit.priors[name].std * float(np.sqrt(found.covariance[i, i])),
-            "between_std": fit.priors[name].std * float(found.spread[i]),
-        }
-        for i, name in enumerate(fit.names)
-    }
+    parts = np.stack([found.value, np.sqrt(np.diag(found.covariance)), found.spread], axis=1)
+    effects = {}
+    for name, (value, std, between) in zip(fit.names, parts.tolist(), strict=True):
+        mean, unit = fit.priors[name]
+        numbers = {"value": mean + unit * value, "std": unit * std, "between_std": unit * between}
+        effects[name] = numbers
+    return effects
 
 
 def weakly_determined(fit: DeepFit, weak: Sequence[str]) -> list[str]:
@@ -288,6 +282,10 @@ def weakly_determined(fit: DeepFit, weak: Sequence[str]) -> list[str]:
         near = abs(fit.values[name] - prior.mean) <= prior.std
         found["apart" if fit.identified_singly(name) else "near" if near else "off"].append(name)
     return [sentence("deep", how, names=", ".join(n)) for how, n in found.items() if n]
+
+
+def _within(name: str, mean: float, std: float) -> str:
+    return f"{mean:.4g} +- {std:.2g} {DEEP[name].unit}".rstrip()
 
 
 def differences(fit: DeepFit, dives: Sequence[DeepDive]) -> list[str]:
@@ -307,13 +305,11 @@ def differences(fit: DeepFit, dives: Sequence[DeepDive]) -> list[str]:
     off = np.abs(at - fit.random_effects.value) / deviation
     far = [i for i in np.argsort(-off)[:_MOST].tolist() if off[i] > _OFF]
     if far:
-        named = "; ".join(
-            f"{fit.names[i]} {fit.values[fit.names[i]]:.4g} against "
-            f"{kept[fit.names[i]]['value']:.4g} +- {kept[fit.names[i]]['std']:.2g} "
-            f"{DEEP[fit.names[i]].unit}".rstrip()
-            for i in far
-        )
-        found.append(sentence("deep", "differs", named=named))
+        texts = []
+        for name in np.array(fit.names)[far].tolist():
+            own = _within(name, kept[name]["value"], kept[name]["std"])
+            texts.append(f"{name} {fit.values[name]:.4g} against {own}")
+        found.append(sentence("deep", "differs", named="; ".join(texts)))
     if len(dives) == 2:
         found.append(sentence("deep", "two"))
     return found
@@ -378,11 +374,7 @@ class DeepIdentification:
                 for one in self.dives
             ],
             "imbalance_rms_m3": rms(np.concatenate([one.imbalance for one in self.dives])),
-            "priors": {
-                name: prior._asdict()
-                for name, prior in fit.priors.items()
-                if name in fit.names or name in CAST
-            },
+            "priors": {n: p._asdict() for n, p in fit.priors.items() if n in (*fit.names, *CAST)},
             **as_json(self, "sentences assumptions"),
         }
 
@@ -406,14 +398,13 @@ def identify_deep(
     held, known = fixed or {}, priors or {}
     check_deep_request(vehicle, len(logs), len(columns), free=free, fixed=list(held), priors=known)
     each = list(columns) * (len(logs) if len(columns) == 1 else 1)
-    dives = [
-        deep_dive(log, column, vehicle, name=Path(log.source).name)
-        for log, column in zip(logs, each, strict=True)
-    ]
+    pairs = zip(logs, each, strict=True)
+    dives = [deep_dive(log, column, vehicle, name=Path(log.source).name) for log, column in pairs]
     body = body_of(vehicle)
     known = priors_of(vehicle, known)
-    _check_place(vehicle, known, held, priors or {})
-    run = ("bypass",) if any(dive.action_bypass.any() for dive in dives) else ()
+    values = {name: known[name].mean for name in DEEP} | dict(held)
+    _check_place(vehicle, values, {"--set": held, "--prior": priors or {}})
+    run = ("bypass",) if any(dive.actions.bypass.any() for dive in dives) else ()
     names = tuple(free or [n for n in (*DEFAULT, *run) if n not in held])
     advance(0.1)
     fit = fit_deep(
@@ -444,14 +435,10 @@ def identify_deep(
 
 
 def _check_place(
-    vehicle: Vehicle,
-    known: Mapping[str, Prior],
-    fixed: Mapping[str, float],
-    priors: Mapping[str, Prior],
+    vehicle: Vehicle, values: Mapping[str, float], given: Mapping[str, Iterable[str]]
 ) -> None:
-    """Raise InputError for a given value that has no place in a vehicle's file."""
-    values = {name: known[name].mean for name in DEEP} | dict(fixed)
-    for option, names in (("--set", fixed), ("--prior", priors)):
+    """Raise InputError for a value that has no place in a vehicle's file; given: by option."""
+    for option, names in given.items():
         for name in names:
             if name in DEEP and out_of_place(vehicle, values, [name]):
                 what, remedy = "no vehicle's file may hold it", "Check the number and its unit"
@@ -488,9 +475,8 @@ def _sentences(
     dives = f"{len(fits)} dive{'s' if len(fits) > 1 else ''}"
     found = [sentence("deep", "balance", dives=dives, imbalance=closes, speed=speed)]
     off = [one.misfit for one in fits]
-    bad = messages(
-        [one.dive.name for one in fits], off, [rms(one.imbalance) for one in fits], fit.tempering
-    )
+    names, imbalances = zip(*((one.dive.name, rms(one.imbalance)) for one in fits), strict=True)
+    bad = messages(names, off, imbalances, fit.tempering)
     if inconsistent(off, fit.tempering):
         return (*bad, *found, *water_messages(fit.noise))
     if missed:
@@ -509,26 +495,20 @@ def contradictions(fit: DeepFit) -> list[str]:
     """Say what came out farther from what was known before than that was known to be."""
     found = []
     for name in fit.names:
-        prior, unit = fit.priors[name], DEEP[name].unit
+        prior = fit.priors[name]
         off = abs(fit.values[name] - prior.mean) / prior.std
         if off > _FAR:
-            before = f"{prior.mean:.4g} +- {prior.std:.2g} {unit}".rstrip()
-            found.append(sentence("deep", "contradicts", name=name, off=off, before=before))
+            texts = {"name": name, "before": _within(name, *prior)}
+            found.append(sentence("deep", "contradicts", off=off, **texts))
     return found
 
 
 def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> tuple[str, ...]:
-    said = [
-        f"{name} {prior.mean:.4g} +- {prior.std:.2g} {DEEP[name].unit}".rstrip()
-        for name, prior in fit.priors.items()
-        if name in fit.names
-    ]
+    said = [f"{name} {_within(name, *p)}" for name, p in fit.priors.items() if name in fit.names]
     body, actuator = body_of(vehicle), vehicle.actuator
     assert isinstance(actuator, PumpAndValve)
-    found = [
-        f"known before: {'; '.join(said)}",
-        sentence("deep", "hull", mass=body.mass, volume=body.volume),
-    ]
+    hull = sentence("deep", "hull", mass=body.mass, volume=body.volume)
+    found = [f"known before: {'; '.join(said)}", hull]
     if actuator.bypass is not None and "bypass" not in fit.names:
         share = fit.values["bypass"]
         said_of = "as in the vehicle's file" if share == 1.0 else f"{share:.4g} of its file's"

@@ -39,85 +39,94 @@ against the square of the speed). Exact, so that steps may be longer than the ve
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from swimbladder.estimation.series import Array, Index
 from swimbladder.io.files import source_hash
 from swimbladder.sim.engine.cache import compiled, part
 
 _LEAST = 1e-9  # N; some 1e-7 mL of volume
 
 
+class Noise(NamedTuple):
+    """Standard deviations of what the model does not know, and how long the water's lasts."""
+
+    pressure: float  # Pa, of a measured pressure
+    water: float  # m/s, of the water's vertical speed
+    drift: float  # m3/s^0.5, of the drive's or the hull's volume
+    runs: float  # -, of the volume of a run
+    lasts: float  # s, for how long the water's speed stays alike, tau; no deviation
+
+
+class Resistance(NamedTuple):
+    """What a force has to move."""
+
+    mass: float  # kg, accelerated
+    down: float  # N s2/m2, drag k while sinking
+    up: float  # N s2/m2, while rising
+
+
+class Track(NamedTuple):
+    """Steps [m] and samples [n] of a dive, and how the cast may err at knots [j]."""
+
+    steps: Array  # s [m]
+    sample: Index  # [m], sample at the end of a step, or -1
+    measured: Array  # Pa [n]
+    begun: Array  # m3 [m], nominal volume of runs that begin in a step
+    knots: Array  # Pa [j]
+    width: Array  # m3 [j], deviation of the neutral volume by errors of the cast
+
+
+Moved = tuple[float, float, float, float, float, float]  # speed, way, see `glide`
+
+
 @part
-def glide(w, force, mass, down, up, t):  # type: ignore[no-untyped-def]
+def glide(w: float, force: float, body: Resistance, t: float) -> Moved:
     """Return speed [m/s] and way [m] after t [s], both by w [-], [s] and by force, as six numbers.
 
     They are: speed, way, speed by w, speed by force, way by w, way by force. w: speed at the
-    beginning [m/s], force [N], mass [kg]; down, up: drag k while sinking and rising [N s2/m2].
+    beginning [m/s], force [N].
     """
-    sign = 1.0 if force >= 0.0 else -1.0
-    f = max(abs(force), _LEAST)
-    v, way = sign * w, 0.0
-    if v < 0.0:
-        k = down if sign < 0.0 else up
-        a, steady = math.sqrt(f * k) / mass, math.sqrt(f / k)
-        r = v / steady
-        stop = math.atan(-r) / a
-        if stop >= t:
-            x = a * t
-            q = math.tan(x)
-            n = 1.0 / (1.0 - r * q)
-            speed, grows = steady * (r + q) * n, (1.0 + q * q) * n * n
-            by_f = (speed + steady * grows * ((1.0 + r * r) * x - r)) / (2.0 * f)
-            length = mass / k
-            return (
-                sign * speed,
-                -sign * length * math.log(math.cos(x) - r * math.sin(x)),
-                grows,
-                by_f,
-                length / steady * q * n,
-                length * n * ((q + r) * x - r * q) / (2.0 * f),
-            )
-        one = 1.0 + r * r
-        way = -0.5 * mass / k * math.log(one)
-        way_v, way_f = -mass / k * r / one / steady, mass / k * r * r / one / (2.0 * f)
-        stop_v, stop_f = -1.0 / (steady * one * a), (r / (one * a) - stop) / (2.0 * f)
-        speed, on, grows, by_f, way_w, by_way = _along(
-            0.0, f, mass, up if sign < 0.0 else down, t - stop
-        )
-        gain = f / mass * grows
-        return (
-            sign * speed,
-            sign * (way + on),
-            -gain * stop_v,
-            by_f - gain * stop_f,
-            way_v - speed * stop_v,
-            way_f + by_way - speed * stop_f,
-        )
-    speed, on, grows, by_f, way_w, by_way = _along(v, f, mass, up if sign < 0.0 else down, t)
-    return sign * speed, sign * on, grows, by_f, way_w, by_way
+    sign, m = 1.0 if force >= 0.0 else -1.0, body.mass
+    k, back = (body.down, body.up) if sign > 0.0 else (body.up, body.down)
+    f, v = max(abs(force), _LEAST), sign * w
+    r, a = v / math.sqrt(f / back), math.sqrt(f * back) / m
+    stop = math.atan(-r) / a
+    if stop <= 0.0:
+        speed, way, by_w, by_f, way_w, way_f = _moved(v, f, m, k, t, 1.0)
+    elif stop >= t:
+        speed, way, by_w, by_f, way_w, way_f = _moved(v, f, m, back, t, -1.0)
+    else:
+        one, length = 1.0 + r * r, m / back
+        stop_v, stop_f = -1.0 / (one * f / m), (r / (one * a) - stop) / (2.0 * f)
+        speed, way, grows, by_f, _, by_way = _moved(0.0, f, m, k, t - stop, 1.0)
+        gain = f / m * grows
+        way += -0.5 * length * math.log(one)
+        by_w, by_f = -gain * stop_v, by_f - gain * stop_f
+        way_w = -length * r / one / math.sqrt(f / back) - speed * stop_v
+        way_f = length * r * r / one / (2.0 * f) + by_way - speed * stop_f
+    return sign * speed, sign * way, by_w, by_f, way_w, way_f
 
 
 @part
-def _along(v, f, mass, k, t):  # type: ignore[no-untyped-def]
-    """Return what `glide` does, of motion along the force."""
+def _moved(v: float, f: float, mass: float, k: float, t: float, along: float) -> Moved:
+    """Return what `glide` does, of motion along the force (1) or against it (-1) all the time."""
     a, steady, length = math.sqrt(f * k) / mass, math.sqrt(f / k), mass / k
     r, x = v / steady, a * t
-    q = math.tanh(x)
-    n = 1.0 / (1.0 + r * q)
-    if x < 20.0:
+    q = math.tanh(x) if along > 0.0 else math.tan(x)
+    n = 1.0 / (1.0 + along * r * q)
+    if along < 0.0:
+        way = -length * math.log(math.cos(x) - r * math.sin(x))
+    elif x < 20.0:
         way = length * math.log(math.cosh(x) + r * math.sinh(x))
     else:  # cosh and sinh are e^x/2 to the last digit
         way = length * (x + math.log(0.5 * (1.0 + r)))
-    speed, grows = steady * (r + q) * n, (1.0 - q * q) * n * n
-    return (
-        speed,
-        way,
-        grows,
-        (speed + steady * grows * ((1.0 - r * r) * x - r)) / (2.0 * f),
-        length / steady * q * n,
-        length * n * ((q + r) * x - r * q) / (2.0 * f),
-    )
+    speed, grows = steady * (r + q) * n, (1.0 - along * q * q) * n * n
+    by_f = (speed + steady * grows * ((1.0 - along * r * r) * x - r)) / (2.0 * f)
+    way_f = length * n * ((q + r) * x - r * q) / (2.0 * f)
+    return speed, way, grows, by_f, length / steady * q * n, way_f
 
 
 AWAY = 7200.0  # s; with tau of 300 s 1.9 km of displacement per m/s of speed: 6 m for 3 mm/s
@@ -125,7 +134,7 @@ _D = math.sqrt(0.5)
 
 
 @part
-def swing(t, tau):  # type: ignore[no-untyped-def]
+def swing(t: float, tau: float) -> Moved:
     """Return what u and u' become after t [s] without noise, and the way, as six numbers.
 
     They are: u by u, u by u' [s], u' by u [1/s], u' by u', the integral of u by u [s] and by u'
@@ -149,22 +158,22 @@ def displaced_variance(speed: float, tau: float) -> float:
     return speed / (back * (back + w * w / (2.0 * _D * w + back)))
 
 
+SPACING = 1e4  # Pa, of the water's table
 GATE = 4.0
 DYNAMIC = 7
 P, W, U, Z, D, V0, RATE = 0, 1, 2, 3, 4, 5, 6  # RATE: u'
 
 
-def _filter(  # type: ignore[no-untyped-def]
-    steps, volume, begun, sample, measured, spacing, water, knots, width, body, noise, x, C, v, S
-):
-    """Fill v and S with the innovations and variances of `measured` [n]; x and C as they end.
+def _filter(
+    track: Track, volume: Array, water: Array, body: Resistance, noise: Noise, x: Array, C: Array
+) -> tuple[Array, Array]:
+    """Return the innovations of the samples [n] and their variances; x and C as they end.
 
-    steps [m]: s; volume [m]: m3 in the middle of each, V; begun [m]: m3 of the runs that begin in
-    it; sample [m]: of `measured` [Pa] at its end, or -1. spacing [Pa]: of the rows of water [k, 3],
-    N [m3], rho g [Pa/m], G [m3/m]. knots [Pa] [j], width [m3] [j]. body: inertia [kg], k sinking
-    and rising. noise: of pressure [Pa], u [m/s], drift [m3/s^0.5], runs [-], and tau [s].
-    x [DYNAMIC + j], C.
+    volume [m]: m3 in the middle of each step, V; water [k, 3], every `SPACING`: N [m3], rho g
+    [Pa/m], G [m3/m]. x [DYNAMIC + j], C.
     """
+    steps, knots, tau = track.steps, track.knots, noise.lasts
+    v, S = np.zeros(len(track.measured)), np.ones(len(track.measured))
     n, last, ends = len(x), len(water) - 2, len(knots) - 2
     used = np.arange(8)  # of the state, on which E depends: two of the knots at a time
     e, fp, fw = np.zeros(8), np.zeros(8), np.zeros(8)
@@ -172,12 +181,12 @@ def _filter(  # type: ignore[no-untyped-def]
     j = 0
     for i in range(len(steps)):
         t = steps[i]
-        u_u, u_r, r_u, r_r, way_u, way_r = swing(t, noise[4])
+        u_u, u_r, r_u, r_r, way_u, way_r = swing(t, tau)
         back = math.exp(-t / AWAY)
-        k = min(max(int(x[P] / spacing), 0), last)
+        k = min(max(int(x[P] / SPACING), 0), last)
         middle = x[P] + 0.5 * t * water[k, 1] * (x[W] + x[U])
-        k = min(max(int(middle / spacing), 0), last)
-        s = middle / spacing - k
+        k = min(max(int(middle / SPACING), 0), last)
+        s = middle / SPACING - k
         rise = water[k + 1, 0] - water[k, 0]
         weight = water[k, 1] + s * (water[k + 1, 1] - water[k, 1])
         layers = water[k, 2] + s * (water[k + 1, 2] - water[k, 2])
@@ -186,13 +195,13 @@ def _filter(  # type: ignore[no-untyped-def]
         while j < ends and knots[j + 1] < middle:
             j += 1
         share = min(max((middle - knots[j]) / (knots[j + 1] - knots[j]), 0.0), 1.0)
-        a, b = (1.0 - share) * width[j], share * width[j + 1]
+        a, b = (1.0 - share) * track.width[j], share * track.width[j + 1]
         used[6], used[7] = DYNAMIC + j, DYNAMIC + j + 1
         heavy = water[k, 0] + s * rise - volume[i] - x[V0] - x[D] - layers * x[Z]
         heavy += a * x[used[6]] + b * x[used[7]]
-        w, way, w_w, w_f, s_w, s_f = glide(x[W], weight * heavy, body[0], body[1], body[2], t)
+        w, way, w_w, w_f, s_w, s_f = glide(x[W], weight * heavy, body, t)
         w_e, s_e = weight * w_f, weight * weight * s_f
-        slope = rise / spacing
+        slope = rise / SPACING
         e[P], e[Z], e[D], e[V0], e[6], e[7] = slope, -layers, -1.0, -1.0, a, b
         e[W] = e[U] = slope * 0.5 * t * weight  # the middle is further down
         for h in range(8):
@@ -228,18 +237,18 @@ def _filter(  # type: ignore[no-untyped-def]
             C[r, Z] = back * C[r, Z] + way_u * a + way_r * b
             C[r, U], C[r, RATE] = u_u * a + u_r * b, r_u * a + r_r * b
             C[r, P], C[r, W] = p_, w_
-        # What keeps u and u' as they are in the mean: noise[1], and noise[1]/tau.
-        a, b = noise[1] * noise[1], (noise[1] / noise[4]) ** 2
+        # What keeps u and u' as they are in the mean: noise.water, and noise.water/tau.
+        a, b = noise.water * noise.water, (noise.water / tau) ** 2
         C[U, U] += a * (1.0 - u_u * u_u) - b * u_r * u_r
         C[RATE, RATE] += b * (1.0 - r_r * r_r) - a * r_u * r_u
         mixed = a * u_u * r_u + b * u_r * r_r
         C[U, RATE] -= mixed
         C[RATE, U] -= mixed
-        C[D, D] += noise[2] * noise[2] * t + (noise[3] * begun[i]) ** 2
-        at = sample[i]
+        C[D, D] += noise.drift * noise.drift * t + (noise.runs * track.begun[i]) ** 2
+        at = track.sample[i]
         if at >= 0:
-            v[at] = measured[at] - x[P]
-            S[at] = C[P, P] + noise[0] * noise[0]
+            v[at] = track.measured[at] - x[P]
+            S[at] = C[P, P] + noise.pressure * noise.pressure
             counts = min(1.0, GATE * math.sqrt(S[at]) / max(abs(v[at]), 1e-300))
             for r in range(n):
                 row_p[r] = C[r, P] / S[at]
@@ -249,7 +258,7 @@ def _filter(  # type: ignore[no-untyped-def]
                     c = 0.5 * (C[r, q] + C[q, r]) - row_p[r] * row_p[q] * S[at] * counts
                     C[r, q] = c
                     C[q, r] = c
-    return 0
+    return v, S
 
 
 filter_kernel = compiled(_filter, under=f"deep-{source_hash([Path(__file__)])}")

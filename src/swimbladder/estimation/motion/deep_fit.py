@@ -27,7 +27,7 @@ likelihood is tempered by it.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -36,12 +36,11 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.deep_filter import GATE, V0
+from swimbladder.estimation.motion.deep_filter import GATE, V0, Noise
 from swimbladder.estimation.motion.deep_model import (
     Body,
     DeepDive,
     Filtered,
-    Noise,
     Path,
     check_deep_names,
     deep_path,
@@ -129,9 +128,8 @@ def random_effects(dives: Sequence[Single]) -> RandomEffects:
             tau[j] = rng.choice(_GRID, p=share)
             if sweep >= _SETTLE:
                 value += share @ mean
-                square += np.tensordot(
-                    share, covariance + mean[:, :, None] * mean[:, None, :], axes=1
-                )
+                squares = covariance + mean[:, :, None] * mean[:, None, :]
+                square += np.tensordot(share, squares, axes=1)
                 differ[j] += share @ _GRID
                 samples += 1
     value, differ = value / samples, differ * count / samples
@@ -151,13 +149,9 @@ def _given(information: Array, score: Array, tau: Array) -> tuple[Array, Array, 
     covariance = np.linalg.inv(counts.sum(axis=1) + eye)
     total = says.sum(axis=1)
     mean = np.einsum("gij,gj->gi", covariance, total)
-    evidence = (
-        0.5 * np.einsum("dk,gdk->g", score, spread * says)
-        + 0.5 * np.einsum("gk,gk->g", total, mean)
-        - 0.5 * np.linalg.slogdet(mixed)[1].sum(axis=1)
-        + 0.5 * np.linalg.slogdet(covariance)[1]
-    )
-    return evidence, mean, covariance
+    evidence = np.einsum("dk,gdk->g", score, spread * says) + np.einsum("gk,gk->g", total, mean)
+    evidence -= np.linalg.slogdet(mixed)[1].sum(axis=1) - np.linalg.slogdet(covariance)[1]
+    return 0.5 * evidence, mean, covariance
 
 
 def square_error(found: RandomEffects, value: Array) -> Array:
@@ -262,11 +256,11 @@ def fit_deep(
     check_deep_names(list(fixed or {}), "--set")
     names = tuple(name for name in free if name not in (fixed or {}))
     if not names:
-        raise InputError(
-            "nothing is left to identify", field="--free", remedy="Leave one parameter free"
-        )
+        remedy = "Leave one parameter free"
+        raise InputError("nothing is left to identify", field="--free", remedy=remedy)
     paths, count = [deep_path(d, body, priors) for d in dives], len(names)
-    problem = _Problem(body, paths, priors, names, fixed)
+    held = {name: prior.mean for name, prior in priors.items()} | dict(fixed or {})
+    problem = _Problem(body, paths, priors, names, held)
     apiece = 0.5 if len(paths) > 1 else 1.0  # and each by itself, which takes as long together
     differing: RandomEffects | None = None
     with threadpool_limits(limits=1):
@@ -274,7 +268,7 @@ def fit_deep(
         covariance = np.linalg.inv(found.scores[0].information + np.eye(count))
         if len(paths) > 1:
             part = apiece / len(paths)
-            alone = [_Problem(body, [path], priors, names, fixed) for path in paths]
+            alone = [replace(problem, paths=[path]) for path in paths]
             differing = random_effects([_alone(one, advance, part) for one in alone])
             covariance = square_error(differing, x[:count])
     tempering = min(1.0, 1.0 / overdispersion(found.scores))
@@ -284,9 +278,8 @@ def fit_deep(
     moved = moved + np.diag([float(f.covariance[V0, V0]) for f in found.filtered])
     scale = np.array([priors[name].std for name in names])
     mixed = (moves @ covariance) * scale
-    whole = np.block(
-        [[covariance[:count, :count] * np.outer(scale, scale), mixed.T], [mixed, moved]]
-    )
+    of_names = covariance[:count, :count] * np.outer(scale, scale)
+    whole = np.block([[of_names, mixed.T], [mixed, moved]])
     return DeepFit(
         names=names,
         values=problem.values(x),
@@ -298,9 +291,7 @@ def fit_deep(
         distance=distances(found.scores),
         priors=dict(priors),
         innovations=tuple(f.innovation / np.sqrt(f.variance) for f in found.filtered),
-        residuals=tuple(
-            _residuals(path, f) for path, f in zip(problem.paths, found.filtered, strict=True)
-        ),
+        residuals=tuple(map(_residuals, paths, found.filtered)),
     )
 
 
@@ -329,19 +320,15 @@ def _joined(found: Sequence[Filtered]) -> tuple[Array, Array, Array]:
     return innovation, variance, np.array([f.start for f in found])
 
 
+@dataclass(frozen=True)
 class _Problem:
     """Minus the log posterior of x: deviations of the parameters, of the logarithms of noises."""
 
-    def __init__(
-        self,
-        body: Body,
-        paths: Sequence[Path],
-        priors: Mapping[str, Prior],
-        names: tuple[str, ...],
-        fixed: Mapping[str, float] | None,
-    ) -> None:
-        self.body, self.paths, self.names, self.priors = body, paths, names, priors
-        self.held = {name: prior.mean for name, prior in priors.items()} | dict(fixed or {})
+    body: Body
+    paths: Sequence[Path]
+    priors: Mapping[str, Prior]
+    names: tuple[str, ...]
+    held: Mapping[str, float]  # values of what is not sought
 
     def values(self, x: Array) -> dict[str, float]:
         """Return the parameters at x, by name."""
@@ -446,10 +433,8 @@ def _guess(problem: _Problem) -> Array:
 
     def misfit(x: Array) -> Array:
         values = problem.values(np.where(held, 0.0, x[:count]))
-        imbalances = [
-            balance(problem.body, values, _IMBALANCE * float(start), dive)
-            for start, dive in zip(x[count:], dives, strict=True)
-        ]
+        starts = zip((_IMBALANCE * x[count:]).tolist(), dives, strict=True)
+        imbalances = [balance(problem.body, values, start, dive) for start, dive in starts]
         return np.append(np.concatenate(imbalances) / _IMBALANCE, x[:count])
 
     first = problem.values(np.zeros(count))

@@ -34,7 +34,14 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior, check_names
 from swimbladder.estimation.motion import deep_filter as of
-from swimbladder.estimation.motion.deep_filter import displaced_variance, filter_kernel
+from swimbladder.estimation.motion.deep_filter import (
+    SPACING,
+    Noise,
+    Resistance,
+    Track,
+    displaced_variance,
+    filter_kernel,
+)
 from swimbladder.estimation.series import Array, Index, Mask
 from swimbladder.io.float_log import FloatLog
 from swimbladder.physics.buoyancy_engine import drive_map
@@ -72,9 +79,33 @@ class Pieces:
         return len(self.time)
 
 
+class Actions(NamedTuple):
+    """Runs of pump, valve and bypass [m]."""
+
+    time: Array  # s, the beginning
+    seconds: Array  # s
+    pumps: Mask
+    bypass: Mask  # what is neither is the valve's
+    volume: Array  # m3, nominal, positive: rate times seconds, mean on the way
+    short: Array  # m3, what the start falls short of it, nominal; 0 without a pump
+    pressure: Array  # Pa, mean on the way
+
+
+class Water(NamedTuple):
+    """Water over pressure [k]."""
+
+    pressure: Array  # Pa
+    density: Array  # kg/m3; below the cast it grows as at its end
+    layers: Array  # m3/m, neutral volume over depth but for what pressure does to it
+
+    def at(self, pressure: Array) -> Water:
+        """Return it at pressures [Pa]."""
+        return Water(pressure, *(np.interp(pressure, self.pressure, x) for x in self[1:]))
+
+
 @dataclass(frozen=True, kw_only=True)
 class DeepDive:
-    """A dive: samples [n], actions [m] and the water."""
+    """A dive: samples [n], actions and the water."""
 
     name: str
     time: Array  # s [n]
@@ -82,18 +113,9 @@ class DeepDive:
     temperature: Array  # degC of the hull [n]
     unwarmed: int  # samples without a logged temperature of the hull
     leaked: Array  # m3 [n], as the vehicle's file has it, since the dive began
-    action_time: Array  # s [m], the beginning
-    action_seconds: Array  # s [m]
-    action_pumps: Mask  # [m]
-    action_bypass: Mask  # [m]; what is neither is the valve's
-    action_volume: Array  # m3 [m], nominal, positive: rate times seconds, mean on the way
-    action_short: Array  # m3 [m], what the start falls short of it, nominal; 0 without a pump
-    action_pressure: Array  # Pa [m], mean on the way
-    water_pressure: Array  # Pa [k], of the cast, and half as deep again
-    water_density: Array  # kg/m3 [k]; below the cast it grows as at its end
-    water_layers: Array  # m3/m [k], neutral volume over depth but for what pressure does to it
+    actions: Actions
+    water: Water  # of the cast, and half as deep again
     gravity: float  # m/s2
-    stroke: float  # m3
 
     @cached_property
     def pieces(self) -> Pieces:
@@ -101,20 +123,20 @@ class DeepDive:
         ends = nodes(self.time)
         first, last = ends[:-1], ends[1:]
         a, b = self.time[first], self.time[last]
-        over = self.action_time + self.action_seconds + _AFTER
-        busy = (self.action_time < b[:, None]) & (over > a[:, None] + SETTLING)
+        over = self.actions.time + self.actions.seconds + _AFTER
+        busy = (self.actions.time < b[:, None]) & (over > a[:, None] + SETTLING)
         kept = (b - a <= LONGEST) & ~busy.any(axis=1)
         first, last, a, b = first[kept], last[kept], a[kept], b[kept]
         middle = 0.5 * (a + b)
         p = 0.5 * (self.pressure[first] + self.pressure[last])
-        density = np.interp(p, self.water_pressure, self.water_density)
-        before = self.action_time < middle[:, None]
+        density = self.water.at(p).density
+        before = self.actions.time < middle[:, None]
         speed = (self.pressure[last] - self.pressure[first]) / (b - a) / (density * self.gravity)
         elapsed = middle - self.time[0]
         return Pieces(
             time=middle,
             elapsed=elapsed,
-            idle=elapsed - before @ self.action_seconds,
+            idle=elapsed - before @ self.actions.seconds,
             duration=b - a,
             pressure=p,
             density=density,
@@ -173,15 +195,13 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     within = begun[:, None] + _WITHIN * seconds[:, None]
     at = np.maximum(np.interp(within, time, pressure), 0.0)
     map_ = drive_map(vehicle, at.ravel(), power=False)
-    out, let_in, by = (
-        rate.reshape(at.shape).mean(axis=1)
-        for rate in (map_.rate_out, map_.rate_in, map_.bypass_in)
-    )
+    rates = (map_.rate_out, map_.rate_in, map_.bypass_in)
+    out, let_in, by = (rate.reshape(at.shape).mean(axis=1) for rate in rates)
+    volume = np.where(pumps, out, np.where(bypass, by, let_in)) * seconds
+    short = np.where(pumps, map_.start_volume.reshape(at.shape)[:, 0], 0.0)
     head = np.maximum(pressure + ATMOSPHERIC_PRESSURE - actuator.internal_pressure, 0.0)
     leaks = actuator.leakage * head
     leaked = np.append(0.0, np.cumsum(0.5 * (leaks[1:] + leaks[:-1]) * np.diff(time)))
-    levels, density = _deepened(column)
-    layers = slopes(layered_volume(vehicle, column), column.step)
     return DeepDive(
         name=name or log.source,
         time=time,
@@ -189,18 +209,9 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
         temperature=temperature,
         unwarmed=int(np.sum(~np.isfinite(logged))),
         leaked=leaked,
-        action_time=begun,
-        action_seconds=seconds,
-        action_pumps=pumps,
-        action_bypass=bypass,
-        action_volume=np.where(pumps, out, np.where(bypass, by, let_in)) * seconds,
-        action_short=np.where(pumps, map_.start_volume.reshape(at.shape)[:, 0], 0.0),
-        action_pressure=at.mean(axis=1),
-        water_pressure=levels,
-        water_density=density,
-        water_layers=np.interp(levels, column.pressure, layers),
+        actions=Actions(begun, seconds, pumps, bypass, volume, short, at.mean(axis=1)),
+        water=_deepened(column, slopes(layered_volume(vehicle, column), column.step)),
         gravity=column.gravity,
-        stroke=vehicle.stroke.maximum - vehicle.stroke.minimum,
     )
 
 
@@ -224,8 +235,8 @@ def _acceleration(time: Array, speed: Array, leg: Index) -> Array:
     return found
 
 
-def _deepened(column: Column) -> tuple[Array, Array]:
-    """Return pressure and density of a column, and half as deep again with the slope at its end.
+def _deepened(column: Column, layers: Array) -> Water:
+    """Return the water of a column, and half as deep again with the slope at its end.
 
     A model that errs may sink below the cast, where water of constant density would not stop it.
     """
@@ -233,7 +244,8 @@ def _deepened(column: Column) -> tuple[Array, Array]:
     i = int(np.searchsorted(p, p[-1] - min(1e6, 0.5 * float(p[-1]))))
     slope = float((rho[-1] - rho[i]) / (p[-1] - p[i]))
     more = float(p[-1]) * np.array([1.25, 1.5])
-    return np.append(p, more), np.append(rho, rho[-1] + slope * (more - p[-1]))
+    density = np.append(rho, rho[-1] + slope * (more - p[-1]))
+    return Water(np.append(p, more), density, np.append(layers, [layers[-1]] * 2))
 
 
 def nodes(time: Array) -> Index:
@@ -313,15 +325,12 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
     actuator = vehicle.actuator
     parts = hull_parts(vehicle)
     volume = sum(part.volume for part in parts)
-    mean = {name: about.mean for name, about in (DEEP | CAST).items()} | {
-        "drag": vehicle.drag.k_dt,
-        "drag_up": vehicle.drag.rising_ratio,
-        "compressibility": sum(x.volume * x.compressibility for x in parts) / volume,
-        "stiffening": sum(x.volume * x.stiffening for x in parts) / volume,
-        "thermal_expansion": sum(x.volume * x.thermal_expansion for x in parts) / volume,
-        "trapped_air": vehicle.hull.trapped_air,
-        "creep": actuator.creep if isinstance(actuator, PumpAndValve) else 0.0,
-    }
+    mean = {name: about.mean for name, about in (DEEP | CAST).items()}
+    for name in ("compressibility", "stiffening", "thermal_expansion"):
+        mean[name] = sum(part.volume * getattr(part, name) for part in parts) / volume
+    mean |= {"drag": vehicle.drag.k_dt, "drag_up": vehicle.drag.rising_ratio}
+    mean["trapped_air"] = vehicle.hull.trapped_air
+    mean["creep"] = actuator.creep if isinstance(actuator, PumpAndValve) else 0.0
     if not mean["drag"] > 0.0 and "drag" not in given:
         what = "deep dives identify quadratic drag, and the vehicle has none to begin with"
         remedy = 'Give --prior "drag=160 +- 30 N s2/m2", or k_dt'
@@ -385,10 +394,10 @@ def hull_volume(
 
 def run_volumes(values: Mapping[str, float], dive: DeepDive) -> Array:
     """Return what each run of pump, valve or bypass added to the drive's volume [m3] [m]."""
-    share = values["pump_delivery"] - values["pump_slip"] * dive.action_pressure
-    pumped = share * dive.action_volume - dive.action_short - values["pump_start"]
-    flow = np.where(dive.action_bypass, values["bypass"], values["valve"])
-    return np.where(dive.action_pumps, np.maximum(pumped, 0.0), -flow * dive.action_volume)
+    share = values["pump_delivery"] - values["pump_slip"] * dive.actions.pressure
+    pumped = share * dive.actions.volume - dive.actions.short - values["pump_start"]
+    flow = np.where(dive.actions.bypass, values["bypass"], values["valve"])
+    return np.where(dive.actions.pumps, np.maximum(pumped, 0.0), -flow * dive.actions.volume)
 
 
 def excess(body: Body, values: Mapping[str, float], start: float | Array, dive: DeepDive) -> Array:
@@ -412,41 +421,23 @@ def drag_volume(values: Mapping[str, float], speed: Array, density: Array, gravi
 FINE, COARSE = 5.0, 15.0  # s, steps while the speed follows a run, and else: 1 cm at most
 _UNSEEN, _GAP = 60.0, 1800.0  # s, steps where two samples are so far from each other
 _FOLLOWS = 150.0  # s after a run
-_SPACING = 1e4  # Pa, of the water's table
 _KNOTS, _WIDER = (0.0, 2e5, 5e5), 1.6  # Pa, of the cast's error; each further one so much deeper
 _SPEED_STD = 0.02  # m/s, of the speed at the beginning: that between the first two samples
 _START = (2.0, 5e-6)  # share of what drag carries then, and m3: of the volume that it asks for
 
 
-class Noise(NamedTuple):
-    """Standard deviations of what the model does not know, and how long the water's lasts."""
-
-    pressure: float  # Pa, of a measured pressure
-    water: float  # m/s, of the water's vertical speed
-    drift: float  # m3/s^0.5, of the drive's or the hull's volume
-    runs: float  # -, of the volume of a run
-    lasts: float  # s, for how long the water's speed stays alike, tau; no deviation
-
-
 @dataclass(frozen=True)
 class Path:
-    """Steps [m], samples [n] and the water [k] of a dive."""
+    """Samples [n] and steps [m] of a dive."""
 
     dive: DeepDive
     time: Array  # s [n], of the samples
-    measured: Array  # Pa [n]
-    steps: Array  # s [m]
-    sample: Index  # [m], sample at the end of a step, or -1
+    track: Track
     runs: _Runs
-    begun: Array  # m3 [m], nominal volume of runs that begin in a step
     leaked: Array  # m3 [m], as the vehicle's file has it
     idle: Array  # s [m], without the runs
     warmth: Array  # degC [m], of the hull
-    grid: Array  # Pa [k]
-    density: Array  # kg/m3 [k]
-    layers: Array  # m3/m [k]
-    knots: Array  # Pa [j]
-    width: Array  # m3 [j], deviation of the neutral volume by errors of the cast
+    water: Water
     speed: float  # m/s at the beginning
 
 
@@ -467,10 +458,10 @@ class Filtered(NamedTuple):
 def deep_path(dive: DeepDive, body: Body, priors: Mapping[str, Prior]) -> Path:
     """Return the samples and steps of a dive."""
     # samples that determine a speed, and the last before each run, perhaps its cause
-    before = np.searchsorted(dive.time, dive.action_time, side="right") - 1
+    before = np.searchsorted(dive.time, dive.actions.time, side="right") - 1
     at = np.union1d(nodes(dive.time), before[before >= 0])
     time, measured = dive.time[at], dive.pressure[at].astype(np.float64)
-    begin, seconds = dive.action_time, np.maximum(dive.action_seconds, 1e-3)
+    begin, seconds = dive.actions.time, np.maximum(dive.actions.seconds, 1e-3)
     end = begin + seconds
     edge, sample = _edges(time, begin, end + _FOLLOWS)
     steps, middle = np.diff(edge), 0.5 * (edge[1:] + edge[:-1])
@@ -478,30 +469,23 @@ def deep_path(dive: DeepDive, body: Body, priors: Mapping[str, Prior]) -> Path:
     ran = runs.done(begin, seconds) / steps
     place = np.clip(np.searchsorted(edge, begin, side="right") - 1, 0, len(steps) - 1)
     begun = np.zeros(len(steps))
-    np.add.at(begun, place, dive.action_volume)
-    grid = np.arange(0.0, float(dive.water_pressure[-1]), _SPACING)
-    density = np.interp(grid, dive.water_pressure, dive.water_density)
-    layers = np.interp(grid, dive.water_pressure, dive.water_layers)
-    knots = list(_KNOTS)
-    while knots[-1] < dive.pressure.max():
-        knots.append(knots[-1] * _WIDER)
-    weight = float(np.interp(measured[0], grid, density)) * dive.gravity
+    np.add.at(begun, place, dive.actions.volume)
+    water = dive.water.at(np.arange(0.0, float(dive.water.pressure[-1]), SPACING))
+    deeper = list(_KNOTS)
+    while deeper[-1] < dive.pressure.max():
+        deeper.append(deeper[-1] * _WIDER)
+    knots = np.array(deeper)
+    width = cast_volume(body, priors, water.at(knots).layers)
+    weight = float(water.at(measured[:1]).density[0]) * dive.gravity
     return Path(
         dive=dive,
         time=time,
-        measured=measured,
-        steps=steps,
-        sample=sample,
+        track=Track(steps, sample, measured, begun, knots, width),
         runs=runs,
-        begun=begun,
         leaked=np.interp(middle, dive.time, dive.leaked),
         idle=middle - time[0] - ran,
         warmth=np.interp(middle, dive.time, dive.temperature),
-        grid=grid,
-        density=density,
-        layers=layers,
-        knots=np.array(knots),
-        width=cast_volume(body, priors, np.interp(knots, grid, layers)),
+        water=water,
         speed=float((measured[1] - measured[0]) / (time[1] - time[0])) / weight,
     )
 
@@ -567,13 +551,13 @@ def drive_volume(values: Mapping[str, float], path: Path) -> Array:
 
     A pump gives nothing until it has made up for what its start falls short by.
     """
-    dive, seconds = path.dive, path.runs.end - path.dive.action_time
+    dive, seconds = path.dive, path.runs.end - path.dive.actions.time
     added = run_volumes(values, dive)
-    short = np.where(dive.action_pumps, dive.action_short + values["pump_start"], 0.0)
+    short = np.where(dive.actions.pumps, dive.actions.short + values["pump_start"], 0.0)
     size = np.abs(added)
     gives = np.divide(size, size + np.maximum(short, 0.0), out=np.ones(len(size)), where=size > 0.0)
     begin = path.runs.end - np.maximum(gives * seconds, 1e-3)
-    done = path.runs.done(begin, added) / path.steps
+    done = path.runs.done(begin, added) / path.track.steps
     return np.asarray(done - path.leaked - values["creep"] * path.idle)
 
 
@@ -582,14 +566,15 @@ def neutral_table(body: Body, values: Mapping[str, float], path: Path) -> Array:
 
     N is for a hull at its reference temperature; what its warmth adds counts with the drive.
     """
-    neutral = cold_neutral(body, values, path.grid, path.density)
-    return np.stack([neutral, path.density * path.dive.gravity, path.layers], axis=1)
+    neutral = cold_neutral(body, values, path.water)
+    weight = path.water.density * path.dive.gravity
+    return np.stack([neutral, weight, path.water.layers], axis=1)
 
 
-def cold_neutral(body: Body, values: Mapping[str, float], grid: Array, density: Array) -> Array:
-    """Return what is neutral at pressures of the water but for the hull's warmth [m3] [k]."""
-    cold = {**values, "thermal_expansion": 0.0}
-    return body.mass / density - hull_volume(body, cold, grid, np.zeros(len(grid)))
+def cold_neutral(body: Body, values: Mapping[str, float], water: Water) -> Array:
+    """Return what is neutral in water but for the hull's warmth [m3] [k]."""
+    cold, no_warmth = {**values, "thermal_expansion": 0.0}, np.zeros(len(water.pressure))
+    return body.mass / water.density - hull_volume(body, cold, water.pressure, no_warmth)
 
 
 def warmed(body: Body, values: Mapping[str, float], temperature: Array) -> Array:
@@ -601,39 +586,20 @@ def filtered(body: Body, values: Mapping[str, float], noise: Noise, path: Path) 
     """Return what the filter makes of a dive with these parameters."""
     water = neutral_table(body, values, path)
     volume = drive_volume(values, path) + warmed(body, values, path.warmth)
-    down = values["drag"]
-    up = down * values["drag_up"]
-    x = np.zeros(of.DYNAMIC + len(path.knots))
-    p, w = float(path.measured[0]), path.speed
-    carried = (down if w > 0.0 else up) * w * abs(w) / float(np.interp(p, path.grid, water[:, 1]))
-    x[of.P], x[of.W] = p, w
-    x[of.V0] = float(np.interp(p, path.grid, water[:, 0])) - volume[0] - carried
+    x = np.zeros(of.DYNAMIC + len(path.track.knots))
+    p, w = float(path.track.measured[0]), path.speed
+    neutral, weight, _ = (float(np.interp(p, path.water.pressure, y)) for y in water.T)
+    carried = _drag(values, w) * w * abs(w) / weight
+    x[of.P], x[of.W], x[of.V0] = p, w, neutral - volume[0] - carried
     variance = np.ones(len(x))
     variance[of.P], variance[of.W] = noise.pressure**2, _SPEED_STD**2
     variance[of.U], variance[of.RATE] = noise.water**2, noise.water**2 / noise.lasts**2
     variance[of.Z] = displaced_variance(variance[of.U], noise.lasts)
-    variance[of.D] = 0.0
-    variance[of.V0] = (_START[0] * abs(carried) + _START[1]) ** 2
+    variance[of.D], variance[of.V0] = 0.0, (_START[0] * abs(carried) + _START[1]) ** 2
     covariance = np.diag(variance)
-    n = len(path.measured)
-    innovation, spread = np.zeros(n), np.ones(n)
-    filter_kernel(
-        path.steps,
-        volume,
-        path.begun,
-        path.sample,
-        path.measured,
-        _SPACING,
-        water,
-        path.knots,
-        path.width,
-        np.array([body.inertia * values["inertia"], down, up]),
-        np.array(noise),
-        x,
-        covariance,
-        innovation,
-        spread,
-    )
+    down, mass = values["drag"], body.inertia * values["inertia"]
+    moves = Resistance(mass, down, down * values["drag_up"])
+    innovation, spread = filter_kernel(path.track, volume, water, moves, noise, x, covariance)
     return Filtered(innovation[1:], spread[1:], x, covariance)
 
 
@@ -683,19 +649,17 @@ def replay(
     """
     t0 = float(dive.time[0]) if begin is None else begin
     t1 = float(dive.time[-1]) if end is None else end
-    turns = np.concatenate([dive.action_time, dive.action_time + dive.action_seconds])
-    marks = np.unique(
-        np.concatenate([np.arange(t0, t1, step), [t1], turns[(turns > t0) & (turns < t1)]])
-    )
+    turns = np.concatenate([dive.actions.time, dive.actions.time + dive.actions.seconds])
+    turns = turns[(turns > t0) & (turns < t1)]
+    marks = np.unique(np.concatenate([np.arange(t0, t1, step), [t1], turns]))
     heat = warmed(body, values, np.interp(marks, dive.time, dive.temperature))
     asked = (start + _volume(values, dive, marks) + heat).tolist()
-    grid = dive.water_pressure
-    neutral = cold_neutral(body, values, grid, dive.water_density)
+    neutral, grid = cold_neutral(body, values, dive.water), dive.water.pressure
 
     def water(p: float, volume: float) -> tuple[float, float]:
         """Return the excess of volume at a pressure, and the water's weight [N/m3]."""
         heavy = float(np.interp(p, grid, neutral)) - volume
-        return heavy, float(np.interp(p, grid, dive.water_density)) * dive.gravity
+        return heavy, float(np.interp(p, grid, dive.water.density)) * dive.gravity
 
     p = float(np.interp(t0, dive.time, dive.pressure)) if pressure is None else pressure
     heavy, rho_g = water(p, asked[0])
@@ -726,8 +690,8 @@ def _after(w: float, force: float, mass: float, values: Mapping[str, float], dt:
 
 def _volume(values: Mapping[str, float], dive: DeepDive, time: Array) -> Array:
     """Return what the drive has gained since the beginning at each time [m3] [n]."""
-    seconds = np.maximum(dive.action_seconds, 1e-3)
-    done = np.clip((time[:, None] - dive.action_time) / seconds, 0.0, 1.0)
+    seconds = np.maximum(dive.actions.seconds, 1e-3)
+    done = np.clip((time[:, None] - dive.actions.time) / seconds, 0.0, 1.0)
     idle = time - float(dive.time[0]) - done @ seconds
     leaked = np.interp(time, dive.time, dive.leaked)
     return np.asarray(done @ run_volumes(values, dive) - leaked - values["creep"] * idle)
