@@ -123,14 +123,10 @@ class Bench:
         """Return the bench with the samples that are `kept`."""
         before = np.concatenate(([0], np.cumsum(kept)))
         runs = [(int(before[first]), int(before[after])) for first, after in self.runs]
-        return replace(
-            self,
-            time=self.time[kept],
-            position=self.position[kept],
-            voltage=None if self.voltage is None else self.voltage[kept],
-            reference=None if self.reference is None else self.reference[kept],
-            runs=tuple((first, after) for first, after in runs if after > first),
-        )
+        names = ("time", "position", "voltage", "reference")
+        series = {name: getattr(self, name) for name in names}
+        left = {name: values[kept] for name, values in series.items() if values is not None}
+        return replace(self, runs=tuple((a, b) for a, b in runs if b > a), **left)
 
     @property
     def unit(self) -> str:
@@ -212,18 +208,14 @@ def _for_the_motor(
         limit = vehicle.supply.voltage
         beyond = np.abs(voltage) > limit * (1.0 + 1e-9)
         if beyond.any():
-            notes.append(
-                f"{int(beyond.sum())} voltages beyond the supply's {limit:g} V are taken as cut "
-                "to it"
-            )
+            taken = f"beyond the supply's {limit:g} V are taken as cut to it"
+            notes.append(f"{int(beyond.sum())} voltages {taken}")
             voltage = np.clip(voltage, -limit, limit)
     if depth < _SHALLOW:
         return voltage
     if vehicle is None:
-        notes.append(
-            f"the log goes to {depth:.3g} m: without --vehicle, with k_z/k_u, the "
-            "load of the sea counts as part of the dead zone and the load"
-        )
+        counts = "the load of the sea counts as part of the dead zone and the load"
+        notes.append(f"the log goes to {depth:.3g} m: without --vehicle, with k_z/k_u, {counts}")
         return voltage
     load = reduced(vehicle.actuator, vehicle.water).load_drive
     notes.append(f"k_z/k_u = {load:.4g} V/m, as the vehicle has it, times the depth is taken off")

@@ -59,8 +59,7 @@ def respond(
 
     time [s], increasing; voltage [V], each held until the next sample; first_speed [m/s].
     """
-    travel, speed = np.empty(len(time)), np.empty(len(time))
-    _advance(time, voltage, *drive, first_speed, travel, speed)
+    travel, speed = _advance(time, voltage, drive, first_speed)
     return travel, speed
 
 
@@ -75,18 +74,20 @@ def steady_speed(voltage: float, drive: Drive) -> float:
 
 
 @partial(compiled, under="identify_actuator")
-def _advance(time, voltage, K_out, K_in, T1, d, b, rate, first_speed, travel, speed):  # type: ignore[no-untyped-def]
-    """Fill travel [n] and speed [n]."""
+def _advance(time: Array, voltage: Array, drive: Drive, first_speed: float) -> tuple[Array, Array]:
+    """Return travel and speed [n] as `respond` does."""
+    d, rate, T1 = drive.dead_zone, drive.rate, drive.T1
+    travel, speed = np.zeros(len(time)), np.zeros(len(time))
     x, v = 0.0, first_speed
-    travel[0], speed[0] = x, v
+    speed[0] = v
     for k in range(len(time) - 1):
         h = time[k + 1] - time[k]
-        over = voltage[k] - b
+        over = voltage[k] - drive.load
         while h > 0.0:
             if v == 0.0 and abs(over) <= d:
                 break
             outward = v > 0.0 or (v == 0.0 and over > 0.0)
-            end = K_out * (over - d) if outward else K_in * (over + d)
+            end = drive.K_out * (over - d) if outward else drive.K_in * (over + d)
             end = min(max(end, -rate), rate)
             part = h
             stops = v != 0.0 and end != 0.0 and (end > 0.0) != outward
@@ -99,6 +100,7 @@ def _advance(time, voltage, K_out, K_in, T1, d, b, rate, first_speed, travel, sp
             v = 0.0 if stops else v + (end - v) * gone
             h -= part
         travel[k + 1], speed[k + 1] = x, v
+    return travel, speed
 
 
 _TURNS = 0.1  # of the largest voltage: another one
@@ -203,20 +205,13 @@ class Problem:
 
     def turned(self, values: Mapping[str, float]) -> Array:
         """Return the free parameters as they are turned."""
-        return np.array(
-            [
-                math.log(values[name]) if name in LOGARITHMIC else values[name] / self.top
-                for name in self.free
-            ]
-        )
+        pairs = [(values[name], name in LOGARITHMIC) for name in self.free]
+        return np.array([math.log(x) if log else x / self.top for x, log in pairs])
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the least and the greatest of what is turned."""
-        both = [
-            (-46.0, 46.0) if n in LOGARITHMIC else (-1.0 if n == "load_voltage" else 0.0, 1.0)
-            for n in self.free
-        ]
-        least, most = np.array(both).reshape(-1, 2).T
+        ends = {"load_voltage": (-1.0, 1.0), "dead_zone": (0.0, 1.0)}
+        least, most = np.array([ends.get(n, (-46.0, 46.0)) for n in self.free]).reshape(-1, 2).T
         return least, most
 
     def _strokes(self, block: Block) -> float:
@@ -346,10 +341,8 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
     size = float(np.abs(v).max())
     driven = np.abs(u) > IDLE * top
     if not any(map(_moves, benches)) or not driven.any() or size == 0.0:
-        raise NoAnswerError(
-            "The actuator does not move in these logs, by its position: apply larger "
-            "voltages, for longer."
-        )
+        what = "The actuator does not move in these logs, by its position"
+        raise NoAnswerError(f"{what}: apply larger voltages, for longer.")
     moving = driven & (np.abs(v) > 0.1 * size)
     if moving.any() and np.sum(n[moving] * np.sign(u[moving]) * v[moving]) < 0.0:
         what = "the piston moves against the voltage: positive volts should move it outward"
@@ -387,12 +380,9 @@ def guess_from(rows: Array, top: float, free: Sequence[str]) -> dict[str, float]
         q = np.array([math.log(gain / (1.0 - share)), share, 0.0, 0.0])[open_]
         ends.append(least_squares(off, q, loss="soft_l1", max_nfev=50))
     K, d, b, ratio = full(min(ends, key=lambda end: float(end.cost)).x).tolist()
-    return {
-        "K1": math.exp(K),
-        "dead_zone": min(max(d, 0.0), 0.9) * top,
-        "load_voltage": min(max(b, -0.9), 0.9) * top,
-        "asymmetry": math.exp(min(max(ratio, -3.0), 3.0)),
-    }
+    zone, load = min(max(d, 0.0), 0.9) * top, min(max(b, -0.9), 0.9) * top
+    ratio = math.exp(min(max(ratio, -3.0), 3.0))
+    return {"K1": math.exp(K), "dead_zone": zone, "load_voltage": load, "asymmetry": ratio}
 
 
 def tolerance(benches: Sequence[Bench]) -> float:
@@ -429,12 +419,8 @@ def robustly(problem: Problem, guess: dict[str, float]) -> Array:
         trials = np.geomspace(0.1 * step, max(longest, step), _TRIALS)
         begins = [inside(problem.turned({**values, "T1": T})) for T in trials.tolist()]
         begins = sorted(begins, key=cost)[:2]
-    ends = [
-        least_squares(
-            off, q, loss="soft_l1", bounds=(least, most), max_nfev=30, xtol=1e-4, ftol=1e-4
-        )
-        for q in begins
-    ]
+    search = partial(least_squares, off, loss="soft_l1", bounds=(least, most), max_nfev=30)
+    ends = [search(q, xtol=1e-4, ftol=1e-4) for q in begins]
     return np.asarray(min(ends, key=lambda end: float(end.cost)).x, float)
 
 
@@ -498,12 +484,8 @@ class Spread:
 
 def slope(problem: Problem, q: Array) -> Array:
     """Return the derivative of the whitened residuals [n, p], by central differences."""
-    columns = []
-    for k in range(len(q)):
-        h = np.zeros(len(q))
-        h[k] = 1e-5
-        columns.append((problem.white(q + h) - problem.white(q - h)) / 2e-5)
-    return np.stack(columns, axis=1)
+    steps = 1e-5 * np.eye(len(q))
+    return np.stack([(problem.white(q + h) - problem.white(q - h)) / 2e-5 for h in steps], axis=1)
 
 
 def gains(problem: Problem, q: Array) -> Spread:
@@ -553,14 +535,10 @@ def gains(problem: Problem, q: Array) -> Spread:
     prior = np.log(shares) - 0.5 * (_PRIOR_DF + 1.0) * np.log1p((shares / _PRIOR) ** 2 / _PRIOR_DF)
     log_weight = prior - 0.5 * (score - score[best])
     weights = np.exp(log_weight - log_weight.max())
-    return Spread(
-        shares,
-        weights / weights.sum(),
-        np.array(sigmas),
-        np.stack(information),
-        bool(moved > _gains_of(problem) and score[best] < score[0] - _DIFFER),
-        float(shares[best]),
-    )
+    weights /= weights.sum()
+    significant = bool(moved > _gains_of(problem) and score[best] < score[0] - _DIFFER)
+    found, likely = (np.array(sigmas), np.stack(information)), float(shares[best])
+    return Spread(shares, weights, *found, significant, likely)
 
 
 def _gains_of(problem: Problem) -> int:

@@ -399,15 +399,9 @@ class _Fit:
             return self._slope(np.append(start[:skip], x))[:, skip:]
 
         ends, limits = (1e-6, 1e-7, 1e-12), (least[skip:], most[skip:])
+        begin, edge = start[skip:], 1e-9 * self.step
         _, found = bounded_fit(
-            residual,
-            slope,
-            start[skip:],
-            limits,
-            ends=ends,
-            most=20,
-            edge=1e-9 * self.step,
-            scale=size,
+            residual, slope, begin, limits, ends=ends, most=20, edge=edge, scale=size
         )
         return np.append(start[:skip], found)
 
@@ -440,10 +434,8 @@ class _Fit:
             bound = self._crossing(none + _ONE_SIDED * inflation)
             if bound > max(float(w.time[-1]) for w in self.windows):
                 return Estimate.unknown("s", _TOO_SHORT)
-            why = (
-                f"shorter than samples every {self.step:.3g} s resolve; below {bound:.3g} s with "
-                "a confidence of 95 %"
-            )
+            why = f"shorter than samples every {self.step:.3g} s resolve; "
+            why += f"below {bound:.3g} s with a confidence of 95 %"
             return Estimate.bounded(0.0, bound, "s", why)
         std = math.sqrt(inflation / max(information, 1e-12))
         if std > 1.0:
@@ -479,9 +471,11 @@ class _Fit:
     def _crossing(self, level: float) -> float:
         """Return the T1 [s] above the best at which the deviance reaches a level."""
         low = max(float(self.best[0]), math.log(_NOTHING * self.step))
-        found = crossing(
-            lambda x: self._deviance(low + x) - level, 0.5, farthest=_SLOWEST, xtol=1e-3
-        )
+
+        def beyond(x: float) -> float:
+            return self._deviance(low + x) - level
+
+        found = crossing(beyond, 0.5, farthest=_SLOWEST, xtol=1e-3)
         return math.exp(low + (_SLOWEST if found is None else found))
 
 
@@ -590,17 +584,10 @@ def _step(bench: Bench, move: Move, rate: Rate, start: tuple[Index, Array] | Non
         fitted[start[0] - first] = start[1]
         used[start[0] - first] = True
     known = np.isfinite(fitted)
-    seen, label = samples[known], f"{_WAYS[move.direction]}ward"
-    return Step(
-        bench.source,
-        label,
-        bench.time[seen],
-        bench.position[seen],
-        fitted[known],
-        used[known],
-        speed=rate.value,
-        start=0 if start is None else len(start[0]),
-    )
+    seen, fitted, used = samples[known], fitted[known], used[known]
+    label, shown = f"{_WAYS[move.direction]}ward", 0 if start is None else len(start[0])
+    time, x = bench.time[seen], bench.position[seen]
+    return Step(bench.source, label, time, x, fitted, used, speed=rate.value, start=shown)
 
 
 def together(fits: Sequence[dict[str, Estimate]]) -> tuple[dict[str, Estimate], dict[str, float]]:

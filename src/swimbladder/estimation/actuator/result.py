@@ -73,14 +73,12 @@ def nine(
     """
     found, of_vehicle = [], {} if vehicle is None else _of_vehicle(vehicle)
     for symbol, (unit, meaning) in NINE.items():
+        value, origin = of_vehicle.get(symbol, (None, "no vehicle was given"))
+        source: Source = "not known" if value is None else "vehicle"
         estimate = parameters.get(symbol)
         if estimate is not None and estimate.known:
-            source: Source = "logs" if estimate.origin == "data" else "set"
+            value, source = estimate.value, "logs" if estimate.origin == "data" else "set"
             origin = logs if source == "logs" else "given with --set"
-            found.append(Known(symbol, estimate.value, unit, meaning, source, origin))
-            continue
-        value, origin = of_vehicle.get(symbol, (None, "no vehicle was given"))
-        source = "not known" if value is None else "vehicle"
         found.append(Known(symbol, value, unit, meaning, source, origin))
     return tuple(found)
 
@@ -90,12 +88,11 @@ def _of_vehicle(vehicle: Vehicle) -> dict[str, tuple[float | None, str]]:
     actuator, motion, drag = vehicle.actuator, vehicle.motion, vehicle.drag
     area, k_b = vehicle.piston_area, vehicle.water.specific_weight
     inner = "drive.piston_area" if actuator.kind == "electromechanical" else "piston_area"
+    of_area = f"an actuator of kind {actuator.kind} has no piston area in its file"
     found: dict[str, tuple[float | None, str]] = {
         "psi": (vehicle.hull.psi, _origin(vehicle, "hull.psi")),
         "rho g": (k_b, _origin(vehicle, "water.density")),
-        "A": (None, f"an actuator of kind {actuator.kind} has no piston area in its file")
-        if area is None
-        else (area, _origin(vehicle, f"actuator.{inner}")),
+        "A": (area, of_area if area is None else _origin(vehicle, f"actuator.{inner}")),
     }
     if isinstance(actuator, Positioner):
         why = "a positioner has none: it goes to positions at a constant speed"
@@ -223,24 +220,16 @@ class ActuatorIdentification:
         if not changed:
             raise NoAnswerError(f"Nothing of the actuator of {self.given.name} was identified.")
         same_kind = actuator.kind == self.given.actuator.kind
-        kept = {
-            place: origin
-            for place, origin in self.given.provenance.items()
-            if same_kind or not place.startswith("actuator")
-        }
+        before = self.given.provenance.items()
+        kept = {at: by for at, by in before if same_kind or not at.startswith("actuator")}
         origin = "identified from " + ", ".join(dict.fromkeys(fit.source for fit in self.logs))
         for name, place in changed.items():
             low, high = self.parameters[name].ci95
             kept[place] = f"{origin}; 95 % interval {low:.4g} to {high:.4g}"
         if not same_kind:
             kept["actuator"] = f"reduced to shallow-water parameters from {self.given.name}"
-        return self.given.model_copy(
-            update={
-                "actuator": actuator,
-                "provenance": kept,
-                "identified": self._identified(self.given),
-            }
-        )
+        changes = {"actuator": actuator, "provenance": kept}
+        return self.given.model_copy(update=changes | {"identified": self._identified(self.given)})
 
     def _actuator(self, vehicle: Vehicle) -> tuple[Actuator, dict[str, str]]:
         """Return the actuator with the identified parameters, and {parameter: field} of them."""
@@ -278,12 +267,8 @@ class ActuatorIdentification:
             rows += [[0.0] * len(own) + [before.covariance[i][j] for j in at] for i in at]
         sources = tuple(dict.fromkeys(fit.source for fit in self.logs))
         fields = {} if before is None else before.model_dump()
-        fields |= {
-            "names": (*names, *others),
-            "values": tuple(values),
-            "covariance": tuple(map(tuple, rows)),
-            "logs": (*(before.logs if before else ()), *sources),
-        }
+        fields |= {"names": (*names, *others), "logs": (*fields.get("logs", ()), *sources)}
+        fields |= {"values": tuple(values), "covariance": tuple(map(tuple, rows))}
         return Identified(**fields)
 
     def columns(self) -> dict[str, Array]:

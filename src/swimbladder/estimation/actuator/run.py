@@ -36,10 +36,7 @@ _SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
 
 
 def of_voltage(
-    fit: VoltageFit,
-    parameters: Mapping[str, Estimate],
-    benches: Sequence[Bench],
-    soft: SoftStart | None,
+    fit: VoltageFit, parameters: Mapping[str, Estimate], soft: SoftStart | None
 ) -> Iterator[Finding]:
     """Yield what is to be said of a fit to voltage steps, and of its driver's soft start."""
     problem, spread = fit.problem, fit.spread
@@ -56,7 +53,7 @@ def of_voltage(
         yield Finding.of("actuator", "repeat", few=few, allowed=spread.typical, widened=fit.widened)
     if soft is not None:
         yield Finding.of("actuator", "soft start", top=problem.top, soft=soft)
-    T1, step = parameters["T1"], min(b.step for b in benches)
+    T1, step = parameters["T1"], min(b.step for b in problem.benches)
     if T1.origin == "data" and T1.value < step:
         yield Finding.of("actuator", "time constant", step=step)
 
@@ -137,31 +134,26 @@ def identify_actuator(
         found = _voltage(benches, fixed, report) if driven == "voltage" else _moves(benches, report)
     missing = [(n, found.parameters[n].why) for n in asked if not found.parameters[n].known]
     refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
-    one = benches[0]
+    one, covariance = benches[0], found.covariance
     which = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
 
     def called(name: str) -> str:
         return "K1A" if name == "K1" and one.quantity == "volume" else name
 
-    parameters = {called(name): e for name, e in found.parameters.items()}
+    found = found._replace(
+        parameters={called(name): e for name, e in found.parameters.items()},
+        covariance={called(a): {called(b): row[b] for b in row} for a, row in covariance.items()},
+        findings=(*found.findings, *refused),
+    )
     return ActuatorIdentification(
         driven=driven,
         quantity=one.quantity,
-        parameters=parameters,
-        derived=found.derived,
         asked=tuple(map(called, asked)),
-        noise=found.noise,
-        covariance={
-            called(a): {called(b): value for b, value in row.items()}
-            for a, row in found.covariance.items()
-        },
-        logs=tuple(found.logs),
-        steps=tuple(found.steps),
-        nine=nine(parameters, vehicle, which),
-        findings=(*found.findings, *refused),
+        nine=nine(found.parameters, vehicle, which),
         assumptions=tuple(sentence("actuator", driven).split("\n")),
         notes=tuple(dict.fromkeys(note for b in benches for note in b.notes)),
         given=vehicle,
+        **found._asdict(),
     )
 
 
@@ -169,12 +161,12 @@ class _Found(NamedTuple):
     """What logs of one kind say."""
 
     parameters: dict[str, Estimate]
-    findings: list[Finding]
+    findings: tuple[Finding, ...]
     covariance: dict[str, dict[str, float]]
     derived: dict[str, Estimate]
     noise: float
-    logs: Sequence[LogFit]
-    steps: Sequence[Step]
+    logs: tuple[LogFit, ...]
+    steps: tuple[Step, ...]
 
 
 def _one_kind(benches: Sequence[Bench]) -> Driven:
@@ -182,13 +174,11 @@ def _one_kind(benches: Sequence[Bench]) -> Driven:
     first = benches[0]
     for other in benches[1:]:
         if (other.driven, other.quantity) != (first.driven, first.quantity):
-            raise InputError(
-                f"the logs are of different kinds: {first.source} has the {first.quantity} and "
-                f"{_WHAT[first.driven]}, {other.source} the {other.quantity} and "
-                f"{_WHAT[other.driven]}",
-                field="LOG",
-                remedy="Identify them one by one, or map the same columns in all",
-            )
+            logged = [f"the {b.quantity} and {_WHAT[b.driven]}" for b in (first, other)]
+            what = f"the logs are of different kinds: {first.source} has {logged[0]}, "
+            what += f"{other.source} {logged[1]}"
+            remedy = "Identify them one by one, or map the same columns in all"
+            raise InputError(what, field="LOG", remedy=remedy)
     return first.driven
 
 
@@ -209,15 +199,15 @@ def _voltage(
         alone.append(single if len(benches) == 1 else _alone(one, fixed))
         advance(share)
     soft = soft_start(fit) if parameters["T1"].known else None
-    findings = [*of_voltage(fit, parameters, benches, soft)]
+    findings = [*of_voltage(fit, parameters, soft)]
     per_log = [f.parameters for f in alone if f.parameters]
     mean, chance = together(per_log) if len(per_log) > 1 else ({}, {})
     apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
     parameters |= {name: mean[name] for name in apart}
     findings += logs_differ(apart, per_log)
     covariance, derived = covariance_of(fit, parameters), by_direction(fit, parameters, unit)
-    steps = steps_of(fit)
-    return _Found(parameters, findings, covariance, derived, fit.noise, alone, steps)
+    said, logs = tuple(findings), tuple(alone)
+    return _Found(parameters, said, covariance, derived, fit.noise, logs, steps_of(fit))
 
 
 def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
@@ -245,13 +235,12 @@ def _moves(benches: Sequence[Bench], advance: Callable[[float], None]) -> _Found
     apart = [name for name, p in {**chance, **chance_by_way}.items() if p < _DIFFERENT]
     findings += logs_differ(apart, [{**f.parameters, **f.derived} for f in fits])
     why = "no move at full speed is in the log"
-    logs = [
+    logs = tuple(
         LogFit(one.source, {**fit.parameters, **fit.derived}, None if fit.steps else why)
         for one, fit in zip(benches, fits, strict=True)
-    ]
-    covariance = {
-        name: {name: parameters[name].std ** 2} for name in ("T1", "rate") if parameters[name].known
-    }
+    )
+    known = [name for name in ("T1", "rate") if parameters[name].known]
+    covariance = {name: {name: parameters[name].std ** 2} for name in known}
     noise = max(fit.noise for fit in fits if not math.isnan(fit.noise))
-    steps = [step for fit in fits for step in fit.steps]
-    return _Found(parameters, findings, covariance, derived, noise, logs, steps)
+    steps = tuple(step for fit in fits for step in fit.steps)
+    return _Found(parameters, tuple(findings), covariance, derived, noise, logs, steps)

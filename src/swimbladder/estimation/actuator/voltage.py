@@ -43,7 +43,7 @@ from swimbladder.estimation.series import WHITE, Array, Autoregression, Mask
 _OUTLIER = 10.0  # deviance that leaving a sample out costs
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class VoltageFit:
     """The fit at its best.
 
@@ -93,14 +93,10 @@ class VoltageFit:
         """Minus twice the logarithm of the likelihood, but for a constant."""
         problem, whiten = self.problem, self.problem.whiten
         assert whiten is not None
-        n = int(problem.used.sum())
+        n, out = int(problem.used.sum()), int((~problem.used & ~problem.early).sum())
         lost = float(np.sum(problem.white(self.q) ** 2))
-        return (
-            n * math.log(max(lost / n, 1e-300))
-            - 2.0 * float(np.log(whiten.keep).sum())
-            - 2.0 * float(np.log(whiten.matrix.diagonal()).sum())
-            + int((~problem.used & ~problem.early).sum()) * _OUTLIER
-        )
+        scales = float(np.log(whiten.keep).sum()) + float(np.log(whiten.matrix.diagonal()).sum())
+        return n * math.log(max(lost / n, 1e-300)) - 2.0 * scales + out * _OUTLIER
 
     @property
     def noise(self) -> float:
@@ -205,17 +201,8 @@ def _refine(problem: Problem, q: Array) -> VoltageFit:
     lost = len(q) + len(np.unique(problem.block[problem.used]))
     sigma = math.sqrt(float(residual @ residual) / max(len(residual) - lost, 1))
     sigma = max(sigma, FINEST * tolerance(problem.benches))
-    covariance, known, blind = _covariance(jacobian, sigma, problem.free)
-    return VoltageFit(
-        problem=problem,
-        q=q,
-        covariance=covariance,
-        known=known,
-        blind=blind,
-        sigma=sigma,
-        spread=spread,
-        residual=problem.centred(problem.residual(q)),
-    )
+    of_q = _covariance(jacobian, sigma, problem.free)
+    return VoltageFit(problem, q, *of_q, sigma, spread, problem.centred(problem.residual(q)))
 
 
 def _whiten(problem: Problem, q: Array, noise: Autoregression) -> Spread:
@@ -344,10 +331,8 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
     nothing = root(shortest)
     if nothing < Z95:
         bound = end(max(best, shortest), max(std, 0.3), _ONE_SIDED, nothing)
-        why = (
-            f"T1 is shorter than samples every {step:.3g} s resolve: below {bound:.3g} s with a "
-            "confidence of 95 %"
-        )
+        why = f"T1 is shorter than samples every {step:.3g} s resolve: below {bound:.3g} s with a "
+        why += "confidence of 95 %"
         return Estimate.bounded(0.0, bound, "s", why)
     value, ends = math.exp(best), (end(best, -std, Z95), end(best, std, Z95))
     return replace(Estimate.of(value, value * std, "s"), ci95=ends)
@@ -450,10 +435,8 @@ def _rate(fit: VoltageFit, unit: str) -> Estimate:
         return Estimate.unknown(unit, _blind(fit))
     drive, top = drive_of(fit.values), fit.problem.top
     fastest = max(abs(steady_speed(top, drive)), abs(steady_speed(-top, drive)))
-    why = (
-        f"no limit is seen: at {top:.3g} V, the largest voltage, it reaches {shown(fastest, unit)}"
-    )
-    return Estimate.bounded(fastest, math.inf, unit, why)
+    reached = f"at {top:.3g} V, the largest voltage, it reaches {shown(fastest, unit)}"
+    return Estimate.bounded(fastest, math.inf, unit, f"no limit is seen: {reached}")
 
 
 def _blind(fit: VoltageFit) -> str:
@@ -473,23 +456,17 @@ def _and(names: set[str]) -> str:
 
 def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict[str, Estimate]:
     """Return the gains and the edges of the dead zone outward and inward, if identified."""
-    values = fit.values
-    result: dict[str, Estimate] = {}
-
-    def identified(*names: str) -> bool:
-        return all(found[name].known for name in names)
-
-    if identified("K1", "asymmetry"):
-        drive = drive_of(values)
-        for name, value, sign in (("K1_out", drive.K_out, 0.5), ("K1_in", drive.K_in, -0.5)):
-            gains = {"K1": 1.0, "asymmetry": sign}
-            result[name] = _along(fit, value, f"{unit}/s/V", logarithmic=True, **gains)
-    if identified("dead_zone", "load_voltage"):
-        for name, sign in (("threshold_out", 1.0), ("threshold_in", -1.0)):
-            value = sign * values["load_voltage"] + values["dead_zone"]
-            edges = {"dead_zone": 1.0, "load_voltage": sign}
-            result[name] = _along(fit, value, "V", logarithmic=False, **edges)
-    return result
+    drive, zone, load = drive_of(fit.values), fit.values["dead_zone"], fit.values["load_voltage"]
+    gains, edges = [], []
+    for way, sign, gain in (("out", 1.0, drive.K_out), ("in", -1.0, drive.K_in)):
+        gains.append((f"K1_{way}", gain, f"{unit}/s/V", {"K1": 1.0, "asymmetry": 0.5 * sign}))
+        weights = {"dead_zone": 1.0, "load_voltage": sign}
+        edges.append((f"threshold_{way}", sign * load + zone, "V", weights))
+    return {
+        name: _along(fit, value, of, logarithmic="K1" in weights, **weights)
+        for name, value, of, weights in (*gains, *edges)
+        if all(found[n].known for n in weights)
+    }
 
 
 def covariance_of(fit: VoltageFit, found: dict[str, Estimate]) -> dict[str, dict[str, float]]:
