@@ -24,7 +24,7 @@ from swimbladder.estimation.comparison import compare, record
 from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
-from swimbladder.estimation.motion.result import identified_vehicle
+from swimbladder.estimation.motion.result import Values, identified_vehicle
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.log_format import log_format
@@ -116,18 +116,15 @@ def teach(idea: Idea, numbers: tuple[int, ...]) -> tuple[Vehicle, RandomWalkFit]
     fixed = {} if idea.psi is None else {"psi": idea.psi}
     problem = posed(records, base, Assumed(fixed), drag=idea.drag)
     found, model = fit_random_walk(problem, base), problem.model
+    logged = tuple(f"mission {n}" for n in numbers)
     taught = identified_vehicle(
         base,
         model,
-        found.values,
-        found.names,
-        found.covariance,
-        trim_error=None,
+        Values(found.names, found.values, found.covariance, logged),
         depth_noise=found.noise.depth,
         neutral_std=BETWEEN,
         neutral_walk=found.noise.random_walk,
         acceleration_noise=found.noise.acceleration,
-        logs=tuple(f"mission {n}" for n in numbers),
     )
     return taught, found
 

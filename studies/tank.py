@@ -23,11 +23,12 @@ import numpy as np
 from studies.tank_table import Row, parameters, table
 from swimbladder.estimation.comparison import Record, compare, record
 from swimbladder.estimation.comparison.ahead import Ahead, predict_ahead
-from swimbladder.estimation.kalman.depth_filter import Noise, Samples, Start, filter_depth
+from swimbladder.estimation.kalman.depth_filter import Noise, Start, filter_depth
+from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.random_effects import between_logs
 from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
-from swimbladder.estimation.motion.result import identified_vehicle
+from swimbladder.estimation.motion.result import Values, identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log
@@ -120,18 +121,15 @@ def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, RandomWal
     records = [_record(log, vehicle) for log in logs.values()]
     problem = posed(records, vehicle, Assumed(), drag="blended")
     found, model = fit_random_walk(problem, vehicle), problem.model
+    logged = tuple(f"mission {n}" for n in logs)
     fitted = identified_vehicle(
         vehicle,
         model,
-        found.values,
-        found.names,
-        found.covariance,
-        trim_error=None,
+        Values(found.names, found.values, found.covariance, logged),
         depth_noise=found.noise.depth,
         neutral_std=0.0,
         neutral_walk=found.noise.random_walk,
         acceleration_noise=found.noise.acceleration,
-        logs=tuple(f"mission {n}" for n in logs),
     )
     return between_logs(records, fitted), found
 

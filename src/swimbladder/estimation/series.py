@@ -87,16 +87,9 @@ def autoregression(blocks: Sequence[Array], *, highest: int, samples: int) -> Au
         reflection = min(max(reflection, -0.999), 0.999)
         predictors.append((*(old - reflection * old[::-1]).tolist(), reflection))
         variances.append(variances[-1] * (1.0 - reflection**2))
-    score = [
-        total * math.log(max(variance, 1e-300)) + order * math.log(total)
-        for order, variance in enumerate(variances)
-    ]
-    best = int(np.argmin(score))
+    orders = math.log(total) * np.arange(highest + 1)
+    best = int(np.argmin(total * np.log(np.maximum(variances, 1e-300)) + orders))
     if best == 0:
         return WHITE
-    end = variances[best]
-    return Autoregression(
-        predictors[best],
-        tuple(predictors[: best + 1]),
-        tuple(variance / end for variance in variances[: best + 1]),
-    )
+    shares = tuple(variance / variances[best] for variance in variances[: best + 1])
+    return Autoregression(predictors[best], tuple(predictors[: best + 1]), shares)

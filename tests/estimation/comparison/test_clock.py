@@ -106,10 +106,10 @@ def test_a_voltage_tells_too(vehicle):
 def test_what_tells_nothing_is_not_refused(pool):
     still = replace(pool, depth=np.full_like(pool.depth, 2.0), time=1e3 * pool.time)
     under = np.ones(len(pool), dtype=bool)
-    refuse_wrong_clock(still, own(), under, volume=still.volume, voltage=None)
-    refuse_wrong_clock(still, own(), ~under, volume=still.volume, voltage=None)
+    refuse_wrong_clock(still, own(), under, "volume", still.volume)
+    refuse_wrong_clock(still, own(), ~under, "volume", still.volume)
     quiet = np.zeros(len(pool))
-    refuse_wrong_clock(still, own(), under, volume=None, voltage=quiet)
+    refuse_wrong_clock(still, own(), under, "voltage", quiet)
 
 
 @pytest.mark.parametrize("command", ["compare", "identify"])

@@ -24,7 +24,7 @@ STEPS = (8e-6, -11e-6, 5e-6, -8e-6)
 def _problem(names, law):
     vehicle = load_vehicle("feup-em")
     logs = campaign(3, noise=1e-3, steps=STEPS, **BLENDED)
-    experiments = [experiment(log.source, record(log, vehicle), vehicle) for log in logs]
+    experiments = [experiment(record(log, vehicle), vehicle) for log in logs]
     return Problem(
         experiments,
         model_of(vehicle, law=law, bottom_depth=math.inf),
@@ -65,6 +65,6 @@ def test_outliers_among_the_first_samples_do_not_begin_a_stretch():
     log = campaign(5, noise=1e-3, steps=(40e-6,), **BLENDED)[0]
     vehicle = load_vehicle("feup-em")
     log.depth[[1, 2, 6]] += [-3.0, 2.0, 0.7]
-    (stretch,) = experiment("x", record(log, vehicle), vehicle).segments
+    (stretch,) = experiment(record(log, vehicle), vehicle).segments
     assert stretch.depth == pytest.approx(3.75, abs=5e-3)
     assert abs(stretch.speed) < 0.02

@@ -75,7 +75,7 @@ def test_the_search_does_not_need_good_first_values(vehicle, dive):
 
 def problem_of(vehicle, log):
     return Problem(
-        [experiment("dive", record(log, vehicle, drive="volume"), vehicle)],
+        [experiment(record(log, vehicle, drive="volume"), vehicle)],
         model_of(vehicle, law=None, bottom_depth=np.inf),
         ("K2", "T2", "psi"),
         Assumed(neutral_std=0.5e-6),

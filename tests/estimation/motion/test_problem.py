@@ -22,7 +22,7 @@ FEUP_EM = load_vehicle("feup-em")
 
 
 def problem_of(logs, names, *, law="linear", vehicle=FEUP_EM, **options):
-    experiments = [experiment(log.source, record(log, vehicle), vehicle) for log in logs]
+    experiments = [experiment(record(log, vehicle), vehicle) for log in logs]
     model = model_of(vehicle, law=law, bottom_depth=math.inf)
     return Problem(experiments, model, names, Assumed(**{"neutral_std": 0.5e-6} | options))
 
@@ -115,7 +115,7 @@ def test_a_long_gap_and_the_surface_cut_a_log():
     log = Log(
         source="x", time=time, depth=depth, volume=np.zeros(len(time)), line=np.arange(len(time))
     )
-    e = experiment("x", record(log, FEUP_EM), FEUP_EM)
+    e = experiment(record(log, FEUP_EM), FEUP_EM)
     spans = [(time[s.first], time[s.last]) for s in e.segments]
     assert spans == [(0.0, 19.5), (30.0, 40.0), (45.0, 59.5)]
     assert not e.used[(time > 40.0) & (time < 45.0)].any()

@@ -57,16 +57,10 @@ def made(seed, *, psi=PSI, share=1.0, drift=0.0, n=240, h=0.5):
         drive="volume",
         time=np.arange(n) * h,
         depth=depth + rng.normal(0.0, NOISE, n),
-        speed=None,
         volume=volume,
         volume_absolute=True,
-        voltage=None,
-        setpoints=(),
-        reference=None,
         compared=np.ones(n, bool),
-        afloat=False,
         bottom_depth=math.inf,
-        notes=(),
     )
 
 

@@ -62,16 +62,10 @@ def made(seed, *, random_walk=WALK, acceleration=JOLT, n=160, outliers=0.0, neut
         drive="volume",
         time=np.append(0.0, np.cumsum(spans)),
         depth=depth,
-        speed=None,
         volume=1e-6 * volume,
         volume_absolute=True,
-        voltage=None,
-        setpoints=(),
-        reference=None,
         compared=np.ones(n, bool),
-        afloat=False,
         bottom_depth=math.inf,
-        notes=(),
     ), 1e-6 * states[:, 2]
 
 

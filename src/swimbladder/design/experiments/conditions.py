@@ -240,16 +240,8 @@ def experiment_of(flight: Flight, name: str) -> Experiment:
         drive="volume",
         time=flight.time,
         depth=flight.depth,
-        speed=None,
         volume=flight.volume,
-        volume_absolute=False,
-        voltage=None,
-        setpoints=(),
-        reference=None,
         compared=np.ones(n, np.bool_),
-        afloat=False,
-        bottom_depth=math.inf,
-        notes=(),
     )
     start = flight.release.start
     return Experiment(

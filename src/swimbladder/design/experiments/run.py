@@ -25,7 +25,12 @@ from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior
-from swimbladder.estimation.motion.problem import check_parameters, default_names, model_of
+from swimbladder.estimation.motion.problem import (
+    Assumed,
+    check_parameters,
+    default_names,
+    model_of,
+)
 from swimbladder.sim.pool import pool_parameters, run_procedure
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
@@ -90,7 +95,7 @@ def design_experiment(
         model = model_of(vehicle, law=drag, bottom_depth=math.inf)
         held, known = dict(fixed or {}), dict(priors or {})
         names = tuple(free) if free is not None else default_names(model.law, list(held))
-        check_parameters(names, held, known, model, voltage=False)
+        check_parameters(names, Assumed(held, known), model, voltage=False)
         question = Question(model, names, held, known)
         settled, how = _settling(vehicle, settling, pool_depth, clearance)
         s = _setting(

@@ -113,9 +113,8 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
         else:
             noises[name] = Normal(math.log(guess[0]), guess[1])
             origins[name] = "learnt from the log, up to each instant"
-    neutral = Normal(
-        vehicle.trim_error, max(_NEUTRAL * stroke, 0.0 if said is None else said.neutral_std)
-    )
+    neutral_std = max(_NEUTRAL * stroke, 0.0 if said is None else said.neutral_std)
+    neutral = Normal(vehicle.trim_error, neutral_std)
     psi, drag, drift = _PSI * volume, _DRAG, Normal(0.0, _DRIFT * volume)
     if between is not None:
         psi, drag = between.psi, between.drag
@@ -148,9 +147,8 @@ def draw(
         drawn = [n.mean + n.std * at for n, at in zip(u, place, strict=True)]
         neutral, psi, drag, drift, *noise = drawn
         neutral = u.neutral.mean + wide * (neutral - u.neutral.mean)
-        start = Start(
-            float(rec.depth[0]), 0.0, neutral, _START_DEPTH, speed_std, _OWN * u.neutral.std
-        )
+        stds = _START_DEPTH, speed_std, _OWN * u.neutral.std
+        start = Start(float(rec.depth[0]), 0.0, neutral, *stds)
         noises = Noise(*map(math.exp, noise))
         members.append(Member(_with(base, psi=psi, drag=math.exp(drag)), noises, start, drift))
     return tuple(members)
@@ -164,9 +162,8 @@ def _afloat_reading(rec: Record) -> float:
 
 
 def _with(p: Plant, *, psi: float, drag: float) -> Plant:
-    return p._replace(
-        psi=psi, d_l=p.d_l * drag, d_b=p.d_b * drag, d_0=p.d_0 * drag, d_t=p.d_t * drag
-    )
+    dragged = {name: getattr(p, name) * drag for name in ("d_l", "d_b", "d_0", "d_t")}
+    return p._replace(psi=psi, **dragged)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,14 +218,11 @@ class Ahead:
 
     def columns(self) -> dict[str, Array]:
         """Return the columns of the file by name; nan where nothing is predicted."""
-        found = {
-            "time_s": self.record.time,
-            "depth_m": self.record.depth,
-            "compared": self.record.compared.astype(float),
-        }
+        rec = self.record
+        found = {"time_s": rec.time, "depth_m": rec.depth, "compared": rec.compared.astype(float)}
         for h in self.horizons:
             for what, values in (("predicted", h.predicted), ("std", h.std)):
-                column = np.full(len(self.record.time), np.nan)
+                column = np.full(len(rec.time), np.nan)
                 column[h.target] = values
                 found[f"depth_{what}_{h.seconds:g}s_m"] = column
         return found
@@ -331,10 +325,8 @@ def _pairs(rec: Record, seconds: float) -> tuple[Index, Index]:
     ahead = nearest > np.arange(len(time))
     (origin,) = np.nonzero(close & ahead & rec.compared & rec.compared[nearest])
     if not len(origin):
-        what = (
-            "no two samples that count are so far apart: of a log of "
-            f"{rec.duration:.4g} s with one every {apart:.3g} s, clear of surface and bottom"
-        )
+        of = f"of a log of {rec.duration:.4g} s with one every {apart:.3g} s"
+        what = f"no two samples that count are so far apart: {of}, clear of surface and bottom"
         remedy = "Give a time between these"
         raise InputError(what, field="--ahead", value=seconds, unit="s", remedy=remedy)
     return origin, nearest[origin]

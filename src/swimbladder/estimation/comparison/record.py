@@ -20,7 +20,8 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.estimation.kalman.depth_filter import Samples, follow
+from swimbladder.estimation.kalman.depth_filter import follow
+from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.series import Array, Mask, stretches
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant
@@ -80,13 +81,7 @@ def follow_in(
     return follow(plants, layers, time, volume, starts)
 
 
-_UNITS = {
-    "s": "seconds",
-    "ms": "milliseconds",
-    "us": "microseconds",
-    "min": "minutes",
-    "h": "hours",
-}
+_UNITS = dict(s="seconds", ms="milliseconds", us="microseconds", min="minutes", h="hours")
 _FACTORS = (1e-3, 1e-6, 60.0, 1e3, 1.0 / 60.0)  # true time over time as read, if that is no unit's
 _ALIKE = (0.3, 3.0)  # of the vehicle's force: another vehicle of the kind, whose file is a guess
 _FAR = (0.1, 10.0)
@@ -96,23 +91,21 @@ _SMALL = 0.02  # m, less motion than which has no information
 
 
 def refuse_wrong_clock(
-    log: Log, vehicle: Vehicle, under: Mask, *, volume: Array | None, voltage: Array | None
+    log: Log, vehicle: Vehicle, under: Mask, drive: Drive, driving: Array
 ) -> None:
     """Raise LogError where the times of a log cannot be in their unit, with the one that fits.
 
-    under: which samples are clear of surface and bottom. volume [m3], voltage [V]: the one that
-    drives the vehicle, neither where a set-point does.
+    under: which samples are clear of surface and bottom. driving: volume [m3] or voltage [V].
     """
     part = slice(*max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0)))
-    z, t = log.depth[part], log.time[part]
-    if (volume is None and voltage is None) or len(t) < _LEAST or np.ptp(z) < _SMALL:
+    z, t, given = log.depth[part], log.time[part], driving[part]
+    if len(t) < _LEAST or np.ptp(z) < _SMALL:
         return
 
     def read_with(factor: float) -> _Fit:
-        if volume is not None:
-            return _fits(factor * t, z, volume[part], vehicle)
-        assert voltage is not None  # one of the two is there
-        return _fits(factor * t, z, _pumped(factor * t, z, voltage[part], vehicle), vehicle)
+        time = factor * t
+        volume = given if drive == "volume" else _pumped(time, z, given, vehicle)
+        return _fits(time, z, volume, vehicle)
 
     if read_with(1.0).near(*_FAR):
         return
@@ -120,15 +113,13 @@ def refuse_wrong_clock(
         found = read_with(factor)
         if not (found.near(*_ALIKE) and found.explained > _EXPLAINED):
             continue
-        only = f"{factor:.3g} times as long only"
+        only = f"{factor:.3g} times as long"
         remedy = "Check what the times count, and their pattern"
         if unit is not None:
-            only = f"{_UNITS[unit]} only"
+            only = _UNITS[unit]
             remedy = f'Map them as what they are: --column "time_s={log.times.name}@{unit}"'
-        what = (
-            f"as read the samples are {np.median(np.diff(t)):.4g} s apart, and what drives the "
-            f"vehicle goes with its depths where the times are {only}"
-        )
+        what = f"as read the samples are {np.median(np.diff(t)):.4g} s apart, and what drives the "
+        what += f"vehicle goes with its depths where the times are {only} only"
         span, unit = float(log.time[-1] - log.time[0]), "s from first to last"
         raise LogError(what, file=log.source, field="time_s", value=span, unit=unit, remedy=remedy)
 
@@ -141,11 +132,9 @@ def _others(seconds: float | None) -> list[tuple[float, str | None]]:
     if seconds is None:
         return [(factor, None) for factor in _FACTORS]
     units = {unit: unit_factor(unit, "s") / seconds for unit in _UNITS}
-    found: list[tuple[float, str | None]] = [
-        (factor, unit) for unit, factor in units.items() if not math.isclose(factor, 1.0)
-    ]
     left = [f for f in _FACTORS if not any(math.isclose(f, known) for known in units.values())]
-    return [*found, *((factor, None) for factor in left)]
+    tried = [(factor, unit) for unit, factor in units.items() if not math.isclose(factor, 1.0)]
+    return [*tried, *((factor, None) for factor in left)]
 
 
 class _Fit(NamedTuple):
@@ -221,17 +210,18 @@ class Record:
     drive: Drive
     time: Array  # s
     depth: Array  # m
-    speed: Array | None  # m/s
-    volume: Array | None  # m3
-    volume_absolute: bool
-    voltage: Array | None  # V
-    setpoints: tuple[tuple[float, float], ...]  # (s, m)
-    reference: Array | None  # m
+    speed: Array | None = None  # m/s
+    volume: Array | None = None  # m3
+    volume_absolute: bool = False
+    voltage: Array | None = None  # V
+    setpoints: tuple[tuple[float, float], ...] = ()  # (s, m)
+    reference: Array | None = None  # m
     compared: Mask
-    afloat: bool
-    bottom_depth: float  # m
-    notes: tuple[str, ...]
+    afloat: bool = False
+    bottom_depth: float = math.inf  # m
+    notes: tuple[str, ...] = ()
     layers: Layers = NO_LAYERS
+    source: str = "the log"
 
     @property
     def samples(self) -> Samples:
@@ -272,13 +262,11 @@ def record(
     little of it, or goes deeper than the cast.
     """
     if drive is not None and drive not in DRIVES:
-        raise InputError(
-            "no such input", field="drive", value=drive, remedy=f"Choose one of {', '.join(DRIVES)}"
-        )
+        remedy = f"Choose one of {', '.join(DRIVES)}"
+        raise InputError("no such input", field="drive", value=drive, remedy=remedy)
     for field, metres in (("bottom_depth", bottom_depth), ("surface_margin", surface_margin)):
         if not metres >= 0.0:
-            what = "it must not be negative"
-            remedy = "Check the number and its unit"
+            what, remedy = "it must not be negative", "Check the number and its unit"
             raise InputError(what, field=field, value=metres, unit="m", remedy=remedy)
     notes = list(log.report)
     chosen = drive or _first_drive(log, vehicle)
@@ -296,27 +284,23 @@ def record(
         raise LogError(what, file=log.source, field=chosen, remedy=remedy)
     volume, absolute = _volume(log, vehicle)
     if volume is not None and not absolute:
-        volume = volume - volume[0] + vehicle.neutral_volume(float(log.depth[0]))
-        volume = volume + layers.at(float(log.depth[0]))
-        notes.append(
-            "the zero of the volume is not known: taken as neutral at the first sample's depth"
-        )
+        first = float(log.depth[0])
+        volume = volume - volume[0] + vehicle.neutral_volume(first) + layers.at(first)
+        neutral = "taken as neutral at the first sample's depth"
+        notes.append(f"the zero of the volume is not known: {neutral}")
     if volume is not None and chosen == "volume":
         stroke = vehicle.stroke
-        over, whole = float(np.ptp(volume)), stroke.maximum - stroke.minimum
+        over, whole = 1e6 * float(np.ptp(volume)), 1e6 * (stroke.maximum - stroke.minimum)
         if over > _STROKES * whole:
-            what = f"the volume goes over {1e6 * over:.3g} cm3, the vehicle's stroke is "
-            what += f"{1e6 * whole:.3g} cm3"
+            what = f"the volume goes over {over:.3g} cm3, the vehicle's stroke is {whole:.3g} cm3"
             remedy = "State the column's unit, piston_m=NAME@mm or volume_m3=NAME@cm3, or give the "
             remedy += "vehicle that the log is of"
             field = "piston_m" if log.volume is None else "volume_m3"
             raise LogError(what, file=log.source, field=field, remedy=remedy)
         beyond = np.maximum(volume - stroke.maximum, stroke.minimum - volume)
         if (beyond > 1e-9).any():
-            notes.append(
-                f"{int((beyond > 1e-9).sum())} samples have a volume beyond the vehicle's stroke, "
-                f"by up to {1e6 * beyond.max():.2g} cm3"
-            )
+            count, most = int((beyond > 1e-9).sum()), f"by up to {1e6 * beyond.max():.2g} cm3"
+            notes.append(f"{count} samples have a volume beyond the vehicle's stroke, {most}")
     deepest = _deepest(log)
     if deepest > bottom_depth + _BELOW_BOTTOM:
         what = f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m"
@@ -326,28 +310,21 @@ def record(
     under = log.depth >= surface + surface_margin
     clear = log.depth <= bottom_depth - _BOTTOM_MARGIN
     if not under.all():
-        notes.append(
-            f"{int((~under).sum())} samples less than {surface_margin:g} m below the depth at "
-            "which the hull emerges are simulated, not compared"
-        )
+        above = f"less than {surface_margin:g} m below the depth at which the hull emerges"
+        notes.append(f"{int((~under).sum())} samples {above} are simulated, not compared")
     if not clear.all():
         notes.append(f"{int((~clear).sum())} samples at the bottom are simulated, not compared")
-    if (under & clear).sum() < _FEWEST:
-        what = f"{int((under & clear).sum())} samples are clear of surface and bottom, too few"
-        remedy = (
-            'The depths are negative: where they count upward, say depth_positive = "up" in '
-            "the [log] table of --log-format"
-            if np.median(log.depth) < 0.0
-            else "Check the unit of the depth, or give another --surface-margin or --bottom"
-        )
+    compared = under & clear
+    if compared.sum() < _FEWEST:
+        what = f"{int(compared.sum())} samples are clear of surface and bottom, too few"
+        remedy = "Check the unit of the depth, or give another --surface-margin or --bottom"
+        if np.median(log.depth) < 0.0:
+            remedy = 'The depths are negative: where they count upward, say depth_positive = "up" '
+            remedy += "in the [log] table of --log-format"
         raise bad_depth(log.source, what, float(log.depth.max()), remedy)
-    refuse_wrong_clock(
-        log,
-        vehicle,
-        under & clear,
-        volume=volume if chosen == "volume" else None,
-        voltage=log.voltage if chosen == "voltage" else None,
-    )
+    driving = {"volume": volume, "voltage": log.voltage, "setpoint": None}[chosen]
+    if driving is not None:
+        refuse_wrong_clock(log, vehicle, compared, chosen, driving)
     time = log.time - log.time[0]
     reference = log.reference_depth
     return Record(
@@ -360,11 +337,12 @@ def record(
         voltage=log.voltage,
         setpoints=() if reference is None else _changes(time, reference),
         reference=reference,
-        compared=under & clear,
+        compared=compared,
         afloat=bool(log.depth[0] < surface + surface_margin) and (absolute or volume is None),
         bottom_depth=bottom_depth,
         notes=tuple(notes),
         layers=layers,
+        source=log.source,
     )
 
 
@@ -403,10 +381,9 @@ def _from_submergence(
         return log, series  # what is lacking is said with the rest
     first = int(np.argmax(stays))
     if first:
-        notes.append(
-            f"begun {log.time[first] - log.time[0]:.4g} s after the first sample, where the "
-            f"vehicle is first {margin:g} m below the depth at which the hull emerges"
-        )
+        where = f"where the vehicle is first {margin:g} m below the depth at which the hull emerges"
+        since = log.time[first] - log.time[0]
+        notes.append(f"begun {since:.4g} s after the first sample, {where}")
     kept = np.arange(len(log)) >= first
     return log.only(kept), series[kept]
 

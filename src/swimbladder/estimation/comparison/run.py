@@ -120,14 +120,11 @@ def _run(
     if volume is not None and rec.volume_absolute:
         at = float(volume[0])
     begin = min(max(at, vehicle.stroke.minimum), vehicle.stroke.maximum)
-    known: dict[str, Any] = {
-        "start_depth": depth,
-        "start_speed": start.speed,
-        "bottom_depth": rec.bottom_depth,
-    }
+    known: dict[str, Any] = {"start_depth": depth, "start_speed": start.speed}
+    known["bottom_depth"] = rec.bottom_depth
     if rec.drive == "setpoint":
-        asked: dict[str, Any] = {"setpoints": list(rec.setpoints), "duration": float(time[-1])}
-        solution = simulate(vehicle, **asked, start_volume=begin, checked=False, **known)
+        known |= {"setpoints": list(rec.setpoints), "duration": float(time[-1])}
+        solution = simulate(vehicle, start_volume=begin, checked=False, **known)
         return _hermite(time, solution), np.interp(time, solution.time, solution.volume), solution
     if rec.drive == "volume" and volume is not None:
         # Only volume less neutral volume moves the vehicle.
@@ -273,8 +270,7 @@ def adjust(
     vehicle: Vehicle,
     rec: Record,
     names: Sequence[str],
-    *,
-    advance: Callable[[float], None] | None = None,
+    advance: Callable[[float], None] = lambda _: None,
 ) -> Outcome:
     """Fit `names` by least squares on the depths compared, best of several ways there.
 
@@ -294,8 +290,7 @@ def adjust(
     for windows in easier:
         if rec.compared[: windows[-1].last + 1].any():
             met.append(problem.solve(met[-1], windows)[1])
-        if advance is not None:
-            advance(0.5 / len(easier))
+        advance(0.5 / len(easier))
     enough = 0.05 * float(np.var(rec.depth[rec.compared])) * rec.compared.sum()
     best, q, agreed = np.inf, met[-1], 0
     for begin in _ways(problem, met, whole):
@@ -530,34 +525,28 @@ def compare(
         column=column,
     )
     names = default_names(rec) if fit is None else tuple(fit)
-    outcome = adjust(vehicle, rec, names, advance=advance)
+    outcome = adjust(vehicle, rec, names, advance or (lambda _: None))
     predicted, volume, solution = run(outcome.vehicle, rec, outcome.start)
-    if solution is None and not np.isfinite(predicted).all():
+    of, last = f"after the first sample, of {rec.duration:.4g} s", np.isfinite(predicted)
+    if solution is None and not last.all():
         raise NoAnswerError(
-            f"{log.source}: the model left the water "
-            f"{float(rec.time[np.isfinite(predicted)][-1]):.4g} s after the first sample, of "
-            f"{rec.duration:.4g} s; fit the neutral volume, or begin with --submerged"
+            f"{log.source}: the model left the water {float(rec.time[last][-1]):.4g} s {of}; fit "
+            "the neutral volume, or begin with --submerged"
         )
     if solution is not None and not solution.finished:
-        raise NoAnswerError(
-            f"{log.source}: the model stopped {float(solution.time[-1]):.4g} s after the first "
-            f"sample, of {rec.duration:.4g} s. {solution.stop.value}"
-        )
+        stopped = f"the model stopped {float(solution.time[-1]):.4g} s {of}"
+        raise NoAnswerError(f"{log.source}: {stopped}. {solution.stop.value}")
     measured, used = rec.depth[rec.compared], rec.compared
     off = predicted[used] - measured
-    compared_volume = rec.volume if rec.drive != "volume" else None
+    logged = rec.volume if rec.drive != "volume" else None
     notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
     if explained < 0.5:
-        notes.append(
-            "the model explains less than half of how the depth varies: check the units and signs "
-            "of the log's columns, and whether this is the vehicle"
-        )
+        check = "check the units and signs of the log's columns, and whether this is the vehicle"
+        notes.append(f"the model explains less than half of how the depth varies: {check}")
     if _upside_down(rec, outcome.vehicle, names, float(off.std())):
-        notes.append(
-            "the depth follows the volume the wrong way round: if a larger piston_m means less "
-            'volume, set piston_positive = "in" in the [log] table'
-        )
+        wrong = "the depth follows the volume the wrong way round: if a larger piston_m means less"
+        notes.append(f'{wrong} volume, set piston_positive = "in" in the [log] table')
     return Comparison(
         source=log.source,
         vehicle=outcome.vehicle,
@@ -569,7 +558,7 @@ def compare(
         bias=float(off.mean()),
         variance_explained=explained,
         largest=float(np.abs(off).max()),
-        volume_rms=None if compared_volume is None else rms((volume - compared_volume)[used]),
+        volume_rms=None if logged is None else rms((volume - logged)[used]),
         solution=solution,
         notes=tuple(notes),
     )

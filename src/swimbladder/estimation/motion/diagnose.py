@@ -27,7 +27,7 @@ from swimbladder.estimation.motion.problem import (
     model_of,
 )
 from swimbladder.estimation.motion.result import Choice, ExperimentFit
-from swimbladder.estimation.series import Array, rms
+from swimbladder.estimation.series import Array, Index, rms
 from swimbladder.vehicle import Vehicle
 
 Psi = Literal["free", "prior", "set", "zero"]
@@ -79,21 +79,13 @@ def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
     same = [c for c in listed if c.drag == reported.drag]
     zero = next((c for c in same if c.psi == "zero"), None)
     if zero is not None and reported.psi != "zero" and zero.bic - reported.bic > _DECISIVE:
-        shifts = [
-            f"{name} by {100.0 * (zero.values[name] / reported.values[name] - 1.0):+.0f} %"
-            for name in reported.values
-            if name in ("K2", "T2", "mass") and name in zero.values
-        ]
-        shift = " and ".join(shifts)
+        both = [n for n in reported.values if n in ("K2", "T2", "mass") and n in zero.values]
+        shares = [100.0 * (zero.values[n] / reported.values[n] - 1.0) for n in both]
+        shift = " and ".join(f"{n} by {s:+.0f} %" for n, s in zip(both, shares, strict=True))
         yield Finding.of("motion", "psi", shifts=shift, without=zero.rms, rms=reported.rms)
 
 
-_PSI = {
-    "free": "psi estimated",
-    "prior": "psi with its prior",
-    "set": "psi as set",
-    "zero": "no psi",
-}
+_PSI = dict(free="psi estimated", prior="psi with its prior", set="psi as set", zero="no psi")
 
 
 def _words(c: Choice) -> str:
@@ -144,14 +136,8 @@ def _begin(other: Problem, problem: Problem, fit: Fit) -> Array:
     laminar, turbulent = drag / speed, drag / speed**2
     if other.model.law == "blended":  # which holds the law that was fitted
         laminar, turbulent = own_l or _TRACE * laminar, own_t or _TRACE * turbulent
-    begin = {
-        "mass": m,
-        "K2": other.model.specific_weight / laminar,
-        "T2": m / laminar,
-        "drag_quadratic": turbulent,
-        "psi": values["psi"],
-    }
-    x = other.begin(begin)
+    begin = {"mass": m, "K2": other.model.specific_weight / laminar, "T2": m / laminar}
+    x = other.begin(begin | {"drag_quadratic": turbulent, "psi": values["psi"]})
     x[other.shared :] = fit.x[problem.shared :]
     return x
 
@@ -219,11 +205,8 @@ def directions(problem: Problem, fit: Fit) -> list[Direction]:
     inner = D[p:, p:] + 1e-13 * np.eye(len(D) - p)
     S = D[:p, :p] - D[:p, p:] @ np.linalg.solve(inner, D[p:, :p])
     values, vectors = np.linalg.eigh(S * np.outer(size[:p], size[:p]))
-    floor = 1e-14 * max(float(values[-1]), 1e-300)
-    return [
-        Direction(vectors[:, i], float(1.0 / np.sqrt(max(values[i], floor))))
-        for i in range(p - 1, -1, -1)
-    ]
+    stds = 1.0 / np.sqrt(np.maximum(values, 1e-14 * max(float(values[-1]), 1e-300)))
+    return [Direction(vectors[:, i], float(stds[i])) for i in range(p - 1, -1, -1)]
 
 
 def not_identifiable(problem: Problem, fit: Fit) -> Iterator[Finding]:
@@ -265,11 +248,8 @@ def _limit(problem: Problem, fit: Fit, i: int) -> float:
 
 def _fastest(problem: Problem) -> float:
     """Return the largest speed of the experiments, by and large [m/s]."""
-    found = []
-    for t, z in _stretches(problem):
-        n = max(2, len(t) // 10)
-        found.append(float(np.abs((z[n:] - z[:-n]) / (t[n:] - t[:-n])).max()))
-    return max(found)
+    spans = [(t, z, max(2, len(t) // 10)) for t, z in _stretches(problem)]
+    return max(float(np.abs((z[n:] - z[:-n]) / (t[n:] - t[:-n])).max()) for t, z, n in spans)
 
 
 def _what(names: list[str], std: float, problem: Problem) -> str:
@@ -307,16 +287,21 @@ _FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follo
 _MANY = 0.02  # share of the samples
 
 
+def _rows_of(problem: Problem, fit: Fit, j: int) -> tuple[slice, Array, Array, Index]:
+    """Return experiment j's rows, their slopes and weights [1/m2], and the entries of x in them."""
+    part = slice(problem.rows[j], problem.rows[j + 1])
+    J = fit.slope[part]
+    used = np.flatnonzero(np.abs(J).max(axis=0) > 0.0)
+    return part, J, fit.weight[part] / fit.noise[j] ** 2, used
+
+
 def drift(problem: Problem, fit: Fit, j: int) -> Estimate:
     """Return how fast experiment j's neutral volume drifts [m3/s], all else as fitted.
 
     One step of the fit with the drift as one parameter more, from the residuals' score.
     """
-    part = slice(problem.rows[j], problem.rows[j + 1])
-    weight = fit.weight[part] / fit.noise[j] ** 2
+    part, J, weight, used = _rows_of(problem, fit, j)
     s = problem.drift_slope(fit.x, j)
-    J = fit.slope[part]
-    used = np.flatnonzero(np.abs(J).max(axis=0) > 0.0)
     own = used[used >= problem.shared]  # what belongs to the experiment absorbs part of a drift
     P = problem.prior_rows(fit.x)[1][:, own]
     A = (J[:, own] * weight[:, None]).T @ J[:, own] + P.T @ P
@@ -345,9 +330,7 @@ def single_gains(problem: Problem, fit: Fit) -> list[tuple[float, float, float]]
     P = problem.prior_rows(fit.x)[1][len(problem.priors) :]
     found = []
     for j, e in enumerate(problem.experiments):
-        part = slice(problem.rows[j], problem.rows[j + 1])
-        J, weight = fit.slope[part], fit.weight[part] / fit.noise[j] ** 2
-        used = np.flatnonzero(np.abs(J).max(axis=0) > 0.0)
+        part, J, weight, used = _rows_of(problem, fit, j)
         mine = [k for k in used.tolist() if k >= problem.shared or problem.names[k] != "psi"]
         A = (J[:, mine] * weight[:, None]).T @ J[:, mine] + P[:, mine].T @ P[:, mine]
         size = np.sqrt(np.diag(A))

@@ -108,12 +108,8 @@ def _rows(
     """
     if not all(e.ramps for e in experiments):
         experiments = ()
-    found = [
-        (j, *terms)
-        for j, e in enumerate(experiments)
-        for s in e.segments
-        for terms in _windows(e, s)
-    ]
+    stretches = [(j, e, s) for j, e in enumerate(experiments) for s in e.segments]
+    found = [(j, *terms) for j, e, s in stretches for terms in _windows(e, s)]
     j, drive, depth, one, laminar, turbulent, left = np.array(found).reshape(-1, 7).T
     A = np.zeros((len(left), 4 + len(experiments)))
     A[:, 0] = -drive if psi is None else psi * depth - drive
@@ -186,11 +182,8 @@ def growth(problem: Problem, x: Array) -> float:
 
 def longest(problem: Problem) -> float:
     """Return how long the longest stretch under way lasts [s]."""
-    return max(
-        float(e.record.time[s.last] - e.record.time[s.first])
-        for e in problem.experiments
-        for s in e.segments
-    )
+    stretches = [(e.record.time, s) for e in problem.experiments for s in e.segments]
+    return max(float(time[s.last] - time[s.first]) for time, s in stretches)
 
 
 class Shooting(Problem):
@@ -227,17 +220,14 @@ class Shooting(Problem):
             own = self.shared + j
             shared = [*range(self.shared), own]
             plants = self._plants(x, e, own, shared)
-            for sign, part, stretch in (
-                (1.0, e.segments[k]._replace(last=beside.last), k),
-                (-1.0, beside, k + 1),
-            ):
+            rows = slice(2 * i, 2 * i + 2)
+            before = e.segments[k]._replace(last=beside.last)
+            for sign, part, stretch in ((1.0, before, k), (-1.0, beside, k + 1)):
                 at = self.starts_at[j] + 2 * stretch
-                z, block = self._stretch(x, e, self._course(e, part), at, plants, derivatives=True)
+                z, block = self._stretch(x, e, self._course(e, part), at, plants)
                 ends = [beside.first - part.first, beside.last - part.first]
-                rows = slice(2 * i, 2 * i + 2)
                 missed[rows] -= sign * z[ends]
-                columns = [*shared, at, at + 1]
-                slopes[rows, columns] += sign * block[ends]
+                slopes[rows, [*shared, at, at + 1]] += sign * block[ends]
         # a stretch that the vehicle left the water in misses by as much as a residual may
         return np.clip(np.nan_to_num(missed, nan=LOST), -LOST, LOST), slopes
 
@@ -395,18 +385,19 @@ def _each(problem: Problem, values: Array) -> Array:
     return np.asarray(np.repeat(values, np.diff(problem.rows)))
 
 
-def _noise(problem: Problem, residual: Array, weight: Array | None) -> Array:
+def _robust_noise(problem: Problem, residual: Array) -> Array:
+    """Return the noise of each experiment [m], whatever outliers there are."""
+    return np.array([robust_scale(residual[a:b]) for a, b in pairwise(problem.rows)])
+
+
+def _noise(problem: Problem, residual: Array, weight: Array) -> Array:
+    """Return the noise of each experiment [m] from weighted residuals."""
     found, freedom = [], []
-    for j in range(len(problem.experiments)):
-        part = slice(problem.rows[j], problem.rows[j + 1])
-        own = 1 + 2 * len(problem.experiments[j].segments)
-        lost = own + problem.shared / len(problem.experiments)
-        if weight is None:
-            found.append(robust_scale(residual[part]))
-        else:
-            found.append(scale(residual[part], weight[part], lost))
-            freedom.append(float(weight[part].sum()) - lost)
-    return np.array(found) if weight is None else pooled(np.array(found), np.array(freedom))
+    for e, (a, b) in zip(problem.experiments, pairwise(problem.rows), strict=True):
+        lost = 1 + 2 * len(e.segments) + problem.shared / len(problem.experiments)
+        found.append(scale(residual[a:b], weight[a:b], lost))
+        freedom.append(float(weight[a:b].sum()) - lost)
+    return pooled(np.array(found), np.array(freedom))
 
 
 def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
@@ -416,7 +407,7 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
     coordinates = Coordinates(problem)
     limits = coordinates.bounds()
     residual = problem.residual(x)
-    noise = _noise(problem, residual, None)
+    noise = _robust_noise(problem, residual)
     settled = False
     for n in range(rounds):
         weight = weights(residual / _each(problem, noise))
@@ -441,7 +432,7 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
             break
         settled = settled or step < 0.03
         if not settled:
-            noise = _noise(problem, residual, None)
+            noise = _robust_noise(problem, residual)
     noise = _final_noise(problem, residual, noise)
     return _objective(problem, x, residual, noise), x, noise
 
@@ -465,7 +456,7 @@ def _objective(problem: Problem, x: Array, residual: Array, noise: Array) -> flo
 def finish(problem: Problem, x: Array) -> Fit:
     """Return everything that is known at x."""
     residual = problem.residual(x)
-    noise = _final_noise(problem, residual, _noise(problem, residual, None))
+    noise = _final_noise(problem, residual, _robust_noise(problem, residual))
     weight = weights(residual / _each(problem, noise))
     slope = problem.slope(x)
     P = problem.prior_rows(x)[1]

@@ -99,11 +99,8 @@ def yule_walker(r: Array) -> tuple[Array, float]:
 def autocovariance(coefficients: tuple[float, ...], variance: float, n: int) -> Array:
     """Return the autocovariance [n] of an autoregression whose variance is given."""
     if not coefficients:
-        white = np.zeros(n)
-        white[0] = variance
-        return white
-    impulse = np.zeros(max(n, 4096))
-    impulse[0] = 1.0
+        return np.asarray(variance * np.eye(1, n)[0])
+    impulse = np.eye(1, max(n, 4096))[0]
     response = lfilter([1.0], [1.0, *(-c for c in coefficients)], impulse)
     size = 2 * len(response)
     gamma = np.fft.irfft(np.abs(np.fft.rfft(response, size)) ** 2)[:n]
@@ -181,15 +178,11 @@ def _mended(X: Array, seen: Array, c: ArNoise, inverse: Array, covariance: Array
     n, order = len(X), len(c.coefficients)
     gamma = autocovariance(c.coefficients, c.variance, n)
     GX, XC, XV = _spread(c, X), X @ inverse, X @ covariance
-    mean = np.array(
-        [
-            (n - k) * gamma[k]
-            - np.sum(XC[: n - k] * GX[k:])
-            - np.sum(XC[k:] * GX[: n - k])
-            + np.sum(XV[: n - k] * X[k:])
-            for k in range(order + 1)
-        ]
-    )
+    mean = (n - np.arange(order + 1)) * gamma[: order + 1]
+    for k in range(order + 1):
+        first, later = slice(n - k), slice(k, None)
+        mean[k] -= np.sum(XC[first] * GX[later]) + np.sum(XC[later] * GX[first])
+        mean[k] += np.sum(XV[first] * X[later])
     wanted = seen + gamma[: order + 1] - mean / n
     if not np.isfinite(wanted).all():  # slopes beyond all bounds: nothing can be mended
         return c

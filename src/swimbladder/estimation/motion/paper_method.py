@@ -129,16 +129,13 @@ def _sentence(
         f"The paper's way (each log alone by eq. ({number}), averaged) gives K2 = "
         f"{rounded(fit.K2)} 1/m2/s and T2 = {rounded(fit.T2, 3)} s"
     )
-    ours = [found.parameters.get(name) for name in ("K2", "T2")]
-    if None in ours or not found.identified:
+    ours = {n: e for n in ("K2", "T2") if (e := found.parameters.get(n)) is not None}
+    if len(ours) < 2 or not found.identified:
         return f"{text}."
-    off = [
-        (name, 100.0 * (value / e.value - 1.0), value < e.ci95[0] or value > e.ci95[1])
-        for name, value, e in zip(("K2", "T2"), (fit.K2, fit.T2), ours, strict=True)
-        if e is not None
-    ]
-    words = " and ".join(f"{share:+.0f} % in {name}" for name, share, _ in off)
-    if not any(outside for *_, outside in off):
+    theirs = fit._asdict()
+    off = {n: 100.0 * (theirs[n] / e.value - 1.0) for n, e in ours.items()}
+    words = " and ".join(f"{share:+.0f} % in {name}" for name, share in off.items())
+    if all(e.ci95[0] <= theirs[n] <= e.ci95[1] for n, e in ours.items()):
         return f"{text}, {words} from ours: inside our intervals."
     return (
         f"{text}, {words} from ours and outside our interval: it leaves psi out and takes each log "

@@ -52,11 +52,11 @@ class Posterior:
 def sample(
     problem: Problem,
     fit: Fit,
-    *,
     seed: int,
+    advance: Callable[[float], None] = lambda _: None,
+    *,
     steps: int = _STEPS,
     walkers: int = _WALKERS,
-    advance: Callable[[float], None] = lambda _: None,
 ) -> Posterior:
     """Return draws from the posterior around a fit, its noise and outliers' weights as they are.
 
@@ -91,9 +91,8 @@ def sample(
         )
     kept = sampler.get_chain(discard=math.ceil(_BURN * slowest), flat=True)
     draws = np.stack([problem.values_of(i, kept[:, i]) for i in range(p)], axis=1)
-    return Posterior(
-        names=problem.names, draws=draws, effective=float(len(kept) / max(slowest, 1.0))
-    )
+    effective = float(len(kept) / max(slowest, 1.0))
+    return Posterior(names=problem.names, draws=draws, effective=effective)
 
 
 class _Density:

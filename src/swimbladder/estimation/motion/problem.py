@@ -17,7 +17,7 @@ record becomes an experiment by its informative stretches, and by what drives th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import MappingProxyType
@@ -44,16 +44,17 @@ class Name(NamedTuple):
     unit: str
     logarithmic: bool  # fitted as its logarithm: positive, and known to a share of itself
     meaning: str
+    limits: tuple[float, float] = (0.0, math.inf)  # where a fit of its logarithm has to stay
 
 
 NAMES: Mapping[str, Name] = {
-    "K2": Name("1/m2/s", True, "speed per volume, rho g/k_dl, eq. (28)"),
-    "T2": Name("s", True, "time constant of the speed, m/k_dl, eq. (29)"),
-    "mass": Name("kg", True, "all that is accelerated m"),
-    "drag_quadratic": Name("N s2/m2", False, "turbulent drag coefficient k_dt"),
+    "K2": Name("1/m2/s", True, "speed per volume, rho g/k_dl, eq. (28)", (1e0, 1e9)),
+    "T2": Name("s", True, "time constant of the speed, m/k_dl, eq. (29)", (1e-2, 1e6)),
+    "mass": Name("kg", True, "all that is accelerated m", (1e-3, 1e7)),
+    "drag_quadratic": Name("N s2/m2", False, "turbulent drag coefficient k_dt", (1e-4, 1e8)),
     "psi": Name("m3/m", False, "volume the hull loses per metre beyond the water's, eq. (31)"),
-    "K1": Name("m/s/V", True, "piston speed per volt, eq. (23)"),
-    "T1": Name("s", True, "time constant of the motor, eq. (24)"),
+    "K1": Name("m/s/V", True, "piston speed per volt, eq. (23)", (1e-7, 1e1)),
+    "T1": Name("s", True, "time constant of the motor, eq. (24)", (1e-4, 1e2)),
 }
 
 _OF_LAW = {
@@ -99,18 +100,12 @@ class Model(NamedTuple):
     def plant(self, values: Mapping[str, float], neutral: float) -> Plant:
         """Return the plant of these values; `neutral` is the neutral volume at depth 0 [m3]."""
         m = self.mass(values)
+        k_b, linear = self.specific_weight, self.law == "linear"
         laminar = 0.0 if self.law == "quadratic" else 1.0 / values["T2"]
-        changes = {
-            "a_b": self.specific_weight / m,
-            "a_s": self.specific_weight * self.waterplane / m,
-            "psi": values["psi"],
-            "V_0": neutral,
-            "d_l": laminar,
-            "d_b": laminar if self.law == "blended" else 0.0,
-            "d_0": 0.0,
-            "d_t": 0.0 if self.law == "linear" else values["drag_quadratic"] / m,
-            "epsilon": math.inf if self.law == "linear" else 0.0,
-        }
+        changes = {"a_b": k_b / m, "a_s": k_b * self.waterplane / m, "psi": values["psi"]}
+        changes |= {"V_0": neutral, "epsilon": math.inf if linear else 0.0, "d_l": laminar}
+        changes |= {"d_b": laminar if self.law == "blended" else 0.0, "d_0": 0.0}
+        changes["d_t"] = 0.0 if linear else values["drag_quadratic"] / m
         if "K1" in values:
             changes |= {"gain": values["K1"] * self.piston_area, "T1": values["T1"]}
         return self.base._replace(**changes)
@@ -132,13 +127,8 @@ def model_of(vehicle: Vehicle, *, law: str | None = None, bottom_depth: float) -
     k_dt = drag.k_dt or (k_dl / _TYPICAL_SPEED if wanted == "quadratic" else 0.0)
     if wanted == "blended" and drag.k_dt == 0.0:
         k_dl, k_dt = 0.5 * k_dl, 0.5 * k_dl / _TYPICAL_SPEED
-    values = {
-        "K2": k_b / k_dl,
-        "T2": m / k_dl,
-        "mass": m,
-        "drag_quadratic": k_dt,
-        "psi": vehicle.hull.psi,
-    }
+    values = {"K2": k_b / k_dl, "T2": m / k_dl, "mass": m}
+    values |= {"drag_quadratic": k_dt, "psi": vehicle.hull.psi}
     area = math.nan
     if isinstance(vehicle.actuator, IdentifiedActuator):
         area = vehicle.actuator.piston_area
@@ -239,7 +229,7 @@ class Experiment:
         return float(np.median(np.abs(self.inputs[self.used] - self.neutral)))
 
 
-def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
+def experiment(record: Record, vehicle: Vehicle) -> Experiment:
     """Return a record as an experiment.
 
     A volume with a zero of its own counts from the first sample, where the vehicle is taken as
@@ -256,9 +246,9 @@ def experiment(source: str, record: Record, vehicle: Vehicle) -> Experiment:
     if not segments:
         what = f"no stretch of {_SHORTEST:g} s or more is clear of surface and bottom"
         remedy = "Check the unit of the depth, --bottom and --surface-margin"
-        raise bad_depth(source, what, float(record.depth.max()), remedy)
+        raise bad_depth(record.source, what, float(record.depth.max()), remedy)
     added = 0.0 if absolute else record.layers.at(reference)
-    return Experiment(source, record, inputs, ramps, segments, reference, neutral, added)
+    return Experiment(record.source, record, inputs, ramps, segments, reference, neutral, added)
 
 
 def _first_depth(record: Record) -> float:
@@ -285,10 +275,10 @@ def _stretches(record: Record) -> tuple[Segment, ...]:
     time, clear = record.time, _clear(record)
     step = float(np.median(np.diff(time)))
     broken = ~clear[1:] | ~clear[:-1] | (np.diff(time) > _GAP * step)
-    edges = np.concatenate([[-1], np.flatnonzero(broken), [len(time) - 1]])
+    edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(time)]
     found = []
-    for before, last in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        first = before + 1
+    for first, after in pairwise(edges):
+        last = after - 1
         enough = last - first + 1 >= _FEWEST and time[last] - time[first] >= _SHORTEST
         if enough and clear[first]:
             found.append(_segment(record, first, last))
@@ -318,14 +308,6 @@ def _segment(record: Record, first: int, last: int) -> Segment:
 VOLUME, DEPTH, SPEED = 1e-6, 1e-2, 1e-2  # m3, m, m/s: units of the experiments' own entries of x
 _STEP = 1e-5  # of an entry of x, for derivatives; the runs are exact to 1e-13
 LOST = 10.0  # m, the residual where the model cannot follow
-_LIMITS = {  # of the logarithmic ones, in SI units
-    "K2": (1e0, 1e9),
-    "T2": (1e-2, 1e6),
-    "mass": (1e-3, 1e7),
-    "drag_quadratic": (1e-4, 1e8),
-    "K1": (1e-7, 1e1),
-    "T1": (1e-4, 1e2),
-}
 
 
 class Assumed(NamedTuple):
@@ -360,12 +342,8 @@ class Problem:
         self.starts_at = (self.first_start + 2 * np.cumsum([0, *counts])).tolist()
         self.size = int(self.starts_at[-1])
         self.logarithmic = [model.logarithmic(name) for name in self.names]
-        self.scale = [
-            1.0 if log else model.scale(name)
-            for name, log in zip(self.names, self.logarithmic, strict=True)
-        ]
-        rows = [int(e.used.sum()) for e in self.experiments]
-        self.rows = np.cumsum([0, *rows]).tolist()
+        self.scale = [1.0 if model.logarithmic(n) else model.scale(n) for n in self.names]
+        self.rows = np.cumsum([0, *(int(e.used.sum()) for e in self.experiments)]).tolist()
         self.courses = [[self._course(e, s) for s in e.segments] for e in self.experiments]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
@@ -400,9 +378,8 @@ class Problem:
 
     def per_entry(self, x: Array) -> Array:
         """Return by how much each parameter of the vehicle changes per change of its entry."""
-        return np.array(
-            [self.value(x, i) if log else self.scale[i] for i, log in enumerate(self.logarithmic)]
-        )
+        values = [self.value(x, i) for i in range(self.shared)]
+        return np.where(self.logarithmic, values, self.scale)
 
     def named(self, x: Array) -> dict[str, float]:
         """Return the value of everything that has a name, in SI units."""
@@ -413,17 +390,15 @@ class Problem:
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         for i, name in enumerate(self.names):
             if self.logarithmic[i]:
-                least, most = _LIMITS[name]
-                low[i], high[i] = math.log(least), math.log(most)
+                low[i], high[i] = map(math.log, NAMES[name].limits)
             elif name == "drag_quadratic":
                 low[i] = 0.0
         return low, high
 
     def predict(self, x: Array) -> Array:
         """Return the model's depths at the samples used, experiment after experiment [m]."""
-        return np.concatenate(
-            [self._run(x, j, derivatives=False)[0] for j in range(len(self.experiments))]
-        )
+        runs = [self._run(x, j) for j in range(len(self.experiments))]
+        return np.concatenate([z for run in runs for z, _ in run])
 
     def residual(self, x: Array) -> Array:
         """Return measured less predicted depth at the samples used [m]."""
@@ -432,11 +407,13 @@ class Problem:
 
     def slope(self, x: Array) -> Array:
         """Return the derivatives of the predicted depths [rows, len(x)]."""
-        J = np.zeros((len(self.measured), self.size))
+        J, row = np.zeros((len(self.measured), self.size)), 0
         for j in range(len(self.experiments)):
-            rows = slice(self.rows[j], self.rows[j + 1])
-            _, own, columns = self._run(x, j, derivatives=True)
-            J[rows, columns] = own
+            shared = [*range(self.shared), self.shared + j]
+            for at, (z, block) in enumerate(self._run(x, j, shared)):
+                start = self.starts_at[j] + 2 * at
+                J[row : row + len(z), [*shared, start, start + 1]] = block
+                row += len(z)
         return J
 
     def prior_rows(self, x: Array) -> tuple[Array, Array]:
@@ -476,10 +453,10 @@ class Problem:
             return np.zeros(self.rows[j + 1] - self.rows[j])
         time = e.record.time
         drift = 1e-4 * VOLUME / max(float(np.ptp(time)), 1.0)
-        here = self._run(x, j, derivatives=False)[0]
         added = -drift * (time - time.mean())
         courses = [self._course(e, s, added) for s in e.segments]
-        there = self._run(x, j, derivatives=False, courses=courses)[0]
+        runs = (self._run(x, j, courses=of) for of in (self.courses[j], courses))
+        here, there = (np.concatenate([z for z, _ in run]) for run in runs)
         return np.asarray(np.nan_to_num((there - here) / drift))
 
     @staticmethod
@@ -489,47 +466,29 @@ class Problem:
         return Course(e.record.time[part], inputs[part], ramps=e.ramps)
 
     def _run(
-        self, x: Array, j: int, *, derivatives: bool, courses: Sequence[Course] | None = None
-    ) -> tuple[Array, Array, list[int]]:
-        """Return experiment j's depths, their derivatives and the entries of x these belong to."""
+        self, x: Array, j: int, moved: Sequence[int] = (), courses: Sequence[Course] | None = None
+    ) -> Iterator[tuple[Array, Array]]:
+        """Yield experiment j's depths, stretch by stretch, and their derivatives.
+
+        By the entries `moved` of x, and then by the stretch's own start; by nothing without these.
+        """
         e = self.experiments[j]
-        own = self.shared + j
-        shared = [*range(self.shared), own]
-        columns = [*shared, *range(self.starts_at[j], self.starts_at[j + 1])]
-        plants = self._plants(x, e, own, shared if derivatives else [])
-        depths, slopes = [], []
+        plants = self._plants(x, e, self.shared + j, moved)
         for k, course in enumerate(courses or self.courses[j]):
-            at = self.starts_at[j] + 2 * k
-            z, block = self._stretch(x, e, course, at, plants, derivatives=derivatives)
-            depths.append(z)
-            if derivatives:
-                full = np.zeros((len(z), len(columns)))
-                n = len(shared)
-                full[:, :n] = block[:, :n]
-                full[:, n + 2 * k : n + 2 * k + 2] = block[:, n:]
-                slopes.append(full)
-        found = np.concatenate(slopes) if derivatives else np.zeros((0, 0))
-        return np.concatenate(depths), found, columns
+            yield self._stretch(x, e, course, self.starts_at[j] + 2 * k, plants)
 
     def _stretch(
-        self,
-        x: Array,
-        e: Experiment,
-        course: Course,
-        at: int,
-        plants: list[Plant],
-        *,
-        derivatives: bool,
+        self, x: Array, e: Experiment, course: Course, at: int, plants: Sequence[Plant]
     ) -> tuple[Array, Array]:
-        lanes = [*plants, plants[0], plants[0]] if derivatives else plants
-        volume, rate = e.neutral, 0.0
+        """Return the depths of the first of the plants, and their derivatives, see `_run`."""
+        p, volume, rate = plants[0], e.neutral, 0.0
         if e.ramps:
             volume = float(course.inputs[0])
             rate = float((course.inputs[1] - volume) / course.spans[0])
-        p = plants[0]
         depth = min(max(float(x[at]) * DEPTH, p.z_air), p.z_bottom)
+        lanes = [*plants, p, p] if len(plants) > 1 else plants
         starts = np.array([[rate, volume, depth, x[at + 1] * SPEED]] * len(lanes))
-        if derivatives:
+        if len(plants) > 1:
             starts[-2, 2] += _STEP * DEPTH
             starts[-1, 3] += _STEP * SPEED
         layers = e.record.layers
@@ -537,8 +496,6 @@ class Problem:
             z = follow_in(layers, lanes, course.time, course.inputs, starts[:, 2:])
         else:
             z = course.follow(lanes, starts)
-        if not derivatives:
-            return z[0], np.zeros((0, 0))
         slope = (z[1:] - z[0]) / _STEP
         return z[0], np.clip(np.nan_to_num(slope.T), -1e6, 1e6)
 
@@ -558,49 +515,38 @@ def posed(
     vehicle: Vehicle,
     assumed: Assumed,
     *,
-    sources: Sequence[str] = (),
     free: Sequence[str] | None = None,
     drag: str | None = None,
-    bottom_depth: float = math.inf,
 ) -> Problem:
     """Return the problem of records of a vehicle.
 
-    sources: what the records are called; free: names of NAMES that are fitted, those of the drag
-    law and psi where not given; drag: linear, quadratic or blended, the vehicle's own where not
-    given. Raises InputError where names, records and vehicle do not go together.
+    free: names of NAMES that are fitted, those of the drag law and psi where not given; drag:
+    linear, quadratic or blended, the vehicle's own where not given. Raises InputError where names,
+    records and vehicle do not go together.
     """
-    model = model_of(vehicle, law=drag, bottom_depth=bottom_depth)
+    model = model_of(vehicle, law=drag, bottom_depth=records[0].bottom_depth)
     names = tuple(free) if free is not None else default_names(model.law, list(assumed.fixed))
     voltage = any(r.drive == "voltage" for r in records)
-    check_parameters(names, assumed.fixed, assumed.priors, model, voltage=voltage)
-    called = sources or ["the log"] * len(records)
-    experiments = [experiment(n, r, vehicle) for n, r in zip(called, records, strict=True)]
-    return Problem(experiments, model, names, assumed)
+    check_parameters(names, assumed, model, voltage=voltage)
+    return Problem([experiment(r, vehicle) for r in records], model, names, assumed)
 
 
-def check_parameters(
-    names: Sequence[str],
-    fixed: Mapping[str, float],
-    priors: Mapping[str, Prior],
-    model: Model,
-    *,
-    voltage: bool,
-) -> None:
+def check_parameters(names: Sequence[str], known: Assumed, model: Model, *, voltage: bool) -> None:
     """Raise InputError where names, values and priors do not go together."""
-    check_names(names, model, voltage=voltage, option="--free")
-    check_names(list(fixed), model, voltage=voltage, option="--set")
-    check_names(list(priors), model, voltage=voltage, option="--prior")
+    options = {"--free": names, "--set": list(known.fixed), "--prior": list(known.priors)}
+    for option, given in options.items():
+        check_names(given, model, voltage=voltage, option=option)
     if not names:
         raise InputError("nothing is left to identify", field="--free", remedy="Free a parameter")
     for name in names:
-        if name in fixed:
+        if name in known.fixed:
             what = "it is both set and to be identified"
             remedy = "Leave it out of --free or of --set"
             raise InputError(what, field="--set", value=name, remedy=remedy)
-    for name, value in fixed.items():
+    for name, value in known.fixed.items():
         if NAMES[name].logarithmic:
             check_number(value, "--set", NAMES[name].unit, above=0.0, finite=False)
-    for name, prior in priors.items():
+    for name, prior in known.priors.items():
         if name not in names:
             what = "it has a prior, but is not identified"
             remedy = f"Name it in --free, which has {', '.join(names)}"

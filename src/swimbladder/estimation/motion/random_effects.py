@@ -48,9 +48,8 @@ def between_logs(
         what = f"the between-log variance is not identifiable from {len(records)} logs"
         raise InputError(what, field="LOG", remedy=f"Give {FEWEST} or more")
     if known is None:
-        raise InputError(
-            "the vehicle was not identified", field="identified", remedy="Identify it first"
-        )
+        what, remedy = "the vehicle was not identified", "Identify it first"
+        raise InputError(what, field="identified", remedy=remedy)
     wide = _wide(vehicle)
     place = places(_COUNT)
     likelihood = np.empty((len(records), _COUNT))
@@ -107,42 +106,27 @@ def _spread(place: Array, likelihood: Array) -> tuple[Array, Array]:
 
 def _with(vehicle: Vehicle, wide: Unknowns, mean: Array, std: Array, logs: int) -> Vehicle:
     """Return the vehicle with what was found."""
-    found = Unknowns(
-        *(
-            Normal(w.mean + w.std * float(m), w.std * float(s))
-            for w, m, s in zip(wide, mean, std, strict=True)
-        )
-    )
+    each = zip(wide, mean.tolist(), std.tolist(), strict=True)
+    found = Unknowns(*(Normal(w.mean + w.std * m, w.std * s) for w, m, s in each))
     known = vehicle.identified
     assert known is not None  # between_logs checks it
-    between = Between(
-        psi=found.psi.std,
-        drag=found.drag.std,
-        neutral_drift=found.drift.mean,
-        neutral_drift_std=found.drift.std,
-        depth_noise=found.depth_noise.std,
-        neutral_walk=found.random_walk.std,
-        acceleration_noise=found.acceleration_noise.std,
-    )
+    fields = ("depth_noise", "neutral_walk", "acceleration_noise")
+    noises = dict(zip(fields, found[4:], strict=True))
+    spread = {name: noise.std for name, noise in noises.items()}
+    spread |= {"psi": found.psi.std, "drag": found.drag.std}
+    between = Between(neutral_drift=found.drift.mean, neutral_drift_std=found.drift.std, **spread)
     share = math.exp(found.drag.mean)
     values, covariance = _values(known, found, share, logs)
-    changes = {
-        "between": between,
-        "values": values,
-        "covariance": covariance,
-        "depth_noise": math.exp(found.depth_noise.mean),
-        "neutral_walk": math.exp(found.random_walk.mean),
-        "acceleration_noise": math.exp(found.acceleration_noise.mean),
-        "neutral_std": found.neutral.std,
+    changes = {"between": between, "values": values, "covariance": covariance}
+    changes |= {name: math.exp(noise.mean) for name, noise in noises.items()}
+    changes["neutral_std"] = found.neutral.std
+    update = {
+        "trim_error": found.neutral.mean,
+        "hull": vehicle.hull.model_copy(update={"psi": found.psi.mean}),
+        "motion": _dragged(vehicle.motion, share),
+        "identified": known.model_copy(update=changes),
     }
-    return vehicle.model_copy(
-        update={
-            "trim_error": found.neutral.mean,
-            "hull": vehicle.hull.model_copy(update={"psi": found.psi.mean}),
-            "motion": _dragged(vehicle.motion, share),
-            "identified": known.model_copy(update=changes),
-        }
-    )
+    return vehicle.model_copy(update=update)
 
 
 def _values(

@@ -22,19 +22,14 @@ from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.estimates import Z95, Estimate, Finding, crossing, sentence
-from swimbladder.estimation.kalman.depth_filter import (
-    GATE,
-    Filtered,
-    Noise,
-    Samples,
-    Start,
-    filter_depth,
-)
+from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
+from swimbladder.estimation.kalman.kernels import Filtered, Samples
 from swimbladder.estimation.motion.diagnose import LIMIT
 from swimbladder.estimation.motion.problem import NAMES, Experiment, Model, Problem
 from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
 from swimbladder.estimation.motion.result import (
     Identification,
+    Values,
     identified_vehicle,
     neutral_spread,
     trim_of,
@@ -124,10 +119,9 @@ class Likelihood:
         clear = self.model.plant(values, self.model.base.V_0)
         clear = clear._replace(z_surface=-math.inf, z_bottom=math.inf)
         noise = self.noise(values)
-        return [
-            filter_depth(clear, s, noise=noise, start=self._start(i, values, noise))
-            for i, s in enumerate(self.samples)
-        ]
+        starts = [self._start(i, values, noise) for i in range(len(self.samples))]
+        pairs = zip(self.samples, starts, strict=True)
+        return [filter_depth(clear, s, noise=noise, start=start) for s, start in pairs]
 
     def _start(self, stretch: int, values: Mapping[str, float], noise: Noise) -> Start:
         s, record = self.samples[stretch], self.records[self.record[stretch]]
@@ -138,14 +132,7 @@ class Likelihood:
             if not record.volume_absolute:  # neutral at the first sample, whatever psi is
                 neutral += (self.model.base.psi - values["psi"]) * float(record.depth[0])
             std = math.hypot(std, noise.random_walk * math.sqrt(float(s.time[0])))
-        return Start(
-            depth=float(s.depth[0]),
-            speed=0.0,
-            neutral=neutral,
-            depth_std=3.0 * noise.depth,
-            speed_std=_SPEED_STD,
-            neutral_std=std,
-        )
+        return Start(float(s.depth[0]), 0.0, neutral, 3.0 * noise.depth, _SPEED_STD, std)
 
     def prior(self, x: Array) -> float:
         """Return the log density of the priors at x, up to a constant."""
@@ -232,7 +219,7 @@ def without_trace(
     return likelihood(quantities, held), y
 
 
-def covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
+def covariance(full: Likelihood, x: Array) -> Array:
     """Return the covariance of x: a sandwich of information and scatter of the scores.
 
     The scores are summed over whole records where there are enough of them, which allows for
@@ -246,9 +233,8 @@ def covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
     known = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
     unknown = [q.name for q, known in zip(full.quantities, known, strict=True) if not known]
     if set(unknown) & set(_NEEDED):
-        raise NoAnswerError(
-            f"{' and '.join(unknown)} not identifiable from the logs: the vehicle hardly moves"
-        )
+        why = "not identifiable from the logs: the vehicle hardly moves"
+        raise NoAnswerError(f"{' and '.join(unknown)} {why}")
     size = np.sqrt(np.where(known, np.diag(H), 1.0))
     values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(known, known)])
     if values.size and values.min() < _SINGULAR:
@@ -258,18 +244,17 @@ def covariance(full: Likelihood, x: Array) -> tuple[Array, bool]:
         )
     C = np.diag(np.full(len(x), np.inf))
     bread = (vectors / values) @ vectors.T / np.outer(size[known], size[known])
-    blocks, robust = _blocks(full, len(x)), False
+    blocks = _blocks(full, len(x))
     if blocks is not None:
         sums = np.stack([np.bincount(blocks, column) for column in scores[:, known].T], axis=1)
         sums -= sums.mean(axis=0)
         sandwich = bread @ (sums.T @ sums) @ bread * len(sums) / (len(sums) - 1)
         ratio = np.diag(sandwich) / np.diag(bread)
-        robust = bool((ratio > 1.0).any())
-        if robust:
+        if (ratio > 1.0).any():
             grow = np.sqrt(np.maximum(ratio, 1.0) / ratio)
             bread = sandwich * np.outer(grow, grow)
     C[np.ix_(known, known)] = bread
-    return C, robust
+    return C
 
 
 def _blocks(full: Likelihood, quantities: int) -> Index | None:
@@ -304,7 +289,6 @@ class RandomWalkFit:
     """
 
     names: tuple[str, ...]
-    law: str
     estimates: dict[str, Estimate]
     covariance: Array
     random_walk: Estimate
@@ -316,7 +300,6 @@ class RandomWalkFit:
     likelihood_ratio: float
     p_value: float
     travelled: tuple[float, ...]
-    robust: bool  # the covariance is from the scatter of blocks, not from the information alone
 
     @property
     def drifts(self) -> bool:
@@ -344,35 +327,29 @@ def fit_random_walk(
     """
     names = problem.names
     held = problem.values | ({} if acceleration else {"acceleration": 0.0})
-    noises = [q for q in NOISES if q.name not in held]
     likelihood = partial(Likelihood, problem, vehicle)
-    own = [_quantity(name, problem) for name in names]
-    full = likelihood([*own, *noises], held)
+    noises = [q for q in NOISES if q.name not in held]
+    full = likelihood([*(_quantity(name, problem) for name in names), *noises], held)
     x, best = _highest(full)
-    still = [q for q in noises if q.name != "random_walk"]
-    without = likelihood([*own, *still], {**held, "random_walk": 0.0})
-    random_walk = [q.name for q in full.quantities].index("random_walk")
-    _, least = _highest(without, [np.delete(x, random_walk)])
+    at, others = _besides(full)
+    without = likelihood(others, {**held, "random_walk": 0.0})
+    _, least = _highest(without, [np.delete(x, at)])
     ratio = max(2.0 * (best - least), 0.0)
     full, x = without_trace(full, x, likelihood, held)
-    C, robust = covariance(full, x)
+    C = covariance(full, x)
     per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
     std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
     estimates: dict[str, Estimate] = {}
-    for i, q in enumerate(full.quantities):
-        unit = NAMES[q.name].unit if q.name in NAMES else _UNITS[q.name]
-        estimates[q.name] = Estimate.of(
-            q.value(float(x[i])), float(std[i]), unit, logarithmic=q.logarithmic
-        )
     p, values = len(names), full.named(x)
+    for q, deviation in zip(full.quantities, std.tolist(), strict=True):
+        unit, log = _UNITS.get(q.name) or NAMES[q.name].unit, q.logarithmic
+        estimates[q.name] = Estimate.of(values[q.name], deviation, unit, logarithmic=log)
     walk = _interval(full, x, best, ratio, estimates["random_walk"], likelihood)
     path = np.concatenate([f.smoothed()[0][:, 2] for f in full.filtered(x)])
     of_each = [path[full.record_of_samples == j] for j in range(len(full.records))]
-    travelled = tuple(float(np.ptp(each)) for each in of_each)
     nothing = Estimate.given(0.0, _UNITS["acceleration"])
     return RandomWalkFit(
         names=names,
-        law=problem.model.law,
         estimates={name: estimates[name] for name in names},
         covariance=C[:p, :p] * np.outer(per[:p], per[:p]),
         random_walk=walk,
@@ -383,9 +360,14 @@ def fit_random_walk(
         log_likelihood=best,
         likelihood_ratio=ratio,
         p_value=0.5 * float(chi2.sf(ratio, 1)) if ratio > 0.0 else 1.0,
-        travelled=travelled,
-        robust=robust,
+        travelled=tuple(float(np.ptp(each)) for each in of_each),
     )
+
+
+def _besides(full: Likelihood) -> tuple[int, list[Quantity]]:
+    """Return the place of the random walk among the quantities, and the others."""
+    names = [q.name for q in full.quantities]
+    return names.index("random_walk"), [q for q in full.quantities if q.name != "random_walk"]
 
 
 def _quantity(name: str, problem: Problem) -> Quantity:
@@ -437,19 +419,15 @@ def _climb(likelihood: Likelihood, x: Array) -> tuple[Array, float]:
 
 def _noisier(likelihood: Likelihood, x: Array) -> Array:
     """Return another start: noise of every kind is larger, but the random walk small."""
-    y = x.copy()
-    for i, q in enumerate(likelihood.quantities):
-        if q.name in _UNITS:
-            y[i] += -2.0 if q.name == "random_walk" else 1.0
-    return y
+    shifts = {"random_walk": -2.0, "depth_noise": 1.0, "acceleration": 1.0}
+    return np.asarray(x + [shifts.get(q.name, 0.0) for q in likelihood.quantities])
 
 
 def _interval(
     full: Likelihood, x: Array, best: float, ratio: float, found: Estimate, likelihood: Maker
 ) -> Estimate:
     """Return the random walk with the interval of its likelihood profile, which may include 0."""
-    at = [q.name for q in full.quantities].index("random_walk")
-    others = [q for q in full.quantities if q.name != "random_walk"]
+    at, others = _besides(full)
     middle, begin = float(x[at]), np.delete(x, at)
 
     def beyond(distance: float) -> float:
@@ -478,50 +456,37 @@ def with_random_walk(
     them. Results of single logs stay those of constant neutral volumes. Findings on these are
     dropped; parameters that are not identifiable with random walks are reported.
     """
-    C, model, records = fit.covariance, problem.model, [e.record for e in problem.experiments]
+    records, new, noise = [e.record for e in problem.experiments], found.result_vehicle, fit.noise
     findings = [f for f in found.findings if f.kind not in _STILL]
-    findings += [*_not_identifiable(fit, model), _summary(fit)]
-    identified = all(f.severity != "no" for f in findings)
-    size = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    noise = fit.noise
-    new = (
-        found.result_vehicle
-        if not identified
-        else identified_vehicle(
+    findings += [*_not_identifiable(fit, problem.model), _summary(fit)]
+    if all(f.severity != "no" for f in findings):
+        logs, trim = tuple(r.source for r in records), trim_of(found.experiments, vehicle)
+        new = identified_vehicle(
             vehicle,
-            model,
-            fit.values,
-            fit.names,
-            C,
-            trim_error=trim_of(found.experiments, vehicle),
+            problem.model,
+            Values(fit.names, fit.values, fit.covariance, logs, trim),
             depth_noise=noise.depth,
             neutral_walk=noise.random_walk,
             neutral_std=neutral_spread(found.experiments, found.neutral_std, single=0.0),
             acceleration_noise=noise.acceleration,
-            logs=tuple(e.source for e in found.experiments),
         )
-    )
-    if identified and len(records) >= FEWEST:
-        new = between_logs(records, new)
-        findings.append(_differ(new))
+        if len(records) >= FEWEST:
+            new = between_logs(records, new)
+            findings.append(_differ(new))
     held = {n: e for n, e in found.parameters.items() if e.origin == "set"}
     return replace(
         found,
         names=fit.names,
         parameters={**fit.estimates, **held},
         derived={},
-        covariance=C,
-        correlation=C / np.outer(size, size),
+        covariance=fit.covariance,
         profiles={},
         choices=(),
         findings=tuple(findings),
         depth_noise=noise.depth,
         random_walk=fit,
         result_vehicle=new,
-        assumptions=(
-            *found.assumptions,
-            sentence("motion", "is random"),
-        ),
+        assumptions=(*found.assumptions, sentence("motion", "is random")),
     )
 
 
@@ -537,10 +502,8 @@ def _differ(vehicle: Vehicle) -> Finding:
     assert known is not None  # it was just identified
     assert known.between is not None
     b = known.between
-    means = ", ".join(
-        f"{name} = {value:.4g} {NAMES[name].unit}"
-        for name, value in zip(known.names, known.values, strict=True)
-    )
+    values = zip(known.names, known.values, strict=True)
+    means = ", ".join(f"{name} = {value:.4g} {NAMES[name].unit}" for name, value in values)
     drift = f"{3.6e9 * b.neutral_drift:.2g} +- {3.6e9 * b.neutral_drift_std:.2g}"
     return Finding.of("motion", "logs differ", psi=b.psi, drag=b.drag, drift=drift, means=means)
 
@@ -552,13 +515,8 @@ def _share(e: Estimate) -> float:
 def _summary(fit: RandomWalkFit) -> Finding:
     minute = math.sqrt(60.0)
     low, high = (f"{1e6 * minute * end:.2g}" for end in fit.random_walk.ci95)
-    return Finding.of(
-        "motion",
-        "random_walk",
-        minute=minute * fit.random_walk.value,
-        low=low,
-        high=high,
-        sure="" if fit.drifts else ", which the logs do not require",
-        p=fit.p_value,
-        farthest=max(fit.travelled, default=0.0),
-    )
+    unsure = ", which the logs do not require"
+    texts = {"low": low, "high": high, "sure": "" if fit.drifts else unsure}
+    numbers = {"minute": minute * fit.random_walk.value, "p": fit.p_value}
+    numbers["farthest"] = max(fit.travelled, default=0.0)
+    return Finding.of("motion", "random_walk", **texts, **numbers)

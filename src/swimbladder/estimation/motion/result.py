@@ -121,7 +121,6 @@ class Identification:
     parameters: dict[str, Estimate]
     derived: dict[str, Estimate]
     covariance: Array
-    correlation: Array
     experiments: tuple[ExperimentFit, ...]
     findings: tuple[Finding, ...]
     choices: tuple[Choice, ...]
@@ -139,6 +138,12 @@ class Identification:
     def identified(self) -> bool:
         """Whether the data identify all that was asked."""
         return all(f.severity != "no" for f in self.findings)
+
+    @property
+    def correlation(self) -> Array:
+        """The covariance over both standard deviations."""
+        size = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        return np.asarray(self.covariance / np.outer(size, size))
 
     @property
     def vehicle(self) -> Vehicle:
@@ -190,11 +195,8 @@ def trim_of(each: Sequence[ExperimentFit], vehicle: Vehicle) -> float | None:
     """Return the mean neutral volume at depth 0 [m3], None where no log's volume counts from
     mid-stroke.
     """
-    errors = [
-        e.estimates["neutral_error"].value
-        for e in each
-        if e.record.volume_absolute and e.record.drive == "volume"
-    ]
+    known = [e for e in each if e.record.volume_absolute and e.record.drive == "volume"]
+    errors = [e.estimates["neutral_error"].value for e in known]
     trim = vehicle.trim_error + float(np.mean(errors)) if errors else math.inf
     return trim if vehicle.stroke.minimum < trim < vehicle.stroke.maximum else None
 
@@ -210,23 +212,24 @@ def neutral_spread(each: Sequence[ExperimentFit], assumed: float, *, single: flo
     return float(np.std(errors, ddof=1)) if len(errors) > 1 else single
 
 
-def identified_vehicle(
-    vehicle: Vehicle,
-    model: Model,
-    values: Mapping[str, float],
-    names: tuple[str, ...],
-    covariance: Array,
-    *,
-    trim_error: float | None,
-    logs: tuple[str, ...],
-    **noise: float,
-) -> Vehicle:
+class Values(NamedTuple):
+    """What goes into a vehicle: all values of a model in SI by name, and how they were found."""
+
+    names: tuple[str, ...]  # of what was identified
+    values: Mapping[str, float]
+    covariance: Array  # of those identified, in their order
+    logs: tuple[str, ...]
+    trim_error: float | None = None  # m3
+
+
+def identified_vehicle(vehicle: Vehicle, model: Model, found: Values, **noise: float) -> Vehicle:
     """Return the vehicle with its motion, psi and, where known, trim as identified.
 
     A vehicle given by K2 and T2 stays one where its drag is laminar. Where masses are stated, the
     added mass takes up what was identified; where that would leave less than they are, all of it
     stands as the dry mass. noise: of the filter and between logs, by the names of `Identified`.
     """
+    names, values, covariance, logs, trim_error = found
     changes: dict[str, Any] = {
         "hull": vehicle.hull.model_copy(update={"psi": values["psi"]}),
         "motion": _motion(vehicle, model, values),
@@ -237,12 +240,10 @@ def identified_vehicle(
         update = {"K1": values["K1"], "T1": values["T1"]}
         changes["actuator"] = vehicle.actuator.model_copy(update=update)
     changes["provenance"] = _provenance(vehicle, names, logs, trim=trim_error is not None)
+    known = tuple(float(values[name]) for name in names)
+    rows = tuple(map(tuple, covariance.tolist()))
     changes["identified"] = Identified(
-        names=names,
-        values=tuple(float(values[name]) for name in names),
-        covariance=tuple(tuple(map(float, row)) for row in covariance),
-        logs=logs,
-        **noise,
+        names=names, values=known, covariance=rows, logs=logs, **noise
     )
     return vehicle.model_copy(update=changes)
 
@@ -274,11 +275,8 @@ def _provenance(
     origin = f"identified: from {logs[0]}"
     if len(logs) > 1:
         origin += f" and {len(logs) - 1} more, which identified.logs names"
-    kept = {
-        key: text
-        for key, text in vehicle.provenance.items()
-        if not key.startswith("motion") and key != "identified"
-    }
+    before = vehicle.provenance.items()
+    kept = {k: text for k, text in before if not k.startswith("motion") and k != "identified"}
     own = {"psi": ("hull.psi",), "K1": ("actuator.K1", "actuator.T1")}
     kept |= dict.fromkeys(["motion", *(key for name in names for key in own.get(name, ()))], origin)
     if trim:

@@ -8,6 +8,8 @@ others again. Each log has numbers of its own.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -31,6 +33,7 @@ from swimbladder.estimation.motion.random_walk import fit_random_walk, with_rand
 from swimbladder.estimation.motion.result import (
     Identification,
     Profile,
+    Values,
     dry_mass,
     identified_vehicle,
     neutral_spread,
@@ -100,10 +103,8 @@ def _interval(u: Array, deviance: Array, best: float) -> Array:
     """Return where the signed root of the deviance passes -1.96 and 1.96; infinite if nowhere."""
     root = np.maximum.accumulate(np.sign(u - best) * np.sqrt(deviance)) + 1e-9 * np.arange(len(u))
     inverse = PchipInterpolator(root, u, extrapolate=False)
-    low, high = (float(inverse(end)) for end in (-Z95, Z95))
-    return np.array(
-        [low if math.isfinite(low) else -np.inf, high if math.isfinite(high) else np.inf]
-    )
+    ends = inverse([-Z95, Z95])
+    return np.where(np.isfinite(ends), ends, [-np.inf, np.inf])
 
 
 _OFF = 0.1  # of the half interval, from which the profile's interval is given
@@ -155,6 +156,8 @@ def _against(name: str, e: Estimate, prior: Prior) -> Iterator[Finding]:
 
 def derived(problem: Problem, found: Fit) -> dict[str, Estimate]:
     """Return what follows of mass and laminar drag, by the delta rule."""
+    if problem.model.law == "quadratic":
+        return {}
     p = problem.shared
     C = found.covariance[:p, :p]
 
@@ -165,16 +168,11 @@ def derived(problem: Problem, found: Fit) -> dict[str, Estimate]:
             moved = found.x.copy()
             moved[i] += 1e-5
             slope[i] = (quantity(problem.named(moved)) - at) / 1e-5
-        return Estimate.of(
-            at, math.sqrt(max(float(slope @ C @ slope), 0.0)), unit, logarithmic=True
-        )
+        std = math.sqrt(max(float(slope @ C @ slope), 0.0))
+        return Estimate.of(at, std, unit, logarithmic=True)
 
     k_b = problem.model.specific_weight
-    result = {}
-    if problem.model.law != "quadratic":
-        result["mass"] = of(problem.model.mass, "kg")
-        result["drag"] = of(lambda v: k_b / v["K2"], "N s/m")
-    return result
+    return {"mass": of(problem.model.mass, "kg"), "drag": of(lambda v: k_b / v["K2"], "N s/m")}
 
 
 _STILL = 1e-4  # m, below which no sensor measures
@@ -203,10 +201,10 @@ def check_motion(records: Sequence[Record]) -> None:
     """Raise NoAnswerError where no vehicle of the records moved by what a sensor resolves."""
     ranges = [float(np.ptp(r.depth[r.compared])) for r in records]
     if max(ranges) < _STILL:
+        rests = f"the depth stays at {float(records[0].depth[records[0].compared][0]):.4g} m"
         raise NoAnswerError(
-            "the vehicle's motion is not identifiable: the depth stays at "
-            f"{float(records[0].depth[records[0].compared][0]):.4g} m. Check which column is the "
-            "depth, or record steps of the volume"
+            f"the vehicle's motion is not identifiable: {rests}. Check which column is the depth, "
+            "or record steps of the volume"
         )
 
 
@@ -236,10 +234,8 @@ def assumptions(problem: Problem, vehicle: Vehicle) -> tuple[str, ...]:
     said += [f"held: {name} = {problem.values[name]:g} {NAMES[name].unit}" for name in held]
     water = vehicle.water
     if any(len(r.layers.table) for r in records):
-        said.append(
-            "the neutral volume follows the density of the cast; psi is what the hull loses "
-            "beyond that"
-        )
+        beyond = "psi is what the hull loses beyond that"
+        said.append(f"the neutral volume follows the density of the cast; {beyond}")
     said.append(f"water of {water.density:g} kg/m3, gravity {water.gravity:g} m/s2")
     return tuple(said)
 
@@ -286,39 +282,21 @@ def identify(
     report = advance or (lambda _: None)
     check_logs(logs, neutral_std, speed_std, drive)
     waters = water_of_each(len(logs), columns)
+    read = partial(
+        record, vehicle=vehicle, bottom_depth=bottom_depth, surface_margin=surface_margin
+    )
     records = [
-        record(
-            log,
-            vehicle,
-            drive=drive or driven_by(log, vehicle),
-            bottom_depth=bottom_depth,
-            surface_margin=surface_margin,
-            column=water,
-        )
+        read(log, drive=drive or driven_by(log, vehicle), column=water)
         for log, water in zip(logs, waters, strict=True)
     ]
     check_motion(records)
     assumed = Assumed(dict(fixed or {}), dict(priors or {}), neutral_std, speed_std)
-    problem = posed(
-        records,
-        vehicle,
-        assumed,
-        sources=[log.source for log in logs],
-        free=free,
-        drag=drag,
-        bottom_depth=bottom_depth,
-    )
+    problem = posed(records, vehicle, assumed, free=free, drag=drag)
     report(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         share = 0.3 if random_walk or posterior is not None else 1.0
-        found = _answer(
-            problem,
-            vehicle,
-            advance=lambda part: report(share * part),
-            profiles=profiles and not random_walk,
-            choices=choices and not random_walk,
-            posterior=posterior,
-        )
+        asked = Asked(profiles and not random_walk, choices and not random_walk, posterior)
+        found = _answer(problem, vehicle, asked, lambda part: report(share * part))
         if not random_walk:
             return found
         walked = fit_random_walk(problem, vehicle)
@@ -326,26 +304,28 @@ def identify(
         return with_random_walk(found, walked, vehicle, problem)
 
 
+class Asked(NamedTuple):
+    """What is to be found beside the parameters."""
+
+    profiles: bool
+    choices: bool
+    posterior: int | None  # seed of draws
+
+
 def _answer(
-    problem: Problem,
-    vehicle: Vehicle,
-    *,
-    advance: Callable[[float], None],
-    profiles: bool,
-    choices: bool,
-    posterior: int | None,
+    problem: Problem, vehicle: Vehicle, asked: Asked, report: Callable[[float], None]
 ) -> Identification:
-    report, names, model = advance, problem.names, problem.model
+    names, model = problem.names, problem.model
     found = solve(problem)
-    report(0.35 if choices or profiles else 0.95)
+    report(0.35 if asked.choices or asked.profiles else 0.95)
     findings: list[Finding] = [*not_identifiable(problem, found)]
     drawn: dict[str, Profile] = {}
     for i, name in enumerate(names):
-        if profiles and not findings:
+        if asked.profiles and not findings:
             drawn[name] = profile(problem, found, i)
-        report(0.3 / len(names) * profiles)
-    listed = list_choices(problem, found, vehicle) if choices else ()
-    report(0.3 * choices)
+        report(0.3 / len(names) * asked.profiles)
+    listed = list_choices(problem, found, vehicle) if asked.choices else ()
+    report(0.3 * asked.choices)
     each = each_experiment(problem, found)
     findings += judge(listed)
     findings += diagnose(problem, found, each, dry_mass=dry_mass(vehicle))
@@ -353,24 +333,23 @@ def _answer(
     findings = turned or findings  # what follows from it need not be said
     estimates, fewer = parameters(problem, found, drawn)
     findings += [] if turned else fewer
-    drawn_points = None
-    if posterior is not None and not any(f.severity == "no" for f in findings):
-        drawn_points = sample(
-            problem, found, seed=posterior, advance=lambda part: report(2.0 * part)
-        )
-    values = problem.named(found.x)
-    per = problem.per_entry(found.x)
-    p = problem.shared
+    identified, drawn_points = all(f.severity != "no" for f in findings), None
+    if asked.posterior is not None and identified:
+        drawn_points = sample(problem, found, asked.posterior, lambda part: report(2.0 * part))
+    per, p = problem.per_entry(found.x), problem.shared
     covariance = found.covariance[:p, :p] * np.outer(per, per)
-    size = np.sqrt(np.diag(covariance))
     noise = float(np.sqrt(np.average(found.noise**2, weights=np.diff(problem.rows))))
+    neutral_std = neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD)
+    new, logs = vehicle, tuple(e.source for e in each)
+    if identified:
+        known = Values(names, problem.named(found.x), covariance, logs, trim_of(each, vehicle))
+        new = identified_vehicle(vehicle, model, known, depth_noise=noise, neutral_std=neutral_std)
     return Identification(
         names=names,
         law=model.law,
         parameters=estimates,
         derived=derived(problem, found),
         covariance=covariance,
-        correlation=covariance / np.outer(size, size),
         experiments=each,
         findings=tuple(findings),
         choices=listed,
@@ -381,19 +360,5 @@ def _answer(
         notes=tuple(dict.fromkeys(note for e in each for note in e.record.notes)),
         depth_noise=noise,
         posterior=drawn_points,
-        result_vehicle=(
-            vehicle
-            if any(f.severity == "no" for f in findings)
-            else identified_vehicle(
-                vehicle,
-                model,
-                values,
-                names,
-                covariance,
-                trim_error=trim_of(each, vehicle),
-                depth_noise=noise,
-                neutral_std=neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD),
-                logs=tuple(e.source for e in problem.experiments),
-            )
-        ),
+        result_vehicle=new,
     )
