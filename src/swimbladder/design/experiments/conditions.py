@@ -235,24 +235,10 @@ def _passed(depth: Array, since: int, place: float, *, up: bool) -> int | None:
 
 def experiment_of(flight: Flight, name: str) -> Experiment:
     """Return a flight as `identify` takes a log of it."""
-    n = len(flight.time)
-    record = Record(
-        drive="volume",
-        time=flight.time,
-        depth=flight.depth,
-        volume=flight.volume,
-        compared=np.ones(n, np.bool_),
-    )
-    start = flight.release.start
-    return Experiment(
-        source=name,
-        record=record,
-        inputs=flight.volume,
-        ramps=True,
-        reference=start,
-        neutral=0.0,
-        segments=(Segment(0, n - 1, start, 0.0),),
-    )
+    t, z, V, start = flight.time, flight.depth, flight.volume, flight.release.start
+    record = Record(drive="volume", time=t, depth=z, volume=V, compared=np.ones(len(t), np.bool_))
+    whole = Segment(0, len(t) - 1, start, 0.0)
+    return Experiment(name, record, V, ramps=True, segments=(whole,), reference=start, neutral=0.0)
 
 
 FEWEST = 12  # samples of a record, below which `identify` does not take it

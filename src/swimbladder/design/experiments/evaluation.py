@@ -22,9 +22,8 @@ from swimbladder.design.experiments.conditions import (
     problem_of,
 )
 from swimbladder.estimation.estimates import Estimate, Finding
-from swimbladder.estimation.motion.diagnose import not_identifiable
-from swimbladder.estimation.motion.fit import Fit, refine
-from swimbladder.estimation.motion.noise import ArNoise
+from swimbladder.estimation.motion.diagnose import Curvature, not_identifiable
+from swimbladder.estimation.motion.fit import refine
 from swimbladder.estimation.motion.problem import NAMES, VOLUME, Problem
 
 Array = NDArray[np.float64]
@@ -131,8 +130,7 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
     x = problem.begin(values)
     J, noise = problem.slope(x), c.setting.depth_noise
     data, P = J.T @ J / noise**2, problem.prior_rows(x)[1]
-    information = data + P.T @ P
-    C = _inverse(information)
+    C = _inverse(data + P.T @ P)
     covariance = C[:p, :p] * np.outer(problem.per_entry(x), problem.per_entry(x))
     stds = np.sqrt(np.diag(covariance)).tolist()
     size = c.question.sizes(names)
@@ -141,21 +139,6 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
     moved = shares @ np.stack(drifts, axis=1) * c.setting.drift_std
     off = np.sqrt((moved**2).sum(axis=1))
     both = np.sqrt(np.diag(shares) + off**2)
-    n, k = len(problem.measured), len(problem.experiments)
-    fit = Fit(  # that would be made if the records were as predicted
-        x=x,
-        residual=np.zeros(n),
-        weight=np.ones(n),
-        noise=np.full(k, noise),
-        root=np.full(n, 1.0 / noise),
-        objective=0.0,
-        slope=J,
-        ar=((),) * k,
-        ar_noise=(ArNoise((), 1.0),) * k,
-        information=information,
-        covariance=C,
-        data=data,
-    )
     return Prediction(
         names=names,
         parameters={
@@ -166,7 +149,7 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
         sources=_sources(problem, C, data, P),
         drift=dict(zip(names, (off * size).tolist(), strict=True)),
         share=dict(zip(names, both.tolist(), strict=True)),
-        open=tuple(not_identifiable(problem, fit)),
+        open=tuple(not_identifiable(problem, Curvature(x, C, data))),
     )
 
 

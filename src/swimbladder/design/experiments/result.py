@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.experiments.conditions import Flight, Question, Setting
+from swimbladder.design.experiments.conditions import Conditions, Flight, Question, Setting
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.diagnose import LIMIT
@@ -21,20 +21,17 @@ _COARSE = 0.3  # of the quantum: less noise than that and rounding is no white n
 
 
 def judge(
-    chosen: EvaluatedSet,
-    curve: Curve,
-    stretched: Mapping[str, float],
-    question: Question,
-    setting: Setting,
+    chosen: EvaluatedSet, curve: Curve, stretched: Mapping[str, float], c: Conditions
 ) -> tuple[Finding, ...]:
     """Return what is to be said of a set; stretched: its shares in a pool half as deep again."""
+    setting = c.setting
     return (
         *chosen.prediction.open,
         *_remedies(chosen, stretched),
         *_ends(chosen),
         *_arrivals(chosen, setting),
         *_biases(chosen, setting),
-        *(_limits(name, chosen, stretched) for name in question.names),
+        *(_limits(name, chosen, stretched) for name in c.question.names),
         _sizes(curve),
         *_coarse(setting),
     )
@@ -75,9 +72,8 @@ def _remedies(chosen: EvaluatedSet, stretched: Mapping[str, float]) -> Iterator[
     share = chosen.prediction.share
     worst = max(share, key=lambda name: share[name])
     longer = (share[worst] / LIMIT) ** 2
-    parts = [
-        f"With half as much travel again {worst} would be known to {percent(stretched[worst])}"
-    ]
+    known = percent(stretched[worst])
+    parts = [f"With half as much travel again {worst} would be known to {known}"]
     if 1.0 < longer < 50.0:
         parts.append(f"about {longer:.1f} times the pool time would do")
     parts.append(f"or give what is known of it (--prior, --set {worst})")
@@ -184,9 +180,7 @@ def _limits(name: str, chosen: EvaluatedSet, stretched: Mapping[str, float]) -> 
     sources = {_SOURCES[s]: x * std**2 / whole for s, x in prediction.sources[name].items()}
     sources["a drift of the neutral volumes"] = drift**2 / whole
     listed = sorted(sources.items(), key=lambda item: -item[1])[:2]
-    words = [
-        f"{what} ({100.0 * part:.0f} % of the variance)" for what, part in listed if part > 0.1
-    ]
+    words = [f"{what} ({100.0 * x:.0f} % of the variance)" for what, x in listed if x > 0.1]
     ratio = stretched[name] / prediction.share[name]
     travel = ", and the travel" if ratio < 0.75 else ""
     return Finding(
@@ -254,43 +248,40 @@ class Design:
     def plan(self, evaluated: EvaluatedSet | None = None) -> Plan:
         """Return the plan to follow at the pool: of the chosen set, or of another one."""
         w, s = evaluated or self.chosen, self.setting
+        expected = [
+            Expected(name=name, **as_json(e, "value std unit"))
+            for name, e in w.prediction.parameters.items()
+        ]
         return Plan(
             name=f"experiments for {self.vehicle}",
             vehicle=self.vehicle,
-            pool_depth=s.pool_depth,
-            shallowest=s.shallowest,
-            deepest=s.deepest,
-            sample_time=s.sample_time,
-            rest=s.rest,
+            **as_json(s, "pool_depth shallowest deepest sample_time rest"),
             depth_noise=s.noise,
             depth_quantum=s.quantum,
             neutral_std=s.neutral_std if math.isfinite(s.neutral_std) else None,
-            expected=tuple(
-                Expected(name=name, value=e.value, std=e.std, unit=e.unit)
-                for name, e in w.prediction.parameters.items()
-            ),
+            expected=tuple(expected),
             experiments=tuple(_planned(flight, s) for flight in w.flights),
         )
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
-        c = self.curve
+        rival = self.against
         return {
             **as_json(
-                self,
-                "vehicle criterion identifiable time_budget_s=budget findings assumptions",
+                self, "vehicle criterion identifiable time_budget_s=budget findings assumptions"
             ),
             "drag": self.question.model.law,
             **_set(self.chosen),
-            "against": self.against
-            and {"name": self.rival, **_set(self.against), "error_ratio": self.gains},
-            "curve": as_json(c, "size_m3=sizes steps to_and_fro best_step_m3"),
-            "setting": as_json(
-                self.setting,
-                "pool_depth_m shallowest_m deepest_m sample_time_s depth_noise_m neutral_std_m3 "
-                "drift_std_m3_s settling_s",
-            ),
+            "against": rival and {"name": self.rival, **_set(rival), "error_ratio": self.gains},
+            "curve": as_json(self.curve, "size_m3=sizes steps to_and_fro best_step_m3"),
+            "setting": as_json(self.setting, _SETTING),
         }
+
+
+_SETTING = (
+    "pool_depth_m shallowest_m deepest_m sample_time_s depth_noise_m neutral_std_m3 drift_std_m3_s "
+    "settling_s"
+)
 
 
 def _set(w: EvaluatedSet) -> dict[str, Any]:
@@ -328,23 +319,19 @@ def _bias(left: OmittedVariable | None) -> dict[str, Any] | None:
 
 
 def _planned(flight: Flight, s: Setting) -> PlannedExperiment:
-    first = flight.moved[0]
-    time = flight.time[first:] - flight.time[first]
-    step = max(1, math.ceil(max(_TRACE, float(time[-1]) / _POINTS) / s.sample_time))
-    kept = np.unique(np.append(np.arange(0, len(time), step), len(time) - 1))
-
-    def rounded(values: Any, digits: int) -> tuple[float, ...]:
-        return tuple(np.round(values[first:][kept], digits).tolist())
-
+    first, last = flight.moved[0], len(flight.time) - 1
+    step = max(1, math.ceil(max(_TRACE, flight.duration / _POINTS) / s.sample_time))
+    kept = np.unique(np.append(np.arange(first, last, step), last))
+    columns = (flight.time - flight.time[first], flight.depth, flight.volume)
+    time, depth, volume = (
+        np.round(column[kept], digits).tolist()
+        for column, digits in zip(columns, (3, 4, 8), strict=True)
+    )
     return PlannedExperiment(
         start_depth=flight.release.start,
         longest=s.longest,
         settling=round(s.settling, 1),
         duration=round(flight.duration, 1),
         moves=flight.release.moves,
-        trace=Trace(
-            time=rounded(flight.time - flight.time[first], 3),
-            depth=rounded(flight.depth, 4),
-            volume=rounded(flight.volume, 8),
-        ),
+        trace=Trace(time=time, depth=depth, volume=volume),
     )

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -98,21 +97,22 @@ def design_experiment(
         check_parameters(names, Assumed(held, known), model, voltage=False)
         question = Question(model, names, held, known)
         settled, how = _settling(vehicle, settling, pool_depth, clearance)
-        s = _setting(
-            vehicle,
+        noise, neutral, drift = _errors(vehicle)
+        s = Setting(
             pool_depth=pool_depth,
             clearance=clearance,
-            sensor_std=sensor_std,
-            quantum=quantum,
-            sample_time=sample_time,
-            neutral_std=neutral_std,
-            drift_std=drift_std,
+            sample_time=_sample_time(vehicle) if sample_time is None else sample_time,
+            noise=noise if sensor_std is None else sensor_std,
+            quantum=vehicle.sensors.depth_quantum if quantum is None else quantum,
+            neutral_std=neutral if neutral_std is None else neutral_std,
+            drift_std=drift if drift_std is None else drift_std,
             settling=settled,
             rest=rest,
             longest=longest,
             largest=largest,
             moves=moves,
         )
+        _check(s, sensor_std)
         report(0.05)
         limits = ramps(vehicle, s)
         if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
@@ -146,7 +146,7 @@ def design_experiment(
         rival=_rival_name(against),
         curve=buys,
         piston_area=vehicle.piston_area,
-        findings=judge(ours, buys, stretched, question, s),
+        findings=judge(ours, buys, stretched, c),
         assumptions=_assumptions(question, s, how, len(others)),
     )
 
@@ -182,38 +182,26 @@ def _settling(
     return sum(waits) / 2.0, "simulated: the procedure of section 3.1 with the vehicle's own loop"
 
 
-def _setting(
-    vehicle: Vehicle,
-    *,
-    sensor_std: float | None,
-    quantum: float | None,
-    sample_time: float | None,
-    neutral_std: float | None,
-    drift_std: float | None,
-    **others: Any,
-) -> Setting:
-    known, sensors = vehicle.identified, vehicle.sensors
-    noise, neutral, drift = 0.0, 0.0, DRIFT_STD
-    if known is not None:
-        noise, neutral = known.depth_noise, known.neutral_std
-        drift = known.neutral_walk / math.sqrt(_DRIFT_TIME) or DRIFT_STD
-    noise = (noise or sensors.depth_noise) if sensor_std is None else sensor_std
-    quantum = sensors.depth_quantum if quantum is None else quantum
-    if not (noise > 0.0 or quantum > 0.0):
+def _errors(vehicle: Vehicle) -> tuple[float, float, float]:
+    """Return a vehicle's depth noise [m], neutral volume error [m3] and drift [m3/s], 1 sigma."""
+    known, noise = vehicle.identified, vehicle.sensors.depth_noise
+    if known is None:
+        return noise, NEUTRAL_STD, DRIFT_STD
+    drift = known.neutral_walk / math.sqrt(_DRIFT_TIME)
+    return known.depth_noise or noise, known.neutral_std or NEUTRAL_STD, drift or DRIFT_STD
+
+
+def _sample_time(vehicle: Vehicle) -> float:
+    return vehicle.controller.sample_time if vehicle.controller is not None else 0.3
+
+
+def _check(s: Setting, sensor_std: float | None) -> None:
+    """Raise InputError for what no pool or sensor is; sensor_std: the noise where it was given."""
+    if not (s.noise > 0.0 or s.quantum > 0.0):
         what = "it must be above 0 where there is no --quantum: no sensor is without either"
         what = "the noise of the depth sensor is not known" if sensor_std is None else what
         remedy = "Give it, 1 sigma, like 2 mm: log the vehicle lying on the bottom to see it"
         raise InputError(what, field="--sensor-std", value=sensor_std, unit="m", remedy=remedy)
-    if sample_time is None:
-        sample_time = vehicle.controller.sample_time if vehicle.controller is not None else 0.3
-    s = Setting(
-        noise=noise,
-        quantum=quantum,
-        sample_time=sample_time,
-        neutral_std=(neutral or NEUTRAL_STD) if neutral_std is None else neutral_std,
-        drift_std=drift if drift_std is None else drift_std,
-        **others,
-    )
     check_number(s.noise, "--sensor-std", "m", least=0.0)
     check_number(s.quantum, "--quantum", "m", least=0.0)
     check_number(s.sample_time, "--sample-time", "s", above=0.0)
@@ -229,7 +217,6 @@ def _setting(
         what = f"a pool of {s.pool_depth:g} m leaves no travel, {ends}"
         remedy = "Choose a deeper pool or a smaller --clearance"
         raise InputError(what, field="--pool-depth", value=s.pool_depth, unit="m", remedy=remedy)
-    return s
 
 
 def _rival(

@@ -294,14 +294,10 @@ class Search:
 
     def table(self, candidates: Sequence[Release]) -> Table:
         """Return the information of all candidates."""
-        found = [self.of(release) for release in candidates]
-        return Table(
-            gain=np.array([f.gain for f in found]),
-            drift=np.array([f.drift for f in found]),
-            cost=np.array([f.cost for f in found]),
-            prior=self.conditions.question.prior(),
-            judge=self.judge,
-        )
+        found = zip(*(self.of(release) for release in candidates), strict=True)
+        gain, drift, cost, _ = (np.array(values) for values in found)
+        prior = self.conditions.question.prior()
+        return Table(gain=gain, drift=drift, cost=cost, prior=prior, judge=self.judge)
 
     def learn(self, family: Sequence[Release]) -> None:
         """Find a family's information: where a release cannot end, neither can one that goes on."""

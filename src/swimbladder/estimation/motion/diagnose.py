@@ -190,7 +190,15 @@ class Direction(NamedTuple):
     std: float  # in shares of the parameters, or of their scales
 
 
-def directions(problem: Problem, fit: Fit) -> list[Direction]:
+class Curvature(NamedTuple):
+    """What data say of x, of a fit or of one that is predicted, as `Fit` has it."""
+
+    x: Array
+    covariance: Array
+    data: Array
+
+
+def directions(problem: Problem, fit: Fit | Curvature) -> list[Direction]:
     """Return the directions of the vehicle's parameters, best known first.
 
     From the singular values of the sensitivity, everything that belongs to single experiments
@@ -209,7 +217,7 @@ def directions(problem: Problem, fit: Fit) -> list[Direction]:
     return [Direction(vectors[:, i], float(stds[i])) for i in range(p - 1, -1, -1)]
 
 
-def not_identifiable(problem: Problem, fit: Fit) -> Iterator[Finding]:
+def not_identifiable(problem: Problem, fit: Fit | Curvature) -> Iterator[Finding]:
     """Yield a finding of severity no for every question that data and priors leave open."""
     p = problem.shared
     std = np.sqrt(np.diag(fit.covariance)[:p])
@@ -233,7 +241,7 @@ def not_identifiable(problem: Problem, fit: Fit) -> Iterator[Finding]:
         yield of([i])
 
 
-def _limit(problem: Problem, fit: Fit, i: int) -> float:
+def _limit(problem: Problem, fit: Fit | Curvature, i: int) -> float:
     """Return how uncertain the i-th entry of x may be [in its own unit]."""
     if problem.logarithmic[i]:
         return LIMIT
