@@ -13,7 +13,7 @@ from swimbladder.cli import main
 from swimbladder.cli.options import Files, Options, flag, grouped, valued
 from swimbladder.design.ballast import Target, ballast, material_of, seas, uncertainty_of, with_mass
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump, fitted_vehicle, sea
-from swimbladder.design.pool_day.day import asked_of, rules_of
+from swimbladder.design.pool_day.day import Asked, asked_of, rules_of
 from swimbladder.design.pool_day.follow import check_waiting
 from swimbladder.design.pool_day.verdict import Target as PoolTarget
 from swimbladder.design.sizing import Dive, load_parts, size
@@ -183,8 +183,8 @@ REFUSED = [
     ([*BALLAST, "--ballast", "cork"], lambda _: material_of("cork")),
     ([*BALLAST, "--at-volume", "1 cm3"], _ballast(target=Target(volume=1e-6))),
     ([*BALLAST, "--neutral-depth", "9 km"], _ballast(target=Target(neutral_depth=9000.0))),
-    ([*BALLAST, "--probability", "30 %"], _ballast(probability=0.3)),
-    ([*BALLAST, "--speed", "9 m/s"], _ballast(speed=9.0)),
+    ([*BALLAST, "--probability", "30 %"], _ballast(target=Target(probability=0.3))),
+    ([*BALLAST, "--speed", "9 m/s"], _ballast(target=Target(speed=9.0))),
     (
         [
             "energy",
@@ -223,14 +223,17 @@ REFUSED = [
     ),
     ([*POOL, "--travel", "1 cm"], lambda _: rules_of(FEUP, travel=0.01)),
     ([*POOL, "--pool-depth", "0.3 m"], lambda _: rules_of(FEUP, pool_depth=0.3)),
-    ([*POOL, "--target-std", "200 %"], lambda _: asked_of(FEUP, target_std=2.0)),
-    ([*POOL, "--target", "K9=2%"], lambda _: asked_of(FEUP, target=[PoolTarget("K9", 0.02)])),
+    ([*POOL, "--target-std", "200 %"], lambda _: asked_of(FEUP, Asked(), target_std=2.0)),
+    (
+        [*POOL, "--target", "K9=2%"],
+        lambda _: asked_of(FEUP, Asked(), target=[PoolTarget("K9", 0.02)]),
+    ),
     (
         [*POOL, "--target", "K2=0 1/m2/s"],
-        lambda _: asked_of(FEUP, target=[PoolTarget("K2", 0.0, relative=False)]),
+        lambda _: asked_of(FEUP, Asked(), target=[PoolTarget("K2", 0.0, relative=False)]),
     ),
-    ([*POOL, "--neutral-std", "0"], lambda _: asked_of(FEUP, neutral_std=0.0)),
-    ([*POOL, "--free", "K7"], lambda _: asked_of(FEUP, free=("K7",))),
+    ([*POOL, "--neutral-std", "0"], lambda _: asked_of(FEUP, Asked(neutral_std=0.0))),
+    ([*POOL, "--free", "K7"], lambda _: asked_of(FEUP, Asked(free=("K7",)))),
     ([*POOL, "--speed", "0"], lambda _: check_waiting(speed=0.0)),
     ([*POOL, "--sensor-std=-1 mm"], lambda _: FEUP.with_sensors(depth_noise=-1e-3)),
     (

@@ -99,10 +99,8 @@ def ballast(
         found = find(
             v,
             sea.columns,
-            target=Target(**sought),
+            target=Target(**sought, probability=asked["probability"], speed=asked["speed"]),
             uncertainty=uncertainty,
-            probability=asked["probability"],
-            speed=asked["speed"],
             density=density,
             material=named,
             assumptions=(*warned, *sea.assumed, told, *_hull_words(v), *uncertainty.said),

@@ -5,8 +5,15 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from swimbladder.design.ballast import Target, Uncertainty, ballast, ballasted, uncertainty_of
-from swimbladder.design.ballast.run import drawn_volumes, sensitivities
+from swimbladder.design.ballast import (
+    Target,
+    Uncertainty,
+    ballast,
+    ballasted,
+    drawn_volumes,
+    sensitivities,
+    uncertainty_of,
+)
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.hull import displaced_volume, neutral_volume, weight_mass
@@ -111,7 +118,8 @@ def test_ballast_added_outside_neither_gives_way_nor_changes_the_rest():
 def test_one_unknown_at_one_depth_has_normal_tails():
     column = uniform_column(FLOAT.water, 1000.0, step=10.0)  # neutral at -78 cm3 at 1000 m
     uncertainty = Uncertainty(trim=100e-6)
-    found = ballast(FLOAT, [column], uncertainty=uncertainty, probability=0.9, draws=50_000)
+    target = Target(probability=0.9)
+    found = ballast(FLOAT, [column], target=target, uncertainty=uncertainty, draws=50_000)
     (need,) = found.needs
     assert (need.least, need.least_depth) == (pytest.approx(-78e-6, abs=1e-8), 1000.0)
     assert (need.most, need.most_depth) == (pytest.approx(0.0, abs=1e-12), 0.0)
@@ -173,9 +181,8 @@ def test_margins_and_probability_hold_for_simulated_vehicles():
     found = ballast(
         vehicle,
         [SEA],
-        target=Target(neutral_depth=300.0, volume=120e-6),
+        target=Target(neutral_depth=300.0, volume=120e-6, probability=0.9),
         uncertainty=uncertainty,
-        probability=0.9,
     )
     (need,) = found.needs
     rng = np.random.default_rng(11)
@@ -206,7 +213,7 @@ def test_the_best_trim_leaves_both_ends_the_same():
 
 def test_a_speed_takes_volume_at_both_ends():
     still = ballast(FLOAT, [SEA], uncertainty=KNOWN, draws=1).worst
-    moving = ballast(FLOAT, [SEA], uncertainty=KNOWN, speed=0.2, draws=1).worst
+    moving = ballast(FLOAT, [SEA], target=Target(speed=0.2), uncertainty=KNOWN, draws=1).worst
     # switched drag above epsilon: k_dl eps + k_dt (w^2 - eps^2)
     drag = 0.8 * 0.05 + 16.0 * (0.2**2 - 0.05**2)
     deep = drag / (SEA.density[-1] * SEA.gravity)
@@ -220,7 +227,8 @@ def test_rising_takes_the_volume_of_its_own_drag():
     motion = FLOAT.motion.model_copy(update={"drag": drag})
     light = FLOAT.model_copy(update={"motion": motion})
     even, uneven = (
-        ballast(v, [SEA], uncertainty=KNOWN, speed=0.2, draws=1).worst for v in (FLOAT, light)
+        ballast(v, [SEA], target=Target(speed=0.2), uncertainty=KNOWN, draws=1).worst
+        for v in (FLOAT, light)
     )
     force = 0.8 * 0.05 + 16.0 * (0.2**2 - 0.05**2)
     spared = 0.4 * force / (SEA.density[0] * SEA.gravity)
@@ -288,9 +296,9 @@ def test_what_is_not_known_by_default_and_as_identified():
         ({"target": Target(neutral_depth=900.0)}, "not between the surface and 800 m"),
         ({"target": Target(freeboard=2.0)}, "no more than the height of the hull"),
         ({"target": Target(neutral_depth=1.0, volume=1.0)}, "outside the stroke"),
-        ({"probability": 1.0}, "probability"),
-        ({"probability": 0.0095}, "probability"),
-        ({"speed": 10.0}, "no speed"),
+        ({"target": Target(probability=1.0)}, "probability"),
+        ({"target": Target(probability=0.0095)}, "probability"),
+        ({"target": Target(speed=10.0)}, "no speed"),
         ({"density": 1000.0}, "not denser than the water"),
     ],
 )

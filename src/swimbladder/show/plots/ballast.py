@@ -20,7 +20,7 @@ def draw_ballasting(found: Ballasting) -> Figure:
     stroke = found.vehicle.stroke
     for side in (stroke.minimum, stroke.maximum):
         volume.axvline(1e6 * side, color=Ink.VERMILION, lw=1.2, ls="--", label="ends of the stroke")
-    several, cases = len(found.columns) > 1, f"in {100.0 * found.wanted:g} % of cases"
+    several, cases = len(found.columns) > 1, f"in {100.0 * found.target.probability:g} % of cases"
     for column, curve, color in zip(found.columns, found.curves, cycle(_SEAS), strict=False):
         named = f"neutral, {column.source}" if several else "neutral volume"
         volume.plot(1e6 * curve.nominal, curve.depth, color=color, label=named)

@@ -1,8 +1,14 @@
-"""Ballasting: the mass for a target, the volumes that the sea asks for, and how sure that is.
+"""Ballast: the volume a vehicle rests with in a real sea, what to add, and whether the stroke does.
 
-It starts from the seas down to where the vehicle goes, its mass, the ballast. `Uncertainty` is what
-is not known of a vehicle's weight and volume; vehicles are drawn from it. `Ballasting` is what
-comes out: masses, needs and margins of the stroke, in sentences and for JSON.
+::
+
+    Uncertainty      1 sigma of what is not known: mass, volume, psi, heat, air, trim, density
+    seas             casts -> the water down to where a vehicle goes; with_mass: that on the scale
+    ballast          a vehicle, casts, a target -> Ballasting: mass to add, needs, margins, odds
+    ballasted        the vehicle with that mass in the water of the cast
+
+Volumes are those of the drive, 0 at mid-stroke; the law is `swimbladder.physics.hull`. Vehicles are
+drawn from the uncertainty, to see for how many the stroke is enough.
 """
 
 import math
@@ -160,12 +166,15 @@ class Target:
     """What the ballast is to bring about; nothing: it stays as it is.
 
     With a neutral depth the mass is for that, and the freeboard something that the stroke has to
-    do; without, the mass is for the freeboard.
+    do; without, the mass is for the freeboard. The stroke is to cover what the sea asks for with
+    the probability, and to sink and rise with the speed besides.
     """
 
     neutral_depth: float | None = None  # m
     volume: float = 0.0  # m3 of the drive at which it is neutral there
     freeboard: float | None = None  # m of hull out of the water at the largest volume
+    probability: float = 0.95  # -
+    speed: float = 0.0  # m/s
 
     @property
     def asked_freeboard(self) -> float:
@@ -219,9 +228,7 @@ class Ballasting:
     curves: tuple[Curve, ...]
     needs: tuple[Need, ...]
     uncertainty: Uncertainty
-    wanted: float  # probability
     draws: int
-    speed: float  # m/s
     added: float  # kg, negative: removed
     added_volume: float  # m3 that it displaces
     material: str
@@ -242,7 +249,7 @@ class Ballasting:
     @property
     def covered(self) -> bool:
         """Whether the stroke covers every cast with the probability asked for."""
-        return self.worst.probability >= self.wanted
+        return self.worst.probability >= self.target.probability
 
     @property
     def stroke(self) -> float:
@@ -281,13 +288,14 @@ class Ballasting:
 
     @property
     def _percent(self) -> str:
-        return f"{100.0 * self.wanted:g} %"
+        return f"{100.0 * self.target.probability:g} %"
 
     def _stroke_words(self) -> Iterator[str]:
         need, stroke = self.worst, self.vehicle.stroke
         deepest = self.columns[0].deepest
         sea = f" in {need.source}, the worst of {len(self.needs)}" if len(self.needs) > 1 else ""
-        moving = f", at {100.0 * self.speed:g} cm/s too" if self.speed > 0.0 else ""
+        speed = self.target.speed
+        moving = f", at {100.0 * speed:g} cm/s too" if speed > 0.0 else ""
         yield (
             f"From the surface to {deepest:g} m it takes {_cm3(need.least)} (at "
             f"{need.least_depth:g} m) to {_cm3(need.most)} (at {need.most_depth:g} m){moving}{sea};"
@@ -340,26 +348,27 @@ class Ballasting:
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer as JSON, SI."""
-        of_cast = (
-            "source least_m3 least_depth_m most_m3 most_depth_m probability margin_in_m3 "
-            "margin_out_m3"
-        )
         return {
             **as_json(self.vehicle, "vehicle=name trim_error_m3"),
-            **as_json(
-                self,
-                "covered probability_asked=wanted added_kg added_volume_m3 material "
-                "best_added_kg=best best_margin_m3 freeboard_m freeboard_sure_m=sure_freeboard "
-                "speed_m_s spread_m3 sentences assumptions",
-            ),
+            **as_json(self.target, "probability_asked=probability speed_m_s"),
+            **as_json(self, _ANSWER),
             **as_json(self.worst, "probability margin_m3"),
             "margin_share": self.worst.margin / self.stroke,
             "deepest_m": self.columns[0].deepest,
             "stroke_m3": [self.vehicle.stroke.minimum, self.vehicle.stroke.maximum],
-            "casts": [as_json(need, of_cast) for need in self.needs],
+            "casts": [as_json(need, _OF_CAST) for need in self.needs],
             "psi": {"depth_m": self.psi_depth, "psi_m3_m": self.psi.psi, **self.psi._asdict()},
             "uncertainty": self.uncertainty.numbers(),
         }
+
+
+_ANSWER = (
+    "covered added_kg added_volume_m3 material best_added_kg=best best_margin_m3 freeboard_m "
+    "freeboard_sure_m=sure_freeboard spread_m3 sentences assumptions"
+)
+_OF_CAST = (
+    "source least_m3 least_depth_m most_m3 most_depth_m probability margin_in_m3 margin_out_m3"
+)
 
 
 def _cm3(volume: float) -> str:
@@ -474,10 +483,8 @@ def ballast(
     vehicle: Vehicle,
     columns: Sequence[Column],
     *,
-    target: Target | None = None,
+    target: Target = Target(),
     uncertainty: Uncertainty,
-    probability: float = 0.95,
-    speed: float = 0.0,
     density: float = MATERIALS["lead"],
     material: str = "lead",
     draws: int = _DRAWS,
@@ -488,25 +495,21 @@ def ballast(
     """Return what to add to a vehicle for a target, and whether its stroke does in every column.
 
     columns: the seas it may meet, down to the deepest it has to go; the target is for the first.
-    density [kg/m3] of what is added outside the hull, infinite for what is added inside. speed: at
-    which it has to sink and rise besides [m/s]. Raises InputError for targets that make no sense
-    and NoAnswerError where no mass fulfils them.
+    density [kg/m3] of what is added outside the hull, infinite for what is added inside. Raises
+    InputError for targets that make no sense and NoAnswerError where no mass fulfils them.
     """
-    target = target or Target()
-    _check(vehicle, columns, target, probability, speed, density)
+    _check(vehicle, columns, target, density)
     added = _added(vehicle, columns[0], target, density)
     made = ballasted(vehicle, added, density, columns[0])
-    curves, needs, at_surface = [], [], []
+    curves, needs, at_surface, p = [], [], [], target.probability
     for k, column in enumerate(columns):
         thin = _thinned(column, made)
         nominal = neutral_volume(made, thin)
         drawn = drawn_volumes(made, thin, uncertainty, draws=draws, seed=seed + k)
-        weight = thin.density * thin.gravity
-        push = [abs(drag_force(made.drag, w)) / weight for w in (speed, -speed)]
-        needs.append(_need(made, thin, nominal, drawn, push, target, probability))
-        tails = np.quantile(drawn, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-        curves.append(Curve(depth=thin.depth, nominal=nominal, low=tails[0], high=tails[1]))
-        at_surface.append((nominal[0], np.quantile(drawn[:, 0], probability)))
+        needs.append(_need(made, thin, nominal, drawn, target))
+        low, high = np.quantile(drawn, [0.5 - 0.5 * p, 0.5 + 0.5 * p], axis=0)
+        curves.append(Curve(depth=thin.depth, nominal=nominal, low=low, high=high))
+        at_surface.append((nominal[0], np.quantile(drawn[:, 0], p)))
         advance(1.0 / len(columns))
     tight = min(needs, key=lambda need: (need.probability, need.margin))
     shift = 0.5 * (tight.margin_out - tight.margin_in)
@@ -524,9 +527,7 @@ def ballast(
         curves=tuple(curves),
         needs=tuple(needs),
         uncertainty=uncertainty,
-        wanted=probability,
         draws=draws,
-        speed=speed,
         added=added,
         added_volume=added / density,
         material=material,
@@ -587,15 +588,9 @@ def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
     return (first.model_copy(update={"volume": left, **changes}), *hull.parts[1:])
 
 
-def _check(
-    vehicle: Vehicle,
-    columns: Sequence[Column],
-    target: Target,
-    probability: float,
-    speed: float,
-    density: float,
-) -> None:
+def _check(vehicle: Vehicle, columns: Sequence[Column], target: Target, density: float) -> None:
     """Raise InputError for what cannot be asked."""
+    probability, speed = target.probability, target.speed
     deepest, height, stroke = columns[0].deepest, vehicle.hull.height, vehicle.stroke
     at, volume, out = target.neutral_depth, target.volume, target.freeboard
 
@@ -654,22 +649,11 @@ def _thinned(column: Column, vehicle: Vehicle) -> Column:
     return replace(column, **{name: getattr(column, name)[rows] for name in along})
 
 
-def _need(
-    vehicle: Vehicle,
-    column: Column,
-    nominal: Array,
-    drawn: Array,
-    push: list[Array],
-    target: Target,
-    probability: float,
-) -> Need:
-    """Return what the stroke has to cover in one column, and how likely it does.
-
-    push: what drives it down and up [m3] [n].
-    """
-    stroke = vehicle.stroke
+def _need(vehicle: Vehicle, column: Column, nominal: Array, drawn: Array, target: Target) -> Need:
+    """Return what the stroke has to cover in one column, and how likely it does."""
+    stroke, weight = vehicle.stroke, column.density * column.gravity
     out = target.asked_freeboard * vehicle.hull.waterplane_area
-    down, up = push
+    down, up = (abs(drag_force(vehicle.drag, w)) / weight for w in (target.speed, -target.speed))
     sink, rise = nominal - down, nominal + up
     rise[0] = max(rise[0], nominal[0] + out)
     least, most = int(np.argmin(sink)), int(np.argmax(rise))
@@ -683,7 +667,7 @@ def _need(
         most=float(rise[most]),
         most_depth=float(column.depth[most]),
         probability=float(np.mean((inward >= 0.0) & (outward >= 0.0))),
-        margin_in=float(np.quantile(inward, 1.0 - probability)),
-        margin_out=float(np.quantile(outward, 1.0 - probability)),
+        margin_in=float(np.quantile(inward, 1.0 - target.probability)),
+        margin_out=float(np.quantile(outward, 1.0 - target.probability)),
         out_for="freeboard" if most == 0 and out > up[0] else "rise",
     )
