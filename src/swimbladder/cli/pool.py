@@ -176,10 +176,12 @@ def pool(
     with progress("loading the fit"):
         from swimbladder.design.pool_day import PoolDay, finished, paper_tasks, plan_tasks, rehearse
         from swimbladder.design.pool_day import follow as follow_log
-        from swimbladder.design.pool_day.day import asked_of, rules_of
+        from swimbladder.design.pool_day.day import Asked, asked_of, rules_of
 
         with sought.said_as_typed(), goals.said_as_typed(), procedure.said_as_typed():
-            asked = asked_of(v, **sought.given(), **goals.given())
+            aims = goals.given()
+            known = Asked(**sought.given(), neutral_std=aims.pop("neutral_std"))
+            asked = asked_of(v, known, **aims)
             rules = rules_of(v, pool_depth=bottom, travel=done["travel"], plan=chosen)
         tasks = plan_tasks(chosen) if chosen else paper_tasks(v, pool_depth=bottom)
     mode = "simulated" if simulate else "followed"

@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.estimates import Estimate
 from swimbladder.io.pump_runs import PumpRuns
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
@@ -187,15 +188,6 @@ _ENOUGH = 15  # runs, five for each of three numbers, that may determine what a 
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
 _WARM = 0.5  # K, standard deviation of the temperatures that shows a dependence on them
 _LENGTHS = 0.1  # relative standard deviation of the durations that determines what a start loses
-
-
-class Estimate(NamedTuple):
-    """A number and how sure it is."""
-
-    value: float
-    std: float
-    ci95: tuple[float, float]
-    unit: str
 
 
 class Predicted(NamedTuple):
@@ -373,12 +365,9 @@ def _share(runs: PumpRuns, reference: float | None) -> Array:
 
 
 def _estimates(names: list[str], found: Least) -> dict[str, Estimate]:
-    factors = np.asarray(student.ppf(0.975, found.freedom), dtype=np.float64)
-    solution, std, reach = (x.tolist() for x in (found.solution, found.std, factors * found.std))
-    return {
-        name: Estimate(x, s, (x - r, x + r), _UNITS[name])
-        for name, x, s, r in zip(names, solution, std, reach, strict=True)
-    }
+    reach = np.asarray(student.ppf(0.975, found.freedom), dtype=np.float64) * found.std
+    rows = zip(names, *(x.tolist() for x in (found.solution, found.std, reach)), strict=True)
+    return {name: Estimate.of(x, std, _UNITS[name], reach=r) for name, x, std, r in rows}
 
 
 def _predicted(runs: PumpRuns, laws: list[_Law], number: float) -> Predicted:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -108,6 +108,7 @@ def of_fit(fit: ExperimentFit, neutral_std: float) -> tuple[float, str]:
     )
 
 
+_VERDICT = "good_enough=good state verdict=sentence more_experiments=more limits"
 _THERE = 0.2  # m from where a plan wants the vehicle to rest
 
 Doing = Literal["waiting", "moving", "at rest", "under way"]
@@ -125,7 +126,7 @@ class News(NamedTuple):
 class Asked:
     """What is to be identified, how well, and what is known before."""
 
-    targets: tuple[Target, ...]
+    targets: tuple[Target, ...] = ()
     free: tuple[str, ...] | None = None
     fixed: Mapping[str, float] = field(default_factory=dict)
     priors: Mapping[str, Prior] = field(default_factory=dict)
@@ -329,9 +330,7 @@ class PoolDay:
         return {
             "vehicle": self.vehicle.name,
             "mode": self.mode,
-            **as_json(
-                self.verdict, "good_enough=good state verdict=sentence more_experiments=more limits"
-            ),
+            **as_json(self.verdict, _VERDICT),
             "next": self.advice,
             "targets": [t._asdict() for t in self.asked.targets],
             **{name: found[name] for name in ("parameters", "findings", "assumptions")},
@@ -394,30 +393,22 @@ def rules_of(
 
 def asked_of(
     vehicle: Vehicle,
+    known: Asked,
     *,
-    free: tuple[str, ...] | None = None,
-    fixed: Mapping[str, float] | None = None,
-    priors: Mapping[str, Prior] | None = None,
-    drag: str | None = None,
-    neutral_std: float = NEUTRAL_STD,
     target: Sequence[Target] | None = None,
     target_std: float | None = None,
 ) -> Asked:
-    """Return what is to be identified, how well, and what is known before.
+    """Return what is to be identified, how well, and what is `known` before.
 
     target: of each by itself, or target_std [-] of all but psi. Raises InputError for what this
     vehicle does not have.
     """
-    fixed, priors = dict(fixed or {}), dict(priors or {})
-    model = model_of(vehicle, law=drag, bottom_depth=math.inf)
-    chosen = default_names(model.law, list(fixed)) if free is None else free
-    for name, given in (("free", chosen), ("fixed", tuple(fixed)), ("priors", tuple(priors))):
-        check_names(given, model, voltage=False, option=name)
-    check_std("neutral_std", neutral_std, "m3")
-    targets = _targets(target, target_std, chosen)
-    return Asked(
-        targets=targets, free=free, fixed=fixed, priors=priors, drag=drag, neutral_std=neutral_std
-    )
+    model = model_of(vehicle, law=known.drag, bottom_depth=math.inf)
+    chosen = default_names(model.law, list(known.fixed)) if known.free is None else known.free
+    for name, given in (("free", chosen), ("fixed", known.fixed), ("priors", known.priors)):
+        check_names(tuple(given), model, voltage=False, option=name)
+    check_std("neutral_std", known.neutral_std, "m3")
+    return replace(known, targets=_targets(target, target_std, chosen))
 
 
 def _targets(

@@ -299,34 +299,28 @@ class Window:
     """Rows of time [s], depth [m], volume [m3] and smoothed depth [m], the latest last."""
 
     def __init__(self) -> None:
-        self._rows = np.empty((512, 4))
-        self._first = self._end = 0
+        self._rows, self._count = np.empty((512, 4)), 0
 
     def add(self, sample: Sample) -> None:
         """Append a sample."""
-        if self._end == len(self._rows):
-            kept = self.rows
-            self._rows = np.empty((max(512, 2 * len(kept)), 4))
-            self._rows[: len(kept)] = kept
-            self._first, self._end = 0, len(kept)
-        row = self._rows[self._end]
+        if self._count == len(self._rows):
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+        row = self._rows[self._count]
         row[:3] = sample
-        self._end += 1
-        last = self._rows[max(self._first, self._end - _WIDTH) : self._end, DEPTH].tolist()
+        self._count += 1
+        last = self.rows[-_WIDTH:, DEPTH].tolist()
         row[SMOOTH] = sorted(last)[len(last) // 2]
 
     def forget_before(self, time: float) -> None:
-        """Drop the samples from before a time [s]."""
-        self._first += int(np.searchsorted(self.rows[:, TIME], time))
-
-    def clear(self) -> None:
-        """Drop all samples."""
-        self._first = self._end = 0
+        """Drop the samples from before a time [s]; inf: all."""
+        kept = self.rows[int(np.searchsorted(self.rows[:, TIME], time)) :]
+        self._rows[: len(kept)] = kept
+        self._count = len(kept)
 
     @property
     def rows(self) -> Array:
-        """All samples [n, 4]; a view that the next `add` may invalidate."""
-        return self._rows[self._first : self._end]
+        """All samples [n, 4]; a view that the next change overwrites."""
+        return self._rows[: self._count]
 
     def since(self, time: float) -> Array:
         """Return the samples after a time [s]."""
@@ -547,7 +541,7 @@ class Segmenter:
     def _forget(self) -> None:
         if self._glide is not None:
             self._last_volume = self._glide.volume
-        self._window.clear()
+        self._window.forget_before(math.inf)
         self._glide, self.ready, self.rest, self._evaluated = None, False, None, -math.inf
 
     def _after(self, g: Glide, events: list[Event]) -> list[Event]:
@@ -613,14 +607,8 @@ class Segmenter:
         away = float(np.median(recent[:, VOLUME])) - rest.neutral
         if abs(away) <= limit:
             return None
-        return Glide(
-            self.rules,
-            self._window,
-            rest,
-            since=float(recent[0, TIME]),
-            limit=limit,
-            side=math.copysign(1.0, away),
-        )
+        since, side = float(recent[0, TIME]), math.copysign(1.0, away)
+        return Glide(self.rules, self._window, rest, since=since, limit=limit, side=side)
 
     def _date(self, g: Glide) -> None:
         """Give a glide the time when the volume left, and the minute before; drop what is older."""

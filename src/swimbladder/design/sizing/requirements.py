@@ -1,6 +1,6 @@
 """What is asked of a buoyancy engine: volume, rate, pressure, energy, from the dive it is for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from statistics import NormalDist
 from typing import Any
 
@@ -12,6 +12,10 @@ from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
+
+# Bounds of a dive's numbers, as `check_number` takes them.
+_ABOVE, _LEAST, _WATER = {"above": 0.0}, {"least": 0.0}, {"least": -5.0, "most": 60.0}
+_SHARE: dict[str, Any] = {"most": 1.0, "remedy": 'Write a share like "10 %", which is 0.1'}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,29 +33,29 @@ class Dive:
     Raises InputError where a number cannot be.
     """
 
-    depth: float
-    speed: float = 0.1
-    turn_time: float = 600.0
-    trim: float = 20e-6
-    probability: float = 0.95
-    freeboard: float = 0.0
-    reserve: float = 0.1
-    cycles: int = 200
-    park_time: float = 0.0
-    hotel: float = 0.02
-    surface_energy: float = 0.0
-    corrections: float = 0.2
-    surface_time: float = 900.0
-    battery_reserve: float = 0.1
-    coldest: float | None = None
-    battery_low: float = 0.8
-    stall_reserve: float = 0.25
+    depth: float = field(metadata={"unit": "m", **_ABOVE})
+    speed: float = field(default=0.1, metadata={"unit": "m/s", **_ABOVE})
+    turn_time: float = field(default=600.0, metadata={"unit": "s", **_ABOVE})
+    trim: float = field(default=20e-6, metadata={"unit": "m3", **_LEAST})
+    probability: float = field(default=0.95, metadata=_ABOVE | _SHARE)
+    freeboard: float = field(default=0.0, metadata={"unit": "m3", **_LEAST})
+    reserve: float = field(default=0.1, metadata=_LEAST | _SHARE)
+    cycles: int = field(default=200, metadata=_ABOVE)
+    park_time: float = field(default=0.0, metadata={"unit": "s", **_LEAST})
+    hotel: float = field(default=0.02, metadata={"unit": "W", **_LEAST})
+    surface_energy: float = field(default=0.0, metadata={"unit": "J", **_LEAST})
+    corrections: float = field(default=0.2, metadata=_LEAST | _SHARE)
+    surface_time: float = field(default=900.0, metadata={"unit": "s", **_LEAST})
+    battery_reserve: float = field(default=0.1, metadata=_LEAST | _SHARE)
+    coldest: float | None = field(default=None, metadata={"unit": "degC", **_WATER})
+    battery_low: float = field(default=0.8, metadata=_ABOVE | _SHARE)
+    stall_reserve: float = field(default=0.25, metadata=_LEAST)
 
     def __post_init__(self) -> None:
-        for name, (unit, bounds) in _BOUNDS.items():
-            check_number(getattr(self, name), name, unit, **bounds)
-        if self.coldest is not None:
-            check_number(self.coldest, "coldest", "degC", least=-5.0, most=60.0)
+        for bounded in fields(self):
+            name, value = bounded.name, getattr(self, bounded.name)
+            if value is not None:
+                check_number(value, name, **bounded.metadata)
         for name in ("battery_reserve", "probability"):
             if getattr(self, name) == 1.0:
                 what, remedy = "a share below the whole is needed", 'Write a share like "10 %"'
@@ -65,26 +69,6 @@ class Dive:
 
 
 _PLACES = 41  # depths at which the energy of a cycle is summed up
-_SAID = {"most": 1.0, "remedy": 'Write a share like "10 %", which is 0.1'}
-_ABOVE, _LEAST, _SHARE = {"above": 0.0}, {"least": 0.0}, {"least": 0.0} | _SAID
-_BOUNDS: dict[str, tuple[str, dict[str, Any]]] = {
-    "depth": ("m", _ABOVE),
-    "speed": ("m/s", _ABOVE),
-    "turn_time": ("s", _ABOVE),
-    "cycles": ("", _ABOVE),
-    "trim": ("m3", _LEAST),
-    "freeboard": ("m3", _LEAST),
-    "park_time": ("s", _LEAST),
-    "hotel": ("W", _LEAST),
-    "surface_energy": ("J", _LEAST),
-    "stall_reserve": ("", _LEAST),
-    "surface_time": ("s", _LEAST),
-    "reserve": ("", _SHARE),
-    "corrections": ("", _SHARE),
-    "battery_reserve": ("", _SHARE),
-    "probability": ("", _ABOVE | _SAID),
-    "battery_low": ("", _ABOVE | _SAID),
-}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,6 +39,7 @@ from swimbladder.vehicle import (
 )
 
 Least = Literal["mass", "energy"]
+Solve = Callable[[Dive], tuple[Requirements, Evaluation]]
 _AS_GOOD = 1.002
 _ROOM = 0.5  # of the body: what the drive lets in has to find room inside, beside all else
 # degC where no cast says: water is densest there and fills deep lakes; the oceans have 2 to 5 degC
@@ -68,7 +69,7 @@ class Choice:
     margin: float = math.inf
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True)
 class Sweep:
     """The best drive as one wish changes: values in SI, mass [kg] and energy [J] NaN for none."""
 
@@ -146,9 +147,9 @@ def size(
     if not np.any(evaluation.feasible):
         raise _none(batch, evaluation, dive)
     best = _best(batch, evaluation, score)
-    swept = []
-    for what, factors in _SWEPT.items() if sweeps else ():
-        swept.append(_sweep(what, factors, dive, column, solve, batch, least))
+    deepest, swept = math.inf if column is None else column.deepest, []
+    for what in _SWEPT if sweeps else ():
+        swept.append(_sweep(what, _dives(dive, what, deepest), solve, batch, least))
         report(1.0)
     return Sizing(
         body=body,
@@ -223,32 +224,28 @@ def _choices(batch: Batch, evaluation: Evaluation, score: NDArray[np.float64]) -
     return found
 
 
-def _sweep(
-    what: str,
-    factors: tuple[float, ...],
-    dive: Dive,
-    column: Column | None,
-    solve: Callable[[Dive], tuple[Requirements, Evaluation]],
-    batch: Batch,
-    least: Least,
-) -> Sweep:
-    """Return the best drive for multiples of one wish; depths below the cast are left out."""
-    sweep = Sweep(what=what, values=[], mass=[], cycle_energy=[], stroke=[], drive=[])
-    for factor in factors:
-        value = getattr(dive, what) * factor
-        value = max(round(value), 1) if what == "cycles" else value
-        if what == "depth" and column is not None and value > column.deepest:
-            continue
-        asked, evaluation = solve(dataclasses.replace(dive, **{what: value}))
+def _dives(dive: Dive, what: str, deepest: float) -> list[Dive]:
+    """Return the dive with multiples of one wish; depths below the cast are left out."""
+    values = [getattr(dive, what) * factor for factor in _SWEPT[what]]
+    if what == "cycles":
+        values = [max(round(value), 1) for value in values]
+    dives = [dataclasses.replace(dive, **{what: value}) for value in values]
+    return [one for one in dives if what != "depth" or one.depth <= deepest]
+
+
+def _sweep(what: str, dives: list[Dive], solve: Solve, batch: Batch, least: Least) -> Sweep:
+    """Return the best drive for each of the dives, which differ in one wish."""
+    rows = []
+    for dive in dives:
+        asked, evaluation = solve(dive)
         score = _score(evaluation, least)
         best = int(np.argmin(score))
-        done = math.isfinite(score[best])
-        sweep.values.append(float(value))
-        sweep.stroke.append(asked.stroke)
-        sweep.mass.append(float(evaluation.mass[best]) if done else math.nan)
-        sweep.cycle_energy.append(float(evaluation.cycle_energy[best]) if done else math.nan)
-        sweep.drive.append(_brief(batch.of[best]) if done else "none")
-    return sweep
+        mass, energy, drive = math.nan, math.nan, "none"
+        if math.isfinite(score[best]):
+            mass, energy = float(evaluation.mass[best]), float(evaluation.cycle_energy[best])
+            drive = _brief(batch.of[best])
+        rows.append((float(getattr(dive, what)), mass, energy, asked.stroke, drive))
+    return Sweep(what, *(list(column) for column in zip(*rows, strict=True)))
 
 
 def _brief(combination: Combination) -> str:

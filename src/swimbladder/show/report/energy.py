@@ -21,6 +21,7 @@ from swimbladder.vehicle import Vehicle
 
 _ROWS = 201  # depths in tables, at most
 _DIVE = "dive runs deepest_Pa energy_J predicted_J volume_m3 predicted_volume_m3"
+_ESTIMATE = "value std ci95 unit"
 _BAND = "runs pressure_Pa volume_m3 energy_J efficiency fitted_efficiency=fitted"
 
 
@@ -78,7 +79,7 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
         "power_rms_W": fit.power_rms,
         "volume_rms_m3": fit.volume_rms,
         "reference_voltage_V": fit.reference_voltage,
-        "parameters": {name: e._asdict() for name, e in fit.parameters.items()},
+        "parameters": {n: as_json(e, _ESTIMATE) for n, e in fit.parameters.items()},
         "dives": [as_json(dive, _DIVE) for dive in fit.dives],
         "efficiency": [as_json(band, _BAND) for band in efficiency_bands(fit)],
     }
