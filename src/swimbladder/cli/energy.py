@@ -45,7 +45,7 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
         except InputError as error:
             raise (error if error.field in asked else error.at(file=path)) from None
         fitted = None if v is None else fitted_vehicle(v, found)
-        said = fit_sentences(found, fitted)
+        said = list(fit_sentences(found, fitted))
         answer = {**fit_json(found), "sentences": said, "report": runs_read.report}
     to.answer(answer, partial(fit_files, found, fitted), _shown_fit(found, said, runs_read.report))
 

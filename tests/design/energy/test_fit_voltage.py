@@ -94,7 +94,7 @@ def test_without_voltages_every_bit_is_as_before():
     assert none.reference_voltage is left.reference_voltage is empty.reference_voltage is None
     assert none.parameters == left.parameters == empty.parameters
     assert none.without == left.without == empty.without
-    assert fit_sentences(none) == fit_sentences(empty)
+    assert list(fit_sentences(none)) == list(fit_sentences(empty))
 
 
 def test_a_driver_that_holds_the_speed_is_not_scaled():

@@ -45,14 +45,9 @@ def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
     per_in = _ratio(found.power_in, found.rate_in, found.rate_in > 0.0)
     point = steady_point(vehicle, p)
     stages = {} if point is None else _stages(p, found, point)
-    shares, efficiencies = np.empty(0), np.empty((0, p.size))
-    if point is not None:
-        shares, rows = SHARES, []
-        for share in SHARES:
-            at = steady_point(vehicle, p, share=float(share))
-            assert at is not None  # as above
-            rows.append(_out(p, np.asarray(at.drive.volume_rate), at.cells)[1])
-        efficiencies = np.array(rows)
+    shares = SHARES if point is not None else np.empty(0)
+    points = [steady_point(vehicle, p, share=share) for share in shares.tolist()]
+    rows = [_out(p, np.asarray(at.drive.volume_rate), at.cells)[1] for at in points if at]
     stall = stall_pressure(vehicle)
     return DriveEnergy(
         vehicle=vehicle,
@@ -65,7 +60,7 @@ def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
         stall=stall,
         stall_depth=_depth(column, stall),
         shares=shares,
-        efficiencies=efficiencies,
+        efficiencies=np.reshape(rows, (-1, p.size)),
     )
 
 

@@ -60,10 +60,8 @@ def check_runs(runs: PumpRuns, kept: NDArray[np.bool_], *, depth_limit: float | 
         work = float(np.sum((runs.pressure * runs.volume)[deep]))
         energy = float(np.sum((runs.power * runs.duration)[deep]))
         if deep.sum() >= FEWEST and work > energy:
-            what = (
-                f"the runs would press out {work:.3g} J of work against the sea for {energy:.3g} J "
-                f"from the battery, {work / energy:.3g} times as much"
-            )
+            done = f"{work:.3g} J of work against the sea for {energy:.3g} J from the battery"
+            what = f"the runs would press out {done}, {work / energy:.3g} times as much"
             remedy = (
                 "Pressure, volume, power or time is in the wrong unit: state it, as in "
                 '--column "pressure_Pa=NAME@dbar", --column "volume_m3=NAME@mL"'
@@ -265,18 +263,19 @@ def fit_pump(
     weight = np.ones(kept.size) if end else runs.duration
     groups = np.unique(dive[kept])
     check_groups(runs, kept, groups)
-    powers = _Law.of(_columns(runs, names, None), runs.power, weight, dive, kept)
+    dive = np.where(kept, dive, np.nan)
+    powers = _Law.of(_columns(runs, names, None), runs.power, weight, dive)
     reference = _reference(runs, kept) if voltage else None
     if reference is not None:
-        scaled = _Law.of(_columns(runs, names, reference), runs.power, weight, dive, kept)
+        scaled = _Law.of(_columns(runs, names, reference), runs.power, weight, dive)
         better = scaled.missed < powers.missed
         powers, reference = (scaled, reference) if better else (powers, None)
     laws, volume = [powers], np.full(kept.size, np.nan) if runs.volume is None else runs.volume
     measured = kept & np.isfinite(volume)
     if len(np.unique(dive[measured])) >= FEWEST:
         names = [name for name in _VOLUME if start or name != "start_volume"]
-        columns = _columns(runs, names, None)
-        laws.append(_Law.of(columns, volume, np.ones(kept.size), dive, measured))
+        dive = np.where(measured, dive, np.nan)
+        laws.append(_Law.of(_columns(runs, names, None), volume, np.ones(kept.size), dive))
     rms = [float(np.sqrt(np.mean(law.found.residual**2))) for law in laws]
     parameters: dict[str, Estimate] = {}
     without: dict[float, dict[str, float]] = {float(number): {} for number in groups}
@@ -330,15 +329,12 @@ class _Law(NamedTuple):
     missed: float  # weighted squares of what the runs are off that
 
     @classmethod
-    def of(
-        cls,
-        columns: Mapping[str, Array],
-        measured: Array,
-        weight: Array,
-        dive: Array,
-        rows: NDArray[np.bool_],
-    ) -> _Law:
-        """Return the law of what was measured, columns by the numbers that they are for [n]."""
+    def of(cls, columns: Mapping[str, Array], measured: Array, weight: Array, dive: Array) -> _Law:
+        """Return the law of what was measured, columns by the numbers that they are for [n].
+
+        dive [n]: nan for the runs that do not count.
+        """
+        rows = np.isfinite(dive)
         A = np.column_stack([*columns.values()])[rows]
         y, weight, dive = measured[rows], weight[rows], dive[rows]
         found = Least.of(A, y, weight, dive)

@@ -16,12 +16,8 @@ _LEAST, _MOST = 0.1, 1.1  # efficiencies that no pump has are beyond
 _DAY, _HOUR, _MINUTE = 86400.0, 3600.0, 60.0
 
 
-def drive_sentences(found: DriveEnergy) -> tuple[str, ...]:
-    """Return what pressing out costs at the deepest depth, and where the drive stalls."""
-    return tuple(_of_drive(found))
-
-
-def _of_drive(found: DriveEnergy) -> Iterator[str]:
+def drive_sentences(found: DriveEnergy) -> Iterator[str]:
+    """Yield what pressing out costs at the deepest depth, and where the drive stalls."""
     z, m, rating = found.column.deepest, found.map, found.vehicle.hull.depth_limit
     if rating is not None and z > rating * (1.0 + 1e-9):
         yield f"{z:g} m is deeper than the vehicle is rated for, {rating:g} m."
@@ -43,12 +39,9 @@ def _of_drive(found: DriveEnergy) -> Iterator[str]:
         yield f"Each start of the pump there falls short by {m.start_volume[-1] * 1e6:.3g} mL."
 
 
-def versus_sentences(hover: Hovering, dive: Profiling, found: DriveEnergy) -> tuple[str, ...]:
-    """Return who takes less, and from where on."""
-    return tuple(_versus(hover, dive, found.column.deepest))
-
-
-def _versus(hover: Hovering, dive: Profiling, z: float) -> Iterator[str]:
+def versus_sentences(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Iterator[str]:
+    """Yield who takes less, and from where on."""
+    z = found.column.deepest
     once, power, later = hover.engine_energy[-1], hover.thruster_power[-1], hover.break_even[-1]
     what = f"Hovering at {z:g} m with {hover.weight_error * 1e6:.3g} mL too heavy"
     if math.isnan(once):
@@ -96,22 +89,15 @@ def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
     return tuple(line for line in said if line is not None)
 
 
-def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> tuple[str, ...]:
-    """Return the result of a fit, how well dives are predicted, and what a vehicle got."""
-    return tuple(_of_fit(fit, vehicle))
-
-
-def _of_fit(fit: PumpFit, vehicle: Vehicle | None) -> Iterator[str]:
+def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]:
+    """Yield the result of a fit, how well dives are predicted, and what a vehicle got."""
     runs = f"{int(fit.kept.sum())} runs" + (f" of {fit.clusters} dives" if fit.dives else "")
     volumes = f", volumes within {fit.volume_rms * 1e6:.2g} mL"
     volumes = "" if math.isnan(fit.volume_rms) else volumes
     yield f"{runs}: power within {fit.power_rms:.2g} W rms{volumes}."
     energies = [d.predicted / d.energy - 1.0 for d in fit.dives if d.energy > 0.0]
     pressed = [d.predicted_volume / d.volume - 1.0 for d in fit.dives if d.volume > 0.0]
-    for what, errors in (
-        ("energy predicted from the others", energies),
-        ("volume", pressed),
-    ):
+    for what, errors in (("energy predicted from the others", energies), ("volume", pressed)):
         if errors:
             middle, worst = (_percent(f(np.abs(errors))) for f in (np.median, np.max))
             yield f"Each dive's {what}: within {middle} (median), {worst} at worst."
@@ -137,24 +123,16 @@ def _voltage(fit: PumpFit, vehicle: Vehicle | None) -> Iterator[str]:
     volts = volts[volts > 0.0]
     span = f"{volts.min():.4g} to {volts.max():.4g} V" if volts.size else ""
     if fit.reference_voltage is not None:
-        at = f"{fit.reference_voltage:.4g} V, the median"
-        yield (
-            f"Power goes with the battery's voltage under load, {span}; the numbers are those at "
-            f"{at}."
-        )
+        at = f"the numbers are those at {fit.reference_voltage:.4g} V, the median"
+        yield f"Power goes with the battery's voltage under load, {span}; {at}."
         if vehicle is not None and vehicle.supply is not None:
             factor = voltage_factor(vehicle.supply, fit)
             what = "power and delivery are" if "delivery" in fit.parameters else "power is"
-            volt = f"{factor * fit.reference_voltage:.4g} V"
-            yield (
-                f"The vehicle's supply gives {volt} under that load: its {what} {factor:.3g} times "
-                "that."
-            )
+            given = f"{factor * fit.reference_voltage:.4g} V under that load"
+            yield f"The vehicle's supply gives {given}: its {what} {factor:.3g} times that."
     elif span:
-        yield (
-            f"The voltage, {span}, is not counted: dives are predicted no better with it, or it "
-            "hardly varies, or too few runs have one."
-        )
+        why = "dives are predicted no better with it, or it hardly varies, or too few runs have one"
+        yield f"The voltage, {span}, is not counted: {why}."
 
 
 def _percent(share: float) -> str:
