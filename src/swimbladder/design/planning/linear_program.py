@@ -41,12 +41,11 @@ class Problem(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """The best x, its objective and the dual's, the largest residual of the rows, their prices."""
+    """The best x, its objective and the dual's, and the prices of the rows."""
 
     x: Array
     objective: float
     dual: float
-    infeasibility: float
     prices: Array  # of each row of G: what a unit more of g would save
 
     @property
@@ -79,8 +78,7 @@ def vertex(problem: Problem) -> Optimum | None:
     for bound, marginals in ((low, found.lower.marginals), (high, found.upper.marginals)):
         held = np.isfinite(bound)
         dual += float(bound[held] @ marginals[held])
-    worst = _worst(problem, found.x)
-    return Optimum(found.x, float(found.fun), dual, worst, -found.ineqlin.marginals)
+    return Optimum(found.x, float(found.fun), dual, -found.ineqlin.marginals)
 
 
 def interior(problem: Problem) -> Optimum | None:
@@ -110,10 +108,8 @@ def interior(problem: Problem) -> Optimum | None:
         return None
     if "Solved" not in status:
         raise _unsolved(problem, status)
-    x = np.asarray(found.x)
     prices = np.asarray(found.z)[rows.shape[0] - len(g) :]
-    worst = _worst(problem, x)
-    return Optimum(x, float(found.obj_val), float(found.obj_val_dual), worst, prices)
+    return Optimum(np.asarray(found.x), float(found.obj_val), float(found.obj_val_dual), prices)
 
 
 def _unsolved(problem: Problem, why: str) -> NoAnswerError:
@@ -122,12 +118,6 @@ def _unsolved(problem: Problem, why: str) -> NoAnswerError:
         f"the {kind} program of {len(problem.cost)} variables was not solved ({why}): plan with a "
         "longer sample time (--sample-time)"
     )
-
-
-def _worst(problem: Problem, x: Array) -> float:
-    """Return the largest residual of the rows."""
-    over = (problem.G @ x - problem.g).max(initial=0.0)
-    return max(float(np.abs(problem.A @ x - problem.b).max()), float(over))
 
 
 Flags = NDArray[np.bool_]
@@ -173,7 +163,6 @@ class Answer(NamedTuple):
     commands: Array
     objective: float  # slack in units of the scale, volume moved [m3], or energy [J]
     gap: float  # of primal and dual objective, over 1 + their size
-    infeasibility: float  # largest residual of the scaled rows
     proven: bool = True  # no motion is better; else: none near by
     prices: Array | None = None  # [n] of staying on its side, in each sample; None: it need not
 
@@ -282,8 +271,7 @@ def answer_of(task: Task, n: int, found: Optimum, near: Near | None) -> Answer:
     x, u = columns_of(n)
     states, commands = found.x[x] * scale.state, found.x[u] * scale.command
     prices = found.prices[-n:] if held else None
-    how = (found.objective, found.gap, found.infeasibility)
-    return Answer(states, commands, *how, prices=prices)
+    return Answer(states, commands, found.objective, found.gap, prices=prices)
 
 
 def posed(

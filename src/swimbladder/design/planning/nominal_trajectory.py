@@ -21,14 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.linear_program import Answer, Flags, Goal, Near, scale_of, solve
-from swimbladder.design.planning.task import (
-    STATES,
-    Limits,
-    Steps,
-    Task,
-    steps_along,
-    task_of,
-)
+from swimbladder.design.planning.task import STATES, Limits, Steps, Task, steps_along, task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.vehicle import Vehicle
@@ -202,13 +195,9 @@ class _LoadDirections:
 def _moved(back: Flags, stride: int) -> Iterator[Flags]:
     """Yield the sides with each edge between them moved, either way."""
     for k in np.flatnonzero(back[1:] != back[:-1]) + 1:
-        for part, side in (
-            (slice(k, k + stride), back[k - 1]),
-            (slice(max(k - stride, 0), k), back[k]),
-        ):
-            other = back.copy()
-            other[part] = side
-            yield other
+        later, sooner = back.copy(), back.copy()
+        later[k : k + stride], sooner[max(k - stride, 0) : k] = back[k - 1], back[k]
+        yield from (later, sooner)
 
 
 MOST_SAMPLES = 4000
@@ -271,9 +260,8 @@ def search_least(
 
         answer, settled = settle(task, program, stretched(nominal, end), agree=agree)
         if answer is None:
-            raise NoAnswerError(
-                "no motion is within the limits at all: leave less margin, or allow more speed"
-            )
+            remedy = "leave less margin, or allow more speed"
+            raise NoAnswerError(f"no motion is within the limits at all: {remedy}")
         if answer.objective <= _HOLDS:
             nominal = settled
         return answer

@@ -29,6 +29,7 @@ from swimbladder.sim.closed_loop import drive
 from swimbladder.units import length, rounded
 from swimbladder.vehicle import Vehicle
 
+_ANSWER = "goal arrive arrival_s moved_m3 energy_J at_limit gap proven residual_m sentences"
 _LOST = 0.1  # of the step: a motion that far from the plan is another
 
 
@@ -108,10 +109,7 @@ class Plan:
             "vehicle": self.task.vehicle.name,
             **as_json(self.task, "start_m target_m sample_time_s band_m margin"),
             **as_json(self.least, "least_time_s=time short_a_sample_sooner=short"),
-            **as_json(
-                self,
-                "goal arrive arrival_s moved_m3 energy_J at_limit gap proven residual_m sentences",
-            ),
+            **as_json(self, _ANSWER),
             "duration_s": float(self.time[-1]),
         }
 
@@ -288,13 +286,11 @@ def _plan_of(
     driven: dict[str, Any] = {"voltage": command}
     if task.plant.positioner:
         command, driven = np.append(volume[1:], volume[-1]), {"volume": volume}
-    run = drive(
-        task.vehicle, time=time, start_depth=task.start, bottom_depth=task.plant.z_bottom, **driven
-    )
+    bottom = task.plant.z_bottom
+    run = drive(task.vehicle, time=time, start_depth=task.start, bottom_depth=bottom, **driven)
     same = len(run.depth) == n + 1
     residual = float(np.abs(run.depth - depth).max()) if same else math.inf
-    moved = float(np.abs(np.diff(volume)).sum())
-    energy = electrical(task, answer) if winding_of(task.vehicle) is not None else math.nan
+    known = winding_of(task.vehicle) is not None
     return Plan(
         task=task,
         goal=goal,
@@ -306,8 +302,8 @@ def _plan_of(
         command=command,
         arrival=arrival * h,
         least=least,
-        moved=moved,
-        energy=energy,
+        moved=float(np.abs(np.diff(volume)).sum()),
+        energy=electrical(task, answer) if known else math.nan,
         gap=answer.gap,
         proven=answer.proven,
         residual=residual,
