@@ -176,7 +176,8 @@ def pool(
     with progress("loading the fit"):
         from swimbladder.design.pool_day import PoolDay, finished, paper_tasks, plan_tasks, rehearse
         from swimbladder.design.pool_day import follow as follow_log
-        from swimbladder.design.pool_day.day import Asked, asked_of, rules_of
+        from swimbladder.design.pool_day.day import asked_of, rules_of
+        from swimbladder.design.pool_day.verdict import Asked
 
         with sought.said_as_typed(), goals.said_as_typed(), procedure.said_as_typed():
             aims = goals.given()

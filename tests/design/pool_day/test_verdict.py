@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder.design.pool_day.tasks import Task, next_task, paper_tasks, undone
-from swimbladder.design.pool_day.verdict import MARGIN, State, Target, forecast, judge
+from swimbladder.design.pool_day.verdict import MARGIN, Asked, State, Target, forecast, judge
 from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.motion import Finding, Prior
 from swimbladder.io.config import load_vehicle
@@ -37,8 +37,7 @@ def found(*, n=8, K2=0.01, T2=0.01, psi=0.02, correlation=0.0, findings=()):
 def verdict(answer, *, due=0, faults=(), priors=None, neutral=None):
     return judge(
         answer,
-        TARGETS,
-        priors=priors or {},
+        Asked(targets=TARGETS, priors=priors or {}),
         due=due,
         faults=faults,
         known_neutral=lambda: neutral or answer,

@@ -6,12 +6,12 @@ be done, `day` keeps the experiments, identifies the vehicle after each and says
 `rehearsal` simulates.
 """
 
-from swimbladder.design.pool_day.day import Asked, News, PoolDay
+from swimbladder.design.pool_day.day import News, PoolDay
 from swimbladder.design.pool_day.follow import GrowingLog, finished, follow, rehearse
 from swimbladder.design.pool_day.rehearsal import Operator
 from swimbladder.design.pool_day.segments import Rules, Sample
 from swimbladder.design.pool_day.tasks import Task, paper_tasks, plan_tasks
-from swimbladder.design.pool_day.verdict import Target
+from swimbladder.design.pool_day.verdict import Asked, Target
 
 __all__ = [
     "Asked",

@@ -7,8 +7,9 @@ A day goes by what is sought and how well (`asked_of`), and by when an experimen
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -30,15 +31,9 @@ from swimbladder.design.pool_day.segments import (
     Turned,
 )
 from swimbladder.design.pool_day.tasks import Task, next_task, undone
-from swimbladder.design.pool_day.verdict import LEAST, Target, Verdict, judge
+from swimbladder.design.pool_day.verdict import LEAST, Asked, Target, Verdict, judge
 from swimbladder.errors import InputError, LogError, check_number
-from swimbladder.estimation.motion import (
-    NEUTRAL_STD,
-    ExperimentFit,
-    Identification,
-    Prior,
-    identify,
-)
+from swimbladder.estimation.motion import ExperimentFit, Identification, identify
 from swimbladder.estimation.motion.problem import NAMES, check_names, default_names, model_of
 from swimbladder.estimation.motion.run import check_std
 from swimbladder.io.answers import as_json
@@ -120,18 +115,6 @@ class News(NamedTuple):
     kind: Literal["ready", "started", "turned", "ended", "refused", "identified", "log"]
     time: float  # s, in the log
     sentence: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Asked:
-    """What is to be identified, how well, and what is known before."""
-
-    targets: tuple[Target, ...] = ()
-    free: tuple[str, ...] | None = None
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    priors: Mapping[str, Prior] = field(default_factory=dict)
-    drag: str | None = None
-    neutral_std: float = NEUTRAL_STD
 
 
 class PoolDay:
@@ -242,10 +225,8 @@ class PoolDay:
         """Return by how much experiments are off, and why, of those that are."""
         if self.found is None:
             return {}
-        misfits = {
-            k: of_fit(fit, self.asked.neutral_std)
-            for k, fit in zip(self.kept, self.found.experiments, strict=True)
-        }
+        fits = zip(self.kept, self.found.experiments, strict=True)
+        misfits = {k: of_fit(fit, self.asked.neutral_std) for k, fit in fits}
         return {k: fault for k, fault in misfits.items() if fault[0] > 1.0}
 
     @property
@@ -271,15 +252,12 @@ class PoolDay:
         return identify([k.log for k in self.kept], self.vehicle, **settings | other)
 
     def _judge(self) -> Verdict:
-        def known_neutral() -> Identification:
-            return self._identification(neutral_std=1e-9, profiles=False, choices=False)
-
         due = undone(self.tasks, [k.change_m3 for k in self.kept])
         faults = [f"Experiment {k.number}: {why}." for k, (_, why) in self._faults().items()]
-        targets, priors = self.asked.targets, self.asked.priors
-        return judge(
-            self.found, targets, priors=priors, due=due, faults=faults, known_neutral=known_neutral
+        known_neutral = partial(
+            self._identification, neutral_std=1e-9, profiles=False, choices=False
         )
+        return judge(self.found, self.asked, due=due, faults=faults, known_neutral=known_neutral)
 
     @property
     def doing(self) -> Doing:

@@ -75,9 +75,8 @@ def same_start(kept: Kept, cut: Cut, source: str) -> bool:
 
 def write_state(folder: Path, state: Mapping[str, Any]) -> Path:
     """Write pool.json."""
-    return write_atomically(
-        folder / STATE, json.dumps({"made_by": _MARK, **state}, indent=2) + "\n"
-    )
+    text = json.dumps({"made_by": _MARK, **state}, indent=2)
+    return write_atomically(folder / STATE, f"{text}\n")
 
 
 def read_state(folder: Path) -> dict[str, Any] | None:

@@ -185,12 +185,10 @@ class Operator:
         self._time, self._runs = began + notes[-1][0].time, self._runs + 1
         self._depth, self._speed, self._volume = (float(x[n]) for x in (s.depth, s.speed, s.volume))
         rows = [(began + m.time, m.depth, m.volume, u) for m, u, _ in notes[:-1]]
-        phases = [
-            (began + next(group)[0].time, does)
-            for does, group in groupby(notes[:-1], key=itemgetter(2))
-        ]
+        groups = groupby(notes[:-1], key=itemgetter(2))
+        phases = tuple((began + next(group)[0].time, does) for does, group in groups)
         time, depth, volume, command = np.array(rows).T
-        return Performed(time, depth, volume, command, tuple(phases))
+        return Performed(time, depth, volume, command, phases)
 
 
 class _Work:

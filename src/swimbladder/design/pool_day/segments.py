@@ -574,9 +574,8 @@ class Segmenter:
     def _minute(self, end: float) -> Array:
         """Return the samples of the minute up to a time [s]."""
         rows = self._window.rows
-        first, last = np.searchsorted(
-            rows[:, TIME], [end - self.rules.minute - 1e-9, end + 1e-9], side="right"
-        )
+        ends = [end - self.rules.minute - 1e-9, end + 1e-9]
+        first, last = np.searchsorted(rows[:, TIME], ends, side="right")
         return rows[first:last]
 
     def _rest(self, end: float) -> Rest | None:

@@ -1,13 +1,14 @@
 """Whether the parameters are known well enough to stop, and if not, whether more would help."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.estimation.estimates import Estimate
-from swimbladder.estimation.motion import NAMES, Identification, Prior
+from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Identification, Prior
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,18 @@ class Target(NamedTuple):
         return f"{self.name} to {self.std:.3g} {NAMES[self.name].unit}"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What is to be identified, how well, and what is known before."""
+
+    targets: tuple[Target, ...] = ()
+    free: tuple[str, ...] | None = None
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    priors: Mapping[str, Prior] = field(default_factory=dict)
+    drag: str | None = None
+    neutral_std: float = NEUTRAL_STD
+
+
 class State:
     """How a verdict comes out."""
 
@@ -69,20 +82,20 @@ class Verdict(NamedTuple):
 
 def judge(
     found: Identification | None,
-    targets: Sequence[Target],
+    asked: Asked,
     *,
-    priors: Mapping[str, Prior],
     due: int,
     faults: Sequence[str],
     known_neutral: Callable[[], Identification],
 ) -> Verdict:
     """Return the verdict on an identification, None where there is none yet.
 
-    priors: those it was made with. due: experiments of the plan that are not done yet; their
+    asked: what it was made with. due: experiments of the plan that are not done yet; their
     information is not known from the others. faults: what is wrong with single experiments.
     known_neutral: makes the same identification with exactly known neutral volumes; called only
     where needed.
     """
+    targets, priors = asked.targets, asked.priors
     if found is None:
         return Verdict(State.MORE, f"No experiment yet; at least {LEAST} are needed.", LEAST)
     n = len(found.experiments)
