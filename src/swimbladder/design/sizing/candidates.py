@@ -7,11 +7,11 @@ actuator's constants.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import resources
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,77 +237,85 @@ def load_parts(path: str | Path | None = None) -> Parts:
 
 Array = NDArray[np.float64]
 
+
+class Hydraulic(NamedTuple):
+    """What a motor turns to press oil."""
+
+    pump: Pump
+    amplifier: Amplifier
+
+    def driven_by(self, motor: Motor) -> ElectrohydraulicActuator:
+        """Return the actuator that these parts make with a motor."""
+        pump, amplifier = self
+        drive = HydraulicDrive(
+            pump_displacement=pump.displacement,
+            pump_efficiency=pump.efficiency * amplifier.efficiency,
+            area_ratio=amplifier.area_ratio,
+            pump_leakage=pump.leakage,
+            reflected_inertia=pump.reflected_inertia,
+            viscous_friction=pump.viscous_friction,
+        )
+        return ElectrohydraulicActuator(motor=motor, drive=drive)
+
+
+class Spindle(NamedTuple):
+    """What a motor turns to push a piston."""
+
+    gear: Gear
+    screw: Screw
+    piston: Piston
+
+    def driven_by(self, motor: Motor) -> ElectromechanicalActuator:
+        """Return the actuator that these parts make with a motor."""
+        gear, screw, piston = self
+        eta = gear.efficiency * screw.efficiency
+        drive = ScrewDrive(
+            lead=screw.lead, gear_ratio=gear.ratio, efficiency=eta, piston_area=piston.area
+        )
+        return ElectromechanicalActuator(motor=motor, drive=drive)
+
+
 _ELECTRIC = ("kind", "motor", "winding", "supply", "battery")
-_DRIVE = ("motor", "pump", "amplifier", "gear", "screw", "piston")
-PARTS = (*_ELECTRIC, *_DRIVE[1:])  # what a drive is made of, in the order of tables and pictures
+# What a drive is made of, in the order of tables and pictures.
+PARTS = (*_ELECTRIC, *Hydraulic._fields, *Spindle._fields)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Combination:
-    """One drive made of parts: hydraulic (pump, amplifier) or screw (gear, screw, piston)."""
+class Combination(NamedTuple):
+    """One drive made of parts."""
 
     motor: MotorPart
     winding: float  # V, nominal voltage of the winding
     supply: float  # V
     battery: BatteryKind
-    pump: Pump | None = None
-    amplifier: Amplifier | None = None
-    gear: Gear | None = None
-    screw: Screw | None = None
-    piston: Piston | None = None
+    drive: Hydraulic | Spindle
 
     @property
     def kind(self) -> str:
         """The kind of actuator that the vehicle file gets."""
-        return "pump-valve" if self.pump is not None else "electromechanical"
+        return "pump-valve" if isinstance(self.drive, Hydraulic) else "electromechanical"
 
     @property
     def actuator(self) -> ElectrohydraulicActuator | ElectromechanicalActuator:
         """The actuator that these parts make."""
-        motor = self.motor.wound(self.winding)
-        if self.pump is not None and self.amplifier is not None:
-            hydraulic = HydraulicDrive(
-                pump_displacement=self.pump.displacement,
-                pump_efficiency=self.pump.efficiency * self.amplifier.efficiency,
-                area_ratio=self.amplifier.area_ratio,
-                pump_leakage=self.pump.leakage,
-                reflected_inertia=self.pump.reflected_inertia,
-                viscous_friction=self.pump.viscous_friction,
-            )
-            return ElectrohydraulicActuator(motor=motor, drive=hydraulic)
-        assert self.gear is not None
-        assert self.screw is not None
-        assert self.piston is not None
-        screw = ScrewDrive(
-            lead=self.screw.lead,
-            gear_ratio=self.gear.ratio,
-            efficiency=self.gear.efficiency * self.screw.efficiency,
-            piston_area=self.piston.area,
-        )
-        return ElectromechanicalActuator(motor=motor, drive=screw)
+        return self.drive.driven_by(self.motor.wound(self.winding))
 
     @property
     def choices(self) -> dict[str, str]:
         """The name of each part, by what it is."""
-        return {
-            "kind": self.kind,
-            "motor": self.motor.name,
-            "winding": f"{self.winding:g} V",
-            "supply": f"{self.supply:g} V",
-            "battery": self.battery.name,
-            **{what: part.name for what, part in self.drive.items()},
-        }
-
-    @property
-    def drive(self) -> dict[str, Any]:
-        """The parts that turn and push, by what they are."""
-        parts = {what: getattr(self, what) for what in _DRIVE}
-        return {what: part for what, part in parts.items() if part is not None}
+        volts = f"{self.winding:g} V", f"{self.supply:g} V"
+        names = (self.kind, self.motor.name, *volts, self.battery.name)
+        moved = {what: part.name for what, part in self.drive._asdict().items()}
+        return dict(zip(_ELECTRIC, names, strict=True)) | moved
 
     @property
     def drive_mass(self) -> float:
         """Mass of all parts but the battery [kg]."""
-        return sum((part.mass for part in self.drive.values()), 0.0)
+        return sum((part.mass for part in self.drive), self.motor.mass)
+
+    def number(self, part: str, what: str) -> float:
+        """Return the number `what` of a part, infinite without one."""
+        owner = getattr(self if part in self._fields else self.drive, part, None)
+        return math.inf if owner is None else float(getattr(owner, what))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,23 +341,21 @@ class Batch:
     def number(self, part: str, what: str) -> Array:
         """Return the number `what` of each combination's `part`, infinite without one, [n]."""
         if (part, what) not in self.of_parts:
-            parts = (getattr(c, part) for c in self.of)
-            numbers = [math.inf if p is None else getattr(p, what) for p in parts]
-            self.of_parts[part, what] = np.array(numbers)
+            self.of_parts[part, what] = np.array([c.number(part, what) for c in self.of])
         return self.of_parts[part, what]
 
 
 def combinations(parts: Parts, water: Water) -> Batch:
     """Return every drive that the list of parts can make: hydraulic ones, then screws."""
-    electric = list(product(parts.motors, parts.windings, parts.supplies, parts.batteries))
     none = Amplifier(name="none", area_ratio=1.0, efficiency=1.0, mass=0.0)
-    hydraulic = list(product(parts.pumps, parts.amplifiers or (none,)))
-    screws = list(product(parts.gears, parts.screws, parts.pistons))
-    found: list[Combination] = []
-    for motor, winding, supply, battery in electric:
-        bare = Combination(motor=motor, winding=winding * supply, supply=supply, battery=battery)
-        found += [replace(bare, pump=pump, amplifier=amp) for pump, amp in hydraulic]
-        found += [replace(bare, gear=g, screw=screw, piston=piston) for g, screw, piston in screws]
+    drives: list[Hydraulic | Spindle] = []
+    drives += [Hydraulic(*of) for of in product(parts.pumps, parts.amplifiers or (none,))]
+    drives += [Spindle(*of) for of in product(parts.gears, parts.screws, parts.pistons)]
+    electric = (parts.motors, parts.windings, parts.supplies, parts.batteries)
+    found = [
+        Combination(motor, winding * supply, supply, battery, drive)
+        for motor, winding, supply, battery, drive in product(*electric, drives)
+    ]
     return _batch(found, water, parts.driver)
 
 
@@ -358,7 +364,7 @@ def _batch(found: list[Combination], water: Water, driver: Driver) -> Batch:
     known: dict[tuple[Any, ...], list[float]] = {}
     rows = []
     for c in found:
-        key = (c.winding, *map(id, c.drive.values()))
+        key = (c.winding, id(c.motor), *map(id, c.drive))
         if key not in known:
             drive = unified(c.actuator, water)
             known[key] = [getattr(drive, name) for name in _CONSTANTS]

@@ -15,6 +15,7 @@ from swimbladder.design.sizing.candidates import (
     PARTS,
     Batch,
     Combination,
+    Hydraulic,
     Parts,
     combinations,
     load_parts,
@@ -411,14 +412,14 @@ def _as_built(found: Sizing) -> PumpAndValve | ElectromechanicalActuator:
     actuator = c.actuator
     if isinstance(actuator, ElectromechanicalActuator):
         return actuator
-    assert c.pump is not None
+    assert isinstance(c.drive, Hydraulic)
     n_h = actuator.drive.area_ratio
     speed = float(found.evaluation.speed[found.best])
     return PumpAndValve(
         pump=DatasheetPump(motor=actuator.motor, drive=actuator.drive, speed=speed),
         valve=Valve(flow=asked.rate / math.sqrt(_EVACUATED)),
         internal_pressure=ATMOSPHERIC_PRESSURE - _EVACUATED,
-        leakage=min(c.pump.at_rest, c.pump.leakage) / n_h**2,
+        leakage=min(c.drive.pump.at_rest, c.drive.pump.leakage) / n_h**2,
     )
 
 

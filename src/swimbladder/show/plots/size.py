@@ -35,7 +35,7 @@ def draw_candidates(found: Sizing) -> Figure:
     """Return mass of drive and battery against energy per cycle of every drive that does it."""
     w, energy = found.evaluation, found.evaluation.cycle_energy * 1e-3
     figure, (axes,) = style.new_figure((7.0, 4.6))
-    screw = np.array([c.pump is None for c in found.batch.of])
+    screw = np.array([c.kind == "electromechanical" for c in found.batch.of])
     for mask, color, marker, label in (
         (w.feasible & ~screw, Ink.BLUE, "o", "pump"),
         (w.feasible & screw, Ink.ORANGE, "^", "screw"),
