@@ -129,8 +129,8 @@ def _shown(found: Design) -> Iterator[object]:
     """Give what is printed, the answer first."""
     from swimbladder.show.report.design import comparison, headlines
 
-    law, depth = found.question.model.law, found.setting.pool_depth
-    yield f"{found.vehicle}, {law} drag, a pool of {depth:g} m"
+    c = found.conditions
+    yield f"{found.vehicle.name}, {c.question.model.law} drag, a pool of {c.setting.pool_depth:g} m"
     if not found.identifiable:
         failed = [f.sentence for f in found.findings if f.severity == "no"]
         first = "\nNo set of experiments in this time identifies all parameters:"

@@ -61,8 +61,9 @@ def campaigns(design, vehicle, setting, tmp_path_factory):
             values = np.array([true.K2, true.T2, true.psi])
             measured = logs(plan, true, np.random.default_rng([11, k]), setting)
             answer = identify(measured, vehicle, profiles=False, choices=False)
-            there = design.question.values | dict(zip(NAMES, values.tolist(), strict=True))
-            question = design.question._replace(model=design.question.model._replace(values=there))
+            asked = design.conditions.question
+            there = asked.values | dict(zip(NAMES, values.tolist(), strict=True))
+            question = asked._replace(model=asked.model._replace(values=there))
             c = Conditions(question, setting, limits)
             flights = [follow(r, there, c) for r in evaluated.releases]
             expected = predict(flights, c)
@@ -150,7 +151,7 @@ def test_of_the_records_as_they_came_the_covariance_is_reported(design, vehicle,
             )
             for log, release in zip(measured, design.chosen.releases, strict=True)
         ]
-        expected = predict(flights, conditions._replace(question=design.question))
+        expected = predict(flights, conditions._replace(question=design.conditions.question))
         size = np.sqrt(np.diag(answer.covariance) / np.diag(expected.covariance))
         assert answer.correlation == pytest.approx(expected.correlation, abs=0.06)
         ratios.append(size * setting.depth_noise / answer.depth_noise)

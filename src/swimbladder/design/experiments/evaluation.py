@@ -266,19 +266,19 @@ class Curve:
 def curve(c: Conditions, sizes: tuple[float, float], time: float) -> Curve:
     """Return what sizes [m3] between two buy in a pool time [s]."""
     setting, grid = c.setting, np.geomspace(*sizes, _SIZES)
-    span = setting.deepest - setting.shallowest
-    found: list[list[float]] = [[], []]
-    for size in grid.tolist():
-        for way, shares in zip((False, True), found, strict=True):
-            pair = []
-            for start, sign in ((setting.deepest, 1.0), (setting.shallowest, -1.0)):
-                volumes = [sign * size, -sign * size] if way else [sign * size]
-                turn = start - sign * _PLACE * span
-                pair.append(Release.to_and_fro(start, volumes, [turn] * (len(volumes) - 1)))
-            flights = [follow(r, c.question.values, c) for r in pair]
-            times = time / sum(f.duration + setting.settling for f in flights)
-            shares.append(max(_after(flights, c.question.values, c, times)[-1]))
-    return Curve(sizes=grid, steps=np.array(found[0]), to_and_fro=np.array(found[1]))
+    span, values = setting.deepest - setting.shallowest, c.question.values
+
+    def largest(size: float, moves: int) -> float:
+        flights = []
+        for start, sign in ((setting.deepest, 1.0), (setting.shallowest, -1.0)):
+            volumes, turn = [sign * size, -sign * size], start - sign * _PLACE * span
+            release = Release.to_and_fro(start, volumes[:moves], [turn][: moves - 1])
+            flights.append(follow(release, values, c))
+        times = time / sum(f.duration + setting.settling for f in flights)
+        return max(_after(flights, values, c, times)[-1])
+
+    steps, fro = (np.array([largest(size, n) for size in grid.tolist()]) for n in (1, 2))
+    return Curve(sizes=grid, steps=steps, to_and_fro=fro)
 
 
 def deeper(releases: Sequence[Release], c: Conditions, factor: float) -> dict[str, float]:

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.experiments.conditions import Conditions, Flight, Question, Setting
+from swimbladder.design.experiments.conditions import Conditions, Flight, Setting
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.diagnose import LIMIT
 from swimbladder.io.answers import as_json
 from swimbladder.io.plan import Expected, Plan, PlannedExperiment, Trace
 from swimbladder.units import format_quantity
+from swimbladder.vehicle import Vehicle
 
 _SEEN = 1.5  # of the noise: a residual that is larger shows that something is left out
 _FAST = 0.2  # m/s
@@ -215,20 +216,17 @@ class Design:
     """Which experiments to run, their predicted errors, and how these compare.
 
     chosen: the set to run, in order; against: another one, named `rival`. curve: what sizes of
-    volume changes buy. piston_area [m2], None where the vehicle has no piston. assumptions: all
-    that the prediction rests on, as sentences.
+    volume changes buy. assumptions: all that the prediction rests on, as sentences.
     """
 
-    vehicle: str
-    setting: Setting
-    question: Question
+    vehicle: Vehicle
+    conditions: Conditions
     criterion: str
     budget: float  # s
     chosen: EvaluatedSet
     against: EvaluatedSet | None
     rival: str
     curve: Curve
-    piston_area: float | None
     findings: tuple[Finding, ...]
     assumptions: tuple[str, ...]
 
@@ -247,14 +245,14 @@ class Design:
 
     def plan(self, evaluated: EvaluatedSet | None = None) -> Plan:
         """Return the plan to follow at the pool: of the chosen set, or of another one."""
-        w, s = evaluated or self.chosen, self.setting
+        w, s = evaluated or self.chosen, self.conditions.setting
         expected = [
             Expected(name=name, **as_json(e, "value std unit"))
             for name, e in w.prediction.parameters.items()
         ]
         return Plan(
-            name=f"experiments for {self.vehicle}",
-            vehicle=self.vehicle,
+            name=f"experiments for {self.vehicle.name}",
+            vehicle=self.vehicle.name,
             **as_json(s, "pool_depth shallowest deepest sample_time rest"),
             depth_noise=s.noise,
             depth_quantum=s.quantum,
@@ -267,14 +265,13 @@ class Design:
         """Return it in SI units, ready for JSON."""
         rival = self.against
         return {
-            **as_json(
-                self, "vehicle criterion identifiable time_budget_s=budget findings assumptions"
-            ),
-            "drag": self.question.model.law,
+            "vehicle": self.vehicle.name,
+            **as_json(self, "criterion identifiable time_budget_s=budget findings assumptions"),
+            "drag": self.conditions.question.model.law,
             **_set(self.chosen),
             "against": rival and {"name": self.rival, **_set(rival), "error_ratio": self.gains},
             "curve": as_json(self.curve, "size_m3=sizes steps to_and_fro best_step_m3"),
-            "setting": as_json(self.setting, _SETTING),
+            "setting": as_json(self.conditions.setting, _SETTING),
         }
 
 

@@ -136,18 +136,16 @@ def design_experiment(
         stretched = deeper(chosen, c, _DEEPER)
         report(0.06)
     return Design(
-        vehicle=vehicle.name,
-        setting=s,
-        question=question,
+        vehicle=vehicle,
+        conditions=c,
         criterion=criterion,
         budget=budget,
         chosen=ours,
         against=theirs,
         rival=_rival_name(against),
         curve=buys,
-        piston_area=vehicle.piston_area,
         findings=judge(ours, buys, stretched, c),
-        assumptions=_assumptions(question, s, how, len(others)),
+        assumptions=_assumptions(c, how, len(others)),
     )
 
 
@@ -242,7 +240,8 @@ def _rival_name(against: Sequence[float] | None) -> str:
     return f"steps of {', '.join(f'{1e6 * dV:g}' for dV in against)} cm3"
 
 
-def _assumptions(question: Question, s: Setting, how: str, count: int) -> tuple[str, ...]:
+def _assumptions(c: Conditions, how: str, count: int) -> tuple[str, ...]:
+    question, s = c.question, c.setting
     known = "not known"
     if math.isfinite(s.neutral_std):
         known = f"known to {format_quantity(s.neutral_std, 'm3', 'cm3', 2)}"

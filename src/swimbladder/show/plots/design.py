@@ -45,7 +45,7 @@ def draw_plan(design: Design) -> Figure:
 
 
 def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
-    at, s = numbers[0] - 1, design.setting
+    at, s = numbers[0] - 1, design.conditions.setting
     for flights in design.chosen.others:
         f = flights[at]
         time, label = f.time - f.time[f.moved[0]], "parameter region"
@@ -90,7 +90,7 @@ def _after(design: Design, axes: Axes) -> None:
     if design.against is not None:
         sets.append((design.against, "--", "s", design.rival))
     for evaluated, line, marker, label in sets:
-        settling = design.setting.settling
+        settling = design.conditions.setting.settling
         time = np.cumsum([settling + f.duration for f in evaluated.flights]) / 60.0
         for name, color in zip(names, _COLORS, strict=False):
             shares = 100.0 * np.array([a[name] for a in evaluated.after], float)

@@ -38,7 +38,7 @@ def rows(design: Design) -> list[tuple[str, ...]]:
     """Return start, changes of volume, duration and errors after it of each experiment."""
     w, found = design.chosen, []
     for release, flight, errors in zip(w.releases, w.flights, w.after, strict=True):
-        what = f"{release.start:g} m", moves(release, design.piston_area)
+        what = f"{release.start:g} m", moves(release, design.vehicle.piston_area)
         after = (percent(errors[name]) for name in w.prediction.names)
         found.append((*what, f"{flight.duration:.0f} s", *after))
     return found
@@ -46,7 +46,7 @@ def rows(design: Design) -> list[tuple[str, ...]]:
 
 def instruction(design: Design, k: int) -> str:
     """Return what to do in experiment k, counted from 0, in sentences."""
-    w, s, area = design.chosen, design.setting, design.piston_area
+    w, s, area = design.chosen, design.conditions.setting, design.vehicle.piston_area
     release, flight = w.releases[k], w.flights[k]
     said = [f"Come to rest at {release.start:g} m."]
     for move in release.moves:
@@ -71,7 +71,7 @@ def headlines(design: Design) -> list[str]:
     errors = ", ".join(f"{name} {percent(share)}" for name, share in prediction.share.items())
     return [
         f"{count} experiment{'s' if count > 1 else ''} in {w.time / 60.0:.0f} min, "
-        f"{design.setting.settling / 60.0:.1f} min of settling before each included.",
+        f"{design.conditions.setting.settling / 60.0:.1f} min of settling before each included.",
         f"Predicted standard errors: {errors} (a drift of the neutral volume included).",
     ]
 
