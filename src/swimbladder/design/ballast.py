@@ -267,15 +267,12 @@ class Ballasting:
             at = f"at {w.neutral_depth:g} m with a volume of {_cm3(w.volume)}"
             yield f"To be neutral {at}: {then}."
         elif w.freeboard is not None:
-            yield (
-                f"To float with {_cm(w.freeboard)} of hull out of the water at the largest volume: "
-                f"{then}."
-            )
+            out = f"{_cm(w.freeboard)} of hull out of the water at the largest volume"
+            yield f"To float with {out}: {then}."
         if self.freeboard > 0.0:
-            yield (
-                f"At the surface and the largest volume {_cm(self.freeboard)} of hull are out of "
-                f"the water, {_cm(self.sure_freeboard)} or more in {self._percent} of cases."
-            )
+            out = f"{_cm(self.freeboard)} of hull are out of the water"
+            sure = f"{_cm(self.sure_freeboard)} or more in {self._percent} of cases"
+            yield f"At the surface and the largest volume {out}, {sure}."
         else:
             yield "At the surface even the largest volume leaves the hull under water."
 
@@ -296,18 +293,17 @@ class Ballasting:
         sea = f" in {need.source}, the worst of {len(self.needs)}" if len(self.needs) > 1 else ""
         speed = self.target.speed
         moving = f", at {100.0 * speed:g} cm/s too" if speed > 0.0 else ""
-        yield (
-            f"From the surface to {deepest:g} m it takes {_cm3(need.least)} (at "
-            f"{need.least_depth:g} m) to {_cm3(need.most)} (at {need.most_depth:g} m){moving}{sea};"
-            f" the stroke has {_cm3(stroke.minimum)} to {_cm3(stroke.maximum)}."
-        )
+        least = f"{_cm3(need.least)} (at {need.least_depth:g} m)"
+        most = f"{_cm3(need.most)} (at {need.most_depth:g} m)"
+        has = f"the stroke has {_cm3(stroke.minimum)} to {_cm3(stroke.maximum)}"
+        takes = f"From the surface to {deepest:g} m it takes {least} to {most}"
+        yield f"{takes}{moving}{sea}; {has}."
         chance = f"with a probability of {self._chance(need.probability)}"
         if self.covered:
             share = 100.0 * need.margin / self.stroke
-            yield (
-                f"The stroke covers it {chance}; in {self._percent} of cases {_cm3(need.margin)} "
-                f"or more are left at the tighter end, a stroke margin of {share:.0f} %."
-            )
+            left = f"in {self._percent} of cases {_cm3(need.margin)} or more are left"
+            margin = f"at the tighter end, a stroke margin of {share:.0f} %"
+            yield f"The stroke covers it {chance}; {left} {margin}."
         else:
             yield f"The stroke does NOT cover it: it does {chance}, {self._percent} are asked for."
             yield from self._short(need)
@@ -341,10 +337,8 @@ class Ballasting:
         t = self.psi
         parts = {"hull": t.hull, "heat": t.heat, "trapped air": t.air, "water": t.water}
         terms = ", ".join(f"{name} {1e6 * x:.3g}" for name, x in parts.items() if x != 0.0)
-        return (
-            f"psi in this sea at {self.psi_depth:g} m: {1e6 * t.psi:.3g} cm3/m ({terms}); the "
-            f"vehicle's file has {1e6 * self.given.hull.psi:.3g}."
-        )
+        here = f"psi in this sea at {self.psi_depth:g} m: {1e6 * t.psi:.3g} cm3/m ({terms})"
+        return f"{here}; the vehicle's file has {1e6 * self.given.hull.psi:.3g}."
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer as JSON, SI."""
@@ -422,9 +416,8 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
     assumed: list[str] = []
     warnings: list[str] = []
     if deepest is None:
-        shallowest, name = min(
-            ((cast_column(cast).deepest, cast.name) for cast in casts), key=itemgetter(0)
-        )
+        ends = [(cast_column(cast).deepest, cast.name) for cast in casts]
+        shallowest, name = min(ends, key=itemgetter(0))
         deepest = min(shallowest, math.inf if limit is None else limit)
         why = "its rating" if deepest == limit else "where the cast ends; --deepest"
         assumed.append(f"it goes down to {deepest:g} m ({why})")
@@ -579,10 +572,9 @@ def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
     first = hull.parts[0]
     left = first.volume + volume
     if left <= 0.0:
-        raise NoAnswerError(
-            f"{rounded(-1e3 * volume, 3)} L of ballast would have to be taken away, more than "
-            f"{first.name} displaces: check the mass and the water of the cast"
-        )
+        taken = f"{rounded(-1e3 * volume, 3)} L of ballast would have to be taken away"
+        remedy = "check the mass and the water of the cast"
+        raise NoAnswerError(f"{taken}, more than {first.name} displaces: {remedy}")
     kept = ("compressibility", "thermal_expansion", "stiffening")
     changes = {name: getattr(first, name) * first.volume / left for name in kept}
     return (first.model_copy(update={"volume": left, **changes}), *hull.parts[1:])
@@ -632,10 +624,9 @@ def _added(vehicle: Vehicle, column: Column, target: Target, density: float) -> 
     rho = float(np.interp(at, column.depth, column.density))
     added = (volume - now) / (1.0 / rho - 1.0 / density)
     if added < -0.5 * weight_mass(vehicle):
-        raise NoAnswerError(
-            f"{rounded(-added, 3)} kg would have to be taken away, more than half of the vehicle: "
-            "check its volume, its mass and the water of the cast"
-        )
+        taken = f"{rounded(-added, 3)} kg would have to be taken away"
+        remedy = "check its volume, its mass and the water of the cast"
+        raise NoAnswerError(f"{taken}, more than half of the vehicle: {remedy}")
     return added
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from swimbladder.design.pool_day.segments import (
     Changed,
+    Cut,
     End,
-    Ended,
     Ready,
     Refused,
     Rules,
@@ -39,7 +39,7 @@ def events_of(time, depth, volume, rules=None):
 def test_the_two_experiments_of_a_run_are_found_where_they_were_done(runs):
     for run in runs:
         found = events_of(run.solution.time, run.seen_depth, run.seen_volume)
-        cuts = [e.cut for e in found if isinstance(e, Ended)]
+        cuts = [e for e in found if isinstance(e, Cut)]
         assert len(cuts) == 2
         for cut, done in zip(cuts, run.experiments, strict=True):
             pulse = done.released + done.pulse_time
@@ -71,7 +71,7 @@ def day(rng, *, noise=1e-3, jitter=4e-6, size=30e-6, speed=0.0, tick=0.3, gain=2
 
 
 def cuts_of(found):
-    return [e.cut for e in found if isinstance(e, Ended)]
+    return [e for e in found if isinstance(e, Cut)]
 
 
 @examples(40)

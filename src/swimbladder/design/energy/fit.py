@@ -62,10 +62,9 @@ def check_runs(runs: PumpRuns, kept: NDArray[np.bool_], *, depth_limit: float | 
         if deep.sum() >= FEWEST and work > energy:
             done = f"{work:.3g} J of work against the sea for {energy:.3g} J from the battery"
             what = f"the runs would press out {done}, {work / energy:.3g} times as much"
-            remedy = (
-                "Pressure, volume, power or time is in the wrong unit: state it, as in "
-                '--column "pressure_Pa=NAME@dbar", --column "volume_m3=NAME@mL"'
-            )
+            wrong = "Pressure, volume, power or time is in the wrong unit"
+            how = '--column "pressure_Pa=NAME@dbar", --column "volume_m3=NAME@mL"'
+            remedy = f"{wrong}: state it, as in {how}"
             raise _wrong_pressure(what, float(np.max(runs.pressure[deep])), remedy)
     deepest = float(np.max(runs.pressure[kept], initial=0.0))
     if depth_limit is not None and deepest > 1.5 * 1e4 * depth_limit:
@@ -83,17 +82,14 @@ def check_groups(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None
     """Raise NoAnswerError or InputError where runs are too few, too alike or of no sea."""
     what = "runs" if runs.dive is None else "dives"
     if len(groups) < FEWEST:
-        raise NoAnswerError(
-            f"{len(groups)} {what} with duration, pressure and power are too few to show how sure "
-            f"a power law is: log {FEWEST} or more"
-        )
+        few = f"{len(groups)} {what} with duration, pressure and power are too few"
+        raise NoAnswerError(f"{few} to show how sure a power law is: log {FEWEST} or more")
     pressure = runs.pressure[kept]
     span = float(np.ptp(pressure))
     if span < 1e4:
-        raise NoAnswerError(
-            f"all runs are within {span / 1e4:.2g} dbar: nothing shows how power and delivery "
-            "depend on pressure. Log runs at several depths"
-        )
+        lacking = "nothing shows how power and delivery depend on pressure"
+        within = f"all runs are within {span / 1e4:.2g} dbar"
+        raise NoAnswerError(f"{within}: {lacking}. Log runs at several depths")
     if np.any(pressure < -2e5) or np.any(pressure > 1.2e8):
         worst = float(pressure[np.argmax(np.abs(pressure))])
         remedy = 'State its unit: --column "pressure_Pa=NAME@dbar"'
@@ -119,10 +115,8 @@ class Least(NamedTuple):
         scale = np.abs(A).max(axis=0)
         B, b = A / scale * root[:, None], y * root
         if np.linalg.matrix_rank(B) < B.shape[1]:
-            raise NoAnswerError(
-                "the runs do not distinguish power and delivery by pressure and duration: log "
-                "runs at several depths and of several lengths"
-            )
+            alike = "the runs do not distinguish power and delivery by pressure and duration"
+            raise NoAnswerError(f"{alike}: log runs at several depths and of several lengths")
         inverse = np.linalg.pinv(B)
         numbers = np.unique(cluster)
         member = (cluster[:, None] == numbers).astype(float)  # runs x clusters
@@ -130,10 +124,9 @@ class Least(NamedTuple):
         for g, number in enumerate(numbers):
             others = cluster != number
             if np.linalg.matrix_rank(B[others]) < B.shape[1]:
-                raise NoAnswerError(
-                    f"only dive {number:g} shows how the numbers depend on pressure: without "
-                    "another one at its depth nothing says how sure they are. Log a second one"
-                )
+                only = f"only dive {number:g} shows how the numbers depend on pressure"
+                lacking = "without another one at its depth nothing says how sure they are"
+                raise NoAnswerError(f"{only}: {lacking}. Log a second one")
             apart[g] = -inverse
             apart[g][:, others] += np.linalg.pinv(B[others])
         solution = inverse @ b
@@ -514,14 +507,10 @@ def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
     old = a.pump if isinstance(a.pump, PowerLawPump) else None
     known = "delivery" in fit.parameters
     if not known and old is None:
-        what = (
-            "without measured volumes the pump of the vehicle keeps its delivery, and one from "
-            "datasheets has none to keep"
-        )
-        remedy = (
-            "Log the volume of each run, give the vehicle's pump as kind power-law, or leave the "
-            "vehicle out"
-        )
+        kept = "without measured volumes the pump of the vehicle keeps its delivery"
+        what = f"{kept}, and one from datasheets has none to keep"
+        other = "give the vehicle's pump as kind power-law, or leave the vehicle out"
+        remedy = f"Log the volume of each run, {other}"
         raise InputError(what, field="volume_m3", remedy=remedy)
     lack = ATMOSPHERIC_PRESSURE - a.internal_pressure
     factor = voltage_factor(vehicle.supply, fit)

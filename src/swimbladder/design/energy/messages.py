@@ -22,11 +22,9 @@ def drive_sentences(found: DriveEnergy) -> Iterator[str]:
     if rating is not None and z > rating * (1.0 + 1e-9):
         yield f"{z:g} m is deeper than the vehicle is rated for, {rating:g} m."
     if m.rate_out[-1] > 0.0:
-        yield (
-            f"Pressing out at {z:g} m takes {found.per_volume[-1] * 1e-6:.3g} J/mL: "
-            f"{m.rate_out[-1] * 1e6:.3g} mL/s with {m.power_out[-1]:.3g} W, "
-            f"{100.0 * found.efficiency[-1]:.0f} % of which reach the water."
-        )
+        rate = f"{m.rate_out[-1] * 1e6:.3g} mL/s with {m.power_out[-1]:.3g} W"
+        takes = f"Pressing out at {z:g} m takes {found.per_volume[-1] * 1e-6:.3g} J/mL"
+        yield f"{takes}: {rate}, {100.0 * found.efficiency[-1]:.0f} % of which reach the water."
     else:
         yield f"Nothing is pressed out at {z:g} m: the drive has stalled."
     if math.isinf(found.stall):
@@ -105,10 +103,8 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]
     if "delivery" in fit.parameters and slope > 0.0:
         reaches = fit.value("delivery") / slope  # of the power that grows with the pressure
         if not _LEAST < reaches < _MOST:
-            yield (
-                "Check the units of pressure and volume: of what more pressure takes, "
-                f"{_percent(reaches)} would reach the water; pumps have 30 to 90 %."
-            )
+            check = "Check the units of pressure and volume: of what more pressure takes"
+            yield f"{check}, {_percent(reaches)} would reach the water; pumps have 30 to 90 %."
     yield from _voltage(fit, vehicle)
     left = int((~fit.kept).sum())
     if left:

@@ -34,9 +34,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from swimbladder.design.energy.energy_per_volume import DriveEnergy
+from swimbladder.design.energy.energy_per_volume import Array, DriveEnergy
 from swimbladder.errors import check_number
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import neutral_volume
@@ -73,7 +72,6 @@ class Thruster(NamedTuple):
         return (pushed + self.number * self.idle_power * (size > 0.0))[()]
 
 
-Array = NDArray[np.float64]
 _POINTS = 200  # depths at which a dive is computed
 
 
@@ -134,9 +132,8 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     thruster = thruster.checked()
     vehicle, column = found.vehicle, found.column
     z = np.linspace(0.0, column.deepest, _POINTS + 1)
-    neutral, density = (
-        np.interp(z, column.depth, v) for v in (neutral_volume(vehicle, column), column.density)
-    )
+    over_depth = (neutral_volume(vehicle, column), column.density)
+    neutral, density = (np.interp(z, column.depth, values) for values in over_depth)
     force, back = drag_force(vehicle.drag, speed), -drag_force(vehicle.drag, -speed)
     weight = density * column.gravity
     out = np.interp(z, column.depth, found.per_volume)

@@ -114,10 +114,8 @@ def ramps(vehicle: Vehicle, setting: Setting) -> Ramps:
     most, least = stroke.maximum - max(neutral) - spare, stroke.minimum - min(neutral) + spare
     if not least < 0.0 < most:
         at = [f"{1e6 * V:g} cm3 at {z:g} m" for V, z in zip(neutral, depths, strict=True)]
-        what = (
-            f"the stroke of {1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3 leaves no "
-            f"change of volume: neutral is {' and '.join(at)}"
-        )
+        ends = f"{1e6 * stroke.minimum:g} to {1e6 * stroke.maximum:g} cm3"
+        what = f"the stroke of {ends} leaves no change of volume: neutral is {' and '.join(at)}"
         remedy = "Trim the vehicle (trim_error), or give it a longer stroke"
         raise InputError(what, field="stroke", remedy=remedy)
     most, least = min(most, setting.largest), max(least, -setting.largest)

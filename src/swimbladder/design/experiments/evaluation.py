@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.design.experiments.conditions import (
+    Array,
     Conditions,
     Flight,
     Release,
@@ -25,8 +25,6 @@ from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.estimation.motion.diagnose import Curvature, not_identifiable
 from swimbladder.estimation.motion.fit import refine
 from swimbladder.estimation.motion.problem import NAMES, VOLUME, Problem
-
-Array = NDArray[np.float64]
 
 
 class OmittedVariable(NamedTuple):

@@ -92,18 +92,13 @@ def _ends(chosen: EvaluatedSet) -> Iterator[Finding]:
     for k, (flight, missed) in enumerate(zip(chosen.flights, chosen.partial, strict=True), 1):
         if not flight.complete:
             done, asked = len(flight.moved), len(flight.release.moves)
-            yield _warning(
-                "range",
-                f"Experiment {k} reaches {_WHERE[flight.ended]} {flight.duration:.0f} s after the "
-                f"release, before move {done + 1} of {asked}: that move will not happen.",
-            )
+            when = f"{_WHERE[flight.ended]} {flight.duration:.0f} s after the release"
+            move = f"before move {done + 1} of {asked}: that move will not happen"
+            yield _warning("range", f"Experiment {k} reaches {when}, {move}.")
         elif missed:
-            yield _warning(
-                "range",
-                f"Experiment {k}: {missed} of the {len(chosen.others)} vehicles of the parameter "
-                "region reach an end of the range before the last move; the prediction includes "
-                "this.",
-            )
+            some = f"{missed} of the {len(chosen.others)} vehicles of the parameter region"
+            ends = "reach an end of the range before the last move; the prediction includes this"
+            yield _warning("range", f"Experiment {k}: {some} {ends}.")
 
 
 def _arrivals(chosen: EvaluatedSet, setting: Setting) -> Iterator[Finding]:
@@ -117,12 +112,9 @@ def _arrivals(chosen: EvaluatedSet, setting: Setting) -> Iterator[Finding]:
     if fast:
         listed = ", ".join(f"{k} ({speed:.2f} m/s)" for k, speed in fast)
         seconds = setting.clearance / max(speed for _, speed in fast)
-        yield _warning(
-            "arrival",
-            f"Fast where the record ends, in some vehicle of the parameter region: {listed}. "
-            f"Surface or bottom follow in {seconds:.0f} s or more: have the loop, or a hand, "
-            "catch it.",
-        )
+        where = "Fast where the record ends, in some vehicle of the parameter region"
+        then = f"Surface or bottom follow in {seconds:.0f} s or more"
+        yield _warning("arrival", f"{where}: {listed}. {then}: have the loop, or a hand, catch it.")
 
 
 def _biases(chosen: EvaluatedSet, setting: Setting) -> Iterator[Finding]:
@@ -131,25 +123,19 @@ def _biases(chosen: EvaluatedSet, setting: Setting) -> Iterator[Finding]:
         seen = left.rms > _SEEN * setting.depth_noise
         small = not _matters(left.refit, chosen)
         then = "the fit would show it" if seen else "nobody would notice"
-        yield Finding(
-            "psi",
-            "note" if seen or small else "warning",
-            f"If psi were left out: {describe(left.refit)} (refit of a simulated campaign; "
-            f"linearised {describe(left.linear)}), at {1e3 * left.rms:.1f} mm rms instead of "
-            f"{1e3 * setting.depth_noise:.1f} mm"
-            f": {'no more than the intervals hold' if small else then}.",
-        )
+        then = "no more than the intervals hold" if small else then
+        rms = f"{1e3 * left.rms:.1f} mm rms instead of {1e3 * setting.depth_noise:.1f} mm"
+        how = f"refit of a simulated campaign; linearised {describe(left.linear)}"
+        sentence = f"If psi were left out: {describe(left.refit)} ({how}), at {rms}: {then}."
+        yield Finding("psi", "note" if seen or small else "warning", sentence)
     for kind, omitted, how, size, each in (
         ("trim", chosen.trim, "were off", setting.neutral_std, ""),
         ("drift", chosen.drift, "drifted", 60.0 * setting.drift_std, " a minute"),
     ):
         if omitted is not None and _matters(omitted.linear, chosen):
-            yield _warning(
-                kind,
-                f"If all neutral volumes {how} by {format_quantity(size, 'm3', 'cm3', 2)}{each} "
-                f"the same way: {describe(omitted.linear)}; the fit's intervals do not contain "
-                "that.",
-            )
+            by = f"{how} by {format_quantity(size, 'm3', 'cm3', 2)}{each} the same way"
+            bias = f"{describe(omitted.linear)}; the fit's intervals do not contain that"
+            yield _warning(kind, f"If all neutral volumes {by}: {bias}.")
 
 
 def _warning(kind: str, sentence: str) -> Finding:
@@ -184,12 +170,9 @@ def _limits(name: str, chosen: EvaluatedSet, stretched: Mapping[str, float]) -> 
     words = [f"{what} ({100.0 * x:.0f} % of the variance)" for what, x in listed if x > 0.1]
     ratio = stretched[name] / prediction.share[name]
     travel = ", and the travel" if ratio < 0.75 else ""
-    return Finding(
-        "limit",
-        "note",
-        f"{name} is limited by {' and '.join(words)}{travel}: with half as much travel again "
-        f"{percent(stretched[name])} instead of {percent(prediction.share[name])}.",
-    )
+    then = f"{percent(stretched[name])} instead of {percent(prediction.share[name])}"
+    limit = f"{name} is limited by {' and '.join(words)}{travel}"
+    return Finding("limit", "note", f"{limit}: with half as much travel again {then}.")
 
 
 def _sizes(curve: Curve) -> Finding:
@@ -198,11 +181,9 @@ def _sizes(curve: Curve) -> Finding:
     size, larger, both = (f"{1e6 * curve.sizes[k]:.2g} cm3" for k in (best, double, fro))
     sentence = f"Of single steps the largest are most informative, {size}."
     if best < len(curve.sizes) - 1:
-        sentence = (
-            f"Of single steps those of {size} are most informative, {percent(curve.steps[best])} "
-            f"in this time: a larger one buys nothing ({percent(curve.steps[double])} with "
-            f"{larger})."
-        )
+        share, more = percent(curve.steps[best]), f"{percent(curve.steps[double])} with {larger}"
+        sentence = f"Of single steps those of {size} are most informative, {share} in this time: "
+        sentence += f"a larger one buys nothing ({more})."
     then = f"To and fro it is {both}, with {percent(curve.to_and_fro[fro])}."
     return Finding("size", "note", f"{sentence} {then}")
 

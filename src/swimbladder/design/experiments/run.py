@@ -154,10 +154,8 @@ def paper_steps(volumes: Sequence[float], setting: Setting) -> list[Release]:
 
     volumes [m3].
     """
-    return [
-        Release.to_and_fro(setting.deepest if v > 0.0 else setting.shallowest, [v], [])
-        for v in volumes
-    ]
+    starts = [setting.deepest if v > 0.0 else setting.shallowest for v in volumes]
+    return [Release.to_and_fro(z, [v], []) for z, v in zip(starts, volumes, strict=True)]
 
 
 def _settling(
@@ -172,11 +170,8 @@ def _settling(
         run = run_procedure(vehicle, p, pool_depth=pool_depth, seed=None)
     except (InputError, NoAnswerError):
         return _SETTLING, "assumed: the procedure cannot be simulated with this vehicle's loop"
-    waits = (
-        end - began
-        for (began, _, does), (end, *_) in pairwise(run.phases)
-        if does in (Does.HOLD, Does.HALT)
-    )
+    phases, still = pairwise(run.phases), (Does.HOLD, Does.HALT)
+    waits = [end - began for (began, _, does), (end, *_) in phases if does in still]
     return sum(waits) / 2.0, "simulated: the procedure of section 3.1 with the vehicle's own loop"
 
 
@@ -255,8 +250,7 @@ def _assumptions(c: Conditions, how: str, count: int) -> tuple[str, ...]:
         f"good on average over {count} vehicles of the parameter region",
         "volumes and depths are measured without an error of scale: 1 % of either is 1 % of K2",
     ]
-    for name, prior in question.priors.items():
-        said.append(f"prior: {name} = {prior.mean:g} +- {prior.std:g} {NAMES[name].unit}")
-    for name, value in question.fixed.items():
-        said.append(f"held: {name} = {value:g} {NAMES[name].unit}")
+    priors, held = question.priors.items(), question.fixed.items()
+    said += [f"prior: {n} = {p.mean:g} +- {p.std:g} {NAMES[n].unit}" for n, p in priors]
+    said += [f"held: {name} = {value:g} {NAMES[name].unit}" for name, value in held]
     return tuple(said)

@@ -14,10 +14,10 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from swimbladder.design.experiments.conditions import (
+    Array,
     Conditions,
     Release,
     Setting,
@@ -107,7 +107,6 @@ def rounded(release: Release, setting: Setting) -> Release:
     return release._replace(moves=tuple(moves))
 
 
-Array = NDArray[np.float64]
 _UNKNOWN = 1e-4  # information about a share: off by a hundred wholes
 _LITTLE = 0.0  # of the criterion: a whole of a parameter
 _PASSES = 40

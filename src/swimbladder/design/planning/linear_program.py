@@ -114,10 +114,8 @@ def interior(problem: Problem) -> Optimum | None:
 
 def _unsolved(problem: Problem, why: str) -> NoAnswerError:
     kind = "linear" if problem.Q is None else "quadratic"
-    return NoAnswerError(
-        f"the {kind} program of {len(problem.cost)} variables was not solved ({why}): plan with a "
-        "longer sample time (--sample-time)"
-    )
+    what = f"the {kind} program of {len(problem.cost)} variables was not solved ({why})"
+    return NoAnswerError(f"{what}: plan with a longer sample time (--sample-time)")
 
 
 Flags = NDArray[np.bool_]

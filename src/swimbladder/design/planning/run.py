@@ -83,10 +83,8 @@ class Plan:
             f"The simulator, given the plan's commands, {near}.",
         ]
         if self.residual > t.band:
-            said.append(
-                "That is more than the band: followed blindly this plan does not arrive. Let a "
-                f"controller follow it, or {self.nearer}."
-            )
+            blind = "That is more than the band: followed blindly this plan does not arrive"
+            said.append(f"{blind}. Let a controller follow it, or {self.nearer}.")
         return tuple(said)
 
     @property
@@ -191,10 +189,9 @@ def _lost(found: Plan) -> NoAnswerError:
     grows = " At these depths what little it is off grows"
     if t.vehicle.hull.psi > 0.0:
         grows += ", for the deeper the vehicle, the more volume it needs"
-    return NoAnswerError(
-        f"no plan that the vehicle would follow: given the commands found from {t.start:g} to "
-        f"{t.target:g} m, the simulator {away}.{grows}. Rather {found.nearer}"
-    )
+    given = f"given the commands found from {t.start:g} to {t.target:g} m, the simulator {away}"
+    what = f"no plan that the vehicle would follow: {given}"
+    return NoAnswerError(f"{what}.{grows}. Rather {found.nearer}")
 
 
 def _check(goal: str, arrive: str | None, duration: float | None) -> str:
@@ -264,10 +261,9 @@ def _impossible(
             need = _no_less(factor * (limit + answer.objective * size) / share)
             found.append(f"{words} {need:g} {shown} instead of {factor * limit / share:.4g}")
     wider = f"; or, one of them alone: {', or '.join(found)}" if found else ""
-    return NoAnswerError(
-        f"the duration: at rest at {task.target:g} m in {end * task.sample_time:g} s is beyond "
-        f"this vehicle's limits. It takes {least.time:.4g} s at least{wider}"
-    )
+    asked = f"at rest at {task.target:g} m in {end * task.sample_time:g} s"
+    what = f"the duration: {asked} is beyond this vehicle's limits"
+    return NoAnswerError(f"{what}. It takes {least.time:.4g} s at least{wider}")
 
 
 def _no_less(value: float) -> float:

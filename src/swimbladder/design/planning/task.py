@@ -224,17 +224,15 @@ def _check_held(task: Task, depth: float) -> None:
     neutral = task.state_of_rest(depth)[1]
     low, high = task.volume
     if not low <= neutral <= high:
-        raise NoAnswerError(
-            f"the stroke{less}, {1e6 * low:.4g} to {1e6 * high:.4g} cm3, does not reach the volume "
-            f"at which the vehicle is neutral at {depth:g} m, {1e6 * neutral:.4g} cm3: trim it "
-            "otherwise, give it more stroke, or stay shallower"
-        )
+        what = f"the stroke{less}, {1e6 * low:.4g} to {1e6 * high:.4g} cm3, does not reach"
+        volume = f"the volume at which the vehicle is neutral at {depth:g} m"
+        remedy = "trim it otherwise, give it more stroke, or stay shallower"
+        raise NoAnswerError(f"{what} {volume}, {1e6 * neutral:.4g} cm3: {remedy}")
     if p.positioner:
         return
     limit = stall(p._replace(supply=task.command[1]), depth=depth, depth_limit=None).holding_depth
     if depth >= limit:
-        raise NoAnswerError(
-            f"the depth load: with {task.command[1]:.4g} V{less} the motor cannot hold its volume "
-            f"below {limit:.4g} m, and {depth:g} m is asked for. It takes a higher supply, or "
-            "less depth"
-        )
+        supply = f"with {task.command[1]:.4g} V{less}"
+        what = f"the depth load: {supply} the motor cannot hold its volume below {limit:.4g} m"
+        remedy = "It takes a higher supply, or less depth"
+        raise NoAnswerError(f"{what}, and {depth:g} m is asked for. {remedy}")

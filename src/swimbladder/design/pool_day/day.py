@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -21,7 +21,6 @@ from swimbladder.design.pool_day.segments import (
     Changed,
     Cut,
     End,
-    Ended,
     Event,
     Ready,
     Refused,
@@ -51,10 +50,9 @@ def of_cut(cut: Cut, rules: Rules) -> Iterator[str]:
     """Yield what is to be said of an experiment as it was cut out of the log."""
     glide = cut.glide
     if abs(cut.rest.speed) > rules.rest_speed:
-        yield (
-            f"It was not quite at rest before: {1e3 * abs(cut.rest.speed):.2g} mm/s over the last "
-            f"minute, more than {1e3 * rules.rest_speed:g} mm/s. Wait longer next time."
-        )
+        speed = f"{1e3 * abs(cut.rest.speed):.2g} mm/s over the last minute"
+        most = f"more than {1e3 * rules.rest_speed:g} mm/s"
+        yield f"It was not quite at rest before: {speed}, {most}. Wait longer next time."
     if len(glide) < _FEW:
         more = "a smaller change of volume, or a faster logger, gives more"
         yield f"Only {len(glide)} samples: {more}."
@@ -63,10 +61,8 @@ def of_cut(cut: Cut, rules: Rules) -> Iterator[str]:
         end = f"{cut.end.value[0].upper()}{cut.end.value[1:]}"
         yield f"{end} after only {abs(cut.travel):.2g} m: rest {other} before the release."
     if cut.end is End.PISTON:
-        yield (
-            f"The piston moved after {abs(cut.travel):.2g} m; what came then is left out. Leave it "
-            "alone until the vehicle has arrived."
-        )
+        moved = f"The piston moved after {abs(cut.travel):.2g} m; what came then is left out"
+        yield f"{moved}. Leave it alone until the vehicle has arrived."
     last = [s.volume for s in glide[-max(3, len(glide) // 10) :]]
     half = [s.volume for s in glide[len(glide) // 2 :][: len(last)]]
     crept = sum(last) / len(last) - sum(half) / len(half)
@@ -92,15 +88,11 @@ def of_fit(fit: ExperimentFit, neutral_std: float) -> tuple[float, str]:
     if outliers > max(neutral, drift):
         return outliers, f"{fit.outliers} of its {used} depths are outliers: check the sensor"
     if neutral >= drift:
-        return neutral, (
-            f"it did not start neutral but {1e6 * e.value:+.2g} +- {1e6 * e.std:.1g} cm3 off, "
-            f"where {1e6 * neutral_std:.2g} cm3 is assumed. Rest longer before the release, "
-            "clear of bottom and surface"
-        )
-    return drift, (
-        f"its neutral volume drifted by {1e6 * drifted:+.2g} cm3 under way: trapped air, a leak, a "
-        "slip of the piston's sensor, or a touch of the tether"
-    )
+        off = f"{1e6 * e.value:+.2g} +- {1e6 * e.std:.1g} cm3 off"
+        why = f"it did not start neutral but {off}, where {1e6 * neutral_std:.2g} cm3 is assumed"
+        return neutral, f"{why}. Rest longer before the release, clear of bottom and surface"
+    why = "trapped air, a leak, a slip of the piston's sensor, or a touch of the tether"
+    return drift, f"its neutral volume drifted by {1e6 * drifted:+.2g} cm3 under way: {why}"
 
 
 _VERDICT = "good_enough=good state verdict=sentence more_experiments=more limits"
@@ -117,29 +109,27 @@ class News(NamedTuple):
     sentence: str
 
 
+@dataclass(eq=False)
 class PoolDay:
     """Experiments found in logs, kept in a folder, and identified together after each."""
 
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        folder: Path,
-        *,
-        rules: Rules,
-        tasks: Sequence[Task],
-        asked: Asked,
-        mode: str,
-        kept: Sequence[Kept] = (),
-    ) -> None:
-        self.vehicle, self.folder, self.rules = vehicle, folder, rules
-        self.tasks, self.asked, self.mode = tuple(tasks), asked, mode
-        self.kept = [k for k in kept if not k.set_aside]
-        self.aside = [k for k in kept if k.set_aside]
+    vehicle: Vehicle
+    folder: Path
+    _: KW_ONLY
+    rules: Rules
+    tasks: Sequence[Task]
+    asked: Asked
+    mode: str
+    kept: list[Kept] = field(default_factory=list)  # in a folder that is gone on with
+
+    def __post_init__(self) -> None:
+        self.aside = [k for k in self.kept if k.set_aside]
+        self.kept = [k for k in self.kept if not k.set_aside]
         self.refused: list[News] = []
         self.found: Identification | None = None
         self.source = ""
         self._whole = False
-        self._segmenter = Segmenter(rules)
+        self._segmenter = Segmenter(self.rules)
         self._fed = False
         self.latest: Sample | None = None
         self.verdict: Verdict = self._judge()
@@ -186,8 +176,8 @@ class PoolDay:
         self.refused.append(News("refused", time, sentence))
         return self.refused[-1]
 
-    def _keep(self, event: Ended) -> Iterator[News]:
-        cut, before = event.cut, (*self.kept, *self.aside)
+    def _keep(self, cut: Cut) -> Iterator[News]:
+        before = (*self.kept, *self.aside)
         known = next((k for k in before if same_start(k, cut, self.source)), None)
         if known is not None and (known.set_aside or len(known.log) >= len(cut.samples)):
             return  # from an earlier run
@@ -196,17 +186,17 @@ class PoolDay:
         one = keep(self.folder, number, cut, self.source, said)
         others = [k for k in self.kept if k is not known]
         self.kept = sorted([*others, one], key=attrgetter("number"))
-        yield News("ended", event.time, _summary(number, cut, said))
+        yield News("ended", cut.time, _summary(number, cut, said))
         try:
             self._identify()
         except LogError as error:
             self.kept.remove(one)
             one.path.unlink()
-            yield self._refuse(event.time, f"No experiment after all: {error}")
+            yield self._refuse(cut.time, f"No experiment after all: {error}")
             return
-        yield from self._set_aside(event.time)
+        yield from self._set_aside(cut.time)
         self.save()
-        yield News("identified", event.time, self.verdict.sentence)
+        yield News("identified", cut.time, self.verdict.sentence)
 
     def _set_aside(self, time: float) -> Iterator[News]:
         """Leave out experiments that went wrong, the worst first, as long as most are right."""
@@ -254,9 +244,8 @@ class PoolDay:
     def _judge(self) -> Verdict:
         due = undone(self.tasks, [k.change_m3 for k in self.kept])
         faults = [f"Experiment {k.number}: {why}." for k, (_, why) in self._faults().items()]
-        known_neutral = partial(
-            self._identification, neutral_std=1e-9, profiles=False, choices=False
-        )
+        again = self._identification
+        known_neutral = partial(again, neutral_std=1e-9, profiles=False, choices=False)
         return judge(self.found, self.asked, due=due, faults=faults, known_neutral=known_neutral)
 
     @property

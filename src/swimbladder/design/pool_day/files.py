@@ -66,11 +66,8 @@ def same_start(kept: Kept, cut: Cut, source: str) -> bool:
     """Say whether a cut is an experiment that is kept, if perhaps cut longer or shorter."""
     columns, log = cut.columns(), kept.log
     n = min(len(log), len(columns["time_s"]), FEWEST)
-    return (
-        kept.source == source
-        and np.array_equal(log.time[:n], columns["time_s"][:n])
-        and np.array_equal(log.depth[:n], columns["depth_m"][:n])
-    )
+    begin = [columns[name][:n] for name in ("time_s", "depth_m")]
+    return kept.source == source and np.array_equal([log.time[:n], log.depth[:n]], begin)
 
 
 def write_state(folder: Path, state: Mapping[str, Any]) -> Path:

@@ -12,14 +12,13 @@ from operator import itemgetter
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control import protocol
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import timed_voltage
 from swimbladder.control.registry import bind
-from swimbladder.design.pool_day.segments import Rules
+from swimbladder.design.pool_day.segments import Array, Rules
 from swimbladder.design.pool_day.tasks import Task
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.plan import Move
@@ -108,7 +107,6 @@ def manual_drive_of(vehicle: Vehicle) -> _Timed | _Servo:
     return _Servo(near, parameters.k_pV, limit)
 
 
-Array = NDArray[np.float64]
 Does = Literal["hold", "halt", "move", "glide", "arrived", "over", "gave up"]
 
 _SINK = 0.1  # of the volume to the end of the stroke, below neutral: it lies on the bottom at first

@@ -212,8 +212,9 @@ class Why(Enum):
 
 
 class Cut(NamedTuple):
-    """An experiment, cut out of a log."""
+    """An experiment that is over, cut out of a log."""
 
+    time: float  # s, when it was over
     rest: Rest  # before it
     samples: tuple[Sample, ...]  # from a little before the release on
     released: float  # s
@@ -264,13 +265,6 @@ class Turned(NamedTuple):
     volume: float  # m3, above the one at rest
 
 
-class Ended(NamedTuple):
-    """An experiment is over."""
-
-    time: float  # s
-    cut: Cut
-
-
 class Refused(NamedTuple):
     """A stretch of the log looks like an experiment and is none."""
 
@@ -288,7 +282,7 @@ class Refused(NamedTuple):
         return f"No experiment: {text}" + ("" if text.endswith("?") else ".")
 
 
-Event = Ready | Changed | Turned | Ended | Refused
+Event = Ready | Changed | Turned | Cut | Refused
 
 
 TIME, DEPTH, VOLUME, SMOOTH = range(4)  # SMOOTH: the median of the last five depths
@@ -478,8 +472,8 @@ class Glide:
         if abs(travel) < self.rules.least_travel:
             return [Refused(self._now, Why.SHORT, travel, end)]
         samples = tuple(Sample(*row) for row in rows[:, :3].tolist())
-        cut = Cut(rest, samples, self.since, self._change, travel, end, self._turns)
-        return [Ended(self._now, cut)]
+        how = (self._change, travel, end, self._turns)
+        return [Cut(self._now, rest, samples, self.since, *how)]
 
 
 _PERIOD = 0.5  # s between two evaluations of the window

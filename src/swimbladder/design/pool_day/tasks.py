@@ -38,13 +38,11 @@ class Task(NamedTuple):
         return f"{text[0].upper()}{text[1:]}."
 
     def _change(self) -> str:
-        up = self.change > 0.0
-        first = (
-            f"{'increase' if up else 'decrease'} its volume by {1e6 * abs(self.change):.3g} cm3 "
-            "from the mean of the last minute"
-        )
+        how, way = ("increase", "rise") if self.change > 0.0 else ("decrease", "sink")
+        size = f"{1e6 * abs(self.change):.3g} cm3 from the mean of the last minute"
+        first = f"{how} its volume by {size}"
         if not self.turns:
-            return f"{first}, and let it {'rise' if up else 'sink'} without moving the piston"
+            return f"{first}, and let it {way} without moving the piston"
         then = "; ".join(
             f"when it passes {turn.depth:g} m on its way {turn.going}, go to "
             f"{1e6 * turn.volume:+.3g} cm3 of that mean"

@@ -5,12 +5,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Identification, Prior
-
-Array = NDArray[np.float64]
 
 LEAST = 4  # experiments; with fewer no trend with the size of the step can show
 MARGIN = 1.25  # by which a standard deviation has to be below its target; see studies.stopping

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.sizing.candidates import Batch
+from swimbladder.design.sizing.candidates import Array, Batch
 from swimbladder.design.sizing.requirements import Requirements
 from swimbladder.physics.battery import needed_capacity, share_in_cold
 from swimbladder.physics.electric import (
@@ -22,8 +22,6 @@ from swimbladder.physics.electric import (
 )
 from swimbladder.physics.steady_drives import terminal_power
 from swimbladder.vehicle import Water
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -153,34 +151,22 @@ def evaluate(
     rest; z stands for the pressure. limits: longest travel of the piston [m]; largest mass of drive
     and battery [kg] and largest stroke [m3], what the body has room for.
     """
-    paces = [_at_pace(batch, asked, water, pace, limits) for pace in _PACES]
+    each = np.ones(len(batch.of))
+    paces = [_at_pace(batch, asked, water, pace * each, limits) for pace in _PACES]
     scores = np.array([np.where(p.feasible, p.mass, np.inf) for p in paces])
     lightest, nearest = np.argmin(scores, axis=0), np.argmax([p.worst for p in paces], axis=0)
     which = np.where(np.isfinite(scores).any(axis=0), lightest, nearest)
-    found: Evaluation = _picked(paces, which)
-    return found
-
-
-def _picked(paces: list[Any], which: NDArray[np.int64]) -> Any:
-    """Return of each candidate what it is at its own pace: arrays, or records of them."""
-    first = paces[0]
-    if isinstance(first, dict):
-        return {name: _picked([p[name] for p in paces], which) for name in first}
-    if dataclasses.is_dataclass(first):
-        fields = {f.name: [getattr(p, f.name) for p in paces] for f in dataclasses.fields(first)}
-        kind: Any = type(first)
-        return kind(**{name: _picked(each, which) for name, each in fields.items()})
-    return np.array(paces)[which, np.arange(len(which))]
+    return _at_pace(batch, asked, water, np.array(_PACES)[which], limits)
 
 
 def _at_pace(
-    batch: Batch, asked: Requirements, water: Water, pace: float, limits: tuple[float, float, float]
+    batch: Batch, asked: Requirements, water: Water, pace: Array, limits: tuple[float, float, float]
 ) -> Evaluation:
-    """Return how each candidate does at one pace; largest rate and stall do not depend on it."""
+    """Return how each does at its pace [n]; largest rate and stall do not depend on it."""
     dive = asked.dive
     longest_travel, largest_mass, largest_stroke = limits
     b: Any = batch  # the functions of `electric` take arrays for constants too
-    rate = pace * asked.rate
+    rate = pace[:, np.newaxis] * asked.rate
     z = asked.pressure[np.newaxis, :] / water.specific_weight
     omega = (rate + b.k_l * z) / b.k_q
     torque = b.k_v * omega + b.k_z * z + b.friction_torque
@@ -243,7 +229,7 @@ def _at_pace(
     fastest = _largest_rate(b, z[:, -1], available)
     return Evaluation(
         margins=margins,
-        rate=np.full(len(b.of), rate),
+        rate=rate[:, 0],
         speed=speed,
         voltage=u[:, -1],
         current=i[:, -1],

@@ -297,9 +297,8 @@ def sentences(found: Sizing) -> list[str]:
     power = dive.hotel + found.batch.driver.standby_power
     rest = power * dive.cycle_time + dive.surface_energy
     tight = w.tightest(b)
-    shares = ", ".join(
-        f"{name} {volume * 1e6:.0f}" for name, volume in asked.shares.items() if volume > 0.0
-    )
+    volumes = asked.shares.items()
+    shares = ", ".join(f"{name} {V * 1e6:.0f}" for name, V in volumes if V > 0.0)
     lines = [
         f"{feasible:,} of {len(found.batch.of):,} drives do {dive.depth:g} m; least {found.least}: "
         f"{c.kind}, {parts}.",
