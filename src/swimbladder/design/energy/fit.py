@@ -87,9 +87,9 @@ def check_groups(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None
     pressure = runs.pressure[kept]
     span = float(np.ptp(pressure))
     if span < 1e4:
-        lacking = "nothing shows how power and delivery depend on pressure"
+        why = "nothing shows how power and delivery depend on pressure"
         within = f"all runs are within {span / 1e4:.2g} dbar"
-        raise NoAnswerError(f"{within}: {lacking}. Log runs at several depths")
+        raise NoAnswerError(f"{within}: {why}. Log runs at several depths")
     if np.any(pressure < -2e5) or np.any(pressure > 1.2e8):
         worst = float(pressure[np.argmax(np.abs(pressure))])
         remedy = 'State its unit: --column "pressure_Pa=NAME@dbar"'
@@ -125,8 +125,8 @@ class Least(NamedTuple):
             others = cluster != number
             if np.linalg.matrix_rank(B[others]) < B.shape[1]:
                 only = f"only dive {number:g} shows how the numbers depend on pressure"
-                lacking = "without another one at its depth nothing says how sure they are"
-                raise NoAnswerError(f"{only}: {lacking}. Log a second one")
+                why = "without another one at its depth nothing says how sure they are"
+                raise NoAnswerError(f"{only}: {why}. Log a second one")
             apart[g] = -inverse
             apart[g][:, others] += np.linalg.pinv(B[others])
         solution = inverse @ b

@@ -235,7 +235,7 @@ def _dives(dive: Dive, what: str, deepest: float) -> list[Dive]:
 
 
 def _sweep(what: str, dives: list[Dive], solve: Solve, batch: Batch, least: Least) -> Sweep:
-    """Return the best drive for each of the dives, which differ in one wish."""
+    """Return the best drive for each of the dives, which differ in one number."""
     rows = []
     for dive in dives:
         asked, evaluation = solve(dive)
