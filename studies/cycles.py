@@ -18,8 +18,9 @@ from swimbladder.cli.common import progress
 from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability.confirm import Held, Seen, edge, hold
-from swimbladder.design.stability.cycles import Predicted, predict, without_rest
+from swimbladder.design.stability.cycles import Predicted, predict
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.io.config import load_vehicle
@@ -46,6 +47,11 @@ class Case(NamedTuple):
     law: Law
     parameters: Any
     depth_quantum: float = 0.0  # m
+
+    @property
+    def bound(self) -> BoundLaw:
+        """The law with its parameters."""
+        return BoundLaw(self.law, self.parameters, _TICK)
 
 
 def _cases() -> Iterator[Case]:
@@ -110,22 +116,9 @@ CASES = tuple(_cases())
 def foretold(case: Case) -> Predicted:
     """Return the cycle of a case: the stable one where there is one, else the edge."""
     smooth = load_vehicle("feup-em")  # linear: without what sticks
-    linear = at_rest(
-        case.law,
-        without_rest(case.law, case.parameters),
-        plant(smooth),
-        depth=_DEPTH,
-        sample_time=_TICK,
-    )
-    found = predict(
-        plant(case.vehicle),
-        case.law,
-        case.parameters,
-        linear,
-        depth=_DEPTH,
-        depth_quantum=case.depth_quantum,
-        voltage_quantum=0.0,
-    )
+    linear = at_rest(case.bound.without_rest, plant(smooth), depth=_DEPTH)
+    p, quantum = plant(case.vehicle), case.depth_quantum
+    found = predict(p, case.bound, linear, depth=_DEPTH, depth_quantum=quantum)
     own = [one for one in found if one.source == case.source and one.cycle is not None]
     return max(own, key=lambda one: one.cycle is not None and one.cycle.stable)
 
@@ -134,17 +127,14 @@ def simulated(case: Case, one: Predicted) -> tuple[Seen | None, ...]:
     """Return what the simulator shows, from each start; of an edge the cycle between its sides."""
     assert one.cycle is not None
     if not one.cycle.stable:
-        held = Held(case.vehicle, case.law, case.parameters, _TICK, _DEPTH, _ENDLESS)
+        held = Held(case.vehicle, case.bound, _DEPTH, _ENDLESS)
         seen = edge(held, _WITHIN, one.cycle.period)
         return (None if seen is None else seen[0],)
     vehicle = case.vehicle
     if case.depth_quantum > 0.0:
         sensors = vehicle.sensors.model_copy(update={"depth_quantum": case.depth_quantum})
         vehicle = vehicle.model_copy(update={"sensors": sensors})
-    held, quantised = (
-        Held(vehicle, case.law, case.parameters, _TICK, _DEPTH),
-        case.depth_quantum > 0.0,
-    )
+    held, quantised = Held(vehicle, case.bound, _DEPTH), case.depth_quantum > 0.0
     return tuple(
         hold(held, share * one.depth_amplitude, one.cycle.period, quantised=quantised)
         for share in _STARTS

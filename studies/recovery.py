@@ -15,9 +15,9 @@ import numpy as np
 
 from studies.tuned import gains_of
 from swimbladder.cli.common import progress
-from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
-from swimbladder.design.stability.recover import Map, Verdict, recovery_maps
+from swimbladder.design.linear.sampled import BoundLaw
+from swimbladder.design.stability.recover import Map, Recovery, Verdict, recovery_maps
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
 
@@ -30,21 +30,11 @@ def maps_of(name: str, deepest: float, *, cells: int = _CELLS) -> tuple[Map, ...
     """Return the maps of a law from the surface to a depth [m]."""
     vehicle = load_vehicle("feup-em")
     assert vehicle.controller is not None
-    law: Law
     law, numbers = bind(vehicle.controller) if name == "cascade" else gains_of(name)
+    band = max(_BAND, getattr(numbers, "band", 0.0))
+    recovery = Recovery(vehicle, BoundLaw(law, numbers, _TICK), _WITHIN, band, Store(None))
     with progress(f"maps of {name}", 1.0) as advance:
-        return recovery_maps(
-            vehicle,
-            law,
-            numbers,
-            sample_time=_TICK,
-            depths=(0.0, deepest),
-            within=_WITHIN,
-            band=max(_BAND, getattr(numbers, "band", 0.0)),
-            cells=cells,
-            parts=Store(None),
-            advance=advance,
-        )
+        return recovery_maps(recovery, depths=(0.0, deepest), cells=cells, advance=advance)
 
 
 def lines(name: str, maps: Sequence[Map]) -> list[str]:

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from swimbladder.control.law import Knobs
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, traces
@@ -46,10 +47,9 @@ def asked(name: str, *, runs: int, step: Step = _STEP, seed: int = 3) -> dict[st
     s = setting_of(vehicle, sample_time=_TICK, supply=_SUPPLY, neutral_range=20e-6)
     found = traces(
         vehicle,
-        tunable(name),
-        gains(name, s, KNOBS[name]),
+        BoundLaw(tunable(name), gains(name, s, KNOBS[name]), _TICK),
         step,
-        Drawn(runs, region(vehicle)._replace(neutral=0.0), _SUPPLY, seed=seed, sample_time=_TICK),
+        Drawn(runs, region(vehicle)._replace(neutral=0.0), _SUPPLY, seed=seed),
     )
     late = found.time >= found.time[-1] / 3.0
     moves = np.diff(found.volume[late], axis=0)

@@ -16,6 +16,7 @@ from studies.reversals import KNOBS as QUIET_KNOBS
 from swimbladder.cli.common import progress
 from swimbladder.control.law import Knobs, Law
 from swimbladder.control.registry import bind
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import Tuning, tune
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, trial
@@ -109,7 +110,7 @@ def own(*, runs: int) -> list[str]:
         ("the paper's cascade, nominal", noisy("fast"), runs),
         ("the same, quantum of 5 mm", noisy("quiet"), runs),
     ):
-        t = trial(one, law, numbers, _OWN, Drawn(count, sample_time=_TICK))
+        t = trial(one, BoundLaw(law, numbers, _TICK), _OWN, Drawn(count))
         found.append(row(words, t, goal="fast"))
     return found
 

@@ -15,7 +15,7 @@ from swimbladder.codegen.library import make_library
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import LAWS
 from swimbladder.design.law_comparison.contenders import choose_laws
-from swimbladder.design.stability.robust import wrapped
+from swimbladder.design.stability.robust import wrapped_law
 from swimbladder.design.tuning import tune
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
@@ -266,7 +266,8 @@ class TestALaw:
         kept, out = choose_laws(FEUP, None)
         assert "hover" in kept
         assert "hover" not in out
-        assert wrapped(LAWS["hover"]).inner is LAWS["hover"]
+        form, law = wrapped_law(LAWS["hover"]), LAWS["hover"]
+        assert form.parameters.__annotations__["inner"] is law.parameters
 
     def test_an_edit_of_its_source_gives_its_kernels_and_answers_another_name(self):
         def name(text):

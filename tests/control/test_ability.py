@@ -6,6 +6,7 @@ import pytest
 from swimbladder.control.law import Knobs
 from swimbladder.control.profile import learn_ability, usable
 from swimbladder.control.registry import LAWS
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability.robust import wrapped
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.design.tuning.region import region
@@ -45,14 +46,13 @@ def test_large_steps_settle_with_half_to_twice_the_gain_and_half_a_sample_late(n
     noisy = vehicle.sensors.model_copy(update={"depth_noise": 2e-3})
     vehicle = vehicle.model_copy(update={"sensors": noisy})
     setting = setting_of(vehicle, sample_time=H, supply=10.8, neutral_range=20e-6)
-    numbers, form = gains(name, setting, KNOBS[name]), wrapped(LAWS[name])
+    bound = BoundLaw(LAWS[name], gains(name, setting, KNOBS[name]), H)
     for gain, late in ((0.5, False), (0.7, False), (0.7, True), (1.0, True), (2.0, False)):
         seen = traces(
             vehicle,
-            form.law,
-            form.parameters(numbers, sample_time=H, gain=gain, late=late, rest=0.1),
+            wrapped(bound, gain=gain, late=late, rest=0.1),
             Step(1.5, 3.0, 300.0),
-            Drawn(40, region(vehicle), 10.8, sample_time=form.tick(H, late=late)),
+            Drawn(40, region(vehicle), 10.8),
         )
         last = np.abs(seen.depth[seen.time > 200.0] - 3.0).max(axis=0)
         assert (last < 0.03).mean() >= 0.97, (gain, late, last)

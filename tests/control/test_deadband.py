@@ -18,6 +18,7 @@ from swimbladder.control.deadband import (
 )
 from swimbladder.control.law import Measurement
 from swimbladder.control.records import leaves
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability.robust import wrapped
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Hull, IdentifiedActuator, Sensors
@@ -256,10 +257,10 @@ class Wrong:
     """The law with a command that is wrong by a factor and comes half a sample late."""
 
     def __init__(self, gain: float) -> None:
-        form = wrapped(DEADBAND)
-        self.step, self.first, self.state = form.law.step, form.law.initial, None
         rest = SLEEPER.depth_voltage * 1.5
-        self.numbers = form.parameters(SLEEPER, sample_time=S_P, gain=gain, late=True, rest=rest)
+        form = wrapped(BoundLaw(DEADBAND, SLEEPER, S_P), gain=gain, late=True, rest=rest)
+        self.step, self.first, self.state = form.law.step, form.law.initial, None
+        self.numbers = form.parameters
 
     def __call__(self, seen, reference):
         if self.state is None:

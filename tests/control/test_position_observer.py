@@ -9,8 +9,7 @@ from studies.tank_law import FITTING, position_observer_gains
 from swimbladder.control.law import Measurement
 from swimbladder.control.position_observer import POSITION_OBSERVER, initial, step
 from swimbladder.control.records import numbers
-from swimbladder.design.linear.models import linearise
-from swimbladder.design.linear.sampled import SampledLoop, linearise_law
+from swimbladder.design.linear.sampled import linearise_law, loop_of
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.margins import WANTED, exactly, falls_short
 from swimbladder.io.config import load_vehicle
@@ -46,8 +45,8 @@ def test_it_has_the_margins_asked_of_every_law(depth):
         reference=depth,
         tick=p.S_p,
     )
-    loop = SampledLoop(plant=linearise(plant(TANK), depth=depth), law=linear)
-    found = exactly(loop.broken_at_depth(command_delay=0.1 * p.S_p))
+    loop = loop_of(plant(TANK), linear, depth=depth, delay=0.1 * p.S_p)
+    found = exactly(loop.broken_at_depth())
     assert falls_short(found, WANTED) == ()
 
 

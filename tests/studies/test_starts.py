@@ -10,6 +10,7 @@ from scipy.linalg import solve_discrete_are
 
 from studies.starts import Drift, Grid, drift_of, fewest, least_cost, main, stage_cost, transition
 from swimbladder.control.law import Knobs
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, trial
@@ -92,10 +93,9 @@ def test_sixty_starts_an_hour_cannot_hold_it_and_the_observer_is_near_what_can()
     knobs = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=24.0, band=0.027)
     held = trial(
         vehicle,
-        tunable("observer"),
-        gains("observer", s, knobs),
+        BoundLaw(tunable("observer"), gains("observer", s, knobs), 0.3),
         Step(2.0, 2.0001, 2700.0),
-        Drawn(100, region(vehicle)._replace(neutral=0.0), sample_time=0.3),
+        Drawn(100, region(vehicle)._replace(neutral=0.0)),
     )
     own = fewest(ISSUE, 1e3 * held.rms, prices, grid=COARSE)
     assert 0.97 * own < 3600.0 * held.starts < 1.12 * own  # 3 %: the grid's and the seeds'
@@ -120,10 +120,9 @@ def test_the_law_of_pulses_is_near_the_least_that_pulses_can_do_with():
     knobs = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=72.0, band=0.026)
     held = trial(
         vehicle,
-        tunable("pulse"),
-        gains("pulse", s, knobs),
+        BoundLaw(tunable("pulse"), gains("pulse", s, knobs), 0.3),
         Step(2.0, 2.0001, 2700.0),
-        Drawn(100, region(vehicle)._replace(neutral=0.0), sample_time=0.3),
+        Drawn(100, region(vehicle)._replace(neutral=0.0)),
     )
     own = fewest(ISSUE, 1e3 * held.rms, [8e3, 12e3, 16e3], pulse=1.0, grid=COARSE)
     # Theirs takes no time and knows the vehicle; ours takes some seconds, in which it still sees.

@@ -6,7 +6,8 @@ import pytest
 
 from studies import tuned as study
 from studies.tuned import FAST, KNOBS, QUIET, gains_of, main, noisy, row
-from swimbladder.design.tuning.margins import worst
+from swimbladder.design.linear.sampled import BoundLaw
+from swimbladder.design.tuning.margins import loops, worst
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Trial
 
@@ -37,9 +38,10 @@ def test_rows_have_what_their_goal_is_about():
 @pytest.mark.parametrize("name", [*FAST, *QUIET])
 def test_the_knobs_kept_have_the_margins_that_tuning_asks_for(name):
     """Over the region, at the least and greatest depth: 6 dB, 45 degrees, 1.6, 0.5."""
-    law, smooth = gains_of(name, KNOBS[name]._replace(dead=0.0, pause=0.0))  # linear at rest
+    smooth = gains_of(name, KNOBS[name]._replace(dead=0.0, pause=0.0))  # linear at rest
     plants = region(noisy("fast")).plants
-    m = worst(law, smooth, plants, depths=(0.0, 5.0), sample_time=0.3, delay=0.03)
+    bound = BoundLaw(*smooth, sample_time=0.3)
+    m = worst(loops(bound, plants, depths=(0.0, 5.0), delay=0.03))
     assert m.gain_up > 2.0 > 0.5 > m.gain_down
     assert math.degrees(m.phase) > 44.0
     assert m.peak_sensitivity < 1.65

@@ -142,6 +142,13 @@ def did_you_mean(given: str, known: Iterable[str]) -> str:
     return f"Did you mean {near[0]}? " if near else ""
 
 
+def no_such(what: str, name: str, known: Iterable[str], *, field: str) -> InputError:
+    """Return the error for a name that is none of those known."""
+    names = list(known)
+    remedy = f"{did_you_mean(name, names)}Choose from {', '.join(names)}"
+    return InputError(what, field=field, value=name, remedy=remedy)
+
+
 def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
     """Return pydantic's first complaint as an InputError with field, value, unit and remedy.
 

@@ -16,6 +16,7 @@ from swimbladder.design.linear.pump_valve import (
     moved_by_volume,
     smooth,
 )
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.trial import fly
 from swimbladder.physics.dynamics import drag_per_mass, plant
 
@@ -70,7 +71,7 @@ def test_the_map_is_that_of_flights_that_differ_a_little(name, down, psi, drive)
     in the map. The pump's start and run are its delay.
     """
     way, sign = WAYS[name], 1.0 if down else -1.0
-    numbers = smooth(LAW, OWN)
+    bound = BoundLaw(LAW, smooth(LAW, OWN))
     p = PLANT._replace(psi=psi)
     slow = 0.97 * sign * way.speed  # so that the same drive acts in all flights
     begin = 1000.0
@@ -80,8 +81,7 @@ def test_the_map_is_that_of_flights_that_differ_a_little(name, down, psi, drive)
     finely = FLOAT.actuator.model_copy(update={"quantum": 0.0})  # else small changes are cut
     flown = fly(
         FLOAT.model_copy(update={"actuator": finely}),
-        LAW,
-        numbers,
+        bound,
         target=begin + sign * (way.distance + way.speed * 90.0),
         start_depth=begin,
         duration=90.0,

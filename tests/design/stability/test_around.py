@@ -8,7 +8,7 @@ import pytest
 
 from swimbladder.control.registry import bind
 from swimbladder.design.linear.models import linearise
-from swimbladder.design.linear.sampled import SampledLoop
+from swimbladder.design.linear.sampled import BoundLaw, SampledLoop
 from swimbladder.design.stability.around import look_around, modes, modulus
 from swimbladder.design.tuning.margins import at_rest, exactly
 from swimbladder.design.tuning.region import member
@@ -19,6 +19,7 @@ from swimbladder.vehicle import Identified
 FEUP = load_vehicle("feup-em")
 LAW, NUMBERS = bind(FEUP.controller)
 H = 0.3
+BOUND = BoundLaw(LAW, NUMBERS, H)
 KNOWN = Identified(
     names=("K2", "T2", "psi"),
     values=(7935.54, 36.3, 4.04e-6),
@@ -32,9 +33,8 @@ KNOWN = Identified(
 
 
 def look(vehicle=FEUP, numbers=NUMBERS, **options):
-    return look_around(
-        vehicle, LAW, numbers, **({"depths": (0.0, 5.0), "sample_time": H, "delay": 0.0} | options)
-    )
+    bound = BOUND._replace(parameters=numbers)
+    return look_around(vehicle, bound, **({"depths": (0.0, 5.0), "delay": 0.0} | options))
 
 
 @pytest.mark.parametrize("vehicle", [FEUP, FEUP.model_copy(update={"identified": KNOWN})])
@@ -44,7 +44,7 @@ def test_the_worst_is_no_better_than_a_dense_grid(vehicle):
     draws = np.random.default_rng(2).uniform(-1.0, 1.0, (40, n))
     if n == 3:
         draws /= np.maximum(1.0, np.linalg.norm(draws, axis=1, keepdims=True))
-    linear = at_rest(LAW, NUMBERS, plant(FEUP), depth=0.0, sample_time=H)
+    linear = at_rest(BOUND, plant(FEUP), depth=0.0)
     for s in draws:
         loop = SampledLoop(plant=linearise(member(vehicle, s).plant), law=linear)
         radius = np.abs(np.linalg.eigvals(loop.closed())).max()
@@ -61,7 +61,7 @@ def test_the_worst_is_no_better_than_a_dense_grid(vehicle):
 def test_the_papers_cascade_is_unstable_with_a_whole_sample_of_delay():
     found = look()
     assert found.whole_sample_radius > 1.0
-    linear = at_rest(LAW, NUMBERS, plant(FEUP), depth=0.0, sample_time=H)
+    linear = at_rest(BOUND, plant(FEUP), depth=0.0)
     nominal = exactly(SampledLoop(plant=linearise(plant(FEUP)), law=linear).broken_at_command())
     assert math.degrees(nominal.phase) == pytest.approx(41.0, abs=0.5)
     assert nominal.delay < H
@@ -82,7 +82,7 @@ def test_a_modulus_is_said_with_the_digits_that_tell_it_from_one(value, said):
 
 
 def test_modes_are_python_controls():
-    linear = at_rest(LAW, NUMBERS, plant(FEUP), depth=0.0, sample_time=H)
+    linear = at_rest(BOUND, plant(FEUP), depth=0.0)
     closed = SampledLoop(plant=linearise(plant(FEUP)), law=linear).closed()
     system = control.ss(closed, np.zeros((len(closed), 1)), np.zeros((1, len(closed))), 0, H)
     w, zeta, poles = control.damp(system, doprint=False)
@@ -107,4 +107,4 @@ def test_a_law_that_is_not_linear_has_no_eigenvalues():
     from swimbladder.control.deadband import DEADBAND
     from tests.control.examples import SLEEPER
 
-    assert look_around(FEUP, DEADBAND, SLEEPER, depths=(1.0,), sample_time=H, delay=0.0) is None
+    assert look_around(FEUP, BoundLaw(DEADBAND, SLEEPER, H), depths=(1.0,), delay=0.0) is None

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from swimbladder import load_vehicle
 from swimbladder.control.registry import bind
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, smooth
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability import stability
 from swimbladder.design.stability.around import around_decisions
 from swimbladder.design.stability.confirm import hunting
@@ -22,6 +23,7 @@ from tests.quoted import refused
 
 FLOAT = load_vehicle("example-float")
 LAW, OWN = bind(FLOAT.controller)
+BOUND = BoundLaw(LAW, OWN)
 DEPTHS = (100.0, 800.0, 1500.0)
 
 
@@ -36,14 +38,14 @@ def with_law(**changes: float):
 
 
 def test_the_search_finds_what_random_points_of_the_region_have():
-    found = around_decisions(FLOAT, LAW, OWN, depths=DEPTHS)
+    found = around_decisions(FLOAT, BOUND, depths=DEPTHS)
     assert found.stable
     assert 0.3 < found.on_grid <= found.radius < 1.0
     rates, random = drive_rates(FLOAT, DEPTHS), np.random.default_rng(5)
     for _ in range(40):
         s = random.normal(size=4)
         one = member(FLOAT, s / np.linalg.norm(s) * random.uniform() ** 0.25)
-        for d in decisions_of(LAW, OWN):
+        for d in decisions_of(BOUND):
             assert radius_of(FLOAT, one, d, rates, 2) <= found.radius + 1e-6
     assert all(w.ratio == pytest.approx(1.0, rel=1e-3) for w in found.ways)
 
@@ -54,8 +56,8 @@ def test_flights_grow_from_decision_to_decision_where_the_map_says_so(share, gro
 
     The rise to the surface is corrected both ways. 1500 m at 10 cm/s take 20 decisions.
     """
-    numbers = OWN._replace(coefficient=share * OWN.coefficient)
-    found = around_decisions(FLOAT, LAW, numbers, depths=DEPTHS)
+    bound = BoundLaw(LAW, OWN._replace(coefficient=share * OWN.coefficient))
+    found = around_decisions(FLOAT, bound, depths=DEPTHS)
     rises = [w.nominal for w in found.ways if w.decision.way.name == "ascent"]
     assert (max(rises) >= 1.0) == grows
     p = plant(moved_by_volume(FLOAT))
@@ -63,8 +65,7 @@ def test_flights_grow_from_decision_to_decision_where_the_map_says_so(share, gro
     heavy = -p.d_t / p.a_b * speed * speed
     flown = fly(
         FLOAT,
-        LAW,
-        smooth(LAW, numbers),
+        bound._replace(parameters=smooth(LAW, bound.parameters)),
         target=0.0,
         start_depth=1500.0,
         duration=1100.0,
@@ -89,7 +90,7 @@ def test_drag_that_is_less_on_the_way_up_counts_there():
     lighter = FLOAT.motion.drag.model_copy(update={"rising_ratio": 0.4})
     motion = FLOAT.motion.model_copy(update={"drag": lighter})
     found = around_decisions(
-        FLOAT.model_copy(update={"motion": motion}), LAW, OWN, depths=(100.0, 1500.0)
+        FLOAT.model_copy(update={"motion": motion}), BOUND, depths=(100.0, 1500.0)
     )
     assert not found.stable
     assert not found.worst.down
@@ -115,7 +116,7 @@ def test_a_hull_that_gives_way_faster_than_is_decided_is_unstable_at_rest():
 
 
 def test_a_swing_halves_in_the_time_that_is_stated():
-    rest = rest_of(FLOAT, LAW, OWN, drive_rates(FLOAT, DEPTHS), medium_of(FLOAT, None, reach=0.0))
+    rest = rest_of(FLOAT, BOUND, drive_rates(FLOAT, DEPTHS), medium_of(FLOAT, None, reach=0.0))
     p = plant(moved_by_volume(with_psi(rest.psi)))._replace(d_t=plant(moved_by_volume(FLOAT)).d_t)
     amplitude = 0.05 * rest.tolerance  # where the drag takes little in a period
     halves = rest.halves * rest.tolerance / amplitude
@@ -136,9 +137,7 @@ def test_a_swing_halves_in_the_time_that_is_stated():
 
 
 def test_limit_cycles_on_the_way_are_as_predicted():
-    found = {
-        c.predicted.source: c for c in hunting(FLOAT, LAW, OWN, depth=800.0, depths=DEPTHS[::2])
-    }
+    found = {c.predicted.source: c for c in hunting(FLOAT, BOUND, depth=800.0, depths=DEPTHS[::2])}
     for way in ("sinking", "rising"):
         c = found[f"compressibility, {way}"]
         amplitude, period = c.errors
@@ -156,15 +155,15 @@ def test_limit_cycles_on_the_way_are_as_predicted():
 
 
 def test_a_way_that_is_too_short_shows_no_cycle():
-    cycles = hunting(FLOAT, LAW, OWN, depth=200.0, depths=(100.0, 500.0))
+    cycles = hunting(FLOAT, BOUND, depth=200.0, depths=(100.0, 500.0))
     assert all(c.seen is None for c in cycles if c.predicted.source.startswith("compress"))
 
 
 def test_a_step_of_the_volume_that_is_too_coarse_goes_to_and_fro_within_its_bound():
-    coarse = OWN._replace(volume_step=2e-6)
+    coarse = BoundLaw(LAW, OWN._replace(volume_step=2e-6))
     (c,) = (
         c
-        for c in hunting(FLOAT, LAW, coarse, depth=800.0, depths=DEPTHS[::2])
+        for c in hunting(FLOAT, coarse, depth=800.0, depths=DEPTHS[::2])
         if c.predicted.source == "step of the volume"
     )
     assert c.predicted.depth_amplitude == pytest.approx(0.5 * 2e-6 / 4.9e-8)
@@ -175,7 +174,7 @@ def test_a_step_of_the_volume_that_is_too_coarse_goes_to_and_fro_within_its_boun
 def test_a_hull_that_gives_way_hunts_within_its_bound():
     (c,) = (
         c
-        for c in hunting(with_psi(2e-8), LAW, OWN, depth=800.0, depths=DEPTHS[::2])
+        for c in hunting(with_psi(2e-8), BOUND, depth=800.0, depths=DEPTHS[::2])
         if c.predicted.source == "hull that gives way"
     )
     assert c.seen.farthest < 1.2 * c.predicted.depth_amplitude

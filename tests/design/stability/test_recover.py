@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from swimbladder.control.registry import bind
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability import recover
-from swimbladder.design.stability.recover import Verdict, holdable_depth, recovery_maps
+from swimbladder.design.stability.recover import Recovery, Verdict, holdable_depth, recovery_maps
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
@@ -13,12 +14,16 @@ from swimbladder.sim.closed_loop import simulate
 
 FEUP = load_vehicle("feup-em")
 LAW, NUMBERS = bind(FEUP.controller)
-OPTIONS = dict(sample_time=0.3, depths=(0.0, 95.0), within=600.0, band=0.05, cells=9)
+OPTIONS = dict(depths=(0.0, 95.0), cells=9)
+
+
+def recovery(parts):
+    return Recovery(FEUP, BoundLaw(LAW, NUMBERS, 0.3), within=600.0, band=0.05, parts=parts)
 
 
 @pytest.fixture(scope="module")
 def maps():
-    return recovery_maps(FEUP, LAW, NUMBERS, parts=Store(None), **OPTIONS)
+    return recovery_maps(recovery(Store(None)), **OPTIONS)
 
 
 def test_nothing_recovers_from_where_no_controller_could(maps):
@@ -70,8 +75,8 @@ def test_a_run_that_was_killed_goes_on(tmp_path, monkeypatch, maps):
     monkeypatch.setattr(recover, "fly", killed)
     parts = Store(tmp_path / "parts", "this vehicle")
     with pytest.raises(KeyboardInterrupt):
-        recovery_maps(FEUP, LAW, NUMBERS, parts=parts, **OPTIONS)
-    again = recovery_maps(FEUP, LAW, NUMBERS, parts=parts, **OPTIONS)
+        recovery_maps(recovery(parts), **OPTIONS)
+    again = recovery_maps(recovery(parts), **OPTIONS)
     assert len(calls) == 3 + len(list((tmp_path / "parts").iterdir())) - 2
     for one, other in zip(maps, again, strict=True):
         assert np.array_equal(one.verdicts, other.verdicts)

@@ -6,8 +6,8 @@ import pytest
 from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.design.linear.models import linearise
-from swimbladder.design.linear.sampled import discretise
-from swimbladder.design.stability.robust import wrapped
+from swimbladder.design.linear.sampled import BoundLaw, discretise
+from swimbladder.design.stability.robust import wrapped, wrapped_law
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate_ensemble
@@ -20,22 +20,18 @@ RUN = dict(count=2, setpoints=[(0.0, 2.002)], duration=30.0, start_depth=2.0, ke
 
 
 def flown(numbers=NUMBERS, **wrong):
-    form = wrapped(LAW)
-    late = wrong.get("late", False)
-    parameters = form.parameters(numbers, sample_time=H, rest=P.load_drive * 2.0, **wrong)
-    return simulate_ensemble(
-        FEUP, law=form.law, parameters=parameters, sample_time=form.tick(H, late=late), **RUN
-    )
+    form = wrapped(BoundLaw(LAW, numbers, H), rest=P.load_drive * 2.0, **wrong)
+    return simulate_ensemble(FEUP, **form._asdict(), **RUN)
 
 
 def test_every_law_of_the_registry_is_wrapped():
     for law in LAWS.values():
-        form = wrapped(law)
-        assert wrapped(law) is form
-        assert form.inner is law
-        fields, own = leaf_names(form.law.parameters), leaf_names(form.inner.parameters)
+        form = wrapped_law(law)
+        assert wrapped_law(law) is form
+        assert form.parameters.__annotations__["inner"] is law.parameters
+        fields, own = leaf_names(form.parameters), leaf_names(law.parameters)
         assert fields[: len(own)] == own
-        assert set(form.law.units) >= set(fields) - {"S_p"}
+        assert set(form.units) >= set(fields) - {"S_p"}
 
 
 def test_nothing_wrong_is_the_law_itself():
@@ -85,15 +81,14 @@ def test_a_sleeping_law_sleeps_as_long_when_late():
     def seen_at(t):  # a millimetre to and fro: each wake sees another depth
         return Measurement(t, 2.0 + 1e-3 * np.sin(0.37 * t), P.psi * 2.0)
 
-    form = wrapped(DEADBAND)
-    parameters = form.parameters(SLEEPER, sample_time=H, late=True)
+    law, parameters, _ = wrapped(BoundLaw(DEADBAND, SLEEPER, H), late=True)
     seen = seen_at(0.0)
-    state = form.law.initial(parameters, seen, 2.0)
+    state = law.initial(parameters, seen, 2.0)
     inner, waits = DEADBAND.initial(SLEEPER, seen, 2.0), []
     for k in range(900):
         now = seen_at(0.5 * H * k)
         before = state
-        _, state, wait = form.law.step(parameters, state, now, 2.0)
+        _, state, wait = law.step(parameters, state, now, 2.0)
         assert wait == 0.5 * H
         if state.inner.voltage != before.inner.voltage or k == 0:
             waits.append(0.5 * H * k)

@@ -10,6 +10,7 @@ from swimbladder import load_vehicle
 from swimbladder.cli import main
 from swimbladder.control.rate import candidates, gains
 from swimbladder.control.registry import bind
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.gains import float_score, setting_of
 from swimbladder.design.tuning.margins import in_water
@@ -28,6 +29,7 @@ from tests.quoted import refused
 
 FLOAT = load_vehicle("example-float")
 LAW, OWN = bind(FLOAT.controller)
+BOUND = BoundLaw(LAW, OWN)
 DEPTHS = (100.0, 300.0)
 AROUND = region(FLOAT)
 
@@ -54,7 +56,7 @@ def sea(tmp_path_factory):
 
 
 def test_the_fast_law_is_sooner_there_than_the_one_it_had(fast):
-    own = trial(FLOAT, LAW, OWN, fast.step, Drawn(20, AROUND, fast.supply))
+    own = trial(FLOAT, BOUND, fast.step, Drawn(20, AROUND, fast.supply))
     assert fast.region.settled == 1.0
     assert fast.region.settle_95 < 0.8 * own.settle_95
     assert fast.region.rms < OWN.tolerance
@@ -84,7 +86,7 @@ def test_the_vehicle_is_one_that_other_commands_read(fast, tmp_path):
 def test_a_quiet_law_takes_less_to_hold_than_the_one_it_had():
     """Few of many flights hunt while they hold, and take most of it: it needs all 200."""
     quiet = tune(FLOAT, goal="quiet", depths=(100.0, 1500.0))
-    own = trial(FLOAT, LAW, OWN, quiet.step, Drawn(200, AROUND, quiet.supply))
+    own = trial(FLOAT, BOUND, quiet.step, Drawn(200, AROUND, quiet.supply))
     assert quiet.region.power < 0.7 * own.power
     assert quiet.region.starts < own.starts
 
@@ -107,19 +109,17 @@ def test_the_energy_of_actions_is_that_of_the_ledger():
     step = Step(*DEPTHS, 14400.0)
     drawn = Drawn(4, None)
     asked = {"target": [300.0, 100.0], "start_depth": [100.0, 300.0], "duration": step.duration}
-    flown = fly(FLOAT, LAW, OWN, **asked)
+    flown = fly(FLOAT, BOUND, **asked)
     for lane in range(2):
         assert energy_of(FLOAT, flown, lane).sum() == pytest.approx(flown.energy[lane], rel=0.02)
-    found = trial(FLOAT, LAW, OWN, step, drawn)
+    found = trial(FLOAT, BOUND, step, drawn)
     assert found.energy == pytest.approx(flown.energy.mean(), rel=1e-6)
 
 
 def test_a_pump_that_gives_less_moves_less():
-    still = OWN._replace(speed_step=0.0, volume_step=0.0)
-    asked = {"target": 1500.0, "start_depth": 500.0, "duration": 60.0, "sample_time": 1.0}
-    whole, part = (
-        fly(FLOAT, LAW, still, vary={"valve": x}, **asked).volume[-1, 0] for x in (1.0, 0.6)
-    )
+    still = BoundLaw(LAW, OWN._replace(speed_step=0.0, volume_step=0.0), 1.0)
+    asked = {"target": 1500.0, "start_depth": 500.0, "duration": 60.0}
+    whole, part = (fly(FLOAT, still, vary={"valve": x}, **asked).volume[-1, 0] for x in (1.0, 0.6))
     begin = FLOAT.neutral_volume(500.0)
     assert (part - begin) / (whole - begin) == pytest.approx(0.6, rel=0.02)
 
@@ -161,7 +161,7 @@ def test_zones_are_flown_through_in_more_than_a_decision():
 def test_in_the_water_of_a_cast_it_is_flown_there(sea):
     column = cast_column(read_cast(sea))
     step = Step(*DEPTHS, 14400.0)
-    even, wet = (trial(FLOAT, LAW, OWN, step, Drawn(4, column=c)) for c in (None, column))
+    even, wet = (trial(FLOAT, BOUND, step, Drawn(4, column=c)) for c in (None, column))
     assert wet.energy != even.energy
     assert wet.settled == 1.0
     with refused(InputError, field="cast"):

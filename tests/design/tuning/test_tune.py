@@ -13,9 +13,8 @@ from swimbladder.control.law import Knobs, Measurement
 from swimbladder.control.motion import off_in
 from swimbladder.control.registry import bind
 from swimbladder.design.analysis import analyse
-from swimbladder.design.linear.models import linearise
-from swimbladder.design.linear.sampled import SampledLoop, linearise_law
-from swimbladder.design.tuning import tune
+from swimbladder.design.linear.sampled import BoundLaw, linearise_law, loop_of
+from swimbladder.design.tuning import margins, tune
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.margins import WANTED, exactly, falls_short, lacking, roughly, worst
 from swimbladder.design.tuning.region import region
@@ -52,8 +51,8 @@ def loops(name, knobs, *, depth=2.0, delay=0.0):
         tick=H,
     )
     assert linear.smooth
-    loop = SampledLoop(plant=linearise(plant(FEUP), depth=depth), law=linear)
-    return loop.broken_at_command(command_delay=delay), loop.broken_at_depth(command_delay=delay)
+    loop = loop_of(plant(FEUP), linear, depth=depth, delay=delay)
+    return loop.broken_at_command(), loop.broken_at_depth()
 
 
 LEARNING = {"adrc": 0.25}
@@ -84,8 +83,9 @@ def test_the_worst_over_a_region_is_no_better_than_any_of_it():
     s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
     law, p = tunable("observer"), gains("observer", s, Knobs(0.15, 0.9, 1.2, 8.0, 0.003))
     plants = region(FEUP).plants
-    over = worst(law, p, plants, depths=[1.0], sample_time=H)
-    each = [worst(law, p, [plants[0], q], depths=[1.0], sample_time=H) for q in plants]
+    bound = BoundLaw(law, p, H)
+    over = worst(margins.loops(bound, plants, depths=[1.0]))
+    each = [worst(margins.loops(bound, [plants[0], q], depths=[1.0])) for q in plants]
     assert over.gain_up == min(m.gain_up for m in each)
     assert over.phase == min(m.phase for m in each)
     assert over.peak_sensitivity == max(m.peak_sensitivity for m in each)
@@ -127,10 +127,9 @@ def test_quiet_holds_a_depth_and_hardly_moves():
     assert falls_short(found.margins, WANTED) == ()
     other = trial(
         vehicle,
-        found.law,
-        found.parameters,
+        BoundLaw(found.law, found.parameters, H),
         found.step,
-        Drawn(60, region(vehicle), 12.0, seed=7, sample_time=H),
+        Drawn(60, region(vehicle), 12.0, seed=7),
     )
     for over in (found.region, other):
         assert over.rms < 0.0105
@@ -156,10 +155,9 @@ def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
     assert falls_short(found.margins, WANTED) == ()
     other = trial(
         vehicle,
-        found.law,
-        found.parameters,
+        BoundLaw(found.law, found.parameters, H),
         found.step,
-        Drawn(200, region(vehicle), 12.0, seed=7, sample_time=H),
+        Drawn(200, region(vehicle), 12.0, seed=7),
     )
     # 25 and 50 hours of some 54 starts: 3 and 2 % by chance, and the target is 11 % away.
     for over in (found.region, other):
@@ -239,7 +237,7 @@ def test_energy_is_spent_slowly_and_the_depth_is_held():
     assert saving.region.rms < 0.03
     assert saving.parameters.voltage_limit < fast.parameters.voltage_limit
     long = saving.step
-    same = trial(vehicle, fast.law, fast.parameters, long, Drawn(20, sample_time=H))
+    same = trial(vehicle, BoundLaw(fast.law, fast.parameters, H), long, Drawn(20))
     assert saving.nominal.energy < 0.3 * same.energy
     assert any("The motor takes" in sentence for sentence in saving.sentences)
 

@@ -10,6 +10,7 @@ from swimbladder.cli import main
 from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison.contenders import SCENARIOS, Placed, own
 from swimbladder.design.law_comparison.fly import fly_scenario
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, draw, traces, trial
@@ -20,7 +21,7 @@ from swimbladder.sim.closed_loop.water import medium_of
 
 FEUP = sb.load_vehicle("feup-em")
 LAW, NUMBERS = bind(FEUP.controller)
-H = FEUP.controller.sample_time
+BOUND = BoundLaw(LAW, NUMBERS, FEUP.controller.sample_time)
 RUN = {"setpoints": [(0.0, 6.0)], "duration": 120.0, "start_depth": 1.5}
 
 
@@ -54,12 +55,12 @@ def simulated(column):
 def test_a_trial_is_flown_in_it_as_simulate_does(column, simulated):
     step = Step(1.5, 6.0, 120.0)
     for water, run in zip((column, None), simulated, strict=True):
-        seen = traces(FEUP, LAW, NUMBERS, step, Drawn(1, column=water, sample_time=H))
+        seen = traces(FEUP, BOUND, step, Drawn(1, column=water))
         assert seen.depth[:, 0] == pytest.approx(run.depth, abs=1e-9)
         assert seen.volume[:, 0] == pytest.approx(run.volume, abs=1e-12)
     assert np.abs(simulated[0].depth - simulated[1].depth).max() > 0.2
-    drawn = Drawn(20, region(FEUP), sample_time=H)
-    wet, even = (trial(FEUP, LAW, NUMBERS, step, drawn._replace(column=w)) for w in (column, None))
+    drawn = Drawn(20, region(FEUP))
+    wet, even = (trial(FEUP, BOUND, step, drawn._replace(column=w)) for w in (column, None))
     assert wet.rms != even.rms
 
 

@@ -28,7 +28,7 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
-from swimbladder.vehicle.schema import did_you_mean
+from swimbladder.vehicle.schema import no_such
 
 LOW_SUPPLY = 0.9  # of the supply's voltage: what `tune` takes for a battery that is nearly empty
 _REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered
@@ -227,12 +227,7 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
     """
     for name in wanted or ():
         if name not in LAWS:
-            raise InputError(
-                "no such law",
-                field="--laws",
-                value=name,
-                remedy=f"{did_you_mean(name, LAWS.names())}Choose from {', '.join(LAWS.names())}",
-            )
+            raise no_such("no such law", name, LAWS.names(), field="--laws")
     command = vehicle.command
     kept = []
     out = {} if wanted else dict(LAWS.broken())

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.law_comparison.contenders import BAND, Contender, Placed, Swell
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import trial
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.buoyancy_engine import check_power_known, winding
@@ -116,11 +117,9 @@ def fly_scenario(
         given["start_volume"] = medium.neutral_volume(placed.start)
     flown = trial.fly(
         vehicle,
-        who.law,
-        who.parameters,
+        BoundLaw(who.law, who.parameters, h),
         target=placed.target,
         duration=placed.duration,
-        sample_time=h,
         count=runs,
         start_depth=placed.start,
         seed=seed,

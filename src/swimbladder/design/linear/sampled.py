@@ -8,6 +8,8 @@ Nothing is approximated but the nonlinearity.
 Closed, it has poles, margins and delays.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,7 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.control.records import from_numbers, leaf_names, numbers
+from swimbladder.control.law import Law
+from swimbladder.control.records import from_leaves, from_numbers, leaf_names, leaves, numbers
 from swimbladder.design.linear.depths import DepthLoad, depth_load
 from swimbladder.design.linear.margins import (
     Margins,
@@ -29,6 +32,21 @@ from swimbladder.physics.dynamics import Plant
 
 _TERMS = 19  # of the series: 0.5^19/19! is below the rounding of a double
 _INPUTS = ("depth", "volume", "reference")
+
+
+class BoundLaw(NamedTuple):
+    """A law with its parameters, and how often it is called."""
+
+    law: Law
+    parameters: Any
+    sample_time: float = math.nan  # s; nan: of a law of volume changes, by its own times
+
+    @property
+    def without_rest(self) -> BoundLaw:
+        """It without its dead zone and pauses: its linear part."""
+        resting = dict.fromkeys(filter(None, (self.law.dead_zone, self.law.near)), 0.0)
+        kept = from_leaves(type(self.parameters), leaves(self.parameters) | resting)
+        return self._replace(parameters=kept)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -211,27 +229,30 @@ def discretise(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampledLoop:
-    """A plant in continuous time and a law that samples it."""
+    """A plant in continuous time and a law that samples it; one of the two delays is 0."""
 
     plant: StateSpace
     law: LinearLaw
+    command_delay: float = 0.0  # s, from a sample to its command
+    depth_delay: float = 0.0  # s, age of the depth that the law sees
 
-    def broken_at_command(self, *, command_delay: float = 0.0) -> StateSpace:
+    def _sampled(self) -> tuple[StateSpace, StateSpace]:
+        """The plant from sample to sample, and the law."""
+        delays = {"command_delay": self.command_delay, "depth_delay": self.depth_delay}
+        return discretise(self.plant, self.law.sample_time, **delays), self.law.system
+
+    def broken_at_command(self) -> StateSpace:
         """Return the loop from the command at the plant to minus the command of the law."""
-        h = self.law.sample_time
-        p, k = discretise(self.plant, h, command_delay=command_delay), self.law.system
+        p, k = self._sampled()
         seen = [k.inputs.index(name) for name in p.outputs]
         none = np.zeros((len(p.states), len(k.states)))
         A = np.block([[p.A, none], [k.B[:, seen] @ p.C, k.A]])
         B, C = np.vstack([p.B, none.T[:, :1]]), -np.hstack([k.D[:, seen] @ p.C, k.C])
         return _broken(p, k, "command", A, B, C)
 
-    def broken_at_depth(
-        self, *, depth_delay: float = 0.0, command_delay: float = 0.0
-    ) -> StateSpace:
+    def broken_at_depth(self) -> StateSpace:
         """Return the loop from the depth that the law sees to minus the depth; V stays fed back."""
-        h, k = self.law.sample_time, self.law.system
-        p = discretise(self.plant, h, depth_delay=depth_delay, command_delay=command_delay)
+        p, k = self._sampled()
         depth, volume = k.inputs.index("depth"), k.inputs.index("volume")
         V = p.C[[p.outputs.index("volume")]]
         z = p.C[[p.outputs.index("depth")]]
@@ -240,13 +261,18 @@ class SampledLoop:
         C = -np.hstack([z, np.zeros((1, len(k.states)))])
         return _broken(p, k, "depth", A, B, C)
 
-    def closed(self, *, command_delay: float = 0.0, depth_delay: float = 0.0) -> Array:
+    def closed(self) -> Array:
         """Return the matrix that takes the closed loop from one sample to the next."""
-        if depth_delay > 0.0:
-            loop = self.broken_at_depth(depth_delay=depth_delay)
-        else:
-            loop = self.broken_at_command(command_delay=command_delay)
+        loop = self.broken_at_depth() if self.depth_delay > 0.0 else self.broken_at_command()
         return loop.A - loop.B @ loop.C
+
+
+def loop_of(
+    p: Plant, law: LinearLaw, *, depth: float, delay: float = 0.0, back_driving: bool = False
+) -> SampledLoop:
+    """Return the loop of a plant at a depth [m]; delay [s]: from a sample to its command."""
+    model = linearise(p, depth=depth, back_driving=back_driving)
+    return SampledLoop(plant=model, law=law, command_delay=delay)
 
 
 def _broken(p: StateSpace, k: StateSpace, at: str, A: Array, B: Array, C: Array) -> StateSpace:
@@ -311,12 +337,12 @@ def close(p: Plant, law: LinearLaw, *, name: str, depth: float) -> ClosedLoop:
     The command is a voltage, or for a positioner a volume that counts as reached at once.
     """
     h = law.sample_time
-    loop = SampledLoop(plant=linearise(p, depth=depth), law=law)
+    loop = loop_of(p, law, depth=depth)
     matrix = loop.closed()
     radius = spectral_radius(matrix)
     at_command = loop_margins(loop.broken_at_command())
     at_depth = loop_margins(loop.broken_at_depth())
-    back = SampledLoop(plant=linearise(p, depth=depth, back_driving=True), law=law)
+    back = loop_of(p, law, depth=depth, back_driving=True)
     k_pV = -command_slope(law, "volume")
     inner = k_pV > 0.0 and not p.positioner
     first = abs(float(law.system.D[0, law.system.inputs.index("depth")]))
@@ -330,9 +356,9 @@ def close(p: Plant, law: LinearLaw, *, name: str, depth: float) -> ClosedLoop:
         spectral_radius_back_driven=radius if p.positioner else spectral_radius(back.closed()),
         at_command=at_command,
         at_depth=at_depth,
-        computation_delay=_delay(lambda d: loop.closed(command_delay=d), h, at_command),
-        radius_at_whole_sample=spectral_radius(loop.closed(command_delay=h)),
-        depth_delay=_delay(lambda d: loop.closed(depth_delay=d), h, at_depth),
+        computation_delay=_delay(lambda d: replace(loop, command_delay=d).closed(), h, at_command),
+        radius_at_whole_sample=spectral_radius(replace(loop, command_delay=h).closed()),
+        depth_delay=_delay(lambda d: replace(loop, depth_delay=d).closed(), h, at_depth),
         depth_load=depth_load(p, k_pV=k_pV) if inner else None,
         inner_gain_per_sample=p.gain * k_pV * h if inner else math.nan,
         volume_per_sample=per_sample,

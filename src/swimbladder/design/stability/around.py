@@ -15,18 +15,17 @@ map from one decision to the next (`linear.pump_valve`); at rest the hull decide
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial, reduce
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from swimbladder.control.law import Law
 from swimbladder.design.linear.margins import Margins, spectral_radius
 from swimbladder.design.linear.pump_valve import Decision, DriveRates, drag_slope, drive_rates
-from swimbladder.design.linear.sampled import Mode, modes
+from swimbladder.design.linear.sampled import BoundLaw, Mode, SampledLoop, loop_of, modes
 from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.region import Member, member, unknowns, with_middle
 from swimbladder.io.answers import as_json, plain
@@ -202,33 +201,28 @@ class Decided:
         return {**as_json(self, found), "ways": ways, "rest": as_json(self.rest, of_rest)}
 
 
-def around_decisions(
-    vehicle: Vehicle, law: Law, parameters: Any, *, depths: Sequence[float]
-) -> Decided:
+def around_decisions(vehicle: Vehicle, bound: BoundLaw, *, depths: Sequence[float]) -> Decided:
     """Return the worst over region, ways and depths [m] of a law of volume changes."""
-    decisions = margins.decisions_of(law, parameters)
+    decisions = margins.decisions_of(bound)
     rates = drive_rates(vehicle, depths)
     pieces = [(d, k) for d in decisions for k in range(len(depths))]
 
     def radius(one: Member, piece: tuple[Decision, int]) -> float:
         return margins.radius_of(vehicle, one, piece[0], rates, piece[1])
 
-    grid = [
-        Point(radius(one, piece), s, piece)
-        for s in with_middle(vehicle)
-        for one in (member(vehicle, s),)
-        for piece in pieces
-    ]
+    grid: list[Point] = []
+    for s in with_middle(vehicle):
+        one = member(vehicle, s)
+        grid += [Point(radius(one, piece), s, piece) for piece in pieces]
     found, calls = _searched(vehicle, grid, radius)
     worst, (d, k) = member(vehicle, found.at), found.piece
+    medium = medium_of(vehicle, None, reach=depths[-1])
     return Decided(
         radius=found.worth,
         worst=WorstWay(worst.shares, depths[k], d.way.name, d.speed > 0.0, d.faster),
         on_grid=max(g.worth for g in grid),
         ways=tuple(_way(vehicle, one, grid[: len(pieces)], rates) for one in decisions),
-        rest=margins.rest_of(
-            vehicle, law, parameters, rates, medium_of(vehicle, None, reach=depths[-1])
-        ),
+        rest=margins.rest_of(vehicle, bound, rates, medium),
         maps=len(grid),
         searched=calls,
     )
@@ -371,31 +365,26 @@ def modulus(value: float) -> str:
 
 def look_around(
     vehicle: Vehicle,
-    law: Law,
-    parameters: Any,
+    bound: BoundLaw,
     *,
     depths: Sequence[float],
-    sample_time: float,
     delay: float,
     advance: Callable[[float], None] = lambda _: None,
 ) -> Around | None:
     """Return the worst over region and depths [m]; None for a law not linear at rest, or asleep.
 
-    parameters: without the law's own dead zone. delay [s]: from a sample to its command.
+    bound: without its dead zone. delay [s]: from a sample to its command.
     """
-    nominal = plant(vehicle)
-    laws = {
-        z: margins.at_rest(law, parameters, nominal, depth=z, sample_time=sample_time)
-        for z in depths
-    }
+    nominal, sample_time = plant(vehicle), bound.sample_time
+    laws = {z: margins.at_rest(bound, nominal, depth=z) for z in depths}
     if not all(x.smooth and x.sample_time == sample_time for x in laws.values()):
         return None  # within its bands, or while it sleeps, a law that does nothing looks linear
     one_way = nominal.load_back == nominal.load_drive
     pieces = [(z, back) for z in depths for back in ((False,) if one_way else (False, True))]
 
-    def loop(p: Plant, piece: tuple[float, bool]) -> margins.Loop:
+    def loop(p: Plant, piece: tuple[float, bool]) -> SampledLoop:
         depth, back = piece
-        return margins.loop_of(p, laws[depth], depth=depth, delay=delay, back_driving=back)
+        return loop_of(p, laws[depth], depth=depth, delay=delay, back_driving=back)
 
     grid: list[tuple[Array, tuple[float, bool], dict[str, float]]] = []
     points = with_middle(vehicle)
@@ -421,14 +410,14 @@ def look_around(
     here = [
         (mode, spot)
         for one, spot in spots
-        for mode in modes(one.closed, sample_time)
+        for mode in modes(one.closed(), sample_time)
         if abs(mode.z) > _GONE and mode.s.imag >= 0.0
     ]
     advance(0.1)
-    first = loop(nominal, pieces[0])
+    late = replace(loop(nominal, pieces[0]), command_delay=sample_time)
     return Around(
         radius=found[0].searched,
-        margins=reduce(margins.least, [_exact(one) for one, _ in spots]),
+        margins=margins.worst(one for one, _ in spots),
         slowest=max(here, key=lambda m: m[0].time_constant),
         least_damped=min(here, key=lambda m: m[0].damping),
         found=tuple(found),
@@ -436,7 +425,7 @@ def look_around(
         searched=calls,
         same_at_all_depths=bool(np.all(np.ptp(radii, axis=1) < 1e-6)),
         delay=delay,
-        whole_sample_radius=spectral_radius(first._replace(delay=sample_time).closed),
+        whole_sample_radius=spectral_radius(late.closed()),
     )
 
 
@@ -447,16 +436,12 @@ def _within(x: Array, ball: bool) -> Array:
     return np.clip(x, -1.0, 1.0)
 
 
-def _measures(loop: margins.Loop, *, only: str | None = None) -> dict[str, float]:
+def _measures(loop: SampledLoop, *, only: str | None = None) -> dict[str, float]:
     """Return every measure of a loop by its worse place to be broken; one that grows is inf."""
-    radius = spectral_radius(loop.closed)
+    radius = spectral_radius(loop.closed())
     if only == "spectral radius":
         return {only: radius}
     if radius >= 1.0:
         return dict.fromkeys(MEASURES, math.inf) | {"spectral radius": radius}
-    both = [margins.roughly(broken) for broken in (loop.at_command, loop.at_depth)]
+    both = [margins.roughly(one) for one in (loop.broken_at_command(), loop.broken_at_depth())]
     return {name: max(f(m, radius) for m in both) for name, f in MEASURES.items()}
-
-
-def _exact(loop: margins.Loop) -> Margins:
-    return margins.least(margins.exactly(loop.at_command), margins.exactly(loop.at_depth))

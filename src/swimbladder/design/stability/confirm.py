@@ -29,9 +29,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law
 from swimbladder.control.rate import RateParameters
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability.cycles import Cycle, Predicted
 from swimbladder.design.tuning.margins import least_band
 from swimbladder.design.tuning.trial import Runs, fly
@@ -113,9 +113,7 @@ class Held(NamedTuple):
     """A vehicle that a law holds at a depth."""
 
     vehicle: Vehicle
-    law: Law
-    parameters: Any
-    sample_time: float  # s
+    bound: BoundLaw
     depth: float  # m
     vary: Mapping[str, float] = {}  # fields of the plant that differ
 
@@ -130,11 +128,9 @@ class Held(NamedTuple):
         off = np.asarray(disturbances, float)
         return fly(
             self.vehicle.model_copy(update={"sensors": quiet}),
-            self.law,
-            self.parameters,
+            self.bound,
             target=self.depth,
             duration=duration,
-            sample_time=self.sample_time,
             vary=self.vary,
             start_depth=self.depth + off,
             start_speed=kick * off,
@@ -188,19 +184,16 @@ _FIRST = 3.0  # periods before what is looked at
 
 
 def hunting(
-    vehicle: Vehicle, law: Law, parameters: Any, *, depth: float, depths: tuple[float, float]
+    vehicle: Vehicle, bound: BoundLaw, *, depth: float, depths: tuple[float, float]
 ) -> tuple[Confirmed, ...]:
     """Return the limit cycles at a depth [m] and on the way between depths [m]."""
-    if not isinstance(parameters, RateParameters):
+    if not isinstance(bound.parameters, RateParameters):
         return ()
     p = plant(moved_by_volume(vehicle))
-    found = []
-    for down in (True, False):
-        one = on_the_way(p, parameters, down=down)
-        if one is not None:
-            found.append(Confirmed(one, _flown_way(vehicle, law, parameters, one, depths)))
-    rests = _at_rest(vehicle, p, parameters, depth)
-    found += [Confirmed(one, _flown_rest(vehicle, law, parameters, one, depth)) for one in rests]
+    ways = [on_the_way(p, bound.parameters, down=down) for down in (True, False)]
+    found = [Confirmed(one, _flown_way(vehicle, bound, one, depths)) for one in ways if one]
+    rests = _at_rest(vehicle, p, bound.parameters, depth)
+    found += [Confirmed(one, _flown_rest(vehicle, bound, one, depth)) for one in rests]
     return tuple(found)
 
 
@@ -269,18 +262,18 @@ def _at_rest(vehicle: Vehicle, p: Plant, q: RateParameters, depth: float) -> lis
 
 
 def _flown_way(
-    vehicle: Vehicle, law: Law, q: RateParameters, one: Predicted, depths: tuple[float, float]
+    vehicle: Vehicle, bound: BoundLaw, one: Predicted, depths: tuple[float, float]
 ) -> Seen | None:
     """Return how a flight through the depths goes on between two actions; None: too few."""
     assert one.cycle is not None
-    (low, high), down = depths, one.source.endswith("sinking")
+    (low, high), down, q = depths, one.source.endswith("sinking"), bound.parameters
     speed = q.far_speed if down else q.ascent_speed
-    begin, target = (low, high) if down else (high, low)
+    # Up it is asked to come to the surface: so it keeps its speed to the end.
+    begin, target = (low, high) if down else (high, 0.0)
     until = (high - low - 2.0 * q.far) / speed
     if until < 3.0 * one.cycle.period:
         return None
-    # Up it is asked to come to the surface: so it keeps its speed to the end.
-    flown = fly(vehicle, law, q, target=target if down else 0.0, duration=until, start_depth=begin)
+    flown = fly(vehicle, bound, target=target, duration=until, start_depth=begin)
     times = flown.actions[0][:, 0]
     times = times[times > 0.5 * one.cycle.period]
     if len(times) < 3:
@@ -293,11 +286,9 @@ def _flown_way(
     return Seen(True, 0.5 * float(np.ptp(bent)), period, float(np.max(np.abs(bent))))
 
 
-def _flown_rest(
-    vehicle: Vehicle, law: Law, q: RateParameters, one: Predicted, depth: float
-) -> Seen:
+def _flown_rest(vehicle: Vehicle, bound: BoundLaw, one: Predicted, depth: float) -> Seen:
     """Return what remains of a flight that begins off the depth, one cause left in."""
-    leaks = one.source == "leakage"
+    leaks, q = one.source == "leakage", bound.parameters
     period = 0.0 if one.cycle is None or math.isnan(one.cycle.period) else one.cycle.period
     duration = min(max(10.0 * period, _SHORTEST * (q.dead + q.run)), _LONGEST)
     a = vehicle.actuator
@@ -311,8 +302,7 @@ def _flown_rest(
     begin = depth + max(0.5 * apart, 1.5 * q.tolerance)
     flown = fly(
         alone,
-        law,
-        q,
+        bound,
         target=depth,
         duration=duration,
         start_depth=begin,

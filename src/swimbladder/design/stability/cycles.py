@@ -35,17 +35,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import root
 
-from swimbladder.control.law import Law
-from swimbladder.control.records import from_leaves, leaves
+from swimbladder.control.records import leaves
 from swimbladder.design.linear.margins import response
 from swimbladder.design.linear.models import StateSpace, linearise
-from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, discretise
+from swimbladder.design.linear.sampled import BoundLaw, LinearLaw, discretise, loop_of
 from swimbladder.physics.dynamics import Plant
 
 Array = NDArray[np.float64]
@@ -309,20 +308,15 @@ class Predicted(NamedTuple):
     bound: bool = False  # amplitude and period are the most that it may have
 
 
-def without_rest(law: Law, parameters: Any) -> Any:
-    """Return the law's parameters without its dead zone and pauses: its linear part."""
-    resting = dict.fromkeys(filter(None, (law.dead_zone, law.near)), 0.0)
-    return from_leaves(type(parameters), leaves(parameters) | resting)
-
-
 def broken_at_volume(p: Plant, law: LinearLaw, *, depth: float, k_pV: float) -> StateSpace:
     """Return the loop from the volume V to minus the volume U that the law wants.
 
     U = V + (u - c z)/k_pV: what an inner loop of that gain would bring V to.
     """
-    plant, lag = linearise(p._replace(positioner=1.0), depth=depth), 1.0 / (p.gain * k_pV)
-    loop = SampledLoop(plant=plant, law=law).broken_at_command(command_delay=lag)
-    body = discretise(plant, law.sample_time, command_delay=lag)
+    lag = 1.0 / (p.gain * k_pV)
+    whole = loop_of(p._replace(positioner=1.0), law, depth=depth, delay=lag)
+    loop = whole.broken_at_command()
+    body = discretise(whole.plant, law.sample_time, command_delay=lag)
     z, V = (body.part(output=name, input="command").C for name in ("depth", "volume"))
     own = np.pad(V - p.load_drive * z / k_pV, ((0, 0), (0, len(law.system.states))))
     return replace(loop, C=loop.C / k_pV - own, inputs=("volume",), outputs=("volume",))
@@ -330,20 +324,19 @@ def broken_at_volume(p: Plant, law: LinearLaw, *, depth: float, k_pV: float) -> 
 
 def predict(
     p: Plant,
-    law: Law,
-    parameters: Any,
+    bound: BoundLaw,
     linear: LinearLaw,
     *,
     depth: float,
-    depth_quantum: float,
-    voltage_quantum: float,
+    depth_quantum: float = 0.0,
+    voltage_quantum: float = 0.0,
 ) -> tuple[Predicted, ...]:
     """Return what each nonlinearity of a voltage-driven vehicle does at `depth` [m], by itself.
 
     linear: the law's linear form, without its dead zone; depth_quantum [m]; voltage_quantum [V].
     """
-    loop = SampledLoop(plant=linearise(p, depth=depth), law=linear)
-    h, known = linear.sample_time, leaves(parameters)
+    loop = loop_of(p, linear, depth=depth)
+    h, known, law = linear.sample_time, leaves(bound.parameters), bound.law
     k_pV, rest = (float(known.get(name, 0.0)) for name in (law.volume_gain, law.dead_zone))
     from_voltage = discretise(loop.plant, h).part(output="depth", input="command")
     # Where the loop is broken, and what takes the first harmonic from there to the depth.

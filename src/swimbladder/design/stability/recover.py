@@ -40,9 +40,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from swimbladder.control.law import Law
 from swimbladder.design.linear.depths import neutral_end
 from swimbladder.design.linear.pump_valve import moved_by_volume
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.trial import arrivals, fly
 from swimbladder.io.tables import rows_csv
 from swimbladder.jobs import Store
@@ -188,27 +188,80 @@ class Map:
         return self.verdicts.size - self.count(Verdict.NOT_ASKED)
 
 
+@dataclass(frozen=True)
+class Recovery:
+    """A vehicle under a law, and what counts as recovered."""
+
+    vehicle: Vehicle
+    bound: BoundLaw
+    within: float  # s, in which it is to be back
+    band: float  # m
+    parts: Store  # of runs that are done
+
+    @property
+    def deepest(self) -> float:
+        """Depth [m] below which a vehicle counts as lost: the rating of one that dives to it."""
+        rating = self.vehicle.hull.depth_limit
+        return rating if self.bound.law.ways is not None and rating is not None else math.inf
+
+    def run(
+        self, starts: Array, asked: NDArray[np.bool_], advance: Callable[[float], None]
+    ) -> tuple[NDArray[np.int64], Array]:
+        """Return verdicts and times [s] of runs.
+
+        starts [4, rows, columns]: depth [m], set-point [m], speed [m/s], volume [m3].
+        """
+        verdicts = np.full(asked.shape, int(Verdict.NOT_ASKED))
+        seconds = np.full(asked.shape, math.nan)
+        cells = np.argwhere(asked)
+        for first in range(0, len(cells), _CHUNK):
+            rows, columns = cells[first : first + _CHUNK].T
+            some = starts[:, rows, columns]
+            found = self.parts.get(partial(self._chunk, *some), "map", some)
+            verdicts[rows, columns] = found["verdicts"]
+            seconds[rows, columns] = found["seconds"]
+            advance(len(rows) / len(cells))
+        return verdicts, seconds
+
+    def _chunk(self, depth: Array, target: Array, speed: Array, volume: Array) -> dict[str, Any]:
+        p = plant(moved_by_volume(self.vehicle))
+        runs = fly(
+            self.vehicle,
+            self.bound,
+            target=target,
+            duration=_WATCHED * self.within,
+            start_depth=depth,
+            start_speed=speed,
+            start_volume=volume,
+        )
+        deep = np.nan_to_num(runs.depth, nan=math.inf).max(axis=0) > self.deepest
+        since = arrivals(runs.time, ~(np.abs(runs.depth - target) <= self.band))
+        lost = deep | runs.stopped
+        there = np.isfinite(since) & ~lost
+        ends = np.stack([runs.depth[-1], runs.speed[-1], runs.volume[-1]], axis=1).tolist()
+        for k in np.flatnonzero(~there & ~lost):
+            lost[k] = falls(p, **dict(zip(("depth", "speed", "volume"), ends[k], strict=True)))
+        cases = [there & (since <= self.within), there, lost]
+        ranks = [int(v) for v in (Verdict.RECOVERED, Verdict.SLOW, Verdict.LOST)]
+        return {
+            "verdicts": np.select(cases, ranks, int(Verdict.UNSETTLED)),
+            "seconds": np.where(there, since, math.nan),
+        }
+
+
 def recovery_maps(
-    vehicle: Vehicle,
-    law: Law,
-    parameters: Any,
+    recovery: Recovery,
     *,
-    sample_time: float,
     depths: tuple[float, float],
-    within: float,
-    band: float,
     cells: int,
-    parts: Store,
     advance: Callable[[float], None] = lambda _: None,
 ) -> tuple[Map, ...]:
     """Return the map of steps, and at three depths that of depth errors and speeds.
 
-    within [s]: what counts as recovered in time; band [m]; cells: to a side. advance: told the
-    share of the work that is done.
+    cells: to a side. advance: told the share of the work that is done.
     """
-    p = plant(moved_by_volume(vehicle))
+    p = plant(moved_by_volume(recovery.vehicle))
     low, high = max(depths[0], p.z_surface), depths[1]
-    made = _Runs(vehicle, law, parameters, sample_time, within, band, parts)
     depth = np.linspace(low, high, cells)
     change = np.linspace(low - high, high - low, 2 * (cells // 2) + 1)
     Z, C = np.meshgrid(depth, change)
@@ -220,7 +273,7 @@ def recovery_maps(
 
     def add(starts: tuple[ArrayLike, ...], asked: NDArray[np.bool_], **about: Any) -> None:
         stacked = np.stack(np.broadcast_arrays(*starts))
-        verdicts, seconds = made.run(stacked, asked, lambda x: advance(0.25 * x))
+        verdicts, seconds = recovery.run(stacked, asked, lambda x: advance(0.25 * x))
         maps.append(Map(verdicts=verdicts, seconds=seconds, **about))
 
     add(
@@ -246,7 +299,7 @@ def recovery_maps(
         edge = np.array([edge_speed(p, depth=reference + e, volume=volume) for e in error])
         add(
             (reference + E, reference, S, volume),
-            reference + E <= made.deepest,
+            reference + E <= recovery.deepest,
             name=f"errors-{n + 1}",
             title=f"errors and speeds about {rounded(reference, 3)} m",
             x_label="depth less set-point [m]",
@@ -265,66 +318,3 @@ def _speeds(p: Any, depth: float, volume: float) -> float:
     force = p.a_b * (p.V_max - p.V_min)
     driven = math.sqrt(force / p.d_t) if p.d_t > 0.0 else force / max(p.d_l, 1e-9)
     return 1.3 * min(max(edge, 0.05 * driven), driven)
-
-
-@dataclass(frozen=True)
-class _Runs:
-    vehicle: Vehicle
-    law: Law
-    parameters: Any
-    sample_time: float
-    within: float
-    band: float
-    parts: Store
-
-    @property
-    def deepest(self) -> float:
-        """Depth [m] below which a vehicle counts as lost: the rating of one that dives to it."""
-        rating = self.vehicle.hull.depth_limit
-        return rating if self.law.ways is not None and rating is not None else math.inf
-
-    def run(
-        self, starts: Array, asked: NDArray[np.bool_], advance: Callable[[float], None]
-    ) -> tuple[NDArray[np.int64], Array]:
-        """Return verdicts and times [s] of runs.
-
-        starts [4, rows, columns]: depth [m], set-point [m], speed [m/s], volume [m3].
-        """
-        verdicts = np.full(asked.shape, int(Verdict.NOT_ASKED))
-        seconds = np.full(asked.shape, math.nan)
-        cells = np.argwhere(asked)
-        for first in range(0, len(cells), _CHUNK):
-            rows, columns = cells[first : first + _CHUNK].T
-            some = starts[:, rows, columns]
-            found = self.parts.get(partial(self._chunk, *some), "map", some)
-            verdicts[rows, columns] = found["verdicts"]
-            seconds[rows, columns] = found["seconds"]
-            advance(len(rows) / len(cells))
-        return verdicts, seconds
-
-    def _chunk(self, depth: Array, target: Array, speed: Array, volume: Array) -> dict[str, Any]:
-        p = plant(moved_by_volume(self.vehicle))
-        runs = fly(
-            self.vehicle,
-            self.law,
-            self.parameters,
-            target=target,
-            duration=_WATCHED * self.within,
-            start_depth=depth,
-            start_speed=speed,
-            sample_time=self.sample_time if self.law.ways is None else None,
-            start_volume=volume,
-        )
-        deep = np.nan_to_num(runs.depth, nan=math.inf).max(axis=0) > self.deepest
-        since = arrivals(runs.time, ~(np.abs(runs.depth - target) <= self.band))
-        lost = deep | runs.stopped
-        there = np.isfinite(since) & ~lost
-        ends = np.stack([runs.depth[-1], runs.speed[-1], runs.volume[-1]], axis=1).tolist()
-        for k in np.flatnonzero(~there & ~lost):
-            lost[k] = falls(p, **dict(zip(("depth", "speed", "volume"), ends[k], strict=True)))
-        cases = [there & (since <= self.within), there, lost]
-        ranks = [int(v) for v in (Verdict.RECOVERED, Verdict.SLOW, Verdict.LOST)]
-        return {
-            "verdicts": np.select(cases, ranks, int(Verdict.UNSETTLED)),
-            "seconds": np.where(there, since, math.nan),
-        }

@@ -8,16 +8,18 @@ parameters stands in this module: so its compiled kernel is found again.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache, partial
+from itertools import product
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from swimbladder.control.law import Law
 from swimbladder.design.linear.margins import spectral_radius
-from swimbladder.design.stability.cycles import without_rest
-from swimbladder.design.tuning.margins import at_rest, loop_of
+from swimbladder.design.linear.sampled import BoundLaw, loop_of
+from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import Drawn, Step, measure, traces
 from swimbladder.jobs import Store
@@ -48,33 +50,6 @@ def initial(parameters, measurement, reference):
 """
 
 
-class Wrapped(NamedTuple):
-    """A wrapped law, and how its parameters are made."""
-
-    law: Law
-    inner: Law
-
-    def parameters(
-        self,
-        numbers: Any,
-        *,
-        sample_time: float,
-        gain: float = 1.0,
-        late: bool = False,
-        quantum: float = 0.0,
-        rest: float = 0.0,
-    ) -> Any:
-        """Return the wrapped law's parameters from those of the law.
-
-        sample_time [s]: the law's own; quantum [V]; rest [V]: command before the first one comes.
-        """
-        return self.law.parameters(numbers, gain, float(late), quantum, sample_time, rest)
-
-    def tick(self, sample_time: float, *, late: bool) -> float:
-        """Return the sample time to run it with [s]."""
-        return 0.5 * sample_time if late else sample_time
-
-
 def _record(name: str, inner: type[Any], more: Mapping[str, str]) -> Any:
     """Return a class of named tuples in this module: a law's own, and more numbers with units."""
     make: Any = NamedTuple
@@ -84,7 +59,9 @@ def _record(name: str, inner: type[Any], more: Mapping[str, str]) -> Any:
     return made
 
 
-def _wrap(law: Law) -> Wrapped:
+@cache
+def wrapped_law(law: Law) -> Law:
+    """Return the wrapped form of a law."""
     name = "".join(part.title() for part in law.name.split("-"))
     given = {"w_gain": "", "w_late": "", "w_quantum": "V", "w_tick": "s", "w_rest": "V"}
     kept = {"w_next": "V", "w_left": ""}
@@ -98,28 +75,27 @@ def _wrap(law: Law) -> Wrapped:
         "law_initial": law.initial,
     }
     exec(_STEP, space)  # one for each law: the compiler finds it by its parameters
-    return Wrapped(
-        Law(
-            name=f"{law.name}, wrapped",
-            summary=f"{law.summary}; gain and delay off",
-            command=law.command,
-            parameters=Parameters,
-            state=State,
-            step=space["step"],
-            initial=space["initial"],
-        ),
-        law,
-    )
+    made = {"parameters": Parameters, "state": State}
+    made |= {name: space[name] for name in ("step", "initial")}
+    return replace(law, name=f"{law.name}, wrapped", recipe=None, **made)
 
 
-_WRAPPED: dict[type[Any], Wrapped] = {}
+def wrapped(
+    bound: BoundLaw,
+    *,
+    gain: float = 1.0,
+    late: bool = False,
+    quantum: float = 0.0,
+    rest: float = 0.0,
+) -> BoundLaw:
+    """Return the wrapped form of a law with its parameters.
 
-
-def wrapped(law: Law) -> Wrapped:
-    """Return the wrapped form of a law, the same one each time."""
-    if law.parameters not in _WRAPPED:
-        _WRAPPED[law.parameters] = _wrap(law)
-    return _WRAPPED[law.parameters]
+    quantum [V]; rest [V]: command before the first one comes.
+    """
+    law, numbers, h = bound
+    form = wrapped_law(law)
+    made = form.parameters(numbers, gain, float(late), quantum, h, rest)
+    return BoundLaw(form, made, 0.5 * h if late else h)
 
 
 GAINS = (0.5, 0.7, 1.0, 1.4, 2.0)
@@ -150,29 +126,20 @@ def settling_band(parameters: Any, step: Step, quantum: float) -> float:
 
 def robustness(
     vehicle: Vehicle,
-    law: Law,
-    parameters: Any,
-    *,
-    sample_time: float,
-    region: Region,
+    bound: BoundLaw,
     step: Step,
-    draws: int,
+    drawn: Drawn,
     parts: Store,
-    gains: Sequence[float] = GAINS,
     advance: Callable[[float], None] = lambda _: None,
 ) -> tuple[Stood, ...]:
     """Return what a law stands: each gain, without and with half a sample of extra delay."""
-    p = plant(vehicle)
+    p, (law, parameters, sample_time) = plant(vehicle), bound
     rest = p.load_drive * step.start if vehicle.voltage_driven else p.psi * step.start + p.V_0
-    form = wrapped(law)
     band = settling_band(parameters, step, vehicle.sensors.depth_quantum)
 
     def run(gain: float, late: bool) -> list[float]:
-        wrong = form.parameters(
-            parameters, sample_time=sample_time, gain=gain, late=late, rest=rest
-        )
-        drawn = Drawn(draws, region, sample_time=form.tick(sample_time, late=late))
-        seen = traces(vehicle, form.law, wrong, step, drawn)
+        wrong = wrapped(bound, gain=gain, late=late, rest=rest)
+        seen = traces(vehicle, wrong, step, drawn)
         found = measure(seen, float(seen.time[-1]) * 2.0 / 3.0)
         farthest = np.nan_to_num(found.farthest, nan=math.inf)
         worst = np.percentile(farthest, 95.0, method="higher")
@@ -180,25 +147,24 @@ def robustness(
         return [float(x) for x in (np.mean(farthest <= band), over, worst, moved)]
 
     found = []
-    for late in (False, True):
-        for gain in gains:
-            asked = ("robustness", law.name, parameters, gain, late, step, draws)
-            numbers = parts.get(partial(run, gain, late), *asked)
-            delay = 0.5 * sample_time if late else 0.0
-            radius = _radius(law, parameters, region, step.target, sample_time, gain, delay)
-            found.append(Stood._make((law.name, gain, delay, *numbers, radius, draws)))
-            advance(0.5 / len(gains))
+    for late, gain in product((False, True), GAINS):
+        asked = ("robustness", law.name, parameters, gain, late, step, drawn.runs)
+        numbers = parts.get(partial(run, gain, late), *asked)
+        delay = 0.5 * sample_time if late else 0.0
+        radius = _radius(bound, drawn.region, step.target, gain, delay)
+        found.append(Stood._make((law.name, gain, delay, *numbers, radius, drawn.runs)))
+        advance(0.5 / len(GAINS))
     return tuple(found)
 
 
 def _radius(
-    law: Law, parameters: Any, region: Region, depth: float, h: float, gain: float, delay: float
+    bound: BoundLaw, region: Region | None, depth: float, gain: float, delay: float
 ) -> float:
     """Return the largest eigenvalue's modulus over the region, the command times a gain [-]."""
-    linear = at_rest(
-        law, without_rest(law, parameters), region.plants[0], depth=depth, sample_time=h
-    )
-    if not linear.smooth or linear.sample_time != h:
+    assert region is not None  # stability
+    linear = at_rest(bound.without_rest, region.plants[0], depth=depth)
+    if not linear.smooth or linear.sample_time != bound.sample_time:
         return math.nan
-    broken = [loop_of(p, linear, depth=depth, delay=delay).at_command for p in region.plants]
+    loops = [loop_of(p, linear, depth=depth, delay=delay) for p in region.plants]
+    broken = [loop.broken_at_command() for loop in loops]
     return max(spectral_radius(one.A - gain * one.B @ one.C) for one in broken)

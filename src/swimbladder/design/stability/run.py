@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,23 +18,24 @@ from swimbladder.control.records import from_numbers, leaves, numbers
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.depths import neutral_end
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability.around import Around, Decided, around_decisions, look_around
-from swimbladder.design.stability.confirm import Confirmed, Held, edge, hold, hunting
-from swimbladder.design.stability.cycles import Predicted, predict, without_rest
-from swimbladder.design.stability.recover import Map, Verdict, recovery_maps
+from swimbladder.design.stability.confirm import Confirmed, Held, Seen, edge, hold, hunting
+from swimbladder.design.stability.cycles import Predicted, predict
+from swimbladder.design.stability.recover import Map, Recovery, Verdict, recovery_maps
 from swimbladder.design.stability.robust import Stood, robustness, wrapped
 from swimbladder.design.tuning import gains, tune
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import Step, usual_step
+from swimbladder.design.tuning.trial import Drawn, Step, usual_step
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
 from swimbladder.jobs import Store
-from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.units import length
 from swimbladder.vehicle import PumpAndValve, Vehicle
-from swimbladder.vehicle.schema import did_you_mean
+from swimbladder.vehicle.schema import no_such
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -279,8 +280,21 @@ def stability(
 
     Raises InputError for what cannot be, and for a vehicle without a controller.
     """
-    _check(vehicle, depths, delay, within, cells, voltage_quantum, draws, laws)
+    gains.check_depths(depths, vehicle.hull.emergence_depth)
+    for field, value, fits, remedy in (
+        ("--delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
+        ("--within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),
+        ("--cells", cells, 5 <= cells <= 201, "Give 5 to 201"),
+        ("--voltage-quantum", voltage_quantum, 0.0 <= voltage_quantum < 1e3, "Give 0 or more"),
+        ("--draws", draws, 20 <= draws <= 100_000, "Give 20 or more"),
+    ):
+        if not fits:
+            raise InputError("out of range", field=field, value=value, remedy=remedy)
     law, numbers = own_law(vehicle, sampled=False)
+    known = gains.tunable_names()
+    for name in laws:
+        if name not in (*known, law.name):
+            raise no_such("not a law that can be tuned for this", name, known, field="--law")
     if law.ways is not None and (with_robustness or laws):
         raise InputError(
             f"the law {law.name!r} is not called at each sample: it has no sample to be late",
@@ -291,6 +305,7 @@ def stability(
     assert vehicle.controller is not None  # own_law
     tell = advance or (lambda _: None)
     h = vehicle.controller.sample_time
+    bound = BoundLaw(law, numbers, h if law.ways is None else math.nan)
     low, high = depths
     parts = Store(keep, vehicle, source_of(law), depths, within, _BAND)
     unmet: list[str] = []
@@ -301,17 +316,12 @@ def stability(
         three = (low, 0.5 * (low + high), high)
         if law.ways is not None:
             band *= _AROUND
-            decided = around_decisions(vehicle, law, numbers, depths=three)
-            cycles = hunting(vehicle, law, numbers, depth=at, depths=depths)
+            decided = around_decisions(vehicle, bound, depths=three)
+            cycles = hunting(vehicle, bound, depth=at, depths=depths)
         else:
+            smooth = bound.without_rest
             around = look_around(
-                vehicle,
-                law,
-                without_rest(law, numbers),
-                depths=three,
-                sample_time=h,
-                delay=delay * h,
-                advance=lambda x: tell(0.1 * x),
+                vehicle, smooth, depths=three, delay=delay * h, advance=lambda x: tell(0.1 * x)
             )
             if around is None or not around.stable:
                 unmet.append(
@@ -322,27 +332,23 @@ def stability(
                     "The actuator takes a volume: its rate limit has no describing function here."
                 )
             else:
-                cycles = _cycles(vehicle, law, numbers, at, h, voltage_quantum)
+                cycles = _cycles(vehicle, bound, at, voltage_quantum)
         tell(0.2)
         found: tuple[Map, ...] = ()
         if maps:
+            recovery = Recovery(vehicle, bound, within, band, parts)
             found = recovery_maps(
-                vehicle,
-                law,
-                numbers,
-                sample_time=h,
-                depths=depths,
-                within=within,
-                band=band,
-                cells=cells,
-                parts=parts,
-                advance=lambda x: tell(0.4 * x),
+                recovery, depths=depths, cells=cells, advance=lambda x: tell(0.4 * x)
             )
-        stood: tuple[Stood, ...] = ()
+        stood: list[Stood] = []
         if with_robustness:
-            stood = _robustness(
-                vehicle, law, numbers, laws, depths, within, draws, parts, lambda x: tell(0.3 * x)
-            )
+            start, target = usual_step(max(low, vehicle.hull.emergence_depth), high)
+            step = Step(start, target, math.ceil(within / h) * h)
+            chosen = [bound, *_others(vehicle, bound, laws, depths, parts)]
+            share = 0.3 / len(chosen)
+            for one in chosen:
+                drawn = Drawn(draws, region(vehicle))
+                stood += robustness(vehicle, one, step, drawn, parts, lambda x: tell(share * x))
     return Stability(
         vehicle=vehicle.name,
         law=law.name,
@@ -355,7 +361,7 @@ def stability(
         maps=found,
         within=within,
         band=band,
-        stood=stood,
+        stood=tuple(stood),
         unmet=tuple(unmet),
         beyond=_beyond(vehicle, depths[1]),
         decided=decided,
@@ -391,36 +397,6 @@ def _beyond(vehicle: Vehicle, deepest: float) -> str:
     return ""
 
 
-def _check(
-    vehicle: Vehicle,
-    depths: tuple[float, float],
-    delay: float,
-    within: float | None,
-    cells: int,
-    voltage_quantum: float,
-    draws: int,
-    laws: Sequence[str],
-) -> None:
-    gains.check_depths(depths, vehicle.hull.emergence_depth)
-    for field, value, fits, remedy in (
-        ("--delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
-        ("--within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),
-        ("--cells", cells, 5 <= cells <= 201, "Give 5 to 201"),
-        ("--voltage-quantum", voltage_quantum, 0.0 <= voltage_quantum < 1e3, "Give 0 or more"),
-        ("--draws", draws, 20 <= draws <= 100_000, "Give 20 or more"),
-    ):
-        if not fits:
-            raise InputError("out of range", field=field, value=value, remedy=remedy)
-    for name in laws:
-        if name not in (names := gains.tunable_names()) and name != own_law(vehicle)[0].name:
-            raise InputError(
-                "not a law that can be tuned for this",
-                field="--law",
-                value=name,
-                remedy=f"{did_you_mean(name, names)}Choose from {', '.join(names)}",
-            )
-
-
 def _cycle_depth(vehicle: Vehicle, depths: tuple[float, float]) -> float:
     """Return a depth within the range to hold [m]: a multiple of the depth's quantum."""
     quantum = vehicle.sensors.depth_quantum
@@ -429,41 +405,34 @@ def _cycle_depth(vehicle: Vehicle, depths: tuple[float, float]) -> float:
 
 
 def _cycles(
-    vehicle: Vehicle, law: Law, numbers: Any, depth: float, h: float, voltage_quantum: float
+    vehicle: Vehicle, bound: BoundLaw, depth: float, voltage_quantum: float
 ) -> tuple[Confirmed, ...]:
-    p = plant(vehicle)
-    linear = at_rest(law, without_rest(law, numbers), p, depth=depth, sample_time=h)
     predicted = predict(
-        p,
-        law,
-        numbers,
-        linear,
+        plant(vehicle),
+        bound,
+        at_rest(bound.without_rest, plant(vehicle), depth=depth),
         depth=depth,
         depth_quantum=vehicle.sensors.depth_quantum,
         voltage_quantum=voltage_quantum,
     )
-    return tuple(
-        Confirmed(one, _simulated(vehicle, p, law, numbers, one, depth, h)) for one in predicted
-    )
+    return tuple(Confirmed(one, _simulated(vehicle, bound, one, depth)) for one in predicted)
 
 
-def _simulated(
-    vehicle: Vehicle, p: Plant, law: Law, numbers: Any, one: Predicted, depth: float, h: float
-) -> Any:
+def _simulated(vehicle: Vehicle, bound: BoundLaw, one: Predicted, depth: float) -> Seen | None:
     """Return what the simulator shows of one nonlinearity, the others left out."""
+    p, h = plant(vehicle), bound.sample_time
     quantised = one.source == "quantum of the depth"
     quantum = {"depth_quantum": one.size} if quantised else {}
     sensors = vehicle.sensors.model_copy(update=_STILL | quantum)
     alone = vehicle.model_copy(update={"sensors": sensors})
-    parameters = numbers if one.source == "dead zone of the law" else without_rest(law, numbers)
+    if one.source != "dead zone of the law":
+        bound = bound.without_rest
     vary: dict[str, float] = {}
     if one.source != "friction of the motor":
         vary = {"friction": 0.0, "load_back": p.load_drive}
     if one.source == "quantum of the voltage":
-        form, rest = wrapped(law), p.load_drive * depth
-        parameters = form.parameters(parameters, sample_time=h, quantum=one.size, rest=rest)
-        law = form.law
-    held = Held(alone, law, parameters, h, depth, vary)
+        bound = wrapped(bound, quantum=one.size, rest=p.load_drive * depth)
+    held = Held(alone, bound, depth, vary)
     period, size, stable = 100.0 * h, 1e-2, True
     if one.cycle is not None:
         period, size, stable = one.cycle.period, one.depth_amplitude, one.cycle.stable
@@ -475,47 +444,23 @@ def _simulated(
     return hold(held, off, period, quantised=quantised)
 
 
-def _robustness(
+def _others(
     vehicle: Vehicle,
-    law: Law,
-    numbers: Any,
+    own: BoundLaw,
     laws: Sequence[str],
     depths: tuple[float, float],
-    within: float,
-    draws: int,
     parts: Store,
-    tell: Callable[[float], None],
-) -> tuple[Stood, ...]:
-    assert vehicle.controller is not None
-    h = vehicle.controller.sample_time
-    low = max(depths[0], vehicle.hull.emergence_depth)
-    step = Step(*usual_step(low, depths[1]), math.ceil(within / h) * h)
-    around = region(vehicle)
-    chosen = [(law, numbers)]
+) -> Iterator[BoundLaw]:
+    """Yield laws that are to be compared with the own one, tuned."""
     for name in dict.fromkeys(laws):
-        if name != law.name:
-            other = gains.tunable(name)
-            asked = ("tuned", name, source_of(other), depths)
+        if name != own.law.name:
+            law = gains.tunable(name)
+            asked = ("tuned", name, source_of(law), depths)
             values = parts.get(partial(_tuned, vehicle, name, depths), *asked)
-            chosen.append((other, from_numbers(other.parameters, values)))
-    found: list[Stood] = []
-    for one, its in chosen:
-        found += robustness(
-            vehicle,
-            one,
-            its,
-            sample_time=h,
-            region=around,
-            step=step,
-            draws=draws,
-            parts=parts,
-            advance=lambda x: tell(x / len(chosen)),
-        )
-    return tuple(found)
+            yield own._replace(law=law, parameters=from_numbers(law.parameters, values))
 
 
 def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float]) -> list[float]:
-    found = tune(
-        vehicle, law=name, goal=gains.goals_of(gains.recipe_of(name))[0], depths=depths, runs=_TUNED
-    )
+    goal = gains.goals_of(gains.recipe_of(name))[0]
+    found = tune(vehicle, law=name, goal=goal, depths=depths, runs=_TUNED)
     return [float(np.asarray(x)) for x in numbers(found.parameters)]

@@ -22,8 +22,8 @@ from swimbladder.control.law import Drive, Knobs, Law, Recipe, Setting
 from swimbladder.control.motion import off_in, runaway
 from swimbladder.control.registry import LAWS
 from swimbladder.design.linear.margins import Margins
-from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.region import Member, Region, neutral_walk
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, trial
@@ -31,7 +31,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
-from swimbladder.vehicle.schema import did_you_mean
+from swimbladder.vehicle.schema import no_such
 
 GOALS = ("fast", "quiet", "energy")
 # m rms, that a depth is held to where nothing is said: 1 cm less what 40 runs may be off, and 5 cm.
@@ -209,13 +209,7 @@ def tunable(name: str) -> Law:
     """Return the law of that name; raises InputError where it is not one that is tuned."""
     law = LAWS.get(name)
     if law is None or law.recipe is None:
-        names = tunable_names()
-        raise InputError(
-            "this law is not tuned",
-            field="--law",
-            value=name,
-            remedy=f"{did_you_mean(name, names)}Choose from {', '.join(names)}",
-        )
+        raise no_such("this law is not tuned", name, tunable_names(), field="--law")
     return law
 
 
@@ -259,37 +253,70 @@ class Found:
     radius: float = math.nan
 
 
+class Goal(NamedTuple):
+    """What is asked of a law, and of which vehicles."""
+
+    name: str  # fast, quiet or energy
+    held: float  # m rms, that a depth is to be held to
+    depths: tuple[float, ...]  # m, where margins are checked
+    step: Step
+    drawn: Drawn
+
+
 @dataclass
-class _Search:
-    """What is looked for, and how near anything came."""
+class Search:
+    """A search of the best knobs for a goal, and how near anything came."""
 
     law: Law
-    recipe: Recipe
+    vehicle: Vehicle
     setting: Setting
-    region: Region
-    depths: Sequence[float]  # m
+    asked: Goal
     delay: float  # s, from sample to command
     report: Callable[[float], None]
     near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
 
+    def found(self) -> Found:
+        """Return the best knobs found.
+
+        Raises NoAnswerError where no knobs have the margins, with the one that is farthest from
+        them, or where none holds the vehicle.
+        """
+        return self._of_loops() if self.recipe.candidates is None else self._of_floats()
+
+    @property
+    def recipe(self) -> Recipe:
+        """How the law's parameters are made."""
+        assert self.law.recipe is not None  # tunable
+        return self.law.recipe
+
+    @property
+    def region(self) -> Region:
+        """The vehicles that the law has to hold."""
+        assert self.asked.drawn.region is not None  # tune
+        return self.asked.drawn.region
+
+    def bound(self, knobs: Any) -> BoundLaw:
+        """Return the law with the parameters that knobs give."""
+        h = self.setting.sample_time if self.law.ways is None else math.nan
+        return BoundLaw(self.law, self.recipe.gains(self.setting, knobs), h)
+
+    def tried(self, knobs: Any, drawn: Drawn) -> tuple[tuple[float, ...], Any, Trial]:
+        """Return what is to be small of knobs, these, and their trial."""
+        found = trial(self.vehicle, self.bound(knobs), self.asked.step, drawn)
+        rank = score if self.law.ways is None else float_score
+        return rank(self.asked.name, found, self.asked.held), knobs, found
+
     def over(
-        self, knobs: Knobs, wanted: Margins, look: Callable[[StateSpace], Margins], *, nominal: bool
+        self, knobs: Knobs, wanted: Margins, judge: margins.Judge, *, nominal: bool
     ) -> Margins | None:
         """Return the margins where they are what is wanted, else None.
 
         Dead zone and pauses are none of the loop's around rest: margins are of its linear part.
         """
-        linear, count = knobs._replace(dead=0.0, pause=0.0), 1 if nominal else None
-        m = margins.worst(
-            self.law,
-            self.recipe.gains(self.setting, linear),
-            self.region.plants[:count],
-            depths=self.depths[:count],
-            sample_time=self.setting.sample_time,
-            delay=self.delay,
-            look=look,
-            wanted=None if nominal else wanted,
-        )
+        linear, count = self.bound(knobs._replace(dead=0.0, pause=0.0)), 1 if nominal else None
+        plants, depths = self.region.plants[:count], self.asked.depths[:count]
+        loops = margins.loops(linear, plants, depths=depths, delay=self.delay)
+        m = margins.worst(loops, judge=judge, wanted=None if nominal else wanted)
         short = margins.falls_short(m, wanted)
         if not short:
             return m
@@ -298,9 +325,10 @@ class _Search:
             self.near = (rank, short)
         return None
 
-    def candidates(self, goal: str, held: float, most: int, wanted: Margins) -> list[Knobs]:
+    def candidates(self, most: int) -> list[Knobs]:
         """Return the first knobs that have the margins, by what the goal prefers."""
-        every = list(grid(self.recipe, goal, self.setting, held))
+        goal, wanted = self.asked.name, _tightened(margins.WANTED)
+        every = list(grid(self.recipe, goal, self.setting, self.asked.held))
         if not self.recipe.linear:
             return every
         kept = []
@@ -318,153 +346,119 @@ class _Search:
                 self.report(0.1 / most)
         return found
 
-
-class Goal(NamedTuple):
-    """What is asked of a law, and of which vehicles."""
-
-    name: str  # fast, quiet or energy
-    held: float  # m rms, that a depth is to be held to
-    depths: tuple[float, ...]  # m, where margins are checked
-    step: Step
-    drawn: Drawn
-
-
-def search(
-    name: str,
-    vehicle: Vehicle,
-    setting: Setting,
-    asked: Goal,
-    *,
-    delay: float,
-    wanted: Margins = margins.WANTED,
-    advance: Callable[[float], None] | None = None,
-) -> Found:
-    """Return the best knobs found for a goal; delay [s]: from sample to command.
-
-    Raises NoAnswerError where no knobs have the margins, with the one that is farthest from them,
-    or where none holds the vehicle.
-    """
-    report = advance or (lambda _: None)
-    law, recipe = tunable(name), recipe_of(name)
-    if recipe.candidates is not None:
-        return _search_floats(name, vehicle, setting, asked, report)
-    goal, held, depths, step, drawn = asked
-    runs, region = drawn.runs, drawn.region
-    assert region is not None
-    look = _Search(law, recipe, setting, region, depths, delay, report)
-    most = _TRIED_RESTING if recipe.holds and goal != "fast" else _TRIED[goal]
-    every = [
-        option
-        for knobs in look.candidates(goal, held, most, _tightened(wanted))
-        for option in options(recipe, goal, knobs, setting, held=held, deepest=max(depths))
-    ]
-
-    def tried(knobs: Knobs, drawn: Drawn) -> tuple[tuple[float, ...], Knobs, Trial]:
-        found = trial(vehicle, law, recipe.gains(setting, knobs), step, drawn)
-        return score(goal, found, held), knobs, found
-
-    scored = []
-    for knobs in every:
-        scored.append(tried(knobs, drawn._replace(runs=min(runs, _FEW[goal]))))
-        report(0.45 / len(every))
-    scored.sort(key=lambda one: one[0])
-    if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
-        final = []
-        for _, knobs, over in scored[:_FINAL]:
-            for _ in range(_FITTED):
-                fitted = knobs._replace(band=knobs.band * max(held / over.rms, 0.5))
-                _, knobs, over = one = tried(fitted, drawn)
-                final.append(one)
-        scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
-    off = scored[0][2].rms if scored else 0.0
-    if goal != "fast" and not off <= _LOST * held:
-        better = [n for n in tunable_names(law.command) if recipe_of(n).holds_best]
-        other = "" if recipe.holds_best or not better else f"the law {better[0]} or "
+    def _of_loops(self) -> Found:
+        """Return the best knobs of a law that is called at each sample: margins, then trials."""
+        goal, held, depths, step, drawn = self.asked
+        recipe, name = self.recipe, self.law.name
+        most = _TRIED_RESTING if recipe.holds and goal != "fast" else _TRIED[goal]
+        every = [
+            option
+            for knobs in self.candidates(most)
+            for option in options(recipe, goal, knobs, self.setting, held=held, deepest=max(depths))
+        ]
+        scored = []
+        for knobs in every:
+            scored.append(self.tried(knobs, drawn._replace(runs=min(drawn.runs, _FEW[goal]))))
+            self.report(0.45 / len(every))
+        scored.sort(key=lambda one: one[0])
+        if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
+            final = []
+            for _, knobs, over in scored[:_FINAL]:
+                for _ in range(_FITTED):
+                    fitted = knobs._replace(band=knobs.band * max(held / over.rms, 0.5))
+                    _, knobs, over = one = self.tried(fitted, drawn)
+                    final.append(one)
+            scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
+        off = scored[0][2].rms if scored else 0.0
+        if goal != "fast" and not off <= _LOST * held:
+            better = [n for n in tunable_names(self.law.command) if recipe_of(n).holds_best]
+            other = "" if recipe.holds_best or not better else f"the law {better[0]} or "
+            raise NoAnswerError(
+                f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm "
+                f"rms over the region: the best has {1e3 * off:.3g} mm. A greater error allowed, a "
+                f"better depth sensor, {other}parameters known better would help"
+            )
+        if goal == "fast" and not off <= _AWAY * abs(step.target - step.start):
+            raise NoAnswerError(
+                f"no gains of the law {name!r} that were tried bring the vehicle through the step "
+                f"over the region: at its end the best is off by {off:.3g} m rms, with a depth "
+                f"noise of {1e3 * self.setting.noise:.3g} mm assumed. Another law, a better depth "
+                "sensor, a goal of quiet, a larger supply or parameters known better would help"
+            )
+        for _, knobs, over in scored:
+            m = None
+            if recipe.linear:
+                m = self.over(knobs, margins.WANTED, margins.exactly, nominal=False)
+            self.report(0.15 / len(scored))
+            if m is not None or not recipe.linear:
+                if over.runs != drawn.runs:
+                    over = self.tried(knobs, drawn)[2]
+                return self._chosen(knobs, m, over)
+        assert self.near is not None  # something was computed
+        (_, unstable, _), short = self.near
+        nearest = f"the nearest has {'; '.join(short)}"
+        if unstable:
+            nearest = "none makes a loop that is stable over it"
         raise NoAnswerError(
-            f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm rms "
-            f"over the region: the best has {1e3 * off:.3g} mm. A greater error allowed, a better "
-            f"depth sensor, {other}parameters known better would help"
-        )
-    if goal == "fast" and not off <= _AWAY * abs(step.target - step.start):
-        raise NoAnswerError(
-            f"no gains of the law {name!r} that were tried bring the vehicle through the step over "
-            f"the region: at its end the best is off by {off:.3g} m rms, with a depth noise of "
-            f"{1e3 * setting.noise:.3g} mm assumed. Another law, a better depth sensor, a goal of "
-            "quiet, a larger supply or parameters known better would help"
-        )
-    for _, knobs, few in scored:
-        m = look.over(knobs, wanted, margins.exactly, nominal=False) if recipe.linear else None
-        report(0.15 / len(scored))
-        if m is not None or not recipe.linear:
-            over = few if few.runs == runs else tried(knobs, drawn)[2]
-            nominal = tried(knobs, drawn.nominal)[2]
-            return Found(knobs, recipe.gains(setting, knobs), m, nominal, over)
-    assert look.near is not None  # something was computed
-    (_, unstable, _), short = look.near
-    nearest = f"the nearest has {'; '.join(short)}"
-    if unstable:
-        nearest = "none makes a loop that is stable over it"
-    raise NoAnswerError(
-        f"no gains of the law {name!r} have the margins over the region at a sample time of "
-        f"{setting.sample_time:g} s: {nearest}. A shorter sample time, a faster motor or "
-        "parameters known better would help"
-    )
-
-
-def _search_floats(
-    name: str, vehicle: Vehicle, setting: Setting, asked: Goal, advance: Callable[[float], None]
-) -> Found:
-    """Return the best setting of a law of volume changes: stable over the region, then flown."""
-    law, recipe = tunable(name), recipe_of(name)
-    goal, held, depths, step, drawn = asked
-    region = drawn.region
-    assert region is not None  # search
-    assert recipe.candidates is not None
-    rates = drive_rates(with_supply(vehicle, setting.limit), depths)
-    members = [Member(p, {}, drive) for p, drive in zip(region.plants, region.drives, strict=True)]
-    medium = medium_of(vehicle, drawn.column, reach=max(depths))
-    kept: list[tuple[float, Any, Any]] = []
-    least, unheld = math.inf, ""
-    every = recipe.candidates(setting, goal, held)
-    for chosen in every:
-        numbers = recipe.gains(setting, chosen)
-        radius = margins.largest_radius(vehicle, law, numbers, members, rates, medium)
-        rest = margins.rest_of(vehicle, law, numbers, rates, medium)
-        if not rest.held:
-            unheld = f"at rest the best goes {rest.band:.3g} m between two decisions"
-        elif radius < 1.0:
-            kept.append((radius, chosen, numbers))
-        least = min(least, radius)
-        advance(0.2 / len(every))
-    if not kept:
-        why = unheld if least < 1.0 else f"the smallest eigenvalue has the modulus {least:.3g}"
-        raise NoAnswerError(
-            f"no setting of the law {name!r} is stable from decision to decision over the region: "
-            f"{why}. Parameters known better, a wider band (--hold) or a faster pump would help"
+            f"no gains of the law {name!r} have the margins over the region at a sample time of "
+            f"{self.setting.sample_time:g} s: {nearest}. A shorter sample time, a faster motor or "
+            "parameters known better would help"
         )
 
-    def tried(numbers: Any, drawn: Drawn) -> tuple[tuple[float, ...], Trial]:
-        found = trial(vehicle, law, numbers, step, drawn)
-        return float_score(goal, found, held), found
+    def _chosen(
+        self, knobs: Any, m: Margins | None, over: Trial, radius: float = math.nan
+    ) -> Found:
+        nominal = self.tried(knobs, self.asked.drawn.nominal)[2]
+        return Found(knobs, self.bound(knobs).parameters, m, nominal, over, radius)
 
-    scored = []
-    for one in kept:
-        few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
-        scored.append((tried(one[2], few)[0], one))
-        advance(0.5 / len(kept))
-    best = sorted(scored, key=lambda pair: pair[0])[: 1 if goal == "fast" else _AGAIN]
-    final = [(*tried(one[2], drawn), one) for _, one in best]
-    _, over, (radius, chosen, numbers) = min(final, key=lambda found: found[0])
-    span = abs(step.target - step.start)
-    if over.settled < _ARRIVE or not over.rms <= _LOST * held:
-        raise NoAnswerError(
-            f"no setting of the law {name!r} brings the float over {span:g} m and keeps it within "
-            f"{held:g} m over the region: of the best {100.0 * over.settled:.0f} % of {over.runs} "
-            f"flights arrive and stay in {step.duration / 3600.0:.3g} h, {over.rms:.3g} m rms. A "
-            "wider band (--hold), a faster pump, more stroke or parameters known better would help"
-        )
-    advance(0.3)
-    return Found(chosen, numbers, None, tried(numbers, drawn.nominal)[1], over, radius)
+    def _of_floats(self) -> Found:
+        """Return the best knobs of a law of volume changes: stable over the region, then flown."""
+        goal, held, depths, step, drawn = self.asked
+        vehicle, region, name = self.vehicle, self.region, self.law.name
+        assert self.recipe.candidates is not None
+        rates = drive_rates(with_supply(vehicle, self.setting.limit), depths)
+        members = [Member(p, {}, d) for p, d in zip(region.plants, region.drives, strict=True)]
+        medium = medium_of(vehicle, drawn.column, reach=max(depths))
+        kept: list[tuple[float, Any]] = []
+        least, unheld = math.inf, ""
+        every = self.recipe.candidates(self.setting, goal, held)
+        for knobs in every:
+            bound = self.bound(knobs)
+            radius = margins.largest_radius(vehicle, bound, members, rates, medium)
+            rest = margins.rest_of(vehicle, bound, rates, medium)
+            if not rest.held:
+                unheld = f"at rest the best goes {rest.band:.3g} m between two decisions"
+            elif radius < 1.0:
+                kept.append((radius, knobs))
+            least = min(least, radius)
+            self.report(0.2 / len(every))
+        if not kept:
+            why = unheld if least < 1.0 else f"the smallest eigenvalue has the modulus {least:.3g}"
+            raise NoAnswerError(
+                f"no setting of the law {name!r} is stable from decision to decision over the "
+                f"region: {why}. Parameters known better, a wider band (--hold) or a faster pump "
+                "would help"
+            )
+        scored = []
+        for radius, knobs in kept:
+            few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
+            scored.append((self.tried(knobs, few)[0], radius, knobs))
+            self.report(0.5 / len(kept))
+        scored.sort(key=lambda one: one[0])
+        again = scored[: 1 if goal == "fast" else _AGAIN]
+        final = [(self.tried(knobs, drawn), radius) for _, radius, knobs in again]
+        (_, knobs, over), radius = min(final, key=lambda one: one[0][0])
+        span = abs(step.target - step.start)
+        if over.settled < _ARRIVE or not over.rms <= _LOST * held:
+            raise NoAnswerError(
+                f"no setting of the law {name!r} brings the float over {span:g} m and keeps it "
+                f"within {held:g} m over the region: of the best {100.0 * over.settled:.0f} % of "
+                f"{over.runs} flights arrive and stay in {step.duration / 3600.0:.3g} h, "
+                f"{over.rms:.3g} m rms. A wider band (--hold), a faster pump, more stroke or "
+                "parameters known better would help"
+            )
+        self.report(0.3)
+        return self._chosen(knobs, None, over, radius)
 
 
 def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:

@@ -7,17 +7,18 @@ decision; the band in which they are caught has to be narrower than the one that
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Measurement
 from swimbladder.control.rate import RateParameters
 from swimbladder.control.records import leaves
 from swimbladder.design.linear.margins import Margins, loop_margins, spectral_radius
-from swimbladder.design.linear.models import StateSpace, linearise
+from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.linear.pump_valve import (
     Decision,
     Delivery,
@@ -26,7 +27,13 @@ from swimbladder.design.linear.pump_valve import (
     decision_of,
     with_drag,
 )
-from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
+from swimbladder.design.linear.sampled import (
+    BoundLaw,
+    LinearLaw,
+    SampledLoop,
+    linearise_law,
+    loop_of,
+)
 from swimbladder.design.tuning.region import Member, member, with_middle
 from swimbladder.physics.dynamics import Plant, drag_force
 from swimbladder.sim.closed_loop.water import Medium
@@ -50,8 +57,9 @@ class Rest(NamedTuple):
         return math.isinf(self.growth_time) or self.band <= self.tolerance
 
 
-def decisions_of(law: Law, parameters: Any) -> list[Decision]:
+def decisions_of(bound: BoundLaw) -> list[Decision]:
     """Return what a law decides on each of its ways, down and up, too slow and too fast."""
+    law, parameters, _ = bound
     assert law.ways is not None
     found = []
     for way in law.ways(parameters):
@@ -102,32 +110,24 @@ def in_water(medium: Medium, one: Member, depth: float) -> Member:
 
 
 def largest_radius(
-    vehicle: Vehicle,
-    law: Law,
-    parameters: Any,
-    members: Sequence[Member],
-    rates: DriveRates,
-    medium: Medium,
+    vehicle: Vehicle, bound: BoundLaw, members: Sequence[Member], rates: DriveRates, medium: Medium
 ) -> float:
     """Return the largest eigenvalue's modulus over members of a region, ways and depths [-]."""
-    decisions = decisions_of(law, parameters)
-    return max(
-        radius_of(vehicle, there, d, rates, k)
-        for one in members
-        for k, depth in enumerate(rates.depths)
-        for there in (in_water(medium, one, depth),)
-        for d in decisions
-    )
+    decisions, radii = decisions_of(bound), []
+    for one, (k, depth) in product(members, enumerate(rates.depths)):
+        there = in_water(medium, one, depth)
+        radii += [radius_of(vehicle, there, d, rates, k) for d in decisions]
+    return max(radii)
 
 
-def rest_of(vehicle: Vehicle, law: Law, parameters: Any, rates: DriveRates, medium: Medium) -> Rest:
+def rest_of(vehicle: Vehicle, bound: BoundLaw, rates: DriveRates, medium: Medium) -> Rest:
     """Return what happens at rest, with the psi of region and depths that gives way most."""
-    a = vehicle.actuator
+    a, parameters = vehicle.actuator, bound.parameters
     shortest = a.quantum * max(*rates.pump, *rates.valve) if isinstance(a, PumpAndValve) else 0.0
     every = [member(vehicle, s) for s in with_middle(vehicle)]
     plants = (in_water(medium, one, z).plant for one in every for z in rates.depths)
     p = max(plants, key=lambda p: p.psi)
-    tolerance = float(leaves(parameters)[law.band])
+    tolerance = float(leaves(parameters)[bound.law.band])
     sigma = math.sqrt(p.a_b * abs(p.psi))
     hull = vehicle.hull.model_copy(update={"psi": p.psi})
     band = 0.0
@@ -195,8 +195,9 @@ MARGINS = "gain_up gain_down phase_rad delay_s peak_sensitivity disk"
 _LOST = Margins(1.0, 1.0, 0.0, 0.0, math.inf, 0.0)
 
 
-def at_rest(law: Law, parameters: Any, p: Plant, *, depth: float, sample_time: float) -> LinearLaw:
+def at_rest(bound: BoundLaw, p: Plant, *, depth: float) -> LinearLaw:
     """Return the linear form of a law that holds a plant at `depth` [m]."""
+    law, parameters, sample_time = bound
     seen = Measurement(0.0, depth, p.psi * depth + p.V_0)
 
     def step(numbers: Any, state: Any, seen: Measurement, reference: float) -> Any:
@@ -213,81 +214,20 @@ def at_rest(law: Law, parameters: Any, p: Plant, *, depth: float, sample_time: f
     )
 
 
-def worst(
-    law: Law,
-    parameters: Any,
-    plants: Sequence[Plant],
-    *,
-    depths: Sequence[float],
-    sample_time: float,
-    delay: float = 0.0,
-    wanted: Margins | None = None,
-    look: Callable[[StateSpace], Margins] | None = None,
-) -> Margins:
-    """Return the worst margins of a law over all plants and depths [m].
+def loops(
+    bound: BoundLaw, plants: Sequence[Plant], *, depths: Sequence[float], delay: float = 0.0
+) -> Iterator[SampledLoop]:
+    """Yield the loops of a law with every plant at every depth [m], depth by depth.
 
     The law is linearised at rest with the first plant, the nominal one that it was made for.
-    delay [s]: from a sample to its command. wanted: what ends the search once it is missed.
-    look: how a loop is judged, exactly where not given.
+    delay [s]: from a sample to its command.
     """
-    judge = look or exactly
-    found: Margins | None = None
-    for loop in loops(law, parameters, plants, depths=depths, sample_time=sample_time, delay=delay):
-        for broken in (loop.at_command, loop.at_depth):
-            here = judge(broken)
-            found = here if found is None else least(found, here)
-            if not found.stable or (wanted is not None and falls_short(found, wanted)):
-                return found
-    assert found is not None  # there is a plant and a depth
-    return found
-
-
-class Loop(NamedTuple):
-    """A plant under a law that is linear at rest; number: of the plant."""
-
-    sampled: SampledLoop
-    delay: float  # s, from a sample to its command
-    number: int = 0
-
-    @property
-    def at_command(self) -> StateSpace:
-        """The loop broken at the command."""
-        return self.sampled.broken_at_command(command_delay=self.delay)
-
-    @property
-    def at_depth(self) -> StateSpace:
-        """The loop broken at the measured depth."""
-        return self.sampled.broken_at_depth(command_delay=self.delay)
-
-    @property
-    def closed(self) -> Array:
-        """The matrix from one sample to the next."""
-        return self.sampled.closed(command_delay=self.delay)
-
-
-def loop_of(
-    p: Plant, law: LinearLaw, *, depth: float, delay: float, back_driving: bool = False
-) -> Loop:
-    """Return the loop of a plant at a depth [m]; delay [s]: from a sample to its command."""
-    return Loop(
-        SampledLoop(plant=linearise(p, depth=depth, back_driving=back_driving), law=law), delay
-    )
-
-
-def loops(
-    law: Law,
-    parameters: Any,
-    plants: Sequence[Plant],
-    *,
-    depths: Sequence[float],
-    sample_time: float,
-    delay: float,
-) -> Iterator[Loop]:
-    """Yield the loops of a law, linear at rest with the first plant, with every plant and depth."""
     for depth in depths:
-        linear = at_rest(law, parameters, plants[0], depth=depth, sample_time=sample_time)
-        for number, p in enumerate(plants):
-            yield loop_of(p, linear, depth=depth, delay=delay)._replace(number=number)
+        linear = at_rest(bound, plants[0], depth=depth)
+        yield from (loop_of(p, linear, depth=depth, delay=delay) for p in plants)
+
+
+Judge = Callable[[StateSpace], Margins]
 
 
 def exactly(loop: StateSpace) -> Margins:
@@ -324,6 +264,21 @@ def roughly(loop: StateSpace) -> Margins:
         float(np.max(1.0 / np.abs(1.0 + L))),
         min(2.0, 1.0 / float(np.max(np.abs(0.5 * (1.0 - L) / (1.0 + L))))),
     )
+
+
+def worst(
+    every: Iterable[SampledLoop], *, judge: Judge = exactly, wanted: Margins | None = None
+) -> Margins:
+    """Return the worst margins over all loops; wanted: what ends the search once it is missed."""
+    found: Margins | None = None
+    for loop in every:
+        for broken in (loop.broken_at_command(), loop.broken_at_depth()):
+            here = judge(broken)
+            found = here if found is None else least(found, here)
+            if not found.stable or (wanted is not None and falls_short(found, wanted)):
+                return found
+    assert found is not None  # there is a plant and a depth
+    return found
 
 
 # Of each margin the worse of two, and for a person its name, factor, digits and unit.

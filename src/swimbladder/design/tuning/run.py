@@ -6,7 +6,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,9 @@ from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind, check_command, controller_of, own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
+from swimbladder.design.linear.sampled import BoundLaw, SampledLoop
 from swimbladder.design.tuning import gains, trial
-from swimbladder.design.tuning.margins import MARGINS, Loop, loops, margin_words
+from swimbladder.design.tuning.margins import MARGINS, loops, margin_words
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
@@ -60,21 +60,16 @@ class Tuning(gains.Found):
     plants: tuple[Plant, ...]  # of the region, the nominal one first
     band: float = 0.0  # m, of a law of volume changes: within which a flight has arrived
 
-    def loops(self) -> tuple[Loop, ...]:
-        """Return the linear loops that the margins are of: none where there are no margins."""
+    def loops(self) -> tuple[SampledLoop, ...]:
+        """Return the linear loops that the margins are of: none where there are no margins.
+
+        They are those of all `plants` at the first depth, then at the next.
+        """
         if self.margins is None:
             return ()
         linear = gains.gains(self.law.name, self.setting, self.knobs._replace(dead=0.0, pause=0.0))
-        return tuple(
-            loops(
-                self.law,
-                linear,
-                self.plants,
-                depths=self.judged,
-                sample_time=self.sample_time,
-                delay=self.delay,
-            )
-        )
+        bound = BoundLaw(self.law, linear, self.sample_time)
+        return tuple(loops(bound, self.plants, depths=self.judged, delay=self.delay))
 
     @property
     def _low(self) -> str:
@@ -286,21 +281,16 @@ def tune(
     elif goal == "fast":
         long = _watched(vehicle, least, abs(ends[1] - ends[0]), h)
     watched = trial.Step(*ends, long)
-    drawn = trial.Drawn(runs, around, least, column, sample_time=h)
+    drawn = trial.Drawn(runs, around, least, column)
+    asked = gains.Goal(goal, held, judged, watched, drawn)
+    report = advance or (lambda _: None)
+    search = gains.Search(chosen, vehicle, setting, asked, delay * h, report)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        found = gains.search(
-            law,
-            vehicle,
-            setting,
-            gains.Goal(goal, held, judged, watched, drawn),
-            delay=delay * h,
-            advance=advance,
-        )
-    numbers = found.parameters
-    controller = controller_of(chosen, numbers, sample_time=h)
-    flown = partial(trial.traces, vehicle, chosen, numbers, watched)
+        found = search.found()
+    controller = controller_of(chosen, found.parameters, sample_time=h)
+    bound = search.bound(found.knobs)
     few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
-    shown = flown(few[0]), flown(few[1])
+    nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
     origin = {"controller.parameters": f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"}
     made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
     return Tuning(
@@ -309,7 +299,7 @@ def tune(
         goal=goal,
         setting=setting,
         **vars(found),
-        shown=shown,
+        shown=(nominal, drawn_runs),
         step=watched,
         sample_time=h,
         delay=delay * h,
@@ -317,7 +307,7 @@ def tune(
         judged=judged,
         supply=least,
         held=held,
-        band=trial.arrival_band(chosen, numbers, watched) if pumped else 0.0,
+        band=trial.arrival_band(bound, watched) if pumped else 0.0,
         assumptions=(
             *around.words,
             sensor,

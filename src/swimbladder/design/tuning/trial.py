@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
 from swimbladder.design.linear.pump_valve import with_supply
+from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.region import Region
 from swimbladder.physics.buoyancy_engine import Winding, drive_map, winding
 from swimbladder.physics.dynamics import Plant, plant
@@ -82,7 +82,6 @@ class Drawn(NamedTuple):
     supply: float = math.inf  # V; the vehicle's where infinite
     column: Column | None = None  # the water, the vehicle's own where None
     seed: int = 1
-    sample_time: float = math.nan  # s, of a law that is called at each sample
 
     @property
     def nominal(self) -> Drawn:
@@ -113,53 +112,45 @@ class Runs(NamedTuple):
 
 
 def fly(
-    vehicle: Vehicle,
-    law: Law,
-    parameters: Any,
-    *,
-    target: ArrayLike,
-    duration: float,
-    sample_time: float | None = None,
-    count: int = 1,
-    **given: Any,
+    vehicle: Vehicle, bound: BoundLaw, *, target: ArrayLike, duration: float, **given: Any
 ) -> Runs:
     """Return runs to a depth `target` [m] under a law with these parameters.
 
-    target: of a float 0 is the surface. duration [s]. sample_time [s]: where not given, of a law of
-    volume changes, what its times are made of; the vehicle's own water then acts by psi alone.
-    count: runs, or as many as one of the numbers has. given: arguments of `simulate_ensemble`.
+    target: of a float 0 is the surface. duration [s]. Without a sample time the vehicle's own water
+    acts by psi alone. given: arguments of `simulate_ensemble`; there are as many runs as `count`
+    says, or as one of the numbers has.
     """
     many = (target, *given.get("vary", {}).values())
     many += tuple(given[name] for name in given if name.startswith("start_"))
-    if sample_time is None and given.get("column") is None:
-        plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
-        vehicle = vehicle.model_copy(update={"hull": plain})
+    law, parameters, sample_time = bound
+    if math.isnan(sample_time):
+        sample_time = _tick(parameters)
+        if given.get("column") is None:
+            plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
+            vehicle = vehicle.model_copy(update={"hull": plain})
     data = simulate_ensemble(
         vehicle,
-        count=max(count, *map(np.size, many)),
         setpoints=[(0.0, target)],
         duration=duration,
         law=law,
         parameters=parameters,
         keep="trajectory",
-        sample_time=_tick(parameters) if sample_time is None else sample_time,
-        **given,
+        sample_time=sample_time,
+        **given | {"count": max(given.get("count", 1), *map(np.size, many))},
     )
-    known = {str(name): values.to_numpy() for name, values in data.variables.items()}
+    known: dict[str, Array] = {
+        str(name): values.to_numpy() for name, values in data.variables.items()
+    }
     unknown = np.full(data.sizes["lane"], math.nan)
     drive_runs = known["pump_runs"] + known["valve_runs"] if "pump_runs" in known else unknown
     return Runs(
-        known["time"],
-        known["depth"],
-        known["speed"],
-        known["volume"],
-        known["command"],
-        np.broadcast_to(np.asarray(target, float), unknown.shape),
-        known["settle2"],
-        known["overshoot"] / 100.0,
-        known.get("energy", unknown),
-        drive_runs,
-        known["stop"] != 0,
+        **{name: known[name] for name in ("time", "depth", "speed", "volume", "command")},
+        target=np.broadcast_to(np.asarray(target, float), unknown.shape),
+        settle=known["settle2"],
+        overshoot=known["overshoot"] / 100.0,
+        energy=known.get("energy", unknown),
+        drive_runs=drive_runs,
+        stopped=known["stop"] != 0,
     )
 
 
@@ -170,44 +161,27 @@ def _tick(parameters: Any) -> float:
     return _FINEST * whole / math.ceil(whole * _FINEST / _LONGEST)
 
 
-def traces(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Runs:
+def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     """Return the runs of a trial as they went."""
-    runs, region, supply, column, seed, h = drawn
+    runs, region, supply, column, seed = drawn
     medium = medium_of(vehicle, column, reach=max(step.start, step.target))
-    drawn_from = {} if region is None else draw(region, runs=runs, seed=seed, medium=medium)
-    given: dict[str, Any] = {"vary": drawn_from, "seed": seed, "column": column}
-    if law.ways is not None:
+    vary = {} if region is None else draw(region, runs=runs, seed=seed, medium=medium)
+    given: dict[str, Any] = {"target": step.target, "start_depth": step.start}
+    neutral = [medium.neutral_volume(z) for z in (step.start, step.target)]
+    if bound.law.ways is not None:
+        vehicle = with_supply(vehicle, supply)
         down = np.arange(runs) % 2 == 0
-        targets, depths = np.where([down, ~down], step.target, step.start)
-        neutral = [medium.neutral_volume(z) for z in (step.start, step.target)]
-        return fly(
-            with_supply(vehicle, supply),
-            law,
-            parameters,
-            target=targets,
-            duration=step.duration,
-            start_depth=depths,
-            start_volume=np.where(down, *neutral),
-            **given,
-        )
-    if region is not None:
+        given["target"], given["start_depth"] = np.where([down, ~down], step.target, step.start)
+        given["start_volume"] = np.where(down, *neutral)
+    elif math.isfinite(supply):
+        vary["supply"] = np.full(runs, supply)
+    if bound.law.ways is None and region is not None:
+        given["start_volume"] = neutral[0]
         given["neutral_change"] = random_walk(
-            region.walk, step.duration, sample_time=h, runs=runs, seed=seed
+            region.walk, step.duration, sample_time=bound.sample_time, runs=runs, seed=seed
         )
-        given["start_volume"] = medium.neutral_volume(step.start)
-    if math.isfinite(supply):
-        drawn_from["supply"] = np.full(runs, supply)
-    return fly(
-        vehicle,
-        law,
-        parameters,
-        target=step.target,
-        duration=step.duration,
-        sample_time=h,
-        count=runs,
-        start_depth=step.start,
-        **given,
-    )
+    given |= {"vary": vary, "seed": seed, "column": column, "count": runs}
+    return fly(vehicle, bound, duration=step.duration, **given)
 
 
 def random_walk(
@@ -357,20 +331,21 @@ def summarise(m: Measured) -> Trial:
     )
 
 
-def arrival_band(law: Law, parameters: Any, step: Step) -> float:
+def arrival_band(bound: BoundLaw, step: Step) -> float:
     """Return how near to its depth a float counts as there [m]."""
-    return max(_SHARE * abs(step.target - step.start), float(leaves(parameters)[law.band]))
+    band = float(leaves(bound.parameters)[bound.law.band])
+    return max(_SHARE * abs(step.target - step.start), band)
 
 
-def trial(vehicle: Vehicle, law: Law, parameters: Any, step: Step, drawn: Drawn) -> Trial:
+def trial(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Trial:
     """Return what comes of steps of depth, each with noise of its own; its last third counts."""
-    runs = traces(vehicle, law, parameters, step, drawn)
+    runs = traces(vehicle, bound, step, drawn)
     time, since = runs.time, float(runs.time[-1]) * 2.0 / 3.0
     found = measure(runs, since)
-    if law.ways is not None:
-        band = arrival_band(law, parameters, step)
+    if bound.law.ways is not None:
+        band = arrival_band(bound, step)
         return summarise(_of_floats(vehicle, found, runs, step, since, band))
-    motor, h = winding(vehicle), drawn.sample_time
+    motor, h = winding(vehicle), bound.sample_time
     if motor is not None:
         p = plant(vehicle)
         joules = electrical_energy(

@@ -64,15 +64,19 @@ def draw_tuning(tuning: Tuning) -> Figure:
 def draw_sensitivity(tuning: Tuning) -> Figure:
     """Return |S| = |1/(1 + L)| of all vehicles of the region, broken at voltage and depth."""
     figure, panels = style.new_figure((7.5, 3.8), 1, 2, sharey=True)
-    loops = sorted(tuning.loops(), key=lambda loop: -loop.number)  # the nominal one on top
+    count = len(tuning.plants)  # of loops at each depth, the nominal one first
+    loops = [(n % count > 0, loop) for n, loop in enumerate(tuning.loops())]
+    loops.sort(key=lambda one: not one[0])  # the nominal one on top
     for axes, place in zip(panels, (tuning.law.command, "measured depth"), strict=True):
         first = math.inf
-        for loop in loops:
-            broken = loop.at_command if place != "measured depth" else loop.at_depth
+        for varied, loop in loops:
+            broken = (
+                loop.broken_at_depth() if place == "measured depth" else loop.broken_at_command()
+            )
             w, values = frequency_response(broken)
             seen = w[abs(1.0 + values) < 1.0 / _LEAST]
             first = min(first, float(seen[0]) if len(seen) else math.inf)
-            color, lw, alpha = (Ink.ORANGE, 0.7, 0.7) if loop.number else (Ink.BLUE, 1.6, 1.0)
+            color, lw, alpha = (Ink.ORANGE, 0.7, 0.7) if varied else (Ink.BLUE, 1.6, 1.0)
             axes.loglog(w, 1.0 / abs(1.0 + values), color=color, lw=lw, alpha=alpha)
         axes.axhline(WANTED.peak_sensitivity, color=Ink.VERMILION, lw=1.0, ls="--")
         axes.set_xlabel("frequency [rad/s]")

@@ -10,8 +10,7 @@ import numpy as np
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.margins import spectral_radius
-from swimbladder.design.linear.models import linearise
-from swimbladder.design.linear.sampled import LinearLaw, SampledLoop, linearise_law
+from swimbladder.design.linear.sampled import LinearLaw, linearise_law, loop_of
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.water import Medium
@@ -101,12 +100,8 @@ def _growth(
         return None
     p = plant(vehicle)
     ways = (False,) if p.positioner else (False, True)
-    return max(
-        spectral_radius(
-            SampledLoop(plant=linearise(p, depth=depth, back_driving=back), law=linear).closed()
-        )
-        for back in ways
-    )
+    loops = (loop_of(p, linear, depth=depth, back_driving=back) for back in ways)
+    return max(spectral_radius(loop.closed()) for loop in loops)
 
 
 def _check_depth(vehicle: Vehicle, depth: float, bottom: float, field: str) -> None:
