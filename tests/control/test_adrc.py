@@ -13,7 +13,7 @@ from swimbladder.control.adrc import ADRC, AdrcState, adrc_gains, initial, obser
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.records import numbers
-from swimbladder.design.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.design.linear import BoundLaw, SampledLoop, linearise, linearise_law, loop_margins
 from swimbladder.physics.dynamics import State, motor_rhs
 from swimbladder.sim.closed_loop import simulate, step_metrics
 from tests.control.examples import ADRC_FAST, PLANT, S_P, blind, by_hand
@@ -182,14 +182,7 @@ def test_it_stays_within_its_limits(z, reference) -> None:
 @pytest.mark.parametrize("depth", [0.5, 2.0, 20.0, 80.0])
 def test_the_margins_of_the_recommended_gains(depth: float) -> None:
     seen = Measurement(0.0, depth, 4.04e-6 * depth)
-    law = linearise_law(
-        ADRC.step,
-        parameters=ADRC_FAST,
-        state=initial(ADRC_FAST, seen, depth),
-        measurement=seen,
-        reference=depth,
-        tick=S_P,
-    )
+    law = linearise_law(BoundLaw(ADRC, ADRC_FAST, S_P), seen)
     assert law.smooth
     loop = SampledLoop(plant=linearise(PLANT, depth=depth), law=law)
     for broken in (loop.broken_at_command(), loop.broken_at_depth()):

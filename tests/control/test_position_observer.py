@@ -1,6 +1,7 @@
 """The law for a positioner: its margins, its bound, the stops and a neutral volume that is off."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from studies.tank_law import FITTING, position_observer_gains
 from swimbladder.control.law import Measurement
 from swimbladder.control.position_observer import POSITION_OBSERVER, initial, step
 from swimbladder.control.records import numbers
-from swimbladder.design.linear.sampled import linearise_law, loop_of
+from swimbladder.design.linear.sampled import BoundLaw, linearise_law, loop_of
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.margins import WANTED, exactly, falls_short
 from swimbladder.io.config import load_vehicle
@@ -35,16 +36,9 @@ def test_it_has_the_margins_asked_of_every_law(depth):
     def believing(p, s, seen, reference):
         return step(p, s, seen._replace(volume=math.nan), reference)
 
-    p = NUMBERS._replace(dead=0.0)
+    p, law = NUMBERS._replace(dead=0.0), replace(POSITION_OBSERVER, step=believing)
     seen = Measurement(0.0, depth, TANK.neutral_volume(depth))
-    linear = linearise_law(
-        believing,
-        parameters=p,
-        state=initial(p, seen, depth),
-        measurement=seen,
-        reference=depth,
-        tick=p.S_p,
-    )
+    linear = linearise_law(BoundLaw(law, p, p.S_p), seen)
     loop = loop_of(plant(TANK), linear, depth=depth, delay=0.1 * p.S_p)
     found = exactly(loop.broken_at_depth())
     assert falls_short(found, WANTED) == ()

@@ -19,7 +19,7 @@ from swimbladder.control.sea_cascade import (
     initial,
     step,
 )
-from swimbladder.design.linear import SampledLoop, linearise, linearise_law, loop_margins
+from swimbladder.design.linear import BoundLaw, SampledLoop, linearise, linearise_law, loop_margins
 from swimbladder.physics.dynamics import State, motor_rhs
 from swimbladder.sim.closed_loop import simulate, step_metrics
 from swimbladder.vehicle import IdentifiedMotion, Sensors
@@ -271,14 +271,7 @@ def test_at_depth_nothing_is_left_to_integrate() -> None:
 
 def linear(p, depth=2.0):
     seen = Measurement(0.0, depth, 4.04e-6 * depth)
-    return linearise_law(
-        SEA_CASCADE.step,
-        parameters=p,
-        state=initial(p, seen, depth),
-        measurement=seen,
-        reference=depth,
-        tick=S_P,
-    )
+    return linearise_law(BoundLaw(SEA_CASCADE, p, S_P), seen)
 
 
 def test_its_transfer_function_by_hand() -> None:

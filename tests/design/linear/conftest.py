@@ -5,7 +5,7 @@ import pytest
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.position_pid import POSITION_PID, PositionPidParameters
-from swimbladder.design.linear import SampledLoop, linearise, linearise_law
+from swimbladder.design.linear import BoundLaw, SampledLoop, linearise, linearise_law
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import (
     Drag,
@@ -113,14 +113,7 @@ def stepper() -> Vehicle:
 def paper_loop(feup, table_3):
     """The paper's vehicle under its cascade, sampled every 0.3 s."""
     seen = Measurement(0.0, 0.0, 0.0)
-    law = linearise_law(
-        CASCADE.step,
-        parameters=table_3,
-        state=CASCADE.initial(table_3, seen, 0.0),
-        measurement=seen,
-        reference=0.0,
-        tick=0.3,
-    )
+    law = linearise_law(BoundLaw(CASCADE, table_3, 0.3), seen)
     return SampledLoop(plant=linearise(plant(feup)), law=law)
 
 
@@ -128,12 +121,5 @@ def paper_loop(feup, table_3):
 def stepper_loop(stepper, position_gains):
     """The stepper under a PID on its position, sampled every 0.5 s."""
     seen = Measurement(0.0, 2.0, stepper.neutral_volume(2.0))
-    law = linearise_law(
-        POSITION_PID.step,
-        parameters=position_gains,
-        state=POSITION_PID.initial(position_gains, seen, 2.0),
-        measurement=seen,
-        reference=2.0,
-        tick=0.5,
-    )
+    law = linearise_law(BoundLaw(POSITION_PID, position_gains, 0.5), seen)
     return SampledLoop(plant=linearise(plant(stepper)), law=law)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,22 +12,16 @@ from scipy.integrate import solve_ivp
 from swimbladder.control.cascade import CASCADE
 from swimbladder.control.law import Measurement
 from swimbladder.control.position_pid import POSITION_PID
-from swimbladder.design.linear import SampledLoop, linearise, linearise_law
+from swimbladder.design.linear import BoundLaw, SampledLoop, linearise, linearise_law
 from swimbladder.design.linear.sampled import command_slope, discretise
 from swimbladder.physics.dynamics import State, motor_rhs, plant
 
 AT_REST = Measurement(0.0, 0.0, 0.0)
 
 
-def linear(step, parameters, state, *, measurement=AT_REST, reference=0.0, tick=0.3):
-    return linearise_law(
-        step,
-        parameters=parameters,
-        state=state,
-        measurement=measurement,
-        reference=reference,
-        tick=tick,
-    )
+def linear(step, parameters, state, *, measurement=AT_REST, tick=0.3):
+    law = SimpleNamespace(step=step, initial=lambda *_: state)
+    return linearise_law(BoundLaw(law, parameters, tick), measurement)
 
 
 @pytest.mark.parametrize("depth", [0.0, 80.0])
@@ -38,7 +33,6 @@ def test_cascade_is_eqs_36_and_37(depth, table_3):
         table_3,
         CASCADE.initial(table_3, seen, depth),
         measurement=seen,
-        reference=depth,
     )
     assert law.smooth
     assert law.sample_time == 0.3
@@ -62,7 +56,6 @@ def test_position_pid_inside_its_threshold(position_gains):
         p,
         POSITION_PID.initial(p, seen, 2.0),
         measurement=seen,
-        reference=2.0,
         tick=0.5,
     )
     assert law.smooth

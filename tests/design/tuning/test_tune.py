@@ -21,6 +21,7 @@ from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import (
     Drawn,
     electrical_energy,
+    fly,
     motor_starts,
     motor_turns,
     trial,
@@ -31,7 +32,6 @@ from swimbladder.physics.buoyancy_engine import winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.show.report.tune import tuning_files
-from swimbladder.sim.closed_loop import simulate
 
 FEUP = load_vehicle("feup-em")
 NOISY = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update={"depth_noise": 2e-3})})
@@ -42,14 +42,7 @@ def loops(name, knobs, *, depth=2.0, delay=0.0):
     s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
     law, p = tunable(name), gains(name, s, knobs)
     seen = Measurement(0.0, depth, FEUP.neutral_volume(depth))
-    linear = linearise_law(
-        law.step,
-        parameters=p,
-        state=law.initial(p, seen, depth),
-        measurement=seen,
-        reference=depth,
-        tick=H,
-    )
+    linear = linearise_law(BoundLaw(law, p, H), seen)
     assert linear.smooth
     loop = loop_of(plant(FEUP), linear, depth=depth, delay=delay)
     return loop.broken_at_command(), loop.broken_at_depth()
@@ -263,24 +256,10 @@ def test_a_law_that_sleeps_is_judged_by_trials_alone():
 def test_the_energy_of_samples_is_that_of_the_books():
     vehicle = load_vehicle("example-em")
     law, gains_ = bind(vehicle.controller)
-    run = simulate(
-        vehicle,
-        law=law,
-        parameters=gains_,
-        setpoints=[(0.0, 3.0)],
-        start_depth=1.5,
-        duration=60.0,
-        sample_time=H,
-    )
-    found = electrical_energy(
-        winding(vehicle),
-        plant(vehicle),
-        sample_time=H,
-        command=run.command[:, None],
-        volume=run.volume[:, None],
-        depth=run.depth[:, None],
-    ).sum()
-    assert found == pytest.approx(run.books.energy["source"], rel=1e-9)
+    bound = BoundLaw(law, gains_, H)
+    run = fly(vehicle, bound, target=3.0, start_depth=1.5, duration=60.0, books=True)
+    found = electrical_energy(winding(vehicle), plant(vehicle), run, sample_time=H).sum()
+    assert found == pytest.approx(run.energy[0], rel=1e-9)
 
 
 LIGHT = FEUP.model_copy(

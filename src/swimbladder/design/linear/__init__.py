@@ -11,10 +11,11 @@ from swimbladder.design.linear.analyse import Analysis, analyse_linear
 from swimbladder.design.linear.margins import Margins, loop_margins
 from swimbladder.design.linear.models import StateSpace, linearise
 from swimbladder.design.linear.routh import routh_table
-from swimbladder.design.linear.sampled import ClosedLoop, SampledLoop, linearise_law
+from swimbladder.design.linear.sampled import BoundLaw, ClosedLoop, SampledLoop, linearise_law
 
 __all__ = [
     "Analysis",
+    "BoundLaw",
     "ClosedLoop",
     "Margins",
     "SampledLoop",

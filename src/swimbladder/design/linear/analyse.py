@@ -84,14 +84,11 @@ def _motions(a: Analysis) -> Iterator[str]:
 def _section_2_5(a: Analysis) -> Iterator[str]:
     s = a.stiff_hull
     if s is not None and s.unstable:
-        has = a.vehicle.hull.psi < 0.0
+        which = "A hull stiffer than water would"
+        if a.vehicle.hull.psi < 0.0:
+            which = "That the hull is stiffer than water does"
         yield (
-            (
-                "That the hull is stiffer than water does"
-                if has
-                else "A hull stiffer than water would"
-            )
-            + f" not help: with psi = {s.psi:.3g} m3/m the depth load alone still doubles a "
+            f"{which} not help: with psi = {s.psi:.3g} m3/m the depth load alone still doubles a "
             f"disturbance in {s.doubling_time:.3g} s (section 2.5); without k_z and k_l nothing "
             "would grow."
         )
@@ -177,13 +174,12 @@ def _closed_loop_words(a: Analysis) -> Iterator[str]:
         if math.isfinite(load.share_of_psi):
             text += f" ({abs(load.share_of_psi) * 100.0:.2g} % of {_size_of_psi(a)})"
         yield text + "."
+        continuous = "a view in continuous time is close"
+        if c.inner_gain_per_sample > 0.2:
+            continuous = "it must be judged in discrete time"
         yield (
             f"The gain of the inner loop times the sample time is {c.inner_gain_per_sample:.3f}: "
-            + (
-                "it must be judged in discrete time."
-                if c.inner_gain_per_sample > 0.2
-                else "a view in continuous time is close."
-            )
+            f"{continuous}."
         )
     if not a.vehicle.voltage_driven:
         yield (
@@ -241,6 +237,30 @@ _MARGINS = (
 )
 
 
+_LOOP = (
+    "law sample_time_s stable spectral_radius spectral_radius_back_driven "
+    "computation_delay_limit_s=computation_delay depth_delay_limit_s=depth_delay "
+    "spectral_radius_with_one_sample_of_computation=radius_at_whole_sample "
+    "inner_gain_per_sample volume_per_sample_m3 error_at_rate_limit_m"
+)
+_DEPTH_LOAD = "k_pV_V_m3 extra_psi_m3_m share_of_psi doubling_time_s doubling_time_rejected_s"
+_STIFF_HULL = "psi_m3_m poles doubling_time_s poles_without_loads unstable"
+_STALL = (
+    "depth_m depth_without_sag_m holding_depth_m back_drive_depth_m voltage_V extending_rate_m3_s "
+    "within_limit"
+)
+_ROUTH = (
+    "powers rows first_column_signs=first_column notes right_half_plane=right imaginary_axis=axis "
+    "sentence"
+)
+_TRANSFER = "equations input output symbols numerator denominator poles"
+_DRIVE = (
+    "depth_m=depths pump_rate_m3_s=pump pump_power_W valve_rate_m3_s=valve bypass_rate_m3_s=bypass "
+    "leakage_m3_s start_volume_m3"
+)
+_MOTION = "speed_m_s time_constant_s poles growth_time_s period_s"
+
+
 def _margins(found: Margins | None) -> dict[str, Any] | None:
     return found and as_json(found, _MARGINS) | {"phase_deg": math.degrees(found.phase)}
 
@@ -248,24 +268,14 @@ def _margins(found: Margins | None) -> dict[str, Any] | None:
 def closed_loop_json(c: ClosedLoop) -> dict[str, Any]:
     """Return a sampled loop for JSON, in SI units."""
     return {
-        **as_json(
-            c,
-            "law sample_time_s stable spectral_radius spectral_radius_back_driven "
-            "computation_delay_limit_s=computation_delay depth_delay_limit_s=depth_delay "
-            "spectral_radius_with_one_sample_of_computation=radius_at_whole_sample "
-            "inner_gain_per_sample volume_per_sample_m3 error_at_rate_limit_m",
-        ),
+        **as_json(c, _LOOP),
         "poles_z": [mode.z for mode in c.modes],
         "poles_s": [mode.s if math.isfinite(mode.s.real) else None for mode in c.modes],
         "damping": [mode.damping for mode in c.modes],
         "time_constant_s": [mode.time_constant for mode in c.modes],
         "margins": {"command": _margins(c.at_command), "depth": _margins(c.at_depth)},
         "stable_with_one_sample_of_computation": c.radius_at_whole_sample < 1.0,
-        "depth_load": c.depth_load
-        and as_json(
-            c.depth_load,
-            "k_pV_V_m3 extra_psi_m3_m share_of_psi doubling_time_s doubling_time_rejected_s",
-        ),
+        "depth_load": c.depth_load and as_json(c.depth_load, _DEPTH_LOAD),
     }
 
 
@@ -330,7 +340,8 @@ class Analysis:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything in JSON's own types, SI numbers; None for what is infinite."""
-        o, stall, rest = self.open_loop, self.stall, "depth_m volume_m3 motor_rate_m3_s"
+        o, stall, limit = self.open_loop, self.stall, self.vehicle.hull.depth_limit
+        rest = "depth_m volume_m3 motor_rate_m3_s"
         if self.vehicle.voltage_driven:
             rest += " voltage_V voltage_back_V"
         volts = dict.fromkeys(("voltage_V", "voltage_back_V"))
@@ -344,45 +355,20 @@ class Analysis:
                 "output": "Z",
                 "stable": o.routh.stable,
             },
-            "routh": as_json(
-                o.routh,
-                "powers rows first_column_signs=first_column notes right_half_plane=right "
-                "imaginary_axis=axis sentence",
-            ),
-            "transfer_functions": [
-                as_json(t, "equations input output symbols numerator denominator poles")
-                for t in self.transfer_functions
-            ],
+            "routh": as_json(o.routh, _ROUTH),
+            "transfer_functions": [as_json(t, _TRANSFER) for t in self.transfer_functions],
             "state_space": as_json(self.model, "states inputs outputs A B C D"),
-            "stiff_hull": self.stiff_hull
-            and as_json(
-                self.stiff_hull, "psi_m3_m poles doubling_time_s poles_without_loads unstable"
-            ),
+            "stiff_hull": self.stiff_hull and as_json(self.stiff_hull, _STIFF_HULL),
             "double_integrator_phase_margin_rad": self.double_integrator_phase_margin,
-            "stall": stall
-            and as_json(
-                stall,
-                "depth_m depth_without_sag_m holding_depth_m back_drive_depth_m voltage_V "
-                "extending_rate_m3_s within_limit",
-            )
-            | {"depth_limit_m": self.vehicle.hull.depth_limit},
+            "stall": stall and as_json(stall, _STALL) | {"depth_limit_m": limit},
             "neutral_volume": as_json(
                 self.neutral, "depth_m=depths volume_m3=volumes leaves_stroke_at_m=leaves_stroke"
             ),
             "closed_loop": self.closed_loop and closed_loop_json(self.closed_loop),
         }
         if self.drive is not None:
-            answer |= {
-                "drive": as_json(
-                    self.drive,
-                    "depth_m=depths pump_rate_m3_s=pump pump_power_W valve_rate_m3_s=valve "
-                    "bypass_rate_m3_s=bypass leakage_m3_s start_volume_m3",
-                ),
-                "motions": [
-                    as_json(one, "speed_m_s time_constant_s poles growth_time_s period_s")
-                    for one in self.motions
-                ],
-            }
+            motions = [as_json(one, _MOTION) for one in self.motions]
+            answer |= {"drive": as_json(self.drive, _DRIVE), "motions": motions}
         return {key: plain(value) for key, value in answer.items()}
 
 
@@ -438,13 +424,9 @@ def analyse_linear(
 def check_depth(depth: float, *, field: str = "depth") -> None:
     """Raise InputError, about `field`, where a depth [m] is negative or not finite."""
     if not (math.isfinite(depth) and depth >= 0.0):
-        raise InputError(
-            "the depth must be finite and not negative",
-            field=field,
-            value=depth,
-            unit="m",
-            remedy="Give a depth below the surface, positive down",
-        )
+        what = "the depth must be finite and not negative"
+        remedy = "Give a depth below the surface, positive down"
+        raise InputError(what, field=field, value=depth, unit="m", remedy=remedy)
 
 
 def _open_loop(model: models.StateSpace, T1: float, d_l: float) -> OpenLoop:

@@ -36,12 +36,12 @@ class Stall(NamedTuple):
     back_drive_depth: float  # m, below which the sea turns a motor without voltage
     voltage: float  # V, at the motor at stall
     extending_rate: float  # m3/s, fastest at the depth that was asked about; 0 below the stall
-    margin: float  # m, stall depth over the depth limit; nan where no limit is stated
+    limit: float | None  # m, the depth limit; None where none is stated
 
     @property
     def within_limit(self) -> bool | None:
         """Whether the motor turns down to the depth limit; None where no limit is stated."""
-        return None if math.isnan(self.margin) else self.margin > 0.0
+        return None if self.limit is None else self.depth > self.limit
 
 
 class NeutralVolume(NamedTuple):
@@ -96,19 +96,17 @@ def stall(p: Plant, *, depth: float, depth_limit: float | None) -> Stall:
     at_motor = largest_voltage(E=p.supply, sag=p.sag, emf=0.0)
     free = at_motor - p.friction
     motor = dict(E=p.supply, load=p.load_drive, friction=p.friction)
-    deepest = stall_depth(sag=p.sag, **motor)
     # Turning forward the motor's own voltage lowers the current, and so the sag.
     recovered = 1.0 - p.gain * p.sag * p.kappa / (1.0 + p.sag)
     rate = p.gain * (free - p.load_drive * depth) / recovered
-    limit = math.nan if depth_limit is None else depth_limit
     return Stall(
-        depth=deepest,
+        depth=stall_depth(sag=p.sag, **motor),
         depth_without_sag=stall_depth(sag=0.0, **motor),
         holding_depth=_ratio(free, p.load_drive + p.k_l * recovered / p.gain),
         back_drive_depth=_ratio(p.friction, p.load_back),
         voltage=at_motor,
         extending_rate=max(rate, 0.0),
-        margin=deepest - limit,
+        limit=depth_limit,
     )
 
 

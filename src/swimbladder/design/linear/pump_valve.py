@@ -139,7 +139,7 @@ def pump_stall(vehicle: Vehicle, *, depth: float) -> Stall:
     The holding depth is where it only just makes up for what leaks back. A check valve holds the
     volume, so that nothing turns the pump back.
     """
-    a, supply, limit = vehicle.actuator, vehicle.supply, vehicle.hull.depth_limit
+    a, supply = vehicle.actuator, vehicle.supply
     assert isinstance(a, PumpAndValve)  # analyse_linear
     stiff = vehicle
     if supply is not None:
@@ -149,15 +149,14 @@ def pump_stall(vehicle: Vehicle, *, depth: float) -> Stall:
     def leaks(z: float) -> float:
         return a.leakage * max(_head(vehicle, a, z), 0.0) + a.creep
 
-    deepest = _last(lambda z: _pump_rate(vehicle, a, z) > 0.0)
     return Stall(
-        depth=deepest,
+        depth=_last(lambda z: _pump_rate(vehicle, a, z) > 0.0),
         depth_without_sag=_last(lambda z: _pump_rate(stiff, a, z) > 0.0),
         holding_depth=_last(lambda z: _pump_rate(vehicle, a, z) > leaks(z)),
         back_drive_depth=math.inf,
         voltage=math.nan if supply is None else supply.voltage,
         extending_rate=_pump_rate(vehicle, a, depth),
-        margin=deepest - (math.nan if limit is None else limit),
+        limit=vehicle.hull.depth_limit,
     )
 
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.control.law import Law
+from swimbladder.control.law import Law, Measurement
 from swimbladder.control.records import from_leaves, from_numbers, leaf_names, leaves, numbers
 from swimbladder.design.linear.depths import DepthLoad, depth_load
 from swimbladder.design.linear.margins import (
@@ -58,22 +58,16 @@ class LinearLaw:
     sample_time: float  # s, between the calls it asks for
 
 
-def linearise_law(
-    step: Callable[..., Any],
-    *,
-    parameters: Any,
-    state: Any,
-    measurement: Any,
-    reference: float,
-    tick: float,
-) -> LinearLaw:
+def linearise_law(bound: BoundLaw, measurement: Measurement) -> LinearLaw:
     """Return the linear form of any law, its `step` differentiated about rest by differences.
 
-    state, measurement: named tuples of floats, at rest: the reference is the depth measured; tick:
-    time in whole numbers of which the law is called [s]. States that act on nothing, or that
+    measurement: at rest, the reference is the depth measured. The law is called at whole numbers of
+    its sample time. States that act on nothing, or that
     no measurement moves, are left out: a path that only the reference moves is no part of the loop,
     and need not be linear. The slopes are those over 0.1 mm and 0.1 cm3, and what they move.
     """
+    (law, parameters, tick), reference = bound, measurement.depth
+    step, state = law.step, law.initial(parameters, measurement, reference)
     for _ in range(3):  # clocks and differences inside the law settle
         measurement = measurement._replace(time=measurement.time + tick)
         _, state, wait = step(parameters, state, measurement, reference)

@@ -8,6 +8,7 @@ decision; the band in which they are caught has to be narrower than the one that
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -197,21 +198,16 @@ _LOST = Margins(1.0, 1.0, 0.0, 0.0, math.inf, 0.0)
 
 def at_rest(bound: BoundLaw, p: Plant, *, depth: float) -> LinearLaw:
     """Return the linear form of a law that holds a plant at `depth` [m]."""
-    law, parameters, sample_time = bound
+    law = bound.law
     seen = Measurement(0.0, depth, p.psi * depth + p.V_0)
 
     def step(numbers: Any, state: Any, seen: Measurement, reference: float) -> Any:
         # A positioner's volume is no output of the linear plant: it is where it was sent.
         return law.step(numbers, state, seen._replace(volume=math.nan), reference)
 
-    return linearise_law(
-        law.step if law.command == "voltage" else step,
-        parameters=parameters,
-        state=law.initial(parameters, seen, depth),
-        measurement=seen,
-        reference=depth,
-        tick=sample_time,
-    )
+    if law.command != "voltage":
+        bound = bound._replace(law=replace(law, step=step))
+    return linearise_law(bound, seen)
 
 
 def loops(
@@ -256,14 +252,11 @@ def roughly(loop: StateSpace) -> Margins:
         gains.append(-1.0 / float(L.real[k] + part * (L.real[k + 1] - L.real[k])))
     if L[-1].real < 0.0:
         gains.append(-1.0 / float(L[-1].real))
-    return Margins(
-        min((g for g in gains if g > 1.0), default=math.inf),
-        max((g for g in gains if g < 1.0), default=0.0),
-        min(least, default=math.inf),
-        math.inf,
-        float(np.max(1.0 / np.abs(1.0 + L))),
-        min(2.0, 1.0 / float(np.max(np.abs(0.5 * (1.0 - L) / (1.0 + L))))),
-    )
+    up = min((g for g in gains if g > 1.0), default=math.inf)
+    down = max((g for g in gains if g < 1.0), default=0.0)
+    peak = float(np.max(1.0 / np.abs(1.0 + L)))
+    disk = min(2.0, 1.0 / float(np.max(np.abs(0.5 * (1.0 - L) / (1.0 + L)))))
+    return Margins(up, down, min(least, default=math.inf), math.inf, peak, disk)
 
 
 def worst(

@@ -33,19 +33,16 @@ from swimbladder.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 
-def electrical_energy(
-    motor: Winding, p: Plant, *, sample_time: float, command: Array, volume: Array, depth: Array
-) -> Array:
+def electrical_energy(motor: Winding, p: Plant, runs: Runs, *, sample_time: float) -> Array:
     """Return the energy into the motor in each sample [J], [samples, runs].
 
-    command [V], volume [m3] and depth [m]: [samples + 1, runs], the command from each sample on.
-    The voltage is cut to what the supply gives at the sample's mean rate.
+    runs: with the command [V] from each sample on. The voltage is cut to what the supply gives at
+    the sample's mean rate.
     """
-    q = np.diff(volume, axis=0) / sample_time + p.k_l * depth[:-1]
-    u = command[:-1]
-    most = largest_voltage(
-        E=p.supply, sag=p.sag, emf=motor.kappa * q * np.where(u >= 0.0, 1.0, -1.0)
-    )
+    q = np.diff(runs.volume, axis=0) / sample_time + p.k_l * runs.depth[:-1]
+    u = runs.command[:-1]
+    emf = motor.kappa * q * np.where(u >= 0.0, 1.0, -1.0)
+    most = largest_voltage(E=p.supply, sag=p.sag, emf=emf)
     u = np.clip(u, -most, most)
     i = winding_current(u=u, omega=q, R=motor.R, k_emf=motor.kappa)
     return electrical_power(u=u, i=i) * sample_time
@@ -348,14 +345,8 @@ def trial(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Trial:
     motor, h = winding(vehicle), bound.sample_time
     if motor is not None:
         p = plant(vehicle)
-        joules = electrical_energy(
-            motor,
-            p._replace(supply=min(p.supply, drawn.supply)),
-            sample_time=h,
-            command=runs.command,
-            volume=runs.volume,
-            depth=runs.depth,
-        )
+        supplied = p._replace(supply=min(p.supply, drawn.supply))
+        joules = electrical_energy(motor, supplied, runs, sample_time=h)
         late = joules[(time >= since)[:-1]]
         found = found._replace(energy=joules.sum(axis=0), power=late.mean(axis=0) / h)
     return summarise(found)
@@ -375,16 +366,10 @@ def _of_floats(
         share = spent[late].sum() / max(spent.sum(), 1e-12)
         counts[:, k] = np.abs(changes).sum(), np.sum(changes > 0.0), np.sum(changes < 0.0), share
     rate, starts, turns, share = counts / seconds
-    return found._replace(
-        settle=arrivals(runs.time, ~(np.abs(error) <= band) | runs.stopped),
-        overshoot=np.maximum(
-            np.nanmax(beyond * error, axis=0) / abs(step.target - step.start), 0.0
-        ),
-        rate=rate,
-        starts=starts,
-        turns=turns,
-        power=runs.energy * share,
-    )
+    settle = arrivals(runs.time, ~(np.abs(error) <= band) | runs.stopped)
+    over = np.nanmax(beyond * error, axis=0) / abs(step.target - step.start)
+    found = found._replace(settle=settle, overshoot=np.maximum(over, 0.0))
+    return found._replace(rate=rate, starts=starts, turns=turns, power=runs.energy * share)
 
 
 def energy_of(vehicle: Vehicle, runs: Runs, lane: int) -> Array:

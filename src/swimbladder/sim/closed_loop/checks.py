@@ -10,7 +10,7 @@ import numpy as np
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.margins import spectral_radius
-from swimbladder.design.linear.sampled import LinearLaw, linearise_law, loop_of
+from swimbladder.design.linear.sampled import BoundLaw, LinearLaw, linearise_law, loop_of
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.water import Medium
@@ -42,14 +42,7 @@ def law_at_rest(
 ) -> LinearLaw:
     """Return the linear form of a law that holds a vehicle at `depth` [m], called every sample."""
     seen = Measurement(0.0, depth, vehicle.neutral_volume(depth))
-    return linearise_law(
-        law.step,
-        parameters=parameters,
-        state=law.initial(parameters, seen, depth),
-        measurement=seen,
-        reference=depth,
-        tick=sample_time,
-    )
+    return linearise_law(BoundLaw(law, parameters, sample_time), seen)
 
 
 def check_sample_time(
