@@ -41,6 +41,9 @@ from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.files import make_folder, source_hash, write_atomically, write_through
 
 Item = TypeVar("Item")
+Advance = Callable[[float], None]
+"""Is told the share of the work that is done."""
+
 Answer = TypeVar("Answer")
 
 _PACKAGE = Path(__file__).resolve().parent

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from typing import Any, Literal, NamedTuple
@@ -19,10 +19,11 @@ from swimbladder.control.registry import LAWS, bind, controller_of, own_law
 from swimbladder.design.linear.depths import neutral_end, stall
 from swimbladder.design.linear.pump_valve import pump_stall
 from swimbladder.design.tuning import tune
+from swimbladder.design.tuning.gains import refused_depths
 from swimbladder.design.tuning.trial import usual_step
-from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+from swimbladder.errors import NoAnswerError, SwimbladderError
 from swimbladder.io.config import load_vehicle
-from swimbladder.jobs import Store
+from swimbladder.jobs import Advance, Store
 from swimbladder.physics.dynamics import body_plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
@@ -125,19 +126,13 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
             most = top + _UNSTATED
             words = f"down to {most:g} m, as the vehicle states no rating (--depth)"
         if most <= top:
-            raise NoAnswerError(
-                f"there is no depth to compare laws at: {why} at {rounded(reach, 3)} m"
-            )
+            at = f"{why} at {rounded(reach, 3)} m"
+            raise NoAnswerError(f"there is no depth to compare laws at: {at}")
         return Places(top, most, words)
     least, most = max(given[0], top), given[1]
     if not (given[0] >= 0.0 and least < most < math.inf):
-        raise InputError(
-            "no range of depths under water",
-            field="--depth",
-            value=f"{given[0]:g}:{most:g}",
-            unit="m",
-            remedy="Give the least and the greatest, like 0:10",
-        )
+        remedy = "Give the least and the greatest, like 0:10"
+        raise refused_depths("no range of depths under water", given, remedy)
     if most >= reach:
         raise NoAnswerError(
             f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Compare laws for "
@@ -253,10 +248,8 @@ def own(vehicle: Vehicle) -> list[Contender]:
     paper = load_vehicle(_PAPERS)
     parts = ("actuator", "stroke", "hull", "motion", "water")
     papers = all(getattr(vehicle, part) == getattr(paper, part) for part in parts)
-    for controller, tuning in (
-        (vehicle.controller, IN_FILE),
-        (paper.controller if papers else None, PAPER),
-    ):
+    published = paper.controller if papers else None
+    for controller, tuning in ((vehicle.controller, IN_FILE), (published, PAPER)):
         if controller is None:
             continue
         one = _bound(controller, tuning)
@@ -267,24 +260,32 @@ def own(vehicle: Vehicle) -> list[Contender]:
     return found
 
 
-def tuned(
-    vehicle: Vehicle,
-    name: str,
-    goal: str,
-    *,
-    where: Places,
-    step: tuple[float, float],
-    sample_time: float | None,
-    store: Store,
-    advance: Callable[[float], None],
-    column: Column | None = None,
-) -> Contender | str:
-    """Return a law tuned for a goal over the range of depths, or why it cannot be.
+class Tuner(NamedTuple):
+    """What every law is tuned for, as `tune` has it."""
 
-    step [m]: of the tuner's trials. column: their water. advance: told the share of the work done.
-    """
-    least = None if vehicle.supply is None else LOW_SUPPLY * vehicle.supply.voltage
-    depths, law, left = (where.least, where.most), LAWS[name], 1.0
+    depths: tuple[float, float]  # m
+    step: tuple[float, float]  # m, of the trials
+    sample_time: float | None  # s
+    column: Column | None  # the water of the trials
+    supply: float | None  # V
+    runs: int = _TRIALS
+
+
+def tuner(
+    vehicle: Vehicle, where: Places, *, sample_time: float | None, column: Column | None
+) -> Tuner:
+    """Return what the laws of a vehicle are tuned for over a range of depths."""
+    low = None if vehicle.supply is None else LOW_SUPPLY * vehicle.supply.voltage
+    first = place(scenarios_of(vehicle)[0], vehicle, where)
+    depths = (where.least, where.most)
+    return Tuner(depths, (first.start, first.target), sample_time, column, low)
+
+
+def tuned(
+    vehicle: Vehicle, name: str, goal: str, how: Tuner, store: Store, advance: Advance
+) -> Contender | str:
+    """Return a law tuned for a goal, or why it cannot be; advance: told the share of it done."""
+    law, left = LAWS[name], 1.0
 
     def tell(share: float) -> None:
         nonlocal left
@@ -293,25 +294,13 @@ def tuned(
 
     def controller() -> dict[str, Any]:
         try:
-            found = tune(
-                vehicle,
-                law=name,
-                goal=goal,
-                depths=depths,
-                step=step,
-                sample_time=sample_time,
-                supply=least,
-                runs=_TRIALS,
-                advance=tell,
-                column=column,
-            )
+            found = tune(vehicle, law=name, goal=goal, **how._asdict(), advance=tell)
             assert found.vehicle.controller is not None
             return found.vehicle.controller.model_dump()
         except SwimbladderError as error:
             return {"why": str(error)}
 
-    inputs = (vehicle, name, source_of(law), goal, *depths, step, sample_time, least, column)
-    kept = store.get(controller, "tune", *inputs)
+    kept = store.get(controller, "tune", vehicle, name, source_of(law), goal, how)
     advance(max(left, 0.0))
     return str(kept["why"]) if "why" in kept else _bound(Controller(**kept), goal)
 

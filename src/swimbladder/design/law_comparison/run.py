@@ -113,15 +113,10 @@ class LawComparison:
 
     def worst_overshoot(self, at: str) -> tuple[float, ...]:
         """Return each row's largest 95 % overshoot over the nominal vehicle's steps there [-]."""
-        names = [
-            p.scenario.name
-            for p in self.placed
-            if p.is_step and not p.scenario.drawn and p.scenario.at == at
-        ]
-        return tuple(
-            max((row.cost(name, "overshoot_95") for name in names), default=math.nan)
-            for row in self.rows
-        )
+        steps = [p.scenario for p in self.placed if p.is_step and p.scenario.at == at]
+        names = [s.name for s in steps if not s.drawn]
+        every = [[row.cost(name, "overshoot_95") for name in names] for row in self.rows]
+        return tuple(max(costs, default=math.nan) for costs in every)
 
     @property
     def lost(self) -> tuple[float, ...]:
@@ -134,31 +129,16 @@ class LawComparison:
         said = []
         bound = self.bounds.get("step-down")
         alone = len(self.rows) == 1
-        for words, scenario, field, shown in (
-            (
-                f"settles{'' if alone else ' soonest'} after a step, in 95 % of the runs",
-                "step-down",
-                "settle_95",
-                _seconds,
-            ),
-            (
-                f"holds{'' if alone else ' best'} while the trim drifts",
-                "hold-drift",
-                "rms",
-                _millimetres,
-            ),
-            (f"moves{'' if alone else ' least'} while holding", "hold", "rate", _litres),
-        ):
-            ranked = sorted(
-                (row for row in self.rows if math.isfinite(row.cost(scenario, field))),
-                key=lambda row: row.cost(scenario, field),
-            )
-            if not ranked:
+        for verb, best_of, when, scenario, field, shown in _BEST:
+            costs = [row.cost(scenario, field) for row in self.rows]
+            least = min(filter(math.isfinite, costs), default=None)
+            if least is None:
                 continue
-            best, reference = ranked[0], self.reference
-            text = f"{best.who.name} {words}: {shown(best.cost(scenario, field))}"
+            best, reference = self.rows[costs.index(least)], self.reference
+            words = f"{verb} {when}" if alone else f"{verb} {best_of} {when}"
+            text = f"{best.who.name} {words}: {shown(least)}"
             if field == "settle_95" and bound:
-                ratio = best.cost(scenario, field) / bound
+                ratio = least / bound
                 text += f", {ratio:.2f} of the least that any controller needs ({bound:.1f} s)"
             if reference is not best:
                 text += f"; {reference.who.name}: {shown(reference.cost(scenario, field))}"
@@ -215,6 +195,14 @@ def _millimetres(x: float) -> str:
 
 def _litres(x: float) -> str:
     return f"{3.6e6 * x:.2g} L/h" if math.isfinite(x) else "unknown"
+
+
+# What is said of the best: verb, adverb among others, when, scenario, number, and its text.
+_BEST = (
+    ("settles", "soonest", "after a step, in 95 % of the runs", "step-down", "settle_95", _seconds),
+    ("holds", "best", "while the trim drifts", "hold-drift", "rms", _millimetres),
+    ("moves", "least", "while holding", "hold", "rate", _litres),
+)
 
 
 class Asked(NamedTuple):
@@ -287,9 +275,8 @@ def compare_laws(
     """
     tell = advance or (lambda _: None)
     if runs < _FEWEST:
-        raise InputError(
-            "too few runs", field="--runs", value=runs, remedy=f"Give {_FEWEST} or more"
-        )
+        remedy = f"Give {_FEWEST} or more"
+        raise InputError("too few runs", field="--runs", value=runs, remedy=remedy)
     if seed < 0:
         raise InputError("must be 0 or more", field="--seed", value=seed, remedy="Give --seed 1")
     everyone = contenders.own(vehicle)
@@ -305,22 +292,13 @@ def compare_laws(
     ]
     around = region(vehicle)
     store = Store(parts)
-    shallow = contenders.place(contenders.scenarios_of(vehicle)[0], vehicle, where)
+    how = contenders.tuner(vehicle, where, sample_time=sample_time, column=column)
     jobs = [(name, goal) for name in names for goal in tune_for]
     with ThreadPoolExecutor(1) as aside:  # they have a process of their own
         bounding = aside.submit(_bounds, vehicle, placed, store)
+        share = _TUNING / max(len(jobs), 1)
         for name, goal in jobs:
-            found = contenders.tuned(
-                vehicle,
-                name,
-                goal,
-                where=where,
-                step=(shallow.start, shallow.target),
-                sample_time=sample_time,
-                store=store,
-                column=column,
-                advance=lambda share: tell(_TUNING * share / len(jobs)),
-            )
+            found = contenders.tuned(vehicle, name, goal, how, store, lambda x: tell(share * x))
             if isinstance(found, str):
                 left_out[f"{name}, {goal}"] = found
             else:
@@ -356,9 +334,8 @@ def _bounds(
     if vehicle.command == "volume change":
         return {}, dict.fromkeys(steps, "none is computed for a pump and valve") | missing
     if vehicle.controller is None:
-        return {}, dict.fromkeys(
-            steps, "the vehicle has no controller, so no sample time"
-        ) | missing
+        why = "the vehicle has no controller, so no sample time"
+        return {}, dict.fromkeys(steps, why) | missing
     volts = None if vehicle.supply is None else vehicle.supply.voltage
     asked = {
         name: Asked(p.start, p.target, None if volts is None else p.scenario.supply * volts)

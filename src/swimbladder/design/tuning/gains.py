@@ -55,24 +55,15 @@ def grid(recipe: Recipe, goal: str, setting: Setting, held: float) -> Iterator[K
     if recipe.sleeps:
         away = runaway(setting.plant, asleep=True)
         for sleep, band in product(recipe.sleeps, recipe.bands):
-            yield Knobs(
-                frequency=1.0 / (sleep * away),
-                damping=1.0,
-                inner=0.5 / h,
-                pause=sleep * away,
-                band=band * held,
-            )
+            pause = sleep * away
+            knobs = Knobs(frequency=1.0 / pause, damping=1.0, inner=0.5 / h)
+            yield knobs._replace(pause=pause, band=band * held)
         return
     g = recipe.fast if goal == "fast" else recipe.quiet
     for inner, share, damping, sharpness, learning in product(*(g or ())):
         rate = inner / h
-        yield Knobs(
-            frequency=share * rate,
-            damping=damping,
-            inner=rate,
-            sharpness=sharpness,
-            learning=learning,
-        )
+        knobs = Knobs(frequency=share * rate, damping=damping, inner=rate)
+        yield knobs._replace(sharpness=sharpness, learning=learning)
 
 
 def preference(goal: str, knobs: Knobs) -> float:
@@ -184,16 +175,19 @@ def _drive(
     )
 
 
+def refused_depths(
+    what: str, depths: tuple[float, float], remedy: str, *, field: str = "--depth"
+) -> InputError:
+    """Return the error for two depths [m] that cannot be."""
+    value = f"{depths[0]:g}:{depths[1]:g}"
+    return InputError(what, field=field, value=value, unit="m", remedy=remedy)
+
+
 def check_depths(depths: tuple[float, float], surface: float = 0.0) -> None:
     """Raise InputError for what is no range of depths [m] that ends below `surface`."""
     if not (0.0 <= depths[0] < depths[1] < math.inf and depths[1] > surface):
-        raise InputError(
-            "no range of depths",
-            field="--depth",
-            value=f"{depths[0]:g}:{depths[1]:g}",
-            unit="m",
-            remedy="Give the least and the greatest, like 0:100",
-        )
+        remedy = "Give the least and the greatest, like 0:100"
+        raise refused_depths("no range of depths", depths, remedy)
 
 
 def tunable_names(command: str | None = None) -> list[str]:
@@ -470,10 +464,6 @@ def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:
 
 
 def _tightened(m: Margins) -> Margins:
-    return m._replace(
-        gain_up=m.gain_up / _SLACK,
-        gain_down=m.gain_down * _SLACK,
-        phase=m.phase / _SLACK,
-        peak_sensitivity=1.0 + (m.peak_sensitivity - 1.0) * _SLACK,
-        disk=m.disk / _SLACK,
-    )
+    raised = {name: getattr(m, name) / _SLACK for name in ("gain_up", "phase", "disk")}
+    peak = 1.0 + (m.peak_sensitivity - 1.0) * _SLACK
+    return m._replace(gain_down=m.gain_down * _SLACK, peak_sensitivity=peak, **raised)

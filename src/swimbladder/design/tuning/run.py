@@ -151,10 +151,7 @@ class Tuning(gains.Found):
         return {
             "vehicle": self.vehicle.name,
             "law": self.law.name,
-            **as_json(
-                self,
-                "goal sample_time_s computation_delay_s=delay depths_m supply_V step assumptions",
-            ),
+            **as_json(self, _ASKED_FOR),
             "hold_m": self.held or None,
             "parameters": {
                 name: {"value": float(value), "unit": self.law.units[name]}
@@ -169,6 +166,7 @@ class Tuning(gains.Found):
         }
 
 
+_ASKED_FOR = "goal sample_time_s computation_delay_s=delay depths_m supply_V step assumptions"
 TRIAL = (
     "runs settled settle2_median_s=settle_median settle2_95_s=settle_95 overshoot_median "
     "overshoot_95 rms_m volume_rate_m3_s=rate starts_1_s turns_1_s energy_J power_W"
@@ -228,51 +226,41 @@ def tune(
     pumped = isinstance(vehicle.actuator, PumpAndValve)
     law = law or ("rate" if pumped else "planned")
     chosen = gains.tunable(law)
-    _check(vehicle, law, goal, depths, delay, runs, hold)
+    _check(vehicle, law, goal, hold)
+    gains.check_depths(depths)
+    if not 0.0 <= delay < 1.0:
+        what, remedy = "a delay is given as a share of the sample time", "Give 0 or more, below 1"
+        raise InputError(what, field="--delay", value=delay, remedy=remedy)
+    if runs < 20:
+        raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
     h = _sample_time(vehicle, sample_time)
     vehicle, sensor = _with_noise(vehicle)
     p = _supplied(vehicle)
     if supply is not None and math.isinf(p.supply):
-        raise InputError(
-            f"a {'power law of a pump' if pumped else 'positioner'} has a supply of its own",
-            field="--supply",
-            value=supply,
-            unit="V",
-            remedy="Leave it out",
-        )
+        what = f"a {'power law of a pump' if pumped else 'positioner'} has a supply of its own"
+        raise InputError(what, field="--supply", value=supply, unit="V", remedy="Leave it out")
     least = _LOW * p.supply if supply is None else supply
     if not 0.0 < least <= p.supply:
-        raise InputError(
-            "the least supply must be above 0 and not above the vehicle's",
-            field="--supply",
-            value=least,
-            unit="V",
-            remedy=f"Give more than 0 V, and up to {p.supply:g} V",
-        )
+        what = "the least supply must be above 0 and not above the vehicle's"
+        remedy = f"Give more than 0 V, and up to {p.supply:g} V"
+        raise InputError(what, field="--supply", value=least, unit="V", remedy=remedy)
     around = region(vehicle)
     held = _held(vehicle, chosen, goal, hold)
     ends = depths if pumped and step is None else _step(depths, step)
     if pumped and abs(ends[1] - ends[0]) <= 2.0 * held:
-        raise InputError(
-            f"the way is no longer than the band of {held:g} m to either side that the law keeps",
-            field="--depth",
-            value=f"{depths[0]:g}:{depths[1]:g}",
-            unit="m",
-            remedy="Give depths farther apart, like 100:1500, or a narrower band (--hold)",
-        )
+        what = f"the way is no longer than the band of {held:g} m to either side that the law keeps"
+        remedy = "Give depths farther apart, like 100:1500, or a narrower band (--hold)"
+        raise gains.refused_depths(what, depths, remedy)
     judged = tuple(sorted({*depths, *ends}))
     if column is not None and column.cast is not None:
         check_cast_unit(column.cast, judged[-1], vehicle.hull.depth_limit)
     layers = medium_of(vehicle, column, reach=judged[-1]).layers
     off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
     _check_reach(vehicle, judged, least, around, layers)
+    neutral = around.neutral if pumped else max(10.0 * around.neutral, 20e-6)
+    neutral += float(np.abs(off).max())
     setting = gains.setting_of(
-        vehicle,
-        sample_time=h,
-        supply=least,
-        neutral_range=(around.neutral if pumped else max(10.0 * around.neutral, 20e-6))
-        + float(np.abs(off).max()),
-        depths=judged,
+        vehicle, sample_time=h, supply=least, neutral_range=neutral, depths=judged
     )
     long = _WATCH
     recipe = gains.recipe_of(law)
@@ -291,6 +279,15 @@ def tune(
     bound = search.bound(found.knobs)
     few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
     nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
+    assumptions = [*around.words, sensor, *_outside(depths, ends)]
+    assumptions += _in_water(column, off, pumped=pumped)
+    if math.isfinite(least):
+        assumptions.append(f"the supply falls to {least:.3g} V")
+    else:
+        mover = "pump" if pumped else "positioner"
+        assumptions.append(f"the {mover} moves {1e6 * p.rate:.3g} cm3/s")
+    if not pumped:
+        assumptions.append(f"a command comes {1e3 * delay * h:.3g} ms after its sample")
     origin = {"controller.parameters": f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"}
     made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
     return Tuning(
@@ -308,68 +305,31 @@ def tune(
         supply=least,
         held=held,
         band=trial.arrival_band(bound, watched) if pumped else 0.0,
-        assumptions=(
-            *around.words,
-            sensor,
-            *_outside(depths, ends),
-            *_in_water(column, off, pumped=pumped),
-            f"the supply falls to {least:.3g} V"
-            if math.isfinite(least)
-            else f"the {'pump' if pumped else 'positioner'} moves {1e6 * p.rate:.3g} cm3/s",
-            *(() if pumped else (f"a command comes {1e3 * delay * h:.3g} ms after its sample",)),
-        ),
+        assumptions=tuple(assumptions),
         plants=around.plants,
     )
 
 
-def _check(
-    vehicle: Vehicle,
-    law: str,
-    goal: str,
-    depths: tuple[float, float],
-    delay: float,
-    runs: int,
-    hold: float | None,
-) -> None:
+def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
     check_command(gains.tunable(law), vehicle, field="--law", among=gains.tunable_names())
     if goal not in gains.GOALS:
-        raise InputError(
-            "no such goal",
-            field="--goal",
-            value=goal,
-            remedy=f"Choose from {', '.join(gains.GOALS)}",
-        )
-    if goal not in gains.goals_of(gains.recipe_of(law)):
-        raise InputError(
-            f"the law {law} is not tuned for this",
-            field="--goal",
-            value=goal,
-            remedy=f"Choose from {', '.join(gains.goals_of(gains.recipe_of(law)))}, or another law",
-        )
+        remedy = f"Choose from {', '.join(gains.GOALS)}"
+        raise InputError("no such goal", field="--goal", value=goal, remedy=remedy)
+    goals = gains.goals_of(gains.recipe_of(law))
+    if goal not in goals:
+        remedy = f"Choose from {', '.join(goals)}, or another law"
+        what = f"the law {law} is not tuned for this"
+        raise InputError(what, field="--goal", value=goal, remedy=remedy)
     pumped = isinstance(vehicle.actuator, PumpAndValve)
     allowed = goal != "fast" or pumped
     if hold is not None and not (allowed and 0.0 < hold < math.inf):
-        raise InputError(
-            "an error that is allowed is above 0, and for quiet and energy",
-            field="--hold",
-            value=hold,
-            unit="m",
-            remedy='Give something like "1 cm" with --goal quiet',
-        )
+        what = "an error that is allowed is above 0, and for quiet and energy"
+        remedy = 'Give something like "1 cm" with --goal quiet'
+        raise InputError(what, field="--hold", value=hold, unit="m", remedy=remedy)
     if goal == "energy" and not pumped:
         known_winding(vehicle, instead="tune for quiet, which moves least")
-    gains.check_depths(depths)
-    if not 0.0 <= delay < 1.0:
-        raise InputError(
-            "a delay is given as a share of the sample time",
-            field="--delay",
-            value=delay,
-            remedy="Give 0 or more, below 1",
-        )
-    if runs < 20:
-        raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
 
 
 def _supplied(vehicle: Vehicle) -> Plant:
@@ -413,13 +373,9 @@ def _sample_time(vehicle: Vehicle, given: float | None) -> float:
     if given is None and vehicle.controller is not None:
         return vehicle.controller.sample_time
     if given is None or not 0.0 < given < math.inf:
-        raise InputError(
-            "the sample time must be a finite time above 0",
-            field="--sample-time",
-            value=given,
-            unit="s",
-            remedy='Give it, like --sample-time "0.3 s"',
-        )
+        what = "the sample time must be a finite time above 0"
+        remedy = 'Give it, like --sample-time "0.3 s"'
+        raise InputError(what, field="--sample-time", value=given, unit="s", remedy=remedy)
     return given
 
 
@@ -476,13 +432,8 @@ def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tup
     if given is None:
         return trial.usual_step(*depths)
     if not (given[0] != given[1] and min(given) >= 0.0 and max(given) < math.inf):
-        raise InputError(
-            "no step of depth",
-            field="--step",
-            value=f"{given[0]:g}:{given[1]:g}",
-            unit="m",
-            remedy="Give two different depths, like 1.5:3",
-        )
+        remedy = "Give two different depths, like 1.5:3"
+        raise gains.refused_depths("no step of depth", given, remedy, field="--step")
     return given
 
 
@@ -502,15 +453,13 @@ def _in_water(column: Column | None, off: NDArray[np.float64], *, pumped: bool) 
     """Return what is to be said of a cast; off [m3]: what it adds to the neutral volume."""
     if column is None:
         return []
+    judged = "margins are those in the vehicle's own water"
+    if pumped:
+        judged = "decisions are judged with psi as that water has it at each depth"
     return [
         *(f"cast: {remark}" for remark in column.report),
         f"the trials are flown in the water of {column.source}, which moves the neutral volume by "
-        f"{1e6 * float(off.min()):.3g} to {1e6 * float(off.max()):.3g} cm3; "
-        + (
-            "decisions are judged with psi as that water has it at each depth"
-            if pumped
-            else "margins are those in the vehicle's own water"
-        ),
+        f"{1e6 * float(off.min()):.3g} to {1e6 * float(off.max()):.3g} cm3; {judged}",
     ]
 
 
