@@ -33,8 +33,8 @@ KNOWN = Identified(
 
 
 def look(vehicle=FEUP, numbers=NUMBERS, **options):
-    bound = BOUND._replace(parameters=numbers)
-    return look_around(vehicle, bound, **({"depths": (0.0, 5.0), "delay": 0.0} | options))
+    given = {"depths": (0.0, 5.0), "delay": 0.0, "advance": lambda _: None} | options
+    return look_around(vehicle, BOUND._replace(parameters=numbers), **given)
 
 
 @pytest.mark.parametrize("vehicle", [FEUP, FEUP.model_copy(update={"identified": KNOWN})])
@@ -107,4 +107,5 @@ def test_a_law_that_is_not_linear_has_no_eigenvalues():
     from swimbladder.control.deadband import DEADBAND
     from tests.control.examples import SLEEPER
 
-    assert look_around(FEUP, BoundLaw(DEADBAND, SLEEPER, H), depths=(1.0,), delay=0.0) is None
+    sleeper = BoundLaw(DEADBAND, SLEEPER, H)
+    assert look_around(FEUP, sleeper, (1.0,), delay=0.0, advance=lambda _: None) is None

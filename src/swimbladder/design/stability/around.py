@@ -29,6 +29,7 @@ from swimbladder.design.linear.sampled import BoundLaw, Mode, SampledLoop, loop_
 from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.region import Member, member, unknowns, with_middle
 from swimbladder.io.answers import as_json, plain
+from swimbladder.jobs import Advance
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
@@ -364,12 +365,7 @@ def modulus(value: float) -> str:
 
 
 def look_around(
-    vehicle: Vehicle,
-    bound: BoundLaw,
-    *,
-    depths: Sequence[float],
-    delay: float,
-    advance: Callable[[float], None] = lambda _: None,
+    vehicle: Vehicle, bound: BoundLaw, depths: Sequence[float], *, delay: float, advance: Advance
 ) -> Around | None:
     """Return the worst over region and depths [m]; None for a law not linear at rest, or asleep.
 

@@ -118,22 +118,21 @@ class Held(NamedTuple):
     vary: Mapping[str, float] = {}  # fields of the plant that differ
 
     def fly(
-        self, disturbances: Any, duration: float, *, kick: float = 0.0, quantised: bool = False
+        self, disturbances: Any, duration: float, *, speed: float = 0.0, quantised: bool = False
     ) -> Runs:
         """Return runs of `duration` [s] that start off by disturbances [m], without noise.
 
-        kick [1/s]: of the disturbance, as speed. quantised: whether the sensors round.
+        speed [m/s]: at the start. quantised: whether the sensors round.
         """
         quiet = self.vehicle.sensors.model_copy(update={"depth_noise": 0.0, "volume_noise": 0.0})
-        off = np.asarray(disturbances, float)
         return fly(
             self.vehicle.model_copy(update={"sensors": quiet}),
             self.bound,
             target=self.depth,
             duration=duration,
             vary=self.vary,
-            start_depth=self.depth + off,
-            start_speed=kick * off,
+            start_depth=self.depth + np.asarray(disturbances, float),
+            start_speed=speed,
             seed=0 if quantised else None,
         )
 
@@ -146,7 +145,8 @@ def hold(
     period [s]: expected, which decides how long is simulated. quantised: whether the sensors round.
     kick [1/s]: of the disturbance, as speed.
     """
-    runs = held.fly([disturbance], _PERIODS * period, kick=kick, quantised=quantised)
+    speed = kick * disturbance
+    runs = held.fly([disturbance], _PERIODS * period, speed=speed, quantised=quantised)
     late = runs.time >= (1.0 - _LOOKED) * runs.time[-1]
     return measure(runs.time[late], runs.depth[late, 0], held.depth)
 
@@ -198,17 +198,14 @@ def hunting(
 
 
 def _predicted(
-    source: str,
-    size: float,
-    unit: str,
-    amplitude: float,
-    period: float = math.nan,
-    error: float | None = None,
+    cause: tuple[str, float, str], amplitude: float, period: float = math.nan, off: float = math.inf
 ) -> Predicted:
-    """Return a prediction; amplitude [m], period [s], error: of both; None: they are bounds."""
-    off = math.inf if error is None else error
+    """Return what a cause of a size in a unit makes by itself.
+
+    amplitude [m], period [s], off [-]: error of both; inf: they are bounds.
+    """
     cycle = Cycle(amplitude, 2.0 * math.pi / period, True, 0.0, off, off)
-    return Predicted(source, size, unit, _DECISION, cycle, amplitude, error is None)
+    return Predicted(*cause, _DECISION, cycle, amplitude, math.isinf(off))
 
 
 def on_the_way(p: Plant, q: RateParameters, *, down: bool) -> Predicted | None:
@@ -230,7 +227,7 @@ def on_the_way(p: Plant, q: RateParameters, *, down: bool) -> Predicted | None:
     amplitude = falls * period * period / 16.0
     source = f"compressibility, {'sinking' if down else 'rising'}"
     size = q.coefficient * (wanted**2 - low**2)
-    return _predicted(source, size, "m3", amplitude, period, 0.5 * interval / period)
+    return _predicted((source, size, "m3"), amplitude, period, 0.5 * interval / period)
 
 
 def _at_rest(vehicle: Vehicle, p: Plant, q: RateParameters, depth: float) -> list[Predicted]:
@@ -242,22 +239,22 @@ def _at_rest(vehicle: Vehicle, p: Plant, q: RateParameters, depth: float) -> lis
 
     if p.psi > 0.0:
         most = q.tolerance + least_band(vehicle, p.psi, q, step)
-        add(_predicted("hull that gives way", p.psi, "m3/m", most))
+        add(_predicted(("hull that gives way", p.psi, "m3/m"), most))
     elif p.psi < 0.0:
         half = 0.5 * step / -p.psi
         if step > 0.0:
-            one = _predicted("step of the volume", step, "m3", half)
+            one = _predicted(("step of the volume", step, "m3"), half)
             add(one, cycles=half > q.tolerance)
         leak = drive_rates(vehicle, [depth]).leakage[0]
         if leak > 0.0 and leak / -p.psi < 0.5 * q.speed_step:
             period = 2.0 * q.tolerance * -p.psi / leak
-            add(_predicted("leakage", leak, "m3/s", q.tolerance, period))
+            add(_predicted(("leakage", leak, "m3/s"), q.tolerance, period))
     if quantum > 0.0:
         shown = quantum / q.window
         acts = q.coefficient * shown**2 >= 0.5 * step and shown >= 0.5 * q.speed_step
         cycles = acts and p.psi != 0.0
         most = q.tolerance + 0.5 * quantum if cycles else math.nan
-        add(_predicted("quantum of the depth", quantum, "m", most), cycles=cycles)
+        add(_predicted(("quantum of the depth", quantum, "m"), most), cycles=cycles)
     return found
 
 
@@ -294,21 +291,11 @@ def _flown_rest(vehicle: Vehicle, bound: BoundLaw, one: Predicted, depth: float)
     a = vehicle.actuator
     tight = a if leaks else a.model_copy(update={"leakage": 0.0, "creep": 0.0})
     quantised = one.source == "quantum of the depth"
-    still = {"depth_noise": 0.0, "depth_quantum": vehicle.sensors.depth_quantum}
-    sensors = vehicle.sensors.model_copy(update=still)
-    alone = vehicle.model_copy(update={"actuator": tight, "sensors": sensors})
+    held = Held(vehicle.model_copy(update={"actuator": tight}), bound, depth)
     # Where no whole number of steps takes it to the middle of the band, on its way out of it.
     apart = q.volume_step / abs(vehicle.hull.psi) if vehicle.hull.psi else 0.0
-    begin = depth + max(0.5 * apart, 1.5 * q.tolerance)
-    flown = fly(
-        alone,
-        bound,
-        target=depth,
-        duration=duration,
-        start_depth=begin,
-        start_speed=_DISTURBED,
-        seed=0 if quantised else None,
-    )
+    off = max(0.5 * apart, 1.5 * q.tolerance)
+    flown = held.fly(off, duration, speed=_DISTURBED, quantised=quantised)
     return _remains(flown, depth, min(_FIRST * period, 0.3 * duration))
 
 

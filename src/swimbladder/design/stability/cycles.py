@@ -53,7 +53,7 @@ Complex = NDArray[np.complex128]
 _TURN = 4096  # points of a period
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Nonlinearity:
     """One nonlinearity: what it does to a sine, and to its first harmonic.
 
@@ -64,9 +64,9 @@ class Nonlinearity:
     name: str
     size: float
     onset: float
-    reach: float
     gain: Callable[[Array], Array | Complex]  # amplitudes -> N(A) [-]
     output: Callable[[Array], Array]  # two periods of a signal -> what comes out
+    reach: float = 1e5
 
     def amplitudes(self, count: int) -> Array:
         """Return amplitudes beyond the onset, closest where N changes most."""
@@ -97,26 +97,20 @@ def saturation(limit: float) -> Nonlinearity:
 
     Gelb and Vander Velde 1968, appendix B.
     """
-    return Nonlinearity(
-        name="saturation",
-        size=limit,
-        onset=limit,
-        reach=1e5,
-        gain=lambda A: _cap(limit / A),
-        output=lambda x: np.clip(x, -limit, limit),
-    )
+
+    def output(x: Array) -> Array:
+        return np.clip(x, -limit, limit)
+
+    return Nonlinearity("saturation", limit, limit, lambda A: _cap(limit / A), output)
 
 
 def dead_zone(half: float) -> Nonlinearity:
     """Return a dead zone of `half` to either side: N is 1 less that of the limit at its edge."""
-    return Nonlinearity(
-        name="dead zone",
-        size=half,
-        onset=half,
-        reach=1e5,
-        gain=lambda A: 1.0 - _cap(half / A),
-        output=lambda x: x - np.clip(x, -half, half),
-    )
+
+    def output(x: Array) -> Array:
+        return x - np.clip(x, -half, half)
+
+    return Nonlinearity("dead zone", half, half, lambda A: 1.0 - _cap(half / A), output)
 
 
 def quantiser(quantum: float) -> Nonlinearity:
@@ -130,14 +124,10 @@ def quantiser(quantum: float) -> Nonlinearity:
         reached = np.sqrt(np.maximum(1.0 - (edges / A[..., None]) ** 2, 0.0)).sum(axis=-1)
         return np.asarray(4.0 * quantum / (math.pi * A) * reached)
 
-    return Nonlinearity(
-        name="quantiser",
-        size=quantum,
-        onset=0.5 * quantum,
-        reach=78.0,
-        gain=gain,
-        output=lambda x: quantum * np.floor(x / quantum + 0.5),
-    )
+    def output(x: Array) -> Array:
+        return np.asarray(quantum * np.floor(x / quantum + 0.5))
+
+    return Nonlinearity("quantiser", quantum, 0.5 * quantum, gain, output, reach=78.0)
 
 
 def relay(level: float, hysteresis: float = 0.0) -> Nonlinearity:
@@ -157,14 +147,7 @@ def relay(level: float, hysteresis: float = 0.0) -> Nonlinearity:
         return np.asarray(level * turned[last])
 
     onset = h if h > 0.0 else 1e-4 * level
-    return Nonlinearity(
-        name="relay",
-        size=max(h, level),
-        onset=onset,
-        reach=1e5 * level / onset,
-        gain=gain,
-        output=output,
-    )
+    return Nonlinearity("relay", max(h, level), onset, gain, output, reach=1e5 * level / onset)
 
 
 def play(half: float) -> Nonlinearity:
@@ -185,7 +168,7 @@ def play(half: float) -> Nonlinearity:
             followed[i] = y
         return followed
 
-    return Nonlinearity(name="play", size=half, onset=half, reach=1e5, gain=gain, output=output)
+    return Nonlinearity("play", half, half, gain, output)
 
 
 BELIEVED = 0.15  # expected error of amplitude or period up to which it is a prediction
@@ -230,13 +213,15 @@ def balance(loop: StateSpace, nonlinearity: Nonlinearity) -> tuple[Cycle, ...]:
         if not (polished.success and inside and math.exp(polished.x[0]) > nonlinearity.onset):
             continue
         cycle = _cycle(loop, nonlinearity, polished.x)
-        if all(
-            abs(math.log(cycle.frequency / c.frequency)) > 1e-6
-            or abs(math.log(cycle.amplitude / c.amplitude)) > 1e-9
-            for c in found
-        ):
+        if not any(_same(cycle, c) for c in found):
             found.append(cycle)
     return tuple(sorted(found))
+
+
+def _same(one: Cycle, other: Cycle) -> bool:
+    """Whether two zeros were polished to one."""
+    alike = abs(math.log(one.frequency / other.frequency)) <= 1e-6
+    return alike and abs(math.log(one.amplitude / other.amplitude)) <= 1e-9
 
 
 def _turning(F: NDArray[np.complex128]) -> list[tuple[int, int]]:
@@ -273,15 +258,9 @@ def _cycle(loop: StateSpace, nonlinearity: Nonlinearity, x: Array) -> Cycle:
     F_A, F_w = slope((step, 0.0)), slope((0.0, _SMALL))
     third = _returning(loop, nonlinearity, A, w)
     J = np.array([[F_A.real, F_w.real], [F_A.imag, F_w.imag]])
-    rows = np.linalg.norm(np.linalg.inv(J), axis=1)
-    return Cycle(
-        amplitude=A,
-        frequency=w,
-        stable=(F_A.conjugate() * F_w).imag > 0.0,
-        third=third,
-        amplitude_error=third * float(rows[0]),
-        period_error=third * float(rows[1]),
-    )
+    of_amplitude, of_period = (third * np.linalg.norm(np.linalg.inv(J), axis=1)).tolist()
+    stable = (F_A.conjugate() * F_w).imag > 0.0
+    return Cycle(A, w, stable, third, of_amplitude, of_period)
 
 
 def _returning(loop: StateSpace, nonlinearity: Nonlinearity, A: float, w: float) -> float:

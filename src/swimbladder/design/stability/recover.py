@@ -29,7 +29,6 @@ surface the vehicle floats.
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
@@ -45,7 +44,7 @@ from swimbladder.design.linear.pump_valve import moved_by_volume
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.trial import arrivals, fly
 from swimbladder.io.tables import rows_csv
-from swimbladder.jobs import Store
+from swimbladder.jobs import Advance, Store
 from swimbladder.physics.dynamics import Plant, acceleration, plant
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
@@ -205,7 +204,7 @@ class Recovery:
         return rating if self.bound.law.ways is not None and rating is not None else math.inf
 
     def run(
-        self, starts: Array, asked: NDArray[np.bool_], advance: Callable[[float], None]
+        self, starts: Array, asked: NDArray[np.bool_], advance: Advance
     ) -> tuple[NDArray[np.int64], Array]:
         """Return verdicts and times [s] of runs.
 
@@ -250,11 +249,7 @@ class Recovery:
 
 
 def recovery_maps(
-    recovery: Recovery,
-    *,
-    depths: tuple[float, float],
-    cells: int,
-    advance: Callable[[float], None] = lambda _: None,
+    recovery: Recovery, depths: tuple[float, float], cells: int, advance: Advance = lambda _: None
 ) -> tuple[Map, ...]:
     """Return the map of steps, and at three depths that of depth errors and speeds.
 

@@ -8,7 +8,7 @@ parameters stands in this module: so its compiled kernel is found again.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, partial
 from itertools import product
@@ -22,7 +22,7 @@ from swimbladder.design.linear.sampled import BoundLaw, loop_of
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import Drawn, Step, measure, traces
-from swimbladder.jobs import Store
+from swimbladder.jobs import Advance, Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
 
@@ -67,13 +67,8 @@ def wrapped_law(law: Law) -> Law:
     kept = {"w_next": "V", "w_left": ""}
     Parameters = _record(f"Wrapped{name}Parameters", law.parameters, given)
     State = _record(f"Wrapped{name}State", law.state, kept)
-    space: dict[str, Any] = {
-        "__name__": __name__,
-        "math": math,
-        "State": State,
-        "law_step": law.step,
-        "law_initial": law.initial,
-    }
+    space = {"__name__": __name__, "math": math, "State": State}
+    space |= {"law_step": law.step, "law_initial": law.initial}
     exec(_STEP, space)  # one for each law: the compiler finds it by its parameters
     made = {"parameters": Parameters, "state": State}
     made |= {name: space[name] for name in ("step", "initial")}
@@ -130,7 +125,7 @@ def robustness(
     step: Step,
     drawn: Drawn,
     parts: Store,
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance,
 ) -> tuple[Stood, ...]:
     """Return what a law stands: each gain, without and with half a sample of extra delay."""
     p, (law, parameters, sample_time) = plant(vehicle), bound

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -233,17 +233,18 @@ def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for law, delay in dict.fromkeys((s.law, s.delay) for s in stood):
         own = {s.gain: s for s in stood if (s.law, s.delay) == (law, delay)}
-        cells = [
-            f"{100 * own[g].settled:.0f}{'!' if own[g].radius >= 1.0 else ''} "
-            f"({100 * own[g].overshoot_95:.1f})"
-            if g in own
-            else ""
-            for g in factors
-        ]
+        cells = (_settling(own[g]) if g in own else "" for g in factors)
         rows.append((law, f"{delay:g} s", *cells))
     return rows
 
 
+def _settling(s: Stood) -> str:
+    """Return what share settled [%], with ! where linearly unstable, and the overshoot [%]."""
+    return f"{100 * s.settled:.0f}{'!' * (s.radius >= 1.0)} ({100 * s.overshoot_95:.1f})"
+
+
+_NOT_LINEAR = "Limit cycles are predicted for loops that are linear and stable at rest."
+_RATE_LIMIT = "The actuator takes a volume: its rate limit has no describing function here."
 _SOON = 600.0  # s, in which a disturbance is to be gone
 _AROUND = 1.5  # times its tolerance: a law of volume changes lets it drift to the edge of that
 _BAND = 0.05  # m, from the set-point, that counts as there
@@ -319,18 +320,12 @@ def stability(
             decided = around_decisions(vehicle, bound, depths=three)
             cycles = hunting(vehicle, bound, depth=at, depths=depths)
         else:
-            smooth = bound.without_rest
-            around = look_around(
-                vehicle, smooth, depths=three, delay=delay * h, advance=lambda x: tell(0.1 * x)
-            )
+            small, tell_small = bound.without_rest, (lambda x: tell(0.1 * x))
+            around = look_around(vehicle, small, three, delay=delay * h, advance=tell_small)
             if around is None or not around.stable:
-                unmet.append(
-                    "Limit cycles are predicted for loops that are linear and stable at rest."
-                )
+                unmet.append(_NOT_LINEAR)
             elif not vehicle.voltage_driven:
-                unmet.append(
-                    "The actuator takes a volume: its rate limit has no describing function here."
-                )
+                unmet.append(_RATE_LIMIT)
             else:
                 cycles = _cycles(vehicle, bound, at, voltage_quantum)
         tell(0.2)
@@ -344,7 +339,8 @@ def stability(
         if with_robustness:
             start, target = usual_step(max(low, vehicle.hull.emergence_depth), high)
             step = Step(start, target, math.ceil(within / h) * h)
-            chosen = [bound, *_others(vehicle, bound, laws, depths, parts)]
+            others = [name for name in dict.fromkeys(laws) if name != law.name]
+            chosen = [bound, *(_tuned_kept(vehicle, name, h, depths, parts) for name in others)]
             share = 0.3 / len(chosen)
             for one in chosen:
                 drawn = Drawn(draws, region(vehicle))
@@ -444,20 +440,14 @@ def _simulated(vehicle: Vehicle, bound: BoundLaw, one: Predicted, depth: float) 
     return hold(held, off, period, quantised=quantised)
 
 
-def _others(
-    vehicle: Vehicle,
-    own: BoundLaw,
-    laws: Sequence[str],
-    depths: tuple[float, float],
-    parts: Store,
-) -> Iterator[BoundLaw]:
-    """Yield laws that are to be compared with the own one, tuned."""
-    for name in dict.fromkeys(laws):
-        if name != own.law.name:
-            law = gains.tunable(name)
-            asked = ("tuned", name, source_of(law), depths)
-            values = parts.get(partial(_tuned, vehicle, name, depths), *asked)
-            yield own._replace(law=law, parameters=from_numbers(law.parameters, values))
+def _tuned_kept(
+    vehicle: Vehicle, name: str, h: float, depths: tuple[float, float], parts: Store
+) -> BoundLaw:
+    """Return a law of another name, tuned for depths [m] and a sample time h [s]."""
+    law = gains.tunable(name)
+    asked = ("tuned", name, source_of(law), depths)
+    values = parts.get(partial(_tuned, vehicle, name, depths), *asked)
+    return BoundLaw(law, from_numbers(law.parameters, values), h)
 
 
 def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float]) -> list[float]:
