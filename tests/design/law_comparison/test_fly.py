@@ -157,7 +157,7 @@ def test_swell_is_read_as_the_wave_theory_has_it():
     swell = named("hold-swell")._replace(counted=0.0)
     placed = place(swell, vehicle, places(vehicle))._replace(duration=60.0)
     _, time, shown = flown(vehicle, placed, runs=2, seed=4)
-    error = depth_error(swell.swell, vehicle, time, depth=placed.target, runs=2, seed=4)[:, 0]
+    error = depth_error(swell.swell, vehicle, time, Drawn(2, seed=4), depth=placed.target)[:, 0]
     who = own(vehicle)[0]
     state = None
 

@@ -45,7 +45,7 @@ def amplitude(swell: Swell) -> float:
 
 
 def depth_error(
-    swell: Swell, vehicle: Vehicle, time: Array, *, depth: float, runs: int, seed: int
+    swell: Swell, vehicle: Vehicle, time: Array, drawn: trial.Drawn, *, depth: float
 ) -> Array:
     """Return what the sensor reads beyond the depth in the water [samples, runs] in m.
 
@@ -54,10 +54,9 @@ def depth_error(
     """
     g, hull = vehicle.water.gravity, vehicle.hull
     middle = depth - hull.emergence_depth + 0.5 * hull.height
-    phases = np.random.default_rng([seed, 2]).uniform(
-        0.0, 2.0 * math.pi, (runs, len(swell.periods))
-    )
-    found: Array = np.zeros((len(time), runs))
+    size = (drawn.runs, len(swell.periods))
+    phases = np.random.default_rng([drawn.seed, 2]).uniform(0.0, 2.0 * math.pi, size)
+    found: Array = np.zeros((len(time), drawn.runs))
     for n, period in enumerate(swell.periods):
         k = wavenumber(period, g)
         half = 0.5 * k * hull.height
@@ -105,13 +104,9 @@ def fly_scenario(
         given["vary"]["supply"] = s.supply * plant(vehicle).supply
     if s.swell is not None:
         time = h * np.arange(schedule([0.0], placed.duration, h).ticks + 1, dtype=np.float64)
-        given["depth_error"] = depth_error(
-            s.swell, vehicle, time, depth=placed.target, runs=runs, seed=seed
-        )
+        given["depth_error"] = depth_error(s.swell, vehicle, time, drawn, depth=placed.target)
     if s.drift > 0.0:
-        given["neutral_change"] = trial.random_walk(
-            s.drift, placed.duration, sample_time=h, runs=runs, seed=seed
-        )
+        given["neutral_change"] = trial.random_walk(s.drift, placed.duration, drawn, sample_time=h)
     pumped = vehicle.command == "volume change"
     if not pumped:  # neutral is otherwise what its stepper makes of it
         given["start_volume"] = medium.neutral_volume(placed.start)

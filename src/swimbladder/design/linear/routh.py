@@ -55,9 +55,8 @@ class RouthTable:
             return "The first column does not change sign: every root decays, the system is stable."
         if self.axis:
             where = "at 0" if self.at_zero == self.axis else "on the imaginary axis"
-            text += (
-                f", and {_count(self.axis, 'root')} {'lies' if self.axis == 1 else 'lie'} {where}"
-            )
+            lie = "lies" if self.axis == 1 else "lie"
+            text += f", and {_count(self.axis, 'root')} {lie} {where}"
             if not self.right:
                 text += ": disturbances do not decay"
                 if self.axis > 1:

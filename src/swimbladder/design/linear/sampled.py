@@ -212,11 +212,9 @@ def discretise(
         C[1, :n] = plant.C[plant.outputs.index("V")]
     else:
         C[1, n + whole] = 1.0
-    names = (
-        *plant.states,
-        *(f"command[-{i}]" for i in range(1, past + 1)),
-        *(f"depth[-{i}]" for i in range(1, depths + 1)),
-    )
+    remembered = [f"command[-{i}]" for i in range(1, past + 1)]
+    remembered += [f"depth[-{i}]" for i in range(1, depths + 1)]
+    names = (*plant.states, *remembered)
     signals = {"states": names, "inputs": ("command",), "outputs": ("depth", "volume")}
     return StateSpace(A=A, B=B, C=C, D=np.zeros((2, 1)), sample_time=h, **signals)
 

@@ -195,11 +195,9 @@ class Decided:
             }
             for w in self.ways
         ]
-        of_rest = (
-            "psi_m3_m growth_time_s period_s tolerance_halves_s=halves band_m tolerance_m held"
-        )
+        kept = "psi_m3_m growth_time_s period_s tolerance_halves_s=halves band_m tolerance_m held"
         found = "largest_eigenvalue=radius worst_at=worst on_grid maps maps_searched=searched"
-        return {**as_json(self, found), "ways": ways, "rest": as_json(self.rest, of_rest)}
+        return {**as_json(self, found), "ways": ways, "rest": as_json(self.rest, kept)}
 
 
 def around_decisions(vehicle: Vehicle, bound: BoundLaw, *, depths: Sequence[float]) -> Decided:

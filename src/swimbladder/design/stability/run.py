@@ -6,7 +6,6 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -104,9 +103,8 @@ class Stability:
                 f"{own[-1].delay:g} s of extra delay."
             )
             if bad:
-                cases = ", ".join(
-                    f"{100.0 * s.settled:.0f} % at gain {s.gain:g}{_late(s)}" for s in bad
-                )
+                each = (f"{100.0 * s.settled:.0f} % at gain {s.gain:g}{_late(s)}" for s in bad)
+                cases = ", ".join(each)
                 what = f"{law}: not all of {own[0].draws} draws settle: {cases}."
             if grows:
                 moved = max(3.6e6 * s.moved_95 for s in grows)
@@ -142,13 +140,10 @@ class Stability:
 
 def _cycle(c: Confirmed) -> dict[str, Any]:
     p, s = c.predicted, c.seen
-    of_cycle = (
-        "amplitude period_s stable third_harmonic=third amplitude_error period_error believed"
-    )
+    kept = "amplitude period_s stable third_harmonic=third amplitude_error period_error believed"
     return {
         **as_json(p, "source size unit broken_at=place"),
-        "predicted": p.cycle
-        and as_json(p.cycle, of_cycle) | {"depth_amplitude_m": p.depth_amplitude},
+        "predicted": p.cycle and as_json(p.cycle, kept) | {"depth_amplitude_m": p.depth_amplitude},
         "simulated": s and as_json(s, "cycles depth_amplitude_m=amplitude period_s farthest_m"),
         "relative_error": dict(zip(("amplitude", "period"), c.errors, strict=True)),
     }
@@ -179,9 +174,8 @@ def _cycle_words(c: Confirmed) -> str:
             return f"{most}; the flight comes to rest."
         return f"{most}; the flight has {length(s.amplitude)} every {s.period:.3g} s."
     kind = "a limit cycle" if p.cycle.stable else "the edge of what decays, an unstable cycle,"
-    said = (
-        f"{head}: {who} predicts {kind} of {length(p.depth_amplitude)} every {p.cycle.period:.3g} s"
-    )
+    size = f"{length(p.depth_amplitude)} every {p.cycle.period:.3g} s"
+    said = f"{head}: {who} predicts {kind} of {size}"
     if not p.cycle.believed:
         said += (
             f", and cannot be relied on: its error may be {100 * p.cycle.amplitude_error:.0f} % of "
@@ -332,15 +326,13 @@ def stability(
         found: tuple[Map, ...] = ()
         if maps:
             recovery = Recovery(vehicle, bound, within, band, parts)
-            found = recovery_maps(
-                recovery, depths=depths, cells=cells, advance=lambda x: tell(0.4 * x)
-            )
+            found = recovery_maps(recovery, depths, cells, lambda x: tell(0.4 * x))
         stood: list[Stood] = []
         if with_robustness:
             start, target = usual_step(max(low, vehicle.hull.emergence_depth), high)
             step = Step(start, target, math.ceil(within / h) * h)
             others = [name for name in dict.fromkeys(laws) if name != law.name]
-            chosen = [bound, *(_tuned_kept(vehicle, name, h, depths, parts) for name in others)]
+            chosen = [bound, *(_tuned(vehicle, name, depths, parts) for name in others)]
             share = 0.3 / len(chosen)
             for one in chosen:
                 drawn = Drawn(draws, region(vehicle))
@@ -403,14 +395,10 @@ def _cycle_depth(vehicle: Vehicle, depths: tuple[float, float]) -> float:
 def _cycles(
     vehicle: Vehicle, bound: BoundLaw, depth: float, voltage_quantum: float
 ) -> tuple[Confirmed, ...]:
-    predicted = predict(
-        plant(vehicle),
-        bound,
-        at_rest(bound.without_rest, plant(vehicle), depth=depth),
-        depth=depth,
-        depth_quantum=vehicle.sensors.depth_quantum,
-        voltage_quantum=voltage_quantum,
-    )
+    p, quantum = plant(vehicle), vehicle.sensors.depth_quantum
+    linear = at_rest(bound.without_rest, p, depth=depth)
+    quanta = {"depth_quantum": quantum, "voltage_quantum": voltage_quantum}
+    predicted = predict(p, bound, linear, depth=depth, **quanta)
     return tuple(Confirmed(one, _simulated(vehicle, bound, one, depth)) for one in predicted)
 
 
@@ -440,17 +428,14 @@ def _simulated(vehicle: Vehicle, bound: BoundLaw, one: Predicted, depth: float) 
     return hold(held, off, period, quantised=quantised)
 
 
-def _tuned_kept(
-    vehicle: Vehicle, name: str, h: float, depths: tuple[float, float], parts: Store
-) -> BoundLaw:
-    """Return a law of another name, tuned for depths [m] and a sample time h [s]."""
-    law = gains.tunable(name)
-    asked = ("tuned", name, source_of(law), depths)
-    values = parts.get(partial(_tuned, vehicle, name, depths), *asked)
-    return BoundLaw(law, from_numbers(law.parameters, values), h)
+def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float], parts: Store) -> BoundLaw:
+    """Return a law of another name, tuned for depths [m]."""
+    law, goal = gains.tunable(name), gains.goals_of(gains.recipe_of(name))[0]
 
+    def values() -> list[float]:
+        found = tune(vehicle, law=name, goal=goal, depths=depths, runs=_TUNED)
+        return [float(np.asarray(x)) for x in numbers(found.parameters)]
 
-def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float]) -> list[float]:
-    goal = gains.goals_of(gains.recipe_of(name))[0]
-    found = tune(vehicle, law=name, goal=goal, depths=depths, runs=_TUNED)
-    return [float(np.asarray(x)) for x in numbers(found.parameters)]
+    kept = parts.get(values, "tuned", name, source_of(law), depths)
+    assert vehicle.controller is not None  # own_law
+    return BoundLaw(law, from_numbers(law.parameters, kept), vehicle.controller.sample_time)

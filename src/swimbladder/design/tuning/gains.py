@@ -192,11 +192,8 @@ def check_depths(depths: tuple[float, float], surface: float = 0.0) -> None:
 
 def tunable_names(command: str | None = None) -> list[str]:
     """Return the names of the laws that are tuned, of those that give a command where named."""
-    return [
-        name
-        for name, law in LAWS.items()
-        if law.recipe is not None and command in (None, law.command)
-    ]
+    tuned = {name: law.command for name, law in LAWS.items() if law.recipe is not None}
+    return [name for name, own in tuned.items() if command in (None, own)]
 
 
 def tunable(name: str) -> Law:
@@ -387,7 +384,7 @@ class Search:
             if m is not None or not recipe.linear:
                 if over.runs != drawn.runs:
                     over = self.tried(knobs, drawn)[2]
-                return self._chosen(knobs, m, over)
+                return self._chosen(knobs, m, over, math.nan)
         assert self.near is not None  # something was computed
         (_, unstable, _), short = self.near
         nearest = f"the nearest has {'; '.join(short)}"
@@ -399,9 +396,7 @@ class Search:
             "parameters known better would help"
         )
 
-    def _chosen(
-        self, knobs: Any, m: Margins | None, over: Trial, radius: float = math.nan
-    ) -> Found:
+    def _chosen(self, knobs: Any, m: Margins | None, over: Trial, radius: float) -> Found:
         nominal = self.tried(knobs, self.asked.drawn.nominal)[2]
         return Found(knobs, self.bound(knobs).parameters, m, nominal, over, radius)
 

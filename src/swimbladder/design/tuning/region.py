@@ -78,9 +78,8 @@ def member(vehicle: Vehicle, s: Array) -> Member:
     values, C = np.array(known.values), np.array(known.covariance)
     found = values + _radius(C) @ s
     psi = float(found[names.index("psi")]) if "psi" in names else nominal.psi
-    shares = {
-        n: float(v / m) if m else math.nan for n, v, m in zip(names, found, values, strict=True)
-    }
+    numbers = zip(names, found, values, strict=True)
+    shares = {n: float(v / m) if m else math.nan for n, v, m in numbers}
     return Member(_changed(nominal, shares, psi=psi), shares)
 
 
@@ -138,9 +137,8 @@ def _float(vehicle: Vehicle, p: Plant, s: Array) -> Member:
     sigma = np.array([spread.drag, spread.psi, spread.pump, spread.pump])
     order, together = [INPUTS.index(name) for name in ("drag", "psi", "pump")], np.eye(4)
     together[:3, :3] = spread.matrix[np.ix_(order, order)]
-    drag, psi, pump, valve = (
-        np.array([1.0, p.psi, 1.0, 1.0]) + _radius(sigma[:, None] * together * sigma) @ s
-    )
+    axes = _radius(sigma[:, None] * together * sigma)
+    drag, psi, pump, valve = np.array([1.0, p.psi, 1.0, 1.0]) + axes @ s
     drag, pump, valve = (max(float(x), 0.05) for x in (drag, pump, valve))
     ratio = float(psi / p.psi) if p.psi else math.nan
     shares = dict(zip(FLOATS, (drag, ratio, pump, valve), strict=True))

@@ -113,9 +113,7 @@ class Tuning(gains.Found):
                 f"trial and {1e3 * r.power:.3g} mW while it holds (region, at its terminals)."
             )
         if m is None:
-            sentences.append(
-                "The law is not linear around rest and has no margins: only trials judge it."
-            )
+            sentences.append(_NO_MARGINS)
         else:
             sentences.append(f"Over {len(self.plants)} vehicles of the region: {margin_words(m)}.")
         return tuple(sentences)
@@ -182,6 +180,7 @@ def _seconds(x: float) -> str:
     return f"{x:.1f} s" if math.isfinite(x) else "more than the time watched"
 
 
+_NO_MARGINS = "The law is not linear around rest and has no margins: only trials judge it."
 _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region

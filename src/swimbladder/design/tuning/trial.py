@@ -135,9 +135,7 @@ def fly(
         sample_time=sample_time,
         **given | {"count": max(given.get("count", 1), *map(np.size, many))},
     )
-    known: dict[str, Array] = {
-        str(name): values.to_numpy() for name, values in data.variables.items()
-    }
+    known = {str(name): values.to_numpy() for name, values in data.variables.items()}
     unknown = np.full(data.sizes["lane"], math.nan)
     drive_runs = known["pump_runs"] + known["valve_runs"] if "pump_runs" in known else unknown
     return Runs(
@@ -174,45 +172,43 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
         vary["supply"] = np.full(runs, supply)
     if bound.law.ways is None and region is not None:
         given["start_volume"] = neutral[0]
-        given["neutral_change"] = random_walk(
-            region.walk, step.duration, sample_time=bound.sample_time, runs=runs, seed=seed
-        )
+        h = bound.sample_time
+        given["neutral_change"] = random_walk(region.walk, step.duration, drawn, sample_time=h)
     given |= {"vary": vary, "seed": seed, "column": column, "count": runs}
     return fly(vehicle, bound, duration=step.duration, **given)
 
 
-def random_walk(
-    intensity: float, duration: float, *, sample_time: float, runs: int, seed: int
-) -> Array:
+def random_walk(intensity: float, duration: float, drawn: Drawn, *, sample_time: float) -> Array:
     """Return random walks from 0 [samples, runs], in steps every ten seconds.
 
-    intensity [m3/s^0.5], duration [s].
+    intensity [m3/s^0.5], duration and sample time [s].
     """
     every = max(round(_WALK_EVERY / sample_time), 1)
     samples = schedule([0.0], duration, sample_time).ticks + 1
-    rng = np.random.default_rng([seed, 1])  # a stream of its own
-    steps = rng.normal(0.0, intensity * np.sqrt(every * sample_time), (samples // every, runs))
-    walk = np.concatenate([np.zeros((1, runs)), np.cumsum(steps, axis=0)])
+    rng = np.random.default_rng([drawn.seed, 1])  # a stream of its own
+    size = (samples // every, drawn.runs)
+    steps = rng.normal(0.0, intensity * np.sqrt(every * sample_time), size)
+    walk = np.concatenate([np.zeros((1, drawn.runs)), np.cumsum(steps, axis=0)])
     return np.asarray(walk[np.arange(samples) // every])
 
 
-def draw(region: Region, *, runs: int, seed: int, medium: Medium | None = None) -> dict[str, Array]:
+def draw(region: Region, *, runs: int, seed: int, medium: Medium) -> dict[str, Array]:
     """Return vehicles drawn evenly from among a region's plants and neutral volumes.
 
-    medium: the water that they are in, the vehicle's own where not given. Fields of `Plant`, each
-    [runs], as `simulate_ensemble` varies them.
+    medium: the water that they are in. Fields of `Plant`, each [runs], as `simulate_ensemble`
+    varies them.
     """
     rng = np.random.default_rng(seed)
     chosen = rng.integers(0, len(region.plants), runs)
     inside = np.sqrt(rng.uniform(size=runs))  # from the middle towards the boundary
     vary = {}
-    own = region.plants[0] if medium is None else medium.plant
+    own = medium.plant
     for name in _FIELDS:
         if np.isnan(getattr(own, name)):  # of a motor that a pump and valve has not
             continue
         edge = np.array([getattr(p, name) for p in region.plants])
         vary[name] = edge[0] + inside * (edge[chosen] - edge[0])
-        if medium is not None and edge[0] != 0.0:  # what goes with the density
+        if edge[0] != 0.0:  # what goes with the density
             vary[name] *= getattr(own, name) / edge[0]
     for n, name in enumerate(("pump", "valve") if region.drives else ()):
         vary[name] = 1.0 + inside * (np.array([region.drives[i][n] for i in chosen]) - 1.0)
