@@ -192,23 +192,23 @@ def random_walk(intensity: float, duration: float, drawn: Drawn, *, sample_time:
     return np.asarray(walk[np.arange(samples) // every])
 
 
-def draw(region: Region, *, runs: int, seed: int, medium: Medium) -> dict[str, Array]:
+def draw(region: Region, *, runs: int, seed: int, medium: Medium | None = None) -> dict[str, Array]:
     """Return vehicles drawn evenly from among a region's plants and neutral volumes.
 
-    medium: the water that they are in. Fields of `Plant`, each [runs], as `simulate_ensemble`
-    varies them.
+    medium: the water that they are in, the vehicle's own where not given. Fields of `Plant`, each
+    [runs], as `simulate_ensemble` varies them.
     """
     rng = np.random.default_rng(seed)
     chosen = rng.integers(0, len(region.plants), runs)
     inside = np.sqrt(rng.uniform(size=runs))  # from the middle towards the boundary
     vary = {}
-    own = medium.plant
+    own = region.plants[0] if medium is None else medium.plant
     for name in _FIELDS:
         if np.isnan(getattr(own, name)):  # of a motor that a pump and valve has not
             continue
         edge = np.array([getattr(p, name) for p in region.plants])
         vary[name] = edge[0] + inside * (edge[chosen] - edge[0])
-        if edge[0] != 0.0:  # what goes with the density
+        if medium is not None and edge[0] != 0.0:  # what goes with the density
             vary[name] *= getattr(own, name) / edge[0]
     for n, name in enumerate(("pump", "valve") if region.drives else ()):
         vary[name] = 1.0 + inside * (np.array([region.drives[i][n] for i in chosen]) - 1.0)
