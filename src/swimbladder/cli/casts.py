@@ -70,8 +70,7 @@ def warn_of_mass(vehicle: Vehicle) -> None:
 
 
 CastFile = Annotated[
-    Path | None,
-    typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile."),
+    Path | None, typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile.")
 ]
 
 

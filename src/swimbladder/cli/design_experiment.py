@@ -96,12 +96,7 @@ class Experiments(Options):
 
 @grouped(out=Path("swimbladder-design-experiment"))
 def design_experiment(
-    vehicle: VehicleName,
-    *,
-    setting: Setting,
-    sought: Sought,
-    experiments: Experiments,
-    to: Files,
+    vehicle: VehicleName, *, setting: Setting, sought: Sought, experiments: Experiments, to: Files
 ) -> None:
     """Design the most informative pool experiments, and predict the errors of their estimates.
 

@@ -206,8 +206,7 @@ def simulate(
     *,
     step: Step,
     seed: Annotated[
-        int | None,
-        typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0),
+        int | None, typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0)
     ] = None,
     cast: CastFile = None,
     reading: CastReading,

@@ -61,8 +61,7 @@ class Limits(Options):
 @grouped(out=Path("swimbladder-size"))
 def size(
     body: Annotated[
-        str,
-        typer.Argument(metavar="BODY", help="Preset or TOML file with hull, mass and drag."),
+        str, typer.Argument(metavar="BODY", help="Preset or TOML file with hull, mass and drag.")
     ] = "example-eh",
     *,
     cast: Annotated[

@@ -41,12 +41,7 @@ class Asked(Options):
 
 
 @grouped(out=Path("swimbladder-stability"))
-def stability(
-    vehicle: VehicleName,
-    *,
-    asked: Asked,
-    to: Files,
-) -> None:
+def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     r"""Say how stable a vehicle is under its law: small motions, limit cycles, large motions.
 
     Eigenvalues and margins over all that is not known of the vehicle; limit cycles of dead zones,

@@ -5,34 +5,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from swimbladder.control import supervisor
 from swimbladder.control.law import NEVER, Count
 from swimbladder.control.records import field_types, leaves
 from swimbladder.control.registry import bind
-from swimbladder.control.supervisor import (
-    BoardLimits,
-    DeepLimits,
-    DepthLimits,
-    MotionLimits,
-    NeutralLimits,
-    ProofLimits,
-    PushLimits,
-    RateLimits,
-    RestLimits,
-    SameLimits,
-    SupervisorParameters,
-    TimeLimits,
-    VolumeLimits,
-)
+from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.errors import InputError
+from swimbladder.physics import dynamics
 from swimbladder.physics.buoyancy_engine import drive_map, running_pump
-from swimbladder.physics.dynamics import (
-    Plant,
-    drag_force,
-    drag_per_mass,
-    even_drag,
-    plant,
-    terminal_speed,
-)
+from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle
@@ -83,6 +64,7 @@ _DEEPEST = 12000.0  # m, deeper than any sea
 _SPEED, _HASTE = 0.1, 2.0  # m/s, that of Argo floats; times it, so fast it may sink at most
 _AFLOAT_REST_S = 600.0  # between pushes of a pump that has pumped all out: it may run dry
 _NO_USE = {"neutral_range", "neutral_change", "model_error", "prove_after", "hold_voltage"}
+_SHORTER = "Give a shorter {}, or a longer sample_time"
 
 _Limits = TypeVar("_Limits")
 
@@ -98,7 +80,7 @@ def supervisor_parameters(
     if pumps:
         vehicle = _with_pump(vehicle)
     given, sensors = vehicle.supervisor, vehicle.sensors
-    p = plant(_as_positioner(vehicle) if pumps else vehicle)
+    p = dynamics.plant(_as_positioner(vehicle) if pumps else vehicle)
     tick = sample_time
     half = 0.5 * (p.V_max - p.V_min)
     voltage = p.positioner == 0.0
@@ -119,7 +101,7 @@ def supervisor_parameters(
     frozen = given.frozen
     same = _same_ticks(noise, quantum, tick) if frozen is None else ticks(frozen, tick)
     patience = max(3, ticks(given.patience, tick))
-    fastest = (terminal_speed(p, p.a_b * (half + neutral_range)) + _WATER_SPEED) * tick
+    fastest = (dynamics.terminal_speed(p, p.a_b * (half + neutral_range)) + _WATER_SPEED) * tick
     moving = 6.0 * noise + 2.0 * quantum
     still = ticks(max(_STILL_S, math.sqrt(6.0 * (moving + 0.02) / (p.a_b * change))), tick)
     whole = None if given.time_limit is None else math.ceil(given.time_limit / tick - 1e-6)
@@ -138,7 +120,7 @@ def supervisor_parameters(
     found = SupervisorParameters(
         S_p=tick,
         per_tick=1.0 / tick,
-        push=PushLimits(
+        push=supervisor.PushLimits(
             surface_command=p.supply if voltage else p.V_max,
             hold_command=hold if voltage else p.V_max,
             away_command=-p.supply if voltage else p.V_min,
@@ -152,7 +134,7 @@ def supervisor_parameters(
             release=ticks(given.release_time or 2.0 * stroke_s + _RELEASE_S, tick),
             rise=_RISE,
         ),
-        depth=DepthLimits(
+        depth=supervisor.DepthLimits(
             depth_least=p.z_air - _AIR_PRESSURE,
             depth_most=min(1.5 * deepest + 10.0, _DEEPEST) if deepest < math.inf else _DEEPEST,
             fastest=fastest,
@@ -162,14 +144,14 @@ def supervisor_parameters(
             blind_quarters=_quarters(patience),
             gap=patience,
         ),
-        volume=VolumeLimits(
+        volume=supervisor.VolumeLimits(
             blind=patience,
             volume_least=p.V_min - 2.0 * _END_SHARE * half,
             volume_most=p.V_max + 2.0 * _END_SHARE * half,
             volume_low=p.V_min + 2.0 * _END_SHARE * half,
             volume_high=p.V_max - 2.0 * _END_SHARE * half,
         ),
-        rate=RateLimits(
+        rate=supervisor.RateLimits(
             positioner=p.positioner,
             rate=p.gain if voltage else p.rate,
             load_drive=p.load_drive,
@@ -184,7 +166,7 @@ def supervisor_parameters(
             stops=_STOPS,
             following=patience,
         ),
-        same=SameLimits(
+        same=supervisor.SameLimits(
             same=same,
             same_begun=ticks(2.0 * tau, tick),
             same_moved=ticks(3.0 * tau, tick),
@@ -193,19 +175,13 @@ def supervisor_parameters(
             noisy=_NOISY,
             noisy_weight=_NOISY_WEIGHT,
         ),
-        proof=ProofLimits(
-            same_tried=tried,
-            unproven=proof,
-            sinks=_SINKS * moved,
-            reach=_REACH * moved,
+        proof=supervisor.ProofLimits(
+            same_tried=tried, unproven=proof, sinks=_SINKS * moved, reach=_REACH * moved
         ),
-        neutral=NeutralLimits(
-            psi=p.psi,
-            psi_range=psi_range,
-            neutral=p.V_0,
-            neutral_range=neutral_range,
+        neutral=supervisor.NeutralLimits(
+            psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range
         ),
-        motion=MotionLimits(
+        motion=supervisor.MotionLimits(
             neutral_change=change,
             known=ticks(_KNOWN_S, tick),
             forgetting=tick / (_FORGET_S + tick),
@@ -223,33 +199,38 @@ def supervisor_parameters(
             # one that is driven off twice the band counts threefold until it has left its place
             wrong=max(patience + still, math.ceil(1.25 * still)),
         ),
-        rest=RestLimits(
+        rest=supervisor.RestLimits(
             surface=p.z_surface + _AFLOAT,
             aground=floor - max(0.1, 0.02 * floor) - moving if floor < math.inf else math.inf,
             still_distance=moving + 0.02,
             still=still,
         ),
-        deep=DeepLimits(
+        deep=supervisor.DeepLimits(
             depth_limit=depth_limit,
             deepest=deepest,
             neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
             per_turn_rate=1.0 / turn_rate,
-            coast=min(1.0 / drag_per_mass(1.0, p), _COAST_S),
+            coast=min(1.0 / dynamics.drag_per_mass(1.0, p), _COAST_S),
             deep=max(2, ticks(_SHORT_S, tick)),
         ),
-        board=BoardLimits(
+        board=supervisor.BoardLimits(
             battery_low=battery_low,
             battery=ticks(_BATTERY_S, tick),
             leak=max(2, ticks(_SHORT_S, tick)),
             missed=max(3, ticks(_NO_COMMAND_S, tick)),
         ),
-        time=TimeLimits(
+        time=supervisor.TimeLimits(
             lost_quarters=_quarters(patience),
             time_blocks=NEVER if whole is None else whole // _BLOCK,
             time_ticks=0 if whole is None else whole % _BLOCK,
         ),
     )
     return _for_pump(vehicle, found) if pumps else found
+
+
+def _refused(what: str, name: str, value: float, unit: str, remedy: str) -> InputError:
+    """Return the error about a number of the supervisor."""
+    return InputError(what, field=f"supervisor.{name}", value=value, unit=unit, remedy=remedy)
 
 
 def _either(given: float | None, usual: float) -> float:
@@ -263,14 +244,12 @@ def _with_pump(vehicle: Vehicle) -> Vehicle:
     """
     given = vehicle.supervisor
     for name in sorted(_NO_USE & given.model_fields_set):
-        if getattr(given, name) is not None:
-            raise InputError(
+        if (value := getattr(given, name)) is not None:
+            what = (
                 "it is about a volume that is measured or a motor that is driven by a voltage, and "
-                "the volume of a pump and valve is known from the times of its runs only",
-                field=f"supervisor.{name}",
-                value=getattr(given, name),
-                remedy="Leave it out",
+                "the volume of a pump and valve is known from the times of its runs only"
             )
+            raise _refused(what, name, value, "", "Leave it out")
     if vehicle.supply is None or given.battery_low is not None:
         return vehicle
     known = given.model_copy(update={"battery_low": _BATTERY_SHARE * vehicle.supply.voltage})
@@ -297,13 +276,8 @@ def _pump_rates(vehicle: Vehicle, volts: float) -> tuple[float, float]:
     sure = _DEPTH_SHARE * _SURE_TO_MOVE * deepest
     used = depth <= min(sure, *(b for b in bounds if b is not None))
     if not rate[0] > 0.0:
-        raise InputError(
-            f"at {volts:g} V the pump delivers nothing",
-            field="supervisor.battery_low",
-            value=volts,
-            unit="V",
-            remedy="Give a higher voltage",
-        )
+        what = f"at {volts:g} V the pump delivers nothing"
+        raise _refused(what, "battery_low", volts, "V", "Give a higher voltage")
     return deepest, float(np.min(rate[used]))
 
 
@@ -311,7 +285,7 @@ def _as_positioner(vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with a piston as slow as its pump at its slowest, for its motion."""
     rate = _pump_rates(vehicle, vehicle.supervisor.battery_low or 0.0)[1]
     piston = Positioner(speed=rate, piston_area=1.0)
-    return even_drag(vehicle).model_copy(update={"actuator": piston})
+    return dynamics.even_drag(vehicle).model_copy(update={"actuator": piston})
 
 
 def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters:
@@ -323,47 +297,33 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
     tick, deep = p.S_p, p.deep
     start = float(drive_map(vehicle, 0.0, power=False).start_volume[0])
     fast = _HASTE * cruising_speed(vehicle)
-    drag = drag_force(vehicle.drag, fast)
+    drag = dynamics.drag_force(vehicle.drag, fast)
     lacks = drag / vehicle.water.specific_weight + start
     light = vehicle.drag.rising_ratio
     fastest = p.depth.fastest / math.sqrt(min(light, 1.0))
     again = ticks(_LEAST_PUSH_S + start * deep.per_turn_rate, tick)
-    push = _off(p.push, "grown", "away", "astray")._replace(
-        surface_command=tick,
-        hold_command=0.0,
-        away_command=0.0,
-        away_hold=0.0,
-        again=again,
-        rest=ticks(_AFLOAT_REST_S, tick),
-    )
-    motion = _off(p.motion, "neutral_change", "known", "epsilon", "wrong")
+    push = _off(p.push, "grown away astray", zero="hold_command away_command away_hold")
+    rest = ticks(_AFLOAT_REST_S, tick)
+    modelled = "calm model_error inertia drag_linear drag_blunt drag_0 drag_square"
     return p._replace(
-        push=push,
+        push=push._replace(surface_command=tick, again=again, rest=rest),
         depth=p.depth._replace(fastest=fastest, step=p.depth.step + fastest - p.depth.fastest),
-        volume=VolumeLimits(NEVER, -1.0, 1.0, -1.0, 1.0),
-        rate=_off(p.rate, "rate_least", "stop_rate", "following")._replace(rate=0.0),
-        same=_off(p.same, "same_moved", "moved"),
-        proof=_off(p.proof, *p.proof._fields),
-        neutral=NeutralLimits(psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf),
-        motion=motion._replace(
-            calm=0.0,
-            model_error=0.0,
-            inertia=0.0,
-            drag_linear=0.0,
-            drag_blunt=0.0,
-            drag_0=0.0,
-            drag_square=0.0,
-        ),
+        volume=supervisor.VolumeLimits(NEVER, -1.0, 1.0, -1.0, 1.0),
+        rate=_off(p.rate, "rate_least stop_rate following", zero="rate"),
+        same=_off(p.same, "same_moved moved"),
+        proof=_off(p.proof, " ".join(p.proof._fields)),
+        neutral=_off(p.neutral, "neutral_range", zero="psi psi_range neutral"),
+        motion=_off(p.motion, "neutral_change known epsilon wrong", zero=modelled),
         deep=deep._replace(neutral_deepest=lacks, coast=min(vehicle.mass * fast / drag, _COAST_S)),
     )
 
 
-def _off(limits: _Limits, *names: str) -> _Limits:
-    """Return limits with some of them off: infinite, or in ticks NEVER."""
+def _off(limits: _Limits, names: str, *, zero: str = "") -> _Limits:
+    """Return limits with some of them off: infinite, or in ticks NEVER; and others 0."""
     known: Any = limits
     kinds = field_types(type(known))
-    changed = {name: NEVER if kinds[name] == Count else math.inf for name in names}
-    off: _Limits = known._replace(**changed)
+    changed = {name: NEVER if kinds[name] == Count else math.inf for name in names.split()}
+    off: _Limits = known._replace(**changed, **dict.fromkeys(zero.split(), 0.0))
     return off
 
 
@@ -380,12 +340,9 @@ def ticks(seconds: float, tick: float) -> int:
     """
     whole = max(1, math.ceil(seconds / tick - 1e-6))
     if whole > _COUNTED:
-        raise InputError(
-            f"{seconds:g} s are {whole:.3g} ticks of {tick:g} s, and the supervisor counts to "
-            f"{_COUNTED}",
-            field="supervisor",
-            remedy="Give a shorter time, or a longer sample_time",
-        )
+        counted = f"{seconds:g} s are {whole:.3g} ticks of {tick:g} s"
+        what = f"{counted}, and the supervisor counts to {_COUNTED}"
+        raise InputError(what, field="supervisor", remedy=_SHORTER.format("time"))
     return whole
 
 
@@ -395,13 +352,8 @@ def _quarters(whole: int) -> int:
     Raises InputError where 16 bits do not count them.
     """
     if 4 * whole > _COUNTED - 2:
-        raise InputError(
-            f"that many quarters of ticks are more than the supervisor counts to, {_COUNTED}",
-            field="supervisor.patience",
-            value=whole,
-            unit="ticks",
-            remedy="Give a shorter patience, or a longer sample_time",
-        )
+        what = f"that many quarters of ticks are more than the supervisor counts to, {_COUNTED}"
+        raise _refused(what, "patience", whole, "ticks", _SHORTER.format("patience"))
     return 4 * whole
 
 
@@ -421,21 +373,12 @@ def _depths(
     if isinstance(vehicle.actuator, PumpAndValve):
         moved = _pump_rates(vehicle, volts)[0]
     if p.positioner == 0.0 and free <= 0.0:
-        raise InputError(
-            f"at {volts:g} V the motor does not beat its friction, {p.friction:g} V",
-            field="supervisor.battery_low",
-            value=volts,
-            unit="V",
-            remedy="Give a higher voltage",
-        )
+        what = f"at {volts:g} V the motor does not beat its friction, {p.friction:g} V"
+        raise _refused(what, "battery_low", volts, "V", "Give a higher voltage")
     if neutral_range >= spare:
-        raise InputError(
-            "the neutral volume may then be beyond the stroke, and full buoyancy not lift",
-            field="supervisor.neutral_range",
-            value=neutral_range,
-            unit="m3",
-            remedy=f"Trim the vehicle lighter, or give less than {spare * 1e6:.3g} cm3",
-        )
+        what = "the neutral volume may then be beyond the stroke, and full buoyancy not lift"
+        remedy = f"Trim the vehicle lighter, or give less than {spare * 1e6:.3g} cm3"
+        raise _refused(what, "neutral_range", neutral_range, "m3", remedy)
     deepest, why = min(
         (rated, "the hull is rated for (hull.depth_limit)"),
         (lifted, "full buoyancy lifts the vehicle (stroke, psi)"),
@@ -443,13 +386,9 @@ def _depths(
     )
     if given is not None:
         if given > deepest:
-            raise InputError(
-                f"deeper than the {deepest:.4g} m to which {why}",
-                field="supervisor.depth_limit",
-                value=given,
-                unit="m",
-                remedy=f"Give at most {deepest:.4g} m, less a margin to turn round in",
-            )
+            what = f"deeper than the {deepest:.4g} m to which {why}"
+            remedy = f"Give at most {deepest:.4g} m, less a margin to turn round in"
+            raise _refused(what, "depth_limit", given, "m", remedy)
         return given, deepest
     slope = p.psi + psi_range
     sure = (spare - neutral_range) / slope if slope > 0.0 else math.inf

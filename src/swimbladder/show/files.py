@@ -13,10 +13,7 @@ from swimbladder.show.plots.style import save
 
 
 def write_all(
-    out: Path,
-    contents: Mapping[str, object],
-    *,
-    advance: Callable[[float], None] = lambda _: None,
+    out: Path, contents: Mapping[str, object], *, advance: Callable[[float], None] = lambda _: None
 ) -> list[Path]:
     """Write files into the folder `out`, all of them or none, and return their paths.
 
