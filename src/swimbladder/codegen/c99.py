@@ -14,6 +14,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import NamedTuple
 
@@ -138,24 +139,26 @@ _ELSEWHERE = {"sqrt": "sqrtf"}  # the others are swb_ and the name
 _ON_COUNTS = {"min": "swb_lesser", "max": "swb_greater"}
 
 
+class LawText(NamedTuple):
+    """What all functions of a law share, as C has it."""
+
+    law: str
+    functions: dict[tree.Function, str]  # names of those that others call
+    fields: dict[str, set[str]]  # those of each record that anything reads
+    placed: Collection[tree.Function]  # those that change the state where it stands
+
+
+@dataclass(eq=False)
 class ExpressionText:
     """Expressions of one function: `names` of its variables, which of them are `pointers`.
 
-    fields: those of each record that anything reads; keep: writes a record into a variable of its
-    own before the statement, and returns its name.
+    keep: writes a record into a variable of its own before the statement, and returns its name.
     """
 
-    def __init__(
-        self,
-        law: str,
-        functions: dict[tree.Function, str],
-        names: dict[str, str],
-        pointers: set[str],
-        fields: dict[str, set[str]],
-        keep: Callable[[str, tree.Record], str],
-    ) -> None:
-        self.law, self.functions = law, functions
-        self.names, self.pointers, self.fields, self.keep = names, pointers, fields, keep
+    own: LawText
+    names: dict[str, str]
+    pointers: set[str]
+    keep: Callable[[str, tree.Record], str]
 
     def value(self, e: tree.Expression) -> str:
         """Return an expression as a value."""
@@ -173,7 +176,7 @@ class ExpressionText:
 
     def braces(self, e: tree.Make) -> str:
         """Return a new record's values as an initialiser."""
-        read = self.fields[e.type.name]
+        read = self.own.fields[e.type.name]
         pairs = [p for p in zip(e.type.fields, e.values, strict=True) if p[0][0] in read]
         return "{" + ", ".join(f".{c_field(n)} = {self.value(v)}" for (n, _), v in pairs) + "}"
 
@@ -234,8 +237,8 @@ class ExpressionText:
                 self.address(a) if isinstance(a.type, tree.Record) else self.value(a)
                 for a in e.arguments
             ]
-            return f"{self.functions[e.function]}({', '.join(given)})", _ATOM
-        return f"({c_record(self.law, e.type)}){self.braces(e)}", _ATOM
+            return f"{self.own.functions[e.function]}({', '.join(given)})", _ATOM
+        return f"({c_record(self.own.law, e.type)}){self.braces(e)}", _ATOM
 
 
 Path = tuple[str, ...]  # names of fields that lead to a place in the state
@@ -252,22 +255,14 @@ def shortened(words: str) -> str:
 class FunctionText:
     """A function being written: names of its variables, declared or not yet, and its lines."""
 
-    def __init__(
-        self,
-        law: str,
-        function: tree.Function,
-        names: dict[tree.Function, str],
-        fields: dict[str, set[str]],
-        home: tree.Home | None = None,
-        placed: Collection[tree.Function] = (),
-    ) -> None:
-        self.law, self.function, self.placed = law, function, placed
+    def __init__(self, own: LawText, function: tree.Function, home: tree.Home | None) -> None:
+        self.law, self.function, self.placed = own.law, function, own.placed
         self.home = {name for name in home or () if name is not None}
         self.body = tree.alive(function.body)
         self.taken: set[str] = set()
         self.names: dict[str, str] = {}
         self.pointers: set[str] = set(self.home)
-        self.expressions = ExpressionText(law, names, self.names, self.pointers, fields, self._keep)
+        self.expressions = ExpressionText(own, self.names, self.pointers, self._keep)
         self.lines: list[str] = []
         self.indent = "    "
         self._counts = tree.assigned(self.body)
@@ -399,9 +394,7 @@ class FunctionText:
 
     def _else_if(self, s: tree.Statement, variables: list[str]) -> bool:
         """Write ``else if`` where the second condition needs nothing that stands before it."""
-        if not isinstance(s, tree.If) or any(
-            tree.inner_home(s, name) is None for name in variables
-        ):
+        if not isinstance(s, tree.If) or None in (tree.inner_home(s, name) for name in variables):
             return False
         before = len(self.lines)
         self.expressions.value(s.condition)
@@ -539,20 +532,12 @@ def _header(program: tree.Program, private: bool) -> str:
     wanted = {tree.BOOL: "#include <stdbool.h>", tree.COUNT: "#include <stdint.h>"}
     standard = [line for kind, line in wanted.items() if kind in kinds]
     initial, step = _prototypes(program)
-    entries = [
-        "/* The state to begin with. */",
-        f"{initial};\n",
-        _remark(
-            f"{shortened(program.step.words)}. Writes the new state, and to next_s the time to the "
-            "next call [s]."
-        ),
-        f"{step};\n",
-    ]
+    writes = "Writes the new state, and to next_s the time to the next call [s]."
+    said = _remark(f"{shortened(program.step.words)}. {writes}")
+    entries = ["/* The state to begin with. */", f"{initial};\n", said, f"{step};\n"]
+    comes = "Written by swimbladder from the law's Python source; all numbers are SI."
     parts = [
-        _remark(
-            f"The control law {program.name}: {shortened(program.words)}. Written by swimbladder "
-            "from the law's Python source; all numbers are SI."
-        ),
+        _remark(f"The control law {program.name}: {shortened(program.words)}. {comes}"),
         f"#ifndef {guard}\n#define {guard}\n",
         *seen,
         *([*standard, ""] if standard else []),
@@ -595,25 +580,18 @@ def _source(program: tree.Program, private: bool) -> str:
     law = c_law(program.name)
     types = {c_record(program.name, r) for r in program.records}
     names = {f: _helper(f"swb_{law}_{f.name}", types) for f in program.helpers}
-    fields = tree.fields_read(program)
-    placed = tree.in_place(program)
-
-    def text_of(f: tree.Function, home: tree.Home | None = None) -> FunctionText:
-        return FunctionText(program.name, f, names, fields, home, placed)
-
-    calls = tree.calls_of(program)
-    helpers = {
-        names[f]: text_of(f, tree.home_of(f, f.returns, placed) if f in placed else None).helper(
-            names[f], calls[f]
-        )
-        for f in program.helpers
-    }
+    fields, placed = tree.fields_read(program), tree.in_place(program)
+    shared, calls = LawText(program.name, names, fields, placed), tree.calls_of(program)
+    helpers: dict[str, str] = {}
+    for f in program.helpers:
+        home = tree.home_of(f, f.returns, placed) if f in placed else None
+        helpers[names[f]] = FunctionText(shared, f, home).helper(names[f], calls[f])
     home = tree.home_of(program.step, program.state, placed)
     linkage = "static " if private else ""
     initial, step = _prototypes(program)
     entries = [
-        text_of(program.initial).entry("initial", f"{linkage}{initial}"),
-        text_of(program.step, home).entry("step", f"{linkage}{step}"),
+        FunctionText(shared, program.initial, None).entry("initial", f"{linkage}{initial}"),
+        FunctionText(shared, program.step, home).entry("step", f"{linkage}{step}"),
     ]
     used = _used("\n".join(entries), helpers)
     functions = "\n".join([*(helpers[n] for n in helpers if n in used), *entries])

@@ -10,15 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from swimbladder.control import supervisor
 from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.records import numbers
-from swimbladder.control.supervisor import (
-    SUPERVISOR,
-    Reason,
-    SupervisorParameters,
-    Watched,
-    reasons_in,
-)
+from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 
 _MOST_TICKS = 1_000_000
 SOON = 3  # ticks: a push that lasted longer has been judged before a reset
@@ -149,7 +144,7 @@ class VehicleTwin:
     @property
     def reasons(self) -> tuple[Reason, ...]:
         """Every reason so far."""
-        return reasons_in(self.state.rescue.reasons)
+        return supervisor.reasons_in(self.state.rescue.reasons)
 
     @property
     def wide(self) -> bool:

@@ -31,6 +31,10 @@ Float32s = NDArray[np.float32]
 Progress = Callable[[int], None]
 
 _UP = 2.0 / 3.0  # of a float's golden mission, after which it is to come up
+_LONGER = (
+    "Give a longer --duration, or see what valve and bypass let in at the surface "
+    "(actuator.valve.flow, actuator.internal_pressure)"
+)
 
 
 class Mission(NamedTuple):
@@ -129,10 +133,9 @@ def fly(
     }
     flown = simulate(vehicle, law=every_tick, progress=progress, **given)
     if not flown.finished:
-        raise NoAnswerError(
-            f"The golden mission from {mission.start:g} m to {mission.target:g} m ended at "
-            f"{flown.time[-1]:g} s: {flown.stop.value}"
-        )
+        way = f"from {mission.start:g} m to {mission.target:g} m"
+        ended = f"ended at {flown.time[-1]:g} s: {flown.stop.value}"
+        raise NoAnswerError(f"The golden mission {way} {ended}")
     double = simulate(vehicle, law=made.law, parameters=made.parameters, **given)
     depth, volume, reference, command = np.array(rows, np.float32).T
     difference = float(np.abs(flown.depth - double.depth).max())
@@ -140,32 +143,26 @@ def fly(
 
 
 def _fly_on_seconds(
-    vehicle: Vehicle,
-    made: BoardProgram,
-    mission: Mission,
-    seed: int | None,
-    progress: Progress | None,
+    vehicle: Vehicle, made: BoardProgram, mission: Mission, seed: int | None, said: Progress | None
 ) -> Golden:
     n = max(math.ceil(mission.duration / made.tick_s - 1e-9), 1) + 1
     asked = np.where(np.arange(n) < _UP * n, mission.target, 0.0)
-    flown = []
-    for law, said in ((made.twin(), progress), (made.law, None)):
+    given: dict[str, Any] = {"tick": made.tick_s, "start_depth": mission.start, "asked": asked}
+
+    def flown(law: Law, progress: Progress | None) -> Array:
         board = made.controller(law)
 
-        def tick(
-            seen: Measurement, reference: float, board: ControllerTwin = board
-        ) -> tuple[float, bool]:
+        def tick(seen: Measurement, reference: float) -> tuple[float, bool]:
             command = float(board.tick(seen.depth, seen.volume, reference))
             return command, board.state.drive.wide > 0.0
 
-        given: dict[str, Any] = {"tick": made.tick_s, "start_depth": mission.start, "asked": asked}
-        flown.append(fly_float(vehicle, tick, seed=seed, progress=said, **given))
-    rows, double = flown
+        return fly_float(vehicle, tick, seed=seed, progress=progress, **given)
+
+    rows, double = flown(made.twin(), said), flown(made.law, None)
     if not rows[:, 0].max() > made.parameters.surface.shallow:
+        waited = f"has not dived after {_UP * len(asked) * made.tick_s:.4g} s"
         raise NoAnswerError(
-            f"the golden mission: asked for {asked.max():g} m the float has not dived after "
-            f"{_UP * len(asked) * made.tick_s:.4g} s. Give a longer --duration, or see what valve "
-            "and bypass let in at the surface (actuator.valve.flow, actuator.internal_pressure)"
+            f"the golden mission: asked for {asked.max():g} m the float {waited}. {_LONGER}"
         )
     _, depth, _, command = rows.T.astype(np.float32)
     difference = float(np.abs(rows[:, 0] - double[:, 0]).max())

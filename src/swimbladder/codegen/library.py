@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from swimbladder.codegen.c99 import c_field, c_float, c_law, c_number, write_c99
 from swimbladder.codegen.clock import MOST_TURNS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, command_limits, fly
-from swimbladder.codegen.pool import PoolDay, PoolOptions, in_float32, plan_pool_day
+from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
 from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.safety import supervisor_parameters, time_limit
 from swimbladder.codegen.subset import read_law
@@ -31,6 +31,7 @@ from swimbladder.vehicle import Vehicle
 
 _ON_BOARD = 100  # rows of the golden trace that a board checks
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
+_OR_MORE = "or say more of the vehicle in its [supervisor] table"
 
 
 STEP = Mission(1.5, 3.0, 400.0)
@@ -89,14 +90,9 @@ def make_library(
     """
     floats = vehicle.command == "volume change"
     if pool is not None and floats:
-        raise InputError(
-            "the pool procedure changes the volume by a voltage for a time, and this vehicle has a "
-            "pump and a valve",
-            field="--pool",
-            value=pool.depth,
-            unit="m",
-            remedy="Leave it out, and log a dive of the sketch",
-        )
+        what = f"the pool {BY_VOLTAGE}, and this vehicle has a pump and a valve"
+        remedy = "Leave it out, and log a dive of the sketch"
+        raise InputError(what, field="--pool", value=pool.depth, unit="m", remedy=remedy)
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
     limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
     usual = DIVE if floats else STEP
@@ -106,10 +102,8 @@ def make_library(
     mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
     for name, depth in (("start", mission.start), ("target", mission.target)):
         if depth > limit:
-            remedy = (
-                f"Give up to {limit:.4g} m, or say more of the vehicle in its [supervisor] table"
-            )
             what = "deeper than the supervisor allows"
+            remedy = f"Give up to {limit:.4g} m, {_OR_MORE}"
             raise InputError(what, field=f"--{name}", value=depth, unit="m", remedy=remedy)
     made = make_program(vehicle, depths=mission[:2], in_pool=pool is not None)
     drive = made.drive
@@ -139,25 +133,19 @@ def make_library(
     facts["rows"] = len(rows)
     sketch = "Float.ino.j2" if drive is None else "PumpFloat.ino.j2"
     readme = "README.md.j2" if drive is None else "README_float.md.j2"
-    avr = facts | {"boards": "an AVR (Uno, Nano, Mega)", "avr": True, "wait": False, "pwm": _PWM}
-    other = facts | {"boards": "an ESP32 or RP2040", "avr": False, "wait": True, "pwm": _PWM_12}
     files = {
         "library.properties": render("library.properties.j2", facts),
         "README.md": render(readme, facts),
         **{f"src/{name}": text for name, text in made.sources.items()},
-        "examples/FloatAVR/FloatAVR.ino": render(sketch, avr),
-        "examples/FloatESP32RP2040/FloatESP32RP2040.ino": render(sketch, other),
+        **_sketches("Float", sketch, facts),
         "examples/GoldenTrace/GoldenTrace.ino": render("GoldenTrace.ino.j2", facts),
         "examples/GoldenTrace/golden.h": render("golden.h.j2", facts | {"rows": rows}),
         "extras/check.c": render("check.c.j2", facts),
         "extras/golden.csv": _table(golden, made.tick_s, made.facts["column"]),
     }
     if drive is not None:
-        files |= {
-            "src/swb_drive.h": render("swb_drive.h.j2", facts),
-            "src/swb_drive.c": render("swb_drive.c.j2", facts),
-            "extras/board.c": render("board.c.j2", facts),
-        }
+        places = ("src/swb_drive.h", "src/swb_drive.c", "extras/board.c")
+        files |= {place: render(f"{Path(place).name}.j2", facts) for place in places}
     if day is not None:
         procedure = write_c99(read_law(POOL))
         files |= {
@@ -165,10 +153,7 @@ def make_library(
             f"src/{procedure.source_name}": procedure.source,
             "src/swb_pool_day.h": render("swb_pool_day.h.j2", facts),
             "src/swb_pool_day.c": render("swb_pool_day.c.j2", facts),
-            "examples/PoolDayAVR/PoolDayAVR.ino": render("Float.ino.j2", avr | {"day": True}),
-            "examples/PoolDayESP32RP2040/PoolDayESP32RP2040.ino": render(
-                "Float.ino.j2", other | {"day": True}
-            ),
+            **_sketches("PoolDay", "Float.ino.j2", facts | {"day": True}),
         }
     return Library(
         **vars(made), vehicle=vehicle, mission=mission, golden=golden, pool=day, files=files
@@ -217,19 +202,13 @@ def make_program(
         "limits": limits,
         "units": SUPERVISOR.units,
     }
-    own = write_c99(program)
+    sources = {"swb_measurement.h": render("swb_measurement.h", {})}
     supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
-    sources = {
-        "swb_measurement.h": render("swb_measurement.h", {}),
-        own.header_name: own.header,
-        own.source_name: own.source,
-        "swb_controller.h": render("swb_controller.h.j2", facts),
-        "swb_controller.c": render("swb_controller.c.j2", facts),
-        supervisor.header_name: supervisor.header,
-        supervisor.source_name: supervisor.source,
-        "swb_vehicle.h": render("swb_vehicle.h.j2", facts),
-        "swb_vehicle.c": render("swb_vehicle.c.j2", facts),
-    }
+    for around, translated in (("controller", write_c99(program)), ("vehicle", supervisor)):
+        sources[translated.header_name] = translated.header
+        sources[translated.source_name] = translated.source
+        for name in (f"swb_{around}.h", f"swb_{around}.c"):
+            sources[name] = render(f"{name}.j2", facts)
     return BoardProgram(
         law=law,
         parameters=parameters,
@@ -307,6 +286,18 @@ _COMMANDS = {  # unit, what the limits are, digits in a log, column of a table
 }
 _PWM = "analogWrite(PWM_PIN, 255.0f * fabsf(voltage) / BATTERY_VOLTS), and a pin for its sign"
 _PWM_12 = "a duty cycle of fabsf(voltage) / BATTERY_VOLTS, and a pin for its sign"
+_BOARDS: dict[str, dict[str, Any]] = {
+    "AVR": {"boards": "an AVR (Uno, Nano, Mega)", "avr": True, "wait": False, "pwm": _PWM},
+    "ESP32RP2040": {"boards": "an ESP32 or RP2040", "avr": False, "wait": True, "pwm": _PWM_12},
+}
+
+
+def _sketches(name: str, template: str, facts: Mapping[str, Any]) -> dict[str, str]:
+    """Return a sketch for each kind of board, by its place."""
+    return {
+        f"examples/{name}{board}/{name}{board}.ino": render(template, {**facts, **about})
+        for board, about in _BOARDS.items()
+    }
 
 
 def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, str]]:
@@ -332,7 +323,6 @@ def render(template: str, facts: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        autoescape=False,
     )
     tick = facts.get("tick", 0.0)
 

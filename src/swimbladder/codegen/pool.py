@@ -8,6 +8,7 @@ supervisor above it.
 
 import math
 from collections.abc import Callable
+from dataclasses import KW_ONLY, InitVar, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,23 +45,22 @@ class Rehearsal(NamedTuple):
     minutes: float  # from the word to begin until it is done
 
 
+@dataclass(eq=False)
 class PoolTwin:
     """What the board does on a pool day, tick by tick: the procedure under its supervisor."""
 
-    def __init__(
-        self,
-        parameters: PoolParameters,
-        limits: SupervisorParameters,
-        *,
-        procedure: Law,
-        supervisor: Law,
-        after_reset: bool = False,
-    ) -> None:
-        self.parameters, self.limits = parameters, limits
-        self.procedure, self.supervisor = procedure, supervisor
+    parameters: PoolParameters
+    limits: SupervisorParameters
+    _: KW_ONLY
+    procedure: Law
+    supervisor: Law
+    after_reset: InitVar[bool] = False
+
+    def __post_init__(self, after_reset: bool) -> None:
         unseen = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
-        self.watch = supervisor.initial(limits, unseen, 1.0 if after_reset else 0.0)
-        self.state = procedure.initial(parameters, Measurement(0.0, math.nan, math.nan), 0.0)
+        self.watch = self.supervisor.initial(self.limits, unseen, 1.0 if after_reset else 0.0)
+        blind = Measurement(0.0, math.nan, math.nan)
+        self.state = self.procedure.initial(self.parameters, blind, 0.0)
 
     @property
     def phase(self) -> Phase:
@@ -87,12 +87,8 @@ class PoolTwin:
 
 def float32_twin(parameters: PoolParameters, limits: SupervisorParameters) -> PoolTwin:
     """Return the twin that equals the C to the bit."""
-    return PoolTwin(
-        parameters,
-        limits,
-        procedure=twin(POOL),
-        supervisor=twin(SUPERVISOR, read_law(SUPERVISOR, Watched)),
-    )
+    supervisor = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
+    return PoolTwin(parameters, limits, procedure=twin(POOL), supervisor=supervisor)
 
 
 def rehearse(
@@ -156,20 +152,20 @@ def _check_done(beside: PoolTwin, phase: NDArray[np.int8]) -> None:
     name = beside.parameters.phases[last].words if last >= 0 else "waiting"
     at = f"in {name}, round {int(beside.state.completed) + 1}"
     if beside.reason is not None:
-        raise NoAnswerError(
-            f"The rehearsed pool day ended {at}: the supervisor said {beside.reason.words!r}. "
-            "Say more of the vehicle in its [supervisor] table, as bottom_depth"
-        )
-    raise NoAnswerError(
-        f"The rehearsed pool day did not come to its end: {at} it took longer than "
-        f"{beside.parameters.patience:g} s. Tune the vehicle's cascade, or change volumes or pool"
-    )
+        said = f"ended {at}: the supervisor said {beside.reason.words!r}"
+        remedy = "Say more of the vehicle in its [supervisor] table, as bottom_depth"
+    else:
+        patience = f"{beside.parameters.patience:g} s"
+        said = f"did not come to its end: {at} it took longer than {patience}"
+        remedy = "Tune the vehicle's cascade, or change volumes or pool"
+    raise NoAnswerError(f"The rehearsed pool day {said}. {remedy}")
 
 
-_BANDWIDTH = (
-    0.1  # over the sample time, of a loop made for want of a cascade: docs/explanation/laws.md
-)
+BY_VOLTAGE = "procedure changes the volume by a voltage for a time"
+# over the sample time, of a loop made for want of a cascade: docs/explanation/laws.md
+_BANDWIDTH = 0.1
 _LEAST_TRAVEL = 0.3  # m, between the depths of rest, as guide.rules has it for a glide
+_DEEPER = "Choose a deeper pool or a smaller --pool-clearance"
 _OVER = 1.0  # m, deeper than the bottom, that a depth may be and count as one
 
 
@@ -232,17 +228,10 @@ def plan_pool_day(
 
     Raises InputError as `board_procedure`, NoAnswerError as `rehearse`.
     """
-    parameters = board_procedure(vehicle, options, limits)
-    flown = rehearse(
-        vehicle,
-        float32_twin(parameters, limits),
-        pool_depth=options.depth,
-        seed=seed,
-        progress=progress,
-    )
-    own = vehicle.controller is not None and isinstance(
-        bind(vehicle.controller)[1], CascadeParameters | SeaCascadeParameters
-    )
+    parameters, depth = board_procedure(vehicle, options, limits), options.depth
+    board = float32_twin(parameters, limits)
+    flown = rehearse(vehicle, board, pool_depth=depth, seed=seed, progress=progress)
+    own = _own_loop(vehicle, limits.S_p) is not None
     return PoolDay(options, parameters, own, plant(vehicle).V_0, flown)
 
 
@@ -266,13 +255,9 @@ def board_procedure(
     """
     p = plant(vehicle)
     if p.positioner > 0.0:
-        raise InputError(
-            "the procedure changes the volume by a voltage for a time, and this actuator takes "
-            "positions",
-            field="--pool",
-            value=vehicle.actuator.kind,
-            remedy="Do the steps by hand, with the sketch that holds a depth",
-        )
+        what = f"the {BY_VOLTAGE}, and this actuator takes positions"
+        remedy = "Do the steps by hand, with the sketch that holds a depth"
+        raise InputError(what, field="--pool", value=vehicle.actuator.kind, remedy=remedy)
     S_p = limits.S_p
     sensors = vehicle.sensors
     margin = max(MARGIN, 6.0 * sensors.depth_noise + 2.0 * sensors.depth_quantum)
@@ -280,8 +265,12 @@ def board_procedure(
     _check_volumes(options, p, limits)
     top = limits.volume.volume_high
     lifts = top > p.V_0 + limits.neutral.neutral_range + p.psi * options.depth
+    loop = _own_loop(vehicle, S_p)
+    if loop is None:
+        made = sea_cascade_gains(p.a_b, p.d_l, p.gain, bandwidth=_BANDWIDTH / S_p, S_p=S_p)
+        loop = CascadeParameters(*made, S_p)
     one = procedure_for(
-        _loop(vehicle, p, S_p),
+        loop,
         rate_per_volt=p.gain,
         limit=p.supply,
         load_voltage=p.load_drive + p.k_l / p.gain,
@@ -303,45 +292,36 @@ def board_procedure(
     )
 
 
-def _loop(vehicle: Vehicle, p: Plant, S_p: float) -> CascadeParameters:
-    if vehicle.controller is not None:
-        _, own = bind(vehicle.controller)
-        if isinstance(own, CascadeParameters):
-            return own
-        if isinstance(own, SeaCascadeParameters):
-            return CascadeParameters(*own.gains, S_p)
-    made = sea_cascade_gains(p.a_b, p.d_l, p.gain, bandwidth=_BANDWIDTH / S_p, S_p=S_p)
-    return CascadeParameters(*made, S_p)
+def _own_loop(vehicle: Vehicle, S_p: float) -> CascadeParameters | None:
+    """Return the cascade of a vehicle's controller, where it has one."""
+    own = None if vehicle.controller is None else bind(vehicle.controller)[1]
+    if isinstance(own, SeaCascadeParameters):
+        return CascadeParameters(*own.gains, S_p)
+    return own if isinstance(own, CascadeParameters) else None
 
 
-def _of_depth(options: PoolOptions, what: str, remedy: str) -> InputError:
-    return InputError(what, field="--pool", value=options.depth, unit="m", remedy=remedy)
+def _of_depth(depth: float, what: str, remedy: str, option: str = "--pool") -> InputError:
+    return InputError(what, field=option, value=depth, unit="m", remedy=remedy)
 
 
 def _check_pool(
     options: PoolOptions, p: Plant, limits: SupervisorParameters, margin: float
 ) -> None:
     """Raise InputError unless there is room between surface and bottom."""
-    if not options.clearance > 2.0 * margin:
-        raise InputError(
-            f"a vehicle within {margin:.3g} m of surface or bottom counts as arrived there, and "
-            "has to rest clear of it",
-            field="--pool-clearance",
-            value=options.clearance,
-            unit="m",
-            remedy=f"Give more than {2.0 * margin:.3g} m",
-        )
-    travel = options.depth - p.z_surface - 2.0 * options.clearance
+    clearance = options.clearance
+    if not clearance > 2.0 * margin:
+        near = f"a vehicle within {margin:.3g} m of surface or bottom"
+        what = f"{near} counts as arrived there, and has to rest clear of it"
+        remedy = f"Give more than {2.0 * margin:.3g} m"
+        raise _of_depth(clearance, what, remedy, "--pool-clearance")
+    travel = options.depth - p.z_surface - 2.0 * clearance
     if not travel >= _LEAST_TRAVEL:
-        raise _of_depth(
-            options,
-            f"this leaves {travel:.3g} m between the depths of rest, {options.clearance:.3g} m "
-            "from surface and bottom",
-            "Choose a deeper pool or a smaller --pool-clearance",
-        )
+        leaves = f"this leaves {travel:.3g} m between the depths of rest"
+        what, remedy = f"{leaves}, {clearance:.3g} m from surface and bottom", _DEEPER
+        raise _of_depth(options.depth, what, remedy)
     if not options.depth < limits.deep.depth_limit:
         remedy = f"Stay above {limits.deep.depth_limit:.4g} m, or see supervisor.depth_limit"
-        raise _of_depth(options, "the supervisor brings the vehicle up from there", remedy)
+        raise _of_depth(options.depth, "the supervisor brings the vehicle up from there", remedy)
 
 
 def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters) -> None:
@@ -359,20 +339,13 @@ def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters)
     high, low = max(deep, shallow), min(deep, shallow)
     ends, unsure = limits.volume, limits.neutral.neutral_range
     fits = min(ends.volume_high - high, low - ends.volume_low) - unsure
+    should = f"should the neutral volume be off by {unsure * 1e6:.3g} cm3"
     if not fits > 0.0:
-        raise _of_depth(
-            options,
-            "the stroke has no room for a change of volume, should the neutral volume be off by "
-            f"{unsure * 1e6:.3g} cm3 (supervisor.neutral_range)",
-            "Trim the vehicle to mid-stroke",
-        )
+        what = f"the stroke has no room for a change of volume, {should} (supervisor.neutral_range)"
+        raise _of_depth(options.depth, what, "Trim the vehicle to mid-stroke")
     for change in (options.first, options.last):
+        what = f"a change of volume has to be above 0 and to fit the stroke, {should}"
+        remedy = f"Give at most {fits * 1e6:.3g} cm3, or a smaller supervisor.neutral_range"
         if not 0.0 < change <= fits:
-            raise InputError(
-                "a change of volume has to be above 0 and to fit the stroke, should the neutral "
-                f"volume be off by {unsure * 1e6:.3g} cm3",
-                field="--pool-volumes",
-                value=change * 1e6,
-                unit="cm3",
-                remedy=f"Give at most {fits * 1e6:.3g} cm3, or a smaller supervisor.neutral_range",
-            )
+            option, cm3 = "--pool-volumes", change * 1e6
+            raise InputError(what, field=option, value=cm3, unit="cm3", remedy=remedy)

@@ -10,6 +10,7 @@ from swimbladder.control.law import Law
 from swimbladder.control.pump_valve import DriveParameters, timed
 from swimbladder.control.records import leaves
 from swimbladder.errors import InputError
+from swimbladder.io.answers import as_json
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.sim.closed_loop.floats import surfacing_of
@@ -36,21 +37,15 @@ class BoardLaw(NamedTuple):
 
     def summary(self) -> str:
         """Return what the command line says of the fit, one line."""
-        return (
-            f"drive: the pump's rate by a polynomial down to "
-            f"{1.0 / self.parameters.drive.per_depth:.4g} m, off by "
-            f"{self.rate_percent} at most; a start falls short by "
-            f"{self.parameters.drive.short_0 * 1e6:.3g} cm3 at the surface"
-        )
+        drive = self.parameters.drive
+        fitted = f"by a polynomial down to {1.0 / drive.per_depth:.4g} m"
+        short = f"a start falls short by {drive.short_0 * 1e6:.3g} cm3 at the surface"
+        return f"drive: the pump's rate {fitted}, off by {self.rate_percent} at most; {short}"
 
     def to_json(self) -> dict[str, float]:
         """Return what a program wants to know of the fit, in SI."""
         depth = 1.0 / self.parameters.drive.per_depth
-        return {
-            "fitted_to_m": depth,
-            "rate_error": self.rate_error,
-            "start_error_m3": self.start_error,
-        }
+        return {"fitted_to_m": depth, **as_json(self, "rate_error start_error_m3")}
 
 
 def board_law(
@@ -64,27 +59,19 @@ def board_law(
     a = vehicle.actuator
     assert isinstance(a, PumpAndValve)
     if tick > _LONGEST_TICK:
-        raise InputError(
-            "the board's clock does not count so long a tick",
-            field="controller.sample_time",
-            value=tick,
-            unit="s",
-            remedy=f"Give at most {_LONGEST_TICK:g} s: the law sleeps anyway",
-        )
+        what = "the board's clock does not count so long a tick"
+        remedy = f"Give at most {_LONGEST_TICK:g} s: the law sleeps anyway"
+        raise InputError(what, field="controller.sample_time", value=tick, unit="s", remedy=remedy)
     depth = 0.5 * deepest * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, _FINE)))
     weight = vehicle.water.specific_weight
     drive = drive_map(vehicle, depth * weight, power=False)
     x = depth / deepest
     rate, rate_error = _fitted(x, drive.rate_out, 4, drive.rate_out)
     if not rate_error <= _MOST:
-        raise InputError(
-            f"the board's polynomial of the pump's delivery is off by {rate_error:.1%} somewhere "
-            f"above {deepest:.4g} m",
-            field="supervisor.depth_limit",
-            value=deepest,
-            unit="m",
-            remedy="Give a smaller depth limit, above which the delivery bends less",
-        )
+        off = f"off by {rate_error:.1%} somewhere above {deepest:.4g} m"
+        what = f"the board's polynomial of the pump's delivery is {off}"
+        remedy, limit = "Give a smaller depth limit, above which the delivery bends less", deepest
+        raise InputError(what, field="supervisor.depth_limit", value=limit, unit="m", remedy=remedy)
     short, start_error = _fitted(x, drive.start_volume, 2, np.ones_like(x))
     surface, pause = surfacing_of(vehicle, leaves(parameters))
     stroke, made = vehicle.stroke, timed(law)

@@ -66,8 +66,12 @@ _MOST_TURNS = 32767  # an int of 16 bits counts them
 
 def stores(of: ast.AST) -> Counter[str]:
     """Return how often each name is assigned to."""
+    return _named(of, ast.Store)
+
+
+def _named(of: ast.AST, use: type[ast.expr_context]) -> Counter[str]:
     names = (node for node in ast.walk(of) if isinstance(node, ast.Name))
-    return Counter(name.id for name in names if isinstance(name.ctx, ast.Store))
+    return Counter(name.id for name in names if isinstance(name.ctx, use))
 
 
 def is_count(function: Callable[..., Any], written: Any) -> bool:
@@ -91,7 +95,7 @@ class Source:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         function = getattr(function, "py_func", function)  # what numba made of it
-        self.function = function
+        self.function, self._name = function, getattr(function, "__name__", function)
         try:
             lines, first = inspect.getsourcelines(function)
             self.file = inspect.getsourcefile(function) or "?"
@@ -99,12 +103,9 @@ class Source:
             if not isinstance(definition, ast.FunctionDef):
                 raise TypeError("not a plain function")
         except (OSError, TypeError, SyntaxError) as error:
-            raise InputError(
-                "the source of a law's function cannot be read",
-                field="law",
-                value=getattr(function, "__name__", function),
-                remedy="Write it as a plain function in a file",
-            ) from error
+            what, named = "the source of a law's function cannot be read", self._name
+            remedy = "Write it as a plain function in a file"
+            raise InputError(what, field="law", value=named, remedy=remedy) from error
         self.tree = definition
         self.before = first - 1
         names = vars(builtins) | function.__globals__
@@ -117,7 +118,7 @@ class Source:
             what,
             file=self.file,
             line=self.before + getattr(node or self.tree, "lineno", 1),
-            field=f"{self.function.__name__}()",
+            field=f"{self._name}()",
             value=None if node is None or isinstance(node, ast.stmt) else ast.unparse(node),
             remedy=remedy,
         )
@@ -405,9 +406,7 @@ class Body(Expressions):
         if is_count(function, function.__annotations__.get("return")):
             self.returns = tree.COUNT
         walked = list(ast.walk(self.tree))
-        self._loaded = {
-            n.id for n in walked if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)
-        }
+        self._loaded = set(_named(self.tree, ast.Load))
         # What loops assign: it changes its meaning from turn to turn.
         self._loops = {name for n in walked if isinstance(n, ast.For) for name in stores(n)}
         self._temporaries = 0

@@ -55,9 +55,8 @@ Type = Scalar | Record
 Operator = Literal["+", "-", "*", "/", "&", "|"]
 Comparison = Literal["<", "<=", ">", ">=", "==", "!="]
 Junction = Literal["and", "or"]
-Known = Literal[
-    "min", "max", "abs", "sqrt", "isfinite", "copysign", "more", "less", "float", "count"
-]
+OnNumbers = Literal["min", "max", "abs", "sqrt", "isfinite", "copysign"]
+Known = OnNumbers | Literal["more", "less", "float", "count"]
 
 
 class Number(Node):
@@ -171,21 +170,8 @@ class Make(Node):
     values: tuple[Expression, ...]
 
 
-Expression = (
-    Number
-    | Constant
-    | Name
-    | Field
-    | Minus
-    | Binary
-    | Compare
-    | Logic
-    | Not
-    | Choice
-    | Builtin
-    | Call
-    | Make
-)
+Operation = Minus | Binary | Compare | Logic | Not | Choice
+Expression = Number | Constant | Name | Field | Operation | Builtin | Call | Make
 
 
 class Assign(Node):
