@@ -19,11 +19,11 @@ from swimbladder.cli.common import (
     compile_notice,
     labelled,
     progress,
-    said_as_typed,
     so_far,
     table,
 )
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.io.answers import attributes
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
@@ -32,17 +32,12 @@ if TYPE_CHECKING:
     from swimbladder.sim.closed_loop.water import Medium
     from swimbladder.vehicle import Vehicle
 
-_STEP = (
-    "time_s",
-    "start_depth_m",
-    "target_depth_m",
-    "overshoot_pct",
-    "rise90_s",
-    "settle2_s",
-    "final_depth_m",
-    "peak_volume_m3",
-    "volume_range_m3",
-    "actuator_travel_m3",
+_PLACE = ("time_s", "start_depth_m", "target_depth_m")
+_VOLUME = ("peak_volume_m3", "volume_range_m3", "actuator_travel_m3")
+_STEP = (*_PLACE, "overshoot_pct", "rise90_s", "settle2_s", "final_depth_m", *_VOLUME)
+_COLUMNS = (
+    "time_s depth_m speed_m_s volume_m3 voltage_V reference_volume_m3=volume_reference current_A "
+    "power_W reference_depth_m=reference"
 )
 
 
@@ -54,16 +49,7 @@ def write_files(
 
     from swimbladder.io.tables import write_csv
 
-    known = {
-        "time_s": s.time,
-        "depth_m": s.depth,
-        "speed_m_s": s.speed,
-        "volume_m3": s.volume,
-        "voltage_V": s.voltage,
-        "reference_volume_m3": s.volume_reference,
-        "current_A": s.current,
-        "power_W": s.power,
-        "reference_depth_m": s.reference,
+    known = attributes(s, _COLUMNS) | {
         "volume_change_m3": np.where(np.isnan(s.drive), np.nan, s.command),
         "volume_rate_m3_s": np.where(np.isnan(s.drive), np.nan, s.motor_rate),
         "drive": s.drive,
@@ -104,11 +90,10 @@ def steps_of(s: Solution, task: Mission) -> list[dict[str, Any]]:
             break
         m = step_metrics(s.time[piece], s.depth[piece], start=before, target=point.depth)
         volume = s.volume[piece]
-        step: dict[str, Any] = dict(zip(_STEP, (point.time, before, point.depth), strict=False))
-        step |= m._asdict()
-        step["peak_volume_m3"] = float(np.max(np.abs(volume)))
-        step["volume_range_m3"] = [float(volume.min()), float(volume.max())]
-        step["actuator_travel_m3"] = float(np.sum(np.abs(np.diff(volume))))
+        place = (point.time, before, point.depth)
+        span, travel = [float(volume.min()), float(volume.max())], np.sum(np.abs(np.diff(volume)))
+        moved = (float(np.max(np.abs(volume))), span, float(travel))
+        step: dict[str, Any] = dict(zip(_STEP, (*place, *m, *moved), strict=True))
         step["events"] = _events(e for e in s.events if point.time <= e.time < end)
         steps.append(step)
         before = point.depth
@@ -131,9 +116,7 @@ def answer_of(
         **{key: value for key, value in last.items() if key != "events"},
         "duration_s": float(s.time[-1]),
         "samples": len(s.time),
-        "completed": s.finished,
-        "deepest_m": s.deepest,
-        "within_depth_limit": s.within_depth_limit,
+        **attributes(s, "completed=finished deepest_m within_depth_limit"),
         "energy_J": s.books.energy["source"],
         "energy_basis": s.books.basis,
         "stop_reason": s.stop.value,
@@ -228,7 +211,7 @@ def simulate(
     from swimbladder.io.files import make_folder
 
     v = load_vehicle(vehicle, sampled=True, pumped=True, weighed=True)
-    with step.said_as_typed(**_FIELDS) if mission is None else said_as_typed({}):
+    with step.said_as_typed(**_FIELDS) if mission is None else contextlib.nullcontext():
         task = _mission(v, mission, step)
     casts = reading.casts(cast)
     warn_of_mass(v)
@@ -248,10 +231,8 @@ def simulate(
     if not s.finished:
         aside(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
     if not s.within_depth_limit:
-        aside(
-            f"the vehicle went down to {s.deepest:.1f} m, below its depth limit of "
-            f"{v.hull.depth_limit:g} m: it would be lost"
-        )
+        below = f"below its depth limit of {v.hull.depth_limit:g} m"
+        aside(f"the vehicle went down to {s.deepest:.1f} m, {below}: it would be lost")
     if not (s.finished and s.within_depth_limit):
         raise typer.Exit(1)
 
@@ -289,18 +270,16 @@ def _notes(s: Solution, column: Column | None, medium: Medium | None) -> list[st
     """Return what has to be said of the water."""
     if column is None or medium is None:
         return []
-    notes = [f"cast: {remark}" for remark in column.report]
+    notes = labelled("cast", column.report)
     if s.vehicle.command != "volume change":
-        notes.append(
-            f"force and load go with {medium.specific_weight:.5g} N/m3, the cast's mean down to "
-            f"the deepest set-point, from which it differs by {100.0 * medium.misses:.2g} % at "
-            "most there"
-        )
+        mean = "the cast's mean down to the deepest set-point"
+        differs = f"from which it differs by {100.0 * medium.misses:.2g} % at most there"
+        weight = f"{medium.specific_weight:.5g} N/m3"
+        notes.append(f"force and load go with {weight}, {mean}, {differs}")
     if s.deepest > column.deepest:
-        notes.append(
-            f"the vehicle went down to {s.deepest:.4g} m, and the cast ends at "
-            f"{column.deepest:.4g} m: below, its last gradient goes on"
-        )
+        went = f"the vehicle went down to {s.deepest:.4g} m"
+        ends = f"the cast ends at {column.deepest:.4g} m"
+        notes.append(f"{went}, and {ends}: below, its last gradient goes on")
     return notes
 
 
@@ -310,10 +289,8 @@ def _seed_unused(vehicle: Vehicle, seed: int | None) -> list[str]:
     noises = (known.depth_noise, known.volume_noise, known.depth_quantum, known.volume_quantum)
     if seed is None or any(noises):
         return []
-    return [
-        f"--seed {seed} changes nothing: the vehicle's sensors have neither noise nor quantum "
-        "(its table [sensors])"
-    ]
+    lacks = "the vehicle's sensors have neither noise nor quantum (its table [sensors])"
+    return [f"--seed {seed} changes nothing: {lacks}"]
 
 
 def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | None) -> Solution:

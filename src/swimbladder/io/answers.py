@@ -50,10 +50,15 @@ def as_json(record: Any, keys: str) -> dict[str, Any]:
     A key is the attribute's name, with the unit behind it where it has one: ``rms_m`` is the
     attribute ``rms``. Where JSON has another name, both stand there: ``hold_m=held``.
     """
+    return {key: plain(value) for key, value in attributes(record, keys).items()}
+
+
+def attributes(record: Any, keys: str) -> dict[str, Any]:
+    """Return the same as they are: columns of a table, say."""
     found = {}
     for word in keys.split():
         key, _, name = word.partition("=")
-        found[key] = plain(getattr(record, name or _attribute(record, key)))
+        found[key] = getattr(record, name or _attribute(record, key))
     return found
 
 

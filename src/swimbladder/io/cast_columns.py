@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.log_format import LogColumn, bracketed
 from swimbladder.io.log_table import check_columns, listed, mapped_column
-from swimbladder.io.log_text import LogFile, counted
+from swimbladder.io.log_text import LogFile, Value, counted
 from swimbladder.units import unit_factor
 
 Array = NDArray[np.float64]
@@ -33,9 +33,8 @@ def place_of(name: str, values: Array, report: list[str]) -> float | None:
     known = values[np.isfinite(values)]
     real = known[np.abs(known) <= _FARTHEST[name]]
     if len(real) < len(known):
-        report.append(
-            f"{counted(len(known) - len(real), name)} beyond {_FARTHEST[name]:g} degrees left out"
-        )
+        odd = counted(len(known) - len(real), name)
+        report.append(f"{odd} beyond {_FARTHEST[name]:g} degrees left out")
     return float(np.mean(np.unwrap(real, period=360.0))) if len(real) else None
 
 
@@ -81,14 +80,7 @@ class RawCast:
         return replace(self, **chosen)
 
     def refused(
-        self,
-        what: str,
-        remedy: str,
-        field: str,
-        *,
-        k: int | None = None,
-        value: object = None,
-        unit: str | None = None,
+        self, what: str, remedy: str, field: str, *, k: int | None = None, **more: Unpack[Value]
     ) -> LogError:
         """Return the error about row k, or about the whole; a value is in the unit of its column
         where no other is given.
@@ -96,9 +88,9 @@ class RawCast:
         line = int(self.row[k]) if k is not None and self.row_name == "line" else None
         if k is not None and line is None:
             what = f"{self.at(k)}: {what}"
-        if unit is None and value is not None:
-            unit = CAST_COLUMNS.get(field) or None
-        return LogFile(self.path).refused(what, remedy, field, line=line, value=value, unit=unit)
+        if more.get("value") is not None and more.get("unit") is None:
+            more["unit"] = CAST_COLUMNS.get(field) or None
+        return LogFile(self.path).refused(what, remedy, field, line=line, **more)
 
 
 def raw_cast(
@@ -137,100 +129,41 @@ density_kg_m3 is that in situ; it is only held against the others.
 """
 
 # Plain names that leave no doubt, in small letters; CF standard names among them.
-NAMES = {
-    "pressure_dbar": {
-        "pressure",
-        "pres",
-        "press",
-        "prdm",
-        "ctdprs",
-        "sea_water_pressure",
-        "sea_water_pressure_due_to_sea_water",
-    },
-    "depth_m": {"depth", "depsm"},
-    "temperature_degC": {"temperature", "temp", "t090c", "ctdtmp", "sea_water_temperature"},
-    "salinity": {
-        "salinity",
-        "sal",
-        "psal",
-        "sal00",
-        "sp",
-        "ctdsal",
-        "practical_salinity",
-        "sea_water_practical_salinity",
-        "sea_water_salinity",
-    },
-    "conductivity_S_m": {"conductivity", "cond", "cndc", "sea_water_electrical_conductivity"},
-    "density_kg_m3": {"density", "rho", "sea_water_density"},
-    "latitude": {"latitude", "lat"},
-    "longitude": {"longitude", "lon"},
-}
+_CALLED = (
+    ("pressure_dbar", "pressure pres press prdm ctdprs sea_water_pressure"),
+    ("pressure_dbar", "sea_water_pressure_due_to_sea_water"),
+    ("depth_m", "depth depsm"),
+    ("temperature_degC", "temperature temp t090c ctdtmp sea_water_temperature"),
+    ("salinity", "salinity sal psal sal00 sp ctdsal practical_salinity"),
+    ("salinity", "sea_water_practical_salinity sea_water_salinity"),
+    ("conductivity_S_m", "conductivity cond cndc sea_water_electrical_conductivity"),
+    ("density_kg_m3", "density rho sea_water_density"),
+    ("latitude", "latitude lat"),
+    ("longitude", "longitude lon"),
+)
+NAMES: dict[str, set[str]] = {name: set() for name in CAST_COLUMNS}
+for _column, _words in _CALLED:
+    NAMES[_column] |= set(_words.split())
 _ABSOLUTE = re.compile(r"absolute.?salinity|^sa\b")
-_ENDINGS = {
-    "dbar": "dbar",
-    "db": "dbar",
-    "decibar": "dbar",
-    "bar": "bar",
-    "mbar": "mbar",
-    "pa": "Pa",
-    "kpa": "kPa",
-    "mpa": "MPa",
-    "hpa": "hPa",
-    "psi": "psi",
-    "m": "m",
-    "cm": "cm",
-    "degc": "degC",
-    "c": "degC",
-    "psu": "",
-    "s_m": "S/m",
-    "ms_cm": "mS/cm",
-    "us_cm": "uS/cm",
-    "deg": "",
-    "kg_m3": "kg/m3",
-}
-_UNITS = {
-    "": "",
-    "1": "",
-    "psu": "",
-    "pss-78": "",
-    "pss": "",
-    "ppt": "",
-    "1e-3": "",
-    "0.001": "",
-    "decibar": "dbar",
-    "decibars": "dbar",
-    "db": "dbar",
-    "meter": "m",
-    "meters": "m",
-    "metre": "m",
-    "metres": "m",
-    "c": "degC",
-    "celsius": "degC",
-    "deg c": "degC",
-    "deg_c": "degC",
-    "degree_c": "degC",
-    "degrees_c": "degC",
-    "degree_celsius": "degC",
-    "degrees_celsius": "degC",
-    "degrees celsius": "degC",
-    "its-90, deg c": "degC",
-    "s m-1": "S/m",
-    "s.m-1": "S/m",
-    "siemens/meter": "S/m",
-    "ms cm-1": "mS/cm",
-    "mhos/m": "S/m",
-    "kelvin": "K",
-    "kg m-3": "kg/m3",
-    "kpascal": "kPa",
-    "microsiemens per centimeter": "uS/cm",
-    "practical salinity scale": "",
-    "salt water, m": "m",
-    "degree_north": "",
-    "degrees_north": "",
-    "degree_east": "",
-    "degrees_east": "",
-    "deg": "",
-}
+_PLAIN = ("dbar", "bar", "mbar", "Pa", "kPa", "MPa", "hPa", "psi", "m", "cm", "degC")
+_QUOTIENTS = ("S/m", "mS/cm", "uS/cm", "kg/m3")
+_ENDINGS = {"db": "dbar", "decibar": "dbar", "c": "degC", "psu": "", "deg": ""}
+_ENDINGS |= {unit.lower().replace("/", "_"): unit for unit in (*_PLAIN, *_QUOTIENTS)}
+_WRITTEN = (
+    ("", "|1|psu|pss-78|pss|ppt|1e-3|0.001|practical salinity scale"),
+    ("", "deg|degree_north|degrees_north|degree_east|degrees_east"),
+    ("dbar", "decibar|decibars|db"),
+    ("kPa", "kpascal"),
+    ("m", "meter|meters|metre|metres|salt water, m"),
+    ("degC", "c|celsius|deg c|deg_c|degree_c|degrees_c|degree_celsius|degrees_celsius"),
+    ("degC", "degrees celsius|its-90, deg c"),
+    ("K", "kelvin"),
+    ("S/m", "s m-1|s.m-1|siemens/meter|mhos/m"),
+    ("mS/cm", "ms cm-1"),
+    ("uS/cm", "microsiemens per centimeter"),
+    ("kg/m3", "kg m-3"),
+)
+_UNITS = {name: unit for unit, names in _WRITTEN for name in names.split("|")}
 
 
 def cast_unit(text: str) -> str:

@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypedDict, Unpack
 
 from swimbladder.errors import LogError
 from swimbladder.io.files import read_at_most, why_unreadable
@@ -33,6 +34,13 @@ _OTHERS = (
 )
 
 
+class Value(TypedDict, total=False):
+    """What an error about a file says of the value that stands there."""
+
+    value: object
+    unit: str | None
+
+
 @dataclass(frozen=True)
 class LogFile:
     """A file that is read: how, and the report of what was assumed or left out."""
@@ -42,20 +50,11 @@ class LogFile:
     report: list[str] = field(default_factory=list)
 
     def refused(
-        self,
-        what: str,
-        remedy: str,
-        field: str,
-        *,
-        line: int | None = None,
-        value: object = None,
-        unit: str | None = None,
+        self, what: str, remedy: str, field: str, *, line: int | None = None, **more: Unpack[Value]
     ) -> LogError:
         """Return the error about the file, or about a line of it."""
         number = None if line is None else int(line)
-        return LogError(
-            what, file=self.path, line=number, field=field, value=value, unit=unit, remedy=remedy
-        )
+        return LogError(what, file=self.path, line=number, field=field, remedy=remedy, **more)
 
     def refuse_unused(
         self, names: Iterable[str], why: str, remedy: str = "Leave {} out", idle: object = None

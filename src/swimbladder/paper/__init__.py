@@ -35,37 +35,26 @@ def reproduce(
     cannot be written, NoAnswerError where the pool procedure does not end; nothing is then written.
     """
     if seed < 0:
-        raise InputError(
-            "must not be negative", field="--seed", value=seed, remedy="Give 0 or more"
-        )
+        what, remedy = "must not be negative", "Give 0 or more"
+        raise InputError(what, field="--seed", value=seed, remedy=remedy)
     place = Path(out)
     check_place(place)
     evidence = gather(seed, advance)
+    checks = [*actuator_checks(evidence), *motion_checks(evidence)]
     judged = Judged(
         published=published(evidence),
         independent=independent(evidence),
-        equations=sorted(
-            [*actuator_checks(evidence), *motion_checks(evidence)], key=lambda check: check.number
-        ),
+        equations=sorted(checks, key=lambda check: check.number),
     )
     advance(1.0)
     figures = draw(evidence, advance)
-    curves = trajectories(evidence)
-    files = [
-        "results.json",
-        *(f"figures/{name}.png" for name in figures),
-        *(f"trajectories/{name}" for name in curves),
-    ]
+    contents: dict[str, object] = {f"figures/{name}.png": drawn for name, drawn in figures.items()}
+    curves = trajectories(evidence).items()
+    contents |= {f"trajectories/{name}": columns for name, columns in curves}
+    files = ["results.json", *contents]
     found = answer(evidence, judged, files)
     html = page(evidence, judged, figures, files)
     advance(1.0)
-
-    contents = {
-        "index.html": html,
-        "results.json": found,
-        **{f"figures/{name}.png": figure for name, figure in figures.items()},
-        **{f"trajectories/{name}": columns for name, columns in curves.items()},
-    }
-    write_all(place, contents, advance=advance)
+    write_all(place, {"index.html": html, "results.json": found, **contents}, advance=advance)
     plain_answer: dict[str, Any] = plain(found)
     return plain_answer

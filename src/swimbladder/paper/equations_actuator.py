@@ -17,13 +17,8 @@ from swimbladder.paper.verdict import EquationCheck, check, scaled
 from swimbladder.physics import actuator as act
 from swimbladder.physics import oil
 from swimbladder.physics.dynamics import State, motor_rhs, plant
-from swimbladder.vehicle import (
-    ElectrohydraulicActuator,
-    ElectromechanicalActuator,
-    IdentifiedActuator,
-    UnifiedActuator,
-    Vehicle,
-)
+from swimbladder.vehicle import IdentifiedActuator, UnifiedActuator, Vehicle
+from swimbladder.vehicle.actuators import ElectrohydraulicActuator, ElectromechanicalActuator
 
 
 def _oil() -> list[EquationCheck]:
@@ -78,15 +73,9 @@ def at(ratio: tuple[Any, Any], s: Any = FREQUENCIES) -> Any:
 
 def actuator_checks(e: Evidence) -> list[EquationCheck]:
     """Return the checks of the actuator's equations."""
-    return [
-        *_oil(),
-        *_hydraulic(e.hydraulic),
-        _eq9(e.hydraulic),
-        *_motor(e.hydraulic),
-        *_linear(e.hydraulic),
-        *_shallow(e),
-        *_identified(e),
-    ]
+    pumped = e.hydraulic
+    by_datasheet = [*_hydraulic(pumped), _eq9(pumped), *_motor(pumped), *_linear(pumped)]
+    return [*_oil(), *by_datasheet, *_shallow(e), *_identified(e)]
 
 
 def _unified(vehicle: Vehicle) -> UnifiedActuator:

@@ -4,8 +4,14 @@ from typing import Any
 
 import numpy as np
 
+from swimbladder.io.answers import attributes
 from swimbladder.paper.evidence import Evidence
 from swimbladder.sim.pool import Fit, PoolRun, response
+
+_CURVES = (
+    "time_s reference_depth_m=reference depth_m speed_m_s volume_m3 "
+    "reference_volume_m3=volume_reference voltage_V"
+)
 
 
 def trajectories(e: Evidence) -> dict[str, dict[str, Any]]:
@@ -18,22 +24,12 @@ def trajectories(e: Evidence) -> dict[str, dict[str, Any]]:
     for i, x in enumerate(e.experiments, start=1):
         r = x.record
         found[f"experiment-{i}.csv"] = {
-            "time_s": r.time,
-            "volume_above_neutral_m3": r.volume,
-            "depth_seen_m": r.depth,
+            **attributes(r, "time_s volume_above_neutral_m3=volume depth_seen_m=depth"),
             "depth_by_eq27_m": r.start + _response(r, by_depth)[0],
             "speed_by_eq26_m_s": _response(r, by_speed)[1],
         }
-    for name, s in (("figure-16.csv", e.steps), ("figure-17.csv", e.long_step)):
-        found[name] = {
-            "time_s": s.time,
-            "reference_depth_m": s.reference,
-            "depth_m": s.depth,
-            "speed_m_s": s.speed,
-            "volume_m3": s.volume,
-            "reference_volume_m3": s.volume_reference,
-            "voltage_V": s.voltage,
-        }
+    found["figure-16.csv"] = attributes(e.steps, _CURVES)
+    found["figure-17.csv"] = attributes(e.long_step, _CURVES)
     found["figure-psi.csv"] = {
         "volume_change_m3": [dV for dV, _ in e.still_curve],
         "K2_1_m2_s": [fit.K2 for _, fit in e.still_curve],
@@ -58,8 +54,7 @@ def _run(run: PoolRun) -> dict[str, Any]:
         "step": numbers[index],
         "depth_m": s.depth,
         "depth_seen_m": run.seen_depth,
-        "speed_m_s": s.speed,
-        "volume_m3": s.volume,
+        **attributes(s, "speed_m_s volume_m3"),
         "volume_seen_m3": run.seen_volume,
         "voltage_V": s.voltage,
     }

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from swimbladder import __version__
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import as_json, attributes
 from swimbladder.paper.actuation import CLEARANCE, POOL_DEPTH
 from swimbladder.paper.evidence import SENSORS, Evidence
 from swimbladder.paper.tables import tables
@@ -34,6 +34,7 @@ _EXPERIMENT = (
     "step volume_asked_m3=dV volume_achieved_m3=achieved neutral_error_m3 pulse_V "
     "pulse_s=pulse_time released_s ended_s"
 )
+_STEPS = "timed_voltages=pulses figure_16=step_rows figure_17=long_metrics overshoot_pairs=pairs"
 ERRATA: dict[str, list[dict[str, str]]] = texts("errata")
 """Where the paper's text is wrong, `errata`, or `silent`, and what is done about it here."""
 
@@ -102,11 +103,7 @@ def _last_minute(run: Any) -> float:
 
 def _pulse_difference(e: Evidence) -> float:
     """Return the largest difference between formula and simulation over dx."""
-    return max(
-        abs((ours - formula) / p.dx)
-        for p in e.pulses
-        for ours, formula in zip(p.simulated, p.formula, strict=True)
-    )
+    return max(float(np.max(np.abs(np.subtract(p.simulated, p.formula) / p.dx))) for p in e.pulses)
 
 
 def answer(e: Evidence, judged: Judged, files: Sequence[str]) -> dict[str, Any]:
@@ -118,17 +115,12 @@ def answer(e: Evidence, judged: Judged, files: Sequence[str]) -> dict[str, Any]:
         "seed": e.seed,
         "vehicle": e.vehicle.name,
         "passed": not judged.failures,
-        "failures": judged.failures,
-        "verdicts": judged.verdicts,
-        "published": judged.published,
-        "independent": judged.independent,
+        **attributes(judged, "failures verdicts published independent"),
         "equations": [as_json(c, _EQUATION) for c in judged.equations],
         "table2": {"row_26": by_speed, "row_27": by_depth},
         "experiments": [
-            {**as_json(x, _EXPERIMENT), "eq_26": w, "eq_27": z, "eq_32": k}
-            for x, w, z, k in zip(
-                e.experiments, e.speed_fits, e.depth_fits, e.known_fits, strict=True
-            )
+            {**as_json(x, _EXPERIMENT), **dict(zip(("eq_26", "eq_27", "eq_32"), by, strict=True))}
+            for x, *by in zip(e.experiments, e.speed_fits, e.depth_fits, e.known_fits, strict=True)
         ],
         "without_noise": {
             "experiments": [{"volume_m3": dV, "eq_27": fit} for dV, fit in e.still],
@@ -136,9 +128,6 @@ def answer(e: Evidence, judged: Judged, files: Sequence[str]) -> dict[str, Any]:
             "joint_with_psi": e.still_known,
             "average_26": e.still_average[0],
         },
-        "timed_voltages": e.pulses,
-        "figure_16": e.step_rows,
-        "figure_17": e.long_metrics,
-        "overshoot_pairs": e.pairs,
+        **attributes(e, _STEPS),
         "files": files,
     }

@@ -40,15 +40,9 @@ _TABLE3 = {  # the gain as printed and its unit over SI's
 
 def published(e: Evidence) -> list[Finding]:
     """Return every published number and claim that can be checked, by subject."""
-    return [
-        *_actuator(e),
-        *_shallow_claims(e),
-        *_stability(e),
-        *_prototype(e),
-        *_identification(e),
-        *_table2(e),
-        *_control(e),
-    ]
+    model = (_actuator, _shallow_claims, _stability, _prototype)
+    found = (_identification, _table2, _control)
+    return [one for findings in (*model, *found) for one in findings(e)]
 
 
 def _actuator(e: Evidence) -> list[Finding]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from swimbladder.design.ballast import Ballasting
+from swimbladder.io.answers import attributes
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.show.plots.ballast import draw_ballasting
@@ -21,10 +22,7 @@ def ballast_files(found: Ballasting, answer: Mapping[str, Any]) -> dict[str, obj
     files: dict[str, object] = {
         "ballast.png": draw_ballasting(found),
         "ballast.csv": {
-            "depth_m": column.depth,
-            "pressure_Pa": column.pressure,
-            "density_kg_m3": column.density,
-            "temperature_degC": column.temperature,
+            **attributes(column, "depth_m pressure_Pa density_kg_m3 temperature_degC"),
             "neutral_volume_m3": neutral_volume(found.vehicle, column),
             "neutral_volume_low_m3": np.interp(column.depth, curve.depth, curve.low),
             "neutral_volume_high_m3": np.interp(column.depth, curve.depth, curve.high),

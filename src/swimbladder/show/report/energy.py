@@ -5,16 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.energy import (
-    DriveEnergy,
-    Hovering,
-    Profiling,
-    PumpFit,
-    efficiency_bands,
-    run_columns,
-)
+from swimbladder.design.energy import DriveEnergy, Hovering, Profiling, PumpFit
+from swimbladder.design.energy.fit import efficiency_bands, run_columns
 from swimbladder.design.energy.messages import fit_sentences
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import as_json, attributes
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
 from swimbladder.vehicle import Vehicle
@@ -23,6 +17,7 @@ _ROWS = 201  # depths in tables, at most
 _DIVE = "dive runs deepest_Pa energy_J predicted_J volume_m3 predicted_volume_m3"
 _ESTIMATE = "value std ci95 unit"
 _BAND = "runs pressure_Pa volume_m3 energy_J efficiency fitted_efficiency=fitted"
+_HOVERING = "thrust_N thruster_power_W engine_energy_J engine_power_W break_even_s"
 
 
 def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[str, Any]:
@@ -42,11 +37,7 @@ def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[st
         "hovering": {
             "depth_m": found.column.deepest,
             "weight_error_m3": hover.weight_error,
-            "thrust_N": hover.thrust[-1],
-            "thruster_power_W": hover.thruster_power[-1],
-            "engine_energy_J": hover.engine_energy[-1],
-            "engine_power_W": hover.engine_power[-1],
-            "break_even_s": hover.break_even[-1],
+            **{key: values[-1] for key, values in attributes(hover, _HOVERING).items()},
         },
         "profiling": {
             "speed_m_s": dive.speed,
@@ -75,10 +66,7 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
     return {
         "runs": int(fit.kept.sum()),
         "excluded": int((~fit.kept).sum()),
-        "clusters": fit.clusters,
-        "power_rms_W": fit.power_rms,
-        "volume_rms_m3": fit.volume_rms,
-        "reference_voltage_V": fit.reference_voltage,
+        **attributes(fit, "clusters power_rms_W volume_rms_m3 reference_voltage_V"),
         "parameters": {n: as_json(e, _ESTIMATE) for n, e in fit.parameters.items()},
         "dives": [as_json(dive, _DIVE) for dive in fit.dives],
         "efficiency": [as_json(band, _BAND) for band in efficiency_bands(fit)],
@@ -101,20 +89,13 @@ def fit_files(
 
 def _columns(found: DriveEnergy, hover: Hovering) -> dict[str, Any]:
     """Return the columns over some of the depths, evenly spread."""
-    m = found.map
     columns = {
-        "depth_m": found.column.depth,
-        "pressure_Pa": found.column.pressure,
-        "rate_out_m3_s": m.rate_out,
-        "power_out_W": m.power_out,
-        "energy_per_volume_J_m3": found.per_volume,
-        "efficiency": found.efficiency,
+        **attributes(found.column, "depth_m pressure_Pa"),
+        **attributes(found.map, "rate_out_m3_s power_out_W"),
+        **attributes(found, "energy_per_volume_J_m3=per_volume efficiency"),
         **{f"efficiency_{name}": values for name, values in found.stages.items()},
-        "rate_in_m3_s": m.rate_in,
-        "power_in_W": m.power_in,
-        "holding_power_W": m.holding_power,
-        "leakage_m3_s": m.leakage,
-        "start_volume_m3": m.start_volume,
+        **attributes(found.map, "rate_in_m3_s power_in_W holding_power_W leakage_m3_s"),
+        "start_volume_m3": found.map.start_volume,
         "break_even_s": hover.break_even,
     }
     rows = spread_indices(found.column.depth.size, _ROWS)
@@ -122,12 +103,7 @@ def _columns(found: DriveEnergy, hover: Hovering) -> dict[str, Any]:
 
 
 def _dives(dive: Profiling) -> dict[str, Any]:
-    return {
-        "depth_m": dive.depth,
-        "engine_J": dive.engine,
-        "thruster_J": dive.thruster,
-        "drag_J": dive.drag,
-    }
+    return attributes(dive, "depth_m engine_J thruster_J drag_J")
 
 
 def spread_indices(count: int, most: int) -> Any:
