@@ -59,10 +59,8 @@ def stable(
         check = "Check salinity and temperature there (a sensor that drifts?)"
         remedy, value = f"{check}, or mix the water {option}", round(float(change[most]), 4)
         raise raw.refused(what, remedy, "density", k=most, value=value, unit="kg/m3")
-    raw.report.append(
-        f"{count} averaged with the water beside, {where}; density changes by "
-        f"{change[most]:.2g} kg/m3 at most"
-    )
+    density = f"density changes by {change[most]:.2g} kg/m3 at most"
+    raw.report.append(f"{count} averaged with the water beside, {where}; {density}")
     return mixed
 
 
@@ -167,11 +165,9 @@ def one_leg(raw: RawCast, pressure: Array, profile: int | None) -> NDArray[np.in
     if profile is None and len(found) == 2:
         down = [pressure[b] > pressure[a] for a, b in found]
         number = down.index(True) if True in down else 0
-        a, b = found[number]
-        raw.report.append(
-            f"it goes down and up again: the way {'down' if down[number] else 'up'} is taken, "
-            f"{raw.at(a)} to {raw.at(b)}"
-        )
+        way, (a, b) = f"the way {'down' if down[number] else 'up'}", found[number]
+        taken = f"{way} is taken, {raw.at(a)} to {raw.at(b)}"
+        raw.report.append(f"it goes down and up again: {taken}")
     a, b = found[number]
     chosen = rows[a : b + 1]
     return chosen[np.argsort(pressure[chosen], kind="stable")]
@@ -240,9 +236,8 @@ def averaged(raw: RawCast, pressure: Array) -> tuple[RawCast, Array]:
         place, return_index=True, return_inverse=True, return_counts=True
     )
     if (count > 1).any():
-        raw.report.append(
-            f"{len(pressure)} rows averaged over bins of {width:.2g} dbar, {len(count)} in all"
-        )
+        bins = f"bins of {width:.2g} dbar, {len(count)} in all"
+        raw.report.append(f"{len(pressure)} rows averaged over {bins}")
 
     def mean(values: Array) -> Array:
         return np.asarray(np.bincount(back, weights=values) / count)

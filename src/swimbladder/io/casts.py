@@ -69,15 +69,11 @@ def _guarded(function: Callable[..., Any], name: str) -> Callable[..., Any]:
     return call
 
 
-CAST_FORMATS: Registry[CastFormat] = Registry(
-    "swimbladder.cast_formats",
-    "cast format",
-    {
-        "netcdf": lambda: CastFormat(recognises=is_netcdf, read=netcdf_cast),
-        "cnv": lambda: CastFormat(recognises=is_cnv, read=cnv_cast),
-    },
-    _accept,
-)
+_OWN: dict[str, Callable[[], CastFormat]] = {
+    "netcdf": partial(CastFormat, recognises=is_netcdf, read=netcdf_cast),
+    "cnv": partial(CastFormat, recognises=is_cnv, read=cnv_cast),
+}
+CAST_FORMATS = Registry("swimbladder.cast_formats", "cast format", _OWN, _accept)
 
 
 def recognised(data: bytes, path: Path) -> tuple[CastFormat | None, list[str]]:
@@ -208,20 +204,16 @@ def _whole(raw: RawCast) -> RawCast:
     kept = np.logical_and.reduce(list(known.values()))
     if len(kept) < 2:
         what = f"{'one row is' if len(kept) else 'no row is'} no cast"
-        remedy = (
-            "Give two rows at least, at different depths, each with pressure, temperature "
-            "and salinity; --where may have chosen too few"
-        )
+        each = "at different depths, each with pressure, temperature and salinity"
+        remedy = f"Give two rows at least, {each}; --where may have chosen too few"
         raise raw.refused(what, remedy, "pressure_dbar" if raw.pressure is not None else "depth_m")
     if kept.sum() < 2:
         worst = min(known, key=lambda name: int(known[name].sum()))
         flagged = "".join(f"; {line}" for line in raw.report if "flagged" in line)
-        what = (
-            f"of {len(kept)} rows {int(kept.sum())} hold pressure, temperature and salinity, "
-            f"{int(known[worst].sum())} a {worst.split('_')[0]}, and 2 are the least{flagged}"
-        )
+        whole = f"of {len(kept)} rows {int(kept.sum())} hold pressure, temperature and salinity"
+        some = f"{int(known[worst].sum())} a {worst.split('_')[0]}"
         remedy = "Check that the right columns are mapped and that the sensor ran"
-        raise raw.refused(what, remedy, worst)
+        raise raw.refused(f"{whole}, {some}, and 2 are the least{flagged}", remedy, worst)
     if not kept.all():
         raw.report.append(f"{int((~kept).sum())} of {len(kept)} rows with gaps left out")
     return raw.only(kept)
@@ -237,10 +229,8 @@ def _cast(raw: RawCast, profile: int | None, inversions: Inversions) -> Cast:
     raw = raw.only(one_leg(raw, raw.down, profile))
     latitude = _LATITUDE if raw.latitude is None else raw.latitude
     if raw.latitude is None:
-        raw.report.append(
-            f"the latitude is not known and taken as {_LATITUDE:g} degrees: pressure at a depth "
-            "may be off by 0.3 %"
-        )
+        taken = f"the latitude is not known and taken as {_LATITUDE:g} degrees"
+        raw.report.append(f"{taken}: pressure at a depth may be off by 0.3 %")
     pressure = _pressure(raw, latitude)
     if raw.salinity is None:
         assert raw.conductivity is not None
@@ -290,10 +280,9 @@ def _absolute(raw: RawCast, SP: Array, pressure: Array) -> Array:
     import gsw
 
     if raw.longitude is None or raw.latitude is None:
-        raw.report.append(
-            "the place is not known: Absolute Salinity is the Reference Salinity, by up to "
-            "0.02 kg/m3 too light in the open ocean and 0.07 in the Baltic"
-        )
+        light = "by up to 0.02 kg/m3 too light in the open ocean and 0.07 in the Baltic"
+        taken = "Absolute Salinity is the Reference Salinity"
+        raw.report.append(f"the place is not known: {taken}, {light}")
         return np.asarray(gsw.SR_from_SP(SP))
     SA = np.asarray(gsw.SA_from_SP(SP, pressure, raw.longitude, raw.latitude))
     return np.where(np.isfinite(SA), SA, gsw.SR_from_SP(SP))

@@ -135,15 +135,8 @@ SCHEMA_VERSION = 1
 _MOST_BYTES = 1 << 24  # of a file: a mission of 300 000 set-points
 _SCHEMA_REMEDY = f"Write schema_version = {SCHEMA_VERSION} on the first line"
 _LEAST = {"dead": 0.05, "run": 0.05}  # s, of the law `rate`
-_ABOVE_0 = {
-    "coefficient",
-    "tolerance",
-    "slow_speed",
-    "near_speed",
-    "far_speed",
-    "ascent_speed",
-    "window",
-}
+_SPEEDS = {"slow_speed", "near_speed", "far_speed", "ascent_speed"}
+_ABOVE_0 = {"coefficient", "tolerance", "window", *_SPEEDS}
 _Model = TypeVar("_Model", bound=Parameters)
 
 
@@ -265,19 +258,13 @@ def _parse(text: str, file: str | Path) -> dict[str, Any]:
         what, _, place = words.rpartition(" (at ")
         number = place.removeprefix("line ").split(",")[0]
         line = int(number) if number.isdecimal() else text.count("\n") + 1
-        raise InputError(
-            f"this is not TOML: {(what or words)[:1].lower()}{(what or words)[1:]}",
-            file=file,
-            line=line,
-            field="syntax",
-            remedy='Write a line as name = number, or as name = "number unit" in quotes',
-        ) from None
+        what = f"this is not TOML: {(what or words)[:1].lower()}{(what or words)[1:]}"
+        remedy = 'Write a line as name = number, or as name = "number unit" in quotes'
     except (RecursionError, ValueError) as error:
-        what = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        why = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        what, line = f"this TOML cannot be read: {why}", None
         remedy = "See `swimbladder vehicle new` for a file with every field explained"
-        raise InputError(
-            f"this TOML cannot be read: {what}", file=file, field="syntax", remedy=remedy
-        ) from None
+    raise InputError(what, file=file, line=line, field="syntax", remedy=remedy)
 
 
 def _check_version(data: dict[str, Any], text: str, file: str | Path) -> None:

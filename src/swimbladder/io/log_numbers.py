@@ -227,6 +227,7 @@ def none_chosen(
     return file.refused(what, remedy, "where", value=asked)
 
 
+Columns = Mapping[str, Column]
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-inf", "nat", "#n/a"}
 _LARGEST = 1e15  # in SI: no number of a log is larger, and their products stay finite
 
@@ -235,11 +236,7 @@ class ColumnReader:
     """Turns the texts of columns into numbers; remembers which rows hold something else."""
 
     def __init__(
-        self,
-        file: LogFile,
-        columns: Mapping[str, Column],
-        line: NDArray[np.int64],
-        units: Mapping[str, str],
+        self, file: LogFile, line: NDArray[np.int64], columns: Columns, units: Mapping[str, str]
     ) -> None:
         """Keep the texts; `units`: of each column that may be read."""
         self.file, self.form, self.units = file, file.form, units
@@ -290,11 +287,10 @@ class ColumnReader:
         self.refuse_bad()
         kept = np.ones(len(self.line), dtype=bool)
         if self._bad:
-            first = self._bad[min(self._bad)]
-            self.file.report.append(
-                f"{counted(len(self._bad), 'row')} with anything but a number dropped, the first "
-                f"on line {first.line} ({first.field}: {str(first.value)[:40]!r})"
-            )
+            first, rows = self._bad[min(self._bad)], counted(len(self._bad), "row")
+            where = f"on line {first.line} ({first.field}: {str(first.value)[:40]!r})"
+            said = f"{rows} with anything but a number dropped, the first {where}"
+            self.file.report.append(said)
             kept[list(self._bad)] = False
         return kept
 
@@ -303,10 +299,9 @@ class ColumnReader:
     ) -> None:
         """Remember that row k holds no number, and where that was first found."""
         if k not in self._bad:
-            line = self.line[k]
-            self._bad[k] = self.file.refused(
-                what, remedy, column.name, line=line, value=value, unit=unit
-            )
+            line, name = self.line[k], column.name
+            error = self.file.refused(what, remedy, name, line=line, value=value, unit=unit)
+            self._bad[k] = error
 
     def _times(self, column: LogColumn) -> Array:
         """Return times that are text, in seconds from the first; NaN where missing.
@@ -343,9 +338,8 @@ class ColumnReader:
             values = _unwound(values, _DAY)[0]
         found = values[np.isfinite(values)]
         how = {"iso": "ISO 8601", "clock": "times of the day"}.get(column.unit or "", column.unit)
-        self.conversions.append(
-            f"time_s read from {column.name!r} as {how}, in seconds from the first"
-        )
+        read = f"time_s read from {column.name!r} as {how}"
+        self.conversions.append(f"{read}, in seconds from the first")
         return values - (found[0] if len(found) else 0.0)
 
     def _numbers(self, name: str, column: LogColumn) -> Array:
@@ -391,9 +385,9 @@ class ColumnReader:
             remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
         if not remedy and k == 0 and not any(letter.isdigit() for letter in text[:20]):
             remedy = "If this row holds the units, set units_row = true in a [log] table"
-        remedy = remedy or (
-            "Correct the field, leave it empty where nothing was measured, or set "
-            'bad_rows = "drop" in a [log] table'
+        drop = 'set bad_rows = "drop" in a [log] table'
+        remedy = (
+            remedy or f"Correct the field, leave it empty where nothing was measured, or {drop}"
         )
         self._spoilt(k, "not a number", remedy, column, text)
 

@@ -70,9 +70,8 @@ def quoted_row(lines: list[str], delimiter: Delimiter) -> list[str] | None:
     """Return the fields of a row that goes over all of `lines`, None where it does not."""
     if delimiter == " ":
         lines = [line.replace("\t", " ").strip() for line in lines]
-    reader = csv.reader(
-        [f"{line}\n" for line in lines], delimiter=delimiter, skipinitialspace=delimiter == " "
-    )
+    ended, blank = [f"{line}\n" for line in lines], delimiter == " "
+    reader = csv.reader(ended, delimiter=delimiter, skipinitialspace=blank)
     try:
         row = next(reader, None)
     except csv.Error:
@@ -292,9 +291,8 @@ class Rows:
         self._judge(whole, ragged, junk)
 
     def _is_header(self, row: list[str]) -> bool:
-        return row[0].strip(BLANK) == self.header[0] and self.header == [
-            field.strip(BLANK) for field in row
-        ]
+        first = row[0].strip(BLANK)
+        return first == self.header[0] and self.header == [field.strip(BLANK) for field in row]
 
     def _differs_by_a_blank(self, row: list[str]) -> bool:
         """Say whether a row, or the header, only has a delimiter more at its end."""
@@ -309,9 +307,8 @@ class Rows:
             more = counted(self._fields - len(self.header), "field")
             self.report.append(f"{more} of each row, beyond the names, not used")
         if self._remarks:
-            self.report.append(
-                f"{counted(self._remarks, 'remark')}, after {form.comment!r}, left out"
-            )
+            remarks = counted(self._remarks, "remark")
+            self.report.append(f"{remarks}, after {form.comment!r}, left out")
         if self._void:
             self.report.append(f"{counted(self._void, 'line')} of control characters left out")
         if again:

@@ -18,12 +18,12 @@ from swimbladder.io.log_rows import Column, ParquetRows, Rows, Sheet, is_parquet
 from swimbladder.io.log_text import LogFile, read_bytes
 from swimbladder.vehicle.schema import did_you_mean
 
+Mapped = Mapping[str, LogColumn | str]
 
-def mapped_columns(
-    file: LogFile, columns: Mapping[str, str | LogColumn], required: Collection[str]
-) -> dict[str, LogColumn | str]:
+
+def mapped_columns(file: LogFile, columns: Mapped, required: Collection[str]) -> Mapped:
     """Return what is mapped; raises LogError where that, or what is required, is no column."""
-    mapped: dict[str, LogColumn | str] = {**file.form.columns.mapped(), **columns}
+    mapped: Mapped = {**file.form.columns.mapped(), **columns}
     check_columns(file, (*mapped, *required), COLUMNS, "a log")
     return mapped
 
@@ -38,7 +38,7 @@ def check_columns(
             raise file.refused(f"no such column of {table}", remedy, name)
 
 
-def wanted_names(mapped: Mapping[str, LogColumn | str], needed: Sequence[str]) -> list[set[str]]:
+def wanted_names(mapped: Mapped, needed: Sequence[str]) -> list[set[str]]:
     """Return sets of names, of each of which the header has to have one."""
     wanted = [set(column_readings(given)) for given in mapped.values()]
     dates = [given.date for given in mapped.values() if isinstance(given, LogColumn)]
@@ -84,10 +84,7 @@ def mapped_column(
 
 
 def named_columns(
-    file: LogFile,
-    mapped: Mapping[str, LogColumn | str],
-    header: Sequence[str],
-    known: Collection[str],
+    file: LogFile, mapped: Mapped, header: Sequence[str], known: Collection[str]
 ) -> dict[str, LogColumn]:
     """Return which column of the file each known one is read from: as mapped, else by its name."""
     return {
@@ -113,7 +110,7 @@ def depth_source(names: set[str], mapped: set[str], file: LogFile) -> str | None
 
 
 def column_sources(
-    file: LogFile, mapped: Mapping[str, LogColumn | str], header: list[str], needed: Sequence[str]
+    file: LogFile, mapped: Mapped, needed: Sequence[str], header: list[str]
 ) -> dict[str, LogColumn]:
     """Return which column of the file each column of the log is read from."""
     sources = named_columns(file, mapped, header, COLUMNS)
@@ -207,7 +204,7 @@ def read_table(
         columns = {name: _only(column, kept) for name, column in columns.items()}
     for name in sorted(set(labels) & set(sources)):
         columns[sources[name].name] = _numbered(columns[sources[name].name])
-    reader = ColumnReader(file, columns, line, units)
+    reader = ColumnReader(file, line, columns, units)
     written = {name: reader.read(name, column) for name, column in sources.items()}
     reader.refuse_bad()  # first: it may be why the rest makes no sense
     values = {name: reader.in_unit(name, sources[name], written[name]) for name in sources}

@@ -11,23 +11,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.io import log_table
 from swimbladder.io.log_checks import find_gaps, in_order, suspects
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, format_of
 from swimbladder.io.log_numbers import TimeColumn
-from swimbladder.io.log_table import (
-    Table,
-    column_sources,
-    mapped_columns,
-    open_sheet,
-    read_table,
-    wanted_names,
-)
+from swimbladder.io.log_table import Table
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import parse_quantity
 
@@ -52,12 +47,11 @@ def to_depth(data: dict[str, Array], source: str, file: LogFile) -> Array:
         remedy = "Map pressure_Pa, or leave {} out"
         file.refuse_unused(names, "depth_m is read as a depth", remedy)
         if form.logger_density is not None and form.water_density is not None:
-            depth = depth * (form.logger_density / form.water_density)
-            report.append(
-                f"depth_m times {form.logger_density / form.water_density:.6g}: the logger took "
-                f"the water for one of {form.logger_density:g} kg/m3, it is one of "
-                f"{form.water_density:g} kg/m3"
-            )
+            ratio = form.logger_density / form.water_density
+            depth = depth * ratio
+            took = f"the logger took the water for one of {form.logger_density:g} kg/m3"
+            is_one = f"it is one of {form.water_density:g} kg/m3"
+            report.append(f"depth_m times {ratio:.6g}: {took}, {is_one}")
         if form.depth_positive == "up":
             depth = -depth
             report.append("depth_m counts upward in the file; turned to count downward")
@@ -66,10 +60,9 @@ def to_depth(data: dict[str, Array], source: str, file: LogFile) -> Array:
         report.append(f"{form.depth_offset:g} m added to depth_m")
     known = depth[np.isfinite(depth)]
     if len(known) and np.median(known) < -_ABOVE:
-        report.append(
-            f"most of the log is above the surface, half of it above {np.median(known):.3g} m: "
-            'check depth_positive = "up", atmospheric_pressure and depth_offset'
-        )
+        half = f"half of it above {np.median(known):.3g} m"
+        check = 'check depth_positive = "up", atmospheric_pressure and depth_offset'
+        report.append(f"most of the log is above the surface, {half}: {check}")
     return depth
 
 
@@ -93,10 +86,9 @@ def _from_pressure(data: dict[str, Array], file: LogFile) -> Array:
     why = "the depth comes from pressure_Pa"
     file.refuse_unused(("logger_density", "depth_positive"), why, idle="down")
     surface, how = _surface_pressure(form.atmospheric_pressure, pressure, data["time_s"])
-    file.report.append(
-        f"depth_m from pressure_Pa, less {surface:.6g} Pa at the surface ({how}), over "
-        f"{form.water_density:g} kg/m3 times {form.gravity:g} m/s2"
-    )
+    less, weight = f"less {surface:.6g} Pa at the surface ({how})", f"{form.water_density:g} kg/m3"
+    said = f"depth_m from pressure_Pa, {less}, over {weight} times {form.gravity:g} m/s2"
+    file.report.append(said)
     return (pressure - surface) / (form.water_density * form.gravity)
 
 
@@ -166,10 +158,8 @@ class Log:
 
     def only(self, kept: NDArray[np.bool_]) -> Log:
         """Return the log with the samples that are `kept` (an array of its length)."""
-        arrays = {
-            name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)
-        }
-        chosen: dict[str, Any] = {name: values[kept] for name, values in arrays.items()}
+        arrays = ((n, values) for n, values in vars(self).items() if isinstance(values, np.ndarray))
+        chosen: dict[str, Any] = {name: values[kept] for name, values in arrays}
         return replace(self, **chosen)
 
 
@@ -192,14 +182,11 @@ def read_log(
     """
     file = LogFile(path, format_of(log_format))
     chosen = {**file.form.where, **(where or {})}
-    mapped = mapped_columns(file, columns or {}, required)
+    mapped = log_table.mapped_columns(file, columns or {}, required)
     needed = tuple(name for name in COLUMNS if name == "time_s" or name in required)
-    table = read_table(
-        file,
-        chosen,
-        lambda header: column_sources(file, mapped, header, needed),
-        wanted_names(mapped, needed),
-    )
+    sources = partial(log_table.column_sources, file, mapped, needed)
+    wanted = log_table.wanted_names(mapped, needed)
+    table = log_table.read_table(file, chosen, sources, wanted)
     return _log(table, file, chosen, needed)
 
 
@@ -208,7 +195,7 @@ def header_names(path: str | Path) -> list[str]:
 
     Raises LogError where there is none.
     """
-    return open_sheet(LogFile(path)).header
+    return log_table.open_sheet(LogFile(path)).header
 
 
 def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Sequence[str]) -> Log:

@@ -8,14 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.io import log_table
 from swimbladder.io.log_format import LogColumn, LogFormat, format_of
-from swimbladder.io.log_table import (
-    check_columns,
-    column_readings,
-    listed,
-    named_columns,
-    read_table,
-)
+from swimbladder.io.log_table import check_columns, listed
 from swimbladder.io.log_text import LogFile
 
 Array = NDArray[np.float64]
@@ -34,6 +29,7 @@ RUN_COLUMNS = {
 voltage."""
 _MOST = 1e5  # W: no battery that floats gives as much
 _HIGHEST = 1000.0  # V: a battery's voltage above is in the wrong unit
+_MEND = "Mend the row, or leave the cell empty: a run that is not known is left out"
 _LONGEST = 86400.0  # s: a run of more than a day is a duration in the wrong unit
 
 
@@ -67,10 +63,10 @@ def read_pump_runs(
     """
     mapped, file = dict(columns or {}), LogFile(path, format_of(form))
     check_columns(file, mapped, RUN_COLUMNS, "a table of runs")
-    wanted = [set(column_readings(given)) for given in mapped.values()]
+    wanted = [set(log_table.column_readings(given)) for given in mapped.values()]
     wanted += [{name} for name in ("duration_s", "pressure_Pa") if name not in mapped]
     choose, labels = partial(_sources, file, mapped), ("dive",)
-    found = read_table(file, where or {}, choose, wanted, RUN_COLUMNS, labels)
+    found = log_table.read_table(file, where or {}, choose, wanted, RUN_COLUMNS, labels)
     values = found.values
     power = values.get("power_W")
     if power is None:
@@ -84,7 +80,7 @@ def read_pump_runs(
 
 def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:
     """Return which column of the file each column of the table is read from."""
-    sources = named_columns(file, mapped, header, RUN_COLUMNS)
+    sources = log_table.named_columns(file, mapped, header, RUN_COLUMNS)
     if "power_W" in sources:
         sources.pop("current_A", None)
     needed = ["duration_s", "pressure_Pa"]
@@ -113,18 +109,14 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], file: LogFile) 
             remedy = f'State its unit: --column "{name}=NAME@{likely}"'
             if name == "duration_s" and v[row] < 0.0:
                 what = "a run lasts no less than 0 s"
-                remedy = (
-                    "Mend the row, or leave the cell empty: a run that is not known is left out"
-                )
+                remedy = _MEND
             value, unit = float(v[row]), RUN_COLUMNS[name]
             raise file.refused(what, remedy, name, line=line[row], value=value, unit=unit)
     pressure = values["pressure_Pa"]
     known = pressure[np.isfinite(pressure)]
     if known.size and float(np.max(known)) < 2.5e4:
-        what = (
-            f"the greatest pressure is {float(np.max(known)):.4g} Pa, that of 2.5 m of water at "
-            "most: it is likely in dbar or bar"
-        )
+        most = f"{float(np.max(known)):.4g} Pa, that of 2.5 m of water at most"
+        what = f"the greatest pressure is {most}: it is likely in dbar or bar"
         raise file.refused(what, 'State its unit: --column "pressure_Pa=NAME@dbar"', "pressure_Pa")
 
 

@@ -9,6 +9,7 @@ import csv
 import datetime
 import io
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,14 +48,10 @@ def write(
         "source": source,
         "history": f"written by {source}",  # no time: the same run writes the same bytes
     }
-    encoding: dict[str, dict[str, Any]] = {
-        str(name): {"zlib": True, "complevel": 1} for name in stamped.data_vars
-    }
+    packed: dict[str, Any] = {"zlib": True, "complevel": 1}
+    encoding = {str(name): packed for name in stamped.data_vars}
     encoding |= {str(name): {"_FillValue": None} for name in stamped.coords}
-
-    return write_through(
-        path, lambda temporary: stamped.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
-    )
+    return write_through(path, partial(stamped.to_netcdf, engine="h5netcdf", encoding=encoding))
 
 
 def rows_csv(names: Iterable[str], rows: Iterable[Iterable[object]]) -> str:

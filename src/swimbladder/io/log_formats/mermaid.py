@@ -118,6 +118,8 @@ def _longest_run(stamps: Sequence[float]) -> list[int]:
     return max(runs, key=len)
 
 
+_DEGREES = r"(\d+)deg([\d.]+)mn"
+_POSITION = re.compile(rf"(?:Latitude : *)?([NS]){_DEGREES}, *(?:Longitude : *)?([EW]){_DEGREES}")
 _SETTING = re.compile(r" *(\w+) (\d.*?)(?: \(.*)?$")
 _HIGHEST = 2.5e7  # Pa; a higher pressure crushes such a float and is a misprint
 _COLDEST = -5.0  # degC; no sea is colder, and floats without the sensor log such a number
@@ -207,11 +209,9 @@ class _Reader:
             return max(abs(a), abs(b)) < 1e5
         if found := re.match(r"need to transfer ([+-]\d+)mL \((\w+) during (\d+)ms\)", text):
             a, b = self.speeds or (np.nan, np.nan)
+            about = {"time": self.now, "speed_from": a, "speed_to": b}
             volume, lasts = float(found[1]) * 1e-6, float(found[3]) / 1000.0
-            self.target = Target(
-                time=self.now, speed_from=a, speed_to=b, change=volume, seconds=lasts
-            )
-            self.speeds = None
+            self.target, self.speeds = Target(**about, change=volume, seconds=lasts), None
         return True
 
     def begun(self, device: Device, milliseconds: str) -> None:
@@ -237,9 +237,8 @@ class _Reader:
             last = self.actions[-1]
             self.ended(last.time + last.asked - _TICK * float(found[1]))
         elif found := re.search(r"(\d+)mV[,/] *(\d+)uA", text):
-            reading = Reading(
-                time=self.now, voltage=float(found[1]) / 1e3, current=float(found[2]) / 1e6
-            )
+            volts, amps = float(found[1]) / 1e3, float(found[2]) / 1e6
+            reading = Reading(time=self.now, voltage=volts, current=amps)
             if "warmup" in text:
                 self.before = reading
             elif self.actions and "opening" in text:
@@ -255,12 +254,12 @@ class _Reader:
     def staged(self, text: str) -> None:
         if found := re.match(r"[Ss]tage ?\[(\d+)\] (\d+)mbar \(\+/-(\d+)mbar\) (\d+)s", text):
             n, pressure, tolerance, seconds = (int(x) for x in found.groups())
-            self.stages[n] = Stage(
-                number=n, pressure=pressure * 100.0, tolerance=tolerance * 100.0, duration=seconds
-            )
         elif found := re.match(r"[Ss]tage ?\[(\d+)\] surfacing (\d+)s", text):
-            n = int(found[1])
-            self.stages[n] = Stage(number=n, pressure=0.0, tolerance=0.0, duration=int(found[2]))
+            n, pressure, tolerance, seconds = int(found[1]), 0, 0, int(found[2])
+        else:
+            return
+        about = {"pressure": pressure * 100.0, "tolerance": tolerance * 100.0}
+        self.stages[n] = Stage(number=n, **about, duration=seconds)
 
     def went(self, text: str) -> None:
         if found := re.match(r"stage\[(\d+)\]$", text):
@@ -288,12 +287,7 @@ class _Reader:
             self.settings[found[1]] = found[2]
 
     def placed(self, text: str) -> None:
-        found = re.match(
-            r"(?:Latitude : *)?([NS])(\d+)deg([\d.]+)mn, *(?:Longitude : *)?"
-            r"([EW])(\d+)deg([\d.]+)mn",
-            text,
-        )
-        if found:
+        if found := _POSITION.match(text):
             ns, a, b, ew, c, d = found.groups()
             latitude = (float(a) + float(b) / 60.0) * (1.0 if ns == "N" else -1.0)
             longitude = (float(c) + float(d) / 60.0) * (1.0 if ew == "E" else -1.0)
