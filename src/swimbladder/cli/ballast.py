@@ -13,6 +13,7 @@ import typer
 from swimbladder.cli.casts import CastReading, refuse_doubted_unit
 from swimbladder.cli.common import labelled, progress
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.texts import Given
 
 if TYPE_CHECKING:
     from swimbladder.design.ballast import Ballasting
@@ -23,37 +24,35 @@ if TYPE_CHECKING:
 class Targets(Options):
     """What the ballast is to bring about, as a `Target` has it."""
 
-    neutral_depth: str | None = valued("DEPTH", "Find the mass to be neutral there.")
-    volume: str | None = valued(
-        "VOLUME", "Of the drive, to be neutral with (0).", name="--at-volume"
-    )
-    freeboard: str | None = valued("LENGTH", "Hull out of the water, at full volume.")
+    neutral_depth: Given = valued("DEPTH", "Find the mass to be neutral there.")
+    volume: Given = valued("VOLUME", "Of the drive, to be neutral with (0).", name="--at-volume")
+    freeboard: Given = valued("LENGTH", "Hull out of the water, at full volume.")
 
 
 @dataclass(frozen=True)
 class Task(Options):
     """Where it is to go, how sure that has to be, and with what."""
 
-    deepest: str | None = valued("DEPTH", "To go to (the rating, or the cast's end).")
+    deepest: Given = valued("DEPTH", "To go to (the rating, or the cast's end).")
     speed: str = valued("SPEED", "To sink and rise with, everywhere.", "0 m/s")
     probability: str = valued("SHARE", "With which the stroke has to do.", "95 %")
     material: str = valued(
         "WHAT", "lead, steel, ..., a density, or inside.", "lead", name="--ballast"
     )
-    mass: str | None = valued("MASS", "On the scale (that of trim_error).")
+    mass: Given = valued("MASS", "On the scale (that of trim_error).")
 
 
 @dataclass(frozen=True)
 class Stds(Options):
     """What is not known, 1 sigma, as an `Uncertainty` has it."""
 
-    mass: str | None = valued("MASS", "1 sigma of the mass.", name="--mass-std")
-    volume: str | None = valued("VOLUME", "1 sigma of the hull's volume.", name="--volume-std")
-    trim: str | None = valued("VOLUME", "1 sigma of the neutral volume.", name="--trim-std")
-    psi: str | None = valued("PSI", "1 sigma of psi, the hull's compression.", name="--psi-std")
-    heat: str | None = valued("1/K", "1 sigma of the thermal expansion.", name="--heat-std")
-    air: str | None = valued("VOLUME", "1 sigma of the trapped air.", name="--air-std")
-    density: str | None = valued("DENSITY", "1 sigma of the sea's density.", name="--density-std")
+    mass: Given = valued("MASS", "1 sigma of the mass.", name="--mass-std")
+    volume: Given = valued("VOLUME", "1 sigma of the hull's volume.", name="--volume-std")
+    trim: Given = valued("VOLUME", "1 sigma of the neutral volume.", name="--trim-std")
+    psi: Given = valued("PSI", "1 sigma of psi, the hull's compression.", name="--psi-std")
+    heat: Given = valued("1/K", "1 sigma of the thermal expansion.", name="--heat-std")
+    air: Given = valued("VOLUME", "1 sigma of the trapped air.", name="--air-std")
+    density: Given = valued("DENSITY", "1 sigma of the sea's density.", name="--density-std")
 
 
 @grouped(out=Path("swimbladder-ballast"))
@@ -96,6 +95,7 @@ def ballast(
     with stds.said_as_typed():
         uncertainty = uncertainty_of(v, given)
     with progress("drawing vehicles", 1.0) as advance, task.said_as_typed(), target.said_as_typed():
+        assumed = (*warned, *sea.assumed, told, *_hull_words(v), *uncertainty.said)
         found = find(
             v,
             sea.columns,
@@ -103,7 +103,7 @@ def ballast(
             uncertainty=uncertainty,
             density=density,
             material=named,
-            assumptions=(*warned, *sea.assumed, told, *_hull_words(v), *uncertainty.said),
+            assumptions=assumed,
             advance=advance,
         )
     files = partial(ballast_files, found)
@@ -114,10 +114,8 @@ def _hull_words(vehicle: Vehicle) -> list[str]:
     """Return what is assumed of the hull."""
     if vehicle.hull.parts:
         return [f"the hull is {', '.join(part.name for part in vehicle.hull.parts)}"]
-    return [
-        "the hull is one part whose compression is that of psi, and its thermal expansion is not "
-        "known and taken as 0; [[hull.parts]] would tell"
-    ]
+    unknown = "its thermal expansion is not known and taken as 0; [[hull.parts]] would tell"
+    return [f"the hull is one part whose compression is that of psi, and {unknown}"]
 
 
 def _shown(found: Ballasting, warned: list[str]) -> Iterator[object]:

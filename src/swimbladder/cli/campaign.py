@@ -13,6 +13,7 @@ import typer
 from swimbladder.cli.casts import CastReading, warn_of_mass
 from swimbladder.cli.common import asked_of, compile_notice, emit_json, kept, progress, say, table
 from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Flown(Options):
     """How many floats are flown, for how long."""
 
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
-    span: str | None = valued("TIME", "After it no cycle begins.", name="--duration")
+    span: Given = valued("TIME", "After it no cycle begins.", name="--duration")
     seed: int = valued(None, "Of all that is drawn.", 1, min=0)
 
 
@@ -45,12 +46,10 @@ class Flown(Options):
 class Spreads(Options):
     """How much floats differ, by the inputs of a `Spread`."""
 
-    trim: str | None = valued("VOLUME", "1 sigma of the neutral volume (5 cm3).", name="--trim-std")
-    psi: str | None = valued(
-        "PSI", "1 sigma of the hull's compression (0.002 cm3/m).", name="--psi-std"
-    )
-    drag: str | None = valued("SHARE", "1 sigma of the drag (10 %).", name="--drag-std")
-    pump: str | None = valued("SHARE", "1 sigma of the pump's delivery (5 %).", name="--pump-std")
+    trim: Given = valued("VOLUME", "1 sigma of the neutral volume (5 cm3).", name="--trim-std")
+    psi: Given = valued("PSI", "1 sigma of the hull's compression (0.002 cm3/m).", name="--psi-std")
+    drag: Given = valued("SHARE", "1 sigma of the drag (10 %).", name="--drag-std")
+    pump: Given = valued("SHARE", "1 sigma of the pump's delivery (5 %).", name="--pump-std")
 
     spread: Path | None = valued("FILE", "TOML file with all of these.")
     identified: bool = flag("--identified", "Spread as identified of the vehicle, correlated.")
@@ -80,7 +79,7 @@ class Work(Options):
 
     executor: str = valued("WHO", "threads, processes or dask.", "threads")
     count: int | None = valued("N", "How many (one on each core).", name="--workers")
-    scheduler: str | None = valued("WHERE", "Address of a dask scheduler, or the file it wrote.")
+    scheduler: Given = valued("WHERE", "Address of a dask scheduler, or the file it wrote.")
     part: str = valued(
         "K/N", "Fly one part of N, into the same folder.", "1/1", read=_part, show_default=False
     )
@@ -179,10 +178,8 @@ def campaign(
 def _unfinished(layout: Layout, part: str, json: bool) -> None:
     """Say how far the campaign is of which this was a part."""
     done = len(layout.done())
-    sentence = (
-        f"part {part} is flown: {done} of {layout.count} chunks of the campaign are done, the "
-        "others are for other parts"
-    )
+    chunks = f"{done} of {layout.count} chunks of the campaign are done"
+    sentence = f"part {part} is flown: {chunks}, the others are for other parts"
     if json:
         state = {"sentence": sentence, "chunks": layout.count, "done": done}
         emit_json({**state, "files": [str(layout.folder)]})

@@ -17,7 +17,8 @@ import typer
 
 from swimbladder.cli.common import aside, progress, quantity
 from swimbladder.cli.logs import selections
-from swimbladder.cli.options import Options, pairs, valued
+from swimbladder.cli.options import Options, valued
+from swimbladder.cli.texts import Given, Several, pairs
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -48,8 +49,8 @@ def refuse_doubted_unit(
 class DepthSensor(Options):
     """The depth sensor that a vehicle is tried with."""
 
-    depth_noise: str | None = valued("DEPTH", "Depth noise, 1 sigma (the vehicle's sensor).")
-    depth_quantum: str | None = valued("DEPTH", "Quantum of the depth sensor (the vehicle's).")
+    depth_noise: Given = valued("DEPTH", "Depth noise, 1 sigma (the vehicle's sensor).")
+    depth_quantum: Given = valued("DEPTH", "Quantum of the depth sensor (the vehicle's).")
 
     def on(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with this sensor; raises InputError for one that there is not."""
@@ -64,9 +65,8 @@ def warn_of_mass(vehicle: Vehicle) -> None:
 
     doubt = mass_mismatch(vehicle)
     if doubt:
-        aside(
-            f"warning: {doubt}; it sinks and rises by trim_error, and the dry mass is its inertia"
-        )
+        inertia = "it sinks and rises by trim_error, and the dry mass is its inertia"
+        aside(f"warning: {doubt}; {inertia}")
 
 
 CastFile = Annotated[
@@ -85,18 +85,14 @@ NO_CAST = ("it says how to read a cast, and there is none", "Give --cast too")
 class CastReading(Options):
     """How the casts of every command that takes some are read, and chosen in their files."""
 
-    columns: list[str] | None = valued(
-        "NAME=COLUMN", "As for logs, NAME=COLUMN@UNIT too.", name="--column"
-    )
-    where: list[str] | None = valued("COLUMN=VALUE", "Only these rows of the file.", name="--where")
-    form: str | None = valued("FORMAT", r"TOML file with a \[log] table.", name="--log-format")
+    columns: Several = valued("NAME=COLUMN", "As for logs, NAME=COLUMN@UNIT too.", name="--column")
+    where: Several = valued("COLUMN=VALUE", "Only these rows of the file.", name="--where")
+    form: Given = valued("FORMAT", r"TOML file with a \[log] table.", name="--log-format")
     profile: int | None = valued("N", "Which profile of the cast's file.", name="--profile", min=1)
-    latitude: str | None = valued("DEGREES", "Of the cast.", name="--latitude", read=_degrees)
-    longitude: str | None = valued("DEGREES", "Of the cast.", name="--longitude", read=_degrees)
+    latitude: Given = valued("DEGREES", "Of the cast.", name="--latitude", read=_degrees)
+    longitude: Given = valued("DEGREES", "Of the cast.", name="--longitude", read=_degrees)
     salinity: float | None = valued("PSU", "Where the cast has none; 0: fresh.", name="--salinity")
-    inversions: str | None = valued(
-        "WHAT", "Large ones: average, keep (refuse).", name="--inversions"
-    )
+    inversions: Given = valued("WHAT", "Large ones: average, keep (refuse).", name="--inversions")
 
     def casts(self, asked: Path | Sequence[Path] | None, place: float | None = None) -> list[Cast]:
         """Return the casts of files, all read alike; what was done to them is in their report.
@@ -132,10 +128,8 @@ class LogCasts(Options):
     """The casts of commands whose --where and --column are about logs."""
 
     cast: list[Path] | None = valued("CTD", "The water of the logs: one cast, or one for each.")
-    cast_where: list[str] | None = valued(
-        "COLUMN=VALUE", "Rows of the cast; VALUE,VALUE: one cast each."
-    )
-    cast_column: list[str] | None = valued(
+    cast_where: Several = valued("COLUMN=VALUE", "Rows of the cast; VALUE,VALUE: one cast each.")
+    cast_column: Several = valued(
         "NAME=COLUMN", 'As --column, of the cast: "pressure_dbar=Druck@bar".'
     )
     cast_profile: int | None = valued("N", "Which profile of the cast, from 1.")
@@ -151,11 +145,8 @@ class LogCasts(Options):
         Raises LogError, an InputError, with file, line, column, value and remedy.
         """
         found: list[Cast] = []
-        reading = {
-            "columns": pairs(self.cast_column or [], "--cast-column"),
-            "profile": self.cast_profile,
-            "inversions": "average",
-        }
+        columns = pairs(self.cast_column or [], "--cast-column")
+        reading = {"columns": columns, "profile": self.cast_profile, "inversions": "average"}
         for rows in selections(self.cast_where or []):
             try:
                 found += _read({**reading, "where": rows}, self.cast or [])

@@ -203,9 +203,7 @@ def _run(function: Callable[[], object]) -> tuple[int, dict[str, Any]]:
         why: Any = stop.__context__
         if getattr(why, "errno", None) == errno.EPIPE:
             return _PIPE_CLOSED, {}  # typer's code is 1, and that says no
-        if stop.code == _INTERRUPTED or (
-            _stopped and stop.code
-        ):  # what typer makes of an interruption
+        if stop.code == _INTERRUPTED or (_stopped and stop.code):  # typer's of an interruption
             return _interrupted()
         code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
         usage = isinstance(why, _Usage)
@@ -222,9 +220,9 @@ def _run(function: Callable[[], object]) -> tuple[int, dict[str, Any]]:
 
 
 def _interrupted() -> tuple[int, dict[str, Any]]:
-    word, code = (
-        ("terminated", _TERMINATED) if signal.SIGTERM in _stopped else ("interrupted", _INTERRUPTED)
-    )
+    word, code = "interrupted", _INTERRUPTED
+    if signal.SIGTERM in _stopped:
+        word, code = "terminated", _TERMINATED
     console.print(word)
     return code, {"error": word}
 
@@ -239,10 +237,8 @@ def kept(folder: Path) -> Iterator[None]:
         yield
     except BaseException:
         if any(path.is_file() for path in folder.rglob("*")):
-            aside(
-                f"what is done so far is kept in {folder}: the same command again goes on there; "
-                "remove that folder to begin anew"
-            )
+            again = "the same command again goes on there; remove that folder to begin anew"
+            aside(f"what is done so far is kept in {folder}: {again}")
         else:
             shutil.rmtree(folder, ignore_errors=True)
         raise
@@ -271,11 +267,9 @@ def said_as_typed(typed: Mapping[str, str | None], **options: str) -> Iterator[N
     except InputError as error:
         option = options.get(error.field or "", error.field)
         text = typed.get(option or "")
-        remedy = error.remedy and re.sub(
-            r"`(\w+)`", lambda word: options.get(word[1], word[0]), error.remedy
-        )
+        remedy = re.sub(r"`(\w+)`", lambda of: options.get(of[1], of[0]), error.remedy or "")
         value = error.value if text is None or isinstance(error.value, str) else text
-        raise error.but(field=option, value=value, remedy=remedy) from None
+        raise error.but(field=option, value=value, remedy=remedy or None) from None
 
 
 @contextlib.contextmanager
@@ -284,10 +278,8 @@ def asked_of(path: Path, task: Mission, **typed: str | None) -> Iterator[None]:
     from swimbladder.io.config import locate
 
     try:
-        with said_as_typed(
-            {f"--{name}": text for name, text in typed.items()},
-            **{name: f"--{name}" for name in typed},
-        ):
+        options = {name: f"--{name}" for name in typed}
+        with said_as_typed({f"--{name}": text for name, text in typed.items()}, **options):
             yield
     except InputError as error:
         field = (error.field or "-").split("[")[0].split(".")[0]
@@ -355,10 +347,8 @@ def compile_notice() -> Iterator[None]:
     def notice() -> None:
         if not _told:
             _told.append(True)
-            aside(
-                "compiling the simulator for this machine; about 10 s for each law that is new to "
-                "it, then it is kept"
-            )
+            takes = "about 10 s for each law that is new to it, then it is kept"
+            aside(f"compiling the simulator for this machine; {takes}")
 
     with on_compile(notice):
         yield

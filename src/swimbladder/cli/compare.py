@@ -19,6 +19,7 @@ from swimbladder.cli.casts import LogCasts
 from swimbladder.cli.common import aside, compile_notice, labelled, progress, quantity, table
 from swimbladder.cli.logs import Chosen, LogReading
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
+from swimbladder.cli.texts import Given
 from swimbladder.errors import SwimbladderError
 from swimbladder.units import format_quantity, shown_unit
 
@@ -48,14 +49,14 @@ def _times(text: str, option: str) -> list[float]:
 class Ahead(Options):
     """Predictions over some times, and the noise that they assume."""
 
-    horizons: str | None = valued(
+    horizons: Given = valued(
         "TIME,...", 'Also predict these times ahead, as "10 s,60 s".', name="--ahead", read=_times
     )
-    random_walk: str | None = valued(
+    random_walk: Given = valued(
         "INTENSITY", "Random walk of the neutral volume, for --ahead.", read=_noise("random_walk")
     )
-    depth_noise: str | None = valued("DEPTH", "Depth noise, 1 sigma, for --ahead.")
-    acceleration_noise: str | None = valued(
+    depth_noise: Given = valued("DEPTH", "Depth noise, 1 sigma, for --ahead.")
+    acceleration_noise: Given = valued(
         "INTENSITY", "Acceleration noise density, for --ahead.", read=_noise("acceleration_noise")
     )
 
@@ -99,13 +100,13 @@ _ROUNDING = 1e-6  # of a difference between a log and the model: less is no numb
 class Fit(Options):
     """How a log is compared, as `estimation.comparison.compare` has it."""
 
-    drive: str | None = valued("INPUT", "volume, voltage or setpoint (first that is logged).")
-    fit: str | None = valued(
+    drive: Given = valued("INPUT", "volume, voltage or setpoint (first that is logged).")
+    fit: Given = valued(
         "NAME,...",
         "What to fit: neutral_volume (default), neutral_drift, mass, drag, "
         "drag_quadratic, psi, start_depth, start_speed; or none.",
     )
-    bottom_depth: str | None = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
     surface_margin: str = valued("DEPTH", "Depths less than this are not compared.", "0.1 m")
     submerged: bool = flag("--submerged", "Begin where it is first deeper than that.")
 

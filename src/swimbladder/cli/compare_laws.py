@@ -22,6 +22,7 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.options import AnyVehicle, Files, Options, grouped, valued
+from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,16 +36,16 @@ _NOISE = "2 mm"  # where neither the vehicle file nor the user says what the sen
 class Flights(Options):
     """Which laws are flown, how often and where."""
 
-    laws: str | None = valued(
+    laws: Given = valued(
         "LAW,LAW",
         "Laws to tune and fly (all that fit).",
         read=lambda text, _: [name.strip() for name in text.split(",")],
     )
     runs: int = valued("N", "Runs of every scenario.", 40)
-    depths: str | None = valued(
+    depths: Given = valued(
         "LEAST:MOST", "Depths (what stroke, supply, rating allow).", name="--depth"
     )
-    sample_time: str | None = valued("TIME", "Of the tuned laws (the controller's).")
+    sample_time: Given = valued("TIME", "Of the tuned laws (the controller's).")
     seed: int = valued("N", "Of noise, waves, drift, draws.", 1)
 
 
@@ -52,7 +53,7 @@ class Flights(Options):
 class Sensor(DepthSensor):
     """The depth sensor, which has some noise."""
 
-    depth_noise: str | None = valued("DEPTH", "1 sigma of the depths (the vehicle's, else 2 mm).")
+    depth_noise: Given = valued("DEPTH", "1 sigma of the depths (the vehicle's, else 2 mm).")
 
     def assumed(self, vehicle: Vehicle) -> tuple[Vehicle, str]:
         """Return the vehicle with it, and in words what was assumed of it, or nothing."""
@@ -138,10 +139,9 @@ def _shown(found: LawComparison) -> Iterator[object]:
     from swimbladder.show.report.law_comparison import HEADINGS, SOON, STILL, notes, summary
 
     count = len(found.rows)
-    yield (
-        f"{found.vehicle.name}, {count} controller{'' if count == 1 else 's'} on "
-        f"{len(found.placed)} scenarios of {found.runs} runs"
-    )
+    controllers = f"{count} controller{'' if count == 1 else 's'}"
+    scenarios = f"{len(found.placed)} scenarios of {found.runs} runs"
+    yield f"{found.vehicle.name}, {controllers} on {scenarios}"
     yield from ("", *found.sentences, "")
     rows = [dict(zip(HEADINGS, row, strict=True)) for row in summary(found)]
     for shown in (SOON, STILL):

@@ -19,16 +19,9 @@ from swimbladder.cli.common import (
     table,
     typed_command,
 )
-from swimbladder.cli.options import (
-    Files,
-    Options,
-    VehicleName,
-    grouped,
-    unit_of,
-    valued,
-    with_one_unit,
-)
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.cli.settings import Sought, deviation
+from swimbladder.cli.texts import Given, unit_of, with_one_unit
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,17 +48,14 @@ class Setting(Options):
     """The pool and the sensor."""
 
     pool_depth: str = valued("DEPTH", "Depth of the bottom.", ...)
-    sensor_std: str | None = valued("DEPTH", "Noise of the depth, 1 sigma (the vehicle's).")
-    quantum: str | None = valued("DEPTH", "Quantum of the depth sensor (the vehicle's).")
-    sample_time: str | None = valued("TIME", "Sample time (the controller's).")
-    neutral_std: str | None = valued(
+    sensor_std: Given = valued("DEPTH", "Noise of the depth, 1 sigma (the vehicle's).")
+    quantum: Given = valued("DEPTH", "Quantum of the depth sensor (the vehicle's).")
+    sample_time: Given = valued("TIME", "Sample time (the controller's).")
+    neutral_std: Given = valued(
         "VOLUME", "Prior of the neutral volume at rest, 1 sigma (0.5 cm3).", read=deviation("m3")
     )
-    drift_std: str | None = valued(
-        "RATE",
-        "Drift of the neutral volume, 1 sigma (0.1 cm3/min).",
-        name="--drift",
-        read=lambda text, option: quantity(text, "m3/s", option),
+    drift_std: Given = valued(
+        "RATE", "Drift of the neutral volume, 1 sigma (0.1 cm3/min).", name="--drift"
     )
 
 
@@ -73,17 +63,17 @@ class Setting(Options):
 class Experiments(Options):
     """The experiments, and what they are compared with."""
 
-    time: str | None = valued("TIME", "Pool time, settling included (--against's; 60 min).")
+    time: Given = valued("TIME", "Pool time, settling included (--against's; 60 min).")
     releases: int | None = valued("N", "At most so many experiments.", name="--runs", min=1)
     clearance: str = valued("DEPTH", "From surface and bottom to where records end.", "0.75 m")
-    settling: str | None = valued("TIME", "Settling time before a release (simulated).")
+    settling: Given = valued("TIME", "Settling time before a release (simulated).")
     longest: str = valued("TIME", "Longest record.", "240 s")
     moves: int = valued("N", "Most changes of volume in a record.", 4, min=1)
-    largest: str | None = valued("VOLUME", "Largest change of volume (the stroke's).")
+    largest: Given = valued("VOLUME", "Largest change of volume (the stroke's).")
     criterion: str = valued(
         "WHICH", "largest error, D, A; or NAME,...: the largest of these.", "largest"
     )
-    uncertainty: str | None = valued(
+    uncertainty: Given = valued(
         "SHARE", "Error of the vehicle's file, 1 sigma (as identified; 30%)."
     )
     against: str = valued(

@@ -17,6 +17,7 @@ import typer
 from swimbladder.cli.casts import NO_CAST, CastReading, refuse_doubted_unit
 from swimbladder.cli.common import labelled, progress, table
 from swimbladder.cli.options import AnyVehicle, Files, Options, grouped, valued
+from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,9 +37,7 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
 
         if v is not None:
             pump_and_valve(v)
-        runs_read = read_pump_runs(
-            path, columns=table_form["columns"] or {}, where=table_form["where"] or {}
-        )
+        runs_read = read_pump_runs(path, columns=table_form["columns"], where=table_form["where"])
         limit = None if v is None else v.hull.depth_limit
         try:
             found = fit_pump(runs_read, depth_limit=limit, **asked)
@@ -76,14 +75,7 @@ def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> It
     yield from report
 
 
-_SHORT = {
-    "battery": "batt",
-    "driver": "driver",
-    "motor": "motor",
-    "transmission": "drive",
-    "leakage": "leak",
-    "reservoir": "tank",
-}
+_SHORT = {"battery": "batt", "transmission": "drive", "leakage": "leak", "reservoir": "tank"}
 _LINES = 11  # depths in the printed table
 
 
@@ -91,7 +83,7 @@ _LINES = 11  # depths in the printed table
 class Compared(Options):
     """How deep, and which tasks the drive does in the place of thrusters."""
 
-    deepest: str | None = valued("DEPTH", "How deep (the vehicle's rating).", name="--depth")
+    deepest: Given = valued("DEPTH", "How deep (the vehicle's rating).", name="--depth")
     weight_error: str = valued("VOLUME", "Too heavy by this while hovering.", "10 cm3")
     speed: str = valued("SPEED", "Of dives.", "0.1 m/s")
 
@@ -160,11 +152,7 @@ def energy(
     asked, thrust = compared.read(), thrusters.read()
     with progress("computing"), compared.said_as_typed(), thrusters.said_as_typed():
         from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling, sea
-        from swimbladder.design.energy.messages import (
-            assumptions,
-            drive_sentences,
-            versus_sentences,
-        )
+        from swimbladder.design.energy import messages as said_of
         from swimbladder.show.report.energy import energy_files, energy_json
 
         refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
@@ -173,14 +161,11 @@ def energy(
         thruster = Thruster(**thrust)
         hover = hovering(found, thruster, weight_error=asked["weight_error"])
         dive = profiling(found, thruster, speed=asked["speed"])
-        said = [*warned, *drive_sentences(found), *versus_sentences(hover, dive, found)]
-        rests = assumptions(found, thruster)
-        answer = {
-            **energy_json(found, hover, dive),
-            "thruster": thruster._asdict(),
-            "sentences": said,
-            "assumptions": rests,
-        }
+        versus = said_of.versus_sentences(hover, dive, found)
+        said = [*warned, *said_of.drive_sentences(found), *versus]
+        rests = said_of.assumptions(found, thruster)
+        answer = energy_json(found, hover, dive) | {"thruster": thruster._asdict()}
+        answer |= {"sentences": said, "assumptions": rests}
     files = partial(energy_files, found, hover, dive)
     to.answer(answer, files, _shown(found, said, rests))
 
@@ -199,7 +184,7 @@ def _shown(found: DriveEnergy, said: Sequence[str], rests: Sequence[str]) -> Ite
         "power\nW": m.power_out,
         "energy\nJ/mL": found.per_volume * 1e-6,
         "whole\n%": found.efficiency * 100.0,
-        **{f"{_SHORT[name]}\n%": stage * 100.0 for name, stage in found.stages.items()},
+        **{f"{_SHORT.get(name, name)}\n%": part * 100.0 for name, part in found.stages.items()},
         "in\nmL/s": m.rate_in * 1e6,
         "hold\nW": m.holding_power,
     }

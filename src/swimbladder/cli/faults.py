@@ -13,6 +13,7 @@ import typer
 from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
 from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.units import rounded
 
@@ -29,7 +30,7 @@ class Missions(Options):
 
     missions: int = valued("N", "Missions in which something fails.", 100_000)
     healthy: int | None = valued("N", "Missions without a fault (a tenth as many).")
-    depths: str | None = valued("LEAST:MOST", "Depths that they are flown at.", name="--depth")
+    depths: Given = valued("LEAST:MOST", "Depths that they are flown at.", name="--depth")
     seed: int = valued(None, "Of all that is drawn.", 1, min=0)
 
 
@@ -112,12 +113,12 @@ def _shown(flown: Campaign) -> Iterator[object]:
     course = flown.course
     assert course.vehicle.controller is not None
     sea = "" if course.column is None else f" in the water of {course.water}"
-    yield (
-        f"{course.vehicle.name}{sea}, law {course.vehicle.controller.law}: {len(flown.faulty)} "
-        f"missions with faults between {rounded(course.depths.least, 3)} and "
-        f"{rounded(course.depths.most, 3)} m "
-        f"({course.depths.limit}), time limit {course.time_limit:.0f} s"
-    )
+    depths = course.depths
+    between = f"between {rounded(depths.least, 3)} and {rounded(depths.most, 3)} m"
+    missions = f"{len(flown.faulty)} missions with faults {between} ({depths.limit})"
+    law = f"law {course.vehicle.controller.law}"
+    limit = f"time limit {course.time_limit:.0f} s"
+    yield f"{course.vehicle.name}{sea}, {law}: {missions}, {limit}"
     yield from labelled("cast", () if course.column is None else course.column.report)
     rows = []
     for line in flown.lines():
@@ -151,21 +152,15 @@ def _shown(flown: Campaign) -> Iterator[object]:
             "after fault onset, and were then filled by a leak at full buoyancy: no command helps"
         )
     if flown.lost_without_supervisor < MILD:
-        yield (
-            f"the faults are mild for this law: without the supervisor less than {MILD:.0%} of "
-            "the recoverable missions were lost"
-        )
+        few = f"less than {MILD:.0%} of the recoverable missions were lost"
+        yield f"the faults are mild for this law: without the supervisor {few}"
     alarms, trials = len(flown.false_alarms), len(flown.healthy)
-    yield (
-        f"healthy: {alarms} false alarms in {trials} missions, at most "
-        f"{rule_of_three(alarms, trials):.2g} of them (95 %); {len(flown.healthy_lost)} did not "
-        "come up"
-    )
+    most = f"at most {rule_of_three(alarms, trials):.2g} of them (95 %)"
+    below = f"{len(flown.healthy_lost)} did not come up"
+    yield f"healthy: {alarms} false alarms in {trials} missions, {most}; {below}"
     if len(flown.too_slow):
-        yield (
-            f"{len(flown.too_slow)} healthy missions had not ended at the time limit, and the "
-            "supervisor ended them: the law is slow for them"
-        )
+        slow = f"{len(flown.too_slow)} healthy missions had not ended at the time limit"
+        yield f"{slow}, and the supervisor ended them: the law is slow for them"
 
 
 def _seconds(value: float) -> str:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import compile_notice, progress, quantity, so_far
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued, with_one_unit
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.texts import Given, with_one_unit
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -31,11 +32,9 @@ def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
 class Golden(Options):
     """The step of the golden trace."""
 
-    start_depth: str | None = valued(
-        "DEPTH", "Golden trace: start (1.5 m; float: 0 m)", name="--start"
-    )
-    target: str | None = valued("DEPTH", "Golden trace: set-point (3 m; float: 100 m)")
-    duration: str | None = valued("TIME", "Golden trace: time (400 s; float: 5400 s)")
+    start_depth: Given = valued("DEPTH", "Golden trace: start (1.5 m; float: 0 m)", name="--start")
+    target: Given = valued("DEPTH", "Golden trace: set-point (3 m; float: 100 m)")
+    duration: Given = valued("TIME", "Golden trace: time (400 s; float: 5400 s)")
     seed: int = valued(None, "Golden trace: seed of the sensors' noise.", 1, min=0)
 
 
@@ -43,13 +42,11 @@ class Golden(Options):
 class Pool(Options):
     """The pool procedure, as `codegen.pool.PoolOptions` has it."""
 
-    depth: str | None = valued(
-        "DEPTH", "Add the pool procedure, for a pool this deep.", name="--pool"
-    )
-    clearance: str | None = valued(
+    depth: Given = valued("DEPTH", "Add the pool procedure, for a pool this deep.", name="--pool")
+    clearance: Given = valued(
         "DEPTH", "Its rests, from bottom and surface (0.75 m).", name="--pool-clearance"
     )
-    volumes: str | None = valued(
+    volumes: Given = valued(
         "FIRST:LAST", "Its changes of volume (20:75 cm3).", name="--pool-volumes", read=_volumes
     )
     rounds: int | None = valued("N", "Its number of rounds (4).", name="--pool-rounds")
@@ -134,9 +131,8 @@ def _shown(made: Library) -> Iterator[object]:
     end, way = float(golden.depth[-1]), f"{start:g} to {target:g} m"
     commands = f"command {low:.6g} to {high:.6g} {unit}"
     to_do = "fill in the two functions of an example"
-    there = abs(end - made.mission.target) <= _ARRIVED * abs(
-        made.mission.target - made.mission.start
-    )
+    way_m = abs(made.mission.target - made.mission.start)
+    there = abs(end - made.mission.target) <= _ARRIVED * way_m
     if made.drive is not None:
         commands, way = "command seconds of pump and valve", f"{way} and up again"
         to_do = "fill in one function of an example, and check its pins"
@@ -144,10 +140,8 @@ def _shown(made: Library) -> Iterator[object]:
         if golden.depth.max() < (1.0 - _ARRIVED) * target:
             end, there = float(golden.depth.max()), False
     yield f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}"
-    yield (
-        f"golden trace: {way} in {len(golden.depth)} ticks; "
-        f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm"
-    )
+    moves = f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm"
+    yield f"golden trace: {way} in {len(golden.depth)} ticks; {moves}"
     if not there:
         yield (
             f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it tests less "

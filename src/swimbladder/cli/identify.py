@@ -25,8 +25,9 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.logs import LogReading
-from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, names, once, valued
+from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
 from swimbladder.cli.settings import Sought, deviation, known, setting
+from swimbladder.cli.texts import Given, names, once
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -141,10 +142,9 @@ def _shown(found: Identification, paper: PaperFits | None, seconds: float) -> It
 
     samples = sum(int((e.weight > 0.0).sum()) for e in found.experiments)
     count = len(found.experiments)
-    yield (
-        f"{found.result_vehicle.name}, {count} log{'s' if count > 1 else ''}, {samples} samples, "
-        f"{found.law} drag, {1e3 * found.depth_noise:.2g} mm of noise, {seconds:.2g} s"
-    )
+    logs = f"{count} log{'s' if count > 1 else ''}, {samples} samples"
+    noise = f"{1e3 * found.depth_noise:.2g} mm of noise, {seconds:.2g} s"
+    yield f"{found.result_vehicle.name}, {logs}, {found.law} drag, {noise}"
     if not found.identified:
         yield Text("\nNot identifiable from these logs:", style="bold red")
     style = "" if found.identified else "bold"
@@ -181,10 +181,8 @@ def _parameters(found: Identification) -> Table:
     from swimbladder.show.report.text import rows
 
     words = {"data": "the logs", "prior": "its prior", "set": "set"}
-    return table(
-        ("", "value", "1 sigma", "95 % interval", "unit", "from"),
-        ((r.name, r.value, r.std, r.ci95, r.unit, words[r.origin]) for r in rows(found)),
-    )
+    shown = ((*r[:-1], words[r.origin]) for r in rows(found))
+    return table(("", "value", "1 sigma", "95 % interval", "unit", "from"), shown)
 
 
 def _choices(found: Identification) -> Table:
@@ -224,8 +222,8 @@ class Fit(Options):
     speed_std: str = valued(
         "SPEED", "Prior of each log's start speed, 1 sigma; or none.", "none", read=deviation("m/s")
     )
-    drive: str | None = valued("INPUT", "volume or voltage (first that is logged).")
-    bottom_depth: str | None = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
+    drive: Given = valued("INPUT", "volume or voltage (first that is logged).")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
     surface_margin: str = valued("DEPTH", "Depths less than this are not used.", "0.1 m")
     profiles: bool = flag("--profiles/--no-profiles", "Likelihood profiles.", True)
     random_walk: bool = flag(

@@ -13,7 +13,8 @@ import typer
 
 from swimbladder.cli.common import aside, labelled, progress, quantity, table, typed_command
 from swimbladder.cli.logs import LogReading
-from swimbladder.cli.options import Files, LogFiles, Options, grouped, pair, valued
+from swimbladder.cli.options import Files, LogFiles, Options, grouped, valued
+from swimbladder.cli.texts import Given, Several, pair
 
 if TYPE_CHECKING:
     from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 class Reading(LogReading):
     """How logs of an actuator are read."""
 
-    column: list[str] | None = valued(
+    column: Several = valued(
         "NAME=COLUMN", r'As in piston_m="Position \[mm]" or piston_m=Position@mm.'
     )
 
@@ -32,10 +33,8 @@ class Reading(LogReading):
 class Sought(Options):
     """What is known of the actuator, and what is to be identified."""
 
-    fixed: list[str] | None = valued(
-        "NAME=VALUE", 'Not fitted, as in dead_zone="0.5 V".', name="--set"
-    )
-    ask: str | None = valued(
+    fixed: Several = valued("NAME=VALUE", 'Not fitted, as in dead_zone="0.5 V".', name="--set")
+    ask: Given = valued(
         "NAME,...",
         "Exit with 1 unless identified: K1, T1, dead_zone, load_voltage, asymmetry, "
         "rate (K1 and T1; without a voltage T1 and rate; of a positioner the rate).",
@@ -72,10 +71,8 @@ def identify_actuator(
         for name, text in (pair(text, "--set") for text in sought.fixed or [])
     }
     asked = sought.read()["ask"]
-    given = [
-        reading.log(one, v, quiet=k > 0, required=("time_s",))
-        for k, one in enumerate(reading.chosen(logs))
-    ]
+    needs, chosen = ("time_s",), enumerate(reading.chosen(logs))
+    given = [reading.log(one, v, quiet=k > 0, required=needs) for k, one in chosen]
     with progress("loading the fit"):
         from swimbladder.estimation.actuator import identify_actuator as identify
 
@@ -101,11 +98,9 @@ def _row(name: str, e: Estimate) -> tuple[str, ...]:
 
     low, high = e.ci95
     if not e.known:
-        known = [
-            f"above {shown(low, e.unit)}" if math.isfinite(low) and low > 0.0 else "",
-            f"below {shown(high, e.unit)}" if math.isfinite(high) else "",
-        ]
-        return (name, "-", "", " ".join(filter(None, known)))
+        known = [f"above {shown(low, e.unit)}"] if math.isfinite(low) and low > 0.0 else []
+        known += [f"below {shown(high, e.unit)}"] if math.isfinite(high) else []
+        return (name, "-", "", " ".join(known))
     if e.origin == "set":
         return (name, shown(e.value, e.unit), "set", "")
     interval = f"{shown(low, e.unit)} to {shown(high, e.unit)}"

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from swimbladder.cli.common import aside, progress
-from swimbladder.cli.options import Options, pair, pairs, valued
+from swimbladder.cli.options import Options, valued
+from swimbladder.cli.texts import Given, Several, pair, pairs
 from swimbladder.errors import LogError
 
 if TYPE_CHECKING:
@@ -43,11 +44,9 @@ def selections(texts: Sequence[str]) -> list[dict[str, str]]:
 class LogReading(Options):
     """Which rows of files make logs, and how they are read."""
 
-    where: list[str] | None = valued("COLUMN=VALUE", "Only these rows; VALUE,VALUE: one log each.")
-    column: list[str] | None = valued(
-        "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.'
-    )
-    log_format: str | None = valued("FORMAT", r"TOML file with a \[log] table.")
+    where: Several = valued("COLUMN=VALUE", "Only these rows; VALUE,VALUE: one log each.")
+    column: Several = valued("NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.')
+    log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
 
     def chosen(self, paths: Sequence[Path]) -> list[Chosen]:
         """Return every selection of every file, in order; raises InputError naming the option."""

@@ -14,6 +14,7 @@ import typer
 from swimbladder.cli.casts import CastFile, CastReading, refuse_doubted_unit, warn_of_mass
 from swimbladder.cli.common import asked_of, compile_notice, kept, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,9 +42,9 @@ class Flown(Options):
     """How a mission is flown."""
 
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
-    duration: str | None = valued("TIME", "No cycle begins after this time.")
+    duration: Given = valued("TIME", "No cycle begins after this time.")
     seed: int | None = valued(None, "Seed of the sensors' noise (no noise).", min=0)
-    begin: str | None = valued("TIME", "Start, ISO 8601, for netCDF (2000-01-01).", read=_moment)
+    begin: Given = valued("TIME", "Start, ISO 8601, for netCDF (2000-01-01).", read=_moment)
 
 
 @grouped(out=Path("swimbladder-mission"))
@@ -155,10 +156,8 @@ def _shown(found: MissionResult, cast: Cast | None) -> Iterator[object]:
 
     flight = found.flight
     count = len(flight.cycles)
-    yield (
-        f"{flight.vehicle.name} in {flight.column.source or 'the given water'}: "
-        f"{count} cycle{'s' if count > 1 else ''}, {span_words(flight.duration)}"
-    )
+    cycles = f"{count} cycle{'s' if count > 1 else ''}, {span_words(flight.duration)}"
+    yield f"{flight.vehicle.name} in {flight.column.source or 'the given water'}: {cycles}"
     yield from law_words(found.laws)
     yield from labelled("cast", () if cast is None else flight.column.report)
     yield from ("", found.sentence, *found.holding, *found.reasons, *found.notes, "")

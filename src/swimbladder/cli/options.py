@@ -5,41 +5,27 @@ The word for a value in the help says how its text is read: ``depth: str = value
 """
 
 import inspect
-import re
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
 from swimbladder.cli.common import aside, emit_json, progress, quantity, said_as_typed, say
+from swimbladder.cli.texts import depth_pair, names, pairs
 from swimbladder.errors import InputError
 
-_UNITS = {
-    "DEPTH": "m",
-    "DENSITY": "kg/m3",
-    "DISTANCE": "m",
-    "ENERGY": "J",
-    "LENGTH": "m",
-    "MASS": "kg",
-    "POWER": "W",
-    "PSI": "m3/m",
-    "SHARE": "",
-    "SPEED": "m/s",
-    "TEMP": "degC",
-    "TIME": "s",
-    "VOLTAGE": "V",
-    "VOLUME": "m3",
-    "1/K": "1/K",
-}
+_WORDS = (
+    "DEPTH=m DENSITY=kg/m3 DISTANCE=m ENERGY=J LENGTH=m MASS=kg POWER=W PSI=m3/m RATE=m3/s SHARE= "
+    "SPEED=m/s TEMP=degC TIME=s VOLTAGE=V VOLUME=m3 1/K=1/K"
+)
+_UNITS = {word: unit for word, _, unit in (pair.partition("=") for pair in _WORDS.split())}
 
 
-_Value = TypeVar("_Value")
-_NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 Contents = Callable[[Mapping[str, Any]], Mapping[str, object]]
 """Returns contents by name, as `show.files.write_all` takes them, from an answer."""
 _VEHICLE = typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
@@ -70,64 +56,6 @@ def valued(
 def flag(name: str, help: str, default: bool = False) -> Any:
     """Return a field of a group: an option without a value."""
     return valued(None, help, default, name=name)
-
-
-def names(text: str) -> tuple[str, ...]:
-    """Return the names of NAME,NAME; none of ``none``."""
-    found = tuple(name.strip() for name in text.split(",") if name.strip())
-    return () if found in ((), ("none",)) else found
-
-
-def depth_pair(text: str, option: str) -> tuple[float, float]:
-    """Return two depths [m] of LEAST:MOST, with one unit for both or one each.
-
-    Raises InputError naming the option.
-    """
-    parts = [part.strip() for part in text.split(":")]
-    if len(parts) != 2 or not all(parts):
-        why, remedy = "two depths are given with a colon between", 'Write it like "0:10 m"'
-        raise InputError(why, field=option, value=text, unit="m", remedy=remedy)
-    first, last = (quantity(part, "m", option) for part in with_one_unit(parts))
-    return first, last
-
-
-def unit_of(text: str) -> str:
-    """Return what stands behind a number, "" where nothing does."""
-    number = _NUMBER.match(text)
-    return "" if number is None else text[number.end() :].strip()
-
-
-def with_one_unit(texts: Sequence[str]) -> list[str]:
-    """Return quantities; numbers alone get the unit of the last."""
-    unit, parts = unit_of(texts[-1]), [text.strip() for text in texts]
-    return [f"{part} {unit}" if unit and _NUMBER.fullmatch(part) else part for part in parts]
-
-
-def pair(text: str, option: str) -> tuple[str, str]:
-    """Return NAME and VALUE of a text NAME=VALUE given to `option`.
-
-    Raises InputError naming the option where it is none.
-    """
-    name, sign, value = text.partition("=")
-    if not sign or not name.strip() or not value.strip():
-        remedy = f"Write it as {option} NAME=VALUE"
-        raise InputError("not a pair", field=option, value=text, remedy=remedy)
-    return name.strip(), value.strip()
-
-
-def once(pairs: Sequence[tuple[str, _Value]], option: str) -> dict[str, _Value]:
-    """Return the pairs as a dictionary; raises InputError where a name stands twice."""
-    found: dict[str, _Value] = {}
-    for name, value in pairs:
-        if name in found:
-            raise InputError("given twice", field=option, value=name, remedy="Give it once")
-        found[name] = value
-    return found
-
-
-def pairs(texts: Sequence[str], option: str) -> dict[str, str]:
-    """Return the pairs NAME=VALUE of an option; raises InputError where a name stands twice."""
-    return once([pair(text, option) for text in texts], option)
 
 
 def _read(text: Any, option: str, about: Mapping[str, Any]) -> Any:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.common import aside, compile_notice, progress
-from swimbladder.cli.options import Files, Options, VehicleName, depth_pair, grouped, valued
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.texts import Given, depth_pair
 
 if TYPE_CHECKING:
     from swimbladder.design.planning import Plan
@@ -22,14 +23,14 @@ class Asked(Options):
     """What is planned, as `design.planning.plan` has it."""
 
     goal: str = valued("GOAL", "time, effort (volume moved) or energy: the least.", "time")
-    arrive: str | None = valued("HOW", "band (for good, goal time's own) or rest (exactly).")
-    duration: str | None = valued("TIME", "Until rest, for effort and energy (twice the least).")
-    supply: str | None = valued("VOLTAGE", "The battery's (the vehicle's).")
-    sample_time: str | None = valued("TIME", "Between commands (the controller's).")
+    arrive: Given = valued("HOW", "band (for good, goal time's own) or rest (exactly).")
+    duration: Given = valued("TIME", "Until rest, for effort and energy (twice the least).")
+    supply: Given = valued("VOLTAGE", "The battery's (the vehicle's).")
+    sample_time: Given = valued("TIME", "Between commands (the controller's).")
     band: str = valued("SHARE", "Of the step, to either side of the target.", "2 %")
     margin: str = valued("SHARE", "Of supply and stroke, left for feedback.", "0 %")
-    speed_limit: str | None = valued("SPEED", "Fastest that it may go.")
-    bottom_depth: str | None = valued("DEPTH", "Depth of the bottom.", name="--bottom")
+    speed_limit: Given = valued("SPEED", "Fastest that it may go.")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom.", name="--bottom")
 
 
 @grouped(out=Path("swimbladder-plan"))
@@ -72,10 +73,8 @@ def _told_how_to_go_on() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        aside(
-            "stopped: nothing is written, and the same command begins anew. It takes less long "
-            "with a longer sample time (--sample-time)"
-        )
+        sooner = "It takes less long with a longer sample time (--sample-time)"
+        aside(f"stopped: nothing is written, and the same command begins anew. {sooner}")
         raise
 
 

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import aside, compile_notice, console, labelled, progress, quantity
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, pair, valued
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
 from swimbladder.cli.pool_view import View, parameter_table
 from swimbladder.cli.settings import Sought, deviation
+from swimbladder.cli.texts import Given, Several, pair
 from swimbladder.errors import InputError, SwimbladderError, UnitError
 from swimbladder.units import parse_quantity
 
@@ -34,11 +35,11 @@ _NOISE = 2e-3  # m
 class Rehearsed(Options):
     """A rehearsal in simulated water."""
 
-    truth: str | None = valued("VEHICLE", "The vehicle in the simulated water (VEHICLE).")
+    truth: Given = valued("VEHICLE", "The vehicle in the simulated water (VEHICLE).")
     speed: float | None = valued(
         None, "Simulated seconds a second (60 on a terminal, else as fast as it goes)."
     )
-    sensor_std: str | None = valued(
+    sensor_std: Given = valued(
         "DEPTH", "Noise of the simulated depth (the vehicle's; 2 mm if none)."
     )
     seed: int = valued(None, "Seed of the simulated noise.", 0, min=0)
@@ -54,10 +55,8 @@ class Rehearsed(Options):
         std = self.read()["sensor_std"]
         if std is None and truth.sensors.depth_noise == truth.sensors.depth_quantum == 0.0:
             std = _NOISE
-            aside(
-                f"{truth.name} states no noise of its depth: {1e3 * std:g} mm (1 sigma) is taken; "
-                "--sensor-std says another"
-            )
+            taken = f"{1e3 * std:g} mm (1 sigma) is taken; --sensor-std says another"
+            aside(f"{truth.name} states no noise of its depth: {taken}")
         with self.said_as_typed(depth_noise="sensor_std"):
             check_waiting(speed=self.speed)
             if std is not None:
@@ -69,10 +68,10 @@ class Rehearsed(Options):
 class Followed(Options):
     """A log that is being written."""
 
-    columns: list[str] | None = valued(
+    columns: Several = valued(
         "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.', name="--column"
     )
-    log_format: str | None = valued("FORMAT", r"TOML file with a \[log] table.")
+    log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
     wait: bool = flag("--wait/--no-wait", "Wait for more, or take the log as finished.", True)
     timeout: str = valued("TIME", "End when the log has not grown for so long.", "15 min")
 
@@ -96,7 +95,7 @@ class Followed(Options):
 class Procedure(Options):
     """What is done in the pool."""
 
-    pool_depth: str | None = valued("DEPTH", "Depth of the bottom (4.5 m in a rehearsal).")
+    pool_depth: Given = valued("DEPTH", "Depth of the bottom (4.5 m in a rehearsal).")
     travel: str = valued("DISTANCE", "An experiment is over after this.", "3 m")
     plan: Path | None = valued(
         "PLAN", "What to do, from design-experiment (the paper's experiments)."
@@ -123,10 +122,8 @@ def _targets(text: str, option: str) -> list[Target]:
 class Goals(Options):
     """How well parameters are to be known."""
 
-    target_std: str | None = valued("SHARE", "How well each but psi is to be known (2 %).")
-    target: str | None = valued(
-        "NAME=STD,...", 'Or each by itself, as in "K2=2%,T2=3%".', read=_targets
-    )
+    target_std: Given = valued("SHARE", "How well each but psi is to be known (2 %).")
+    target: Given = valued("NAME=STD,...", 'Or each by itself, as in "K2=2%,T2=3%".', read=_targets)
     neutral_std: str = valued(
         "VOLUME", "How well a rest tells the neutral volume.", "0.5 cm3", read=deviation("m3")
     )

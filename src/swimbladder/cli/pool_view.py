@@ -102,10 +102,8 @@ class View:
         for name in ("moving", "at rest", "under way"):
             words.append(f" {name} ", style="reverse" if day.doing == name else "dim")
         speed = "" if math.isnan(day.speed) else f"   {1e3 * day.speed:+.1f} mm/s over a minute"
-        words.append(
-            f"   {_clock(sample.time)}   depth {sample.depth:.2f} m   volume "
-            f"{1e6 * sample.volume:+.1f} cm3{speed}"
-        )
+        volume = f"volume {1e6 * sample.volume:+.1f} cm3{speed}"
+        words.append(f"   {_clock(sample.time)}   depth {sample.depth:.2f} m   {volume}")
         return words
 
     def _experiments(self) -> Table:

@@ -36,14 +36,11 @@ def reproduce(*, asked: Asked) -> None:
     if asked.json:
         emit_json({**found, "report": str(page)})
     else:
-        v = found["verdicts"]
-        say(
-            f"published numbers and claims: {v['AGREES']} agree, {v['EXPLAINED']} differ and it is "
-            f"known why, {v['FAILS']} fail",
-            f"equations: {sum(c['passed'] for c in found['equations'])} of "
-            f"{len(found['equations'])} checked and met",
-            f"wrote {page}",
-        )
+        v, met = found["verdicts"], [c["passed"] for c in found["equations"]]
+        differ = f"{v['EXPLAINED']} differ and it is known why"
+        compared = f"{v['AGREES']} agree, {differ}, {v['FAILS']} fail"
+        say(f"published numbers and claims: {compared}")
+        say(f"equations: {sum(met)} of {len(met)} checked and met", f"wrote {page}")
     if not found["passed"]:
         aside(*labelled("fails", found["failures"]))
         raise typer.Exit(1)

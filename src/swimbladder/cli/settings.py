@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import quantity
-from swimbladder.cli.options import Options, once, pair, unit_of, valued, with_one_unit
+from swimbladder.cli.options import Options, valued
+from swimbladder.cli.texts import Given, Several, once, pair, unit_of, with_one_unit
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,18 +63,18 @@ def _priors(texts: Sequence[str], option: str) -> dict[str, Prior]:
 class Sought(Options):
     """What is identified, and what is known of it."""
 
-    free: str | None = valued(
+    free: Given = valued(
         "NAME,...",
         "Parameters to identify: K2, T2, psi; mass, drag_quadratic; K1, T1 (those of the "
         "drag law, and psi).",
     )
-    fixed: list[str] | None = valued(
+    fixed: Several = valued(
         "NAME=VALUE", 'Fix at a value: "psi=2e-6 m3/m".', name="--set", read=_held
     )
-    priors: list[str] | None = valued(
+    priors: Several = valued(
         "NAME=VALUE", 'Prior: "psi=2e-6 +- 1e-6 m3/m".', name="--prior", read=_priors
     )
-    drag: str | None = valued("LAW", "linear, quadratic or blended (the vehicle's).")
+    drag: Given = valued("LAW", "linear, quadratic or blended (the vehicle's).")
 
 
 def deviation(unit: str) -> Callable[[str, str], float]:

@@ -23,6 +23,7 @@ from swimbladder.cli.common import (
     table,
 )
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.texts import Given
 from swimbladder.io.answers import attributes
 
 if TYPE_CHECKING:
@@ -169,14 +170,12 @@ _FIELDS = {"setpoints[0].depth": "target"}
 class Step(Options):
     """A step of depth, in place of a mission's file."""
 
-    start_depth: str | None = valued(
+    start_depth: Given = valued(
         "DEPTH", f"Start, at rest and neutral ({_START} m; a float: the surface)", name="--start"
     )
-    target: str | None = valued(
-        "DEPTH", f"Set-point ({_TARGET} m; a float: {_DIVE:g} m and up again)"
-    )
-    duration: str | None = valued("TIME", f"How long ({_DURATION:g} s; a float: as it takes)")
-    bottom_depth: str | None = valued("DEPTH", "Depth of the bottom (none)", name="--bottom")
+    target: Given = valued("DEPTH", f"Set-point ({_TARGET} m; a float: {_DIVE:g} m and up again)")
+    duration: Given = valued("TIME", f"How long ({_DURATION:g} s; a float: as it takes)")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none)", name="--bottom")
 
 
 @grouped(out=Path("swimbladder-simulate"))

@@ -12,6 +12,7 @@ import typer
 from swimbladder.cli.casts import CastReading, refuse_doubted_unit
 from swimbladder.cli.common import labelled, progress
 from swimbladder.cli.options import Files, Options, grouped, valued
+from swimbladder.cli.texts import Given
 
 
 @dataclass(frozen=True)
@@ -34,17 +35,17 @@ class Task(Options):
     corrections: str = valued("SHARE", "Of way and energy, that decisions add.", "20 %")
     surface_time: str = valued("TIME", "Afloat, in each cycle.", "15 min")
     battery_reserve: str = valued("SHARE", "Of the battery, that is not flown with.", "10 %")
-    coldest: str | None = valued("TEMP", "Water that the battery is in (the cast's, or 4 degC).")
+    coldest: Given = valued("TEMP", "Water that the battery is in (the cast's, or 4 degC).")
 
 
 @dataclass(frozen=True)
 class Driver(Options):
     """The motor's driver, in place of the list's."""
 
-    efficiency: str | None = valued(
+    efficiency: Given = valued(
         "SHARE", "Of the motor's driver (the list's).", name="--driver-efficiency"
     )
-    standby_power: str | None = valued(
+    standby_power: Given = valued(
         "POWER", "That it draws all the time (the list's).", name="--driver-standby"
     )
 
@@ -55,7 +56,7 @@ class Limits(Options):
 
     least: str = valued("WHAT", "mass (drive and battery) or energy (per cycle).", "mass")
     longest_travel: str = valued("LENGTH", "Of a piston that there is room for.", "0.6 m")
-    largest_mass: str | None = valued("MASS", "Of drive and battery (the body's).")
+    largest_mass: Given = valued("MASS", "Of drive and battery (the body's).")
 
 
 @grouped(out=Path("swimbladder-size"))

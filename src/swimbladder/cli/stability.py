@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.texts import Given, Several
 from swimbladder.errors import NoAnswerError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ class Asked(Options):
 
     depths: str = valued("LEAST:MOST", "Depths it is for.", "0:10 m", name="--depth")
     delay: str = valued("SHARE", "From sample to command, of a sample.", "10 %")
-    within: str | None = valued(
+    within: Given = valued(
         "TIME",
         "In which a disturbance is to be gone (600 s; of a float half as long again as "
         "the way, and an hour).",
@@ -31,7 +32,7 @@ class Asked(Options):
     voltage_quantum: str = valued("VOLTAGE", "Step of the motor's driver (none).", "0 V")
     no_maps: bool = flag("--no-maps", "Leave out from where it recovers.")
     with_robustness: bool = flag("--robustness", "Try gains of 0.5 to 2 and half a sample late.")
-    laws: list[str] | None = valued(
+    laws: Several = valued(
         "LAW",
         "With --robustness: this law too, tuned first.",
         name="--law",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_cast
 from swimbladder.cli.common import compile_notice, labelled, progress, table, typed_command
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.texts import Given
 from swimbladder.control.records import leaves
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 class Design(Options):
     """What gains are sought."""
 
-    law: str | None = valued(
+    law: Given = valued(
         "LAW",
         "Name of a law (planned; of a pump and valve rate). "
         "docs/reference/vehicle-file.md has all; a wrong one lists them.",
@@ -30,11 +31,11 @@ class Design(Options):
         "GOAL", "fast: least settling time; quiet: least motion of the actuator; energy.", "fast"
     )
     depths: str = valued("LEAST:MOST", "Range of depths of the design.", "0:10 m", name="--depth")
-    step: str | None = valued("FROM:TO", "Step of the trials (1.5 m; of a float all depths).")
-    sample_time: str | None = valued("TIME", "Sample time (the controller's).")
+    step: Given = valued("FROM:TO", "Step of the trials (1.5 m; of a float all depths).")
+    sample_time: Given = valued("TIME", "Sample time (the controller's).")
     delay: str = valued("SHARE", "Computation delay, as a share of the sample time.", "10 %")
-    supply: str | None = valued("VOLTAGE", "Least supply (nine tenths of the vehicle's).")
-    hold: str | None = valued(
+    supply: Given = valued("VOLTAGE", "Least supply (nine tenths of the vehicle's).")
+    hold: Given = valued(
         "DEPTH", "Allowed holding error, rms (quiet 9.5 mm, energy 5 cm; of a float its band)."
     )
     runs: int = valued("N", "Runs of every trial.", 200)
@@ -76,10 +77,8 @@ def _shown(found: Tuning) -> Iterator[object]:
     """Give what is printed, the answer first."""
     from swimbladder.units import shown_unit, unit_factor
 
-    yield (
-        f"{found.vehicle.name}, law {found.law.name}, goal {found.goal}, sampled every "
-        f"{found.sample_time:g} s"
-    )
+    every = f"sampled every {found.sample_time:g} s"
+    yield f"{found.vehicle.name}, law {found.law.name}, goal {found.goal}, {every}"
     yield from ("", *found.sentences, "")
     units = {name: (unit, shown_unit(unit)) for name, unit in found.law.units.items()}
     rows = [
