@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
+from swimbladder.control.law import Measurement
 
 _THIRD = 0.4  # of the natural frequency: the third pole
 _GRID = law.Grid((0.3, 0.45), (0.05, 0.08, 0.12, 0.14, 0.16, 0.18, 0.2, 0.23), (0.6, 0.8, 1.0))
@@ -29,17 +30,14 @@ class CascadeState(NamedTuple):
 
 
 def initial(
-    parameters: CascadeParameters, measurement: law.Measurement, reference: float
+    parameters: CascadeParameters, measurement: Measurement, reference: float
 ) -> CascadeState:
     """Start at rest: the integral holds the volume as it is, and e(-1) = e(0)."""
     return CascadeState(measurement.volume, reference - measurement.depth, measurement.volume)
 
 
 def step(
-    parameters: CascadeParameters,
-    state: CascadeState,
-    measurement: law.Measurement,
-    reference: float,
+    parameters: CascadeParameters, state: CascadeState, measurement: Measurement, reference: float
 ) -> tuple[float, CascadeState, float]:
     """Return the voltage [V], eqs (36)-(37) outside and a gain on the volume error inside.
 

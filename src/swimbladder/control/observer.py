@@ -23,6 +23,7 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 from swimbladder.control import law
+from swimbladder.control.law import Measurement
 from swimbladder.control.records import from_leaves, leaf_names
 
 
@@ -96,7 +97,7 @@ def trusted(moving: Trust, resting: Resting, close: bool) -> Trust:
     return moving
 
 
-def begin_estimate(p: Observed, measurement: law.Measurement, reference: float) -> Estimate:
+def begin_estimate(p: Observed, measurement: Measurement, reference: float) -> Estimate:
     """Return the estimate to begin with: at rest, neutral where it is if that can be."""
     depth = measurement.depth if math.isfinite(measurement.depth) else reference
     volume = measurement.volume if math.isfinite(measurement.volume) else p.neutral + p.psi * depth
@@ -226,7 +227,7 @@ class ObserverState(NamedTuple):
 
 
 def initial(
-    parameters: ObserverParameters, measurement: law.Measurement, reference: float
+    parameters: ObserverParameters, measurement: Measurement, reference: float
 ) -> ObserverState:
     """Start at rest with the volume as it is."""
     p = parameters
@@ -235,10 +236,7 @@ def initial(
 
 
 def step(
-    parameters: ObserverParameters,
-    state: ObserverState,
-    measurement: law.Measurement,
-    reference: float,
+    parameters: ObserverParameters, state: ObserverState, measurement: Measurement, reference: float
 ) -> tuple[float, ObserverState, float]:
     """Return the voltage [V] that brings the volume to what the estimated state asks for."""
     p = parameters

@@ -18,17 +18,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control import law
-from swimbladder.control.observer import (
-    Estimate,
-    Observed,
-    begin_estimate,
-    estimate,
-    feedback,
-    jitter,
-    limited,
-    moves,
-)
+from swimbladder.control import law, observer
+from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves
 from swimbladder.control.profile import BEHIND, learn_ability, usable
 from swimbladder.control.records import from_leaves
 
@@ -48,7 +39,7 @@ class Path(NamedTuple):
 class PlannedParameters(NamedTuple):
     """The observer's model and filter, the feedback, the path's bounds, the actuator's limits."""
 
-    model: Observed
+    model: observer.Observed
     inertia: Annotated[float, "m2 s2"]  # T2/K2 = m/(rho g): volume per acceleration
     laminar: Annotated[float, "1/s"]  # 1/T2
     quadratic: Annotated[float, "1/m"]  # k_dt/m
@@ -206,7 +197,7 @@ def _gains(s: law.Setting, k: law.Knobs) -> PlannedParameters:
         "speed": law.fastest_speed(p, law.jerk_of(s, k)),
         "rate": 1.0 / p.gain,
     }
-    return from_leaves(PlannedParameters, feedback(s, k) | own)
+    return from_leaves(PlannedParameters, observer.feedback(s, k) | own)
 
 
 PLANNED = law.Law(
@@ -220,6 +211,6 @@ PLANNED = law.Law(
     volume_gain="k_V",
     dead_zone="dead",
     recipe=law.Recipe(
-        gains=_gains, fast=law.FAST, quiet=law.QUIET, shares=(0.85, 0.75), jitter=jitter
+        gains=_gains, fast=law.FAST, quiet=law.QUIET, shares=(0.85, 0.75), jitter=observer.jitter
     ),
 )

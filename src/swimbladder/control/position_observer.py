@@ -11,24 +11,15 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control import law
-from swimbladder.control.observer import (
-    Estimate,
-    Observed,
-    begin_estimate,
-    estimate,
-    feedback,
-    jitter,
-    limited,
-    moves,
-)
+from swimbladder.control import law, observer
+from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves
 from swimbladder.control.records import from_leaves
 
 
 class PositionObserverParameters(NamedTuple):
     """The model, the filter, the feedback and the piston's limits; see `observer`."""
 
-    model: Observed
+    model: observer.Observed
     k_z: Annotated[float, "m3/m"]  # volume per depth error
     k_w: Annotated[float, "m3 s/m"]  # volume per speed error
     dead: Annotated[float, "m3"]  # volume error below which the piston rests
@@ -76,7 +67,7 @@ def step(
 
 
 def _gains(s: law.Setting, k: law.Knobs) -> PositionObserverParameters:
-    return from_leaves(PositionObserverParameters, feedback(s, k) | {"rate": s.plant.rate})
+    return from_leaves(PositionObserverParameters, observer.feedback(s, k) | {"rate": s.plant.rate})
 
 
 POSITION_OBSERVER = law.Law(
@@ -88,5 +79,7 @@ POSITION_OBSERVER = law.Law(
     step=step,
     initial=initial,
     dead_zone="dead",
-    recipe=law.Recipe(gains=_gains, fast=law.FAST, quiet=law.QUIET, jitter=jitter, holds_best=True),
+    recipe=law.Recipe(
+        gains=_gains, fast=law.FAST, quiet=law.QUIET, jitter=observer.jitter, holds_best=True
+    ),
 )

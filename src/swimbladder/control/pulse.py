@@ -22,19 +22,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control import law
-from swimbladder.control.observer import (
-    Estimate,
-    Observed,
-    Resting,
-    begin_estimate,
-    estimate,
-    feedback,
-    limited,
-    moves,
-    resting_gains,
-    trusted,
-)
+from swimbladder.control import law, observer
+from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves, trusted
 from swimbladder.control.records import from_leaves, leaf_names
 
 _LEAST = 0.4  # share of its rate that a motor is believed to have
@@ -52,7 +41,7 @@ _AHEAD = 0.2  # of the time that a pulse is for: how far ahead an error is predi
 class PulseParameters(NamedTuple):
     """The model, the filter, the feedback, the pulses and the actuator's limits."""
 
-    model: Observed
+    model: observer.Observed
     k_z: Annotated[float, "m3/m"]  # volume per depth error
     k_w: Annotated[float, "m3 s/m"]  # volume per speed error
     k_V: Annotated[float, "V/m3"]  # voltage per volume error
@@ -68,7 +57,7 @@ class PulseParameters(NamedTuple):
     rate: Annotated[float, "m3/s"]  # at which the volume goes out and back
     swing: Annotated[float, "V"]  # which gives that rate
     learn: Annotated[float, ""]  # of what a sample shows of the motor
-    resting: Resting
+    resting: observer.Resting
     farthest: Annotated[float, "m"]  # a depth error beyond which no more volume is asked for
     depth_voltage: Annotated[float, "V/m"]  # load of the sea
     limit: Annotated[float, "V"]
@@ -212,7 +201,7 @@ def step(
 
 def _gains(s: law.Setting, k: law.Knobs) -> PulseParameters:
     """A pulse is as large as the band: out and back at one rate, its area the speed it gives."""
-    found, a = feedback(s, k), law.stiffness(s.plant)[1]
+    found, a = observer.feedback(s, k), law.stiffness(s.plant)[1]
     rest = dict.fromkeys(set(leaf_names(PulseParameters)) - set(found), 0.0)
     rest |= {"acceleration": a, "n_z": found["l_z"], "n_w": found["l_w"], "n_b": found["l_b"]}
     if k.pause > 0.0:
@@ -221,7 +210,7 @@ def _gains(s: law.Setting, k: law.Knobs) -> PulseParameters:
         w, p_z = pulse_gains(s.plant, k.pause)
         small = _SMALL * (s.plant.V_max - s.plant.V_min) / s.least_move
         rate = 4.0 * -w * k.band / (a * (k.pulse * k.pause) ** 2)
-        rest |= resting_gains(s, k.band, _AHEAD * k.pause)
+        rest |= observer.resting_gains(s, k.band, _AHEAD * k.pause)
         # The feedback leaves the error of a neutral volume that is wrong to them.
         rest["near"] = max(_PULSES * k.band, _WRONG * s.neutral_range / found["k_z"])
         rest |= {"homing": -w, "p_z": p_z, "rate": rate, "swing": rate / s.plant.gain}

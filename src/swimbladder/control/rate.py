@@ -279,10 +279,9 @@ def candidates(setting: Setting, goal: str, held: float) -> list[RateSettings]:
         runs = (2.0 * c * speed * speed + drive.start) / drive.rate_out
         if runs > min(dead, drive.longest):
             least = min(dead, drive.longest)
-            why = why or (
-                f"the pump needs {runs:.3g} s to turn {100.0 * speed:.3g} cm/s round, at "
-                f"{1e6 * drive.rate_out:.3g} cm3/s, and may run for {least:.3g} s"
-            )
+            turn = f"{runs:.3g} s to turn {100.0 * speed:.3g} cm/s round"
+            at = f"at {1e6 * drive.rate_out:.3g} cm3/s, and may run for {least:.3g} s"
+            why = why or f"the pump needs {turn}, {at}"
             continue
         # The speed of a whole band in a decision; a speed stands out of noise over `run`.
         slow = min(0.3 * speed, held / (dead + _RUN))
@@ -305,17 +304,14 @@ def candidates(setting: Setting, goal: str, held: float) -> list[RateSettings]:
             )
             continue
         if grows * (dead + run) > _GROWS:
-            why = (
-                f"the hull gives way so that errors grow e-fold in {1.0 / grows:.3g} s, and it "
-                f"decides every {dead + run:.3g} s"
-            )
+            often = f"it decides every {dead + run:.3g} s"
+            efold = f"errors grow e-fold in {1.0 / grows:.3g} s"
+            why = f"the hull gives way so that {efold}, and {often}"
             continue
         found.append(RateSettings(speed, dead, run, held, slow, band, step, volume_step))
     if not found:
-        raise NoAnswerError(
-            f"no setting of the law 'rate' does it: {why}. A faster pump, a wider band (--hold), a "
-            "better depth sensor or a stiffer hull would help"
-        )
+        would = "A faster pump, a wider band (--hold), a better depth sensor or a stiffer hull"
+        raise NoAnswerError(f"no setting of the law 'rate' does it: {why}. {would} would help")
     return found
 
 

@@ -81,11 +81,9 @@ def leaf_names(kind: type[Any]) -> tuple[str, ...]:
         found.extend(leaf_names(written) if is_record(written) else (field,))
     twice = next((name for n, name in enumerate(found) if name in found[:n]), None)
     if twice is not None:
-        raise InputError(
-            f"the field {twice!r} stands in {kind.__name__} twice",
-            field=kind.__qualname__,
-            remedy="Give each number a name of its own, also across nested NamedTuples",
-        )
+        what = f"the field {twice!r} stands in {kind.__name__} twice"
+        remedy = "Give each number a name of its own, also across nested NamedTuples"
+        raise InputError(what, field=kind.__qualname__, remedy=remedy)
     return tuple(found)
 
 

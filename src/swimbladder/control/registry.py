@@ -24,46 +24,24 @@ def _accept(law: Any, name: str) -> Law:
     if not isinstance(law, Law):
         raise InputError("it is no Law", remedy="Let the entry point name a swimbladder.Law")
     if law.name != name:
-        raise InputError(
-            f"the entry point is called {name!r} and the law {law.name!r}",
-            remedy="Give both one name",
-        )
+        what = f"the entry point is called {name!r} and the law {law.name!r}"
+        raise InputError(what, remedy="Give both one name")
     if law.command not in ("voltage", "volume", "volume change"):
-        raise InputError(
-            f"no actuator takes a {law.command}",
-            remedy="Command a voltage, a volume or a volume change",
-        )
+        remedy = "Command a voltage, a volume or a volume change"
+        raise InputError(f"no actuator takes a {law.command}", remedy=remedy)
     for kind in (law.parameters, law.state):
         leaf_names(kind)  # refuses what holds no numbers
     for parameter in leaf_names(law.parameters):
         if parameter not in law.units and parameter != "S_p":
-            raise InputError(
-                f"its parameter {parameter} has no unit",
-                remedy=f'Annotate it: {parameter}: Annotated[float, "m3/s"]',
-            )
+            remedy = f'Annotate it: {parameter}: Annotated[float, "m3/s"]'
+            raise InputError(f"its parameter {parameter} has no unit", remedy=remedy)
     return law
 
 
-LAWS: Registry[Law] = Registry(
-    "swimbladder.laws",
-    "law",
-    own={
-        module.replace("_", "-"): _own(module)
-        for module in (
-            "cascade",
-            "sea_cascade",
-            "adrc",
-            "deadband",
-            "observer",
-            "pulse",
-            "planned",
-            "position_pid",
-            "position_observer",
-            "rate",
-        )
-    },
-    accept=_accept,
-)
+_SHALLOW = ("cascade", "sea_cascade", "adrc", "deadband", "observer", "pulse", "planned")
+_MODULES = (*_SHALLOW, "position_pid", "position_observer", "rate")
+_OWN = {module.replace("_", "-"): _own(module) for module in _MODULES}
+LAWS: Registry[Law] = Registry("swimbladder.laws", "law", own=_OWN, accept=_accept)
 """The laws: called at a sample when they asked to be; one word each here."""
 
 
@@ -71,12 +49,8 @@ def law_by_name(name: str) -> Law:
     """Return the law of that name; raises InputError where there is none."""
     known = LAWS.names()
     if name not in known:
-        raise InputError(
-            "unknown control law",
-            field="controller.law",
-            value=name,
-            remedy=f"{did_you_mean(name, known)}Laws: {', '.join(known)}",
-        )
+        remedy = f"{did_you_mean(name, known)}Laws: {', '.join(known)}"
+        raise InputError("unknown control law", field="controller.law", value=name, remedy=remedy)
     return LAWS[name]
 
 
@@ -89,21 +63,15 @@ def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: 
     where = "controller.parameters"
     for name in values:
         if name not in wanted:
-            raise InputError(
-                f"law {law.name!r} has no such parameter",
-                field=f"{where}.{name}",
-                remedy=f"{did_you_mean(name, wanted)}It has: {', '.join(wanted)}",
-            )
+            what = f"law {law.name!r} has no such parameter"
+            remedy = f"{did_you_mean(name, wanted)}It has: {', '.join(wanted)}"
+            raise InputError(what, field=f"{where}.{name}", remedy=remedy)
     numbers = {}
     for name in wanted:
         unit = law.units[name]
         if name not in values:
-            raise InputError(
-                f"law {law.name!r} needs this parameter",
-                field=f"{where}.{name}",
-                unit=unit,
-                remedy="Add it",
-            )
+            what, field = f"law {law.name!r} needs this parameter", f"{where}.{name}"
+            raise InputError(what, field=field, unit=unit, remedy="Add it")
         try:
             numbers[name] = parse_quantity(values[name], unit)
         except InputError as error:
@@ -135,11 +103,9 @@ def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:
     if sampled:
         refuse_pump_and_valve(vehicle.actuator)
     if vehicle.controller is None:
-        raise InputError(
-            f"the vehicle {vehicle.name!r} has no controller",
-            field="controller",
-            remedy="Add a [controller] table to the vehicle: `swimbladder tune` writes one",
-        )
+        what = f"the vehicle {vehicle.name!r} has no controller"
+        remedy = "Add a [controller] table to the vehicle: `swimbladder tune` writes one"
+        raise InputError(what, field="controller", remedy=remedy)
     law, parameters = bind(vehicle.controller)
     check_command(law, vehicle)
     return law, parameters
@@ -161,9 +127,6 @@ def check_command(
     if law.command != vehicle.command:
         names = LAWS if among is None else among
         fitting = [name for name in names if law_by_name(name).command == vehicle.command]
-        raise InputError(
-            f"this law commands a {law.command}, but the actuator takes a {vehicle.command}",
-            field=field,
-            value=law.name,
-            remedy=remedy or f"Choose one of: {', '.join(fitting)}",
-        )
+        what = f"this law commands a {law.command}, but the actuator takes a {vehicle.command}"
+        remedy = remedy or f"Choose one of: {', '.join(fitting)}"
+        raise InputError(what, field=field, value=law.name, remedy=remedy)

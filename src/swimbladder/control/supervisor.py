@@ -357,16 +357,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         rate=RateWatch(lag=0.0, asked=0.0, following=0, top=0.0, stops=0),
         same=SameWatch(0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False),
         motion=MotionWatch(
-            z1=0.0,
-            z2=0.0,
-            n1=0.0,
-            n2=0.0,
-            settled=0,
-            wrong=0,
-            own=0.0,
-            own_depth=0.0,
-            weight=0.5,
-            known=0,
+            0.0, 0.0, 0.0, 0.0, settled=0, wrong=0, own=0.0, own_depth=0.0, weight=0.5, known=0
         ),
         rest=RestWatch(anchor=0.0, still=0),
         board=BoardWatch(0, 0, 0),
