@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.cli.texts import once
 from swimbladder.cli.settings import deviation, known, setting
+from swimbladder.cli.texts import once
 from swimbladder.errors import InputError
 from tests.quoted import refused
 

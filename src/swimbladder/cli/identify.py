@@ -283,7 +283,7 @@ def identify(
     with progress("loading the simulator"):
         from swimbladder.estimation.motion import identify as identify_logs
         from swimbladder.estimation.motion.paper_method import paper_fits
-        from swimbladder.show.report.identification import check_folder, write_identification
+        from swimbladder.show.report.identification import Run, check_folder, write_identification
 
     to.check()
     check_folder(to.out, vehicle)
@@ -296,15 +296,8 @@ def identify(
     beside = paper_fits(found) if paper and found.identified else None
     answer = {**found.to_json(), "paper": None if beside is None else beside.to_json()}
     with progress("writing the report", 1.0) as advance:
-        files = write_identification(
-            found,
-            to.out,
-            answer=answer,
-            command=typed_command(),
-            seconds=seconds,
-            paper=beside,
-            advance=advance,
-        )
+        run = Run(typed_command(), seconds, beside)
+        files = write_identification(found, to.out, run, answer=answer, advance=advance)
     named = [path for path in files if to.json or path.suffix != ".png"]
     refused = [f.sentence for f in found.findings if f.severity == "no"]
     shown = _shown(found, beside, seconds)

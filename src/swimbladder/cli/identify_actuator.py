@@ -83,10 +83,10 @@ def identify_actuator(
     seconds = time.perf_counter() - begun
     with progress("writing the report", 1.0) as advance:
         from swimbladder.show.report.actuator import write_actuator
+        from swimbladder.show.report.identification import Run
 
-        files, why = write_actuator(
-            found, to.out, command=typed_command(), seconds=seconds, picture=plot, advance=advance
-        )
+        run = Run(typed_command(), seconds)
+        files, why = write_actuator(found, to.out, run, picture=plot, advance=advance)
     if why:
         aside(f"no vehicle is written: {why}")
     refusal = [found.refusal]

@@ -11,9 +11,16 @@ from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.tables import write_csv
 from swimbladder.show.plots.style import save
 
+Advance = Callable[[float], None]
+"""Is told the share of the work that was done since it was last called."""
+
+
+def unsaid(_: float) -> None:
+    """Tell nobody of the work done."""
+
 
 def write_all(
-    out: Path, contents: Mapping[str, object], *, advance: Callable[[float], None] = lambda _: None
+    out: Path, contents: Mapping[str, object], *, advance: Advance = unsaid
 ) -> list[Path]:
     """Write files into the folder `out`, all of them or none, and return their paths.
 

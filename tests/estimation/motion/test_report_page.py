@@ -13,7 +13,13 @@ from swimbladder.estimation.motion.paper_method import paper_fits
 from swimbladder.io.config import load_vehicle
 from swimbladder.show.report import text
 from swimbladder.show.report.html import page_figure
-from swimbladder.show.report.identification import page, pictures, residuals, write_identification
+from swimbladder.show.report.identification import (
+    Run,
+    page,
+    pictures,
+    residuals,
+    write_identification,
+)
 from tests.estimation.motion.pool import campaign, pool_log
 from tests.quoted import numbers
 
@@ -65,14 +71,7 @@ class Page(HTMLParser):
 def page_of(identification, *, paper=None, files=("identify.json",)):
     drawn = pictures(identification, paper)
     figures = {p.name: page_figure(p.name, PNG, p.about, p.part) for p in drawn}
-    html = page(
-        identification,
-        figures,
-        files=files,
-        command="swimbladder identify a b",
-        seconds=1.23,
-        paper=paper,
-    )
+    html = page(identification, figures, Run("swimbladder identify a b", 1.23, paper), files=files)
     return Page(html), html
 
 
@@ -141,14 +140,12 @@ def test_texts_are_escaped(found):
 def test_writing_it_again_takes_away_what_is_stale(found, untold, tmp_path):
     told = []
     out = tmp_path / "out"
-    files = write_identification(
-        found, out, answer={}, command="c", seconds=1.0, advance=told.append
-    )
+    files = write_identification(found, out, Run("c", 1.0), answer={}, advance=told.append)
     assert all(path.is_file() for path in files)
     assert sum(told) == pytest.approx(1.0)
     mine = out / "figures" / "mine.png"
     mine.write_bytes(PNG)
-    again = write_identification(untold, out, answer={}, command="c", seconds=1.0)
+    again = write_identification(untold, out, Run("c", 1.0), answer={})
     left = {path for path in out.rglob("*") if path.is_file()}
     assert left == {*again, mine}
     assert out / "vehicle.toml" not in left
@@ -156,7 +153,7 @@ def test_writing_it_again_takes_away_what_is_stale(found, untold, tmp_path):
 
 
 def test_the_vehicle_file_is_the_vehicle(found, tmp_path):
-    write_identification(found, tmp_path / "o", answer={}, command="c", seconds=1.0)
+    write_identification(found, tmp_path / "o", Run("c", 1.0), answer={})
     assert load_vehicle(tmp_path / "o" / "vehicle.toml") == found.vehicle
 
 

@@ -1,6 +1,7 @@
 """Ballasting as a picture: the volume it rests with, and the water, against depth."""
 
 from itertools import cycle
+from typing import Any
 
 from matplotlib.figure import Figure
 
@@ -14,9 +15,8 @@ _SEAS = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY)
 @style.styled
 def draw_ballasting(found: Ballasting) -> Figure:
     """Return neutral volume with its band between the ends of the stroke, density, temperature."""
-    figure, (volume, density, temperature) = style.new_figure(
-        (9.0, 5.0), 1, 3, sharey=True, width_ratios=(2.2, 1.0, 1.0)
-    )
+    how: Any = {"sharey": True, "width_ratios": (2.2, 1.0, 1.0)}
+    figure, (volume, density, temperature) = style.new_figure((9.0, 5.0), 1, 3, **how)
     stroke = found.vehicle.stroke
     for side in (stroke.minimum, stroke.maximum):
         volume.axvline(1e6 * side, color=Ink.VERMILION, lw=1.2, ls="--", label="ends of the stroke")

@@ -71,8 +71,8 @@ def draw_comparison(comparison: Comparison) -> Figure:
     largest = 1.15e3 * max(comparison.largest, 1e-3)
     residual.set(ylim=(-largest, largest), ylabel="predicted less\nmeasured [mm]")
     _input(comparison, driven)
-    driven.set_xlabel("time since the first sample [s]")
-    driven.set_xlim(float(record.time[0]), float(record.time[-1]))
+    ends = (float(record.time[0]), float(record.time[-1]))
+    driven.set(xlabel="time since the first sample [s]", xlim=ends)
     figure.suptitle(_title(comparison), x=0.01, ha="left", fontsize=10.0)
     figure.align_ylabels([depth, residual, driven])
     return figure
@@ -80,10 +80,9 @@ def draw_comparison(comparison: Comparison) -> Figure:
 
 def _title(c: Comparison) -> str:
     driven = c.record.drive.replace("setpoint", "set-point")
-    return (
-        f"{c.vehicle.name} driven by the logged {driven}: rms {1e3 * c.rms:.1f} mm, "
-        f"bias {1e3 * c.bias:+.1f} mm, {100.0 * c.variance_explained:.2f} % of the variance"
-    )
+    off = f"rms {1e3 * c.rms:.1f} mm, bias {1e3 * c.bias:+.1f} mm"
+    share = f"{100.0 * c.variance_explained:.2f} % of the variance"
+    return f"{c.vehicle.name} driven by the logged {driven}: {off}, {share}"
 
 
 def _input(c: Comparison, axes: Axes) -> None:

@@ -10,14 +10,9 @@ from swimbladder.show.plots import style
 from swimbladder.show.plots.style import Ink
 from swimbladder.units import rounded
 
-_STAGES = {
-    "battery": Ink.SKY,
-    "driver": Ink.PURPLE,
-    "motor": Ink.BLUE,
-    "transmission": Ink.ORANGE,
-    "leakage": Ink.GREEN,
-    "reservoir": Ink.GREY,
-}
+_PARTS = ("battery", "driver", "motor", "transmission", "leakage", "reservoir")
+_INKS = (Ink.SKY, Ink.PURPLE, Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.GREY)
+_STAGES = dict(zip(_PARTS, _INKS, strict=True))
 
 _DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
 
@@ -124,8 +119,7 @@ def draw_fit(fit: PumpFit) -> Figure:
         panels[1].plot(line / 1e4, steady * 1e6, color=Ink.BLUE, label="found")
         panels[1].set_ylabel("delivery [mL/s]")
     for axes in panels[:-1]:
-        axes.set_xlabel("pressure [dbar]")
-        axes.set_ylim(bottom=0.0)
+        axes.set(xlabel="pressure [dbar]", ylim=(0.0, None))
         axes.legend(loc="best")
     last = panels[-1]
     if fit.dives:

@@ -26,14 +26,12 @@ _LONGER = 1.3  # of the supervised flight and that with ideal detection: the res
 def draw_campaign(flown: Campaign) -> Figure:
     """Return, for each kind of fault, the outcomes of its missions and the detection time."""
     lines = flown.lines()[:-1][::-1]
-    figure, (fate, soon) = style.new_figure(
-        (10.0, 0.28 * len(lines) + 1.6), 1, 2, sharey=True, width_ratios=(3.0, 2.0)
-    )
+    size = (10.0, 0.28 * len(lines) + 1.6)
+    figure, (fate, soon) = style.new_figure(size, 1, 2, sharey=True, width_ratios=(3.0, 2.0))
     rows = np.arange(len(lines))
     names = "missions recoverable recovered recovered_by_supervisor unrecoverable_surfaced"
-    missions, able, safe, by_supervisor, surfaced = np.transpose(
-        [[getattr(line, name) for name in names.split()] for line in lines]
-    )
+    counted = [[getattr(line, name) for name in names.split()] for line in lines]
+    missions, able, safe, by_supervisor, surfaced = np.transpose(counted)
     left = np.zeros(len(lines))
     for label, counts, color in (
         ("recovered, and not lost without the supervisor", safe - by_supervisor, Ink.SKY),

@@ -24,22 +24,9 @@ from swimbladder.units import rounded, shown_unit, unit_factor
 
 Array = NDArray[np.float64]
 
-_PRETTY = {
-    "1/m2/s": "1/(m² s)",
-    "N s2/m2": "N s²/m²",
-    "cm3/m": "cm³/m",
-    "cm3": "cm³",
-    "cm3/h": "cm³/h",
-}
-_SYMBOL = {
-    "K1": "K₁",
-    "T1": "T₁",
-    "K2": "K₂",
-    "T2": "T₂",
-    "mass": "mass",
-    "drag_quadratic": r"k$_\mathrm{dt}$",
-    "psi": "ψ",
-}
+_PRETTY = {"1/m2/s": "1/(m² s)", "N s2/m2": "N s²/m²"}
+_SYMBOL = {"K1": "K₁", "T1": "T₁", "K2": "K₂", "T2": "T₂", "mass": "mass", "psi": "ψ"}
+_SYMBOL["drag_quadratic"] = r"k$_\mathrm{dt}$"
 _WIDTH = 9.6  # inches
 _DRAWS = 1500  # of the posterior, that are drawn
 
@@ -47,7 +34,7 @@ _DRAWS = 1500  # of the posterior, that are drawn
 def axis_label(name: str) -> str:
     """Return a parameter's symbol and the unit that it is drawn in."""
     unit = shown_unit(NAMES[name].unit)
-    return f"{_SYMBOL[name]} [{_PRETTY.get(unit, unit)}]"
+    return f"{_SYMBOL[name]} [{_PRETTY.get(unit, unit.replace('cm3', 'cm³'))}]"
 
 
 def per_shown(unit: str) -> float:
@@ -328,8 +315,8 @@ def _autocorrelation(axes: Axes, experiments: Sequence[ExperimentFit]) -> None:
     axes.vlines(lags, 0.0, mean[1:], color=Ink.BLUE, lw=1.6)
     axes.plot(lags, mean[1:], "o", ms=3.2, color=Ink.BLUE, label="all logs")
     low, high = axes.get_ylim()
-    axes.set_ylim(min(low, -0.3), max(high * 1.25, 0.5))
-    axes.set(xlabel="lag [samples]", ylabel="autocorrelation [-]")
+    reach = (min(low, -0.3), max(high * 1.25, 0.5))
+    axes.set(ylim=reach, xlabel="lag [samples]", ylabel="autocorrelation [-]")
     style.legend_above(axes, loc="upper right", bbox_to_anchor=None, ncols=1)
 
 

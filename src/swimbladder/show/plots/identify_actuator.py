@@ -45,8 +45,8 @@ def draw_log(found: ActuatorIdentification, steps: Sequence[Step]) -> Figure:
     lower.axhspan(-band, band, color=Ink.SKY, alpha=0.3, lw=0.0, label="95 % of the noise")
     lower.axhline(0.0, color=Ink.GREY, lw=0.8)
     upper.set_ylabel(f"{name} [{unit}]")
-    lower.set_ylabel(f"measured less\nfitted [{unit}]")
-    lower.set_xlabel("time since the log's first sample [s]")
+    since = "time since the log's first sample [s]"
+    lower.set(ylabel=f"measured less\nfitted [{unit}]", xlabel=since)
     if above:
         above[0].set_ylabel("voltage [V]")
     legend_above(upper, loc="upper right", ncols=3, bbox_to_anchor=(1.0, 1.12))
@@ -136,8 +136,7 @@ def _by_move(found: ActuatorIdentification, scale: float, axes: Axes) -> None:
             low, high = (scale * x for x in rate.ci95)
             axes.plot(ends, [scale * rate.value] * 2, color=color, lw=1.2)
             axes.fill_between(ends, low, high, color=color, alpha=0.25, lw=0.0)
-    axes.set_ylim(bottom=0.0)
-    axes.set_xlabel("number of the move")
+    axes.set(ylim=(0.0, None), xlabel="number of the move")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 

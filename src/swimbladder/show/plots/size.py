@@ -95,8 +95,8 @@ def draw_parts(found: Sizing) -> Figure:
     axes.set_yticks(range(len(rows)), labels, fontsize=8.0)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
-    axes.set_xlim(0.0, _WIDEST * lightest)
-    axes.set_xlabel("least mass with that part: drive (full colour) and battery (pale) [kg]")
+    label = "least mass with that part: drive (full colour) and battery (pale) [kg]"
+    axes.set(xlim=(0.0, _WIDEST * lightest), xlabel=label)
     task = f"{found.body.name} to {found.asked.dive.depth:g} m"
     axes.set_title(f"{task}: each part, the others free (red: chosen)", loc="left")
     return figure

@@ -13,13 +13,8 @@ from swimbladder.design.stability.run import Stability
 from swimbladder.show.plots.style import Ink, label_panels, new_figure, stacked, styled
 from swimbladder.units import length
 
-_COLORS = {
-    Verdict.NOT_ASKED: "#FFFFFF",
-    Verdict.RECOVERED: Ink.BLUE,
-    Verdict.SLOW: Ink.SKY,
-    Verdict.UNSETTLED: Ink.ORANGE,
-    Verdict.LOST: Ink.VERMILION,
-}
+_CAME_BACK = {Verdict.RECOVERED: Ink.BLUE, Verdict.SLOW: Ink.SKY, Verdict.UNSETTLED: Ink.ORANGE}
+_COLORS = _CAME_BACK | {Verdict.NOT_ASKED: "#FFFFFF", Verdict.LOST: Ink.VERMILION}
 
 
 @styled
@@ -83,6 +78,4 @@ def draw_robustness(found: Stability) -> Figure:
     panels[-1].set_xlabel("gain on the command [-]")
     panels[0].legend(loc="lower left")
     label_panels(panels)
-    for axes, law in zip(panels, laws, strict=True):
-        axes.set_title(law, fontsize=9.5)
     return figure

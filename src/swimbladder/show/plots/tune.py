@@ -79,10 +79,9 @@ def draw_sensitivity(tuning: Tuning) -> Figure:
             color, lw, alpha = (Ink.ORANGE, 0.7, 0.7) if varied else (Ink.BLUE, 1.6, 1.0)
             axes.loglog(w, 1.0 / abs(1.0 + values), color=color, lw=lw, alpha=alpha)
         axes.axhline(WANTED.peak_sensitivity, color=Ink.VERMILION, lw=1.0, ls="--")
-        axes.set_xlabel("frequency [rad/s]")
         axes.set_title(f"broken at the {place}", fontsize=10.0)
-        axes.set_xlim(left=max(0.5 * first, 1e-4) if math.isfinite(first) else 1e-3)
-        axes.set_ylim(_LEAST, 3.0)
+        least = max(0.5 * first, 1e-4) if math.isfinite(first) else 1e-3
+        axes.set(xlabel="frequency [rad/s]", xlim=(least, None), ylim=(_LEAST, 3.0))
         style.plain_log_ticks(axes, "y")
     panels[0].set_ylabel("sensitivity |S| [-]")
     lines = [

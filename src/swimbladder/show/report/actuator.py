@@ -1,6 +1,5 @@
 """What an identification of an actuator found, as files: page, steps, picture and vehicle."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +9,12 @@ from swimbladder.estimation.actuator.model import shown_unit
 from swimbladder.estimation.actuator.result import Known, Step
 from swimbladder.io.config import file_text
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
+from swimbladder.show.files import Advance, write_all
 from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
 from swimbladder.show.plots.style import png
 from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, words
 from swimbladder.show.report.html import PageFigure, page_figure, render
+from swimbladder.show.report.identification import Run
 from swimbladder.units import rounded, unit_factor
 
 _HEAD = "Identified by swimbladder identify-actuator."
@@ -26,20 +26,14 @@ _DRIVEN = {
 
 
 def write_actuator(
-    found: ActuatorIdentification,
-    out: Path,
-    *,
-    command: str,
-    seconds: float,
-    picture: bool,
-    advance: Callable[[float], None] = lambda _: None,
+    found: ActuatorIdentification, out: Path, run: Run, *, picture: bool, advance: Advance
 ) -> tuple[list[Path], str]:
     """Write page and steps into the folder `out`; return the paths, and why there is no vehicle.
 
     A vehicle is written where one was given and something of it was identified; else the one of an
-    earlier run is taken away. command: how the page says that it was made; seconds: how long the
-    fit took; picture: also steps.png; advance: called with the share of the work done. Raises
-    InputError where the folder cannot be written; whatever is in it then stays as it is.
+    earlier run is taken away. run: how the page says that it was made; picture: also steps.png;
+    advance: called with the share of the work done. Raises InputError where the folder cannot be
+    written; whatever is in it then stays as it is.
     """
     tables: dict[str, object] = {"steps.csv": found.columns()}
     why, old = "", out / "vehicle.toml"
@@ -50,20 +44,14 @@ def write_actuator(
             why = str(error)
     if picture:
         tables["steps.png"] = draw_steps(found)
-    html = _page(found, list(tables), command, seconds, advance)
+    html = _page(found, list(tables), run, advance)
     files = write_all(out, {"identify-actuator.html": html, **tables})
     if old.name not in tables and old.is_file() and file_text(old).startswith(f"# {_HEAD}"):
         old.unlink()
     return files, why
 
 
-def _page(
-    found: ActuatorIdentification,
-    files: list[str],
-    command: str,
-    seconds: float,
-    advance: Callable[[float], None],
-) -> str:
+def _page(found: ActuatorIdentification, files: list[str], run: Run, advance: Advance) -> str:
     """Return the report as HTML that needs nothing but itself."""
     share = 1.0 / (len(found.logs) + 1)
     scale, unit = (1e3, "mm") if found.quantity == "piston" else (1e6, "cm³")
@@ -87,7 +75,7 @@ def _page(
         "moves": found.driven != "voltage",
         "scale": scale,
         "unit": unit,
-        "seconds": seconds,
+        "seconds": run.seconds,
         "headlines": headlines(found),
         "listed": sorted(found.findings, key=lambda f: f.severity == "note"),
         "rows": rows(found),
@@ -97,7 +85,7 @@ def _page(
         "logs": logs,
         "called": dict(zip((fit.source for fit in found.logs), names, strict=True)),
         "files": files,
-        "command": command,
+        "command": run.command,
     }
     return render("actuator.html.j2", context)
 

@@ -89,10 +89,9 @@ def comparison(design: Design) -> list[str]:
     if other.psi is not None and design.chosen.psi is not None:
         from swimbladder.design.experiments.result import describe
 
-        said.append(
-            f"There, psi left out would shift {describe(other.psi.refit)}, at "
-            f"{1e3 * other.psi.rms:.1f} mm rms; here at {1e3 * design.chosen.psi.rms:.1f} mm."
-        )
+        shift = f"psi left out would shift {describe(other.psi.refit)}"
+        there, here = (f"at {1e3 * w.psi.rms:.1f} mm" for w in (other, design.chosen) if w.psi)
+        said.append(f"There, {shift}, {there} rms; here {here}.")
     return said
 
 

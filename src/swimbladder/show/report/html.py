@@ -21,18 +21,8 @@ TEXTS = tomllib.loads(files("swimbladder.show.report").joinpath("texts.toml").re
 
 _FULL = 1440  # pixels of a picture as wide as the page
 
-_GREEK = {
-    "psi": "ψ",
-    "rho": "ρ",
-    "eta": "η",
-    "lambda": "λ",
-    "alpha": "α",
-    "omega": "ω",
-    "epsilon": "ε",
-    "beta": "β",
-    "Delta": "Δ",
-    "pi": "π",
-}
+_GREEK = {"psi": "ψ", "rho": "ρ", "eta": "η", "lambda": "λ", "alpha": "α", "omega": "ω"}
+_GREEK |= {"epsilon": "ε", "beta": "β", "Delta": "Δ", "pi": "π"}
 _GREEK_WORD = re.compile(r"\b(" + "|".join(_GREEK) + r")(?=\b|_)")
 _SYMBOL = re.compile(
     r"\b([kTQVUFBCDJnSβηΔ])_([A-Za-z0-9]{1,4})\b"  # k_z, T_z, V_p
@@ -135,7 +125,5 @@ def inline_svg(svg: str, *, name: str, label: str) -> Markup:
 
 def _opening(attributes: str, label: str) -> str:
     kept = re.sub(r'\s(?:width|height|version|xmlns:xlink)="[^"]*"', "", attributes)
-    spoken = escape(label)
-    return (
-        f'<svg{kept} xmlns:xlink="http://www.w3.org/1999/xlink" role="img" aria-label="{spoken}">'
-    )
+    linked = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
+    return f'<svg{kept} {linked} role="img" aria-label="{escape(label)}">'

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -18,7 +18,7 @@ from swimbladder.estimation.motion import NAMES, Choice, Estimate, Identificatio
 from swimbladder.estimation.motion.paper_method import PaperFits
 from swimbladder.io.config import file_text
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
+from swimbladder.show.files import Advance, unsaid, write_all
 from swimbladder.show.plots import identify as plots
 from swimbladder.show.plots.identify import labels
 from swimbladder.show.plots.style import png
@@ -32,35 +32,34 @@ _SYMBOL = {"drag_quadratic": "k_dt", "mass": "m"}
 PSI = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": "left out"}
 
 
-def page(
-    found: Identification,
-    figures: Mapping[str, PageFigure],
-    *,
-    files: Sequence[str],
-    command: str,
-    seconds: float,
-    paper: PaperFits | None = None,
-) -> str:
-    """Return the report as HTML that needs nothing but itself.
+class Run(NamedTuple):
+    """What a page says of the run that made it."""
 
-    seconds: how long the fit took; paper: the paper's fits, to stand beside ours.
-    """
+    command: str  # as it was typed
+    seconds: float  # how long the fit took
+    paper: PaperFits | None = None  # the paper's fits, to stand beside ours
+
+
+def page(
+    found: Identification, figures: Mapping[str, PageFigure], run: Run, *, files: Sequence[str]
+) -> str:
+    """Return the report as HTML that needs nothing but itself."""
     names = labels(found)
     context = {
         "found": found,
         "labels": names,
         "samples": sum(int((e.weight > 0.0).sum()) for e in found.experiments),
-        "seconds": seconds,
+        "seconds": run.seconds,
         "headlines": text.headlines(found),
         "listed": text.findings(found),
         "rows": text.rows(found),
         "pairs": [text.trade_off(a, b, r) for a, b, r in text.correlations(found)],
         "choices": [_choice(found, c) for c in found.choices],
-        "paper": None if paper is None else _paper(paper, names),
+        "paper": None if run.paper is None else _paper(run.paper, names),
         "figures": figures,
         "reading": text.reading(found, names),
         "files": files,
-        "command": command,
+        "command": run.command,
     }
     return render("identification.html.j2", context, plus_minus=_plus_minus, small=_small)
 
@@ -145,25 +144,17 @@ def _is_ours(path: Path) -> bool:
 
 
 def write_identification(
-    found: Identification,
-    out: Path,
-    *,
-    answer: Mapping[str, Any],
-    command: str,
-    seconds: float,
-    paper: PaperFits | None = None,
-    advance: Callable[[float], None] = lambda _: None,
+    found: Identification, out: Path, run: Run, answer: Mapping[str, Any], advance: Advance = unsaid
 ) -> list[Path]:
     """Write everything into the folder `out` and return the paths.
 
-    answer: identify.json; command: how the page says that it was made; seconds: how
-    long the fit took; paper: the paper's fits, to stand beside. advance: called with the share of
-    the work done. No vehicle is written where the data do not identify all that was asked, and one
-    of an earlier run is taken away. Raises InputError where the folder cannot be written; whatever
-    is in it then stays as it is.
+    run: how the page says that it was made; answer: identify.json; advance: called with the share
+    of the work done. No vehicle is written where the data do not identify all that was asked, and
+    one of an earlier run is taken away. Raises InputError where the folder cannot be written;
+    whatever is in it then stays as it is.
     """
     check_folder(out, "")
-    drawn = pictures(found, paper)
+    drawn = pictures(found, run.paper)
     images, figures = {}, {}
     for name, draw, about, part in drawn:
         images[f"figures/{name}.png"] = image = png(draw())
@@ -176,7 +167,7 @@ def write_identification(
     if found.posterior is not None:
         names = (f"{name} [{NAMES[name].unit}]" for name in found.posterior.names)
         files[POSTERIOR] = dict(zip(names, found.posterior.draws.T, strict=True))
-    html = page(found, figures, files=list(files), command=command, seconds=seconds, paper=paper)
+    html = page(found, figures, run, files=list(files))
     written = write_all(out, {"identify.html": html, **files})
     _sweep(out, [*files])
     advance(1.0 / (len(drawn) + 1))

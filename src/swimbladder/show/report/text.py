@@ -40,10 +40,8 @@ def rows(found: Identification) -> list[Row]:
     listed = [row(name, e) for name, e in (found.parameters | found.derived).items()]
     if found.identified:
         return listed
-    return [
-        r if r.origin == "set" else r._replace(value="not identifiable", std="", ci95="")
-        for r in listed
-    ]
+    none = {"value": "not identifiable", "std": "", "ci95": ""}
+    return [r if r.origin == "set" else r._replace(**none) for r in listed]
 
 
 def _places(std: float) -> int:
@@ -77,10 +75,8 @@ def _headline(found: Identification, name: str) -> str:
     e = found.parameters[name]
     r = row(name, e)
     if e.ci95[0] <= 0.0 <= e.ci95[1]:
-        return (
-            f"{name} is not distinguishable from 0: it lies between "
-            f"{r.ci95.replace(' to ', ' and ')} {r.unit} (95 %)."
-        )
+        between = f"it lies between {r.ci95.replace(' to ', ' and ')} {r.unit} (95 %)"
+        return f"{name} is not distinguishable from 0: {between}."
     half = 0.5 * (e.ci95[1] - e.ci95[0]) / abs(e.value)
     source = ", mostly by its prior" if e.origin == "prior" else ""
     known = f"known to {rounded(100.0 * half, 2)} %" if math.isfinite(half) else f"95 %: {r.ci95}"
