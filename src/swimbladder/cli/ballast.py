@@ -55,13 +55,13 @@ class Stds(Options):
     density: Given = valued("DENSITY", "1 sigma of the sea's density.", name="--density-std")
 
 
+_CAST = typer.Option("--cast", metavar="CTD", help="Cast: CSV, netCDF, Argo; several: all count.")
+
+
 @grouped(out=Path("swimbladder-ballast"))
 def ballast(
     vehicle: VehicleName,
-    cast: Annotated[
-        list[Path] | None,
-        typer.Option("--cast", metavar="CTD", help="Cast: CSV, netCDF, Argo; several: all count."),
-    ] = None,
+    cast: Annotated[list[Path] | None, _CAST] = None,
     *,
     target: Targets,
     task: Task,

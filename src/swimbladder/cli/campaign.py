@@ -85,17 +85,16 @@ class Work(Options):
     )
 
 
+_MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
+_CAST = typer.Option("--cast", metavar="CTD", help="A water; several: each float draws one.")
+
+
 @grouped(out=Path("swimbladder-campaign"))
 def campaign(
     vehicle: VehicleName,
-    mission: Annotated[
-        Path, typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
-    ],
+    mission: Annotated[Path, _MISSION],
     floats: Annotated[int, typer.Option(metavar="N", help="How many.")] = 4000,
-    cast: Annotated[
-        list[Path] | None,
-        typer.Option("--cast", metavar="CTD", help="A water; several: each float draws one."),
-    ] = None,
+    cast: Annotated[list[Path] | None, _CAST] = None,
     *,
     how: Flown,
     stated: Spreads,

@@ -66,15 +66,16 @@ class Sensor(DepthSensor):
         return Sensor(_NOISE).on(vehicle), words
 
 
+_LIST_SCENARIOS = typer.Option("--list-scenarios", help="Print what is flown, and nothing else.")
+
+
 @grouped(out=Path("swimbladder-compare-laws"))
 def compare_laws(
     vehicle: AnyVehicle = None,
     *,
     flights: Flights,
     sensor: Sensor,
-    list_scenarios: Annotated[
-        bool, typer.Option("--list-scenarios", help="Print what is flown, and nothing else.")
-    ] = False,
+    list_scenarios: Annotated[bool, _LIST_SCENARIOS] = False,
     cast: CastFile = None,
     reading: CastReading,
     to: Files,

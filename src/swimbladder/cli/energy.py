@@ -110,18 +110,18 @@ class Runs(Options):
     shortest: str = valued("TIME", "--fit: leave shorter runs out.", "0 s")
 
 
+_CAST = typer.Option(metavar="FILE", help="CTD cast (the vehicle's own water).")
+_FIT = typer.Option(metavar="RUNS", help="CSV of logged runs: find the pump in it.")
+
+
 @grouped(out=Path("swimbladder-energy"))
 def energy(
     vehicle: AnyVehicle = None,
-    cast: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="CTD cast (the vehicle's own water).")
-    ] = None,
+    cast: Annotated[Path | None, _CAST] = None,
     *,
     compared: Compared,
     thrusters: Thrusters,
-    fit: Annotated[
-        Path | None, typer.Option(metavar="RUNS", help="CSV of logged runs: find the pump in it.")
-    ] = None,
+    fit: Annotated[Path | None, _FIT] = None,
     reading: CastReading,
     runs: Runs,
     to: Files,

@@ -34,6 +34,9 @@ class Missions(Options):
     seed: int = valued(None, "Of all that is drawn.", 1, min=0)
 
 
+_MISSION = typer.Option(metavar="N", help="Fly this one again, with its trajectory; hN: healthy.")
+
+
 @grouped(out=Path("swimbladder-faults"))
 def faults(
     vehicle: VehicleName,
@@ -41,10 +44,7 @@ def faults(
     missions: Missions,
     cast: CastFile = None,
     reading: CastReading,
-    mission: Annotated[
-        str | None,
-        typer.Option(metavar="N", help="Fly this one again, with its trajectory; hN: healthy."),
-    ] = None,
+    mission: Annotated[str | None, _MISSION] = None,
     to: Files,
 ) -> None:
     """Fly the vehicle's own C through missions in which sensors, actuator or battery fail.

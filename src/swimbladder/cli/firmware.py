@@ -64,12 +64,13 @@ class Pool(Options):
         return PoolOptions(given.pop("depth"), **first_last, **given)
 
 
+_LAW = typer.Option(metavar="LAW", help="Refuse a controller of another law.")
+
+
 @grouped(out=Path("swimbladder-firmware"))
 def firmware(
     vehicle: VehicleName,
-    law: Annotated[
-        str | None, typer.Option(metavar="LAW", help="Refuse a controller of another law.")
-    ] = None,
+    law: Annotated[str | None, _LAW] = None,
     *,
     golden: Golden,
     pool: Pool,

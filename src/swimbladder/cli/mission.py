@@ -47,12 +47,13 @@ class Flown(Options):
     begin: Given = valued("TIME", "Start, ISO 8601, for netCDF (2000-01-01).", read=_moment)
 
 
+_MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
+
+
 @grouped(out=Path("swimbladder-mission"))
 def mission(
     vehicle: VehicleName,
-    mission: Annotated[
-        Path, typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
-    ],
+    mission: Annotated[Path, _MISSION],
     cast: CastFile = None,
     *,
     how: Flown,

@@ -132,15 +132,15 @@ class Goals(Options):
 _POOL = 4.5  # m
 
 
+_SIMULATE = typer.Option("--simulate", help="Rehearse on the simulated vehicle.")
+_FOLLOW = typer.Option(metavar="LOG", help="Follow a log that is being written.")
+
+
 @grouped(out=Path("swimbladder-pool"))
 def pool(
     vehicle: VehicleName,
-    simulate: Annotated[
-        bool, typer.Option("--simulate", help="Rehearse on the simulated vehicle.")
-    ] = False,
-    follow: Annotated[
-        Path | None, typer.Option(metavar="LOG", help="Follow a log that is being written.")
-    ] = None,
+    simulate: Annotated[bool, _SIMULATE] = False,
+    follow: Annotated[Path | None, _FOLLOW] = None,
     *,
     rehearsed: Rehearsed,
     followed: Followed,

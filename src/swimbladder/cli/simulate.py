@@ -178,18 +178,17 @@ class Step(Options):
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none)", name="--bottom")
 
 
+_MISSION = typer.Argument(metavar="MISSION", help="TOML file with set-points, start and duration.")
+_SEED = typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0)
+
+
 @grouped(out=Path("swimbladder-simulate"))
 def simulate(
     vehicle: VehicleName,
-    mission: Annotated[
-        Path | None,
-        typer.Argument(metavar="MISSION", help="TOML file with set-points, start and duration."),
-    ] = None,
+    mission: Annotated[Path | None, _MISSION] = None,
     *,
     step: Step,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0)
-    ] = None,
+    seed: Annotated[int | None, _SEED] = None,
     cast: CastFile = None,
     reading: CastReading,
     to: Files,

@@ -59,18 +59,17 @@ class Limits(Options):
     largest_mass: Given = valued("MASS", "Of drive and battery (the body's).")
 
 
+_BODY = typer.Argument(metavar="BODY", help="Preset or TOML file with hull, mass and drag.")
+_CAST = typer.Option(metavar="FILE", help="CTD cast (the body's own water).")
+_PARTS = typer.Option(metavar="FILE", help="List of parts (a typical one).")
+
+
 @grouped(out=Path("swimbladder-size"))
 def size(
-    body: Annotated[
-        str, typer.Argument(metavar="BODY", help="Preset or TOML file with hull, mass and drag.")
-    ] = "example-eh",
+    body: Annotated[str, _BODY] = "example-eh",
     *,
-    cast: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="CTD cast (the body's own water).")
-    ] = None,
-    parts: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="List of parts (a typical one).")
-    ] = None,
+    cast: Annotated[Path | None, _CAST] = None,
+    parts: Annotated[Path | None, _PARTS] = None,
     task: Task,
     driver: Driver,
     limits: Limits,

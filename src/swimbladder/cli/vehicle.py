@@ -62,11 +62,12 @@ def show(
     console.print("", table(headings, rows, left=headings, collapse_padding=False), sep="\n")
 
 
+_PATH = typer.Argument(metavar="FILE", help="Where to write; KIND.toml by default.")
+
+
 @vehicle.command()
 def new(
-    path: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="Where to write; KIND.toml by default.")
-    ] = None,
+    path: Annotated[Path | None, _PATH] = None,
     kind: Annotated[
         str,
         typer.Option(

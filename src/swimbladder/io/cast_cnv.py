@@ -36,9 +36,8 @@ _IPTS68 = 1.00024  # T68 over T90 (Saunders 1990, WOCE Newsletter 10)
 
 def is_cnv(data: bytes) -> bool:
     """Say whether bytes are those of a .cnv file."""
-    return data.startswith(b"* Sea-Bird") or (
-        data.startswith(b"*") and b"\n# name 0 = " in data[:100_000]
-    )
+    named = data.startswith(b"*") and b"\n# name 0 = " in data[:100_000]
+    return named or data.startswith(b"* Sea-Bird")
 
 
 def cnv_cast(
@@ -119,9 +118,8 @@ def _column(
     """Return a column of the cast in its unit, None where the file has none."""
     asked, _, stated = given.partition("@")
     starts = _SHORT[column]
-    found = [
-        k for start in starts for k, (short, _) in names.items() if short.lower().startswith(start)
-    ]
+    shorts = [(k, short.lower()) for k, (short, _) in names.items()]
+    found = [k for start in starts for k, short in shorts if short.startswith(start)]
     if asked:
         found = [k for k, (short, _) in names.items() if short == asked]
         if not found:
@@ -139,13 +137,11 @@ def _column(
         factor = unit_factor(unit, CAST_COLUMNS[column])
     except InputError as error:
         remedy = f'State the unit: --column "{column}={short}@UNIT"'
-        raise file.refused(
-            error.what, remedy, short, value=unit, unit=CAST_COLUMNS[column]
-        ) from None
+        what, wanted = error.what, CAST_COLUMNS[column]
+        raise file.refused(what, remedy, short, value=unit, unit=wanted) from None
     if "68" in short and column == "temperature_degC":
         file.report.append(f"{short} is on the scale of 1968 and was turned into that of 1990")
         factor /= _IPTS68
-    file.report.append(
-        f"{column} read from {short!r}" + ("" if factor == 1.0 else f", times {factor:g}")
-    )
+    times = "" if factor == 1.0 else f", times {factor:g}"
+    file.report.append(f"{column} read from {short!r}{times}")
     return values * factor

@@ -113,16 +113,10 @@ def raw_cast(
     return RawCast(**fields, **more)
 
 
-CAST_COLUMNS = {
-    "pressure_dbar": "dbar",
-    "depth_m": "m",
-    "temperature_degC": "degC",
-    "salinity": "",
-    "conductivity_S_m": "S/m",
-    "density_kg_m3": "kg/m3",
-    "latitude": "",
-    "longitude": "",
-}
+_DEPTHS = {"pressure_dbar": "dbar", "depth_m": "m"}
+_WATERS = {"temperature_degC": "degC", "salinity": "", "conductivity_S_m": "S/m"}
+_PLACES = {"latitude": "", "longitude": ""}
+CAST_COLUMNS = {**_DEPTHS, **_WATERS, "density_kg_m3": "kg/m3", **_PLACES}
 """The columns of a cast and their units; salinity is practical salinity, PSS-78.
 
 density_kg_m3 is that in situ; it is only held against the others.

@@ -132,10 +132,9 @@ def _by_air(raw: RawCast, least: float) -> None:
     """Hold the least pressure [dbar] against the atmosphere's: a logger in air shows that."""
     if raw.unit_stated or raw.unit_named is not None:
         if _ATMOSPHERE[0] <= least <= _ATMOSPHERE[1]:
-            raw.report.append(
-                f"the pressures begin at {least:.2f} dbar, as those of a sensor in air that counts "
-                "from vacuum: if it does, subtract 10.13 dbar in the file"
-            )
+            counts = "as those of a sensor in air that counts from vacuum"
+            remedy = "if it does, subtract 10.13 dbar in the file"
+            raw.report.append(f"the pressures begin at {least:.2f} dbar, {counts}: {remedy}")
         return
     for unit in _IN_AIR:
         in_unit = least * unit_factor(unit, "dbar")
@@ -163,10 +162,9 @@ def _by_depth(raw: RawCast, p: Array, depth: Array) -> RawCast:
     if _ATMOSPHERE[0] <= float(np.median(offset)) <= _ATMOSPHERE[1] and float(
         np.std(offset)
     ) < _FITS * float(np.max(due)):
-        raw.report.append(
-            f"the pressures are {np.median(offset):.2f} dbar above what the depths have: they "
-            "hold the atmosphere, which is subtracted (10.1325 dbar)"
-        )
+        above = f"{np.median(offset):.2f} dbar above what the depths have"
+        hold = "they hold the atmosphere, which is subtracted (10.1325 dbar)"
+        raw.report.append(f"the pressures are {above}: {hold}")
         return replace(raw, pressure=p - 10.1325)
     ratio = float(np.median(due / np.where(p[below] == 0.0, np.nan, p[below])))
     if abs(ratio - 1.0) <= _FITS:
@@ -197,10 +195,8 @@ def _by_density(raw: RawCast, p: Array, density: Array, SP: Array) -> None:
     if miss(0.0) > _DENSITY_WRONG:  # else it is potential density
         what = f"the density in situ would be {off:.2g} kg/m3 off the one beside it"
         _refuse_misfit(raw, p, miss, _DENSITY_FITS, what)
-    raw.report.append(
-        f"the density beside is {off:.2g} kg/m3 off that of pressure, temperature and salinity: "
-        "is it that in situ? It is not used"
-    )
+    other = "that of pressure, temperature and salinity: is it that in situ? It is not used"
+    raw.report.append(f"the density beside is {off:.2g} kg/m3 off {other}")
 
 
 def _by_salt(raw: RawCast, p: Array, C: Array, SP: Array) -> None:

@@ -18,14 +18,8 @@ from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_table import check_columns, listed, named_columns, read_table
 from swimbladder.io.log_text import LogFile, read_bytes
 
-FLOAT_COLUMNS = {
-    "time_s": "s",
-    "pressure_Pa": "Pa",
-    "temperature_degC": "degC",
-    "pump_s": "s",
-    "valve_s": "s",
-    "bypass_s": "s",
-}
+FLOAT_COLUMNS = {"time_s": "s", "pressure_Pa": "Pa", "temperature_degC": "degC"}
+FLOAT_COLUMNS |= {f"{device}_s": "s" for device in DEVICES}
 _NEEDED = ("time_s", "pressure_Pa")
 _SHALLOW = 2.5e4  # Pa, of the greatest pressure: no float that pumps goes no deeper
 _UNDER, _UP = 1e5, 5e3  # Pa: surely under water, surely at the surface

@@ -68,10 +68,9 @@ def find_gaps(table: Table, file: LogFile) -> tuple[tuple[float, float], ...]:
     if len(at):
         shown = [f"{steps[k]:.4g} s after {time[k]:.6g} s (line {line[k]})" for k in at[:_SHOWN]]
         more = ", ..." if len(at) > _SHOWN else ""
-        file.report.append(
-            f"{counted(len(at), 'gap')} of more than {limit:.3g} s, {steps[at].sum():.4g} s in "
-            f"all: {', '.join(shown)}{more}"
-        )
+        gaps = f"{counted(len(at), 'gap')} of more than {limit:.3g} s"
+        whole = f"{steps[at].sum():.4g} s in all"
+        file.report.append(f"{gaps}, {whole}: {', '.join(shown)}{more}")
     return tuple((float(time[k]), float(time[k + 1])) for k in at)
 
 
@@ -88,10 +87,8 @@ def suspects(table: Table, gaps: Sequence[tuple[float, float]], file: LogFile) -
         found |= spiky
         lines = [str(number) for number in table.line[spiky][:_SHOWN]]
         more = ", ..." if spiky.sum() > _SHOWN else ""
-        file.report.append(
-            f"{counted(int(spiky.sum()), 'single sample')} of {name} far off the others, on line "
-            f"{', '.join(lines)}{more}: {done}"
-        )
+        odd = f"{counted(int(spiky.sum()), 'single sample')} of {name} far off the others"
+        file.report.append(f"{odd}, on line {', '.join(lines)}{more}: {done}")
     return found
 
 

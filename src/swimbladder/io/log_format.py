@@ -124,17 +124,9 @@ def _tick(value: object) -> object:
 
 
 Delimiter = Literal[",", ";", "\t", "|", " "]
-Encoding = Literal[
-    "utf-8",
-    "utf-16-le",
-    "utf-16-be",
-    "latin-1",
-    "cp1252",
-    "cp437",
-    "mac-roman",
-    "shift_jis",
-    "gb18030",
-]
+_Unicode = Literal["utf-8", "utf-16-le", "utf-16-be"]
+_Western = Literal["latin-1", "cp1252", "cp437", "mac-roman"]
+Encoding = Literal[_Unicode, _Western, "shift_jis", "gb18030"]
 
 
 class LogFormat(Parameters):

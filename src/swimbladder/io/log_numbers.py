@@ -77,10 +77,9 @@ def counter_seconds(
     values, turns = _unwound(values, period)
     if len(turns):
         times = counted(len(turns), "time")
-        file.report.append(
-            f"the counter of {form.counter_bits} bits began again {times}, first on line "
-            f"{line[turns[0]]}; more than a turn within a gap cannot be seen"
-        )
+        began = f"began again {times}, first on line {line[turns[0]]}"
+        unseen = "more than a turn within a gap cannot be seen"
+        file.report.append(f"the counter of {form.counter_bits} bits {began}; {unseen}")
     return values, tick
 
 
@@ -97,9 +96,8 @@ def _refuse_unsaid_turn(
         if 0.9 * 2.0**bits <= before < 2.0**bits and 0.0 <= after < 0.1 * 2.0**bits:
             what = f"time goes back from {before:.17g}, as a counter of {bits} bits does"
             remedy = f"If it is one, set counter_bits = {bits} in a [log] table"
-            raise file.refused(
-                what, remedy, column.name, line=line[known[falls[0] + 1]], value=float(after)
-            )
+            row, value = line[known[falls[0] + 1]], float(after)
+            raise file.refused(what, remedy, column.name, line=row, value=value)
 
 
 def time_remedy(column: LogColumn, text: str) -> str:
@@ -385,10 +383,9 @@ class ColumnReader:
             remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
         if not remedy and k == 0 and not any(letter.isdigit() for letter in text[:20]):
             remedy = "If this row holds the units, set units_row = true in a [log] table"
-        drop = 'set bad_rows = "drop" in a [log] table'
-        remedy = (
-            remedy or f"Correct the field, leave it empty where nothing was measured, or {drop}"
-        )
+        drop = 'or set bad_rows = "drop" in a [log] table'
+        correct = "Correct the field, leave it empty where nothing was measured"
+        remedy = remedy or f"{correct}, {drop}"
         self._spoilt(k, "not a number", remedy, column, text)
 
 

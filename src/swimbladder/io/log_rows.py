@@ -338,25 +338,15 @@ class Rows:
             what = f"{words}, of {whole + len(ragged)}"
             raise self.file.refused(what, remedy, "row", line=line, value=f"{fields} fields")
         if junk:
-            self.report.append(
-                f"{counted(len(junk), 'row')} with characters that are no text dropped, the first "
-                f"on line {junk[0]}"
-            )
+            rows = counted(len(junk), "row")
+            said = f"{rows} with characters that are no text dropped, the first on line {junk[0]}"
+            self.report.append(said)
         if ragged:
             self.report.append(f"{words} dropped, the first on line {ragged[0][0]}")
 
 
-_TEXT_OPTIONS = (
-    "encoding",
-    "delimiter",
-    "header_starts",
-    "names",
-    "skip_lines",
-    "units_row",
-    "skip_rows",
-    "fields",
-    "part",
-)
+_HEADER_OPTIONS = ("encoding", "delimiter", "header_starts", "names", "skip_lines", "units_row")
+_TEXT_OPTIONS = (*_HEADER_OPTIONS, "skip_rows", "fields", "part")
 
 
 def is_parquet(data: bytes, file: LogFile) -> bool:

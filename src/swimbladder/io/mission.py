@@ -170,14 +170,11 @@ class Mission(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if bool(self.setpoints) == bool(self.phases):
-            raise refusal(
-                (
-                    "a mission has either set-points or phases, "
-                    + ("and this one has both" if self.phases else "and this one has neither")
-                ),
-                "Write [[setpoints]] for `simulate`, or [[phases]] for `mission`",
-                "setpoints" if self.phases or "setpoints" in self.model_fields_set else "phases",
-            )
+            has = "both" if self.phases else "neither"
+            what = f"a mission has either set-points or phases, and this one has {has}"
+            remedy = "Write [[setpoints]] for `simulate`, or [[phases]] for `mission`"
+            pointed = self.phases or "setpoints" in self.model_fields_set
+            raise refusal(what, remedy, "setpoints" if pointed else "phases")
         if self.phases:
             self._check_phases()
             return

@@ -141,10 +141,8 @@ class Plan(Parameters):
             depths |= {("moves", i, "depth"): move.depth for i, move in enumerate(one.moves)}
             for at, depth in depths.items():
                 if depth is not None and not self.shallowest <= depth <= self.deepest:
-                    what = (
-                        f"{depth:g} m is outside the plan's range of {self.shallowest:g} to "
-                        f"{self.deepest:g} m"
-                    )
+                    reach = f"{self.shallowest:g} to {self.deepest:g} m"
+                    what = f"{depth:g} m is outside the plan's range of {reach}"
                     raise refusal(what, "Give a depth inside it", "experiments", k, *at)
 
     @property

@@ -14,17 +14,9 @@ from swimbladder.io.log_table import check_columns, listed
 from swimbladder.io.log_text import LogFile
 
 Array = NDArray[np.float64]
-RUN_COLUMNS = {
-    "duration_s": "s",
-    "pressure_Pa": "Pa",
-    "power_W": "W",
-    "voltage_V": "V",
-    "current_A": "A",
-    "volume_m3": "m3",
-    "temperature_degC": "degC",
-    "dive": "",
-    "time_s": "s",
-}
+_DRAWN = ("power_W", "voltage_V", "current_A")
+_MEASURED = ("duration_s", "pressure_Pa", *_DRAWN, "volume_m3", "temperature_degC")
+RUN_COLUMNS = {name: name.rpartition("_")[2] for name in _MEASURED} | {"dive": "", "time_s": "s"}
 """The columns of a table of runs and their units; power, or voltage and current, or power and
 voltage."""
 _MOST = 1e5  # W: no battery that floats gives as much

@@ -345,11 +345,9 @@ class PumpAndValve(Parameters):
         if self.line is not None:
             least = self.line.trapped_air * _ATMOSPHERE
             if self.internal_pressure <= max(least, _VACUUM):
-                raise refusal(
-                    "the line at rest would be full of the air in its oil, or of its vapour",
-                    f"Give a pressure above {max(least, _VACUUM):g} Pa, or leave out actuator.line",
-                    "internal_pressure",
-                )
+                what = "the line at rest would be full of the air in its oil, or of its vapour"
+                above = f"Give a pressure above {max(least, _VACUUM):g} Pa"
+                raise refusal(what, f"{above}, or leave out actuator.line", "internal_pressure")
         pump = self.pump
         if isinstance(pump, DatasheetPump) and self.leakage > pump.drive.pump_leakage > 0.0:
             what = "more seeps in at rest than the pump lets through while it runs"
@@ -357,12 +355,6 @@ class PumpAndValve(Parameters):
             raise refusal(what, remedy, "leakage")
 
 
-Actuator = Annotated[
-    ElectrohydraulicActuator
-    | ElectromechanicalActuator
-    | UnifiedActuator
-    | IdentifiedActuator
-    | Positioner
-    | PumpAndValve,
-    Field(discriminator="kind"),
-]
+_Motored = ElectrohydraulicActuator | ElectromechanicalActuator | UnifiedActuator
+_Actuator = _Motored | IdentifiedActuator | Positioner | PumpAndValve
+Actuator = Annotated[_Actuator, Field(discriminator="kind")]

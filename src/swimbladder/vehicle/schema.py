@@ -171,9 +171,8 @@ def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
     what, remedy = _explain(first, path, annotation, owner, unit)
     if first["type"] in ("missing", "extra_forbidden") or isinstance(value, (dict, BaseModel)):
         value = None
-    return InputError(
-        what, field=dotted(path) or model.__name__, value=value, unit=unit, remedy=remedy
-    )
+    place = dotted(path) or model.__name__
+    return InputError(what, field=place, value=value, unit=unit, remedy=remedy)
 
 
 # What is wrong and what to do, for errors that have one cause.

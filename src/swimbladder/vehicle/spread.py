@@ -96,10 +96,8 @@ class Spread(Parameters):
         known = vehicle.identified
         if known is None:
             what = f"nothing was identified of {vehicle.name!r}"
-            remedy = (
-                "Give it an [identified] table, which `swimbladder identify` writes, or "
-                "state the spread"
-            )
+            table = "an [identified] table, which `swimbladder identify` writes"
+            remedy = f"Give it {table}, or state the spread"
             raise InputError(what, field="identified", remedy=remedy)
         names = list(known.names)
         scale = [v if n != "psi" else 1.0 for n, v in zip(names, known.values, strict=True)]

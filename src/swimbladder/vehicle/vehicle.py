@@ -69,10 +69,8 @@ class Stroke(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if self.minimum >= self.maximum:
-            what = (
-                f"the minimum, {self.minimum * 1e6:g} cm3, is not below the maximum, "
-                f"{self.maximum * 1e6:g} cm3"
-            )
+            least, most = f"{self.minimum * 1e6:g} cm3", f"{self.maximum * 1e6:g} cm3"
+            what = f"the minimum, {least}, is not below the maximum, {most}"
             remedy = "Volumes are counted from mid-stroke: the minimum is usually negative"
             raise refusal(what, remedy, "minimum")
         if self.lowest >= self.highest:
@@ -135,10 +133,9 @@ class Hull(Parameters):
             raise refusal(what, "Give each a name of its own", "parts")
         total = sum(part.volume for part in self.parts) + self.trapped_air
         if self.parts and abs(total - self.displaced_volume) > _ROUNDING * self.displaced_volume:
-            what = (
-                f"the parts displace {total * 1e6:.8g} cm3, trapped air included, and not the "
-                f"displaced volume of {self.displaced_volume * 1e6:.8g} cm3"
-            )
+            parts = f"the parts displace {total * 1e6:.8g} cm3, trapped air included"
+            whole = f"the displaced volume of {self.displaced_volume * 1e6:.8g} cm3"
+            what = f"{parts}, and not {whole}"
             remedy = "List every part that displaces water, or correct displaced_volume"
             raise refusal(what, remedy, "parts")
 
@@ -165,14 +162,10 @@ class Drag(Parameters):
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
-        needs = {
-            "linear": ("k_dl",),
-            "quadratic": ("k_dt",),
-            "switched": ("k_dl", "k_dt", "epsilon"),
-            "switched-literal": ("k_dl", "k_dt", "epsilon"),
-            "blended": ("k_dl", "k_dt"),
-        }[self.law]
-        for name in ("k_dl", "k_dt", "epsilon"):
+        every = ("k_dl", "k_dt", "epsilon")
+        few = {"linear": every[:1], "quadratic": every[1:2], "blended": every[:2]}
+        needs = few.get(self.law, every)
+        for name in every:
             if name in needs and getattr(self, name) <= 0.0:
                 raise refusal(f"the drag law {self.law!r} needs it above 0", f"Add {name}", name)
             if name not in needs and getattr(self, name) != 0.0:
@@ -463,11 +456,10 @@ class Vehicle(Parameters):
         self._electricity_fits()
         neutral = self.neutral_volume(max(self.hull.emergence_depth, 0.0))
         if not self.stroke.minimum < neutral < self.stroke.maximum:
-            what = (
-                f"the neutral volume at the surface, {neutral * 1e6:g} cm3, is outside the stroke "
-                f"of {self.stroke.minimum * 1e6:g} to {self.stroke.maximum * 1e6:g} cm3: the "
-                "vehicle can not both sink and rise"
-            )
+            stroke = f"{self.stroke.minimum * 1e6:g} to {self.stroke.maximum * 1e6:g} cm3"
+            outside = f"{neutral * 1e6:g} cm3, is outside the stroke of {stroke}"
+            sinks = "the vehicle can not both sink and rise"
+            what = f"the neutral volume at the surface, {outside}: {sinks}"
             remedy = "Trim the vehicle (trim_error), or give it a longer stroke"
             raise refusal(what, remedy, "trim_error")
 
