@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from swimbladder.design.stability import Stability
 
 
+def _all(texts: list[str], _: str) -> tuple[str, ...]:
+    return tuple(texts)
+
+
 @dataclass(frozen=True)
 class Asked(Options):
     """What is looked at, as `design.stability.stability` has it."""
@@ -33,10 +37,7 @@ class Asked(Options):
     no_maps: bool = flag("--no-maps", "Leave out from where it recovers.")
     with_robustness: bool = flag("--robustness", "Try gains of 0.5 to 2 and half a sample late.")
     laws: Several = valued(
-        "LAW",
-        "With --robustness: this law too, tuned first.",
-        name="--law",
-        read=lambda texts, _: tuple(texts),
+        "LAW", "With --robustness: this law too, tuned first.", name="--law", read=_all
     )
     draws: int = valued("N", "Vehicles of each trial.", 200)
 

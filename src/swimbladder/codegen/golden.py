@@ -218,9 +218,8 @@ def fly_float(
     run_function(block, commanded, progress)
     if block.work[Row.STOPPED, 0] != 0.0:
         at = block.work[Row.STOP_TICK, 0] * tick
-        raise NoAnswerError(
-            f"The golden mission ended at {at:g} s, at {block.work[Row.Z, 0]:.4g} m: the float "
-            "left the water, or went deeper than any sea"
-        )
+        where = f"at {at:g} s, at {block.work[Row.Z, 0]:.4g} m"
+        why = "the float left the water, or went deeper than any sea"
+        raise NoAnswerError(f"The golden mission ended {where}: {why}")
     depth, _, volume, _, command = block.record[:5, :, 0]
     return np.stack([depth, measured, volume, command], axis=1)

@@ -178,7 +178,7 @@ def make_program(
         check_sample_time(vehicle, law, parameters, tick_s, depths=list(depths))
     program = read_law(law)
     first = vehicle.stroke.maximum if law.command == "volume" else 0.0
-    unit, said, digits, column = _COMMANDS[law.command]
+    command = dict(zip(("unit", "ends", "digits", "column"), _COMMANDS[law.command], strict=True))
     plain = re.sub(r"[^\w .-]", "_", vehicle.name, flags=re.ASCII)
     release = re.match(r"\d+\.\d+\.\d+", version("swimbladder"))
     facts = {
@@ -192,13 +192,10 @@ def make_program(
         "first": first,
         "soon": SOON,
         "most_turns": MOST_TURNS,
-        "unit": unit,
-        "ends": said,
-        "digits": digits,
-        "column": column,
+        **command,
         "parameters": parameters,
         "reasons": Reason,
-        "header": f"time_s,depth_m,volume_m3,{column},reference_depth_m",
+        "header": f"time_s,depth_m,volume_m3,{command['column']},reference_depth_m",
         "limits": limits,
         "units": SUPERVISOR.units,
     }

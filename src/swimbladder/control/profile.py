@@ -117,11 +117,8 @@ def depart(now: Target, wanted: float, fastest: float, jerk: float, shortest: fl
     fastest [m/s] and jerk [m/s3] are limits, 0 where there is none. They hold exactly from rest;
     a target on its way is given the time that its speed and acceleration may cost on top.
     """
-    gap, speed, acceleration = (
-        abs(wanted - now.target),
-        abs(now.target_speed),
-        abs(now.target_acceleration),
-    )
+    gap = abs(wanted - now.target)
+    speed, acceleration = abs(now.target_speed), abs(now.target_acceleration)
     time = shortest
     if fastest > 0.0:
         time = max(time, 2.0 * gap / fastest)

@@ -121,17 +121,14 @@ def claim(
     why, accounted_for: the reason where it does not hold, and whether the computation bears the
     reason out. value: the number that decided it.
     """
-    if holds:
-        verdict = Verdict.AGREES
-    else:
-        verdict = Verdict.EXPLAINED if why and accounted_for else Verdict.FAILS
+    verdict = Verdict.EXPLAINED if why and accounted_for else Verdict.FAILS
     return Finding(
         where=where,
         what=what,
         paper=paper,
         ours=ours,
         difference="none" if holds else "see why",
-        verdict=verdict,
+        verdict=Verdict.AGREES if holds else verdict,
         why=why,
         ours_value=value,
         unit=unit,

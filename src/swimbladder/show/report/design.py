@@ -120,9 +120,8 @@ def _head(design: Design) -> str:
 def _page(design: Design, images: Mapping[str, bytes], command: str) -> str:
     w = design.chosen
     names = w.prediction.names
-    keys = ("number", "start", "moves", "seconds", "after")
     experiments = [
-        dict(zip(keys, (number, start, change, takes, after), strict=True))
+        {"number": number, "start": start, "moves": change, "seconds": takes, "after": after}
         for number, (start, change, takes, *after) in enumerate(rows(design), start=1)
     ]
     values = {
