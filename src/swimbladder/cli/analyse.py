@@ -197,9 +197,8 @@ def _margins(a: Analysis) -> Table:
     c = a.closed_loop
     assert c is not None
     command = "voltage" if a.vehicle.voltage_driven else "volume"
-    at_command, at_depth = (
-        _column(*at) for at in ((c.at_command, c.computation_delay), (c.at_depth, c.depth_delay))
-    )
+    at_command = _column(c.at_command, c.computation_delay)
+    at_depth = _column(c.at_depth, c.depth_delay)
     rows = ((name, text, at_depth[name]) for name, text in at_command.items())
     return _titled("Margins, the loop broken at the", ("", command, "depth"), rows)
 

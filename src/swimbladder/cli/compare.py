@@ -30,11 +30,8 @@ if TYPE_CHECKING:
     from swimbladder.physics.seawater import Column
     from swimbladder.vehicle import Vehicle
 
-_NOISES = {
-    "depth_noise": ("m", "mm"),
-    "random_walk": ("m3/s^0.5", "cm3/s^0.5"),
-    "acceleration_noise": ("m/s/s^0.5", "mm/s/s^0.5"),
-}
+_NOISES = {"depth_noise": ("m", "mm"), "random_walk": ("m3/s^0.5", "cm3/s^0.5")}
+_NOISES["acceleration_noise"] = ("m/s/s^0.5", "mm/s/s^0.5")
 
 
 def _noise(name: str) -> Callable[[str, str], float | None]:
@@ -84,10 +81,9 @@ def _ahead_shown(ahead: Predicted) -> Iterator[object]:
         skill = ("-" if known is None else f"{known:.2f}" for known in h.skill.values())
         rows.append((f"{h.seconds:g} s", *off, *skill, f"{100.0 * h.coverage:.1f} %", str(h.n)))
     yield table(headings, rows)
-    yield (
-        "predicted from what was measured before, and the volume; skill: 1 - rms/rms of a depth "
-        "that stays; without drag: of the same filter without drag and psi"
-    )
+    terms = "skill: 1 - rms/rms of a depth that stays"
+    terms += "; without drag: of the same filter without drag and psi"
+    yield f"predicted from what was measured before, and the volume; {terms}"
     for name, value in ahead.noise.items():
         noise = format_quantity(value, *_NOISES[name], digits=3)
         yield f"{name.replace('_', ' ')}: {noise}, {ahead.origins[name]}"

@@ -15,15 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.text import Text
 
+from swimbladder.cli import common
 from swimbladder.cli.casts import LogCasts, refuse_doubted_unit
-from swimbladder.cli.common import (
-    compile_notice,
-    labelled,
-    progress,
-    severities,
-    table,
-    typed_command,
-)
+from swimbladder.cli.common import compile_notice, labelled, progress, severities, table
 from swimbladder.cli.logs import LogReading
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
 from swimbladder.cli.settings import Sought, deviation, known, setting
@@ -296,7 +290,7 @@ def identify(
     beside = paper_fits(found) if paper and found.identified else None
     answer = {**found.to_json(), "paper": None if beside is None else beside.to_json()}
     with progress("writing the report", 1.0) as advance:
-        run = Run(typed_command(), seconds, beside)
+        run = Run(common.typed_command(), seconds, beside)
         files = write_identification(found, to.out, run, answer=answer, advance=advance)
     named = [path for path in files if to.json or path.suffix != ".png"]
     refused = [f.sentence for f in found.findings if f.severity == "no"]

@@ -66,10 +66,8 @@ def identify_actuator(
     from swimbladder.io.config import load_vehicle
 
     v = None if vehicle is None else load_vehicle(vehicle, sampled=True)
-    fixed = {
-        name: quantity(text, PARAMETERS.get(name, ""), f"--set {name}")
-        for name, text in (pair(text, "--set") for text in sought.fixed or [])
-    }
+    set_to = [pair(text, "--set") for text in sought.fixed or []]
+    fixed = {n: quantity(text, PARAMETERS.get(n, ""), f"--set {n}") for n, text in set_to}
     asked = sought.read()["ask"]
     needs, chosen = ("time_s",), enumerate(reading.chosen(logs))
     given = [reading.log(one, v, quiet=k > 0, required=needs) for k, one in chosen]

@@ -12,16 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swimbladder.cli import common
 from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass, water_of_cast
-from swimbladder.cli.common import (
-    aside,
-    asked_of,
-    compile_notice,
-    labelled,
-    progress,
-    so_far,
-    table,
-)
+from swimbladder.cli.common import aside, asked_of, compile_notice, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.io.answers import attributes
@@ -309,7 +302,7 @@ def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | Non
             bottom_depth=task.bottom,
             seed=seed,
             column=column,
-            progress=so_far(advance),
+            progress=common.so_far(advance),
         )
 
 

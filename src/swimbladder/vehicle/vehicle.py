@@ -272,10 +272,9 @@ class Identified(Parameters):
                 alike = abs(value - self.covariance[j][i]) <= 1e-6 * largest
                 if variance[i] < 0.0 or not alike or abs(value) > largest * (1.0 + 1e-6):
                     what = f"no covariance: look at {self.names[i]} and {self.names[j]}"
-                    remedy = (
-                        "A covariance is symmetric, with variances of 0 or more on its diagonal "
-                        "and correlations between -1 and 1"
-                    )
+                    diagonal = "with variances of 0 or more on its diagonal"
+                    between = "correlations between -1 and 1"
+                    remedy = f"A covariance is symmetric, {diagonal} and {between}"
                     raise refusal(what, remedy, "covariance")
 
 

@@ -54,11 +54,8 @@ def instruction(design: Design, k: int) -> str:
         if move.depth is not None:
             where = f"When it passes {move.depth:g} m on its way {move.going}"
         said.append(to.capitalize() if move.depth is None else f"{where}: {to}")
-    end = {
-        "shallowest": f"until it passes {s.shallowest:g} m",
-        "deepest": f"until it passes {s.deepest:g} m",
-        "longest": "to the end",
-    }[flight.ended]
+    passed = {"shallowest": s.shallowest, "deepest": s.deepest}.get(flight.ended)
+    end = "to the end" if passed is None else f"until it passes {passed:g} m"
     said.append(f"Record {end}, {s.longest:g} s at most; about {flight.duration:.0f} s.")
     return " ".join(said)
 
