@@ -38,36 +38,9 @@ _PHASES = (
 )
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 _SECONDS = "seconds since 1970-01-01T00:00:00Z"
-_TIME: dict[str, Any] = {
-    "calendar": "gregorian",
-    "units": _SECONDS,
-    "valid_min": 1e9,
-    "valid_max": 4e9,
-}
-_LATITUDE: dict[str, Any] = {
-    "standard_name": "latitude",
-    "units": "degrees_north",
-    "valid_min": -90.0,
-    "valid_max": 90.0,
-}
-_LONGITUDE: dict[str, Any] = {
-    "standard_name": "longitude",
-    "units": "degrees_east",
-    "valid_min": -180.0,
-    "valid_max": 180.0,
-}
-_FLAGGED = (
-    "TIME",
-    "LATITUDE",
-    "LONGITUDE",
-    "DEPTH",
-    "TIME_GPS",
-    "LATITUDE_GPS",
-    "LONGITUDE_GPS",
-    "PRES",
-    "TEMP",
-    "PHASE",
-)
+_TIME: dict[str, Any] = dict(calendar="gregorian", units=_SECONDS, valid_min=1e9, valid_max=4e9)
+_PLACED = ("TIME", "LATITUDE", "LONGITUDE", "DEPTH")
+_FLAGGED = (*_PLACED, "TIME_GPS", "LATITUDE_GPS", "LONGITUDE_GPS", "PRES", "TEMP", "PHASE")
 _SENSOR = "SENSOR_SIMULATION_0"
 _NOT_STATED = "not stated"
 _AT = "N_MEASUREMENTS"
@@ -75,7 +48,26 @@ _MEAN = (
     "The sum of power times the time to the next measurement is all the energy taken; what is "
     "taken once at a surfacing is spread over the rest of that phase"
 )
-_Table = dict[str, tuple[str, Any, dict[str, Any]]]
+_Variable = tuple[tuple[str, ...], Any, dict[str, Any]]  # dimensions, values, attributes
+_Table = dict[str, _Variable]
+
+
+def _angle(name: str, towards: str, most: float) -> dict[str, Any]:
+    """Return the attributes that all latitudes, or all longitudes, have."""
+    units = f"degrees_{towards}"
+    return {"standard_name": name, "units": units, "valid_min": -most, "valid_max": most}
+
+
+_LATITUDE, _LONGITUDE = _angle("latitude", "north", 90.0), _angle("longitude", "east", 180.0)
+
+
+def _series(values: Any, **attributes: Any) -> _Variable:
+    """Return a variable with a value at each measurement."""
+    return (_AT,), values, attributes
+
+
+def _scalar(value: Any, **attributes: Any) -> _Variable:
+    return (), value, attributes
 
 
 def og1_dataset(
@@ -94,26 +86,21 @@ def og1_dataset(
 
     start = (begin - _EPOCH).total_seconds()
     where = [np.nan if angle is None else angle for angle in (latitude, longitude)]
+    stamp = f"{begin.astimezone(datetime.UTC):%Y%m%dT%H%M%S}"
     data = _located(result, start, *where) | _measured(result) | _own(result)
-    n = len(result.flight.rows)
     for name in _FLAGGED:
         data[name][2]["ancillary_variables"] = f"{name}_QC"
-        data[f"{name}_QC"] = (
-            _AT,
-            np.zeros(n, np.int8),
-            {
-                "long_name": "quality flag",
-                "valid_range": np.array([0, 4], np.int8),
-                "flag_values": np.arange(5, dtype=np.int8),
-                "flag_meanings": "no_QC_has_been_applied good_data probably_good_data "
-                "probably_bad_data bad_data",
-            },
+        data[f"{name}_QC"] = _series(
+            np.zeros(len(result.flight.rows), np.int8),
+            long_name="quality flag",
+            valid_range=np.array([0, 4], np.int8),
+            flag_values=np.arange(5, dtype=np.int8),
+            flag_meanings="no_QC_has_been_applied good_data probably_good_data "
+            "probably_bad_data bad_data",
         )
+    data |= _platform(result, start, stamp, *where)
     found = xarray.Dataset({key: xarray.Variable(*value) for key, value in data.items()})
-    stamp = f"{begin.astimezone(datetime.UTC):%Y%m%dT%H%M%S}"
-    for key, (value, attributes) in _scalars(result, start, stamp, *where).items():
-        found[key] = xarray.Variable((), value, attributes)
-    found = found.set_coords(["TIME", "LATITUDE", "LONGITUDE", "DEPTH"])
+    found = found.set_coords(_PLACED)
     found.attrs = _attributes(result, begin, stamp)
     return found
 
@@ -121,65 +108,31 @@ def og1_dataset(
 def _located(result: MissionResult, start: float, latitude: float, longitude: float) -> _Table:
     """Return where and when it was, and its GPS fixes, of which there are none."""
     rows = result.flight.rows
-    n = len(rows)
-    nowhere = np.full(n, np.nan)
-    constant = "the place of the cast, at all times"
-    return {
-        "TIME": (
-            _AT,
-            start + rows["t"],
-            _TIME
-            | {
-                "long_name": "Time elapsed since 1970-01-01T00:00:00Z",
-                "standard_name": "time",
-                "interpolation_methodology": "none: simulated",
-                "time_vocabulary": _VOCABULARY + "TIME/",
-            },
-        ),
-        "LATITUDE": (
-            _AT,
-            np.full(n, latitude),
-            _LATITUDE
-            | {
-                "long_name": "Latitude north (WGS84)",
-                "interpolation_methodology": constant,
-                "latitude_vocabulary": _VOCABULARY + "LAT/",
-            },
-        ),
-        "LONGITUDE": (
-            _AT,
-            np.full(n, longitude),
-            _LONGITUDE
-            | {
-                "long_name": "longitude of each measurement and GPS location",
-                "interpolation_methodology": constant,
-                "longitude_vocabulary": _VOCABULARY + "LON/",
-            },
-        ),
-        "DEPTH": (
-            _AT,
-            np.maximum(rows["z"], 0.0),
-            {
-                "long_name": "Depth below surface of the water body",
-                "standard_name": "depth",
-                "units": "metres",
-                "positive": "down",
-                "valid_min": 0.0,
-                "valid_max": 10000.0,
-                "interpolation_methodology": (
-                    "none: simulated; 0 where the sensor is out of the water"
-                ),
-                "depth_vocabulary": _VOCABULARY + "DEPTH/",
-            },
-        ),
-        "TIME_GPS": (_AT, nowhere, _TIME | {"long_name": "time of each GPS location"}),
-        "LATITUDE_GPS": (_AT, nowhere, _LATITUDE | {"long_name": "latitude of each GPS location"}),
-        "LONGITUDE_GPS": (
-            _AT,
-            nowhere,
-            _LONGITUDE | {"long_name": "longitude of each GPS location"},
-        ),
+    n, deep = len(rows), np.maximum(rows["z"], 0.0)
+    elapsed = "Time elapsed since 1970-01-01T00:00:00Z"
+    placed = "longitude of each measurement and GPS location"
+    under = "Depth below surface of the water body"
+    depth: dict[str, Any] = dict(long_name=under, standard_name="depth", units="metres")
+    depth |= dict(positive="down", valid_min=0.0, valid_max=10000.0)
+    found = {
+        "TIME": _series(start + rows["t"], **_TIME, long_name=elapsed, standard_name="time"),
+        "LATITUDE": _series(np.full(n, latitude), **_LATITUDE, long_name="Latitude north (WGS84)"),
+        "LONGITUDE": _series(np.full(n, longitude), **_LONGITUDE, long_name=placed),
+        "DEPTH": _series(deep, **depth),
     }
+    place = "the place of the cast, at all times"
+    for name, term, how in (
+        ("TIME", "TIME", "none: simulated"),
+        ("LATITUDE", "LAT", place),
+        ("LONGITUDE", "LON", place),
+        ("DEPTH", "DEPTH", "none: simulated; 0 where the sensor is out of the water"),
+    ):
+        found[name][2]["interpolation_methodology"] = how
+        found[name][2][f"{name.lower()}_vocabulary"] = f"{_VOCABULARY}{term}/"
+    for name, common in (("TIME", _TIME), ("LATITUDE", _LATITUDE), ("LONGITUDE", _LONGITUDE)):
+        words = f"{name.lower()} of each GPS location"
+        found[f"{name}_GPS"] = _series(np.full(n, np.nan), **common, long_name=words)
+    return found
 
 
 def _measured(result: MissionResult) -> _Table:
@@ -190,39 +143,30 @@ def _measured(result: MissionResult) -> _Table:
     pressure = np.interp(z, column.depth, column.pressure) / 1e4
     temperature = np.interp(z, column.depth, column.temperature)
     return {
-        "PRES": (
-            _AT,
+        "PRES": _series(
             pressure.astype(np.float32),
-            common
-            | {
-                "long_name": "Pressure",
-                "standard_name": "sea_water_pressure",
-                "units": "dbar",
-                "vocabulary": _VOCABULARY + "PRES/",
-            },
+            **common,
+            long_name="Pressure",
+            standard_name="sea_water_pressure",
+            units="dbar",
+            vocabulary=f"{_VOCABULARY}PRES/",
         ),
-        "TEMP": (
-            _AT,
+        "TEMP": _series(
             temperature.astype(np.float32),
-            common
-            | {
-                "long_name": "Sea Water Temperature, of the cast",
-                "units": "Celsius",
-                "standard_name": "sea_water_temperature",
-                "vocabulary": _VOCABULARY + "TEMP/",
-            },
+            **common,
+            long_name="Sea Water Temperature, of the cast",
+            units="Celsius",
+            standard_name="sea_water_temperature",
+            vocabulary=f"{_VOCABULARY}TEMP/",
         ),
-        "PHASE": (
-            _AT,
+        "PHASE": _series(
             og1_phase(result),
-            {
-                "long_name": "behavior of the glider at sea",
-                "phase_vocabulary": _PHASES,
-                "phase_calculation_method": "the phase of the mission, and the sign of the speed",
-                "phase_calculation_method_vocabulary": "n/a",
-                "flag_values": np.array([0, 1, 2, 3, 4], np.int8),
-                "flag_meanings": "unknown ascent descent surfacing parking",
-            },
+            long_name="behavior of the glider at sea",
+            phase_vocabulary=_PHASES,
+            phase_calculation_method="the phase of the mission, and the sign of the speed",
+            phase_calculation_method_vocabulary="n/a",
+            flag_values=np.array([0, 1, 2, 3, 4], np.int8),
+            flag_meanings="unknown ascent descent surfacing parking",
         ),
     }
 
@@ -230,108 +174,65 @@ def _measured(result: MissionResult) -> _Table:
 def _own(result: MissionResult) -> _Table:
     """Return what OG1 has no term for."""
     columns = trajectory_columns(result)
-    data: _Table = {
-        "VOLUME_CHANGE": (
-            _AT,
-            columns["volume_m3"],
-            {
-                "long_name": "change of displaced volume, positive is lighter",
-                "units": "m3",
-            },
-        ),
-        "VERTICAL_SPEED": (
-            _AT,
-            columns["speed_m_s"],
-            {
-                "long_name": "vertical speed through the water, positive down",
-                "units": "m s-1",
-            },
-        ),
-        "CYCLE_NUMBER": (_AT, columns["cycle"].astype(np.int32), {"long_name": "cycle"}),
-        "PUMP": (
-            _AT,
-            (columns["doing"] == Doing.PUMPING).astype(np.int8),
-            {
-                "long_name": "whether the drive presses volume out until the next measurement",
-            },
-        ),
+    pumps = (columns["doing"] == Doing.PUMPING).astype(np.int8)
+    lighter = "change of displaced volume, positive is lighter"
+    downward = "vertical speed through the water, positive down"
+    pressed = "whether the drive presses volume out until the next measurement"
+    found = {
+        "VOLUME_CHANGE": _series(columns["volume_m3"], long_name=lighter, units="m3"),
+        "VERTICAL_SPEED": _series(columns["speed_m_s"], long_name=downward, units="m s-1"),
+        "CYCLE_NUMBER": _series(columns["cycle"].astype(np.int32), long_name="cycle"),
+        "PUMP": _series(pumps, long_name=pressed),
     }
-    if result.energy_known:
-        names = power_names(list(result.books.battery))
-        for consumer, name in {"the battery": "power_W", **names}.items():
-            data[name.removesuffix("_W").upper()] = (
-                _AT,
-                columns[name],
-                {
-                    "long_name": f"mean electrical power until the next measurement: {consumer}",
-                    "units": "W",
-                    "comment": _MEAN,
-                },
-            )
-        if "battery" in columns:
-            data["BATTERY"] = (
-                _AT,
-                columns["battery"],
-                {
-                    "long_name": "share of the full battery that is left",
-                    "units": "1",
-                },
-            )
-    return data
+    if not result.energy_known:
+        return found
+    names = power_names(list(result.books.battery))
+    for consumer, name in {"the battery": "power_W", **names}.items():
+        power = f"mean electrical power until the next measurement: {consumer}"
+        mean = _series(columns[name], long_name=power, units="W", comment=_MEAN)
+        found[name.removesuffix("_W").upper()] = mean
+    if "battery" in columns:
+        left = "share of the full battery that is left"
+        found["BATTERY"] = _series(columns["battery"], long_name=left, units="1")
+    return found
 
 
-def _scalars(
+def _platform(
     result: MissionResult, start: float, stamp: str, latitude: float, longitude: float
-) -> dict[str, tuple[Any, dict[str, Any]]]:
+) -> _Table:
     """Return platform, deployment and the sensor that it has not."""
     vehicle = result.flight.vehicle
     name, limit = vehicle.name, vehicle.hull.depth_limit
-    found: dict[str, tuple[Any, dict[str, Any]]] = {
-        "TRAJECTORY": (
-            f"{name}_{stamp}",
-            {
-                "cf_role": "trajectory_id",
-                "long_name": "trajectory name",
-            },
+    clock = {key: _TIME[key] for key in ("calendar", "units")}
+    model = {"long_name": "model of the glider", "platform_model_vocabulary": _MODELS}
+    found = {
+        "TRAJECTORY": _scalar(
+            f"{name}_{stamp}", cf_role="trajectory_id", long_name="trajectory name"
         ),
-        "WMO_IDENTIFIER": ("none", {"long_name": "wmo id"}),
-        "PLATFORM_MODEL": (
-            name,
-            {
-                "long_name": "model of the glider",
-                "platform_model_vocabulary": _MODELS,
-            },
+        "WMO_IDENTIFIER": _scalar("none", long_name="wmo id"),
+        "PLATFORM_MODEL": _scalar(name, **model),
+        "PLATFORM_SERIAL_NUMBER": _scalar(name, long_name="glider serial number"),
+        "PLATFORM_NAME": _scalar(name, long_name="Local or nickname of the glider"),
+        "DEPLOYMENT_TIME": _scalar(
+            start, long_name="date of deployment", standard_name="time", **clock
         ),
-        "PLATFORM_SERIAL_NUMBER": (name, {"long_name": "glider serial number"}),
-        "PLATFORM_NAME": (name, {"long_name": "Local or nickname of the glider"}),
-        "DEPLOYMENT_TIME": (
-            start,
-            {
-                "long_name": "date of deployment",
-                "standard_name": "time",
-                "calendar": "gregorian",
-                "units": _SECONDS,
-            },
+        "DEPLOYMENT_LATITUDE": _scalar(latitude, **_LATITUDE, long_name="latitude of deployment"),
+        "DEPLOYMENT_LONGITUDE": _scalar(
+            longitude, **_LONGITUDE, long_name="longitude of deployment"
         ),
-        "DEPLOYMENT_LATITUDE": (latitude, _LATITUDE | {"long_name": "latitude of deployment"}),
-        "DEPLOYMENT_LONGITUDE": (longitude, _LONGITUDE | {"long_name": "longitude of deployment"}),
-        _SENSOR: (
+        _SENSOR: _scalar(
             "",
-            {
-                "long_name": "no sensor: the values are those of the cast and of the simulation",
-                "sensor_type_vocabulary": "n/a",
-                "sensor_model": "none",
-                "sensor_model_vocabulary": "n/a",
-            },
+            long_name="no sensor: the values are those of the cast and of the simulation",
+            sensor_type_vocabulary="n/a",
+            sensor_model="none",
+            sensor_model_vocabulary="n/a",
         ),
     }
     if limit is not None:
-        found["PLATFORM_DEPTH_RATING"] = (
+        found["PLATFORM_DEPTH_RATING"] = _scalar(
             np.int32(limit),
-            {
-                "long_name": "depth limit in meters of the glider for this mission",
-                "convention": "positive value expected - e.g. 100m depth = 100",
-            },
+            long_name="depth limit in meters of the glider for this mission",
+            convention="positive value expected - e.g. 100m depth = 100",
         )
     return found
 
@@ -390,21 +291,17 @@ def write_og1(dataset: xr.Dataset, path: Path) -> Path:
     Raises InputError where the file cannot be written.
     """
     encoding: dict[str, dict[str, Any]] = {
-        str(name): {"zlib": True, "complevel": 1}
+        str(name): {"zlib": True, "complevel": 1} if variable.ndim else {}
         for name, variable in dataset.variables.items()
-        if variable.ndim
     }
+    for name in _FLAGGED:
+        kind = dataset[name].dtype
+        encoding[name]["_FillValue"] = kind.type(0 if name == "PHASE" else -9999.9)
+        encoding[f"{name}_QC"]["_FillValue"] = np.int8(-127)
     for name in ("TIME", "TIME_GPS"):
         encoding[name]["_FillValue"] = -1.0
-    for name in ("LATITUDE", "LONGITUDE", "DEPTH", "LATITUDE_GPS", "LONGITUDE_GPS"):
-        encoding[name]["_FillValue"] = -9999.9
     for name in ("DEPLOYMENT_LATITUDE", "DEPLOYMENT_LONGITUDE"):
-        encoding[name] = {"_FillValue": -9999.9}
-    for name in ("PRES", "TEMP"):
-        encoding[name]["_FillValue"] = np.float32(-9999.9)
-    for name in _FLAGGED:
-        encoding[f"{name}_QC"]["_FillValue"] = np.int8(-127)
-    encoding["PHASE"]["_FillValue"] = np.int8(0)
+        encoding[name]["_FillValue"] = -9999.9
     return write_through(
         path,
         lambda place: dataset.to_netcdf(
