@@ -18,13 +18,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
@@ -181,8 +175,8 @@ def each(
     that there may be any number. After an error no other is begun.
     """
     count = workers or os.cpu_count() or 1
-    left, waiting = iter(items), dict[Future[Answer], Item]()
-    with _processes(count) if processes else ThreadPoolExecutor(count) as pool:
+    left, waiting = iter(items), dict[futures.Future[Answer], Item]()
+    with _processes(count) if processes else futures.ThreadPoolExecutor(count) as pool:
         try:
             while True:
                 for item in left:
@@ -191,7 +185,7 @@ def each(
                         break
                 if not waiting:
                     return
-                done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+                done, _ = futures.wait(waiting, return_when=futures.FIRST_COMPLETED)
                 for future in done:
                     yield waiting.pop(future), future.result()
         finally:
@@ -242,45 +236,22 @@ class Workers:
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
         k, n = self.part
-        for fits, field, value, what, remedy in (
-            (
-                self.executor in EXECUTORS,
-                "--executor",
-                self.executor,
-                "no such executor",
-                f"Choose from {', '.join(EXECUTORS)}",
-            ),
-            (
-                self.count is None or 1 <= self.count <= 4096,
-                "--workers",
-                self.count,
-                "must be a whole number from 1 to 4096",
-                "Leave it out for one on each core",
-            ),
-            (
-                self.scheduler is None or self.executor == "dask",
-                "--scheduler",
-                self.scheduler,
-                "only dask has a scheduler",
-                "Give --executor dask",
-            ),
-            (
-                self.scheduler is None or self.count is None,
-                "--workers",
-                self.count,
-                "a scheduler has workers of its own",
-                "Leave it out",
-            ),
-            (
-                1 <= k <= n <= 1_000_000,
-                "--part",
-                f"{k}/{n}",
-                "no part of a whole",
-                "Give a number and how many there are, from --part 1/8 to --part 8/8",
-            ),
-        ):
-            if not fits:
-                raise InputError(what, field=field, value=value, remedy=remedy)
+        if self.executor not in EXECUTORS:
+            given, remedy = self.executor, f"Choose from {', '.join(EXECUTORS)}"
+            raise InputError("no such executor", field="--executor", value=given, remedy=remedy)
+        if self.count is not None and not 1 <= self.count <= 4096:
+            what = "must be a whole number from 1 to 4096"
+            remedy = "Leave it out for one on each core"
+            raise InputError(what, field="--workers", value=self.count, remedy=remedy)
+        if self.scheduler is not None and self.executor != "dask":
+            what, remedy = "only dask has a scheduler", "Give --executor dask"
+            raise InputError(what, field="--scheduler", value=self.scheduler, remedy=remedy)
+        if self.scheduler is not None and self.count is not None:
+            what, remedy = "a scheduler has workers of its own", "Leave it out"
+            raise InputError(what, field="--workers", value=self.count, remedy=remedy)
+        if not 1 <= k <= n <= 1_000_000:
+            remedy = "Give a number and how many there are, from --part 1/8 to --part 8/8"
+            raise InputError("no part of a whole", field="--part", value=f"{k}/{n}", remedy=remedy)
 
     @property
     def local(self) -> int:
@@ -341,9 +312,9 @@ def _by_pool(job: Job, chunks: list[int], workers: Workers, report: Callable[[],
             raise NoAnswerError(what)
 
 
-def _processes(count: int) -> ProcessPoolExecutor:
+def _processes(count: int) -> futures.ProcessPoolExecutor:
     spawn = multiprocessing.get_context("spawn")  # a fork has locks of threads that it has not
-    return ProcessPoolExecutor(count, spawn, initializer=_end_with_parent)
+    return futures.ProcessPoolExecutor(count, spawn, initializer=_end_with_parent)
 
 
 def _end_with_parent() -> None:

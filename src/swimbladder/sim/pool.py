@@ -113,20 +113,14 @@ def pool_parameters(
     """
     a, controller, supply = vehicle.actuator, vehicle.controller, vehicle.supply
     if not isinstance(a, IdentifiedActuator) or supply is None:
-        raise InputError(
-            "the timed voltage needs K1, T1 and the piston area",
-            field="actuator.kind",
-            value=a.kind,
-            remedy="Describe the actuator as kind identified",
-        )
+        what = "the timed voltage needs K1, T1 and the piston area"
+        remedy = "Describe the actuator as kind identified"
+        raise InputError(what, field="actuator.kind", value=a.kind, remedy=remedy)
     law, loop = bind(controller) if controller is not None else (None, None)
     if law is not CASCADE or not isinstance(loop, CascadeParameters):
-        raise InputError(
-            "the pool procedure holds the depth with the cascade",
-            field="controller.law",
-            value=None if law is None else law.name,
-            remedy="Give the vehicle that controller",
-        )
+        what = "the pool procedure holds the depth with the cascade"
+        name, remedy = None if law is None else law.name, "Give the vehicle that controller"
+        raise InputError(what, field="controller.law", value=name, remedy=remedy)
     return procedure_for(
         loop,
         rate_per_volt=a.K1 * a.piston_area,

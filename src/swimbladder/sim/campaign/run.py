@@ -75,12 +75,8 @@ class Floats:
     def __post_init__(self) -> None:
         """Refuse what cannot be flown; the rest of the work knows that it can."""
         if not 1 <= self.floats <= MOST:
-            raise InputError(
-                "must be a whole number from 1 to a million",
-                field="--floats",
-                value=self.floats,
-                remedy="Give --floats 4000",
-            )
+            what, remedy = "must be a whole number from 1 to a million", "Give --floats 4000"
+            raise InputError(what, field="--floats", value=self.floats, remedy=remedy)
         for column in self.columns:
             check_flight(self.vehicle, self.mission, column, cycles=self.cycles, span=self.span)
         self._most_cycles()
@@ -182,12 +178,9 @@ class Floats:
         if math.isfinite(span) and shortest > 0.0:
             last = min(last, math.floor(span / shortest) + 1.0)
         if last > _LONGEST:
-            raise InputError(
-                f"a float may do more than {_LONGEST} cycles",
-                field="--cycles",
-                value=last,
-                remedy="Say how many cycles it does at most: --cycles 1000",
-            )
+            what = f"a float may do more than {_LONGEST} cycles"
+            remedy = "Say how many cycles it does at most: --cycles 1000"
+            raise InputError(what, field="--cycles", value=last, remedy=remedy)
         return int(last)
 
     def _one(self, number: int) -> tuple[list[float], list[list[float]]]:

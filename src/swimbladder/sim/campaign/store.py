@@ -117,21 +117,14 @@ class Layout:
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise self._refused("this is no store of a campaign") from None
         if differ:
-            here = f" (this is swimbladder {release()})"
-            raise self._refused(
-                "this is the store of another campaign; what differs: "
-                + ", ".join(differ)
-                + here * ("version" in differ)
-            )
+            here = f" (this is swimbladder {release()})" if "version" in differ else ""
+            what = f"this is the store of another campaign; what differs: {', '.join(differ)}"
+            raise self._refused(what + here)
         return True
 
     def _refused(self, what: str) -> InputError:
-        return InputError(
-            what,
-            file=self.folder,
-            field="--out",
-            remedy="Choose another folder with --out, or remove that one",
-        )
+        remedy = "Choose another folder with --out, or remove that one"
+        return InputError(what, file=self.folder, field="--out", remedy=remedy)
 
     def create(self) -> None:
         """Make the store where there is none yet; whole, whoever else makes it just now.
@@ -148,12 +141,9 @@ class Layout:
                 with contextlib.suppress(OSError):  # another was faster
                     made.rename(self.folder)
         except OSError as error:
-            raise InputError(
-                f"cannot make the store: {error.strerror or error}",
-                file=self.folder,
-                field="--out",
-                remedy="Choose another folder with --out",
-            ) from error
+            what = f"cannot make the store: {error.strerror or error}"
+            remedy = "Choose another folder with --out"
+            raise InputError(what, file=self.folder, field="--out", remedy=remedy) from error
         if not self.check():
             raise self._refused("the store cannot be made")
 

@@ -64,17 +64,15 @@ def compiler() -> str:
     """
     asked = os.environ.get("CC", "").split()
     names = asked[:1] or ["cc", "gcc", "clang"]
-    for name in names:
-        found = shutil.which(name)
-        if found:
-            return found
-    raise InputError(
-        "the controller's C has to be compiled on this machine, and there is no C compiler",
-        field="CC" if asked else None,
-        value=asked[0] if asked else None,
-        remedy="Install gcc or clang (Debian: apt install gcc; macOS: xcode-select --install; "
-        "Windows: MSYS2), or name one with the environment variable CC",
+    if found := next(filter(None, map(shutil.which, names)), None):
+        return found
+    what = "the controller's C has to be compiled on this machine, and there is no C compiler"
+    remedy = (
+        "Install gcc or clang (Debian: apt install gcc; macOS: xcode-select --install; Windows: "
+        "MSYS2), or name one with the environment variable CC"
     )
+    field, value = ("CC", asked[0]) if asked else (None, None)
+    raise InputError(what, field=field, value=value, remedy=remedy)
 
 
 class Board(contextlib.ExitStack):
@@ -97,18 +95,13 @@ class Board(contextlib.ExitStack):
                 (folder / name).write_text(text, encoding="utf-8")
             sources = [str(folder / name) for name in files if name.endswith(".c")]
             made = folder / ("board.dll" if os.name == "nt" else "board.so")
-            done = subprocess.run(
-                [cc, *_FLAGS, *sources, "-o", str(made), "-lm"],
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+            command = [cc, *_FLAGS, *sources, "-o", str(made), "-lm"]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode != 0:
                 said = " ".join((done.stderr or done.stdout or "no message").split())
-                raise InputError(
-                    f"{Path(cc).name} did not compile the controller's C: {said[:300]}",
-                    remedy="Name another C compiler with the environment variable CC",
-                )
+                what = f"{Path(cc).name} did not compile the controller's C: {said[:300]}"
+                remedy = "Name another C compiler with the environment variable CC"
+                raise InputError(what, remedy=remedy)
             self._library = ctypes.CDLL(str(made))
             self.push(until_loaded.pop_all())
         self.addresses = {

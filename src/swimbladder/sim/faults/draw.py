@@ -144,23 +144,12 @@ def course_of(
         supervisor = vehicle.supervisor.model_copy(update={"time_limit": limit})
         vehicle = vehicle.model_copy(update={"supervisor": supervisor})
     elif limit < takes:
-        raise InputError(
-            f"the missions take {takes:.0f} s and would be cut short",
-            field="supervisor.time_limit",
-            value=limit,
-            unit="s",
-            remedy="Leave it out, give more, or ask for less --depth",
-        )
-    return Course(
-        vehicle,
-        where,
-        region(vehicle).neutral,
-        speed,
-        ramp,
-        limit + slack + 3.0 * way / speed,
-        medium,
-        column,
-    )
+        what = f"the missions take {takes:.0f} s and would be cut short"
+        remedy = "Leave it out, give more, or ask for less --depth"
+        field = "supervisor.time_limit"
+        raise InputError(what, field=field, value=limit, unit="s", remedy=remedy)
+    end = limit + slack + 3.0 * way / speed
+    return Course(vehicle, where, region(vehicle).neutral, speed, ramp, end, medium, column)
 
 
 def _tick(vehicle: Vehicle) -> float:
@@ -170,33 +159,24 @@ def _tick(vehicle: Vehicle) -> float:
 
 def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None) -> Range:
     limit = supervisor_parameters(vehicle, _tick(vehicle)).deep.depth_limit
-    too_deep = partial(InputError, field="--depth")
+    refused = partial(InputError, field="--depth")
     if depths is not None:
         if not (least <= depths[0] < depths[1]):
-            raise too_deep(
-                f"the missions need depths that grow, from {least:g} m on",
-                unit="m",
-                value=f"{depths[0]:g}:{depths[1]:g}",
-                remedy='Write it like "1:40 m"',
-            )
+            what = f"the missions need depths that grow, from {least:g} m on"
+            asked, remedy = f"{depths[0]:g}:{depths[1]:g}", 'Write it like "1:40 m"'
+            raise refused(what, value=asked, unit="m", remedy=remedy)
         if depths[1] > limit:
-            raise too_deep(
-                f"the supervisor turns the vehicle round at {limit:.4g} m",
-                value=f"{depths[1]:g} m",
-                remedy="Ask for less depth, or say more of the vehicle in its [supervisor] table",
-            )
+            what = f"the supervisor turns the vehicle round at {limit:.4g} m"
+            remedy = "Ask for less depth, or say more of the vehicle in its [supervisor] table"
+            raise refused(what, value=f"{depths[1]:g} m", remedy=remedy)
         return Range(*depths, "as asked")
     if not math.isfinite(limit):
-        raise too_deep(
-            "nothing of this vehicle limits the depth of its missions",
-            remedy='Say how deep it goes, like "1:40 m", or give hull.depth_limit',
-        )
+        remedy = 'Say how deep it goes, like "1:40 m", or give hull.depth_limit'
+        raise refused("nothing of this vehicle limits the depth of its missions", remedy=remedy)
     if RESERVE * limit <= least:
-        raise InputError(
-            f"the supervisor turns the vehicle round at {limit:.3g} m: too shallow for a mission",
-            field="supervisor.depth_limit",
-            remedy="Check hull.psi, the stroke, the supply and the rated depth",
-        )
+        what = f"the supervisor turns the vehicle round at {limit:.3g} m: too shallow for a mission"
+        remedy = "Check hull.psi, the stroke, the supply and the rated depth"
+        raise InputError(what, field="supervisor.depth_limit", remedy=remedy)
     words = f"{RESERVE:.0%} of the supervisor's {limit:.4g} m"
     if vehicle.hull.depth_limit is None and vehicle.supervisor.depth_limit is None:
         words += ", from stroke and motor: no rating is stated, give hull.depth_limit or --depth"

@@ -10,6 +10,15 @@ from swimbladder.errors import InputError
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import speeds
 
+# Of VirtualFleet's configuration: description, unit and Argo's key.
+_PARAMETERS = {
+    "cycle_duration": ("Maximum length of float complete cycle", "hours", "CONFIG_CycleTime_hours"),
+    "life_expectancy": ("Maximum number of completed cycle", "cycle", "CONFIG_MaxCycles_NUMBER"),
+    "parking_depth": ("Drifting depth", "m", "CONFIG_ParkPressure_dbar"),
+    "profile_depth": ("Maximum profile depth", "m", "CONFIG_ProfilePressure_dbar"),
+    "vertical_speed": ("Vertical profiling speed", "m/s", ""),
+}
+
 
 def created(begin: datetime.datetime) -> datetime.datetime:
     """Return when results say that they were made: the same for the same run.
@@ -23,13 +32,9 @@ def created(begin: datetime.datetime) -> datetime.datetime:
     try:
         return datetime.datetime.fromtimestamp(int(given), datetime.UTC)
     except (ValueError, OverflowError, OSError):
-        raise InputError(
-            "not a number of seconds since 1970",
-            field="SOURCE_DATE_EPOCH",
-            value=given,
-            unit="s",
-            remedy="Set the environment variable to a whole number, or unset it",
-        ) from None
+        what, field = "not a number of seconds since 1970", "SOURCE_DATE_EPOCH"
+        remedy = "Set the environment variable to a whole number, or unset it"
+        raise InputError(what, field=field, value=given, unit="s", remedy=remedy) from None
 
 
 def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> dict[str, Any]:
@@ -53,52 +58,23 @@ def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> d
     crossed = rising if np.isfinite(rising).any() else table["sinking_m_s"]
     crossed = crossed[np.isfinite(crossed)]
     speed = float(len(crossed) / np.sum(1.0 / crossed)) if crossed.size else 0.0
-    hours = _whole(length / 3600.0)
-    life = result.battery_cycles or result.cycles
-    values: list[tuple[str, float | int, str, str, str]] = [
-        (
-            "cycle_duration",
-            hours,
-            "Maximum length of float complete cycle",
-            "hours",
-            "CONFIG_CycleTime_hours",
-        ),
-        (
-            "life_expectancy",
-            life,
-            "Maximum number of completed cycle",
-            "cycle",
-            "CONFIG_MaxCycles_NUMBER",
-        ),
-        (
-            "parking_depth",
-            _whole(parked[0] if parked else max(depths)),
-            "Drifting depth",
-            "m",
-            "CONFIG_ParkPressure_dbar",
-        ),
-        (
-            "profile_depth",
-            _whole(max(depths)),
-            "Maximum profile depth",
-            "m",
-            "CONFIG_ProfilePressure_dbar",
-        ),
-        ("vertical_speed", speed, "Vertical profiling speed", "m/s", ""),
-    ]
+    values: dict[str, float | int] = {
+        "cycle_duration": _whole(length / 3600.0),
+        "life_expectancy": result.battery_cycles or result.cycles,
+        "parking_depth": _whole(parked[0] if parked else max(depths)),
+        "profile_depth": _whole(max(depths)),
+        "vertical_speed": speed,
+    }
+    parameters = []
+    for name, (words, unit, key) in _PARAMETERS.items():
+        value = values[name]
+        meta = {"unit": unit, "dtype": type(value).__name__, "techkey": key}
+        parameters.append({"name": name, "value": value, "description": words, "meta": meta})
     return {
         "created": created(begin).isoformat(),
         "version": "2.0",
         "name": flight.vehicle.name,
-        "parameters": [
-            {
-                "name": name,
-                "value": value,
-                "description": words,
-                "meta": {"unit": unit, "dtype": type(value).__name__, "techkey": key},
-            }
-            for name, value, words, unit, key in values
-        ],
+        "parameters": parameters,
     }
 
 

@@ -59,14 +59,10 @@ class ByLaws:
         if mission.start_depth != 0.0 and volume is None:
             x["v"] = self.medium.neutral_volume(mission.start_depth)
         if not p.V_min <= x["v"] <= p.V_max:
-            raise InputError(
-                f"the stroke, {p.V_min * 1e6:g} to {p.V_max * 1e6:g} cm3, does not hold the volume "
-                "at the start",
-                field="start_depth",
-                value=mission.start_depth,
-                unit="m",
-                remedy="Start where the stroke can balance the vehicle",
-            )
+            stroke = f"the stroke, {p.V_min * 1e6:g} to {p.V_max * 1e6:g} cm3"
+            what, depth = f"{stroke}, does not hold the volume at the start", mission.start_depth
+            remedy = "Start where the stroke can balance the vehicle"
+            raise InputError(what, field="start_depth", value=depth, unit="m", remedy=remedy)
         x["v_least"] = x["v"]
         self.tasks = np.array(
             [

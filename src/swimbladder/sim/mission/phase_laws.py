@@ -15,7 +15,7 @@ from swimbladder.physics.hull import heat_expansion
 from swimbladder.vehicle import Controller, Vehicle
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class PhaseLaw:
     """A law that is called at each sample of a phase, its parameters and the sample time [s]."""
 
@@ -49,26 +49,23 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
     flown = tuple(one for one in found if one is not None)
     if not flown:
         if vehicle.stroke.switch_margin:
-            raise InputError(
-                "the mission's own rule knows no limit switches",
-                field="stroke.switch_margin",
-                value=vehicle.stroke.switch_margin,
-                unit="m3",
-                remedy="Fly a law: give the vehicle a [controller], or leave the switches out",
-            )
-        _check_rests(mission)
+            what, margin = "the mission's own rule knows no limit switches", "stroke.switch_margin"
+            remedy = "Fly a law: give the vehicle a [controller], or leave the switches out"
+            value = vehicle.stroke.switch_margin
+            raise InputError(what, field=margin, value=value, unit="m3", remedy=remedy)
+        why = "the mission's own rule flies this phase, and rests within the tolerance anyway"
+        remedy = "Leave it out, or give the vehicle a [controller] or the phase a law"
+        _refuse_given(mission, "rest_band", "m", why, remedy)
         return ()
     if len(flown) < len(found):
         index = found.index(None)
-        name = next(one.law.name for one in found if one is not None)
-        raise InputError(
-            f"this phase is flown by the mission's own rule and others by the law {name!r}; one "
-            "mission has either",
-            field=f"phases[{index}].law",
-            value=mission.phases[index].law,
-            remedy=f'Write law = "{RATE.name}" in every phase, or in none',
-        )
-    _check_fields(mission)
+        ways = f"flown by the mission's own rule and others by the law {flown[0].law.name!r}"
+        what, field = f"this phase is {ways}; one mission has either", f"phases[{index}].law"
+        remedy = f'Write law = "{RATE.name}" in every phase, or in none'
+        raise InputError(what, field=field, value=mission.phases[index].law, remedy=remedy)
+    why = "the law of this phase is called at each sample: it is a number of the mission's own rule"
+    remedy = f'Leave it out, or give a sample_time, or write law = "{RATE.name}" in every phase'
+    _refuse_given(mission, "check_interval", "s", why, remedy)
     _check_physics(vehicle, mission)
     return flown
 
@@ -82,14 +79,11 @@ def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
     own = vehicle.controller
     if phase.law is None and own is None:
         for name in ("parameters", "sample_time"):
-            if getattr(phase, name):
-                raise InputError(
-                    f"the phase gives it and no law, and the vehicle {vehicle.name!r} has no "
-                    "controller",
-                    field=name,
-                    value=getattr(phase, name),
-                    remedy='Add a line law = "..." to the phase, or leave this out',
-                )
+            if value := getattr(phase, name):
+                lacks = f"the vehicle {vehicle.name!r} has no controller"
+                what = f"the phase gives it and no law, and {lacks}"
+                remedy = 'Add a line law = "..." to the phase, or leave this out'
+                raise InputError(what, field=name, value=value, remedy=remedy)
         return None
     name = phase.law or ("" if own is None else own.law)
     same = own is not None and own.law == name
@@ -97,12 +91,9 @@ def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
         return None
     tick = phase.sample_time or (None if own is None else own.sample_time)
     if tick is None:
-        raise InputError(
-            f"the law {name!r} needs it, and the vehicle has no controller that has one",
-            field="sample_time",
-            unit="s",
-            remedy='Add a line sample_time = "0.5 s" to the phase',
-        )
+        what = f"the law {name!r} needs it, and the vehicle has no controller that has one"
+        remedy = 'Add a line sample_time = "0.5 s" to the phase'
+        raise InputError(what, field="sample_time", unit="s", remedy=remedy)
     kept = own.parameters if own is not None and same else {}
     return Controller(law=name, sample_time=tick, parameters={**kept, **phase.parameters})
 
@@ -122,24 +113,13 @@ def _law_of(vehicle: Vehicle, phase: Phase) -> PhaseLaw | None:
     law, numbers = bind(controller)
     if law.name == RATE.name:
         return None  # it commands any drive by volumes
-    check_command(
-        law,
-        vehicle,
-        remedy=f'Choose a law for this kind of actuator, or write law = "{RATE.name}"',
-    )
+    remedy = f'Choose a law for this kind of actuator, or write law = "{RATE.name}"'
+    check_command(law, vehicle, remedy=remedy)
     if law.command == "volume change":
-        raise InputError(
-            "a mission flies a pump and valve by its own rule only",
-            field="controller.law",
-            value=law.name,
-            remedy=f'Write law = "{RATE.name}", or fly set-points with `swimbladder simulate`',
-        )
-    return PhaseLaw(
-        law=law,
-        parameters=numbers,
-        sample_time=controller.sample_time,
-        source=source_of(vehicle, phase),
-    )
+        what = "a mission flies a pump and valve by its own rule only"
+        remedy = f'Write law = "{RATE.name}", or fly set-points with `swimbladder simulate`'
+        raise InputError(what, field="controller.law", value=law.name, remedy=remedy)
+    return PhaseLaw(law, numbers, controller.sample_time, source_of(vehicle, phase))
 
 
 def source_of(vehicle: Vehicle, phase: Phase) -> str:
@@ -153,54 +133,29 @@ def source_of(vehicle: Vehicle, phase: Phase) -> str:
     return f"{file}, but for {', '.join(given)} of the phase" if given else file
 
 
-def _check_fields(mission: Mission) -> None:
+def _refuse_given(mission: Mission, name: str, unit: str, what: str, remedy: str) -> None:
+    """Raise InputError for a number that the phases give and that does nothing here."""
     for index, phase in enumerate(mission.phases):
-        if phase.check_interval is not None:
-            raise InputError(
-                "the law of this phase is called at each sample: it is a number of the mission's "
-                "own rule",
-                field=f"phases[{index}].check_interval",
-                value=phase.check_interval,
-                unit="s",
-                remedy=f'Leave it out, or give a sample_time, or write law = "{RATE.name}" in '
-                "every phase",
-            )
-
-
-def _check_rests(mission: Mission) -> None:
-    for index, phase in enumerate(mission.phases):
-        if phase.rest_band is not None:
-            raise InputError(
-                "the mission's own rule flies this phase, and rests within the tolerance anyway",
-                field=f"phases[{index}].rest_band",
-                value=phase.rest_band,
-                unit="m",
-                remedy="Leave it out, or give the vehicle a [controller] or the phase a law",
-            )
+        if (value := getattr(phase, name)) is not None:
+            field = f"phases[{index}].{name}"
+            raise InputError(what, field=field, value=value, unit=unit, remedy=remedy)
 
 
 def _check_physics(vehicle: Vehicle, mission: Mission) -> None:
     """Raise InputError for what only the mission's own rule is flown with."""
     moves = mission.water_motion.internal_waves or mission.water_motion.swell
-    hull = vehicle.hull
+    hull, ratio = vehicle.hull, vehicle.drag.rising_ratio
     lags = hull.thermal_time_constant > 0.0 and heat_expansion(vehicle) != 0.0
+    uneven = ratio != 1.0
     for there, field, value, what in (
         (bool(moves), "water_motion", None, "water that moves"),
         (lags, "hull.thermal_time_constant", hull.thermal_time_constant, "a hull that warms late"),
-        (
-            vehicle.drag.rising_ratio != 1.0,
-            "motion.drag.rising_ratio",
-            vehicle.drag.rising_ratio,
-            "drag that differs up and down",
-        ),
+        (uneven, "motion.drag.rising_ratio", ratio, "drag that differs up and down"),
     ):
         if there:
-            raise InputError(
-                f"{what} is not flown with a law that is called at each sample",
-                field=field,
-                value=value,
-                remedy=f'Leave it out, or write law = "{RATE.name}" in every phase',
-            )
+            what += " is not flown with a law that is called at each sample"
+            remedy = f'Leave it out, or write law = "{RATE.name}" in every phase'
+            raise InputError(what, field=field, value=value, remedy=remedy)
 
 
 def law_words(facts: Sequence[dict[str, Any]]) -> list[str]:

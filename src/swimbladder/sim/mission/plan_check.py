@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.rate import RateParameters
 from swimbladder.control.registry import own_law
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import check_mass
@@ -78,44 +78,31 @@ def check_flight(
     cycles, span [s]: in the place of the mission's.
     """
     if not mission.phases:
-        raise InputError(
-            "the mission has set-points, and this takes phases",
-            field="setpoints",
-            remedy="Fly it with `swimbladder simulate`, or write [[phases]]",
-        )
+        remedy = "Fly it with `swimbladder simulate`, or write [[phases]]"
+        what = "the mission has set-points, and this takes phases"
+        raise InputError(what, field="setpoints", remedy=remedy)
     check_mass(vehicle)
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
     if cycles is not None and not (cycles >= 1 and cycles == math.floor(cycles)):
-        raise InputError(
-            "it must be a whole number of at least 1",
-            field="cycles",
-            value=cycles,
-            remedy="Give how often the phases are repeated",
-        )
-    if span is not None and not span > 0.0:
-        raise InputError(
-            "it must be above 0",
-            field="duration",
-            value=span,
-            unit="s",
-            remedy="Check the number and its unit",
-        )
-    if column.cast is not None:
-        depths = [mission.start_depth, *(p.depth for p in mission.phases if p.depth is not None)]
-        check_cast_unit(column.cast, max(depths), vehicle.hull.depth_limit)
+        what = "it must be a whole number of at least 1"
+        remedy = "Give how often the phases are repeated"
+        raise InputError(what, field="cycles", value=cycles, remedy=remedy)
+    if span is not None:
+        check_number(span, "duration", "s", above=0.0, finite=False)
     places = [("the start of the mission", mission.start_depth)]
     places += [(f"the phase {p.title!r}", p.depth) for p in mission.phases if p.depth is not None]
-    for what, depth in places:
-        if depth > column.deepest + column.step:
-            raise InputError(
-                f"{column.source or 'the water'} ends at {column.deepest:.0f} m, "
-                f"{depth - column.deepest:.0f} m above the {depth:g} m of {what}",
-                field="cast",
-                value=round(column.deepest, 1),
-                unit="m",
-                remedy="Take a cast that goes as deep, or ask for a lesser depth",
+    if column.cast is not None:
+        deepest = max(depth for _, depth in places)
+        check_cast_unit(column.cast, deepest, vehicle.hull.depth_limit)
+    for where, depth in places:
+        if depth > (ends := column.deepest) + column.step:
+            what = (
+                f"{column.source or 'the water'} ends at {ends:.0f} m, {depth - ends:.0f} m above "
+                f"the {depth:g} m of {where}"
             )
+            remedy = "Take a cast that goes as deep, or ask for a lesser depth"
+            raise InputError(what, field="cast", value=round(ends, 1), unit="m", remedy=remedy)
 
 
 def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:

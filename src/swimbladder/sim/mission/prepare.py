@@ -147,15 +147,16 @@ def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:
         return
     if vehicle.hull.thermal_time_constant > 0.0 and heat_expansion(vehicle) != 0.0:
         return
-    raise InputError(
+    what = (
         f"it changes nothing: the hull of {vehicle.name!r} has the water's temperature at once, or "
-        "does not expand",
-        field="start_temperature",
-        value=mission.start_temperature,
-        unit="degC",
-        remedy="Leave it out, or give the vehicle hull.thermal_time_constant and [[hull.parts]] "
-        "with a thermal_expansion",
+        "does not expand"
     )
+    remedy = (
+        "Leave it out, or give the vehicle hull.thermal_time_constant and [[hull.parts]] with a "
+        "thermal_expansion"
+    )
+    field, value = "start_temperature", mission.start_temperature
+    raise InputError(what, field=field, value=value, unit="degC", remedy=remedy)
 
 
 def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
