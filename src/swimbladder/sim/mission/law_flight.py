@@ -64,16 +64,9 @@ class ByLaws:
             remedy = "Start where the stroke can balance the vehicle"
             raise InputError(what, field="start_depth", value=depth, unit="m", remedy=remedy)
         x["v_least"] = x["v"]
-        self.tasks = np.array(
-            [
-                [
-                    plan.laws.index(next(one for one in plan.laws if one.continues(law))),
-                    phase.rest_band or 0.0,
-                    phase.speed or 0.0,
-                ]
-                for law, phase in zip(plan.laws, mission.phases, strict=True)
-            ]
-        )
+        same = [[one.continues(law) for one in plan.laws].index(True) for law in plan.laws]
+        bands = [phase.rest_band or 0.0 for phase in mission.phases]
+        self.tasks = np.transpose([same, bands, [phase.speed or 0.0 for phase in mission.phases]])
         self.random: np.random.Generator | None = None
         if seed is not None:
             self.random = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 0])))
@@ -112,15 +105,9 @@ class ByLaws:
     def kept(self) -> dict[str, NDArray[Any]]:
         """Return all that `resume` needs to go on from here, beside the phases."""
         block, built = self.running.block, self.running.built
-        return {
-            "way": self.way,
-            "work": block.work,
-            "sums": block.books,
-            "log": block.log,
-            "noted": block.noted,
-            "built": built,
-            "chains": self.running.chains[built == 1],
-        }
+        found = dict(way=self.way, work=block.work, sums=block.books, log=block.log)
+        chains = self.running.chains[built == 1]
+        return found | dict(noted=block.noted, built=built, chains=chains)
 
     def resume(self, kept: dict[str, NDArray[Any]]) -> None:
         """Go on from what was kept."""
@@ -159,15 +146,8 @@ class ByLaws:
             logged=True,
             layers=medium.layers,
         )
-        block.hooks = Sampled(
-            self.phases,
-            self._numbers(law.sample_time),
-            now,
-            self.tasks,
-            block.books,
-            block.log,
-            block.noted,
-        )
+        own, log = self._numbers(law.sample_time), (block.books, block.log, block.noted)
+        block.hooks = Sampled(self.phases, own, now, self.tasks, *log)
         self.running = block.begin()
 
     def _numbers(self, tick: float) -> Numbers:

@@ -184,33 +184,21 @@ def law_facts(vehicle: Vehicle, mission: Mission) -> list[dict[str, Any]]:
     found = []
     laws: Sequence[PhaseLaw | None] = phase_laws(vehicle, mission) or [None] * len(mission.phases)
     for title, phase, law in zip(mission.titles, mission.phases, laws, strict=True):
+        name, tick, numbers, source = RATE.name, None, law_parameters(vehicle, phase), ""
         if law is not None:
-            found.append(
-                {
-                    "phase": title,
-                    "law": law.law.name,
-                    "sample_time_s": law.sample_time,
-                    "parameters": leaves(law.parameters),
-                    "source": law.source,
-                }
-            )
-            continue
-        own = rate_controller(vehicle, phase)
-        asked = phase.law is not None and own is None
-        source = "made by the mission from the vehicle's drag and the phase"
-        if own is not None:
-            source = source_of(vehicle, phase)
-        elif asked and vehicle.controller is not None:
-            source += f"; the vehicle's [controller], of the law {vehicle.controller.law!r}, rests"
-        elif vehicle.controller is None:
-            source += f"; {vehicle.name!r} has no [controller]"
-        found.append(
-            {
-                "phase": title,
-                "law": RATE.name,
-                "sample_time_s": None,
-                "parameters": leaves(law_parameters(vehicle, phase)),
-                "source": source,
-            }
-        )
+            name, tick, numbers, source = law.law.name, law.sample_time, law.parameters, law.source
+        facts = {"phase": title, "law": name, "sample_time_s": tick, "parameters": leaves(numbers)}
+        found.append({**facts, "source": source or _rate_source(vehicle, phase)})
     return found
+
+
+def _rate_source(vehicle: Vehicle, phase: Phase) -> str:
+    """Say where the numbers of the law `rate` come from in a phase of the mission's own rule."""
+    if rate_controller(vehicle, phase) is not None:
+        return source_of(vehicle, phase)
+    source = "made by the mission from the vehicle's drag and the phase"
+    if vehicle.controller is None:
+        return f"{source}; {vehicle.name!r} has no [controller]"
+    if phase.law is None:
+        return source
+    return f"{source}; the vehicle's [controller], of the law {vehicle.controller.law!r}, rests"

@@ -61,10 +61,8 @@ def return_depth(vehicle: Vehicle, mission: Mission, plan: Plan) -> float:
     held = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
     comes_up = partial(_comes_up, plan, speed=speed, less=held)
     if plan.water is not None:
-        free = plan.water.plant._replace(z_bottom=math.inf)
-        comes_up = partial(
-            _emerges, replace(plan.water, plant=free), speed=speed, less=held, gone=_GONE * limit
-        )
+        free = replace(plan.water, plant=plan.water.plant._replace(z_bottom=math.inf))
+        comes_up = partial(_emerges, free, speed=speed, less=held, gone=_GONE * limit)
     low, high = 0.0, limit
     if comes_up(limit):
         return limit
@@ -97,23 +95,11 @@ def _emerges(medium: Medium, depth: float, *, speed: float, less: float, gone: f
     h, t = _HELD / base_steps(p, _HELD, speed, layers), 0.0
     numbers, chains, built = np.array(p), work_space(1)[0], np.zeros(COUNT, np.uint8)
     state, full = np.array([0.0, volume, depth, speed, 0.0]), p.V_max if p.positioner else p.supply
+    sums, unused = np.zeros(10), (np.zeros(0), np.zeros((0, 3)), np.zeros(1, np.int64))
     mode, state[0] = begin(numbers, layers, 0.0, volume, depth, speed)
     while t < _LONGEST and state[2] < gone:
         mode, why = advance(
-            numbers,
-            layers,
-            True,
-            mode,
-            state,
-            np.zeros(10),
-            full,
-            h,
-            t,
-            chains,
-            built,
-            np.zeros(0),
-            np.zeros((0, 3)),
-            np.zeros(1, np.int64),
+            numbers, layers, True, mode, state, sums, full, h, t, chains, built, *unused
         )
         t += h
         if why != DONE or mode // 20 == Where.EMERGING:

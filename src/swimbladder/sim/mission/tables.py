@@ -6,13 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note
-from swimbladder.sim.mission.books import (
-    consumer_energy,
-    drawn_energy,
-    drive_energy,
-    mean_power,
-    power_names,
-)
+from swimbladder.sim.mission import books
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.result import MissionResult
 
@@ -22,28 +16,27 @@ _DEPTHS = 50  # rows of the table of speeds
 
 def trajectory_columns(result: MissionResult) -> dict[str, Array]:
     """Return the columns of trajectory.csv: a row per step of the engine."""
-    rows = result.flight.rows
+    rows, water = result.flight.rows, result.flight.column
     columns = {
         "time_s": rows["t"],
         "depth_m": rows["z"],
         "speed_m_s": rows["w"],
-        "pressure_Pa": np.interp(
-            rows["z"], result.flight.column.depth, result.flight.column.pressure
-        ),
+        "pressure_Pa": np.interp(rows["z"], water.depth, water.pressure),
         "volume_m3": rows["v"],
         "phase": rows["phase"],
         "cycle": rows["cycle"] + 1.0,
         "doing": np.where(rows["doing"] == Doing.PRIMING, Doing.PUMPING, rows["doing"]),
     }
     if result.energy_known:
-        energy = consumer_energy(result.flight)
+        energy = books.consumer_energy(result.flight)
         power = {
-            name: mean_power(rows["t"], energy[consumer])
-            for consumer, name in power_names(list(energy)).items()
+            name: books.mean_power(rows["t"], energy[consumer])
+            for consumer, name in books.power_names(list(energy)).items()
         }
         columns["power_W"] = np.sum([np.zeros(len(rows)), *power.values()], axis=0)
         columns |= power
-        columns |= {"drive_energy_J": drive_energy(rows), "energy_J": drawn_energy(rows)}
+        columns["drive_energy_J"] = books.drive_energy(rows)
+        columns["energy_J"] = books.drawn_energy(rows)
         charge = result.charge()
         if not np.isnan(charge).all():
             columns["battery"] = charge
@@ -142,10 +135,10 @@ def speeds(flight: Flight) -> dict[str, Array]:
     rows = flight.rows
     top = flight.vehicle.hull.emergence_depth
     edges = np.linspace(top, max(float(np.max(rows["z"])), top + 1e-3), _DEPTHS + 1)
-    times = {1: np.zeros(_DEPTHS), -1: np.zeros(_DEPTHS)}
-    counts = {1: np.zeros(_DEPTHS), -1: np.zeros(_DEPTHS)}
+    times, counts = np.zeros((2, _DEPTHS)), np.zeros((2, _DEPTHS))  # sinking, rising
     for t, z in _ways(flight):
-        way = 1 if z[-1] > z[0] else -1
+        rises = int(z[-1] < z[0])
+        way = -1 if rises else 1
         ordered = way * np.maximum.accumulate(way * z)
         keep = np.concatenate(([True], np.diff(ordered) != 0.0))
         depth, time = ordered[keep], t[keep]
@@ -154,20 +147,12 @@ def speeds(flight: Flight) -> dict[str, Array]:
         at = np.interp(edges, depth[::way], time[::way], left=np.nan, right=np.nan)
         crossed = np.abs(np.diff(at))
         good = np.isfinite(crossed) & (crossed > 0.0)
-        times[way][good] += crossed[good]
-        counts[way][good] += 1.0
-    width = edges[1] - edges[0]
-
-    def mean(way: int) -> Array:
-        nothing = np.full(_DEPTHS, np.nan)
-        crossed = width * counts[way]
-        return np.asarray(np.divide(crossed, times[way], out=nothing, where=counts[way] > 0.0))
-
-    return {
-        "depth_m": 0.5 * (edges[1:] + edges[:-1]),
-        "sinking_m_s": mean(1),
-        "rising_m_s": mean(-1),
-    }
+        times[rises, good] += crossed[good]
+        counts[rises, good] += 1.0
+    crossed, nowhere = (edges[1] - edges[0]) * counts, np.full_like(times, np.nan)
+    sinking, rising = np.divide(crossed, times, out=nowhere, where=counts > 0.0)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    return {"depth_m": middles, "sinking_m_s": sinking, "rising_m_s": rising}
 
 
 def _ways(flight: Flight) -> list[tuple[Array, Array]]:
