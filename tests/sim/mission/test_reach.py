@@ -25,7 +25,7 @@ def reach(vehicle, mission, column):
 
 def test_a_cast_that_ends_above_the_target(profiler, sea):
     with refused(InputError, field="cast", value=400.0, holds={50.0, 400.0, 450.0}):
-        check_flight(profiler, phases(deep=450.0), sea, cycles=None, span=None)
+        check_flight(profiler, phases(deep=450.0), sea)
 
 
 def test_a_stroke_too_short_says_where_and_by_how_much(profiler, sea):

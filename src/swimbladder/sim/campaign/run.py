@@ -21,7 +21,7 @@ from swimbladder.sim.engine.rodas.records import Account, Stop
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import ByRule, fly_mission
 from swimbladder.sim.mission.law_flight import ByLaws
-from swimbladder.sim.mission.plan_check import check_flight
+from swimbladder.sim.mission.plan_check import check_flight, limited
 from swimbladder.sim.mission.prepare import Plan, State, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
@@ -78,10 +78,10 @@ class Floats:
             what, remedy = "must be a whole number from 1 to a million", "Give --floats 4000"
             raise InputError(what, field="--floats", value=self.floats, remedy=remedy)
         for column in self.columns:
-            check_flight(self.vehicle, self.mission, column, cycles=self.cycles, span=self.span)
+            check_flight(self.vehicle, self.task, column)
         self._most_cycles()
         for column in self.columns:
-            fly_mission(self.vehicle, self.mission, column, cycles=1, span=self.span)
+            fly_mission(self.vehicle, self.task, column, cycles=1)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs: plans are made there again."""
@@ -90,10 +90,12 @@ class Floats:
     @cached_property
     def plans(self) -> list[Plan]:
         """A plan for each water."""
-        return [
-            make_plan(self.vehicle, self.mission, c, cycles=self.cycles, span=self.span)
-            for c in self.columns
-        ]
+        return [make_plan(self.vehicle, self.task, column) for column in self.columns]
+
+    @property
+    def task(self) -> Mission:
+        """The mission with the cycles and the span that are asked for."""
+        return limited(self.mission, cycles=self.cycles, span=self.span)
 
     @cached_property
     def design(self) -> Design | None:

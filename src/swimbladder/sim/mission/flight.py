@@ -16,15 +16,9 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.engine.rodas.records import Records, Stop, lane_of
+from swimbladder.sim.mission import plan_check
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.law_flight import ByLaws
-from swimbladder.sim.mission.plan_check import (
-    Reach,
-    check_cycle,
-    check_flight,
-    check_reach,
-    reach_of,
-)
 from swimbladder.sim.mission.prepare import DriveError, Plan, State, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 
@@ -67,7 +61,7 @@ class Flight:
     whole: np.record
     accounts: Array
     stop: Stop
-    reach: Reach
+    reach: plan_check.Reach
 
     @property
     def duration(self) -> float:
@@ -104,10 +98,12 @@ def fly_mission(
     Raises InputError where vehicle, mission and water do not go together, NoAnswerError for a
     mission that cannot be done and as `buoyancy_engine.drive_map` does.
     """
-    check_flight(vehicle, mission, column, cycles=cycles, span=span)
-    how: dict[str, Any] = dict(waves=waves, span=span, accuracy=accuracy, drive_error=drive_error)
-    plan = make_plan(vehicle, mission, column, cycles=cycles, **how)
-    reach = (check_reach if checked else reach_of)(vehicle, mission, plan)
+    mission = plan_check.limited(mission, cycles=cycles, span=span)
+    plan_check.check_flight(vehicle, mission, column)
+    how: dict[str, Any] = dict(waves=waves, accuracy=accuracy, drive_error=drive_error)
+    plan = make_plan(vehicle, mission, column, **how)
+    judge = plan_check.check_reach if checked else plan_check.reach_of
+    reach = judge(vehicle, mission, plan)
     state = first_state(plan, mission, seed=seed, volume=start_volume)
     x, at, accounts = state
     laws = [(source_of(n.law), n.law.name, n.sample_time, leaves(n.parameters)) for n in plan.laws]
@@ -141,7 +137,7 @@ def fly_mission(
 
     def check(*parts: Array) -> None:
         if checked:
-            check_cycle(flown(*parts), first)
+            plan_check.check_cycle(flown(*parts), first)
 
     try:
         return flown(*_fly(plan, state, pilot, store, advance, check))

@@ -28,16 +28,9 @@ from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.sim.engine.rodas.records import Account, Note, Stop, Table
-from swimbladder.sim.mission import orders
+from swimbladder.sim.mission import orders, shortfall
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.prepare import Plan
-from swimbladder.sim.mission.shortfall import (
-    coarse_words,
-    late_notes,
-    shortage,
-    starts_words,
-    timeout_words,
-)
 from swimbladder.units import rounded
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
@@ -70,13 +63,23 @@ class Reach:
     margin: float  # -, what is left at the nearer end, over the whole stroke
 
 
-def check_flight(
-    vehicle: Vehicle, mission: Mission, column: Column, *, cycles: float | None, span: float | None
-) -> None:
-    """Raise InputError where vehicle, mission and water do not go together.
+def limited(mission: Mission, *, cycles: float | None, span: float | None) -> Mission:
+    """Return a mission with cycles and span [s] in the place of its own, where they are given.
 
-    cycles, span [s]: in the place of the mission's.
+    Raises InputError for what they cannot be.
     """
+    if cycles is not None and not (cycles >= 1 and cycles == math.floor(cycles)):
+        what = "it must be a whole number of at least 1"
+        remedy = "Give how often the phases are repeated"
+        raise InputError(what, field="cycles", value=cycles, remedy=remedy)
+    if span is not None:
+        check_number(span, "duration", "s", above=0.0, finite=False)
+    asked = {"cycles": cycles, "duration": span}
+    return mission.model_copy(update={k: v for k, v in asked.items() if v is not None})
+
+
+def check_flight(vehicle: Vehicle, mission: Mission, column: Column) -> None:
+    """Raise InputError where vehicle, mission and water do not go together."""
     if not mission.phases:
         remedy = "Fly it with `swimbladder simulate`, or write [[phases]]"
         what = "the mission has set-points, and this takes phases"
@@ -84,12 +87,6 @@ def check_flight(
     check_mass(vehicle)
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
-    if cycles is not None and not (cycles >= 1 and cycles == math.floor(cycles)):
-        what = "it must be a whole number of at least 1"
-        remedy = "Give how often the phases are repeated"
-        raise InputError(what, field="cycles", value=cycles, remedy=remedy)
-    if span is not None:
-        check_number(span, "duration", "s", above=0.0, finite=False)
     places = [("the start of the mission", mission.start_depth)]
     places += [(f"the phase {p.title!r}", p.depth) for p in mission.phases if p.depth is not None]
     if column.cast is not None:
@@ -164,18 +161,13 @@ def _needs(vehicle: Vehicle, phase: Phase, start: float, end: float, plan: Plan)
     how = f"at {law.far_speed:g} m/s"
     if plan.laws and phase.speed is None:  # the law goes as fast as it will
         slack, how = 0.0, "at last"
-    found = []
-    if end > start:
-        k = int(np.argmin(volumes))
-        words = f"sink {how}"
-        found.append(Need(phase.title, float(depths[k]), float(volumes[k]) - slack, words))
-    elif end < start:
-        k = int(np.argmax(volumes))
-        words = f"rise {how}"
-        found.append(Need(phase.title, float(depths[k]), float(volumes[k]) + slack, words))
-    at_end = float(np.interp(end, grid, neutral))
-    found.append(Need(phase.title, end, at_end, "rest"))
-    return found
+    rest = Need(phase.title, end, float(np.interp(end, grid, neutral)), "rest")
+    if end == start:
+        return [rest]
+    sign, does = (-1.0, "sink") if end > start else (1.0, "rise")
+    k = int(np.argmax(sign * volumes))
+    volume = float(volumes[k]) + sign * slack
+    return [Need(phase.title, float(depths[k]), volume, f"{does} {how}"), rest]
 
 
 def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
@@ -262,20 +254,21 @@ def _seen(stage: np.record) -> float:
 def _refuse_way(flight: Flight, n: int, begin: float) -> None:
     """Refuse a phase that began at a depth [m] and could not come to its own in its time."""
     title, stage = flight.mission.titles[n], flight.plan.stages[n]
-    starts = starts_words(flight, n)
-    if starts:
+    came = shortfall.timeout_words(flight, n)
+    if starts := shortfall.starts_words(flight, n):
         raise NoAnswerError(
-            f"the phase {title!r} does not come up from {begin:.0f} m: {timeout_words(flight, n)}. "
-            f"{starts}, or ask for less depth"
+            f"the phase {title!r} does not come up from {begin:.0f} m: {came}. {starts}, or ask "
+            "for less depth"
         )
     phase, speed = flight.mission.phases[n], float(stage["speed"])
     what = "duration" if phase.kind == "park" else "timeout"
     limit = float(stage[what])
-    way, left = shortage(flight, n, np.array([begin, late_notes(flight, n)["z"][0]]))
+    ends = shortfall.late_notes(flight, n)["z"][0]
+    way, left = shortfall.shortage(flight, n, np.array([begin, ends]))
     if way > speed * limit and not (flight.plan.laws and phase.speed is None):
         raise NoAnswerError(
             f"the {what} of the phase {title!r}, {limit:g} s, is too short by {left / speed:.0f} s "
-            f"at {speed:g} m/s: {timeout_words(flight, n)}. Lengthen it, or go faster"
+            f"at {speed:g} m/s: {came}. Lengthen it, or go faster"
         )
 
 
@@ -331,7 +324,7 @@ def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> No
     raise NoAnswerError(
         f"the phase {phase.title!r} cannot be held within {band:g} m of {depth:g} m: {went}. It is "
         f"sampled every {interval:.3g} s{why}. {remedy[:1].upper()}{remedy[1:]}"
-        f"{coarse_words(flight.mission, plan, n)}"
+        f"{shortfall.coarse_words(flight.mission, plan, n)}"
     )
 
 

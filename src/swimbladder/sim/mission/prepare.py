@@ -109,16 +109,14 @@ def make_plan(
     column: Column,
     *,
     waves: Array | None = None,
-    cycles: float | None = None,
-    span: float | None = None,
     accuracy: Accuracy | None = None,
     drive_error: DriveError | None = None,
 ) -> Plan:
     """Return a mission as the kernel takes it.
 
-    waves: of `mission.water.waves_of`; waves, cycles, span [s]: in the place of the mission's.
-    drive_error: what the drive gives over what its processor assumes. Raises InputError for a
-    temperature at the start of a hull that has the water's.
+    waves: of `mission.water.waves_of`, in the place of the mission's. drive_error: what the drive
+    gives over what its processor assumes. Raises InputError for a temperature at the start of a
+    hull that has the water's.
     """
     laws = phase_laws(vehicle, mission)
     _check_warmth(vehicle, mission)
@@ -130,7 +128,7 @@ def make_plan(
         moving = waves_of(mission.water_motion, vehicle.hull.height, column.gravity)
     water = medium_for(vehicle, mission, column) if laws else None
     cold = coldest(mission, table, float(given["step"]))
-    for name, value in _asked(vehicle, mission, cold, cycles, span).items():
+    for name, value in _asked(vehicle, mission, cold).items():
         given[name] = value
     of = drive_error or DriveError()
     given["delivery"], given["flow"], given["makes_up"] = of.pump, of.valve, float(of.starts)
@@ -167,21 +165,18 @@ def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
     return max(min(SHALLOW, 0.5 * min(depths, default=0.0)), top + 0.1 * vehicle.hull.height)
 
 
-def _asked(
-    vehicle: Vehicle, mission: Mission, cold: float, cycles: float | None, span: float | None
-) -> dict[str, float]:
+def _asked(vehicle: Vehicle, mission: Mission, cold: float) -> dict[str, float]:
     """Return what a mission limits and asks for, by the names of the record; cold [degC]."""
     empty, reserve, charge = _battery(vehicle, mission.safety.battery, cold)
-    last_time = mission.span if span is None else span
-    last_cycle: float = mission.cycles or (math.inf if math.isfinite(last_time) else 1.0)
+    once = math.inf if math.isfinite(mission.span) else 1.0
     return {
         "v_min": vehicle.stroke.lowest,  # a limit switch ends what the drive can do
         "v_max": vehicle.stroke.highest,
         "shallow": shallow_depth(vehicle, mission),
         "empty": empty,
         "reserve": reserve,
-        "last_time": last_time,
-        "last_cycle": last_cycle if cycles is None else cycles,
+        "last_time": mission.span,
+        "last_cycle": mission.cycles or once,
         "surfacing": surfacing_energy(vehicle),
         "self_discharge": _self_discharge(vehicle),
         "charge": charge,
@@ -248,13 +243,9 @@ def first_state(
     At the depth of 0 it floats with all volume out; elsewhere it rests, with its neutral volume or
     the one that is given [m3]. Its hull is as warm as the water there, or as the mission says.
     """
+    warmth = mission.start_temperature
     x, at = first_lane(
-        plan.given,
-        plan.table,
-        mission.start_depth,
-        volume=volume,
-        temperature=mission.start_temperature,
-        seed=seed,
+        plan.given, plan.table, mission.start_depth, volume=volume, temperature=warmth, seed=seed
     )
     at["new_phase"] = 1
     accounts = np.zeros(len(Account) + len(Holding) * len(plan.stages))

@@ -9,13 +9,8 @@ import numpy as np
 
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.sim.engine.rodas.records import Note, Stop
+from swimbladder.sim.mission import shortfall
 from swimbladder.sim.mission.prepare import HELD
-from swimbladder.sim.mission.shortfall import (
-    battery_words,
-    coarse_words,
-    starts_words,
-    timeout_words,
-)
 
 if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
@@ -75,12 +70,12 @@ def reason_words(result: MissionResult) -> list[str]:
     flown = "" if result.flight.stop is Stop.FINISHED else flown
     found = [f"{REASONS[result.flight.stop]}, after {flown}{span_words(result.flight.duration)}"]
     if result.flight.stop is Stop.BATTERY_EMPTY:
-        found.append(battery_words(result.flight))
+        found.append(shortfall.battery_words(result.flight))
     numbers = {title: n for n, title in enumerate(result.flight.mission.titles)}
     found += [
         f"the phase {name!r} ran out of time in {count} of {len(result.flight.cycles)} "
         f"cycle{'s' if len(result.flight.cycles) > 1 else ''}: "
-        f"{timeout_words(result.flight, numbers[name])}. "
+        f"{shortfall.timeout_words(result.flight, numbers[name])}. "
         + (_starts_words(result, numbers[name]) or _MORE_TIME)
         for name, count in result.missed.items()
     ]
@@ -113,7 +108,7 @@ def _starts_words(result: MissionResult, number: int) -> str:
     """Say what of the way of driving kept a phase from its depth; "" where nothing did."""
     flight = result.flight
     if not flight.plan.laws:
-        return starts_words(flight, number)
+        return shortfall.starts_words(flight, number)
     phase, law = flight.mission.phases[number], flight.plan.laws[number].law.name
     slower = "slower (speed)" if phase.speed is not None else "at a speed (speed), and not at once"
     return (
@@ -127,7 +122,7 @@ def _hold_words(result: MissionResult, number: int) -> str:
     if flight.plan.laws:
         law = flight.plan.laws[number].law.name
         return f"Check the gains of the law {law!r} (`tune`, `analyse`), or allow more"
-    coarse = coarse_words(flight.mission, flight.plan, number)
+    coarse = shortfall.coarse_words(flight.mission, flight.plan, number)
     return f"Look more often (check_interval), go slower, or allow more{coarse}"
 
 
