@@ -185,10 +185,8 @@ def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None
 
 def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     """Return mission `number` of a seed; it depends on these and the course only."""
-    vehicle = course.vehicle
-    random = np.random.Generator(
-        np.random.Philox(np.random.SeedSequence([seed, int(healthy), number]))
-    )
+    seeds = np.random.SeedSequence([seed, int(healthy), number])
+    random = np.random.Generator(np.random.Philox(seeds))
     tick = course.tick
     p, drive = _plant(course, random)
     turns, targets = _set_points(course, p["z_surface"], random)
@@ -198,7 +196,7 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
     fault_rows: list[FaultRow] = []
     times: list[float] = []
     if not healthy:
-        kinds = kinds_of(vehicle)
+        kinds = kinds_of(course.vehicle)
         faults = (kinds[number % len(kinds)],)
         latest = LATEST_DIVE if course.floats else LATEST
         times.append(random.uniform(SETTLE, latest * turns[-1]))
@@ -211,20 +209,12 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
             begin = math.ceil(time / tick)
             end = begin + max(1.0, round(lasts / tick)) if math.isfinite(lasts) else math.inf
             fault_rows.append(FaultRow(float(fault), first, second, begin, end))
-    rest = p["psi"] * targets[0] + p["V_0"] + course.medium.layers.at(targets[0])
-    condition = _condition(
-        course,
-        random,
-        start=targets[0],
-        V=rest,
-        quiet=max([turns[-1], *times]),
-        full=p["supply"] if vehicle.voltage_driven else p["V_max"],
-    )
+    quiet = max([turns[-1], *times])
     return Mission(
         number=number,
         faults=faults,
         plant=np.array(list(p.values())),
-        condition=condition,
+        condition=_condition(course, p, random, start=targets[0], quiet=quiet),
         fault_rows=np.array(fault_rows, float).reshape(-1, len(FaultRow._fields)),
         turns=np.ceil(np.array(turns) / tick),
         depths=np.array(targets),
@@ -288,17 +278,17 @@ def _rise_speed(medium: Medium, depth: float) -> float:
 
 
 def _condition(
-    course: Course,
-    random: np.random.Generator,
-    *,
-    start: float,
-    V: float,
-    quiet: float,
-    full: float,
+    course: Course, p: dict[str, float], random: np.random.Generator, *, start: float, quiet: float
 ) -> Condition:
-    vehicle, tick = course.vehicle, course.tick
-    stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
-    sensors = vehicle.sensors
+    """Return what a mission of the plant p is flown in, from its rest at a depth [m].
+
+    quiet [s]: after which nothing more is asked or fails.
+    """
+    vehicle, tick, floats = course.vehicle, course.tick, course.floats
+    least, most = vehicle.stroke.minimum, vehicle.stroke.maximum
+    rest = p["psi"] * start + p["V_0"] + course.medium.layers.at(start)
+    full = p["supply"] if vehicle.voltage_driven else p["V_max"]
+    stroke, sensors = most - least, vehicle.sensors
     noise = 0.5e-3 * 10.0 ** random.random()
     quantum = (0.0, 1e-3, 5e-3)[random.integers(3)]
     volume_noise = 1e-4 * stroke * random.random()
@@ -313,14 +303,11 @@ def _condition(
     supply = 0.0 if vehicle.supply is None else vehicle.supply.voltage
     limit = vehicle.hull.depth_limit
     noisy = 0.005 if vehicle.supply is not None else math.nan  # what is not measured is nan
-    floats = course.floats
     return Condition(
         end=math.ceil(course.end / tick),
         tick=tick,
         start_depth=0.0 if floats else start,
-        start_volume=math.nan
-        if floats
-        else min(max(V, vehicle.stroke.minimum), vehicle.stroke.maximum),
+        start_volume=math.nan if floats else min(max(rest, least), most),
         depth_noise=noise,
         depth_quantum=quantum,
         volume_noise=volume_noise,
