@@ -167,7 +167,7 @@ def test_outcomes_of_rows_made_by_hand():
         (fine._replace(beyond=5.0, filled=1.0, up=math.nan), Outcome.BEYOND),
         (fine._replace(filled=1.0, stop=float(TOO_DEEP), arrived=math.nan), Outcome.STOPPED),
     ]
-    found = outcomes(np.array([row for row, _ in rows]), tick=0.3, stay=60.0)
+    found = outcomes(np.array([row for row, _ in rows]), tick=0.3)
     assert found.tolist() == [float(outcome) for _, outcome in rows]
     assert all(outcome.words for outcome in Outcome)
 

@@ -54,14 +54,14 @@ class Outcome(IntEnum):
         )[self]
 
 
-def outcomes(results: Array, *, tick: float, stay: float) -> Array:
-    """Return the Outcome of each result [n, len(Result)]; stay [s] at the surface: what is asked.
+def outcomes(results: Array, tick: float) -> Array:
+    """Return the Outcome of each result [n, len(Result)] of a controller's sample time [s].
 
     A vehicle that leaps out of the water surfaced too. One that was at the surface and then
     heavy with all its volume out was filled: no command helps it any more.
     """
     r = Result(*results.T)
-    up = (r.last - r.arrived) * tick >= math.floor(stay / tick) * tick
+    up = (r.last - r.arrived) * tick >= math.floor(STAY / tick) * tick
     found = np.full(len(results), float(Outcome.NOT_UP))
     found[up] = Outcome.SURFACED
     found[(r.stop != DONE) & (r.stop != LEFT_WATER)] = Outcome.STOPPED
@@ -128,7 +128,7 @@ class Campaign:
 
     def outcome(self, flight: int) -> Array:
         """Return the Outcome of a flight of each mission with faults."""
-        return outcomes(self.faulty["flights"][:, flight], tick=self.tick, stay=STAY)
+        return outcomes(self.faulty["flights"][:, flight], self.tick)
 
     @cached_property
     def recoverable(self) -> NDArray[np.bool_]:
@@ -204,7 +204,7 @@ class Campaign:
     @property
     def healthy_lost(self) -> NDArray[np.intp]:
         """Numbers of the healthy missions that did not end at the surface."""
-        found = outcomes(self.healthy["flights"][:, 0], tick=self.tick, stay=STAY)
+        found = outcomes(self.healthy["flights"][:, 0], self.tick)
         return np.flatnonzero(found != Outcome.SURFACED)
 
     @property

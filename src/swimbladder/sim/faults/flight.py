@@ -24,23 +24,10 @@ from swimbladder.sim.engine.cache import inlined
 from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.layers import Layers, layered
 from swimbladder.sim.engine.rodas.records import Doing
+from swimbladder.sim.faults import fault_effects as effects
 from swimbladder.sim.faults.c_interface import call_begin, call_tick
 from swimbladder.sim.faults.draw import Mission
-from swimbladder.sim.faults.fault_effects import (
-    MOST,
-    NOTHING_KEPT,
-    PumpTable,
-    act,
-    acted,
-    board_misses,
-    change_plant,
-    changes,
-    driven,
-    emf,
-    pump_share,
-    see_depth,
-    see_volume,
-)
+from swimbladder.sim.faults.fault_effects import MOST, NOTHING_KEPT, PumpTable
 from swimbladder.sim.faults.kinds import On
 from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, record_type
 from swimbladder.vehicle import Sensors
@@ -100,31 +87,31 @@ _LAW = Law(
 class FlightState(NamedTuple):
     """What a flight remembers from tick to tick, beside the rows of its lane."""
 
-    how: float  # OWN, FULL or EARLY
-    ran: float  # 1: the board was called at this tick
-    board: float  # _RAN, _MISSED or _OFF
-    command: float  # V or m3, of the board
-    lost: float  # ticks since its last
-    off_until: float  # tick
-    hung_until: float  # tick
-    hangs: float  # ticks that a call of its law would not come back for
-    resets: float
-    restarted: float  # 1: it was reset, and remembers what outlives that
-    must_begin: float  # 1: its begin is to be called before its tick
-    begun: float  # tick that its clock counts from
-    turn: float  # set-point
-    asked: float  # m
-    commanded: float  # 1: full buoyancy is commanded
-    full_at: float  # tick from which on it is
-    deepest: float  # m
-    below: float  # ticks since it was at the surface
-    acts: float  # faults that have acted
-    noise: float  # of the depth at this tick, which the battery's is taken to be as well
-    battery: float  # V, at the board
-    age: float  # s, of the depth
-    delivery: float  # -, of a float's pump in health, over what the law's processor knows
-    delivered: float  # -, the same under faults, where it last was above 0
-    flow: float  # -, of its valves
+    how: float = 0.0  # OWN, FULL or EARLY
+    ran: float = 0.0  # 1: the board was called at this tick
+    board: float = 0.0  # _RAN, _MISSED or _OFF
+    command: float = 0.0  # V or m3, of the board
+    lost: float = 0.0  # ticks since its last
+    off_until: float = -1.0  # tick
+    hung_until: float = -1.0  # tick
+    hangs: float = 0.0  # ticks that a call of its law would not come back for
+    resets: float = 0.0
+    restarted: float = 0.0  # 1: it was reset, and remembers what outlives that
+    must_begin: float = 1.0  # 1: its begin is to be called before its tick
+    begun: float = 0.0  # tick that its clock counts from
+    turn: float = 0.0  # set-point
+    asked: float = 0.0  # m
+    commanded: float = 0.0  # 1: full buoyancy is commanded
+    full_at: float = math.inf  # tick from which on it is
+    deepest: float = 0.0  # m
+    below: float = 0.0  # ticks since it was at the surface
+    acts: float = 0.0  # faults that have acted
+    noise: float = 0.0  # of the depth at this tick, which the battery's is taken to be as well
+    battery: float = 0.0  # V, at the board
+    age: float = 0.0  # s, of the depth
+    delivery: float = 0.0  # -, of a float's pump in health, over what the law's processor knows
+    delivered: float = 0.0  # -, the same under faults, where it last was above 0
+    flow: float = 0.0  # -, of its valves
 
 
 FLIGHT = np.dtype(
@@ -218,14 +205,14 @@ def _begin(faults: Faults, S: Array, k: int, built: Any) -> bool:
         np.random.seed(np.uint32(c.seed))  # noqa: NPY002
     if _surfaced(faults, S, k):
         return True
-    act(fault_rows, k, c.tick, m.acts)
+    effects.act(fault_rows, k, c.tick, m.acts)
     S[Row.SLOW] = 1.0  # the plant changes between ticks
     S[Row.LEAK] = m.acts[On.WATER, 1]
-    changed = changes(fault_rows, k)
+    changed = effects.changes(fault_rows, k)
     if changed:
-        change_plant(m.base, p, m.acts, S[Row.V] + S[Row.LOST], S[Row.LOST])
+        effects.change_plant(m.base, p, m.acts, S[Row.V] + S[Row.LOST], S[Row.LOST])
     if now.acts < fault_rows.shape[0]:
-        now.acts = acted(m.base, p, fault_rows, k, c.tick, S[Row.V], m.kept)
+        now.acts = effects.acted(m.base, p, fault_rows, k, c.tick, S[Row.V], m.kept)
         if now.acts > 0 and math.isnan(result.acting):
             result.acting = k
             if now.how == EARLY:
@@ -262,7 +249,7 @@ def _act_on_motor(faults: Faults, S: Array, p: Array, built: Any, changed: bool)
         now.battery = np.nan
         return
     u = S[Row.APPLIED]
-    p[modes.SUPPLY] = emf(m.base, m.acts, abs(u) > 0.05 * m.base[modes.SUPPLY])
+    p[modes.SUPPLY] = effects.emf(m.base, m.acts, abs(u) > 0.05 * m.base[modes.SUPPLY])
     S[Row.LOW_U], S[Row.HIGH_U] = -p[modes.SUPPLY], p[modes.SUPPLY]
     applied = max(-p[modes.SUPPLY], min(p[modes.SUPPLY], u))
     drawn = (applied - p[modes.KAPPA] * S[Row.Q]) * (1.0 if applied >= 0.0 else -1.0)
@@ -280,7 +267,7 @@ def _act_on_pump(
         x.h = min(x.h, 1.0)
         given.v_min, given.v_max = p[modes.V_MIN] + S[Row.LOST], p[modes.V_MAX] + S[Row.LOST]
         given.flow, given.open = now.flow * m.acts[On.VALVE, 0], m.acts[On.OPEN, 1]
-    share, loaded, unloaded = pump_share(faults.pump, m.base, m.acts, max(S[Row.Z], 0.0))
+    share, loaded, unloaded = effects.pump_share(faults.pump, m.base, m.acts, max(S[Row.Z], 0.0))
     given.delivery = now.delivery * share
     if share <= 0.0:
         x.t_primed += m.condition.tick  # it primes when it delivers again
@@ -298,12 +285,12 @@ def _sense(faults: Faults, S: Array, k: int) -> None:
     c, now, kept = m.condition, m.now, m.kept
     noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
     depth = S[Row.Z] + S[Row.DEPTH_NOISE] * noise
-    S[Row.SEEN_DEPTH], now.age = see_depth(
+    S[Row.SEEN_DEPTH], now.age = effects.see_depth(
         m.acts, k, c.tick, depth, S[Row.DEPTH_QUANTUM], kept, faults.late
     )
     volume = S[Row.V] + S[Row.LOST] + S[Row.VOLUME_NOISE] * other
     stroke = m.base[modes.V_MAX] - m.base[modes.V_MIN]
-    seen = see_volume(m.acts, k, c.tick, volume, S[Row.VOLUME_QUANTUM], stroke, kept)
+    seen = effects.see_volume(m.acts, k, c.tick, volume, S[Row.VOLUME_QUANTUM], stroke, kept)
     S[Row.SEEN_VOLUME] = seen if faults.stepper is None else math.nan  # not measured by a float
     now.noise = noise
 
@@ -317,7 +304,7 @@ def _ask(faults: Faults, S: Array, k: int) -> bool:
         now.turn += 1
     now.asked += max(-c.ramp, min(c.ramp, m.depths[int(now.turn)] - now.asked))
     S[Row.REFERENCE] = now.asked
-    missed, reset, now.hangs = board_misses(m.acts, c.tick)
+    missed, reset, now.hangs = effects.board_misses(m.acts, c.tick)
     if k >= now.full_at:
         now.hangs, now.hung_until = 0, -1  # what misses ticks or is reset does so here as well
     now.board, now.ran = _RAN, 0.0
@@ -384,7 +371,7 @@ def _drive(faults: Faults, S: Array, k: int, command: float) -> float:
     _hand_on(now, faults.stepper, said)
     volume = S[Row.V] + S[Row.LOST]
     way = S[Row.APPLIED] - (volume if m.base[modes.POSITIONER] != 0.0 else 0.0)
-    u = driven(m.acts, S[Row.LOW_U], S[Row.HIGH_U], now.command, way, m.kept)
+    u = effects.driven(m.acts, S[Row.LOW_U], S[Row.HIGH_U], now.command, way, m.kept)
     u = limited(S, 1, 0, u)
     if faults.record.shape[0] > k:
         row = faults.record[k]
@@ -418,37 +405,19 @@ class Room(threading.local):
 hook_in(Faults, begin=_begin, sense=_sense, ask=_ask, drive=_drive)
 
 
-def fly(
-    mission: Mission,
-    condition: Condition,
-    how: int,
-    functions: tuple[int, int],
-    room: Room,
-    record: Array,
-) -> Array:
+def fly(mission: Mission, how: int, functions: tuple[int, int], room: Room, record: Array) -> Array:
     """Fly one mission; fill record where it has rows [n, len(Trace)], return [len(Result)].
 
     how: OWN, FULL or EARLY. functions: addresses of the board's begin and tick.
     """
-    c, p = condition, Plant(*mission.plant.tolist())
-    unset = Result(*(math.nan for _ in Result._fields))
+    c, p = mission.condition, Plant(*mission.plant.tolist())
+    pump, valve = mission.drive
     flights = np.zeros(1, FLIGHT)
     m: Any = flights[0]
     m["condition"], m["base"] = c, mission.plant
-    m["now"] = FlightState(*(0.0 for _ in FlightState._fields))._replace(
-        how=how,
-        off_until=-1.0,
-        hung_until=-1.0,
-        must_begin=1.0,
-        asked=mission.depths[0],
-        full_at=math.inf,
-        deepest=c.start_depth,
-        delivery=mission.drive[0],
-        flow=mission.drive[1],
-        delivered=mission.drive[0],
-    )
-    m["kept"] = NOTHING_KEPT
-    m["result"] = unset._replace(stop=0.0, bottom=0.0, reason=0.0, resets=0.0, filled=-1.0)
+    state = FlightState(how=how, delivery=pump, delivered=pump, flow=valve)
+    m["now"] = state._replace(asked=mission.depths[0], deepest=c.start_depth)
+    m["kept"], m["result"] = NOTHING_KEPT, Result()
     m["turns"], m["faults"] = math.inf, len(mission.fault_rows)
     m["fault_rows"][: len(mission.fault_rows)] = mission.fault_rows
     m["turns"][: len(mission.turns)] = mission.turns
@@ -460,13 +429,12 @@ def fly(
         stepper, start = room.model.lanes({}, mission.plant[:, None], start, rates=rates)
         stepper = stepper._replace(wide=np.zeros(1))
     sensors = {name: getattr(c, name) for name in Sensors.model_fields}
+    turn = np.zeros(int(c.end) + 1, np.int64)
     block = Block(
         plants=mission.plant[:, None],
         law=_LAW,
         parameters=dict.fromkeys(Board._fields, 0.0),
-        clock=Schedule(
-            tick=c.tick, turn=np.zeros(int(c.end) + 1, np.int64), given=np.zeros(1, np.int64)
-        ),
+        clock=Schedule(tick=c.tick, turn=turn, given=np.zeros(1, np.int64)),
         parts=base_steps(p, c.tick, 0.0) if stepper is None else 1,
         depths=mission.depths[:1, None],
         start=start,

@@ -49,20 +49,20 @@ class FaultRow(NamedTuple):
 class Result(NamedTuple):
     """How a mission ended."""
 
-    stop: float  # why the plant stopped, see engine.advance; 0: it did not
-    last: float  # tick that it ended at
-    arrived: float  # tick since which it has been at the surface, bobbing; nan: it is not there
-    beyond: float  # tick at which it passed the depth it is rated for; nan: never
-    bottom: float  # 1: it lies on the bottom at the end
-    depth: float  # m, at the end
-    deepest: float  # m
-    latched: float  # tick at which the supervisor first gave a reason; nan: never
-    reason: float  # code of that reason
-    released: float  # tick at which it asked for the release of a weight; nan: never
-    resets: float  # of the board
-    acting: float  # tick at which the first fault began to act; nan: none did
-    up: float  # tick at which it first was at the surface, as asked for; nan: never
-    filled: float  # 1: heavy with all its volume out since it was there last; 0, -1: not
+    stop: float = 0.0  # why the plant stopped, see engine.advance; 0: it did not
+    last: float = math.nan  # tick that it ended at
+    arrived: float = math.nan  # tick since which it bobs at the surface; nan: it is not there
+    beyond: float = math.nan  # tick at which it passed the depth it is rated for; nan: never
+    bottom: float = 0.0  # 1: it lies on the bottom at the end
+    depth: float = math.nan  # m, at the end
+    deepest: float = math.nan  # m
+    latched: float = math.nan  # tick at which the supervisor first gave a reason; nan: never
+    reason: float = 0.0  # code of that reason
+    released: float = math.nan  # tick at which it asked for the release of a weight; nan: never
+    resets: float = 0.0  # of the board
+    acting: float = math.nan  # tick at which the first fault began to act; nan: none did
+    up: float = math.nan  # tick at which it first was at the surface, as asked for; nan: never
+    filled: float = -1.0  # 1: heavy with all its volume out since it was there last; 0, -1: not
 
 
 class Trace(NamedTuple):

@@ -5,6 +5,7 @@ Each is flown three ways: supervised, not, with ideal detection.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
 from swimbladder.sim.faults.fault_effects import NO_PUMP, PumpTable
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN, Room, fly
 from swimbladder.sim.faults.kinds import FAULTS, KINDS
-from swimbladder.sim.faults.mission_records import Condition, Result, Trace
+from swimbladder.sim.faults.mission_records import Result, Trace
 from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ class FaultCampaign:
         tick = course.tick
         latest = KINDS[FAULTS["DEPTH_LATE"]].first
         assert latest is not None
-        self._board = board
+        self.course, self._board = course, board
         model = None
         if course.floats:
             reach = course.vehicle.hull.depth_limit or BEYOND * course.depths.most
@@ -68,34 +69,30 @@ class FaultCampaign:
         That is full buoyancy 60 s after the last fault acts, and 60 s after the first does, for
         a mission of two faults that is lost both supervised and with the former.
         """
-        supervised = self.flown(mission, SUPERVISED, OWN)
-        unsupervised = self.flown(mission, UNSUPERVISED, OWN)
-        full = self.flown(mission, IDEAL, FULL)
-        flown = [supervised, unsupervised, full]
-        tick = mission.condition.tick
-        ended = outcomes(
-            np.array([supervised, full]), tick=tick, stay=mission.condition.stay * tick
-        )
+        ways = ((SUPERVISED, OWN), (UNSUPERVISED, OWN), (IDEAL, FULL))
+        flown = [self.flown(mission, who, how) for who, how in ways]
+        ended = outcomes(np.array([flown[0], flown[2]]), mission.condition.tick)
         if len(mission.faults) > 1 and not np.any(ended == Outcome.SURFACED):
             flown.append(self.flown(mission, IDEAL, EARLY))
         return flown
 
     def traced(self, mission: Mission, who: str, how: int) -> tuple[Array, Array]:
         """Return (result, rows [ticks flown, len(Trace)]) of a mission."""
-        rows = np.full((int(self._condition(mission, who).end) + 1, len(Trace._fields)), np.nan)
+        ticks = int(self._lengthened(mission, who).condition.end) + 1
+        rows = np.full((ticks, len(Trace._fields)), np.nan)
         result = self.flown(mission, who, how, rows)
         return result, rows[: int(result[Result._fields.index("last")]) + 1]
 
-    def _condition(self, mission: Mission, who: str) -> Condition:
-        """Return what a mission is flown in; who rests between pushes has longer to come up."""
-        condition = mission.condition
+    def _lengthened(self, mission: Mission, who: str) -> Mission:
+        """Return a mission as it is flown: who rests between pushes has longer to come up."""
         longer = self._longer if who == SUPERVISED else 1.0
-        return condition._replace(end=math.ceil(longer * condition.end))
+        end = math.ceil(longer * mission.condition.end)
+        return replace(mission, condition=mission.condition._replace(end=end))
 
     def flown(self, mission: Mission, who: str, how: int, record: Array = _NO_ROWS) -> Array:
         """Fly a mission with the board's functions `who`; fill record, return its result."""
-        condition, functions = self._condition(mission, who), self._board.addresses[who]
-        return fly(mission, condition, how, functions, self._room, record)
+        functions = self._board.addresses[who]
+        return fly(self._lengthened(mission, who), how, functions, self._room, record)
 
 
 _LONGER = 3.0  # times as long as without rests, at most
@@ -119,15 +116,8 @@ def pump_table(vehicle: Vehicle) -> PumpTable:
         currents[n] = np.maximum(np.nan_to_num(power), 0.0) / voltage
     resistance = 0.0 if supply is None else supply.internal_resistance
     motor = a.pump.motor.resistance if isinstance(a.pump, DatasheetPump) else 0.0
-    return PumpTable(
-        rates,
-        currents,
-        per_volt=1.0 / volts[1],
-        per_metre=1.0 / depth[1],
-        nominal=volts[-1],
-        resistance=resistance,
-        motor=motor,
-    )
+    per_volt, per_metre, nominal = 1.0 / volts[1], 1.0 / depth[1], volts[-1]
+    return PumpTable(rates, currents, per_volt, per_metre, nominal, resistance, motor)
 
 
 _VOLTAGES, _HEADS, _HEADS_TO = 49, 481, 12000.0  # of a pump's table; m
@@ -169,47 +159,27 @@ def run_missions(
     files = sources(course)
     with Board(files, (UNSUPERVISED, SUPERVISED, IDEAL)) as board:
         kept = Store(keep, course, seed, files)
-        campaign = FaultCampaign(course, board)
-        total = missions + healthy
-        tables = [
-            _all(campaign, course, seed, n, well, kept, lambda done: advance(done / total))
-            for n, well in ((missions, False), (healthy, True))
-        ]
+        campaign, size = FaultCampaign(course, board), FLOATS if course.floats else CHUNK
+        tables = np.empty(missions, ROW), np.empty(healthy, ROW)
+        for table, well in zip(tables, (False, True), strict=True):
+            chunks = (range(n, min(n + size, len(table))) for n in range(0, len(table), size))
+            for numbers, rows in each(partial(_chunk, campaign, seed, kept, well), chunks):
+                table[numbers.start : numbers.stop] = rows
+                advance(len(rows) / (missions + healthy))
     return Campaign(course=course, seed=seed, faulty=tables[0], healthy=tables[1])
 
 
-def _all(
-    campaign: FaultCampaign,
-    course: Course,
-    seed: int,
-    count: int,
-    healthy: bool,
-    kept: Store,
-    advance: Callable[[float], None],
-) -> Rows:
-    """Return a row per mission."""
-    table = np.empty(count, ROW)
-    size = FLOATS if course.floats else CHUNK
-
-    def chunk(first: int) -> Rows:
-        end = min(first + size, count)
-        fly = partial(_rows, campaign, course, seed, first, end, healthy)
-        return kept.get(fly, "healthy" if healthy else "faulty", first, end)
-
-    for first, rows in each(chunk, range(0, count, size)):
-        table[first : first + len(rows)] = rows
-        advance(len(rows))
-    return table
+def _chunk(campaign: FaultCampaign, seed: int, kept: Store, healthy: bool, numbers: range) -> Rows:
+    """Return the rows of missions by their numbers, flown unless they are kept."""
+    fly = partial(_rows, campaign, seed, healthy, numbers)
+    return kept.get(fly, "healthy" if healthy else "faulty", numbers.start, numbers.stop)
 
 
-def _rows(
-    campaign: FaultCampaign, course: Course, seed: int, first: int, end: int, healthy: bool
-) -> Rows:
-    """Return the rows of missions first to end, flown."""
-    rows = np.full(end - first, np.nan, ROW)
+def _rows(campaign: FaultCampaign, seed: int, healthy: bool, numbers: range) -> Rows:
+    rows = np.full(len(numbers), np.nan, ROW)
     rows["faults"][:, :, 0] = 0.0
-    for row, number in zip(rows, range(first, end), strict=True):
-        mission = draw(course, seed=seed, number=number, healthy=healthy)
+    for row, number in zip(rows, numbers, strict=True):
+        mission = draw(campaign.course, seed=seed, number=number, healthy=healthy)
         row["start"], row["deepest"] = mission.condition.start_depth, max(mission.depths)
         row["bottom"], row["supply"] = mission.plant[Z_BOTTOM], mission.plant[SUPPLY]
         row["faults"][: len(mission.fault_rows)] = mission.fault_rows

@@ -23,24 +23,10 @@ from swimbladder.sim.faults.mission_records import Result, Trace
 from swimbladder.sim.faults.run import FaultCampaign, board_of
 from swimbladder.vehicle import Vehicle
 
-TRACE_COLUMNS = (
-    "time_s",
-    "depth_m",
-    "speed_m_s",
-    "volume_m3",
-    "command",
-    "applied",
-    "battery_V",
-    "reference_depth_m",
-    "depth_seen_m",
-    "depth_age_s",
-    "volume_seen_m3",
-    "leak_seen",
-    "lost_ticks",
-    "board",
-    "reason",
-    "water_m3",
-)
+_MOTION = ("time_s", "depth_m", "speed_m_s", "volume_m3")
+_DRIVE = ("command", "applied", "battery_V", "reference_depth_m")
+_SEEN = ("depth_seen_m", "depth_age_s", "volume_seen_m3", "leak_seen")
+TRACE_COLUMNS = (*_MOTION, *_DRIVE, *_SEEN, "lost_ticks", "board", "reason", "water_m3")
 assert len(TRACE_COLUMNS) == 1 + len(Trace._fields)
 
 
@@ -127,12 +113,7 @@ class Flown:
 
     def outcome(self, flight: int) -> Outcome:
         """Return how a flight ended."""
-        found = outcomes(
-            np.array([self.results[flight]]),
-            tick=self.tick,
-            stay=self.mission.condition.stay * self.tick,
-        )
-        return Outcome(int(found[0]))
+        return Outcome(int(outcomes(np.array([self.results[flight]]), self.tick)[0]))
 
     def lines(self) -> list[str]:
         """Return what happened, for a reader."""
