@@ -28,6 +28,10 @@ from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
 Array = NDArray[np.float64]
 
+_TRAVEL = 3.0  # m from rest at which a record ends, before the hull is near surface or bottom
+_REST = 10.0  # m, of rest without noise: it changes nothing where neither of them is met
+_SINK = 30e-6  # m3 below neutral, of the rest on the bottom before a run
+
 
 class Record(NamedTuple):
     """An experiment as the fits take it; evenly sampled, from rest at the first sample."""
@@ -42,27 +46,24 @@ def still_starts(
     vehicle: Vehicle,
     *,
     dVs: Sequence[float],
-    travel: float = 3.0,
     sample_time: float = 0.3,
-    start: float = 10.0,
     longest: float = 300.0,
 ) -> tuple[Record, ...]:
     """Return experiments without noise, the volume changed at once from an exactly neutral rest.
 
-    dVs [m3], either sign; travel: where a record ends [m]; start: depth of rest [m], which changes
-    nothing as long as neither surface nor bottom is met. Raises NoAnswerError where the vehicle has
-    not travelled so far after `longest` [s].
+    dVs [m3], either sign. Raises NoAnswerError where the vehicle has not travelled as far as a
+    record goes after `longest` [s].
     """
-    records = []
+    records, start = [], _REST
     time = np.arange(math.floor(longest / sample_time) + 1) * sample_time
     for dV in dVs:
         volume = np.full(len(time), vehicle.neutral_volume(start) + dV)
         s = drive(vehicle, time=time, volume=volume, start_depth=start)
-        inside = np.abs(s.depth - start) <= travel
+        inside = np.abs(s.depth - start) <= _TRAVEL
         if inside.all():
             raise NoAnswerError(
-                f"With {dV * 1e6:g} cm3 the vehicle does not travel {travel:g} m in {longest:g} s: "
-                "give a larger volume or more time"
+                f"With {dV * 1e6:g} cm3 the vehicle does not travel {_TRAVEL:g} m in "
+                f"{longest:g} s: give a larger volume or more time"
             )
         n = int(np.argmin(inside))
         records.append(Record(s.time[:n], s.depth[:n], np.full(n, dV), start))
@@ -139,7 +140,7 @@ def pool_test(
     seed: int,
     pool_depth: float = 4.5,
     clearance: float = 0.75,
-    advance: Callable[[float], None] | None = None,
+    advance: Callable[[float], None] = lambda _: None,
 ) -> tuple[PoolRun, ...]:
     """Return one run, two experiments, for each change of volume [m3]; `advance` counts runs done.
 
@@ -150,8 +151,7 @@ def pool_test(
         parameters = pool_parameters(vehicle, dV=dV, pool_depth=pool_depth, clearance=clearance)
         own = int(np.random.SeedSequence([seed, i]).generate_state(1)[0])
         runs.append(run_procedure(vehicle, parameters, pool_depth=pool_depth, seed=own))
-        if advance is not None:
-            advance(1.0)
+        advance(1.0)
     return tuple(runs)
 
 
@@ -161,15 +161,12 @@ def run_procedure(
     *,
     pool_depth: float,
     seed: int | None,
-    travel: float = 3.0,
     duration: float = 1800.0,
-    sink: float = 30e-6,
 ) -> PoolRun:
-    """Return one run: from rest on the bottom, `sink` [m3] below neutral, through (a) to (d).
+    """Return one run: from rest on the bottom, a little below neutral, through (a) to (d).
 
-    travel: how far the vehicle has gone at the end of an experiment's record [m], so that the
-    record ends before the hull is near the surface or the bottom. Raises NoAnswerError where a
-    phase takes longer than the procedure has patience for, or all of it longer than `duration` [s].
+    Raises NoAnswerError where a phase takes longer than the procedure has patience for, or all of
+    it longer than `duration` [s].
     """
     notes: list[tuple[Measurement, PoolState, float]] = []
     named = parameters.phases
@@ -185,7 +182,7 @@ def run_procedure(
         setpoints=[(0.0, pool_depth)],
         duration=duration,
         start_depth=pool_depth,
-        start_volume=vehicle.neutral_volume(pool_depth) - sink,
+        start_volume=vehicle.neutral_volume(pool_depth) - _SINK,
         bottom_depth=pool_depth,
         seed=seed,
         law=law,
@@ -203,8 +200,9 @@ def run_procedure(
         halted, first, glide, last = (began[i + j] for j in (-1, 0, 1, 2))
         neutral = notes[first][1].neutral
         start = float(np.mean(seen_depth[halted : first + 1]))
-        beyond = np.abs(seen_depth[first:last] - start) > travel
+        beyond = np.abs(seen_depth[first:last] - start) > _TRAVEL
         part = slice(first, first + int(np.argmax(np.append(beyond, True))))
+        time = s.time[part] - s.time[first]
         stands = min(glide + math.ceil(1.0 / parameters.loop.S_p), last)
         experiments.append(
             Experiment(
@@ -217,12 +215,7 @@ def run_procedure(
                 neutral_error=neutral - vehicle.neutral_volume(float(s.depth[first])),
                 released=float(s.time[first]),
                 ended=float(s.time[last]),
-                record=Record(
-                    s.time[part] - s.time[first],
-                    seen_depth[part],
-                    seen_volume[part] - neutral,
-                    start,
-                ),
+                record=Record(time, seen_depth[part], seen_volume[part] - neutral, start),
             )
         )
     return PoolRun(
@@ -321,12 +314,9 @@ def fit_jointly(records: Sequence[Record], *, psi: float = 0.0) -> Fit:
     """Return one K2 and T2 for several experiments together, eq. (27) or, with psi, (32)."""
 
     def left_over(K2: float, T2: float) -> Array:
-        return np.concatenate(
-            [
-                r.start + response(r.time, r.volume, K2=K2, T2=T2, psi=psi)[0] - r.depth
-                for r in records
-            ]
-        )
+        travels = [response(r.time, r.volume, K2=K2, T2=T2, psi=psi)[0] for r in records]
+        pairs = zip(records, travels, strict=True)
+        return np.concatenate([r.start + travel - r.depth for r, travel in pairs])
 
     return _fit(left_over)
 
@@ -345,9 +335,8 @@ def _fit(left_over: Callable[[float, float], Array]) -> Fit:
     def of_logarithms(x: NDArray[np.float64]) -> Array:  # in which both stay positive
         return left_over(math.exp(x[0]), math.exp(x[1]))
 
-    found = least_squares(
-        of_logarithms, [math.log(1e4), math.log(40.0)], xtol=1e-10, ftol=1e-12, gtol=1e-12
-    )
+    begin = [math.log(1e4), math.log(40.0)]
+    found = least_squares(of_logarithms, begin, xtol=1e-10, ftol=1e-12, gtol=1e-12)
     K2, T2 = (math.exp(float(value)) for value in found.x)
     return Fit(K2, T2, float(np.sqrt(np.mean(found.fun**2))))
 
