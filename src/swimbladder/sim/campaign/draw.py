@@ -51,17 +51,9 @@ def drawn_of(spread: Spread, z: Array, cast: float) -> Array:
     if spread.correlation:
         values, vectors = np.linalg.eigh(spread.matrix)
         z = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T @ z
-    trim, psi, drag, pump, mass = np.clip(z, -_CUT, _CUT)
-    return np.array(
-        [
-            spread.trim * trim,
-            spread.psi * psi,
-            1.0 + spread.drag * drag,
-            1.0 + spread.pump * pump,
-            1.0 + spread.mass * mass,
-            cast,
-        ]
-    )
+    middle = np.array([0.0, 0.0, 1.0, 1.0, 1.0])  # what is added, and factors
+    wide = np.array([getattr(spread, name) for name in INPUTS])
+    return np.append(middle + wide * np.clip(z, -_CUT, _CUT), cast)
 
 
 def varied(plan: Plan, drawn: Array) -> Plan:
@@ -175,28 +167,14 @@ def indices(values: Array, *, seed: int = 1) -> list[Index]:
             "f_AB": np.repeat(part[:, None, 2:].T, 2, axis=1),
         }
         found = sobol_indices(func=pair, n=len(part))
-        return np.array(
-            [np.reshape(found.first_order, (2, -1))[0], np.reshape(found.total_order, (2, -1))[0]]
-        )
+        orders = (found.first_order, found.total_order)
+        return np.array([np.reshape(order, (2, -1))[0] for order in orders])
 
     rows = np.arange(len(values))
-    point = both(rows)
-    spread = bootstrap(
-        (rows,),
-        both,
-        n_resamples=_RESAMPLES,
-        vectorized=False,
-        method="percentile",
-        confidence_level=0.95,
-        rng=np.random.default_rng(seed),
-    )
-    low, high = (np.asarray(end) for end in spread.confidence_interval)
-    return [
-        Index(
-            float(point[0, k]),
-            (float(low[0, k]), float(high[0, k])),
-            float(point[1, k]),
-            (float(low[1, k]), float(high[1, k])),
-        )
-        for k in range(values.shape[1] - 2)
-    ]
+    how: dict[str, Any] = dict(n_resamples=_RESAMPLES, vectorized=False, method="percentile")
+    random = np.random.default_rng(seed)
+    spread = bootstrap((rows,), both, confidence_level=0.95, rng=random, **how)
+    low, high = spread.confidence_interval
+    (first, total), ends = both(rows).tolist(), np.stack((low, high), axis=-1).tolist()
+    firsts, totals = ([tuple(pair) for pair in of_order] for of_order in ends)
+    return [Index(*index) for index in zip(first, firsts, total, totals, strict=True)]

@@ -207,7 +207,9 @@ class Layout:
         group = zarr.create_group(MemoryStore(held), attributes=self._attributes())
 
         def create(name: str, data: Any, kept: _Kept, **more: Any) -> None:
-            wide = data.ndim == 2
+            axis = name in _AXES
+            parts = (self.chunk, min(self.cycles, _MOST_WIDE))[: data.ndim]
+            dimensions = (name,) if axis else _AXES[: data.ndim]
             attributes = {"long_name": kept.long_name, "units": kept.units, **more}
             if kept.standard_name:
                 attributes["standard_name"] = kept.standard_name
@@ -215,23 +217,19 @@ class Layout:
                 name,
                 shape=data.shape,
                 dtype=data.dtype,
-                chunks=(self.chunk, min(self.cycles, _MOST_WIDE))[: data.ndim]
-                if name not in _AXES
-                else data.shape,
+                chunks=data.shape if axis else parts,
                 fill_value=np.nan if data.dtype.kind == "f" else 0,
                 filters=None,
                 compressors=[ZstdCodec(level=3, checksum=True)],
-                dimension_names=("float", "cycle")[: 1 + wide] if name != "cycle" else ("cycle",),
+                dimension_names=dimensions,
                 attributes=attributes,
             )
-            if name in _AXES:
+            if axis:
                 made[:] = data
 
-        for name, long_name, count in (
-            ("float", "number of the float", self.floats),
-            ("cycle", "number of the cycle", self.cycles),
-        ):
-            create(name, np.arange(1, count + 1, dtype=np.int32), _Kept("1", long_name))
+        for name, count in zip(_AXES, (self.floats, self.cycles), strict=True):
+            numbers = np.arange(1, count + 1, dtype=np.int32)
+            create(name, numbers, _Kept("1", f"number of the {name}"))
         one = np.broadcast_to(np.float64(), (self.floats,))
         for name, kept in FLOATS.items():
             if name == "stop":
@@ -242,13 +240,8 @@ class Layout:
                 create(name, one, kept)
         for name, kept in CYCLES.items():
             create(name, np.broadcast_to(np.float64(), (self.floats, self.cycles)), kept)
-        create(
-            MARKER,
-            one.astype(np.int8),
-            _Kept("1", "whether the float was flown"),
-            flag_values=[0, 1],
-            flag_meanings="not_flown flown",
-        )
+        flags = {"flag_values": [0, 1], "flag_meanings": "not_flown flown"}
+        create(MARKER, one.astype(np.int8), _Kept("1", "whether the float was flown"), **flags)
         with warnings.catch_warnings():  # that version 3 of the format does not know of it yet
             warnings.simplefilter("ignore")
             zarr.consolidate_metadata(group.store)
