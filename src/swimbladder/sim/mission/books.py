@@ -60,10 +60,9 @@ def consumers(flight: Flight) -> dict[str, float]:
         VALVE: float(a[Account.VALVE_ENERGY]),
         HOLDING: float(a[Account.HOLDING_ENERGY]),
     }
-    if vehicle.driver is not None and vehicle.driver.standby_power > 0.0:
+    if vehicle.driver is not None:
         energy[STANDBY] = vehicle.driver.standby_power * sum(times.values())
-    sessions = surfacing_energy(vehicle)
-    surfacings = float(a[Account.SURFACING_ENERGY]) / sessions if sessions > 0.0 else 0.0
+    surfacings = float(a[Account.SURFACING_ENERGY]) / (surfacing_energy(vehicle) or 1.0)
     for load in vehicle.loads:
         on = sum(t for kind, t in times.items() if load_is_on(load, kind.name.lower()))
         taken = load.power * on + load.energy_per_surfacing * surfacings
@@ -133,8 +132,7 @@ def consumer_energy(flight: Flight) -> dict[str, Array]:
     }
     if vehicle.driver is not None:
         energy[STANDBY] = vehicle.driver.standby_power * lasting([True] * len(kinds))
-    session = surfacing_energy(vehicle)
-    surfacings = _spread(rows) / (session or 1.0)
+    surfacings = _spread(rows) / (surfacing_energy(vehicle) or 1.0)
     for load in vehicle.loads:
         on = lasting([load_is_on(load, kind) for kind in kinds])
         taken = load.power * on + load.energy_per_surfacing * surfacings
