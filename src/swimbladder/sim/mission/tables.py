@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note
-from swimbladder.sim.mission import books
+from swimbladder.sim.mission import books as balance
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.result import MissionResult
 
@@ -28,15 +28,15 @@ def trajectory_columns(result: MissionResult) -> dict[str, Array]:
         "doing": np.where(rows["doing"] == Doing.PRIMING, Doing.PUMPING, rows["doing"]),
     }
     if result.energy_known:
-        energy = books.consumer_energy(result.flight)
+        energy = balance.consumer_energy(result.flight)
         power = {
-            name: books.mean_power(rows["t"], energy[consumer])
-            for consumer, name in books.power_names(list(energy)).items()
+            name: balance.mean_power(rows["t"], energy[consumer])
+            for consumer, name in balance.power_names(list(energy)).items()
         }
         columns["power_W"] = np.sum([np.zeros(len(rows)), *power.values()], axis=0)
         columns |= power
-        columns["drive_energy_J"] = books.drive_energy(rows)
-        columns["energy_J"] = books.drawn_energy(rows)
+        columns["drive_energy_J"] = balance.drive_energy(rows)
+        columns["energy_J"] = balance.drawn_energy(rows)
         charge = result.charge()
         if not np.isnan(charge).all():
             columns["battery"] = charge
