@@ -13,7 +13,7 @@ from swimbladder.physics import steady_drives as sd
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.dynamics import State, motor_rhs, plant
 from swimbladder.physics.electric import steady_drive
-from swimbladder.physics.pump_start import pump_start
+from swimbladder.physics.pump_start import OilLine, pump_start
 from swimbladder.vehicle import (
     DatasheetPump,
     Driver,
@@ -137,7 +137,7 @@ def test_efficiencies_over_pressure_are_wilsons():
     vehicle = load_vehicle("example-float")
     pump = vehicle.actuator.pump
     p = np.array([1e6, 5e6, 2e7])
-    run = sd.pump_run(pump, p, water=vehicle.water, supply=vehicle.supply)
+    run = sd.pump_run(vehicle.model_copy(update={"driver": None}), pump, p)
     m, d = pump.motor, pump.drive
     swept = d.pump_displacement / (2.0 * math.pi)
     omega = (run.rate + d.pump_leakage * p) / swept
@@ -225,7 +225,7 @@ def test_a_start_falls_short_by_what_its_line_takes():
     # while it fills, the pump takes what the line's pressure does, not what the sea's would
     full = (found.start_volume[-1] - 1e-6) / found.rate_out[-1] * found.power_out[-1]
     start = pump_start(
-        line,
+        OilLine(line),
         lambda dp: 1e-6 + 0.0 * dp,
         PRESSURES[-1:] + ATMOSPHERE,
         power=lambda dp: 7.0 + 1e-6 * dp,

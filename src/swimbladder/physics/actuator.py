@@ -239,12 +239,9 @@ def to_identified(
         elif isinstance(actuator, IdentifiedActuator):
             piston_area = actuator.piston_area
         else:
-            raise InputError(
-                f"the piston area is not known for an actuator of kind {actuator.kind!r}",
-                field="piston_area",
-                unit="m2",
-                remedy="Give the area that makes a volume a travel; with 1 m2, K1 is a volume rate",
-            )
+            what = f"the piston area is not known for an actuator of kind {actuator.kind!r}"
+            remedy = "Give the area that makes a volume a travel; with 1 m2, K1 is a volume rate"
+            raise InputError(what, field="piston_area", unit="m2", remedy=remedy)
     return IdentifiedActuator(
         K1=a.gain / piston_area,
         T1=a.T1,

@@ -78,12 +78,8 @@ def needed_capacity(energy: Any, duration: Any, share: Any, self_discharge: Any)
     mean = np.divide(-np.expm1(-x), x, out=np.ones(np.shape(x)), where=x > 0.0)
     left = np.asarray(share, float) + np.expm1(-x)
     taken = np.asarray(energy, float) * mean
-    return np.divide(
-        taken,
-        left,
-        out=np.full(np.broadcast_shapes(taken.shape, left.shape), np.inf),
-        where=left > 0.0,
-    )[()]
+    never = np.full(np.broadcast_shapes(taken.shape, left.shape), np.inf)
+    return np.divide(taken, left, out=never, where=left > 0.0)[()]
 
 
 def hotel_power(vehicle: Vehicle, phase: Phase | None = None) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.physics.pump_start import pump_start
+from swimbladder.physics.pump_start import OilLine, pump_start
 from swimbladder.physics.steady_drives import (
     REFERENCE_TEMPERATURE,
     SteadyPoint,
@@ -192,32 +192,28 @@ def steady_point(
         if supply is None or not isinstance(a.pump, DatasheetPump):
             return None
         head = np.maximum(p + ATMOSPHERIC_PRESSURE - a.internal_pressure, 0.0)
-        return datasheet_point(a.pump, head, vehicle.water, supply, vehicle.driver, share)
+        return datasheet_point(vehicle, a.pump, head, share)
     found = _known_motor(vehicle)
     if supply is None or found is None:
         return None
     z = p / vehicle.water.specific_weight
     u = share * full_voltage(found, supply, found.k_z * z + found.friction_torque)
-    return motor_point(found, vehicle.water, u, z, supply, vehicle.driver)
+    return motor_point(vehicle, found, u, z)
 
 
 def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> DriveMap:
     head = p + ATMOSPHERIC_PRESSURE - a.internal_pressure
     supply, nothing = vehicle.supply, np.zeros(p.shape)
-    run = pump_run(
-        a.pump, head, water=vehicle.water, supply=supply, driver=vehicle.driver, temperature=T
-    )
+    run = pump_run(vehicle, a.pump, head, T)
     power_out = _from_battery(run.power, supply, "the pump")
     short, saving = np.full(p.shape, a.start_volume), nothing
     if a.line is not None:
         warm = np.broadcast_to(T, p.shape)[:, None]
         start = pump_start(
-            a.line,
+            OilLine(a.line, a.internal_pressure, pressure_ratio(a)),
             lambda dp: running_pump(vehicle, a, dp, warm if dp.ndim > 1 else T)[0],
             p + ATMOSPHERIC_PRESSURE,
             power=lambda dp: running_pump(vehicle, a, dp, warm)[1],
-            reservoir=a.internal_pressure,
-            ratio=pressure_ratio(a),
         )
         short = short + start.shortfall
         full = np.divide(start.shortfall, run.rate, out=np.zeros(p.shape), where=run.rate > 0.0)
@@ -254,14 +250,7 @@ def running_pump(
 
     temperature: of the water [degC] [n] or one.
     """
-    run = pump_run(
-        a.pump,
-        head,
-        water=vehicle.water,
-        supply=vehicle.supply,
-        driver=vehicle.driver,
-        temperature=temperature,
-    )
+    run = pump_run(vehicle, a.pump, head, temperature)
     return run.rate, battery_power(run.power, vehicle.supply)
 
 
@@ -302,12 +291,12 @@ def _rates_only(vehicle: Vehicle, p: Array) -> DriveMap:
 
 
 def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
-    supply, water = vehicle.supply, vehicle.water
+    supply = vehicle.supply
     assert supply is not None  # Vehicle checks it
-    z = p / water.specific_weight
+    z = p / vehicle.water.specific_weight
 
     def drawn(voltage: Array) -> tuple[Array, Array]:
-        at = motor_point(a, water, voltage, z, supply, vehicle.driver)
+        at = motor_point(vehicle, a, voltage, z)
         return np.asarray(at.drive.volume_rate), at.cells
 
     rate_out, power_out = drawn(full_voltage(a, supply, a.k_z * z + a.friction_torque))

@@ -62,6 +62,16 @@ class Plant(NamedTuple):
     switch_out: float = math.inf  # m3, the same outwards
 
 
+class DragTerms(NamedTuple):
+    """The terms of `drag_law` of a vehicle, each as in Plant."""
+
+    d_l: float
+    d_b: float
+    d_0: float
+    d_t: float
+    epsilon: float
+
+
 def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     """Return the Plant of a vehicle over a bottom at `bottom_depth` [m].
 
@@ -93,18 +103,13 @@ def body_plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     """Return the Plant of a vehicle whatever drives it; what only the drive knows is nan."""
     hull, stroke, m = vehicle.hull, vehicle.stroke, vehicle.mass
     k_b = vehicle.water.specific_weight
-    d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
     return Plant(*[math.nan] * len(Plant._fields))._replace(
         V_min=stroke.minimum,
         V_max=stroke.maximum,
         a_b=k_b / m,
         psi=hull.psi,
         V_0=vehicle.trim_error,
-        d_l=d_l,
-        d_b=d_b,
-        d_0=d_0,
-        d_t=d_t,
-        epsilon=epsilon,
+        **drag_terms(vehicle.drag, m)._asdict(),
         z_surface=hull.emergence_depth,
         a_s=k_b * hull.waterplane_area / m,
         z_air=hull.emergence_depth - hull.height,
@@ -139,17 +144,17 @@ def _sag(supply: Supply, actuator: ReducedActuator) -> float:
     return sag
 
 
-def drag_terms(drag: Drag, m: float) -> tuple[float, float, float, float, float]:
-    """Return (d_l, d_b, d_0, d_t, epsilon) while sinking: see drag_law."""
+def drag_terms(drag: Drag, m: float) -> DragTerms:
+    """Return the terms while sinking."""
     k_dl, k_dt, eps = drag.k_dl, drag.k_dt, drag.epsilon
     if drag.law == "linear":
-        return k_dl / m, 0.0, 0.0, 0.0, math.inf
+        return DragTerms(k_dl / m, 0.0, 0.0, 0.0, math.inf)
     if drag.law == "quadratic":
-        return 0.0, 0.0, 0.0, k_dt / m, 0.0
+        return DragTerms(0.0, 0.0, 0.0, k_dt / m, 0.0)
     if drag.law == "blended":
-        return k_dl / m, k_dl / m, 0.0, k_dt / m, 0.0
+        return DragTerms(k_dl / m, k_dl / m, 0.0, k_dt / m, 0.0)
     step = (k_dl * eps - k_dt * eps**2) / m if drag.law == "switched" else 0.0
-    return k_dl / m, 0.0, step, k_dt / m, eps
+    return DragTerms(k_dl / m, 0.0, step, k_dt / m, eps)
 
 
 def even_drag(vehicle: Vehicle) -> Vehicle:

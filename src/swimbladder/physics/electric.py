@@ -166,12 +166,9 @@ def _winding(actuator: UnifiedActuator) -> tuple[float, float]:
     R, k_emf = actuator.resistance, actuator.emf_constant
     for name, value, unit in (("resistance", R, "ohm"), ("emf_constant", k_emf, "V s/rad")):
         if value is None:
-            raise InputError(
-                "current and power need the motor's resistance and emf constant",
-                field=f"actuator.{name}",
-                unit=unit,
-                remedy="Take it from the motor's datasheet",
-            )
+            what = "current and power need the motor's resistance and emf constant"
+            remedy = "Take it from the motor's datasheet"
+            raise InputError(what, field=f"actuator.{name}", unit=unit, remedy=remedy)
     assert R is not None
     assert k_emf is not None
     if actuator.k_v < k_emf * actuator.k_u * (1.0 - 1e-9):

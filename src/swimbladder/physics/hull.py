@@ -58,11 +58,10 @@ def hull_parts(vehicle: Vehicle) -> tuple[HullPart, ...]:
     volume = hull.displaced_volume - hull.trapped_air
     displaced = hull.displaced_volume + vehicle.trim_error
     loss = hull.psi / water.specific_weight + displaced * water.compressibility
-    return (
-        HullPart.model_construct(
-            name="hull", volume=volume, compressibility=loss / volume, thermal_expansion=0.0
-        ),
+    own = HullPart.model_construct(
+        name="hull", volume=volume, compressibility=loss / volume, thermal_expansion=0.0
     )
+    return (own,)
 
 
 def displaced_volume(vehicle: Vehicle, pressure: ArrayLike, temperature: ArrayLike) -> Array:
@@ -147,15 +146,13 @@ def check_mass(vehicle: Vehicle) -> None:
     if _FEASIBLE[0] * by_trim < dry < _FEASIBLE[1] * by_trim:
         return
     displaced, ends = by_trim / vehicle.water.density, "sinks" if dry > by_trim else "floats"
-    raise InputError(
+    what = (
         f"a vehicle that displaces {1e3 * displaced:.4g} L weighs about {by_trim:.4g} kg, by "
         f"hull.displaced_volume and trim_error: with this it {ends} in any water, whatever its "
-        "drive does",
-        field="motion.dry_mass",
-        value=dry,
-        unit="kg",
-        remedy="Weigh it, and check the units of motion.dry_mass and hull.displaced_volume",
+        "drive does"
     )
+    remedy = "Weigh it, and check the units of motion.dry_mass and hull.displaced_volume"
+    raise InputError(what, field="motion.dry_mass", value=dry, unit="kg", remedy=remedy)
 
 
 def weighing(vehicle: Vehicle, mass: float) -> Vehicle:

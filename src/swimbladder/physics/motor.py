@@ -41,12 +41,9 @@ def full_motor(actuator: Actuator, water: Water) -> FullMotor:
     Raises InputError for any other, whose inductance is not known.
     """
     if not isinstance(actuator, ElectrohydraulicActuator | ElectromechanicalActuator):
-        raise InputError(
-            "the full motor needs the motor's data, inductance included",
-            field="actuator.kind",
-            value=actuator.kind,
-            remedy="Describe the actuator as kind electrohydraulic or electromechanical",
-        )
+        what = "the full motor needs the motor's data, inductance included"
+        remedy = "Describe the actuator as kind electrohydraulic or electromechanical"
+        raise InputError(what, field="actuator.kind", value=actuator.kind, remedy=remedy)
     motor, a = actuator.motor, unified(actuator, water)
     return FullMotor(
         R=motor.resistance,

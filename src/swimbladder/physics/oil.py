@@ -79,13 +79,9 @@ def oil_compression(
     where the depth is negative.
     """
     if depth < 0.0:
-        raise InputError(
-            "the oil's compression is counted from the surface down",
-            field="depth",
-            value=depth,
-            unit="m",
-            remedy="Give a depth of 0 or more",
-        )
+        what = "the oil's compression is counted from the surface down"
+        remedy = "Give a depth of 0 or more"
+        raise InputError(what, field="depth", value=depth, unit="m", remedy=remedy)
     dp = water.specific_weight * depth / n_h
     properties = {"beta": oil.bulk_modulus, "air": oil.trapped_air, "n": polytropic}
     beta_e = effective_bulk_modulus(p=ATMOSPHERIC_PRESSURE + dp / 2.0, **properties)

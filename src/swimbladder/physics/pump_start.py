@@ -43,6 +43,24 @@ class PumpStart(NamedTuple):
     energy: Array  # J of the power that was given; 0 where the pump stalls
 
 
+class OilLine(NamedTuple):
+    """A line of oil between pump and check valve."""
+
+    oil: Oil
+    reservoir: float = ATMOSPHERIC_PRESSURE  # Pa, absolute, at which line and reservoir rest
+    ratio: float = 1.0  # of a pressure amplifier
+    polytropic: float = POLYTROPIC  # exponent of the air, 1.4 for a fast start
+
+    def compliance(self, pressure: Array) -> Array:
+        """Return V/beta_e [m3/Pa] at absolute `pressure` [Pa] [n]; the volume is constant.
+
+        The air share counts at one atmosphere.
+        """
+        oil, n = self.oil, self.polytropic
+        gas = oil.volume * oil.trapped_air * (ATMOSPHERIC_PRESSURE / pressure) ** (1.0 / n)
+        return np.asarray((oil.volume - gas) / oil.bulk_modulus + gas / (n * pressure))
+
+
 class LineCurves(NamedTuple):
     """A line over y = ln(p/reservoir), rows `step` apart: values, and slopes by y, [n, 2] each."""
 
@@ -53,37 +71,17 @@ class LineCurves(NamedTuple):
     falling: Array  # s, integral of (C - C_0)/(slip h) over the head h; 0 without slip
 
 
-def line_compliance(oil: Oil, pressure: Array, *, polytropic: float = POLYTROPIC) -> Array:
-    """Return V/beta_e [m3/Pa] of a line of constant volume at absolute `pressure` [Pa] [n].
-
-    The air share counts at one atmosphere; polytropic: exponent of the air, 1.4 for a fast start.
-    """
-    gas = oil.volume * oil.trapped_air * (ATMOSPHERIC_PRESSURE / pressure) ** (1.0 / polytropic)
-    return np.asarray((oil.volume - gas) / oil.bulk_modulus + gas / (polytropic * pressure))
-
-
-def pump_start(
-    oil: Oil,
-    rate: Law,
-    load: Array,
-    *,
-    power: Law | None = None,
-    reservoir: float = ATMOSPHERIC_PRESSURE,
-    ratio: float = 1.0,
-    polytropic: float = POLYTROPIC,
-) -> PumpStart:
+def pump_start(line: OilLine, rate: Law, load: Array, *, power: Law | None = None) -> PumpStart:
     """Return what starts against each absolute `load` pressure [Pa] [n] cost.
 
     rate: what the pump delivers [m3/s] against a difference of pressure to the reservoir's [Pa];
-    power: what it draws then [W], not given: no energy; reservoir: absolute pressure at which line
-    and reservoir rest [Pa]; ratio: of a pressure amplifier.
+    power: what it draws then [W], not given: no energy.
     """
+    reservoir, ratio = line.reservoir, line.ratio
     head = np.maximum(np.asarray(load, float) - reservoir, 0.0)
     middle = 0.5 * np.log1p(head / (ratio * reservoir))
     p = np.exp(np.log(reservoir) + middle[..., None] * (1.0 + _NODES))
-    taken = (
-        p * line_compliance(oil, p, polytropic=polytropic) * middle[..., None] * _WEIGHTS / ratio
-    )
+    taken = p * line.compliance(p) * middle[..., None] * _WEIGHTS / ratio
     heads = ratio * (p - reservoir)
     flow, at_load = rate(heads), rate(head)
     stalled = np.any(flow <= 0.0, axis=-1) | (at_load <= 0.0)
@@ -96,21 +94,13 @@ def pump_start(
 
 
 def line_curves(
-    oil: Oil,
-    rate: Law,
-    power: Law,
-    highest: float,
-    count: int,
-    *,
-    slip: float = 0.0,
-    reservoir: float = ATMOSPHERIC_PRESSURE,
-    ratio: float = 1.0,
-    polytropic: float = POLYTROPIC,
+    line: OilLine, rate: Law, power: Law, highest: float, count: int, *, slip: float = 0.0
 ) -> LineCurves:
     """Return what the pressure of a line does up to a `highest` head [Pa], in `count` rows.
 
     slip: what flows back through a pump that stands [m3/s/Pa]; the rest as in `pump_start`.
     """
+    reservoir, ratio = line.reservoir, line.ratio
     last = _stall(rate, highest)
     top = math.log1p(last / (ratio * reservoir))
     step = top / (count - 1.0) if top > 0.0 else 1e-3  # no place is reached: any that is finite
@@ -119,10 +109,10 @@ def line_curves(
 
     def slopes(y: Array) -> tuple[Array, Array, Array]:
         p = reservoir * np.exp(y)
-        head, give = ratio * reservoir * np.expm1(y), line_compliance(oil, p, polytropic=polytropic)
-        flow = np.maximum(rate(head), 0.0)
-        slow = np.divide(give * p / ratio, flow, out=np.zeros_like(p), where=flow > 0.0)
-        return slow, slow * power(head), _fall(oil, p, reservoir, slip, ratio, polytropic)
+        head = ratio * reservoir * np.expm1(y)
+        flow, taken = np.maximum(rate(head), 0.0), line.compliance(p) * p / ratio
+        slow = np.divide(taken, flow, out=np.zeros_like(p), where=flow > 0.0)
+        return slow, slow * power(head), _fall(line, p, slip)
 
     columns = [
         np.stack([np.concatenate(([0.0], np.cumsum(0.5 * step * within @ _FEW_WEIGHTS))), at], 1)
@@ -145,15 +135,12 @@ def _stall(rate: Law, highest: float) -> float:
     return float(bisect(beyond, 0.0, highest, xtol=1e-12 * highest))
 
 
-def _fall(
-    oil: Oil, p: Array, reservoir: float, slip: float, ratio: float, polytropic: float
-) -> Array:
+def _fall(line: OilLine, p: Array, slip: float) -> Array:
     """Return (C - C_0)/(slip h) dh/dy [s] at pressures p [Pa], its limit at the reservoir's."""
     if slip == 0.0:
         return np.zeros_like(p)
-    near = reservoir * (1.0 + 1e-6)  # where the difference of two C is rounding: its slope there
-    at = np.maximum(p, near)
-    first = line_compliance(oil, np.array(reservoir), polytropic=polytropic)
-    more = line_compliance(oil, at, polytropic=polytropic) - first
+    # nearer by, where the difference of two C is rounding, its slope there
+    at = np.maximum(p, line.reservoir * (1.0 + 1e-6))
+    more = line.compliance(at) - line.compliance(np.array(line.reservoir))
     # C and h of the water are the oil's over and times the ratio: C_w = C/ratio^2, dh/h as dp/p-p_0
-    return np.asarray(more / ((at - reservoir) * slip * ratio**2) * p)
+    return np.asarray(more / ((at - line.reservoir) * slip * line.ratio**2) * p)

@@ -15,7 +15,7 @@ from swimbladder.vehicle import (
     Supply,
     UnifiedActuator,
     Valve,
-    Water,
+    Vehicle,
 )
 
 Array = NDArray[np.float64]
@@ -55,19 +55,16 @@ def valve_flow(valve: Valve, head: Array) -> Array:
 
 
 def pump_run(
+    vehicle: Vehicle,
     pump: PowerLawPump | DatasheetPump,
     head: Array,
-    *,
-    water: Water,
-    supply: Supply | None = None,
-    driver: Driver | None = None,
     temperature: ArrayLike = REFERENCE_TEMPERATURE,
 ) -> PumpRun:
     """Return what a pump delivers and draws against each pressure difference `head` [Pa] [n].
 
-    water: only its weight counts, to turn a head into the depth that eqs (7)-(8) are written in.
-    temperature: [degC] [n] or one. Slip beyond the delivery stops at the check valve: nothing flows
-    inwards.
+    Of the vehicle's water only the weight counts, to turn a head into the depth that eqs (7)-(8)
+    are written in. temperature: [degC] [n] or one. Slip beyond the delivery stops at the check
+    valve: nothing flows inwards.
     """
     if isinstance(pump, PowerLawPump):
         rate = np.maximum(pump.delivery - pump.slip * head, 0.0)
@@ -78,36 +75,29 @@ def pump_run(
         warmer = np.asarray(temperature, float) - REFERENCE_TEMPERATURE
         drawn = pump.idle_power + pump.power_per_pressure * beaten
         return PumpRun(rate, np.maximum(drawn + pump.power_per_temperature * warmer, 0.0))
-    assert supply is not None  # Vehicle checks it
-    at = datasheet_point(pump, np.maximum(head, 0.0), water, supply, driver)
+    at = datasheet_point(vehicle, pump, np.maximum(head, 0.0))
     return PumpRun(np.maximum(at.drive.volume_rate, 0.0), at.terminals)
 
 
 def datasheet_point(
-    pump: DatasheetPump,
-    head: Array,
-    water: Water,
-    supply: Supply,
-    driver: Driver | None,
-    share: float = 1.0,
+    vehicle: Vehicle, pump: DatasheetPump, head: Array, share: float = 1.0
 ) -> SteadyPoint:
     """Return a pump's motor at a `share` of the voltage that it gets against each head [Pa] [n]."""
-    a = unified(ElectrohydraulicActuator(motor=pump.motor, drive=pump.drive), water)
-    z = head / water.specific_weight
+    assert vehicle.supply is not None  # Vehicle checks it
+    a = unified(ElectrohydraulicActuator(motor=pump.motor, drive=pump.drive), vehicle.water)
+    z = head / vehicle.water.specific_weight
     load = a.k_z * z + a.friction_torque
-    u = full_voltage(a, supply, load)
+    u = full_voltage(a, vehicle.supply, load)
     if pump.speed is not None:
         u = np.minimum(u, (a.k_v * pump.speed + load) / a.k_u)
-    return motor_point(a, water, share * u, z, supply, driver)
+    return motor_point(vehicle, a, share * u, z)
 
 
-def motor_point(
-    a: UnifiedActuator, water: Water, u: Array, z: Array, supply: Supply, driver: Driver | None
-) -> SteadyPoint:
+def motor_point(vehicle: Vehicle, a: UnifiedActuator, u: Array, z: Array) -> SteadyPoint:
     """Return a motor at each voltage u [V] and depth z [m] [n], through driver and battery."""
-    d = steady_drive(a, water, voltage=u, depth=z)
-    terminals = terminal_power(np.asarray(d.supply), driver)
-    return SteadyPoint(u, d, terminals, battery_power(terminals, supply))
+    d = steady_drive(a, vehicle.water, voltage=u, depth=z)
+    terminals = terminal_power(np.asarray(d.supply), vehicle.driver)
+    return SteadyPoint(u, d, terminals, battery_power(terminals, vehicle.supply))
 
 
 def full_voltage(a: UnifiedActuator, supply: Supply, load: Array) -> Array:

@@ -127,13 +127,7 @@ def motor_runs(vehicle, volts, p, t):
     """Power and volume of runs of a vehicle's pump from datasheets at terminals of `volts` [n]."""
     pump = vehicle.actuator.pump
     found = [
-        pump_run(
-            pump,
-            np.array([x]),
-            water=vehicle.water,
-            supply=Supply(voltage=u),
-            driver=vehicle.driver,
-        )
+        pump_run(vehicle.model_copy(update={"supply": Supply(voltage=u)}), pump, np.array([x]))
         for u, x in zip(volts, p, strict=True)
     ]
     power = np.array([float(f.power[0]) for f in found])
@@ -165,8 +159,8 @@ def test_a_motor_by_its_own_equations_is_told_at_another_battery():
             "actuator": vehicle.actuator.model_copy(update={"internal_pressure": 101325.0}),
         }
     )
-    told = pump_run(fitted_vehicle(small, fit).actuator.pump, at, water=vehicle.water)
-    unscaled = pump_run(fitted_vehicle(small, plain).actuator.pump, at, water=vehicle.water)
+    told = pump_run(vehicle, fitted_vehicle(small, fit).actuator.pump, at)
+    unscaled = pump_run(vehicle, fitted_vehicle(small, plain).actuator.pump, at)
     for name, true, within in (("power", true_power, 0.07), ("rate", true_rate, 0.02)):
         off = np.abs(getattr(told, name) / true - 1.0)
         assert np.all(off < within)

@@ -6,10 +6,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.physics.seawater import Cast, cast_column, look_up, uniform_column, water_table
-from swimbladder.physics.seawater.column import DENSITY, PRESSURE, TEMPERATURE, look_up_bent, slopes
+from swimbladder.physics.seawater import Cast, cast_column, look_up, uniform_column
+from swimbladder.physics.seawater.column import look_up_bent, slopes
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.vehicle import Water
+
+PRESSURE, DENSITY, TEMPERATURE = 0, 2, 4  # columns of a table; the slope stands one further
+
+
+def water_table(column):
+    """Pressure, density and temperature of a column, each with its slope."""
+    values = (column.pressure, column.density, column.temperature)
+    parts = [part for v in values for part in (v, slopes(v, column.step))]
+    return np.ascontiguousarray(np.stack(parts, axis=1))
 
 
 def deep(step=1.0):

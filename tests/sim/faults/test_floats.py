@@ -82,13 +82,8 @@ class Machine:
         supply, _ = self.battery(k)
         load = math.prod(first for first, _ in self.on(Fault.WEAK, k))
         head = FLOAT.water.specific_weight * z * (load - 1.0) + self.head(z)
-        run = pump_run(
-            FLOAT.actuator.pump,
-            np.array([head]),
-            water=FLOAT.water,
-            supply=supply,
-            driver=FLOAT.driver,
-        )
+        fed = FLOAT.model_copy(update={"supply": supply})
+        run = pump_run(fed, FLOAT.actuator.pump, np.array([head]))
         speed = math.prod(first for first, _ in self.on(Fault.SLOW, k))
         if any(self.on(Fault.STALLED, k)):
             speed = 0.0

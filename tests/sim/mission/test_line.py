@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
-from swimbladder.physics.pump_start import pump_start
+from swimbladder.physics.pump_start import OilLine, pump_start
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.physics.steady_drives import datasheet_point
 from swimbladder.sim.engine.rodas.prepare import Accuracy
@@ -89,7 +89,7 @@ def one_run(vehicle, depth, speed, duration, after, *, bottom=None, drive_error=
 def length_of(line, depth, volume, vehicle):
     """What a run takes [s] that is to press out a volume [m3] at a depth that stays."""
     sea = vehicle.water.specific_weight * depth + 101325.0
-    start = pump_start(line.oil, line.delivery, np.array([sea]), reservoir=RESERVOIR)
+    start = pump_start(OilLine(line.oil, RESERVOIR), line.delivery, np.array([sea]))
     return float(start.duration[0]) + volume / line.delivery(sea - RESERVOIR)
 
 
@@ -184,7 +184,7 @@ def test_datasheets_their_amplifier_and_a_battery_that_sags(profiler):
     vehicle = with_line(profiler, oil, pump=pump, resistance=0.15)
 
     def point(h):
-        return datasheet_point(pump, np.array([h]), vehicle.water, vehicle.supply, vehicle.driver)
+        return datasheet_point(vehicle, pump, np.array([h]))
 
     hand = Line(
         oil,

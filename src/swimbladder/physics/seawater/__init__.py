@@ -5,7 +5,7 @@
     uniform_column   the paper's water of constant density, from a vehicle's [water]
     Cast             salinity and temperature over pressure, as a CTD measured them
     cast_column      a cast through TEOS-10 (gsw) -> Column: pressure, density, temperature by depth
-    water_table      a Column as one array, for look_up: value and slope at a depth, compiled
+    look_up          value and slope of a table at a depth
     WaterMotion      internal waves and swell
     motion_table     a WaterMotion as one array, for moved: displacement and speed w(z, t), compiled
 
@@ -13,7 +13,7 @@ gsw is imported where a cast is turned into a column, not before.
 """
 
 from swimbladder.physics.seawater.cast import Cast, cast_column
-from swimbladder.physics.seawater.column import Column, look_up, uniform_column, water_table
+from swimbladder.physics.seawater.column import Column, look_up, uniform_column
 from swimbladder.physics.seawater.motion import (
     InternalWave,
     Swell,
@@ -35,5 +35,4 @@ __all__ = [
     "motion_table",
     "moved",
     "uniform_column",
-    "water_table",
 ]

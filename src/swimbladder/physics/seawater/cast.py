@@ -50,10 +50,8 @@ class Cast:
                 remedy="Give two rows at least, and as many of each",
             )
         if not (np.diff(self.pressure) > 0.0).all() or self.pressure[0] < 0.0:
-            raise _problem(
-                "the pressures of a profile do not increase from 0",
-                remedy="Sort the rows and average those of one pressure",
-            )
+            what = "the pressures of a profile do not increase from 0"
+            raise _problem(what, remedy="Sort the rows and average those of one pressure")
 
 
 def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) -> Column:
@@ -78,10 +76,8 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
         )
     wanted = bottom if deepest is None else deepest
     if wanted < step:
-        raise _problem(
-            f"the cast ends at {bottom:.2f} m, above the first step of the column, {step:g} m",
-            remedy="Take a deeper cast, or a smaller step",
-        )
+        what = f"the cast ends at {bottom:.2f} m, above the first step of the column, {step:g} m"
+        raise _problem(what, remedy="Take a deeper cast, or a smaller step")
     depth = grid(wanted, step)
     if deepest is None and depth[-1] > bottom and len(depth) > 2:
         depth = depth[:-1]

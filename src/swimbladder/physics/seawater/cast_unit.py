@@ -38,12 +38,8 @@ def check_cast_unit(cast: Cast, asked: float | None, rating: float | None) -> st
     ends = f"the cast ends at {_metres(_down(cast, 'dbar'))} if it is in dbar, at {fits}{rated}"
     remedy = f"Say which, with --column {said}"
     if not cast.unit_named:
-        raise InputError(
-            f"the column {name!r} states no unit: {ends}",
-            file=cast.name or None,
-            field="pressure_dbar",
-            remedy=remedy,
-        )
+        what = f"the column {name!r} states no unit: {ends}"
+        raise InputError(what, file=cast.name or None, field="pressure_dbar", remedy=remedy)
     return f"{cast.name}: the column {name!r} is taken at its word: {ends}. {remedy}"
 
 

@@ -99,9 +99,6 @@ def uniform_column(water: Water, deepest: float, *, step: float = 1.0) -> Column
     )
 
 
-PRESSURE, DENSITY, TEMPERATURE = 0, 2, 4  # columns of a table; the slope stands one further
-
-
 def slopes(values: Array, step: float) -> Array:
     """Return the slopes [n] of values [n] on a grid of that step, without overshoot between."""
     if len(values) == 2:
@@ -110,16 +107,6 @@ def slopes(values: Array, step: float) -> Array:
 
     at = step * np.arange(float(len(values)))
     return np.asarray(PchipInterpolator(at, values).derivative()(at))
-
-
-def water_table(column: Column) -> Array:
-    """Return a column as an array [n, 6]: pressure, density, temperature, each with its slope.
-
-    SI and degC, slopes per metre; rows a `Column.step` apart. `look_up` reads it.
-    """
-    values = (column.pressure, column.density, column.temperature)
-    parts = [part for v in values for part in (v, slopes(v, column.step))]
-    return np.ascontiguousarray(np.stack(parts, axis=1))
 
 
 def look_up(table: Array, step: float, what: int, z: float) -> tuple[float, float]:
@@ -145,8 +132,5 @@ def look_up_bent(table: Array, step: float, what: int, z: float) -> tuple[float,
         return b + db * (s - 1.0), db / step, 0.0
     c2 = 3.0 * (b - a) - 2.0 * da - db
     c3 = 2.0 * (a - b) + da + db
-    return (
-        a + s * (da + s * (c2 + s * c3)),
-        (da + s * (2.0 * c2 + 3.0 * s * c3)) / step,
-        (2.0 * c2 + 6.0 * s * c3) / (step * step),
-    )
+    slope = (da + s * (2.0 * c2 + 3.0 * s * c3)) / step
+    return a + s * (da + s * (c2 + s * c3)), slope, (2.0 * c2 + 6.0 * s * c3) / (step * step)

@@ -16,7 +16,7 @@ from swimbladder.physics.buoyancy_engine import drive_map, pressure_ratio, runni
 from swimbladder.physics.dynamics import drag_terms
 from swimbladder.physics.hull import heat_expansion, layered_volume, neutral_volume
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.physics.pump_start import POLYTROPIC, LineCurves, line_curves
+from swimbladder.physics.pump_start import POLYTROPIC, LineCurves, OilLine, line_curves
 from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.column import slopes
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
@@ -74,19 +74,18 @@ def _line(vehicle: Vehicle, column: Column) -> _Line | None:
     a = vehicle.actuator
     if not isinstance(a, PumpAndValve) or a.line is None:
         return None
-    oil, highest = a.line, _BEYOND * float(column.pressure[-1]) + ATMOSPHERIC_PRESSURE
+    line = OilLine(a.line, a.internal_pressure, pressure_ratio(a))
+    highest = _BEYOND * float(column.pressure[-1]) + ATMOSPHERIC_PRESSURE - a.internal_pressure
+    count, slip = len(column.depth), _slip(vehicle, a)
 
     def curves(temperature: float) -> LineCurves:
-        return line_curves(
-            oil,
-            lambda dp: running_pump(vehicle, a, dp, temperature)[0],
-            lambda dp: running_pump(vehicle, a, dp, temperature)[1],
-            highest - a.internal_pressure,
-            len(column.depth),
-            slip=_slip(vehicle, a),
-            reservoir=a.internal_pressure,
-            ratio=pressure_ratio(a),
-        )
+        def rate(dp: Array) -> Array:
+            return running_pump(vehicle, a, dp, temperature)[0]
+
+        def power(dp: Array) -> Array:
+            return running_pump(vehicle, a, dp, temperature)[1]
+
+        return line_curves(line, rate, power, highest, count, slip=slip)
 
     found, warmer = curves(REFERENCE_TEMPERATURE), curves(REFERENCE_TEMPERATURE + 1.0)
     return _Line(a, found, warmer.energy - found.energy)
@@ -159,16 +158,10 @@ def given_of(vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accur
     """
     hull, stroke, m, a = vehicle.hull, vehicle.stroke, vehicle.mass, vehicle.actuator
     lag = hull.thermal_time_constant
-    d_l, d_b, d_0, d_t, epsilon = drag_terms(vehicle.drag, m)
     surface_weight = float(column.density[0]) * column.gravity
     values = {
         "step": column.step,
         "mass": m,
-        "d_l": d_l,
-        "d_b": d_b,
-        "d_0": d_0,
-        "d_t": d_t,
-        "epsilon": epsilon,
         "a_s": surface_weight * hull.waterplane_area / m,
         "z_surface": hull.emergence_depth,
         "z_air": hull.emergence_depth - hull.height,
@@ -178,26 +171,17 @@ def given_of(vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accur
         "by_volume": 0.0 if isinstance(a, PumpAndValve) else 1.0,
         "quantum": a.quantum if isinstance(a, PumpAndValve) else 0.0,
         "longest": (a.longest_run or math.inf) if isinstance(a, PumpAndValve) else math.inf,
-        "delivery": 1.0,
         "noise": vehicle.sensors.depth_noise,
         "resolution": vehicle.sensors.depth_quantum,
-        "deepest": math.inf,
         "neutral_top": vehicle.trim_error,
-        "empty": -math.inf,
-        "reserve": -math.inf,
-        "last_time": math.inf,
-        "last_cycle": math.inf,
         "rtol": accuracy.relative,
         "atol_z": accuracy.depth,
         "atol_w": accuracy.speed,
         "atol_v": accuracy.volume,
         "rest_deep": accuracy.rest_deep,
         "rest_afloat": accuracy.rest_afloat,
-        "longest_step": math.inf,
         "z_lost": DEEPEST,
         "rising": vehicle.drag.rising_ratio,
-        "flow": 1.0,
-        "makes_up": 1.0,
         "follows": 1.0 / lag if lag > 0.0 else 0.0,
         "expansion": heat_expansion(vehicle) if lag > 0.0 else 0.0,
         "volume_noise": vehicle.sensors.volume_noise,
@@ -205,7 +189,11 @@ def given_of(vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accur
     }
     line = line_given(vehicle, column)
     found = made(GIVEN_WITH_LINE if line else GIVEN)
-    for name, value in (values | line).items():
+    values |= drag_terms(vehicle.drag, m)._asdict() | line
+    values |= dict.fromkeys(("deepest", "last_time", "last_cycle", "longest_step"), math.inf)
+    values |= dict.fromkeys(("empty", "reserve"), -math.inf)
+    values |= dict.fromkeys(("delivery", "flow", "makes_up"), 1.0)
+    for name, value in values.items():
         found[name] = value
     return found
 
