@@ -19,8 +19,9 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.errors import NoAnswerError
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.closed_loop.block import Block, Schedule
+from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.floats import float_model
+from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.single import as_law, run_function
 from swimbladder.sim.closed_loop.water import medium_of

@@ -21,14 +21,14 @@ FOLDER = "from swimbladder.sim.engine.cache import cache_folder; print(cache_fol
 # Few kernels, small ones: what a mode begins with, and one step of a motor.
 STEP = """
 import numpy as np
-from swimbladder.physics.dynamics import Plant, plant
-from swimbladder.sim.engine.advance import begin
-from swimbladder.sim.engine.cache import is_cached, on_compile
+from swimbladder.physics.dynamics import Plant
+from swimbladder.sim.engine.advance import begin, new_lane
+from swimbladder.sim.engine.cache import cache_folder, on_compile
 from swimbladder.sim.engine.layers import NO_LAYERS
 told = []
-p = np.zeros(len(Plant._fields))
+lane = new_lane(np.zeros(len(Plant._fields)), NO_LAYERS, np.array([0.0, 0.0, 1.0, 0.0]))
 with on_compile(lambda: told.append(1)):
-    print(begin(p, NO_LAYERS, 0.0, 0.0, 1.0, 0.0)[0], len(told), is_cached("begin"))
+    print(begin(lane), len(told), any(cache_folder().rglob("*begin-*.nbi")))
 """
 
 
@@ -103,9 +103,9 @@ class Listener(event.Listener):
     def on_start(self, event): compiled.append(event.data["dispatcher"].py_func.__name__)
     def on_end(self, event): pass
 @numba.njit
-def another(p, layers): return first_mode(p, layers, 0.0, 0.0, 1.0, 0.0, 0.0)
+def another(p, layers, x): return first_mode(p, layers, x)
 with event.install_listener("numba:compile", Listener()):
-    another(np.zeros(len(Plant._fields)), NO_LAYERS)
+    another(np.zeros(len(Plant._fields)), NO_LAYERS, np.array([0.0, 0.0, 1.0, 0.0]))
 print(*compiled)
 """
 

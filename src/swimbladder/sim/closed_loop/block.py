@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import InitVar, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaf_names
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.closed_loop.lanes import measure_block, start_block
+from swimbladder.sim.closed_loop.lane import Lanes, Like
+from swimbladder.sim.closed_loop.lanes import Schedule, measure_block, start_block
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import Pumped
 from swimbladder.sim.closed_loop.rows import RECORDED, Row, rows
+from swimbladder.sim.engine.advance import EVENTS
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
@@ -25,24 +27,10 @@ from swimbladder.sim.engine.modes import COUNT
 from swimbladder.vehicle import Sensors
 
 Array = NDArray[np.float64]
-_EVENTS = 2000  # passages kept of each vehicle; more are counted
+_SHARED = ("layers", "parts", "depths", "record", "books", "log", "noted")  # with Lanes
 _V_0 = Row.PLANT + Plant._fields.index("V_0")
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
 _SHOWN = 256  # ticks between calls of `progress` where every tick is a call
-
-
-@dataclass(frozen=True, kw_only=True)
-class Schedule:
-    """Set-points on the clock of the vehicle."""
-
-    tick: float  # s
-    turn: NDArray[np.int64]  # [n + 1], which set-point holds at each tick
-    given: NDArray[np.int64]  # the tick of each set-point
-
-    @property
-    def ticks(self) -> int:
-        """Number of ticks of the run."""
-        return len(self.turn) - 1
 
 
 def schedule(times: Sequence[float], duration: float, tick: float) -> Schedule:
@@ -69,18 +57,18 @@ class Block:
     sensors. recorded, booked, logged: whether what they name is kept, beyond summaries.
     """
 
-    plants: InitVar[Array]
+    plants: Array
     law: Law
     parameters: Any
     clock: Schedule
     parts: int
     depths: Array  # [set-points, lanes]
-    start: InitVar[Array]
-    sensors: InitVar[Sensors]
-    seeds: InitVar[Sequence[Sequence[int]] | None] = None
-    recorded: InitVar[bool] = False
-    booked: InitVar[bool] = False
-    logged: InitVar[bool] = False
+    start: Array
+    sensors: Sensors
+    seeds: Sequence[Sequence[int]] | None = None
+    recorded: bool = False
+    booked: bool = False
+    logged: bool = False
     depth_error: Array | None = None  # [ticks + 1, lanes], m, beyond the noise
     neutral: Array | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0, from a tick on
     layers: Layers = NO_LAYERS  # of the water of all lanes, beyond the plant's psi z + V_0
@@ -88,30 +76,15 @@ class Block:
     stepper: Pumped | None = None  # what moves the lanes, if not their modes' exponentials
     loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `hooks`
     lanes: int = field(init=False)
-    nonlinear: bool = field(init=False)
     work: Array = field(init=False)  # [rows, lanes]
-    noise: list[np.random.Generator] | None = field(init=False)
-    record: Array = field(init=False)
-    books: Array = field(init=False)
-    log: Array = field(init=False)
-    noted: NDArray[np.int64] = field(init=False)
 
-    def __post_init__(
-        self,
-        plants: Array,
-        start: Array,
-        sensors: Sensors,
-        seeds: Sequence[Sequence[int]] | None,
-        recorded: bool,
-        booked: bool,
-        logged: bool,
-    ) -> None:
+    def __post_init__(self) -> None:
         """Lay the lanes out."""
-        p, names = Plant(*plants), leaf_names(self.law.parameters)
-        lanes = self.lanes = plants.shape[1]
+        p, names = Plant(*self.plants), leaf_names(self.law.parameters)
+        lanes = self.lanes = self.plants.shape[1]
         work = self.work = _aligned(rows(len(names), len(leaf_names(self.law.state))), lanes)
-        work[Row.Q : Row.Q + 4] = start
-        work[Row.PLANT : Row.PLANT + len(p)] = plants
+        work[Row.Q : Row.Q + 4] = self.start
+        work[Row.PLANT : Row.PLANT + len(p)] = self.plants
         own = work[Row.LAW : Row.LAW + len(names)]
         for row, name in zip(own, names, strict=True):
             row[:] = self.parameters[name]
@@ -121,25 +94,23 @@ class Block:
         work[Row.HIGH_U] = np.where(positioner, np.minimum(p.V_max, p.switch_out), p.supply)
         if self.stepper is not None and self.stepper.wide is not None:
             work[Row.LOW_U], work[Row.HIGH_U] = -self.clock.tick, self.clock.tick
-        work[Row.DEPTH_NOISE] = sensors.depth_noise
-        work[Row.DEPTH_QUANTUM] = sensors.depth_quantum
-        work[Row.VOLUME_NOISE] = sensors.volume_noise
-        work[Row.VOLUME_QUANTUM] = sensors.volume_quantum
-        work[[Row.SEEN_DEPTH, Row.Z_LOWEST, Row.Z_HIGHEST]] = start[2]
-        work[[Row.SEEN_VOLUME, Row.V_LOWEST, Row.V_HIGHEST]] = start[1]
+        for name in ("depth_noise", "depth_quantum", "volume_noise", "volume_quantum"):
+            work[Row[name.upper()]] = getattr(self.sensors, name)
+        work[[Row.SEEN_DEPTH, Row.Z_LOWEST, Row.Z_HIGHEST]] = self.start[2]
+        work[[Row.SEEN_VOLUME, Row.V_LOWEST, Row.V_HIGHEST]] = self.start[1]
         self.nonlinear = bool(np.any(np.isfinite(p.epsilon)))
         # a copy: a view that cannot be written has a type, and so a kernel, of its own
         self.depths = np.array(
             np.broadcast_to(self.depths, (len(self.clock.given), lanes)), order="C"
         )
-        self.noise = None
-        if seeds is not None:
-            streams = map(np.random.SeedSequence, seeds)
+        self.noise: list[np.random.Generator] | None = None
+        if self.seeds is not None:
+            streams = map(np.random.SeedSequence, self.seeds)
             self.noise = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
-        samples = self.clock.ticks + 1 if recorded else 0
+        samples = self.clock.ticks + 1 if self.recorded else 0
         self.record = np.full((len(RECORDED), samples, lanes), np.nan)
-        self.books = np.zeros((lanes, len(Account) if booked else 0))
-        self.log = np.zeros((lanes, _EVENTS if logged else 0, 3))
+        self.books = np.zeros((lanes, len(Account) if self.booked else 0))
+        self.log = np.zeros((lanes, EVENTS if self.logged else 0, 3))
         self.noted = np.zeros((lanes, 1), np.int64)
 
     def begin(self, chains: Array | None = None) -> Running:
@@ -174,7 +145,7 @@ class Block:
             noise = self._amiss(first, last, sigma)
             if ask is not None:
                 if len(noise):
-                    measure_block(running.flat, running.token, noise, 0)
+                    measure_block(running.lanes, noise, 0)
                     noise = unseen
                 ask(first)
             running.advance(first, last, noise)
@@ -219,15 +190,20 @@ class Running:
 
     def __init__(self, block: Block, chains: Array) -> None:
         self.block, self.chains = block, chains
-        self.flat = block.work.reshape(-1)
-        self.token = (0.0,) * block.lanes
-        self._sea = (0.0,) if block.loses else ()
-        # one vehicle: one kernel for all drags; a block: a kernel without what laminar drag lacks
-        self._bend = (0.0,) if block.nonlinear or block.lanes == 1 else ()
         fields = leaf_names(block.law.state)
-        self._state = from_numbers(block.law.state, [0.0] * len(fields))
-        self._row = fields.index("volume_reference") if "volume_reference" in fields else -1
+        state = from_numbers(block.law.state, [0.0] * len(fields))
+        row = fields.index("volume_reference") if "volume_reference" in fields else -1
+        self._law = Like(block.parameters, state, row)
         self.built = np.zeros((block.lanes, COUNT), np.uint8)
+        self.lanes = Lanes(
+            S=block.work.reshape(-1),
+            token=(0.0,) * block.lanes,
+            # one vehicle: one kernel for all drags; a block: one without what laminar drag lacks
+            bend=(0.0,) if block.nonlinear or block.lanes == 1 else (),
+            sea=(0.0,) if block.loses else (),
+            built=self.built,
+            **{name: getattr(block, name) for name in _SHARED},
+        )
         self._kernel = kernel_of(block.law, pumped=block.stepper is not None, hooks=block.hooks)
         self.restart()
 
@@ -237,37 +213,10 @@ class Running:
         if b.stepper is not None:  # finds it by itself
             return
         self.built[:] = 0
-        start_block(
-            self.flat, self.token, b.clock.tick / b.parts, self.chains, self.built, b.layers
-        )
+        start_block(self.lanes, self.chains, b.clock.tick / b.parts)
 
     def advance(self, first: int, last: int, noise: Array) -> None:
         """Run from tick `first` to `last`; noise [ticks, 2, lanes], standard normal, or empty."""
-        b = self.block
+        b, span = self.block, (first, last)
         chains = self.chains if b.stepper is None else None
-        self._kernel(
-            self.flat,
-            self.token,
-            self._bend,
-            self._sea,
-            b.hooks,
-            b.stepper,
-            b.parameters,
-            self._state,
-            first,
-            last,
-            b.clock.tick,
-            b.parts,
-            b.clock.turn,
-            b.clock.given,
-            b.depths,
-            noise,
-            b.record,
-            self._row,
-            chains,
-            self.built,
-            b.books,
-            b.log,
-            b.noted,
-            b.layers,
-        )
+        self._kernel(self.lanes, b.hooks, b.stepper, self._law, b.clock, span, noise, chains)

@@ -1,119 +1,83 @@
 """One record through many vehicles at once: depths only, for fits and their sensitivities."""
 
-import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.engine.advance import follow
-from swimbladder.sim.engine.cache import allocating, compiled
-from swimbladder.sim.engine.chain import (
-    COEFFICIENTS,
-    LEVELS,
-    accept,
-    base_steps,
-    build_chain,
-    copy,
-    leap,
-)
+from swimbladder.sim.engine.advance import Inputs, ModeLane, follow, new_lane
+from swimbladder.sim.engine.cache import compiled, part
+from swimbladder.sim.engine.chain import COEFFICIENTS, accept, base_steps, build_chain, copy, leap
 from swimbladder.sim.engine.crossings import may_hide
 from swimbladder.sim.engine.layers import NO_LAYERS
-from swimbladder.sim.engine.modes import COUNT, Z_BOTTOM, Z_SURFACE, Act, first_mode
+from swimbladder.sim.engine.modes import PRESCRIBED, Z_BOTTOM, Z_SURFACE
 
 Array = NDArray[np.float64]
-_PRESCRIBED = int(Act.PRESCRIBED)
 _FEW = 8  # halvings: without a motor the rates are those of drag and of psi
 _DEEPEST = 50.0  # m below the start, for the volume that psi may take
 
 
-@allocating
-def _submerged(p, layers, start, parts, nonlinear, spans, place, volume, chain, tables, depth):  # type: ignore[no-untyped-def]
-    """Follow a volume as long as nothing happens on the way; return whether nothing did.
+class Spans(NamedTuple):
+    """The different spans of a record's intervals, and the exponentials of a ramp over each."""
 
-    place [n - 1]: which of the different spans an interval has; tables [spans, 2, COEFFICIENTS]:
-    room for their exponentials.
-    """
-    x, y = np.zeros(5), np.zeros(10)
+    length: Array  # s, of each interval [n - 1]
+    place: NDArray[np.int64]  # which of the different spans it has [n - 1]
+    tables: Array  # [spans, 2, COEFFICIENTS], room for the exponentials
+    ready: NDArray[np.uint8]  # [spans], 1: they are made
+
+
+@part
+def _submerged(lane: ModeLane, given: Inputs, spans: Spans, start: Array, depth: Array) -> bool:
+    """Follow a volume as long as nothing happens on the way; return whether nothing did."""
+    p, layers, x, y, volume = lane.p, lane.layers, lane.x, lane.y, given.values
+    # no event is looked for where nothing happens
+    chain = lane.chains[PRESCRIBED][: _FEW + 1]
     x[2], x[3] = start[2], start[3]
     n = volume.shape[0]
-    ready = np.zeros(tables.shape[0], np.uint8)
+    spans.ready[:] = 0
     for k in range(n):
         depth[k] = x[2]
         if not (x[2] > p[Z_SURFACE] and x[2] < p[Z_BOTTOM]):
             return False
         if k == n - 1:
             break
-        x[0], x[1] = (volume[k + 1] - volume[k]) / spans[k], volume[k]
-        h = spans[k] / parts[k]
-        table = tables[place[k]]
-        if ready[place[k]] == 0:
-            build_chain(p, _PRESCRIBED, h, chain)
+        span, place = spans.length[k], spans.place[k]
+        x[0], x[1] = (volume[k + 1] - volume[k]) / span, volume[k]
+        h, table = span / given.parts[k], spans.tables[place]
+        if spans.ready[place] == 0:
+            build_chain(p, PRESCRIBED, h, chain)
             copy(chain, table)
-            ready[place[k]] = 1
-        for _ in range(parts[k]):
-            bends = leap(table, 0, p, layers, nonlinear, x, 0.0, y)
-            if bends or may_hide(p, layers, _PRESCRIBED, x, y, h):
+            spans.ready[place] = 1
+        for _ in range(given.parts[k]):
+            bends = leap(table, 0, p, layers, x, 0.0, y)
+            if bends or may_hide(p, layers, PRESCRIBED, x, y, h):
                 return False
             accept(x, y)
     return True
 
 
 @compiled
-def _bundle(  # type: ignore[no-untyped-def]
-    plants,
-    layers,
-    starts,
-    parts,
-    nonlinear,
-    time,
-    spans,
-    place,
-    inputs,
-    ramps,
-    tables,
-    chains,
-    built,
-    depth,
-):
-    """Follow the record with every vehicle; depth [lanes, n] stays NaN where one stopped."""
-    record = np.empty((7, time.shape[0]))
-    nothing = np.zeros(0)
-    log, noted = np.zeros((0, 3)), np.zeros(1, np.int64)
-    few = np.empty((_FEW + 1, COEFFICIENTS))  # no event is looked for where nothing happens
-    x = np.zeros(5)
+def _bundle(
+    lane: ModeLane, given: Inputs, spans: Spans, plants: Array, starts: Array, depth: Array
+) -> None:
+    """Follow the record with every vehicle; depth [lanes, n] stays NaN where one stopped.
+
+    lane: room for each of them.
+    """
+    record = np.empty((7, given.time.shape[0]))
     for i in range(plants.shape[0]):
-        p = plants[i]
-        if ramps and _submerged(
-            p, layers, starts[i], parts, nonlinear, spans, place, inputs, few, tables, depth[i]
-        ):
+        for n in range(plants.shape[1]):
+            lane.p[n] = plants[i, n]
+        if given.ramps and _submerged(lane, given, spans, starts[i], depth[i]):
             continue
         depth[i] = np.nan
-        mode, q = first_mode(p, layers, starts[i, 0], starts[i, 1], starts[i, 2], starts[i, 3], 0.0)
-        x[0], x[1], x[2], x[3], x[4] = q, starts[i, 1], starts[i, 2], starts[i, 3], 0.0
-        if ramps:
-            mode = mode - mode % 10 + _PRESCRIBED
-            x[0] = starts[i, 0]
-        built[:] = 0
-        reached, _ = follow(
-            p,
-            layers,
-            parts,
-            nonlinear,
-            mode,
-            x,
-            time,
-            inputs,
-            ramps,
-            record,
-            nothing,
-            log,
-            noted,
-            chains,
-            built,
-        )
+        for n in range(4):
+            lane.x[n] = starts[i, n]
+        lane.x[4] = 0.0
+        reached, _ = follow(lane, given, record)
         for k in range(reached):
             depth[i, k] = record[0, k]
 
@@ -146,7 +110,6 @@ class Course:
             reach = base._replace(V_min=self.least - lost, V_max=self.most + lost, psi=0.0)
         else:
             reach = base
-        nonlinear = math.isfinite(base.epsilon)
         fastest = float(np.abs(starts[:, 3]).max())
         depth = np.full((len(plants), len(self.time)), np.nan)
         try:
@@ -155,20 +118,10 @@ class Course:
             )
         except InputError:  # far from any vehicle: a search looks elsewhere
             return depth
-        _bundle(
-            np.array(plants),
-            NO_LAYERS,
-            starts,
-            steps[self.place],
-            nonlinear,
-            self.time,
-            self.spans,
-            self.place,
-            self.inputs,
-            self.ramps,
-            np.empty((len(self.different), 2, COEFFICIENTS)),
-            np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
-            np.zeros(COUNT, np.uint8),
-            depth,
-        )
+        count = len(self.different)
+        tables, ready = np.empty((count, 2, COEFFICIENTS)), np.zeros(count, np.uint8)
+        spans = Spans(self.spans, self.place, tables, ready)
+        given = Inputs(self.time, self.inputs, self.ramps, steps[self.place])
+        lane = new_lane(np.array(base), NO_LAYERS, starts[0])
+        _bundle(lane, given, spans, np.array(plants), starts, depth)
         return depth

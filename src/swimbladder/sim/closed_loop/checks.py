@@ -102,16 +102,12 @@ def _check_depth(vehicle: Vehicle, depth: float, bottom: float, field: str) -> N
     if depth < 0.0:
         raise problem("the depth is above the surface", remedy="Depths are positive downwards")
     if depth > bottom:
-        raise problem(
-            f"the depth is below the bottom at {bottom:g} m",
-            remedy=f"Give a depth of at most {bottom:g} m, or a deeper bottom",
-        )
+        remedy = f"Give a depth of at most {bottom:g} m, or a deeper bottom"
+        raise problem(f"the depth is below the bottom at {bottom:g} m", remedy=remedy)
     limit = vehicle.hull.depth_limit
     if limit is not None and depth > limit:
-        raise problem(
-            f"the vehicle {vehicle.name!r} is rated for {limit:g} m (hull.depth_limit)",
-            remedy=f"Ask for {limit:g} m at most",
-        )
+        what = f"the vehicle {vehicle.name!r} is rated for {limit:g} m (hull.depth_limit)"
+        raise problem(what, remedy=f"Ask for {limit:g} m at most")
 
 
 def _within_stroke(vehicle: Vehicle, outwards: bool) -> str:
@@ -137,11 +133,8 @@ def _check_stroke(vehicle: Vehicle, medium: Medium, depth: float, field: str) ->
         where = "there, in the water of the cast"
         remedy = "Trim the vehicle for this water (`swimbladder ballast --cast` says how, and "
         remedy += "writes the vehicle), or lengthen the stroke"
-    raise InputError(
+    what = (
         f"the stroke is smaller than the neutral volume {where}: {neutral * 1e6:.4g} cm3 is "
-        f"outside {stroke.lowest * 1e6:g} to {stroke.highest * 1e6:g} cm3",
-        field=field,
-        value=depth,
-        unit="m",
-        remedy=remedy,
+        f"outside {stroke.lowest * 1e6:g} to {stroke.highest * 1e6:g} cm3"
     )
+    raise InputError(what, field=field, value=depth, unit="m", remedy=remedy)

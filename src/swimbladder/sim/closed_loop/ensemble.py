@@ -22,11 +22,12 @@ from swimbladder.control.records import leaves
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.closed_loop.block import Block, Schedule, schedule, work_space
+from swimbladder.sim.closed_loop.block import Block, schedule, work_space
 from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
+from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.rows import RECORDED, Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
-from swimbladder.sim.closed_loop.solution import TIME, VARIABLES, close_books
+from swimbladder.sim.closed_loop.solution import TIME, VARIABLES, cf_attributes, close_books
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.chain import base_steps, book_steps
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
@@ -57,12 +58,9 @@ def vary_plants(
         else:
             own = [field for field in Plant._fields if not np.isnan(getattr(p, field))]
             known = (*own, *values)
-            raise InputError(
-                "neither the plant nor the law has such a parameter",
-                field=f"vary[{name!r}]",
-                value=name,
-                remedy=f"{did_you_mean(name, known)}Known: {', '.join(known)}",
-            )
+            what = "neither the plant nor the law has such a parameter"
+            remedy = f"{did_you_mean(name, known)}Known: {', '.join(known)}"
+            raise InputError(what, field=f"vary[{name!r}]", value=name, remedy=remedy)
     for name in ("T1", "a_b", "a_s"):
         least = plants[Plant._fields.index(name)].min()
         if least <= 0.0:
@@ -76,12 +74,9 @@ def spread(given: ArrayLike, count: int, field: str, unit: str) -> Array:
     """Return a number or an array as [count]; raises InputError where it is neither."""
     array = np.asarray(given, float)
     if array.shape not in ((), (count,)):
-        raise InputError(
-            f"has the shape {array.shape}, not ({count},)",
-            field=field,
-            unit=unit or None,
-            remedy="Give one number, or one for each lane",
-        )
+        what = f"has the shape {array.shape}, not ({count},)"
+        remedy = "Give one number, or one for each lane"
+        raise InputError(what, field=field, unit=unit or None, remedy=remedy)
     if np.isnan(array).any():
         raise InputError("holds a value that is not a number", field=field, unit=unit or None)
     return np.broadcast_to(array, (count,)).copy()
@@ -95,12 +90,9 @@ def series(given: ArrayLike, clock: Schedule, count: int, field: str, unit: str)
     array = np.asarray(given, float)
     samples = clock.ticks + 1
     if array.shape not in ((samples, count), (samples, 1)):
-        raise InputError(
-            f"has the shape {array.shape}, not ({samples}, {count}) or ({samples}, 1)",
-            field=field,
-            unit=unit,
-            remedy="Give a row for each sample, both ends included",
-        )
+        what = f"has the shape {array.shape}, not ({samples}, {count}) or ({samples}, 1)"
+        remedy = "Give a row for each sample, both ends included"
+        raise InputError(what, field=field, unit=unit, remedy=remedy)
     if not np.isfinite(array).all():
         raise InputError("holds a value that is no finite number", field=field, unit=unit)
     return np.broadcast_to(array, (samples, count))
@@ -143,9 +135,8 @@ _OF_DRIVE = {  # of a float: account, unit, what it is
     "valve_runs": (FloatAccount.VALVE_RUNS, "1", "runs of valve and bypass"),
     "pumped": (FloatAccount.PUMPED, "m3", "volume pressed out"),
 }
-_COMMAND = {"long_name": "command of the law, V or m3"}
 _TRAJECTORIES = {name: VARIABLES[name] for name in ("depth", "speed", "volume")}
-_TRAJECTORIES["command"] = _COMMAND
+_TRAJECTORIES["command"] = {"long_name": "command of the law, V or m3"}
 
 
 def simulate_ensemble(
@@ -372,10 +363,5 @@ def _dataset(
         coords["time"] = ("time", np.arange(clock.ticks + 1) * clock.tick, TIME)
         for (name, about), values in zip(_TRAJECTORIES.items(), record, strict=True):
             data[name] = (("time", "lane"), values, about)
-    about = {
-        "title": f"Ensemble of {vehicle.name}, simulated",
-        "source": "swimbladder",
-        "Conventions": "CF-1.11",
-        "control_law": law.name,
-    }
-    return xarray.Dataset(data, coords=coords, attrs=about)
+    attrs = cf_attributes(f"Ensemble of {vehicle.name}, simulated", law.name)
+    return xarray.Dataset(data, coords=coords, attrs=attrs)

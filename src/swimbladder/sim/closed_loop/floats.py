@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.pump_valve import SurfacingParameters
-from swimbladder.physics.dynamics import Plant, drag_force
+from swimbladder.physics.dynamics import DragTerms, Plant, drag_force
 from swimbladder.physics.seawater import Column, uniform_column
 from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.pumped import BOARD, DIVES, FLOATS, PAUSE, SEGMENT, Pumped
@@ -44,19 +44,7 @@ _AT_SURFACE = 1e-9  # m
 _SHALLOW = 5.0  # m, the least of `_shallow`
 _SPEED, _PAUSE = 0.1, 60.0  # m/s and s of a law that states neither
 _MARGIN, _BELOW = 1.2, 100.0  # of the deepest depth, and m: how far the table goes on
-_VARIED = [
-    "d_l",
-    "d_b",
-    "d_0",
-    "d_t",
-    "epsilon",
-    "V_min",
-    "V_max",
-    "z_surface",
-    "a_s",
-    "z_air",
-    "z_bottom",
-]
+_VARIED = (*DragTerms._fields, "V_min", "V_max", "z_surface", "a_s", "z_air", "z_bottom")
 """Fields of Plant that a lane may have of its own; in `given` they are in lower case."""
 
 
@@ -115,19 +103,10 @@ class FloatModel:
             x["z_look"][n] = x["z"][n]
             board[n, DIVES] = 0.0 if x["v"][n] >= up.full - up[3] else 1.0
             board[n, FLOATS] = 1.0
-        stepper = Pumped(
-            given=given,
-            table=self.table,
-            waves=np.zeros((0, 6)),
-            x=x,
-            at=at,
-            accounts=np.zeros((count, len(Account))),
-            notes=np.zeros((count, noted), NOTE),
-            counts=np.zeros((count, 3), dtype=np.int64),
-            work=np.zeros((count, *WORK)),
-            board=board,
-            segment=np.zeros((count, SEGMENT)),
-        )
+        accounts, work = np.zeros((count, len(Account))), np.zeros((count, *WORK))
+        notes, counts = np.zeros((count, noted), NOTE), np.zeros((count, 3), np.int64)
+        own_lanes = (x, at, accounts, notes, counts, work, board, np.zeros((count, SEGMENT)))
+        stepper = Pumped(given, self.table, np.zeros((0, 6)), *own_lanes)
         return stepper, np.stack([np.zeros(count), x["v"], x["z"], x["w"]])
 
 

@@ -1,6 +1,6 @@
 """One lane of a block at a sample: judged, decided, moved; what `lanes` calls for every lane."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
 from swimbladder.sim.closed_loop.hooks import ask, drive
-from swimbladder.sim.closed_loop.rows import N_STEP, Row
+from swimbladder.sim.closed_loop.rows import N_PLANT, N_STEP, Row
 from swimbladder.sim.engine import modes
+from swimbladder.sim.engine.advance import ModeLane, ensure_chain
 from swimbladder.sim.engine.cache import inlined, shared
-from swimbladder.sim.engine.chain import ALPHA, BETA, build_chain
+from swimbladder.sim.engine.chain import ALPHA, BETA
 from swimbladder.sim.engine.modes import drag_at, resting_volume, split
 
 Array = NDArray[np.float64]
@@ -23,10 +24,67 @@ _PLACE = np.array([*_WHOLE, *_HALF, ALPHA, BETA])
 _LEVEL = np.repeat([0, 1, 0], [len(_WHOLE), len(_HALF), 2])
 
 
+class Lanes(NamedTuple):
+    """A block as its kernel takes it, with what comes out of it; see `block.Block`."""
+
+    S: Array  # rows x lanes, flat
+    token: tuple[float, ...]  # as many as lanes: their number, known to the compiler
+    bend: tuple[float, ...]  # empty where drag is laminar
+    sea: tuple[float, ...]  # empty where nothing is lost, see `hooks.lose`
+    layers: Any  # of the water, of all lanes; in layers every lane is taken by engine.advance
+    parts: int  # steps of a tick
+    depths: Array  # [set-points, lanes]
+    record: Array  # [7, n, lanes] or empty
+    built: NDArray[np.uint8]  # [lanes, COUNT], and the next ones: as of `advance.ModeLane`
+    books: Array
+    log: Array
+    noted: NDArray[np.int64]
+
+
+class Like(NamedTuple):
+    """A law's parameters and state, for their types."""
+
+    parameters: Any
+    state: Any
+    volume_row: int  # of the volume reference in the state, -1 without
+
+
+class Room(NamedTuple):
+    """Room for what engine.advance takes of a lane, as in `advance.ModeLane`."""
+
+    p: Array
+    x: Array
+    y: Array
+    chains: Array  # of each lane
+
+
+@inlined
+def mode_lane(lanes: Lanes, room: Room, i: int) -> ModeLane:
+    """Return lane i as engine.advance takes it; for what counts no references, see `cache.part`."""
+    chains, built, books = room.chains[i], lanes.built[i], lanes.books[i]
+    log, noted = lanes.log[i], lanes.noted[i]
+    return ModeLane(room.p, lanes.layers, room.x, room.y, chains, built, books, log, noted)
+
+
+@inlined
+def load_plant(S: Array, W_: int, i: int, p: Array) -> None:
+    """Fill p with the parameters of lane i."""
+    for n in range(N_PLANT):
+        p[n] = S[(Row.PLANT + n) * W_ + i]
+
+
+@inlined
+def state_of(S: Array, W_: int, i: int) -> tuple[float, float, float, float]:
+    """Return q, V, z, w of lane i."""
+    return S[Row.Q * W_ + i], S[Row.V * W_ + i], S[Row.Z * W_ + i], S[Row.W * W_ + i]
+
+
 @shared
-def set_mode(S, token, i, mode, chains, built, h, p, layers):  # type: ignore[no-untyped-def]
+def set_mode(lanes: Lanes, room: Room, i: int, mode: int, h: float) -> None:
     """Write into lane i what a tick in this mode needs: coefficients, bounds, its speed."""
-    W_ = len(token)
+    S, lane = lanes.S, mode_lane(lanes, room, i)
+    p, layers = lane.p, lane.layers
+    W_ = len(lanes.token)
     S[Row.MODE * W_ + i] = mode
     act, _, where = split(mode)
     plain = act in (modes.FORWARD, modes.BACKWARD) and layers.table.shape[0] == 0
@@ -49,11 +107,9 @@ def set_mode(S, token, i, mode, chains, built, h, p, layers):  # type: ignore[no
         S[Row.LOW_Z * W_ + i] = -np.inf
         S[Row.HIGH_Z * W_ + i] = np.inf
         S[Row.HIGH_V * W_ + i] = min(p[modes.V_MAX], resting_volume(p, layers, S[Row.Z * W_ + i]))
-    if built[mode] == 0:
-        build_chain(p, mode, h, chains[mode])
-        built[mode] = 1
+    ensure_chain(lane, mode, h)
     for n in range(N_STEP):
-        S[(Row.STEP + n) * W_ + i] = chains[mode, _LEVEL[n], _PLACE[n]]
+        S[(Row.STEP + n) * W_ + i] = lane.chains[mode, _LEVEL[n], _PLACE[n]]
 
 
 @inlined
@@ -71,18 +127,18 @@ def judge(S: Array, W_: int, i: int, since: float) -> None:
 
 
 @inlined
-def decide(S, W_, i, hooks, like, like_state, k, t, per_tick):  # type: ignore[no-untyped-def]
-    """Call the law of lane i, keep what it says where it is due; return the input as applied."""
+def decide(S: Array, W_: int, i: int, hooks: Any, law: Like, k: int, tick: float) -> Any:
+    """Call lane i's law at tick k, keep what it says where it is due; return what is applied."""
     kept = S[Row.COMMAND * W_ + i]
     if ask(hooks, S, k):
-        row = (Row.LAW + extent(like)) * W_ + i
-        seen = Measurement(t, S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i])
-        parameters = gather(like, S, Row.LAW * W_ + i, W_)
-        state = gather(like_state, S, row, W_)
+        row = (Row.LAW + extent(law.parameters)) * W_ + i
+        seen = Measurement(k * tick, S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i])
+        parameters = gather(law.parameters, S, Row.LAW * W_ + i, W_)
+        state = gather(law.state, S, row, W_)
         command, state, next_s = law_step(parameters, state, seen, S[Row.REFERENCE * W_ + i])
         waiting = S[Row.WAIT * W_ + i]
         due = waiting <= 0.0
-        ticks = np.ceil(next_s * per_tick - 1e-9) - 1.0
+        ticks = np.ceil(next_s * (1.0 / tick) - 1e-9) - 1.0
         S[Row.WAIT * W_ + i] = (ticks if ticks > 0.0 else 0.0) if due else waiting - 1.0
         kept = command if due else kept
         S[Row.COMMAND * W_ + i] = kept
@@ -115,7 +171,7 @@ def leap_lane(S: Array, W_: int, i: int, u: float, h: float, bent: float) -> Any
 
     bent: whether the drag may be other than laminar.
     """
-    q, v, z, w = S[Row.Q * W_ + i], S[Row.V * W_ + i], S[Row.Z * W_ + i], S[Row.W * W_ + i]
+    q, v, z, w = before = state_of(S, W_, i)
     c = Row.STEP * W_ + i
     q1 = q + _row(S, W_, c, q, v, z, w, u)
     v1 = v + _row(S, W_, c + 6 * W_, q, v, z, w, u)
@@ -136,7 +192,8 @@ def leap_lane(S: Array, W_: int, i: int, u: float, h: float, bent: float) -> Any
         v1 += S[c + 25 * W_] * N0 + S[c + 29 * W_] * Nab + S[c + 33 * W_] * Nc
         z1 += S[c + 26 * W_] * N0 + S[c + 30 * W_] * Nab + S[c + 34 * W_] * Nc
         w1 += S[c + 27 * W_] * N0 + S[c + 31 * W_] * Nab + S[c + 35 * W_] * Nc
-    ok = within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h)
+    after = (q1, v1, z1, w1)
+    ok = within(S, W_, i, before, after, h)
     if bent:  # all on one branch of a switched drag law
         epsilon = S[(Row.PLANT + modes.EPSILON) * W_ + i]
         fast = abs(w) > epsilon
@@ -144,12 +201,14 @@ def leap_lane(S: Array, W_: int, i: int, u: float, h: float, bent: float) -> Any
         one = one & ((abs(wc) > epsilon) == fast) & ((abs(w1) > epsilon) == fast)
         one = one & ((abs(w) <= epsilon) | (w * w1 >= 0.0))
         ok = ok & ((epsilon <= 0.0) | one)
-    return q1, v1, z1, w1, ok
+    return after, ok
 
 
 @inlined
-def within(S, W_, i, q, v, z, w, q1, v1, z1, w1, h):  # type: ignore[no-untyped-def]
+def within(S: Array, W_: int, i: int, before: Any, after: Any, h: float) -> Any:
     """Return whether the mode of lane i lasted through a step from one state to another."""
+    q, v, z, w = before
+    q1, v1, z1, w1 = after
     # how far inside a step that turns the state may go beyond its ends
     dz = h * (abs(w) + abs(w1)) if w * w1 < 0.0 else 0.0
     leaks = S[(Row.PLANT + modes.K_L) * W_ + i] > 0.0
@@ -178,8 +237,9 @@ def _rest(S: Array, W_: int, i: int, w: float) -> Any:
 
 
 @inlined
-def commit(S, W_, i, sea, q1, v1, z1, w1):  # type: ignore[no-untyped-def]
+def commit(S: Array, W_: int, i: int, sea: Any, after: Any) -> None:
     """Make the new state of lane i its state."""
+    q1, v1, z1, w1 = after
     lost = S[Row.LOST * W_ + i] if len(sea) > 0 else 0.0
     S[Row.TRAVEL * W_ + i] += abs(v1 - S[Row.V * W_ + i])
     S[Row.Q * W_ + i] = q1

@@ -7,7 +7,7 @@ in which something happens (an end stop, the surface, the bottom) are taken agai
 `engine.advance`, which finds the event.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,19 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
 from swimbladder.sim.closed_loop.hooks import begin, lose, sense, starts
-from swimbladder.sim.closed_loop.lane import commit, decide, judge, leap_lane, set_mode
+from swimbladder.sim.closed_loop.lane import (
+    Lanes,
+    Like,
+    Room,
+    commit,
+    decide,
+    judge,
+    leap_lane,
+    load_plant,
+    mode_lane,
+    set_mode,
+    state_of,
+)
 from swimbladder.sim.closed_loop.pumped import LAW_NOT_FINITE, decide_lanes, move_lanes
 from swimbladder.sim.closed_loop.rows import N_PLANT, Row
 from swimbladder.sim.engine import modes
@@ -32,10 +44,23 @@ Array = NDArray[np.float64]
 OVER = 6  # why a lane stopped, beside engine.advance: by its hooks
 
 
+class Schedule(NamedTuple):
+    """Set-points on the clock of the vehicle."""
+
+    tick: float  # s
+    turn: NDArray[np.int64]  # [n + 1], which set-point holds at each tick
+    given: NDArray[np.int64]  # the tick of each set-point
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks of the run."""
+        return len(self.turn) - 1
+
+
 @shared
-def measure_block(S: Array, token: Any, noise: Array, k: int) -> None:
+def measure_block(lanes: Lanes, noise: Array, k: int) -> None:
     """Write what the sensors give."""
-    W_ = len(token)
+    S, W_ = lanes.S, len(lanes.token)
     for i in range(W_):
         of_depth = Sensor(S[Row.DEPTH_NOISE * W_ + i], S[Row.DEPTH_QUANTUM * W_ + i])
         of_volume = Sensor(S[Row.VOLUME_NOISE * W_ + i], S[Row.VOLUME_QUANTUM * W_ + i])
@@ -45,9 +70,9 @@ def measure_block(S: Array, token: Any, noise: Array, k: int) -> None:
 
 
 @part
-def _set_targets(S: Array, token: Any, depths: Any) -> None:
+def _set_targets(lanes: Lanes, depths: Array) -> None:
     """Give every lane a set-point, and begin to follow its step response."""
-    W_ = len(token)
+    S, W_ = lanes.S, len(lanes.token)
     for i in range(W_):
         z = S[Row.Z * W_ + i]
         S[Row.REFERENCE * W_ + i] = depths[i]
@@ -60,30 +85,29 @@ def _set_targets(S: Array, token: Any, depths: Any) -> None:
 
 
 @part
-def _tick(S, token, bend, sea, like, like_state, k, t, since, tick):  # type: ignore[no-untyped-def]
+def _tick(lanes: Lanes, law: Like, k: int, since: float, tick: float) -> int:
     """Judge, decide and move every lane by a whole tick; return how many lanes need more.
 
     Those keep the state they had.
     """
-    W_ = len(token)
-    per_tick = 1.0 / tick
+    S, W_, sea = lanes.S, len(lanes.token), lanes.sea
     troubled = 0
     wide()  # type: ignore[call-arg]
     for i in range(W_):
         judge(S, W_, i, since)
-        u = decide(S, W_, i, (), like, like_state, k, t, per_tick)
-        q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, tick, len(bend) > 0)
-        q, v = S[Row.Q * W_ + i], S[Row.V * W_ + i]
-        z, w = S[Row.Z * W_ + i], S[Row.W * W_ + i]
-        commit(S, W_, i, sea, q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w)
+        u = decide(S, W_, i, (), law, k, tick)
+        (q1, v1, z1, w1), ok = leap_lane(S, W_, i, u, tick, len(lanes.bend) > 0)
+        q, v, z, w = state_of(S, W_, i)
+        after = (q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w)
+        commit(S, W_, i, sea, after)
         S[Row.TROUBLE * W_ + i] = 0.0 if ok else 1.0
         troubled += 0 if ok else 1
     return troubled
 
 
 @part
-def _start_laws(S: Array, token: Any, like: Any, t: float) -> None:
-    W_ = len(token)
+def _start_laws(lanes: Lanes, like: Any, t: float) -> None:
+    S, W_ = lanes.S, len(lanes.token)
     for i in range(W_):
         seen = Measurement(t, S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i])
         state = law_initial(gather(like, S, Row.LAW * W_ + i, W_), seen, S[Row.REFERENCE * W_ + i])
@@ -91,198 +115,130 @@ def _start_laws(S: Array, token: Any, like: Any, t: float) -> None:
 
 
 @compiled
-def run_block(  # type: ignore[no-untyped-def]
-    S,
-    token,
-    bend,
-    sea,
-    hooks,
-    stepper,
-    like,
-    like_state,
-    first,
-    last,
-    tick,
-    parts,
-    turn,
-    given,
-    depths,
-    noise,
-    record,
-    state_row,
-    chains,
-    built,
-    books,
-    log,
-    count,
-    layers,
-):
-    """Run a block of len(token) lanes from tick `first` to `last`.
+def run_block(
+    lanes: Lanes,
+    hooks: Any,
+    stepper: Any,
+    law: Like,
+    clock: Schedule,
+    span: tuple[int, int],
+    noise: Array,
+    chains: Array | None,
+) -> None:
+    """Run a block from the first tick of a span to the last.
 
-    S: the block's array, rows x lanes, flat. bend, sea: empty where drag is laminar, and where
-    nothing is lost, see `lose`. hooks: what stands between the parts, see `hooks`. stepper: what
-    moves the lanes, None: their modes' exponentials, see `pumped`. like, like_state: a law's
-    parameters and state, for their types. tick [s], divided into `parts`.
-    turn [n]: which set-point holds at a tick; given: the tick of each set-point; depths
-    [set-points, lanes].
+    hooks: what stands between the parts, see `hooks`. stepper: what moves the lanes, None: their
+    modes' exponentials, see `pumped`.
     noise [ticks of this call, 2, lanes] standard normal, or empty.
-    record [7, n, lanes] or empty; state_row: row of the volume reference in the law's state, -1
-    without. chains, built: see engine.advance, per lane; chains is None with a stepper.
-    books [lanes, accounts] or empty.
-    layers: of the water, of all lanes; in layers every lane is taken by engine.advance.
+    chains: see `advance.ModeLane`, of each lane; None with a stepper.
     """
-    W_ = len(token)
-    h = tick / parts
-    x = np.zeros(5)
-    y = np.zeros(10)
-    p = np.zeros(N_PLANT)
+    S, W_, record = lanes.S, len(lanes.token), lanes.record
+    tick, turn, given = clock.tick, clock.turn, clock.given
+    first, last = span
+    h = tick / lanes.parts
+    p, x, y = np.zeros(N_PLANT), np.zeros(5), np.zeros(10)
     kept = np.array([-1, -1])
     decay = np.zeros(5)
-    whole = parts == 1 and record.shape[1] == 0 and books.shape[1] == 0 and len(hooks) == 0
+    if chains is not None:
+        room = Room(p, x, y, chains)
+    built, booked = lanes.built, lanes.books.shape[1] > 0
+    whole = lanes.parts == 1 and record.shape[1] == 0 and not booked and len(hooks) == 0
     for k in range(first, last):
         t = k * tick
         since = (k - given[turn[k]]) * tick
         if k == 0 or turn[k] != turn[k - 1]:
-            _set_targets(S, token, depths[turn[k]])
-        if len(sea) > 0:
+            _set_targets(lanes, lanes.depths[turn[k]])
+        if len(lanes.sea) > 0:
             for i in range(W_):
-                lose(S, W_, i, p, t, tick if k > 0 else 0.0, layers)
+                lose(S, W_, i, p, t, tick if k > 0 else 0.0, lanes.layers)
             kept[0] = -1
         if begin(hooks, S, k, built):
             S[Row.STOPPED] = OVER if S[Row.STOPPED] == 0.0 else S[Row.STOPPED]
             break
         if noise.shape[0] > 0:
-            measure_block(S, token, noise, k - first)
+            measure_block(lanes, noise, k - first)
         sense(hooks, S, k)
         if starts(hooks, k):
-            _start_laws(S, token, like, t)
+            _start_laws(lanes, law.parameters, t)
         # what tests an argument for None is pruned before types are inferred where it is None
         if stepper is not None:
-            decide_lanes(stepper, S, token, hooks, like, like_state, k, tick, since)
+            decide_lanes(stepper, lanes, hooks, law, k, tick, since)
             if record.shape[1] > 0:
-                _record(S, token, record, k, extent(like), state_row)
+                _record(lanes, law, k)
             if k < turn.shape[0] - 1:
-                move_lanes(stepper, S, token, hooks, k, tick, min(last, turn.shape[0] - 1))
+                move_lanes(stepper, lanes, hooks, k, tick, min(last, turn.shape[0] - 1))
             continue
         if chains is None:
             continue
-        # likewise: one vehicle alone is taken by the parts below
-        if len(token) > 1 and whole and k < turn.shape[0] - 1:
-            if _tick(S, token, bend, sea, like, like_state, k, t, since, tick) > 0:
+        # one vehicle alone is taken by the parts below
+        if W_ > 1 and whole and k < turn.shape[0] - 1:
+            if _tick(lanes, law, k, since, tick) > 0:
                 for i in range(W_):
                     if S[Row.TROUBLE * W_ + i] != 0.0:
-                        _take_slowly(
-                            S,
-                            token,
-                            i,
-                            k,
-                            t,
-                            h,
-                            bend,
-                            sea,
-                            p,
-                            x,
-                            y,
-                            chains[i],
-                            built[i],
-                            books[i],
-                            log[i],
-                            count[i],
-                            layers,
-                        )
+                        _take_slowly(lanes, room, i, k, t, h)
             continue
         for i in range(W_):
             judge(S, W_, i, since)
-            decide(S, W_, i, hooks, like, like_state, k, t, 1.0 / tick)
+            decide(S, W_, i, hooks, law, k, tick)
         if record.shape[1] > 0:
-            _record(S, token, record, k, extent(like), state_row)
+            _record(lanes, law, k)
         if k == turn.shape[0] - 1:
             break
-        for n in range(parts):
+        for n in range(lanes.parts):
             for i in range(W_):
-                bent = len(bend) > 0 and S[(Row.PLANT + modes.EPSILON) * W_ + i] < np.inf
-                if books.shape[1] == 0:
-                    q1, v1, z1, w1, ok = leap_lane(S, W_, i, S[Row.APPLIED * W_ + i], h, bent)
+                bent = len(lanes.bend) > 0 and S[(Row.PLANT + modes.EPSILON) * W_ + i] < np.inf
+                if not booked:
+                    after, ok = leap_lane(S, W_, i, S[Row.APPLIED * W_ + i], h, bent)
                     if ok:
-                        commit(S, W_, i, sea, q1, v1, z1, w1)
+                        commit(S, W_, i, lanes.sea, after)
                         continue
-                elif _leap_with_books(
-                    S, W_, i, h, bent, sea, p, x, y, chains, books, kept, decay, layers
-                ):
+                elif _leap_with_books(lanes, room, i, h, bent, kept, decay):
                     continue
                 kept[0] = -1
-                _take_slowly(
-                    S,
-                    token,
-                    i,
-                    k,
-                    t + n * h,
-                    h,
-                    bend,
-                    sea,
-                    p,
-                    x,
-                    y,
-                    chains[i],
-                    built[i],
-                    books[i],
-                    log[i],
-                    count[i],
-                    layers,
-                )
+                _take_slowly(lanes, room, i, k, t + n * h, h)
 
 
 @inlined
-def _leap_with_books(  # type: ignore[no-untyped-def]
-    S, W_, i, h, bent, sea, p, x, y, chains, books, kept, decay, layers
-):
+def _leap_with_books(
+    lanes: Lanes, room: Room, i: int, h: float, bent: bool, kept: Any, decay: Array
+) -> bool:
     """Take one step of lane i, with its accounts, if nothing happens in it; return whether.
 
-    kept: the lane and the mode whose parameters p and transients `decay` are loaded.
+    kept: the lane and the mode whose parameters and transients `decay` are loaded.
     """
+    S, W_, p, x, y = lanes.S, len(lanes.token), room.p, room.x, room.y
     mode = int(S[Row.MODE * W_ + i])
     if kept[0] != i or kept[1] != mode:
-        for n in range(N_PLANT):
-            p[n] = S[(Row.PLANT + n) * W_ + i]
+        load_plant(S, W_, i, p)
         decays(p, mode, h, decay)
         kept[0], kept[1] = i, mode
     if mode // 20 == modes.EMERGING and h * h * p[modes.A_S] > modes.QUICK_BOBBING:
         return False  # the drag's work wants smaller steps
     u = S[Row.APPLIED * W_ + i]
-    q1, v1, z1, w1, ok = leap_lane(S, W_, i, u, h, bent)
+    after, ok = leap_lane(S, W_, i, u, h, bent)
     if not ok:
         return False
-    q, v, z, w = S[Row.Q * W_ + i], S[Row.V * W_ + i], S[Row.Z * W_ + i], S[Row.W * W_ + i]
-    x[0], x[1], x[2], x[3], x[4] = q, v, z, w, 0.0
-    y[0], y[1], y[2], y[3] = q1, v1, z1, w1
+    x[0], x[1], x[2], x[3] = q, v, z, w = state_of(S, W_, i)
+    x[4] = 0.0
+    y[0], y[1], y[2], y[3] = after
     if not bent:  # the integral of z, as engine.chain.leap has it
-        y[4] = (
-            chains[i, mode, 0, 16] * q
-            + chains[i, mode, 0, 17] * v
-            + chains[i, mode, 0, 18] * z
-            + chains[i, mode, 0, 19] * w
-            + chains[i, mode, 0, 24] * u
-            + chains[i, mode, 0, 29]
-        )
+        c = room.chains[i, mode, 0]
+        y[4] = c[16] * q + c[17] * v + c[18] * z + c[19] * w + c[24] * u + c[29]
     else:
-        leap(chains[i, mode], 0, p, layers, True, x, u, y)
-    enter(p, mode, x, y, u, h, decay, books[i])
-    commit(S, W_, i, sea, q1, v1, z1, w1)
+        leap(room.chains[i, mode], 0, p, lanes.layers, x, u, y)
+    enter(p, mode, x, y, u, h, decay, lanes.books[i])
+    commit(S, W_, i, lanes.sea, after)
     return True
 
 
 @part
-def _take_slowly(  # type: ignore[no-untyped-def]
-    S, token, i, k, t, h, bend, sea, p, x, y, chains, built, books, log, count, layers
-):
+def _take_slowly(lanes: Lanes, room: Room, i: int, k: int, t: float, h: float) -> None:
     """Take one step of lane i by engine.advance, and change its mode if an event did."""
-    W_ = len(token)
-    for n in range(4):
-        x[n] = S[(Row.Q + n) * W_ + i]
+    S, W_, p, x, sea = lanes.S, len(lanes.token), room.p, room.x, lanes.sea
+    x[0], x[1], x[2], x[3] = state_of(S, W_, i)
     x[4] = 0.0
     if S[Row.STOPPED * W_ + i] == 0.0:
-        for n in range(N_PLANT):
-            p[n] = S[(Row.PLANT + n) * W_ + i]
+        load_plant(S, W_, i, p)
         before = int(S[Row.MODE * W_ + i])
         u = S[Row.APPLIED * W_ + i]
         if not abs(u) < 1e30:
@@ -292,24 +248,22 @@ def _take_slowly(  # type: ignore[no-untyped-def]
                 u -= S[Row.LOST * W_ + i]
                 if abs(u - x[1]) < 1e-12 * (p[modes.V_MAX] - p[modes.V_MIN]):
                     u = x[1]  # rounding does not set it in motion
-            nonlinear = len(bend) > 0 and p[modes.EPSILON] < np.inf
-            mode, why = advance(
-                p, layers, nonlinear, before, x, y, u, h, t, chains, built, books, log, count
-            )
+            mode, why = advance(mode_lane(lanes, room, i), before, u, h, t)
             if mode != before:
                 S[Row.EVENTS * W_ + i] += 1.0
                 S[Row.Z * W_ + i] = x[2]
-                set_mode(S, token, i, mode, chains, built, h, p, layers)
+                set_mode(lanes, room, i, mode, h)
         if why != DONE:
             S[Row.STOPPED * W_ + i] = why
             S[Row.STOP_TICK * W_ + i] = k
             S[Row.SLOW * W_ + i] = 1.0
-        commit(S, W_, i, sea, x[0], x[1], x[2], x[3])
+        commit(S, W_, i, sea, (x[0], x[1], x[2], x[3]))
 
 
 @part
-def _record(S: Array, token: Any, record: Array, k: int, n_par: int, state_row: int) -> None:
-    W_ = len(token)
+def _record(lanes: Lanes, law: Like, k: int) -> None:
+    S, W_, record = lanes.S, len(lanes.token), lanes.record
+    reference = Row.LAW + extent(law.parameters) + law.volume_row
     for i in range(W_):
         record[0, k, i] = S[Row.Z * W_ + i]
         record[1, k, i] = S[Row.W * W_ + i]
@@ -317,19 +271,19 @@ def _record(S: Array, token: Any, record: Array, k: int, n_par: int, state_row: 
         record[3, k, i] = S[Row.Q * W_ + i]
         record[4, k, i] = S[Row.COMMAND * W_ + i]
         record[5, k, i] = S[Row.APPLIED * W_ + i]
-        if state_row >= 0:
-            record[6, k, i] = S[(Row.LAW + n_par + state_row) * W_ + i]
+        if law.volume_row >= 0:
+            record[6, k, i] = S[reference * W_ + i]
 
 
 @compiled
-def start_block(S: Array, token: Any, h: float, chains: Array, built: Any, layers: Any) -> None:
+def start_block(lanes: Lanes, chains: Array, h: float) -> None:
     """Set each lane's first mode from its state, its parameters and a base step h [s]."""
-    W_ = len(token)
-    p = np.zeros(N_PLANT)
+    S, W_ = lanes.S, len(lanes.token)
+    p, x = np.zeros(N_PLANT), np.zeros(5)
+    room = Room(p, x, np.zeros(10), chains)
     for i in range(W_):
-        for n in range(N_PLANT):
-            p[n] = S[(Row.PLANT + n) * W_ + i]
-        v, z, w = S[Row.V * W_ + i], S[Row.Z * W_ + i], S[Row.W * W_ + i]
-        mode, q = first_mode(p, layers, S[Row.Q * W_ + i], v, z, w, 0.0)
+        load_plant(S, W_, i, p)
+        x[0], x[1], x[2], x[3] = state_of(S, W_, i)
+        mode, q = first_mode(p, lanes.layers, x)
         S[Row.Q * W_ + i] = q
-        set_mode(S, token, i, mode, chains[i], built[i], h, p, layers)
+        set_mode(lanes, room, i, mode, h)

@@ -35,7 +35,7 @@ from swimbladder.sim.closed_loop.dispatch import (
     scatter_where,
 )
 from swimbladder.sim.closed_loop.hooks import bound, drive, moved, set_off, settled
-from swimbladder.sim.closed_loop.lane import commit, decide, judge
+from swimbladder.sim.closed_loop.lane import Lanes, Like, commit, decide, judge
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.engine.advance import CHATTERS, LEFT_WATER, NOT_FINITE, TOO_DEEP
 from swimbladder.sim.engine.cache import inlined, part
@@ -106,16 +106,17 @@ def run_for(lane: Lane, length: float, wide: float, tick: float) -> None:
 
 
 @part
-def _decide(  # type: ignore[no-untyped-def]
-    s, wide, S, W_, i, hooks, like, like_state, k, tick
-):
+def _decide(
+    s: Any, wide: Any, lanes: Lanes, i: int, hooks: Any, law: Like, k: int, tick: float
+) -> None:
     """Let the processor of lane i act where it is time, and start the run that follows."""
+    S, W_ = lanes.S, len(lanes.token)
     p, x, at, accounts = s.given[i], s.x[i], s.at[i], s.accounts[i]
     lane = Lane(p, s.table, s.waves, x, at, accounts, s.notes[i], s.counts[i], s.work[i])
     if wide is None:  # pruned before types are inferred
-        _change(lane, s.board[i], S, W_, i, hooks, like, like_state, k, tick)
+        _change(lane, s.board[i], lanes, i, hooks, law, k, tick)
         return
-    length = decide(S, W_, i, hooks, like, like_state, k, k * tick, 1.0 / tick)
+    length = decide(S, W_, i, hooks, law, k, tick)
     if abs(length) < 1e30:
         run_for(lane, length, wide[i], tick)
     else:
@@ -125,8 +126,11 @@ def _decide(  # type: ignore[no-untyped-def]
 
 
 @part
-def _change(lane, board, S, W_, i, hooks, like, like_state, k, tick):  # type: ignore[no-untyped-def]
+def _change(
+    lane: Lane, board: Array, lanes: Lanes, i: int, hooks: Any, law: Like, k: int, tick: float
+) -> None:
     """Let a processor whose law asks for changes of volume act, as `_decide`."""
+    S, W_ = lanes.S, len(lanes.token)
     S[Row.COMMAND * W_ + i] = 0.0
     waiting = S[Row.WAIT * W_ + i]
     if waiting > 0.0:
@@ -142,13 +146,13 @@ def _change(lane, board, S, W_, i, hooks, like, like_state, k, tick):  # type: i
     if at.doing != Doing.NOTHING:
         pass  # a run to the end stop, of a pump that may run as long as it takes
     elif action == LAW:
-        row = (Row.LAW + extent(like)) * W_ + i
-        parameters = gather(like, S, Row.LAW * W_ + i, W_)
+        row = (Row.LAW + extent(law.parameters)) * W_ + i
+        parameters = gather(law.parameters, S, Row.LAW * W_ + i, W_)
         now = Measurement(t, depth, volume)
         if at.new_law == 1:
             at.new_law = 0
             scatter_where(True, law_initial(parameters, now, reference), S, row, W_)
-        state = gather(like_state, S, row, W_)
+        state = gather(law.state, S, row, W_)
         change, state, pause = law_step(parameters, state, now, reference)
         scatter_where(True, state, S, row, W_)
         change = drive(hooks, S, k, change)
@@ -177,14 +181,15 @@ def _change(lane, board, S, W_, i, hooks, like, like_state, k, tick):  # type: i
 
 
 @part
-def _move(s: Any, S: Array, W_: int, i: int, hooks: Any, k: int, tick: float, ahead: float) -> None:
+def _move(s: Any, lanes: Lanes, i: int, hooks: Any, k: int, tick: float, ahead: float) -> None:
     """Bring lane i to the end of tick k; its steps may go on to `ahead` [s].
 
     A tick without a length ends where the hooks say.
     """
     p, x, at, accounts = s.given[i], s.x[i], s.at[i], s.accounts[i]
-    lane = Lane(p, s.table, s.waves, x, at, accounts, s.notes[i], s.counts[i], s.work[i])
     seg, work = s.segment[i], s.work[i]
+    lane = Lane(p, s.table, s.waves, x, at, accounts, s.notes[i], s.counts[i], work)
+    S, W_ = lanes.S, len(lanes.token)
     lost = S[Row.LOST * W_ + i]  # see `hooks.lose`
     trimmed = S[(Row.PLANT + V_0) * W_ + i] - p.neutral_top + lost
     if abs(p.trim - trimmed) > _SAME_TRIM:
@@ -233,7 +238,7 @@ def _move(s: Any, S: Array, W_: int, i: int, hooks: Any, k: int, tick: float, ah
             why = TOO_DEEP
         S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = why, k
     rate = rate_of(p, s.table, int(doing), at.shut == 1, z, v, w)[0]
-    commit(S, W_, i, (0.0,), rate, v - lost, z, w)
+    commit(S, W_, i, (0.0,), (rate, v - lost, z, w))
     if s.wide is None:
         S[Row.APPLIED * W_ + i] = doing
 
@@ -246,20 +251,22 @@ def one_lane(lane: Lane, board: Array) -> Pumped:
 
 
 @part
-def decide_lanes(stepper, S, token, hooks, like, like_state, k, tick, since):  # type: ignore[no-untyped-def]
+def decide_lanes(
+    stepper: Any, lanes: Lanes, hooks: Any, law: Like, k: int, tick: float, since: float
+) -> None:
     """Judge every lane at tick k, `since` [s] its set-point, and let its processor act."""
-    W_ = len(token)
+    S, W_ = lanes.S, len(lanes.token)
     for i in range(W_):
         judge(S, W_, i, since)
         if S[Row.STOPPED * W_ + i] == 0.0:
-            _decide(stepper, stepper.wide, S, W_, i, hooks, like, like_state, k, tick)
+            _decide(stepper, stepper.wide, lanes, i, hooks, law, k, tick)
 
 
 @part
-def move_lanes(stepper, S, token, hooks, k, tick, last):  # type: ignore[no-untyped-def]
+def move_lanes(stepper: Any, lanes: Lanes, hooks: Any, k: int, tick: float, last: int) -> None:
     """Bring every lane to the end of tick k; no step goes beyond the begin of tick `last`."""
-    W_ = len(token)
+    W_ = len(lanes.token)
     ahead = (last if len(hooks) == 0 and stepper.wide is None else k + 1) * tick
     for i in range(W_):
-        if S[Row.STOPPED * W_ + i] == 0.0:
-            _move(stepper, S, W_, i, hooks, k, tick, ahead)
+        if lanes.S[Row.STOPPED * W_ + i] == 0.0:
+            _move(stepper, lanes, i, hooks, k, tick, ahead)

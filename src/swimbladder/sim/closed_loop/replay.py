@@ -20,10 +20,8 @@ from swimbladder.sim.closed_loop.solution import (
     name_events,
 )
 from swimbladder.sim.closed_loop.water import medium_of
-from swimbladder.sim.engine.advance import begin, follow
-from swimbladder.sim.engine.books import Account
-from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS, book_steps
-from swimbladder.sim.engine.modes import COUNT, Act
+from swimbladder.sim.engine.advance import Inputs, follow, new_lane
+from swimbladder.sim.engine.chain import book_steps
 from swimbladder.vehicle import Vehicle
 
 
@@ -54,13 +52,9 @@ def drive(
     if len(named) != 1:
         raise InputError("give either a volume or a voltage", field="volume, voltage")
     if volume is not None and start_volume is not None:
-        raise InputError(
-            "a prescribed volume brings its own start",
-            field="start_volume",
-            value=start_volume,
-            unit="m3",
-            remedy="Leave start_volume out: the first entry of volume is the start",
-        )
+        what = "a prescribed volume brings its own start"
+        remedy = "Leave start_volume out: the first entry of volume is the start"
+        raise InputError(what, field="start_volume", value=start_volume, unit="m3", remedy=remedy)
     inputs = np.ascontiguousarray(given[named[0]], float)
     _check(t, inputs, named[0])
     if voltage is not None and not vehicle.voltage_driven:
@@ -75,53 +69,27 @@ def drive(
         start = check_start(unbound, start_depth, start_volume, start_speed)
     else:
         start = check_start(medium, start_depth, start_volume, start_speed)
-    ramps = volume is not None
-    p, layers = medium.plant, medium.layers
-    flat = np.array(p)
-    x = np.array([*start, 0.0])
-    mode, x[0] = begin(flat, layers, *start)
-    if ramps:
-        mode = mode - mode % 10 + int(Act.PRESCRIBED)
+    ramps, p = volume is not None, medium.plant
+    lane = new_lane(np.array(p), medium.layers, start, booked=True)
     spans, place = np.unique(np.diff(t), return_inverse=True)
-    parts = np.array([book_steps(p, h, start[3], layers) for h in spans.tolist()], np.int64)[place]
+    parts = [book_steps(p, h, start[3], medium.layers) for h in spans.tolist()]
     record = np.full((7, len(t)), np.nan)
-    books = np.zeros(len(Account))
-    log, noted = np.zeros((2000, 3)), np.zeros(1, np.int64)
-    reached, why = follow(
-        flat,
-        layers,
-        parts,
-        math.isfinite(p.epsilon),
-        mode,
-        x,
-        t,
-        inputs,
-        ramps,
-        record,
-        books,
-        log,
-        noted,
-        np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
-        np.zeros(COUNT, np.uint8),
-    )
+    reached, why = follow(lane, Inputs(t, inputs, ramps, np.array(parts, np.int64)[place]), record)
     if ramps:
         record[5] = np.nan
     law, stop = f"none (recorded {'volume' if ramps else 'voltage'})", list(StopReason)[why]
     unasked = np.full(reached, np.nan)
     run = SingleRun(law, stop, t[:reached], unasked, record[:, :reached])
-    closed = close_books(vehicle, medium, books, start, x[:4], prescribed=ramps)
-    return assemble(vehicle, p, run, name_events(log, int(noted[0])), closed)
+    closed = close_books(vehicle, medium, lane.books, start, lane.x[:4], prescribed=ramps)
+    return assemble(vehicle, p, run, name_events(lane.log, int(lane.noted[0])), closed)
 
 
 def _check(t: Any, inputs: Any, name: str) -> None:
     if t.ndim != 1 or len(t) < 2:
         raise InputError("needs at least two instants", field="time", unit="s")
     if inputs.shape != t.shape:
-        raise InputError(
-            f"has the shape {inputs.shape}, time has {t.shape}",
-            field=name,
-            remedy="Give one value per instant",
-        )
+        what = f"has the shape {inputs.shape}, time has {t.shape}"
+        raise InputError(what, field=name, remedy="Give one value per instant")
     for field, values in (("time", t), (name, inputs)):
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
@@ -130,9 +98,5 @@ def _check(t: Any, inputs: Any, name: str) -> None:
             )
     wrong = np.flatnonzero(np.diff(t) <= 0.0)
     if wrong.size:
-        raise InputError(
-            f"must grow, but entry {wrong[0] + 1} does not",
-            field="time",
-            value=float(t[wrong[0] + 1]),
-            unit="s",
-        )
+        what = f"must grow, but entry {wrong[0] + 1} does not"
+        raise InputError(what, field="time", value=float(t[wrong[0] + 1]), unit="s")

@@ -175,12 +175,8 @@ def simulate(
         check_mass(vehicle)
         if column is not None and column.cast is not None:
             check_cast_unit(column.cast, reach, vehicle.hull.depth_limit)
-        check_depths(
-            vehicle,
-            medium,
-            setpoints=depths,
-            start_depth=start_depth if start_volume is None else None,
-        )
+        neutral_at = start_depth if start_volume is None else None
+        check_depths(vehicle, medium, setpoints=depths, start_depth=neutral_at)
         if law is None and vehicle.command != "volume change":
             check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)
@@ -201,12 +197,8 @@ def simulate(
     fly = partial(run_single, function=function, progress=progress)
     if vehicle.command == "volume change":
         if parts is not None:
-            raise InputError(
-                "the steps of a float are as long as its motion lets",
-                field="parts",
-                value=parts,
-                remedy="Leave it out",
-            )
+            what = "the steps of a float are as long as its motion lets"
+            raise InputError(what, field="parts", value=parts, remedy="Leave it out")
         model = float_model(vehicle, medium, column, reach=reach)
         start[1] = math.nan if start_volume is None else start_volume
         return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
@@ -246,12 +238,8 @@ def choose_law(
     commands what the actuator cannot do.
     """
     if law is not None and not isinstance(law, Law):
-        raise InputError(
-            "not a control law",
-            field="law",
-            value=law,
-            remedy="Give a Law, a Python function, or nothing for the vehicle's own controller",
-        )
+        remedy = "Give a Law, a Python function, or nothing for the vehicle's own controller"
+        raise InputError("not a control law", field="law", value=law, remedy=remedy)
     if law is None:
         own = vehicle.controller
         if own is not None and sample_time is not None:
@@ -271,12 +259,9 @@ def choose_law(
         tick = sample_time
     check_number(tick, "sample_time", "s", above=0.0)
     if not isinstance(parameters, law.parameters):
-        raise InputError(
-            f"not the parameters of the law {law.name!r}",
-            field="parameters",
-            value=parameters,
-            remedy=f"Give a {law.parameters.__name__}: {', '.join(leaf_names(law.parameters))}",
-        )
+        what = f"not the parameters of the law {law.name!r}"
+        remedy = f"Give a {law.parameters.__name__}: {', '.join(leaf_names(law.parameters))}"
+        raise InputError(what, field="parameters", value=parameters, remedy=remedy)
     if not pumped:
         refuse_pump_and_valve(vehicle.actuator)
     check_command(law, vehicle)
@@ -291,13 +276,9 @@ def check_start(medium: Medium, depth: float, volume: float | None, speed: float
     check_number(neutral, "start_volume", "m3")
     check_number(speed, "start_speed", "m/s")
     if math.isnan(p.z_bottom):
-        raise InputError(
-            "not a number",
-            field="bottom_depth",
-            value=p.z_bottom,
-            unit="m",
-            remedy="Give the depth of the bottom, or leave it out",
-        )
+        what = "not a number"
+        remedy = "Give the depth of the bottom, or leave it out"
+        raise InputError(what, field="bottom_depth", value=p.z_bottom, unit="m", remedy=remedy)
     problem = partial(InputError, field="start_depth", value=depth, unit="m")
     if depth > p.z_bottom:
         raise problem(
@@ -326,15 +307,11 @@ def check_setpoints(
     check_number(duration, "duration", "s", above=0.0)
     too = partial(InputError, field="duration", value=duration, unit="s")
     if duration < tick:
-        raise too(
-            f"the duration is shorter than one sample of {tick:g} s",
-            remedy="Lengthen it, or shorten the sample time",
-        )
+        what = f"the duration is shorter than one sample of {tick:g} s"
+        raise too(what, remedy="Lengthen it, or shorten the sample time")
     if duration / tick > 1e8:
-        raise too(
-            f"this is {duration / tick:.2g} samples",
-            remedy="Simulate at most 100 million samples at a time",
-        )
+        what = f"this is {duration / tick:.2g} samples"
+        raise too(what, remedy="Simulate at most 100 million samples at a time")
     problem = partial(InputError, field="setpoints")
     if not setpoints:
         raise problem("no set-point", remedy="Give at least (0, depth)")
@@ -360,9 +337,6 @@ def check_counts(**given: tuple[int | None, int]) -> None:
     for field, (value, least) in given.items():
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
         if value is not None and not (whole and value >= least):
-            raise InputError(
-                f"must be a whole number of at least {least}",
-                field=field,
-                value=value,
-                remedy=f"Give {field} as a number like {least + 1}",
-            )
+            what = f"must be a whole number of at least {least}"
+            remedy = f"Give {field} as a number like {least + 1}"
+            raise InputError(what, field=field, value=value, remedy=remedy)

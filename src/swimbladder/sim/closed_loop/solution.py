@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import electrical_power, supply_current, winding_current
+from swimbladder.sim.closed_loop.rows import RECORDED
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.modes import Act, Where
@@ -285,14 +286,15 @@ class Solution:
             values = getattr(self, name)
             if not np.all(np.isnan(values)):
                 data[name] = ("time", values, attributes)
-        data.attrs = {
-            "title": f"Vertical motion of {self.vehicle.name}, simulated",
-            "source": "swimbladder",
-            "Conventions": "CF-1.11",
-            "control_law": self.law,
-            "stop_reason": self.stop.name,
-        }
+        title = f"Vertical motion of {self.vehicle.name}, simulated"
+        data.attrs = cf_attributes(title, self.law) | {"stop_reason": self.stop.name}
         return data
+
+
+def cf_attributes(title: str, law: str) -> dict[str, str]:
+    """Return the CF attributes of a dataset of what was simulated under a law."""
+    conventions = {"source": "swimbladder", "Conventions": "CF-1.11"}
+    return {"title": title, **conventions, "control_law": law}
 
 
 TIME = {"units": "s", "long_name": "time since the start", "axis": "T"}
@@ -371,7 +373,8 @@ def assemble(
     events: and how many found no room. power [W]: of pump and valve, whose record has what they do
     in the place of the voltage.
     """
-    depth, speed, volume, motor_rate, command, applied, volume_reference = run.record
+    rows = dict(zip(RECORDED, run.record, strict=True))
+    applied, motor_rate = rows.pop("applied"), rows["motor_rate"]
     voltage = current = unknown = np.full_like(run.time, np.nan)
     drive = unknown if power is None else applied
     power = unknown if power is None else power
@@ -389,17 +392,12 @@ def assemble(
         law=run.law,
         time=run.time,
         reference=run.reference,
-        depth=depth,
-        speed=speed,
-        volume=volume,
-        motor_rate=motor_rate,
-        command=command,
+        **rows,
         voltage=voltage,
-        volume_reference=volume_reference,
         current=current,
         power=power,
         drive=drive,
-        events=_with_limit(events[0], vehicle, run.time, depth),
+        events=_with_limit(events[0], vehicle, run.time, rows["depth"]),
         events_left_out=events[1],
         stop=run.stop,
         books=books,

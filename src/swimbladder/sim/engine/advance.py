@@ -7,37 +7,88 @@ the one after.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine import modes
-from swimbladder.sim.engine.books import PUMPED, decays, enter, enter_bend, enter_blow
-from swimbladder.sim.engine.cache import compiled, shared
-from swimbladder.sim.engine.chain import TICKS, accept, build_chain, leap
+from swimbladder.sim.engine.books import Account, decays, enter, enter_bend, enter_blow
+from swimbladder.sim.engine.cache import compiled, inlined, shared
+from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS, TICKS, accept, build_chain, leap
 from swimbladder.sim.engine.crossings import at_stop, may_hide, note, put_at_limit
-from swimbladder.sim.engine.modes import event, first_mode
+from swimbladder.sim.engine.layers import Layers
+from swimbladder.sim.engine.modes import COUNT, event, first_mode
 
 Array = NDArray[np.float64]
 
 
 DONE, LEFT_WATER, TOO_DEEP, CHATTERS, NOT_FINITE = 0, 1, 2, 3, 4
+EVENTS = 2000  # passages kept of a vehicle; more are counted
 _TRANSITIONS = 500  # in one step: more is no motion but chatter
 _FINE = 6  # level from which on turns inside a step cannot hide a crossing that matters
 _LEAPS = 50_000  # in one step: likewise
 _BENDS = 8  # in one step: from then on the bend of the drag is no longer searched for
 
 
-@shared
-def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count):  # type: ignore[no-untyped-def]
-    """Advance x = (q, V, z, w, integral of z) in place by h [s]; return (mode, why it stopped).
+class ModeLane(NamedTuple):
+    """A vehicle that `advance` moves by its modes, with what it is moved in and what is kept."""
 
-    p: the vehicle's parameters [len(Plant)]; layers: of the water. u: the held input. y: ten floats
-    of work space.
-    chains [COUNT, LEVELS + 1, COEFFICIENTS], built [COUNT]: exponentials made so far for this h.
-    books: accounts to add to, or empty. log [n, 3], count [1]: passages from mode to mode.
+    p: Array  # its parameters [len(Plant)]
+    layers: Layers  # of the water
+    x: Array  # q, V, z, w, integral of z
+    y: Array  # [10] to write in
+    chains: Array  # [COUNT, LEVELS + 1, COEFFICIENTS], exponentials for steps of one length
+    built: NDArray[np.uint8]  # [COUNT], 1: those of the mode are made
+    books: Array  # accounts to add to, or empty
+    log: Array  # [n, 3], passages from mode to mode
+    noted: NDArray[np.int64]  # [1], how many there were
+
+
+def new_lane(p: Array, layers: Layers, start: Array, *, booked: bool = False) -> ModeLane:
+    """Return a vehicle in a state (q, V, z, w); booked: its accounts and passages are kept."""
+    return ModeLane(
+        p=p,
+        layers=layers,
+        x=np.array([*start, 0.0]),
+        y=np.zeros(10),
+        chains=np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
+        built=np.zeros(COUNT, np.uint8),
+        books=np.zeros(len(Account) if booked else 0),
+        log=np.zeros((EVENTS if booked else 0, 3)),
+        noted=np.zeros(1, np.int64),
+    )
+
+
+@inlined
+def ensure_chain(lane: ModeLane, mode: int, h: float) -> None:
+    """Make the exponentials of a mode for steps of h [s] where they are not made yet."""
+    if lane.built[mode] == 0:
+        build_chain(lane.p, mode, h, lane.chains[mode])
+        lane.built[mode] = 1
+
+
+@inlined
+def _accept(lane: ModeLane, mode: int, u: float, span: float, bend: bool) -> None:
+    """Make what a step of a span [s] led to the state, and enter it in the accounts."""
+    p, x, y, books = lane.p, lane.x, lane.y, lane.books
+    if books.shape[0] > 0:
+        decays(p, mode, span, y[5:])
+        enter(p, mode, x, y, u, span, y[5:], books)
+        if bend:
+            enter_bend(p, lane.layers, x, y, span, books)
+    accept(x, y)
+
+
+@shared
+def advance(lane: ModeLane, mode: int, u: float, h: float, t: float) -> Any:
+    """Advance a vehicle in place by h [s] from the time t [s]; return (mode, why it stopped).
+
+    u: the held input. The exponentials of the lane are those for this h.
     """
+    p, layers, x, y, books = lane.p, lane.layers, lane.x, lane.y, lane.books
+    log, noted = lane.log, lane.noted
+    wants_small = p[modes.EPSILON] < np.inf or books.shape[0] > 0  # steps of a hull that bobs
     remaining = TICKS
     cap = TICKS
     searching = False
@@ -52,7 +103,7 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
         mode += (modes.MOVING_IN if act == modes.MOVING_OUT else modes.MOVING_OUT) - act
     while remaining > 0:
         while True:
-            new, q, w, reset = event(p, layers, mode, x[0], x[1], x[2], x[3], u)
+            new, q, w, reset = event(p, layers, mode, x, u)
             if new == -1:
                 break
             if new == -2:
@@ -64,16 +115,14 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
                 return mode, CHATTERS
             if books.shape[0] > 0 and (reset or q != x[0]):
                 enter_blow(x[0], q, x[3], w, books)
-            note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+            note(log, noted, t + h * (TICKS - remaining) / TICKS, mode, new)
             if new % 10 == modes.HOLDING:  # the last part of a tick
                 target = max(p[modes.V_MIN], min(p[modes.V_MAX], u))
                 if books.shape[0] > 0:
-                    books[PUMPED] += target - x[1]
+                    books[Account.PUMPED] += target - x[1]
                 x[1] = target
             x[0], x[3], mode = q, w, new
-        if built[mode] == 0:
-            build_chain(p, mode, h, chains[mode])
-            built[mode] = 1
+        ensure_chain(lane, mode, h)
         applied = u
         if (mode // 10) % 2 == 1:
             applied = math.copysign(p[modes.SUPPLY], u)
@@ -87,14 +136,14 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
             leaps += 1
             if leaps > _LEAPS:
                 return mode, CHATTERS
-            bend = leap(chains[mode], level, p, layers, nonlinear, x, applied, y)
+            bend = leap(lane.chains[mode], level, p, layers, x, applied, y)
             span = h * size / TICKS
             if not abs(y[2]) + abs(y[3]) + abs(y[1]) < 1e12:
                 return mode, NOT_FINITE
-            new, q, w, reset = event(p, layers, mode, y[0], y[1], y[2], y[3], u)
+            new, q, w, reset = event(p, layers, mode, y, u)
             if new == -1:
                 search = size > smallest and bend and bent < _BENDS
-                bobs = mode // 20 == modes.EMERGING and (nonlinear or books.shape[0] > 0)
+                bobs = mode // 20 == modes.EMERGING and wants_small
                 bobs = bobs and span * span * p[modes.A_S] > modes.QUICK_BOBBING
                 if search or (
                     level < _FINE and (bend or bobs or may_hide(p, layers, mode, x, y, span))
@@ -107,12 +156,7 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
                 if bend:
                     bent += 1
                     searching, last_look, smallest, cap = False, False, 1, TICKS
-                if books.shape[0] > 0:
-                    decays(p, mode, span, y[5:])
-                    enter(p, mode, x, y, u, span, y[5:], books)
-                    if bend:
-                        enter_bend(p, layers, x, y, span, books)
-                accept(x, y)
+                _accept(lane, mode, u, span, bend)
                 remaining -= size
                 if searching:
                     cap = size >> 1
@@ -141,51 +185,44 @@ def advance(p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log
                 w_new = 0.0 if new // 20 == modes.BOTTOM and mode // 20 != modes.BOTTOM else x[3]
                 if books.shape[0] > 0:
                     enter_blow(x[0], q_new, x[3], w_new, books)
-                note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+                note(log, noted, t + h * (TICKS - remaining) / TICKS, mode, new)
                 x[0], x[3], mode = q_new, w_new, new
                 put_at_limit(p, mode, x, books)
             else:
-                if books.shape[0] > 0:
-                    decays(p, mode, span, y[5:])
-                    enter(p, mode, x, y, u, span, y[5:], books)
-                    if back:
-                        enter_blow(y[0], q, y[3], y[3], books)
-                accept(x, y)
+                _accept(lane, mode, u, span, False)
                 remaining -= size
                 if back:
-                    note(log, count, t + h * (TICKS - remaining) / TICKS, mode, new)
+                    if books.shape[0] > 0:
+                        enter_blow(y[0], q, y[3], y[3], books)
+                    note(log, noted, t + h * (TICKS - remaining) / TICKS, mode, new)
                     x[0], mode = q, new
                     put_at_limit(p, mode, x, books)
             break
     return mode, DONE
 
 
-@compiled
-def follow(  # type: ignore[no-untyped-def]
-    p,
-    layers,
-    parts,
-    nonlinear,
-    mode,
-    x,
-    time,
-    inputs,
-    ramps,
-    record,
-    books,
-    log,
-    count,
-    chains,
-    built,
-):
-    """Drive x = (q, V, z, w, integral of z) by recorded inputs; return (instants reached, why).
+class Inputs(NamedTuple):
+    """What a vehicle is driven by: volumes that go linearly from instant to instant, or voltages.
 
-    time [n], inputs [n]: a voltage held until the next instant or, where `ramps`, a volume that
-    goes linearly to the next. parts [n - 1]: steps in each interval. record [7, n].
+    A voltage is held until the next instant.
     """
-    y = np.zeros(10)
+
+    time: Array  # s [n]
+    values: Array  # m3 or V [n]
+    ramps: bool  # whether they are volumes
+    parts: NDArray[np.int64]  # steps in each interval [n - 1]
+
+
+@compiled
+def follow(lane: ModeLane, given: Inputs, record: Array) -> Any:
+    """Drive a vehicle by recorded inputs; return (instants reached, why). record [7, n]."""
+    p, x = lane.p, lane.x
+    time, inputs, ramps = given.time, given.values, given.ramps
     h_before = -1.0
     n = time.shape[0]
+    mode, x[0] = first_mode(p, lane.layers, x)
+    if ramps:
+        mode += modes.PRESCRIBED - mode % 10
     why = DONE
     for k in range(n):
         if ramps:
@@ -196,23 +233,21 @@ def follow(  # type: ignore[no-untyped-def]
         record[4, k], record[5, k] = inputs[k], inputs[k]
         if k == n - 1:
             break
-        h = (time[k + 1] - time[k]) / parts[k]
+        h = (time[k + 1] - time[k]) / given.parts[k]
         if h != h_before:
-            built[:] = 0
+            lane.built[:] = 0
             h_before = h
         u = 0.0 if ramps else max(-p[modes.SUPPLY], min(p[modes.SUPPLY], inputs[k]))
         record[5, k] = inputs[k] if ramps else u
-        for n_part in range(parts[k]):
-            t = time[k] + n_part * h
-            mode, why = advance(
-                p, layers, nonlinear, mode, x, y, u, h, t, chains, built, books, log, count
-            )
+        for part in range(given.parts[k]):
+            mode, why = advance(lane, mode, u, h, time[k] + part * h)
             if why != DONE:
                 return k + 1, why
     return n, why
 
 
 @compiled
-def begin(p: Array, layers: Any, q: float, V: float, z: float, w: float) -> Any:
-    """Return (mode, q) that a state starts in; see `modes.first_mode`."""
-    return first_mode(p, layers, q, V, z, w, 0.0)
+def begin(lane: ModeLane) -> Any:
+    """Return the mode that a vehicle's state begins in, and make its volume rate that of it."""
+    mode, lane.x[0] = first_mode(lane.p, lane.layers, lane.x)
+    return mode

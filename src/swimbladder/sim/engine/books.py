@@ -44,27 +44,6 @@ class Account(IntEnum):
     TO_AND_FRO = 16  # m4, of |z dV|, step by step
 
 
-(
-    PUMPED,
-    LEAKED,
-    TRAVEL,
-    U_Q,
-    U_U,
-    Q_Q,
-    LOAD_Q,
-    FRICTION_Q,
-    Z_Q,
-    LEAK_Z,
-    Z_DV,
-    DRAG,
-    STOP_U,
-    STOP_Q,
-    BOTTOM_W,
-    MOTOR_ON,
-    TO_AND_FRO,
-) = range(17)
-
-
 @part
 def _simpson(a: float, b: float, c: float, h: float) -> float:
     return h * (a + 4.0 * b + c) / 6.0
@@ -106,14 +85,14 @@ def enter(
     Iz = y[4] - x[4]
     zm = 0.5 * (z0 + z1) + 0.125 * h * (w0 - w1)
     wm = 1.5 * (z1 - z0) / h - 0.25 * (w0 + w1)
-    books[DRAG] += _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
-    books[TRAVEL] += abs(y[1] - x[1])
+    books[Account.DRAG] += _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
+    books[Account.TRAVEL] += abs(y[1] - x[1])
     if act in (modes.MOVING_OUT, modes.MOVING_IN, modes.PRESCRIBED):
-        books[PUMPED] += x[0] * h
-        books[Z_Q] += x[0] * Iz
-        books[Z_DV] += x[0] * Iz
-        books[TO_AND_FRO] += abs(x[0] * Iz)
-        books[MOTOR_ON] += h if x[0] != 0.0 else 0.0
+        books[Account.PUMPED] += x[0] * h
+        books[Account.Z_Q] += x[0] * Iz
+        books[Account.Z_DV] += x[0] * Iz
+        books[Account.TO_AND_FRO] += abs(x[0] * Iz)
+        books[Account.MOTOR_ON] += h if x[0] != 0.0 else 0.0
         return
     if p[modes.GAIN] == 0.0:  # a positioner that holds
         return
@@ -125,14 +104,14 @@ def enter(
     elif act in (modes.STUCK, modes.LOWER) and p[modes.SAG] > 0.0:
         limit = p[modes.SUPPLY] / (1.0 + p[modes.SAG])
         alpha = max(-limit, min(limit, u))
-    books[MOTOR_ON] += h if alpha != 0.0 else 0.0
+    books[Account.MOTOR_ON] += h if alpha != 0.0 else 0.0
     if act in (modes.STUCK, modes.LOWER):
-        books[U_U] += alpha * alpha * h
+        books[Account.U_U] += alpha * alpha * h
         if act == modes.STUCK:
-            books[LEAKED] += p[modes.K_L] * Iz
-            books[LEAK_Z] += p[modes.K_L] * Izz
-            books[Z_DV] -= p[modes.K_L] * Izz
-            books[TO_AND_FRO] += abs(p[modes.K_L] * Izz)
+            books[Account.LEAKED] += p[modes.K_L] * Iz
+            books[Account.LEAK_Z] += p[modes.K_L] * Izz
+            books[Account.Z_DV] -= p[modes.K_L] * Izz
+            books[Account.TO_AND_FRO] += abs(p[modes.K_L] * Izz)
         return
     load = p[modes.LOAD_BACK] if act == modes.BACKWARD else p[modes.LOAD_DRIVE]
     friction = -p[modes.FRICTION] if act == modes.BACKWARD else p[modes.FRICTION]
@@ -153,29 +132,28 @@ def enter(
         d = x[0] - s0
         Iqq = _simpson(s0 * s0, sm * sm, s1 * s1, h)
         Iqq += 2.0 * d * (s0 * decay[1] + (s1 - s0) / h * decay[2]) + d * d * decay[3]
-        Izq = _simpson(z0 * s0, zm * sm, z1 * s1, h) + d * (
-            z0 * decay[1] + w0 * decay[2] + 0.5 * (w1 - w0) / h * decay[4]
-        )
+        transient = z0 * decay[1] + w0 * decay[2] + 0.5 * (w1 - w0) / h * decay[4]
+        Izq = _simpson(z0 * s0, zm * sm, z1 * s1, h) + d * transient
     U_q = alpha * Iq + beta * Iqq
-    books[PUMPED] += Iq
-    books[U_Q] += U_q
-    books[U_U] += alpha * alpha * h + 2.0 * alpha * beta * Iq + beta * beta * Iqq
-    books[Q_Q] += Iqq
-    books[LOAD_Q] += load * Izq
-    books[FRICTION_Q] += friction * Iq
-    books[Z_Q] += Izq
+    books[Account.PUMPED] += Iq
+    books[Account.U_Q] += U_q
+    books[Account.U_U] += alpha * alpha * h + 2.0 * alpha * beta * Iq + beta * beta * Iqq
+    books[Account.Q_Q] += Iqq
+    books[Account.LOAD_Q] += load * Izq
+    books[Account.FRICTION_Q] += friction * Iq
+    books[Account.Z_Q] += Izq
     if act == modes.LOWER_SPINNING:  # all that is pumped leaks back
-        books[LEAKED] += Iq
-        books[LEAK_Z] += Izq
+        books[Account.LEAKED] += Iq
+        books[Account.LEAK_Z] += Izq
     else:
-        books[LEAKED] += p[modes.K_L] * Iz
-        books[LEAK_Z] += p[modes.K_L] * Izz
+        books[Account.LEAKED] += p[modes.K_L] * Iz
+        books[Account.LEAK_Z] += p[modes.K_L] * Izz
     if act in (modes.FORWARD, modes.BACKWARD):
-        books[Z_DV] += Izq - p[modes.K_L] * Izz
-        books[TO_AND_FRO] += abs(Izq - p[modes.K_L] * Izz)
+        books[Account.Z_DV] += Izq - p[modes.K_L] * Izz
+        books[Account.TO_AND_FRO] += abs(Izq - p[modes.K_L] * Izz)
     elif act == modes.UPPER:
         rotor = 0.5 * p[modes.T1] / p[modes.GAIN] * (y[0] * y[0] - x[0] * x[0])
-        books[STOP_U] += U_q - load * Izq - friction * Iq - Iqq / p[modes.GAIN] - rotor
+        books[Account.STOP_U] += U_q - load * Izq - friction * Iq - Iqq / p[modes.GAIN] - rotor
 
 
 @part
@@ -183,8 +161,8 @@ def enter_blow(
     q_before: float, q_after: float, w_before: float, w_after: float, books: Array
 ) -> None:
     """Add to the accounts what a blow against an end stop or the bottom took."""
-    books[STOP_Q] += (q_before - q_after) * (q_before + q_after)
-    books[BOTTOM_W] += 0.5 * (w_before - w_after) * (w_before + w_after)
+    books[Account.STOP_Q] += (q_before - q_after) * (q_before + q_after)
+    books[Account.BOTTOM_W] += 0.5 * (w_before - w_after) * (w_before + w_after)
 
 
 @part
@@ -198,14 +176,10 @@ def enter_bend(p: Array, layers: Any, x: Array, y: Array, h: float, books: Array
     zm = 0.5 * (z0 + z1) + 0.125 * h * (w0 - w1)
     wm = 1.5 * (z1 - z0) / h - 0.25 * (w0 + w1)
     Vm = 0.5 * (x[1] + y[1]) + 0.125 * h * (x[0] - y[0] - p[modes.K_L] * (z0 - z1))
-    pulls = (
-        w0 * _pull(p, layers, x[1], z0),
-        wm * _pull(p, layers, Vm, zm),
-        w1 * _pull(p, layers, y[1], z1),
-    )
-    work = _simpson(pulls[0], pulls[1], pulls[2], h)
-    books[DRAG] += work - 0.5 * (w1 - w0) * (w1 + w0)
-    books[DRAG] -= _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
+    pull, pull_next = _pull(p, layers, x[1], z0), _pull(p, layers, y[1], z1)
+    work = _simpson(w0 * pull, wm * _pull(p, layers, Vm, zm), w1 * pull_next, h)
+    books[Account.DRAG] += work - 0.5 * (w1 - w0) * (w1 + w0)
+    books[Account.DRAG] -= _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
 
 
 @part

@@ -358,23 +358,18 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 @intrinsic
-def wide(typingctx):  # type: ignore[no-untyped-def]  # noqa: ARG001
+def wide(typingctx: Any) -> Any:  # noqa: ARG001
     """Let the function that calls this use the widest vectors the processor has.
 
     Without it LLVM stops at half of them on processors whose clock once sank under wide vectors.
     """
 
-    def code(context, builder, signature, args):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
         # a plain string attribute: llvmlite's own method knows enumerated ones only
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()
 
     return types.none(), code
-
-
-def is_cached(kernel: str) -> bool:
-    """Return whether code of the kernel of that function name has been kept already."""
-    return any(cache_folder().rglob(f"*{kernel}-*.nbi"))
 
 
 @contextmanager

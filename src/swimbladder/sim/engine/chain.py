@@ -139,6 +139,15 @@ def _branch(p: Array, w: float) -> int:
     return 1 if w > 0.0 else -1
 
 
+@part
+def _branches(p: Array, w: float, wa: float, wb: float, wc: float, w1: float) -> bool:
+    """Return whether the speeds of a step are on more than one branch of a switched drag law."""
+    branch = _branch(p, w)
+    if _branch(p, wa) != branch or _branch(p, wb) != branch:
+        return True
+    return bool(_branch(p, wc) != branch or _branch(p, w1) != branch)
+
+
 @inlined
 def _row(c: Any, r: int, q: float, V: float, z: float, w: float, u: float) -> Any:
     """Return row r of a level's exponential, less 1, times the state and the input."""
@@ -147,9 +156,7 @@ def _row(c: Any, r: int, q: float, V: float, z: float, w: float, u: float) -> An
 
 
 @shared
-def leap(
-    chain: Array, level: int, p: Array, layers: Any, nonlinear: bool, x: Array, u: float, y: Array
-) -> Any:
+def leap(chain: Array, level: int, p: Array, layers: Any, x: Array, u: float, y: Array) -> Any:
     """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held.
 
     Return whether the step met more than one branch of a switched drag law.
@@ -160,7 +167,7 @@ def leap(
         y[r] = x[r] + _row(c, r, q, V, z, w, u)
     if layers.table.shape[0] > 0:
         return _bend_in_layers(chain, level, p, layers, x, u, y)
-    if nonlinear:
+    if p[EPSILON] < np.inf:
         half = chain[level + 1]
         w_half = w + _row(half, 3, q, V, z, w, u)
         N0 = drag(p, w)[2]
@@ -172,10 +179,7 @@ def leap(
         Nc = drag(p, wc)[2]
         for r in range(5):
             y[r] += c[_F1 + r] * N0 + c[_F2 + r] * (Na + Nb) + c[_F3 + r] * Nc
-        branch = _branch(p, w)
-        if _branch(p, wa) != branch or _branch(p, wb) != branch:
-            return True
-        return _branch(p, wc) != branch or _branch(p, y[3]) != branch
+        return _branches(p, w, wa, wb, wc, y[3])
     return False
 
 
@@ -210,10 +214,7 @@ def _bend_in_layers(
     Nc = _rest(p, layers, y[2] + twice_z * N0 + phi_z * last, wc)
     for r in range(5):
         y[r] += c[_F1 + r] * N0 + c[_F2 + r] * (Na + Nb) + c[_F3 + r] * Nc
-    branch = _branch(p, w)
-    if _branch(p, wa) != branch or _branch(p, wb) != branch:
-        return True
-    return _branch(p, wc) != branch or _branch(p, y[3]) != branch
+    return _branches(p, w, wa, wb, wc, y[3])
 
 
 def base_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) -> int:

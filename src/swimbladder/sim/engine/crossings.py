@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine import modes
-from swimbladder.sim.engine.books import LOAD_Q, PUMPED, U_Q, Z_DV, Z_Q
+from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.cache import part
 from swimbladder.sim.engine.modes import resting_volume, split
 
@@ -18,9 +18,8 @@ Array = NDArray[np.float64]
 def may_hide(p: Array, layers: Any, mode: int, x: Array, y: Array, h: float) -> Any:
     """Return whether z or V turned inside the step so near a limit that it may have crossed it."""
     act, _, where = split(mode)
-    if (
-        where == modes.EMERGING and h * h * p[modes.A_S] > modes.SLOW_BOBBING
-    ):  # it may bob more than once
+    if where == modes.EMERGING and h * h * p[modes.A_S] > modes.SLOW_BOBBING:
+        # it may bob more than once
         return layers.table.shape[0] > 0 or _may_submerge(p, x, y)
     if where != modes.BOTTOM and x[3] * y[3] < 0.0:
         reach = h * max(abs(x[3]), abs(y[3]))
@@ -50,10 +49,8 @@ def _may_submerge(p: Array, x: Array, y: Array) -> Any:
     if stiffness <= 0.0:
         return True
     pull = p[modes.A_S] * p[modes.Z_SURFACE]
-    floats, floats_next = (
-        (pull - p[modes.A_B] * (x[1] - p[modes.V_0])) / stiffness,
-        (pull - p[modes.A_B] * (y[1] - p[modes.V_0])) / stiffness,
-    )
+    floats = (pull - p[modes.A_B] * (x[1] - p[modes.V_0])) / stiffness
+    floats_next = (pull - p[modes.A_B] * (y[1] - p[modes.V_0])) / stiffness
     swing = math.sqrt((x[2] - floats) ** 2 + x[3] * x[3] / stiffness)
     swing_next = math.sqrt((y[2] - floats_next) ** 2 + y[3] * y[3] / stiffness)
     reach = max(floats, floats_next) + max(swing, swing_next) + abs(floats - floats_next)
@@ -99,10 +96,10 @@ def put_at_limit(p: Array, mode: int, x: Array, books: Array) -> None:
     if books.shape[0] > 0 and moved != 0.0:  # as if the motor had worked for it
         raised = x[2] * moved
         load = p[modes.LOAD_DRIVE] if moved > 0.0 else p[modes.LOAD_BACK]
-        books[PUMPED] += moved
-        books[Z_DV] += raised
-        books[Z_Q] += raised
-        books[LOAD_Q] += load * raised
-        books[U_Q] += load * raised
+        books[Account.PUMPED] += moved
+        books[Account.Z_DV] += raised
+        books[Account.Z_Q] += raised
+        books[Account.LOAD_Q] += load * raised
+        books[Account.U_Q] += load * raised
     if where == modes.BOTTOM:
         x[2] = p[modes.Z_BOTTOM]

@@ -6,7 +6,7 @@ the vehicle is.
 """
 
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,70 +56,13 @@ LOWER_SPINNING, MOVING_OUT, MOVING_IN, HOLDING, PRESCRIBED = 5, 6, 7, 8, 9
 SUBMERGED, EMERGING, BOTTOM = 0, 1, 2
 
 
-class _Index(NamedTuple):
-    """Row of each field of Plant in a lane's parameters."""
-
-    positioner: int
-    T1: int
-    gain: int
-    load_drive: int
-    load_back: int
-    friction: int
-    k_l: int
-    rate: int
-    V_min: int
-    V_max: int
-    supply: int
-    sag: int
-    kappa: int
-    a_b: int
-    psi: int
-    V_0: int
-    d_l: int
-    d_b: int
-    d_0: int
-    d_t: int
-    epsilon: int
-    z_surface: int
-    a_s: int
-    z_air: int
-    z_bottom: int
-    switch_in: int
-    switch_out: int
-
-
-LANE = _Index(*range(len(Plant._fields)))
-assert LANE._fields == Plant._fields
-
-(
-    POSITIONER,
-    T1,
-    GAIN,
-    LOAD_DRIVE,
-    LOAD_BACK,
-    FRICTION,
-    K_L,
-    RATE,
-    V_MIN,
-    V_MAX,
-    SUPPLY,
-    SAG,
-    KAPPA,
-    A_B,
-    PSI,
-    V_0,
-    D_L,
-    D_B,
-    D_0,
-    D_T,
-    EPSILON,
-    Z_SURFACE,
-    A_S,
-    Z_AIR,
-    Z_BOTTOM,
-    SWITCH_IN,
-    SWITCH_OUT,
-) = LANE
+# Where each field of Plant stands in a lane's parameters.
+POSITIONER, T1, GAIN, LOAD_DRIVE, LOAD_BACK, FRICTION, K_L, RATE = range(8)  # the actuator
+V_MIN, V_MAX, SUPPLY, SAG, KAPPA = range(8, 13)  # its end stops and its supply
+A_B, PSI, V_0, D_L, D_B, D_0, D_T, EPSILON = range(13, 21)  # buoyancy and drag
+Z_SURFACE, A_S, Z_AIR, Z_BOTTOM, SWITCH_IN, SWITCH_OUT = range(21, 27)  # limits
+assert all(globals()[name.upper()] == n for n, name in enumerate(Plant._fields))
+assert len(Plant._fields) == SWITCH_OUT + 1
 
 
 drag_at = inlined(drag_law)
@@ -238,15 +181,14 @@ def _stop_pushes(p: Array, u: float, q: float, z: float, w: float) -> Any:
 
 
 @shared
-def event(
-    p: Array, layers: Any, mode: int, q: float, V: float, z: float, w: float, u: float
-) -> Any:
-    """Return (new mode or -1, q, w, whether the state was reset) at a state and an input.
+def event(p: Array, layers: Any, mode: int, x: Array, u: float) -> Any:
+    """Return (new mode or -1, q, w, whether the state was reset) at a state x and an input u.
 
     u: the voltage [V], or the volume asked of a positioner [m3]. A reset is a blow: the motor
     against an end stop, the hull against the bottom. -2 instead of a mode: out of the water; -3:
     deeper than any sea.
     """
+    q, V, z, w = x[0], x[1], x[2], x[3]
     act, limited, where = split(mode)
     new_act, new_limited, new_where = act, limited, where
     reset = False
@@ -324,8 +266,9 @@ def event(
 
 
 @shared
-def first_mode(p: Array, layers: Any, q: float, V: float, z: float, w: float, u: float) -> Any:
+def first_mode(p: Array, layers: Any, x: Array) -> Any:
     """Return (mode, q) that a state starts in; q of a positioner is its rate, 0 at its target."""
+    q, V, z, w = x[0], x[1], x[2], x[3]
     where = SUBMERGED
     if z >= p[Z_BOTTOM] and w == 0.0 and resting_volume(p, layers, z) >= V:
         where = BOTTOM
@@ -333,4 +276,4 @@ def first_mode(p: Array, layers: Any, q: float, V: float, z: float, w: float, u:
         where = EMERGING
     if p[POSITIONER] != 0.0:
         return where * 20 + HOLDING, 0.0
-    return where * 20 + _turning(p, u, z, q), q
+    return where * 20 + _turning(p, 0.0, z, q), q

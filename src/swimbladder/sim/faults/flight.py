@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.closed_loop.block import Block, Schedule, work_space
+from swimbladder.sim.closed_loop.block import Block, work_space
 from swimbladder.sim.closed_loop.floats import FloatModel
 from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.lane import limited
-from swimbladder.sim.closed_loop.lanes import OVER
+from swimbladder.sim.closed_loop.lanes import OVER, Schedule
 from swimbladder.sim.closed_loop.rows import N_PLANT, Row
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined

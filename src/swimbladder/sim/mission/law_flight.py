@@ -10,8 +10,8 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.actuator import reduced
 from swimbladder.physics.steady_drives import battery_power, terminal_power
-from swimbladder.sim.closed_loop.block import Block, Running, Schedule
-from swimbladder.sim.closed_loop.lanes import OVER
+from swimbladder.sim.closed_loop.block import Block, Running
+from swimbladder.sim.closed_loop.lanes import OVER, Schedule
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.solution import StopReason
 from swimbladder.sim.engine.chain import book_steps

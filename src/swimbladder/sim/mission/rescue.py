@@ -15,11 +15,10 @@ import numpy as np
 from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.seawater import look_up
-from swimbladder.sim.closed_loop.block import work_space
 from swimbladder.sim.closed_loop.water import Medium
-from swimbladder.sim.engine.advance import DONE, advance, begin
+from swimbladder.sim.engine.advance import DONE, advance, begin, new_lane
 from swimbladder.sim.engine.chain import base_steps
-from swimbladder.sim.engine.modes import COUNT, Where
+from swimbladder.sim.engine.modes import Where
 from swimbladder.sim.engine.rodas.prepare import first_lane
 from swimbladder.sim.engine.rodas.records import Account, Stop, Table, made
 from swimbladder.sim.mission.core.hooks import fly
@@ -93,14 +92,10 @@ def _emerges(medium: Medium, depth: float, *, speed: float, less: float, gone: f
     p, layers = medium.plant, medium.layers
     volume = max(medium.neutral_volume(depth) - less, p.V_min)
     h, t = _HELD / base_steps(p, _HELD, speed, layers), 0.0
-    numbers, chains, built = np.array(p), work_space(1)[0], np.zeros(COUNT, np.uint8)
-    state, full = np.array([0.0, volume, depth, speed, 0.0]), p.V_max if p.positioner else p.supply
-    sums, unused = np.zeros(10), (np.zeros(0), np.zeros((0, 3)), np.zeros(1, np.int64))
-    mode, state[0] = begin(numbers, layers, 0.0, volume, depth, speed)
-    while t < _LONGEST and state[2] < gone:
-        mode, why = advance(
-            numbers, layers, True, mode, state, sums, full, h, t, chains, built, *unused
-        )
+    lane = new_lane(np.array(p), layers, np.array([0.0, volume, depth, speed]))
+    mode, full = begin(lane), p.V_max if p.positioner else p.supply
+    while t < _LONGEST and lane.x[2] < gone:
+        mode, why = advance(lane, mode, full, h, t)
         t += h
         if why != DONE or mode // 20 == Where.EMERGING:
             return bool(why == DONE)

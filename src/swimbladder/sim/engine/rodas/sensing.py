@@ -16,9 +16,8 @@ Array = NDArray[np.float64]
 @part
 def _random(seed: int, draw: int) -> Any:
     """Return a number in (0, 1) that depends on seed and count only (splitmix64, Steele 2014)."""
-    s = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(draw) * np.uint64(
-        0xD1B54A32D192ED03
-    )
+    s = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)
+    s += np.uint64(draw) * np.uint64(0xD1B54A32D192ED03)
     for _ in range(2):
         s += np.uint64(0x9E3779B97F4A7C15)
         s = (s ^ (s >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)

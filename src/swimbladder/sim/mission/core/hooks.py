@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from swimbladder.control.rate import RateParameters
 from swimbladder.sim.closed_loop.hooks import hook_in
+from swimbladder.sim.closed_loop.lane import Lanes, Like
+from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import DIVES, FLOATS, PAUSE, one_lane
 from swimbladder.sim.closed_loop.rows import Row, rows
@@ -216,32 +218,15 @@ def fly(phases: Phases) -> Stop:
     """Fly until a cycle is over, a buffer is full, or the mission ends."""
     stepper, p, at = one_lane(phases.lane, phases.board), phases.lane.p, phases.lane.at
     at.idle = 0
-    lane, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
-    lane[Row.PLANT + V_0] = p.neutral_top + p.trim
-    kernel_of(RULE, pumped=True)(
-        lane,
-        (0.0,),
-        (),
-        (),
-        phases,
-        stepper,
-        Rule(phases.stages, stepper.x, stepper.at),
-        Nothing(0.0),
-        1,
-        len(MANY) - 1,
-        0.0,
-        1,
-        MANY,
-        np.zeros(1, np.int64),
-        np.zeros((1, 1)),
-        none,
-        none,
-        -1,
-        None,
-        np.zeros((1, 1), np.uint8),
-        np.zeros((1, 0)),
-        none,
-        np.zeros((1, 1), np.int64),
-        NO_LAYERS,
+    work, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
+    work[Row.PLANT + V_0] = p.neutral_top + p.trim
+    built, noted = np.zeros((1, 1), np.uint8), np.zeros((1, 1), np.int64)
+    depths, books = np.zeros((1, 1)), np.zeros((1, 0))
+    lanes = Lanes(
+        work, (0.0,), (), (), NO_LAYERS, 1, depths, none, built, books, log=none, noted=noted
     )
+    law = Like(Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), volume_row=-1)
+    clock = Schedule(tick=0.0, turn=MANY, given=np.zeros(1, np.int64))
+    kernel = kernel_of(RULE, pumped=True)
+    kernel(lanes, phases, stepper, law, clock, (1, len(MANY) - 1), none, None)
     return Stop(int(at.stop))
