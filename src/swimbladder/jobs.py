@@ -36,7 +36,7 @@ from swimbladder.io.files import make_folder, source_hash, write_atomically, wri
 
 Item = TypeVar("Item")
 Advance = Callable[[float], None]
-"""Is told the share of the work that is done."""
+"""Takes the share of the work that is done."""
 
 Answer = TypeVar("Answer")
 

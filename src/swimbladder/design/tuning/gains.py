@@ -56,14 +56,14 @@ def grid(recipe: Recipe, goal: str, setting: Setting, held: float) -> Iterator[K
         away = runaway(setting.plant, asleep=True)
         for sleep, band in product(recipe.sleeps, recipe.bands):
             pause = sleep * away
-            knobs = Knobs(frequency=1.0 / pause, damping=1.0, inner=0.5 / h)
-            yield knobs._replace(pause=pause, band=band * held)
+            first = Knobs(frequency=1.0 / pause, damping=1.0, inner=0.5 / h)
+            yield first._replace(pause=pause, band=band * held)
         return
     g = recipe.fast if goal == "fast" else recipe.quiet
     for inner, share, damping, sharpness, learning in product(*(g or ())):
         rate = inner / h
-        knobs = Knobs(frequency=share * rate, damping=damping, inner=rate)
-        yield knobs._replace(sharpness=sharpness, learning=learning)
+        first = Knobs(frequency=share * rate, damping=damping, inner=rate)
+        yield first._replace(sharpness=sharpness, learning=learning)
 
 
 def preference(goal: str, knobs: Knobs) -> float:
@@ -256,7 +256,7 @@ class Goal(NamedTuple):
 
 @dataclass
 class Search:
-    """A search of the best knobs for a goal, and how near anything came."""
+    """A search of the best tuning parameters for a goal, and how near anything came."""
 
     law: Law
     vehicle: Vehicle
@@ -267,10 +267,10 @@ class Search:
     near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
 
     def found(self) -> Found:
-        """Return the best knobs found.
+        """Return the best tuning parameters found.
 
-        Raises NoAnswerError where no knobs have the margins, with the one that is farthest from
-        them, or where none holds the vehicle.
+        Raises NoAnswerError where none have the margins, with the margin that is farthest from
+        what is wanted, or where none hold the vehicle.
         """
         return self._of_loops() if self.recipe.candidates is None else self._of_floats()
 
@@ -286,25 +286,25 @@ class Search:
         assert self.asked.drawn.region is not None  # tune
         return self.asked.drawn.region
 
-    def bound(self, knobs: Any) -> BoundLaw:
-        """Return the law with the parameters that knobs give."""
+    def bound(self, tuning: Any) -> BoundLaw:
+        """Return the law with the parameters that its tuning gives."""
         h = self.setting.sample_time if self.law.ways is None else math.nan
-        return BoundLaw(self.law, self.recipe.gains(self.setting, knobs), h)
+        return BoundLaw(self.law, self.recipe.gains(self.setting, tuning), h)
 
-    def tried(self, knobs: Any, drawn: Drawn) -> tuple[tuple[float, ...], Any, Trial]:
-        """Return what is to be small of knobs, these, and their trial."""
-        found = trial(self.vehicle, self.bound(knobs), self.asked.step, drawn)
+    def tried(self, tuning: Any, drawn: Drawn) -> tuple[tuple[float, ...], Any, Trial]:
+        """Return what is to be small of a tuning, the tuning, and its trial."""
+        found = trial(self.vehicle, self.bound(tuning), self.asked.step, drawn)
         rank = score if self.law.ways is None else float_score
-        return rank(self.asked.name, found, self.asked.held), knobs, found
+        return rank(self.asked.name, found, self.asked.held), tuning, found
 
     def over(
-        self, knobs: Knobs, wanted: Margins, judge: margins.Judge, *, nominal: bool
+        self, tuning: Knobs, wanted: Margins, judge: margins.Judge, *, nominal: bool
     ) -> Margins | None:
         """Return the margins where they are what is wanted, else None.
 
         Dead zone and pauses are none of the loop's around rest: margins are of its linear part.
         """
-        linear, count = self.bound(knobs._replace(dead=0.0, pause=0.0)), 1 if nominal else None
+        linear, count = self.bound(tuning._replace(dead=0.0, pause=0.0)), 1 if nominal else None
         plants, depths = self.region.plants[:count], self.asked.depths[:count]
         loops = margins.loops(linear, plants, depths=depths, delay=self.delay)
         m = margins.worst(loops, judge=judge, wanted=None if nominal else wanted)
@@ -317,47 +317,45 @@ class Search:
         return None
 
     def candidates(self, most: int) -> list[Knobs]:
-        """Return the first knobs that have the margins, by what the goal prefers."""
+        """Return the first tuning parameters that have the margins, by what the goal prefers."""
         goal, wanted = self.asked.name, _tightened(margins.WANTED)
         every = list(grid(self.recipe, goal, self.setting, self.asked.held))
         if not self.recipe.linear:
             return every
         kept = []
-        for knobs in every:
+        for tuning in every:
             self.report(0.3 / len(every))
-            if self.over(knobs, wanted, margins.roughly, nominal=True) is not None:
-                kept.append((preference(goal, knobs), knobs))
+            if self.over(tuning, wanted, margins.roughly, nominal=True) is not None:
+                kept.append((preference(goal, tuning), tuning))
         kept.sort(key=lambda pair: pair[0])
         found: list[Knobs] = []
-        for _, knobs in kept if goal == "fast" else _spread(kept):
+        for _, tuning in kept if goal == "fast" else _spread(kept):
             if len(found) == most:
                 break
-            if self.over(knobs, wanted, margins.roughly, nominal=False) is not None:
-                found.append(knobs)
+            if self.over(tuning, wanted, margins.roughly, nominal=False) is not None:
+                found.append(tuning)
                 self.report(0.1 / most)
         return found
 
     def _of_loops(self) -> Found:
-        """Return the best knobs of a law that is called at each sample: margins, then trials."""
+        """Return the best of a law that is called at each sample: by margins, then trials."""
         goal, held, depths, step, drawn = self.asked
         recipe, name = self.recipe, self.law.name
         most = _TRIED_RESTING if recipe.holds and goal != "fast" else _TRIED[goal]
-        every = [
-            option
-            for knobs in self.candidates(most)
-            for option in options(recipe, goal, knobs, self.setting, held=held, deepest=max(depths))
-        ]
+        every: list[Knobs] = []
+        for tuning in self.candidates(most):
+            every += options(recipe, goal, tuning, self.setting, held=held, deepest=max(depths))
         scored = []
-        for knobs in every:
-            scored.append(self.tried(knobs, drawn._replace(runs=min(drawn.runs, _FEW[goal]))))
+        for tuning in every:
+            scored.append(self.tried(tuning, drawn._replace(runs=min(drawn.runs, _FEW[goal]))))
             self.report(0.45 / len(every))
         scored.sort(key=lambda one: one[0])
         if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
             final = []
-            for _, knobs, over in scored[:_FINAL]:
+            for _, tuning, over in scored[:_FINAL]:
                 for _ in range(_FITTED):
-                    fitted = knobs._replace(band=knobs.band * max(held / over.rms, 0.5))
-                    _, knobs, over = one = self.tried(fitted, drawn)
+                    fitted = tuning._replace(band=tuning.band * max(held / over.rms, 0.5))
+                    _, tuning, over = one = self.tried(fitted, drawn)
                     final.append(one)
             scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
         off = scored[0][2].rms if scored else 0.0
@@ -376,15 +374,15 @@ class Search:
                 f"noise of {1e3 * self.setting.noise:.3g} mm assumed. Another law, a better depth "
                 "sensor, a goal of quiet, a larger supply or parameters known better would help"
             )
-        for _, knobs, over in scored:
+        for _, tuning, over in scored:
             m = None
             if recipe.linear:
-                m = self.over(knobs, margins.WANTED, margins.exactly, nominal=False)
+                m = self.over(tuning, margins.WANTED, margins.exactly, nominal=False)
             self.report(0.15 / len(scored))
             if m is not None or not recipe.linear:
                 if over.runs != drawn.runs:
-                    over = self.tried(knobs, drawn)[2]
-                return self._chosen(knobs, m, over, math.nan)
+                    over = self.tried(tuning, drawn)[2]
+                return self._chosen(tuning, m, over, math.nan)
         assert self.near is not None  # something was computed
         (_, unstable, _), short = self.near
         nearest = f"the nearest has {'; '.join(short)}"
@@ -396,12 +394,12 @@ class Search:
             "parameters known better would help"
         )
 
-    def _chosen(self, knobs: Any, m: Margins | None, over: Trial, radius: float) -> Found:
-        nominal = self.tried(knobs, self.asked.drawn.nominal)[2]
-        return Found(knobs, self.bound(knobs).parameters, m, nominal, over, radius)
+    def _chosen(self, tuning: Any, m: Margins | None, over: Trial, radius: float) -> Found:
+        nominal = self.tried(tuning, self.asked.drawn.nominal)[2]
+        return Found(tuning, self.bound(tuning).parameters, m, nominal, over, radius)
 
     def _of_floats(self) -> Found:
-        """Return the best knobs of a law of volume changes: stable over the region, then flown."""
+        """Return the best of a law of volume changes: stable over the region, then flown."""
         goal, held, depths, step, drawn = self.asked
         vehicle, region, name = self.vehicle, self.region, self.law.name
         assert self.recipe.candidates is not None
@@ -411,14 +409,14 @@ class Search:
         kept: list[tuple[float, Any]] = []
         least, unheld = math.inf, ""
         every = self.recipe.candidates(self.setting, goal, held)
-        for knobs in every:
-            bound = self.bound(knobs)
+        for tuning in every:
+            bound = self.bound(tuning)
             radius = margins.largest_radius(vehicle, bound, members, rates, medium)
             rest = margins.rest_of(vehicle, bound, rates, medium)
             if not rest.held:
                 unheld = f"at rest the best goes {rest.band:.3g} m between two decisions"
             elif radius < 1.0:
-                kept.append((radius, knobs))
+                kept.append((radius, tuning))
             least = min(least, radius)
             self.report(0.2 / len(every))
         if not kept:
@@ -429,14 +427,14 @@ class Search:
                 "would help"
             )
         scored = []
-        for radius, knobs in kept:
+        for radius, tuning in kept:
             few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
-            scored.append((self.tried(knobs, few)[0], radius, knobs))
+            scored.append((self.tried(tuning, few)[0], radius, tuning))
             self.report(0.5 / len(kept))
         scored.sort(key=lambda one: one[0])
         again = scored[: 1 if goal == "fast" else _AGAIN]
-        final = [(self.tried(knobs, drawn), radius) for _, radius, knobs in again]
-        (_, knobs, over), radius = min(final, key=lambda one: one[0][0])
+        final = [(self.tried(tuning, drawn), radius) for _, radius, tuning in again]
+        (_, tuning, over), radius = min(final, key=lambda one: one[0][0])
         span = abs(step.target - step.start)
         if over.settled < _ARRIVE or not over.rms <= _LOST * held:
             raise NoAnswerError(
@@ -447,7 +445,7 @@ class Search:
                 "parameters known better would help"
             )
         self.report(0.3)
-        return self._chosen(knobs, None, over, radius)
+        return self._chosen(tuning, None, over, radius)
 
 
 def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:
