@@ -182,7 +182,6 @@ def _laminar(m: Motion, x: Array, span: Span, F: Array, Q: Array) -> None:
         for i in range(5):
             _add_noise(m, _POINTS[i] * s, _WEIGHTS[i] * s, q)
     rate = (span.Vb - span.Va) / span.h
-    z, w, V0 = x[0], x[1], x[2]
     F[:, :], Q[:, :] = f, q
     Q[1, 0], Q[2, 0], Q[2, 1] = q[0, 1], q[0, 2], q[1, 2]
     for i in range(n):
@@ -190,12 +189,10 @@ def _laminar(m: Motion, x: Array, span: Span, F: Array, Q: Array) -> None:
             _spread(F, Q, f, q)
         V = span.Va + rate * (i * s)
         # with the neutral volume taken off first: the difference is small, both are not
-        force = a * (V0 - V)
-        z, w = (
-            f[0, 0] * z + g * w + force * i1 - a * rate * i2,
-            kappa * g * z + slope * w + force * g - a * rate * i1,
-        )
-    x[0], x[1] = z, w
+        force = a * (x[2] - V)
+        moved = f[0, 0] * x[0] + g * x[1] + force * i1 - a * rate * i2
+        x[1] = kappa * g * x[0] + slope * x[1] + force * g - a * rate * i1
+        x[0] = moved
 
 
 @allocating
