@@ -35,10 +35,9 @@ from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.files import make_folder, source_hash, write_atomically, write_through
 
 Item = TypeVar("Item")
+Answer = TypeVar("Answer")
 Advance = Callable[[float], None]
 """Takes the share of the work that is done."""
-
-Answer = TypeVar("Answer")
 
 _PACKAGE = Path(__file__).resolve().parent
 _SHOWN = ("cli", "show")  # parts of the package that compute nothing

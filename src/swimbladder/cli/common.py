@@ -203,7 +203,8 @@ def _run(function: Callable[[], object]) -> tuple[int, dict[str, Any]]:
         why: Any = stop.__context__
         if getattr(why, "errno", None) == errno.EPIPE:
             return _PIPE_CLOSED, {}  # typer's code is 1, and that says no
-        if stop.code == _INTERRUPTED or (_stopped and stop.code):  # typer's of an interruption
+        # the first is what typer makes of an interruption
+        if stop.code == _INTERRUPTED or (_stopped and stop.code):
             return _interrupted()
         code = stop.code if isinstance(stop.code, int) else int(stop.code is not None)
         usage = isinstance(why, _Usage)

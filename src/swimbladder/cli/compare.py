@@ -30,8 +30,11 @@ if TYPE_CHECKING:
     from swimbladder.physics.seawater import Column
     from swimbladder.vehicle import Vehicle
 
-_NOISES = {"depth_noise": ("m", "mm"), "random_walk": ("m3/s^0.5", "cm3/s^0.5")}
-_NOISES["acceleration_noise"] = ("m/s/s^0.5", "mm/s/s^0.5")
+_NOISES = {
+    "depth_noise": ("m", "mm"),
+    "random_walk": ("m3/s^0.5", "cm3/s^0.5"),
+    "acceleration_noise": ("m/s/s^0.5", "mm/s/s^0.5"),
+}
 
 
 def _noise(name: str) -> Callable[[str, str], float | None]:

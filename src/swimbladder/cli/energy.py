@@ -53,8 +53,12 @@ def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> It
     from swimbladder.design.energy import efficiency_bands
 
     yield from (*said, "")
-    shown = {"W/Pa": ("mW/dbar", 1e7), "m3/s/Pa": ("mL/s/MPa", 1e12)}
-    shown |= {"m3/s": ("mL/s", 1e6), "m3": ("mL", 1e6)}
+    shown = {
+        "W/Pa": ("mW/dbar", 1e7),
+        "m3/s/Pa": ("mL/s/MPa", 1e12),
+        "m3/s": ("mL/s", 1e6),
+        "m3": ("mL", 1e6),
+    }
     rows = []
     for name, e in found.parameters.items():
         unit, factor = shown.get(e.unit, (e.unit, 1.0))

@@ -66,7 +66,7 @@ def identify_actuator(
     from swimbladder.io.config import load_vehicle
 
     v = None if vehicle is None else load_vehicle(vehicle, sampled=True)
-    set_to = [pair(text, "--set") for text in sought.fixed or []]
+    set_to = (pair(text, "--set") for text in sought.fixed or [])
     fixed = {n: quantity(text, PARAMETERS.get(n, ""), f"--set {n}") for n, text in set_to}
     asked = sought.read()["ask"]
     needs, chosen = ("time_s",), enumerate(reading.chosen(logs))

@@ -19,11 +19,24 @@ from swimbladder.cli.common import aside, emit_json, progress, quantity, said_as
 from swimbladder.cli.texts import depth_pair, names, pairs
 from swimbladder.errors import InputError
 
-_WORDS = (
-    "DEPTH=m DENSITY=kg/m3 DISTANCE=m ENERGY=J LENGTH=m MASS=kg POWER=W PSI=m3/m RATE=m3/s SHARE= "
-    "SPEED=m/s TEMP=degC TIME=s VOLTAGE=V VOLUME=m3 1/K=1/K"
-)
-_UNITS = {word: unit for word, _, unit in (pair.partition("=") for pair in _WORDS.split())}
+_UNITS = {
+    "DEPTH": "m",
+    "DENSITY": "kg/m3",
+    "DISTANCE": "m",
+    "ENERGY": "J",
+    "LENGTH": "m",
+    "MASS": "kg",
+    "POWER": "W",
+    "PSI": "m3/m",
+    "RATE": "m3/s",
+    "SHARE": "",
+    "SPEED": "m/s",
+    "TEMP": "degC",
+    "TIME": "s",
+    "VOLTAGE": "V",
+    "VOLUME": "m3",
+    "1/K": "1/K",
+}
 
 
 Contents = Callable[[Mapping[str, Any]], Mapping[str, object]]

@@ -177,8 +177,8 @@ def pool(
         from swimbladder.design.pool_day.verdict import Asked
 
         with sought.said_as_typed(), goals.said_as_typed(), procedure.said_as_typed():
-            aims = goals.given()
-            known = Asked(**sought.given(), neutral_std=aims.pop("neutral_std"))
+            before, aims = sought.given(), goals.given()
+            known = Asked(**before, neutral_std=aims.pop("neutral_std"))
             asked = asked_of(v, known, **aims)
             rules = rules_of(v, pool_depth=bottom, travel=done["travel"], plan=chosen)
         tasks = plan_tasks(chosen) if chosen else paper_tasks(v, pool_depth=bottom)

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 _PLACE = ("time_s", "start_depth_m", "target_depth_m")
 _VOLUME = ("peak_volume_m3", "volume_range_m3", "actuator_travel_m3")
-_STEP = (*_PLACE, "overshoot_pct", "rise90_s", "settle2_s", "final_depth_m", *_VOLUME)
 _COLUMNS = (
     "time_s depth_m speed_m_s volume_m3 voltage_V reference_volume_m3=volume_reference current_A "
     "power_W reference_depth_m=reference"
@@ -87,7 +86,8 @@ def steps_of(s: Solution, task: Mission) -> list[dict[str, Any]]:
         place = (point.time, before, point.depth)
         span, travel = [float(volume.min()), float(volume.max())], np.sum(np.abs(np.diff(volume)))
         moved = (float(np.max(np.abs(volume))), span, float(travel))
-        step: dict[str, Any] = dict(zip(_STEP, (*place, *m, *moved), strict=True))
+        step: dict[str, Any] = dict(zip(_PLACE, place, strict=True)) | m._asdict()
+        step |= zip(_VOLUME, moved, strict=True)
         step["events"] = _events(e for e in s.events if point.time <= e.time < end)
         steps.append(step)
         before = point.depth
@@ -102,8 +102,10 @@ def answer_of(
     s: Solution, task: Mission, column: Column | None, notes: Sequence[str]
 ) -> dict[str, Any]:
     """Return the JSON object: the last step's numbers, and all steps."""
+    from swimbladder.sim.closed_loop import StepMetrics
+
     steps = steps_of(s, task)
-    last = steps[-1] if steps else dict.fromkeys(_STEP)
+    last = steps[-1] if steps else dict.fromkeys((*_PLACE, *StepMetrics._fields, *_VOLUME))
     return {
         "vehicle": s.vehicle.name,
         "mission": task.name,

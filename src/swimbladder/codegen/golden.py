@@ -144,22 +144,26 @@ def fly(
 
 
 def _fly_on_seconds(
-    vehicle: Vehicle, made: BoardProgram, mission: Mission, seed: int | None, said: Progress | None
+    vehicle: Vehicle,
+    made: BoardProgram,
+    mission: Mission,
+    seed: int | None,
+    progress: Progress | None,
 ) -> Golden:
     n = max(math.ceil(mission.duration / made.tick_s - 1e-9), 1) + 1
     asked = np.where(np.arange(n) < _UP * n, mission.target, 0.0)
     given: dict[str, Any] = {"tick": made.tick_s, "start_depth": mission.start, "asked": asked}
 
-    def flown(law: Law, progress: Progress | None) -> Array:
+    def flown(law: Law, advance: Progress | None) -> Array:
         board = made.controller(law)
 
         def tick(seen: Measurement, reference: float) -> tuple[float, bool]:
             command = float(board.tick(seen.depth, seen.volume, reference))
             return command, board.state.drive.wide > 0.0
 
-        return fly_float(vehicle, tick, seed=seed, progress=progress, **given)
+        return fly_float(vehicle, tick, seed=seed, progress=advance, **given)
 
-    rows, double = flown(made.twin(), said), flown(made.law, None)
+    rows, double = flown(made.twin(), progress), flown(made.law, None)
     if not rows[:, 0].max() > made.parameters.surface.shallow:
         waited = f"has not dived after {_UP * len(asked) * made.tick_s:.4g} s"
         raise NoAnswerError(

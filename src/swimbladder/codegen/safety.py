@@ -228,7 +228,7 @@ def supervisor_parameters(
     return _for_pump(vehicle, found) if pumps else found
 
 
-def _refused(what: str, name: str, value: float, unit: str, remedy: str) -> InputError:
+def _refused(what: str, name: str, value: float, unit: str | None, remedy: str) -> InputError:
     """Return the error about a number of the supervisor."""
     return InputError(what, field=f"supervisor.{name}", value=value, unit=unit, remedy=remedy)
 
@@ -249,7 +249,7 @@ def _with_pump(vehicle: Vehicle) -> Vehicle:
                 "it is about a volume that is measured or a motor that is driven by a voltage, and "
                 "the volume of a pump and valve is known from the times of its runs only"
             )
-            raise _refused(what, name, value, "", "Leave it out")
+            raise _refused(what, name, value, None, "Leave it out")
     if vehicle.supply is None or given.battery_low is not None:
         return vehicle
     known = given.model_copy(update={"battery_low": _BATTERY_SHARE * vehicle.supply.voltage})
@@ -312,7 +312,9 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
         rate=_off(p.rate, "rate_least stop_rate following", zero="rate"),
         same=_off(p.same, "same_moved moved"),
         proof=_off(p.proof, " ".join(p.proof._fields)),
-        neutral=_off(p.neutral, "neutral_range", zero="psi psi_range neutral"),
+        neutral=supervisor.NeutralLimits(
+            psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf
+        ),
         motion=_off(p.motion, "neutral_change known epsilon wrong", zero=modelled),
         deep=deep._replace(neutral_deepest=lacks, coast=min(vehicle.mass * fast / drag, _COAST_S)),
     )

@@ -54,7 +54,7 @@ def as_json(record: Any, keys: str) -> dict[str, Any]:
 
 
 def attributes(record: Any, keys: str) -> dict[str, Any]:
-    """Return the same as they are: columns of a table, say."""
+    """Return attributes of a record, as they are, by `keys` as `as_json` has them."""
     found = {}
     for word in keys.split():
         key, _, name = word.partition("=")

@@ -12,7 +12,7 @@ from swimbladder.io.tables import write_csv
 from swimbladder.show.plots.style import save
 
 Advance = Callable[[float], None]
-"""Is told the share of the work that was done since it was last called."""
+"""Is called with the share of the work done since its last call."""
 
 
 def unsaid(_: float) -> None:

@@ -163,7 +163,7 @@ class Drag(Parameters):
     def check(self) -> None:
         """Refuse fields that do not go together."""
         every = ("k_dl", "k_dt", "epsilon")
-        few = {"linear": every[:1], "quadratic": every[1:2], "blended": every[:2]}
+        few = {"linear": ("k_dl",), "quadratic": ("k_dt",), "blended": ("k_dl", "k_dt")}
         needs = few.get(self.law, every)
         for name in every:
             if name in needs and getattr(self, name) <= 0.0:

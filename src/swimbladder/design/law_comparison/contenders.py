@@ -284,7 +284,7 @@ def tuner(
 def tuned(
     vehicle: Vehicle, name: str, goal: str, how: Tuner, store: Store, advance: Advance
 ) -> Contender | str:
-    """Return a law tuned for a goal, or why it cannot be; advance: told the share of it done."""
+    """Return a law tuned for a goal, or why it cannot be; advance: called with the share done."""
     law, left = LAWS[name], 1.0
 
     def tell(share: float) -> None:

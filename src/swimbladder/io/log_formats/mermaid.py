@@ -209,9 +209,11 @@ class _Reader:
             return max(abs(a), abs(b)) < 1e5
         if found := re.match(r"need to transfer ([+-]\d+)mL \((\w+) during (\d+)ms\)", text):
             a, b = self.speeds or (np.nan, np.nan)
-            about = {"time": self.now, "speed_from": a, "speed_to": b}
-            volume, lasts = float(found[1]) * 1e-6, float(found[3]) / 1000.0
-            self.target, self.speeds = Target(**about, change=volume, seconds=lasts), None
+            change, seconds = float(found[1]) * 1e-6, float(found[3]) / 1000.0
+            self.target = Target(
+                time=self.now, speed_from=a, speed_to=b, change=change, seconds=seconds
+            )
+            self.speeds = None
         return True
 
     def begun(self, device: Device, milliseconds: str) -> None:
@@ -258,8 +260,9 @@ class _Reader:
             n, pressure, tolerance, seconds = int(found[1]), 0, 0, int(found[2])
         else:
             return
-        about = {"pressure": pressure * 100.0, "tolerance": tolerance * 100.0}
-        self.stages[n] = Stage(number=n, **about, duration=seconds)
+        self.stages[n] = Stage(
+            number=n, pressure=pressure * 100.0, tolerance=tolerance * 100.0, duration=seconds
+        )
 
     def went(self, text: str) -> None:
         if found := re.match(r"stage\[(\d+)\]$", text):

@@ -25,8 +25,15 @@ from swimbladder.units import rounded, shown_unit, unit_factor
 Array = NDArray[np.float64]
 
 _PRETTY = {"1/m2/s": "1/(m² s)", "N s2/m2": "N s²/m²"}
-_SYMBOL = {"K1": "K₁", "T1": "T₁", "K2": "K₂", "T2": "T₂", "mass": "mass", "psi": "ψ"}
-_SYMBOL["drag_quadratic"] = r"k$_\mathrm{dt}$"
+_SYMBOL = {
+    "K1": "K₁",
+    "T1": "T₁",
+    "K2": "K₂",
+    "T2": "T₂",
+    "mass": "mass",
+    "psi": "ψ",
+    "drag_quadratic": r"k$_\mathrm{dt}$",
+}
 _WIDTH = 9.6  # inches
 _DRAWS = 1500  # of the posterior, that are drawn
 

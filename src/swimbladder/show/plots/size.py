@@ -133,10 +133,15 @@ def _spent(axes: Axes, found: Sizing) -> None:
     budget, best, dive = found.evaluation.spent, found.best, found.asked.dive
     drive = dive.cycles * found.evaluation.cycle_energy[best] - budget.driver_loss[best]
     driver = budget.driver_loss[best] + budget.driver_standby[best]
-    bars = {"drive": drive, "driver": driver, "hotel": budget.drawn[best] - drive - driver}
-    bars |= {"self-discharge": budget.self_discharged[best]}
-    bars |= {f"cold, {found.asked.coldest:.3g} °C": budget.cold[best]}
-    bars |= {"reserve": budget.reserve[best], "not usable": budget.unusable[best]}
+    bars = {
+        "drive": drive,
+        "driver": driver,
+        "hotel": budget.drawn[best] - drive - driver,
+        "self-discharge": budget.self_discharged[best],
+        f"cold, {found.asked.coldest:.3g} °C": budget.cold[best],
+        "reserve": budget.reserve[best],
+        "not usable": budget.unusable[best],
+    }
     energy = [float(value) / 3600.0 for value in bars.values()]
     colors = [Ink.BLUE] * 3 + [Ink.ORANGE] * 4  # drawn, and not to be had
     axes.barh(range(len(bars)), energy, color=colors, height=0.7)

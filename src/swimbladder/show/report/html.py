@@ -21,8 +21,18 @@ TEXTS = tomllib.loads(files("swimbladder.show.report").joinpath("texts.toml").re
 
 _FULL = 1440  # pixels of a picture as wide as the page
 
-_GREEK = {"psi": "ψ", "rho": "ρ", "eta": "η", "lambda": "λ", "alpha": "α", "omega": "ω"}
-_GREEK |= {"epsilon": "ε", "beta": "β", "Delta": "Δ", "pi": "π"}
+_GREEK = {
+    "psi": "ψ",
+    "rho": "ρ",
+    "eta": "η",
+    "lambda": "λ",
+    "alpha": "α",
+    "omega": "ω",
+    "epsilon": "ε",
+    "beta": "β",
+    "Delta": "Δ",
+    "pi": "π",
+}
 _GREEK_WORD = re.compile(r"\b(" + "|".join(_GREEK) + r")(?=\b|_)")
 _SYMBOL = re.compile(
     r"\b([kTQVUFBCDJnSβηΔ])_([A-Za-z0-9]{1,4})\b"  # k_z, T_z, V_p

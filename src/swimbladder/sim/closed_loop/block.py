@@ -27,7 +27,6 @@ from swimbladder.sim.engine.modes import COUNT
 from swimbladder.vehicle import Sensors
 
 Array = NDArray[np.float64]
-_SHARED = ("layers", "parts", "depths", "record", "books", "log", "noted")  # with Lanes
 _V_0 = Row.PLANT + Plant._fields.index("V_0")
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
 _SHOWN = 256  # ticks between calls of `progress` where every tick is a call
@@ -201,8 +200,14 @@ class Running:
             # one vehicle: one kernel for all drags; a block: one without what laminar drag lacks
             bend=(0.0,) if block.nonlinear or block.lanes == 1 else (),
             sea=(0.0,) if block.loses else (),
+            layers=block.layers,
+            parts=block.parts,
+            depths=block.depths,
+            record=block.record,
             built=self.built,
-            **{name: getattr(block, name) for name in _SHARED},
+            books=block.books,
+            log=block.log,
+            noted=block.noted,
         )
         self._kernel = kernel_of(block.law, pumped=block.stepper is not None, hooks=block.hooks)
         self.restart()

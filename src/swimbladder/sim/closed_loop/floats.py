@@ -103,10 +103,19 @@ class FloatModel:
             x["z_look"][n] = x["z"][n]
             board[n, DIVES] = 0.0 if x["v"][n] >= up.full - up[3] else 1.0
             board[n, FLOATS] = 1.0
-        accounts, work = np.zeros((count, len(Account))), np.zeros((count, *WORK))
-        notes, counts = np.zeros((count, noted), NOTE), np.zeros((count, 3), np.int64)
-        own_lanes = (x, at, accounts, notes, counts, work, board, np.zeros((count, SEGMENT)))
-        stepper = Pumped(given, self.table, np.zeros((0, 6)), *own_lanes)
+        stepper = Pumped(
+            given=given,
+            table=self.table,
+            waves=np.zeros((0, 6)),
+            x=x,
+            at=at,
+            accounts=np.zeros((count, len(Account))),
+            notes=np.zeros((count, noted), NOTE),
+            counts=np.zeros((count, 3), np.int64),
+            work=np.zeros((count, *WORK)),
+            board=board,
+            segment=np.zeros((count, SEGMENT)),
+        )
         return stepper, np.stack([np.zeros(count), x["v"], x["z"], x["w"]])
 
 

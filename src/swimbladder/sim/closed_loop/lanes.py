@@ -106,6 +106,25 @@ def _tick(lanes: Lanes, law: Like, k: int, since: float, tick: float) -> int:
 
 
 @part
+def _together(
+    token: Any, lanes: Lanes, room: Room, law: Like, k: int, since: float, tick: float
+) -> None:
+    """Move every lane by a whole tick; not compiled for one: its token is an argument for that."""
+    if len(token) > 1 and _tick(lanes, law, k, since, tick) > 0:
+        for i in range(len(token)):
+            if lanes.S[Row.TROUBLE * len(token) + i] != 0.0:
+                _take_slowly(lanes, room, i, k, k * tick, tick)
+
+
+@part
+def _lose(sea: Any, lanes: Lanes, p: Array, t: float, dt: float) -> None:
+    """Set what every lane has lost, see `lose`; not compiled where nothing is."""
+    if len(sea) > 0:
+        for i in range(len(lanes.token)):
+            lose(lanes.S, len(lanes.token), i, p, t, dt, lanes.layers)
+
+
+@part
 def _start_laws(lanes: Lanes, like: Any, t: float) -> None:
     S, W_ = lanes.S, len(lanes.token)
     for i in range(W_):
@@ -149,8 +168,7 @@ def run_block(
         if k == 0 or turn[k] != turn[k - 1]:
             _set_targets(lanes, lanes.depths[turn[k]])
         if len(lanes.sea) > 0:
-            for i in range(W_):
-                lose(S, W_, i, p, t, tick if k > 0 else 0.0, lanes.layers)
+            _lose(lanes.sea, lanes, p, t, tick if k > 0 else 0.0)
             kept[0] = -1
         if begin(hooks, S, k, built):
             S[Row.STOPPED] = OVER if S[Row.STOPPED] == 0.0 else S[Row.STOPPED]
@@ -172,10 +190,7 @@ def run_block(
             continue
         # one vehicle alone is taken by the parts below
         if W_ > 1 and whole and k < turn.shape[0] - 1:
-            if _tick(lanes, law, k, since, tick) > 0:
-                for i in range(W_):
-                    if S[Row.TROUBLE * W_ + i] != 0.0:
-                        _take_slowly(lanes, room, i, k, t, h)
+            _together(lanes.token, lanes, room, law, k, since, tick)
             continue
         for i in range(W_):
             judge(S, W_, i, since)

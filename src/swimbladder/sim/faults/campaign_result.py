@@ -55,7 +55,7 @@ class Outcome(IntEnum):
 
 
 def outcomes(results: Array, tick: float) -> Array:
-    """Return the Outcome of each result [n, len(Result)] of a controller's sample time [s].
+    """Return the Outcome of each result [n, len(Result)]; tick [s]: the controller's sample time.
 
     A vehicle that leaps out of the water surfaced too. One that was at the surface and then
     heavy with all its volume out was filled: no command helps it any more.

@@ -116,8 +116,15 @@ def pump_table(vehicle: Vehicle) -> PumpTable:
         currents[n] = np.maximum(np.nan_to_num(power), 0.0) / voltage
     resistance = 0.0 if supply is None else supply.internal_resistance
     motor = a.pump.motor.resistance if isinstance(a.pump, DatasheetPump) else 0.0
-    per_volt, per_metre, nominal = 1.0 / volts[1], 1.0 / depth[1], volts[-1]
-    return PumpTable(rates, currents, per_volt, per_metre, nominal, resistance, motor)
+    return PumpTable(
+        rate=rates,
+        current=currents,
+        per_volt=1.0 / volts[1],
+        per_metre=1.0 / depth[1],
+        nominal=volts[-1],
+        resistance=resistance,
+        motor=motor,
+    )
 
 
 _VOLTAGES, _HEADS, _HEADS_TO = 49, 481, 12000.0  # of a pump's table; m

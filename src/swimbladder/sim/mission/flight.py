@@ -98,8 +98,8 @@ def fly_mission(
     Raises InputError where vehicle, mission and water do not go together, NoAnswerError for a
     mission that cannot be done and as `buoyancy_engine.drive_map` does.
     """
-    mission = plan_check.limited(mission, cycles=cycles, span=span)
     plan_check.check_flight(vehicle, mission, column)
+    mission = plan_check.limited(mission, cycles=cycles, span=span)
     how: dict[str, Any] = dict(waves=waves, accuracy=accuracy, drive_error=drive_error)
     plan = make_plan(vehicle, mission, column, **how)
     judge = plan_check.check_reach if checked else plan_check.reach_of

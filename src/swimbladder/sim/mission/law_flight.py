@@ -66,7 +66,8 @@ class ByLaws:
         x["v_least"] = x["v"]
         same = [[one.continues(law) for one in plan.laws].index(True) for law in plan.laws]
         bands = [phase.rest_band or 0.0 for phase in mission.phases]
-        self.tasks = np.transpose([same, bands, [phase.speed or 0.0 for phase in mission.phases]])
+        speeds = [phase.speed or 0.0 for phase in mission.phases]
+        self.tasks = np.column_stack([same, bands, speeds])  # in C's order: one kernel for all
         self.random: np.random.Generator | None = None
         if seed is not None:
             self.random = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 0])))
@@ -146,8 +147,10 @@ class ByLaws:
             logged=True,
             layers=medium.layers,
         )
-        own, log = self._numbers(law.sample_time), (block.books, block.log, block.noted)
-        block.hooks = Sampled(self.phases, own, now, self.tasks, *log)
+        own = self._numbers(law.sample_time)
+        block.hooks = Sampled(
+            self.phases, own, now, self.tasks, block.books, log=block.log, noted=block.noted
+        )
         self.running = block.begin()
 
     def _numbers(self, tick: float) -> Numbers:

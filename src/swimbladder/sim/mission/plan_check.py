@@ -92,8 +92,9 @@ def check_flight(vehicle: Vehicle, mission: Mission, column: Column) -> None:
     if column.cast is not None:
         deepest = max(depth for _, depth in places)
         check_cast_unit(column.cast, deepest, vehicle.hull.depth_limit)
+    ends = column.deepest
     for where, depth in places:
-        if depth > (ends := column.deepest) + column.step:
+        if depth > ends + column.step:
             what = (
                 f"{column.source or 'the water'} ends at {ends:.0f} m, {depth - ends:.0f} m above "
                 f"the {depth:g} m of {where}"

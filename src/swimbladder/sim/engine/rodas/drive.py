@@ -92,9 +92,11 @@ def start_run(lane: Lane, doing: int, wanted: float, volume: float, longest: flo
     at.rests = 0
     short = value(table, p.step, Table.START, max(x.z, 0.0))[0]
     delivery = p.delivery * value(table, p.step, Table.RATE_OUT, max(x.z, 0.0))[0]
-    if doing == Doing.PUMPING and not fills_line(lane) and short > 0.0 and delivery > 0.0:
-        at.doing = Doing.PRIMING
-        x.t_primed = x.t + short / delivery
+    if doing == Doing.PUMPING:
+        fills = fills_line(lane)
+        if not fills and short > 0.0 and delivery > 0.0:
+            at.doing = Doing.PRIMING
+            x.t_primed = x.t + short / delivery
     x.v_move = volume
     x.h = min(x.h, _FRESH)
     x.t_begin = x.t

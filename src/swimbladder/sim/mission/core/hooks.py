@@ -220,10 +220,19 @@ def fly(phases: Phases) -> Stop:
     at.idle = 0
     work, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
     work[Row.PLANT + V_0] = p.neutral_top + p.trim
-    built, noted = np.zeros((1, 1), np.uint8), np.zeros((1, 1), np.int64)
-    depths, books = np.zeros((1, 1)), np.zeros((1, 0))
     lanes = Lanes(
-        work, (0.0,), (), (), NO_LAYERS, 1, depths, none, built, books, log=none, noted=noted
+        S=work,
+        token=(0.0,),
+        bend=(),
+        sea=(),
+        layers=NO_LAYERS,
+        parts=1,
+        depths=np.zeros((1, 1)),
+        record=none,
+        built=np.zeros((1, 1), np.uint8),
+        books=np.zeros((1, 0)),
+        log=none,
+        noted=np.zeros((1, 1), np.int64),
     )
     law = Like(Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), volume_row=-1)
     clock = Schedule(tick=0.0, turn=MANY, given=np.zeros(1, np.int64))
