@@ -13,7 +13,7 @@ from studies.deep_readings import (
     rests,
     speed_scatter,
 )
-from swimbladder.estimation.motion.deep_model import Body, DeepDive
+from swimbladder.estimation.motion.deep_model import Actions, Body, DeepDive, Water
 from swimbladder.physics.seawater import Column
 
 NONE = np.zeros(0)
@@ -24,7 +24,7 @@ LEVELS = np.linspace(0.0, 3e7, 400)
 def dive(time, pressure, temperature, acts=(), pumps=()):
     """A dive with runs of a second at `acts` [s]."""
     acts, n = np.asarray(acts, dtype=float), len(time)
-    density = 1028.0 + 4.5e-7 * LEVELS
+    none, pumps = np.zeros(len(acts)), np.asarray(pumps, dtype=bool)
     return DeepDive(
         name="made up",
         time=time,
@@ -32,18 +32,9 @@ def dive(time, pressure, temperature, acts=(), pumps=()):
         temperature=temperature,
         unwarmed=0,
         leaked=np.zeros(n),
-        action_time=acts,
-        action_seconds=np.ones(len(acts)),
-        action_pumps=np.asarray(pumps, dtype=bool),
-        action_bypass=np.zeros(len(acts), dtype=bool),
-        action_volume=np.zeros(len(acts)),
-        action_short=np.zeros(len(acts)),
-        action_pressure=np.zeros(len(acts)),
-        water_pressure=LEVELS,
-        water_density=density,
-        water_layers=np.zeros(len(LEVELS)),
+        actions=Actions(acts, none + 1.0, pumps, none > 0.0, none, none, none),
+        water=Water(LEVELS, 1028.0 + 4.5e-7 * LEVELS, np.zeros(len(LEVELS))),
         gravity=9.8,
-        stroke=6e-4,
     )
 
 

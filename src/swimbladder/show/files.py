@@ -11,16 +11,16 @@ from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.tables import write_csv
 from swimbladder.show.plots.style import save
 
-Advance = Callable[[float], None]
+AdvanceBy = Callable[[float], None]
 """Is called with the share of the work done since its last call."""
 
 
 def unsaid(_: float) -> None:
-    """Tell nobody of the work done."""
+    """Take no notice of the work done."""
 
 
 def write_all(
-    out: Path, contents: Mapping[str, object], *, advance: Advance = unsaid
+    out: Path, contents: Mapping[str, object], *, advance: AdvanceBy = unsaid
 ) -> list[Path]:
     """Write files into the folder `out`, all of them or none, and return their paths.
 

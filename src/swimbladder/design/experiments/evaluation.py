@@ -269,8 +269,8 @@ def curve(c: Conditions, sizes: tuple[float, float], time: float) -> Curve:
     def largest(size: float, moves: int) -> float:
         flights = []
         for start, sign in ((setting.deepest, 1.0), (setting.shallowest, -1.0)):
-            volumes, turn = [sign * size, -sign * size], start - sign * _PLACE * span
-            release = Release.to_and_fro(start, volumes[:moves], [turn][: moves - 1])
+            volumes, turns = [sign * size, -sign * size], [start - sign * _PLACE * span]
+            release = Release.to_and_fro(start, volumes[:moves], turns[: moves - 1])
             flights.append(follow(release, values, c))
         times = time / sum(f.duration + setting.settling for f in flights)
         return max(_after(flights, values, c, times)[-1])

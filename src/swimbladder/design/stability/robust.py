@@ -10,7 +10,7 @@ parameters stands in this module: so its compiled kernel is found again.
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import product
 from typing import Annotated, Any, NamedTuple
 
@@ -59,9 +59,13 @@ def _record(name: str, inner: type[Any], more: Mapping[str, str]) -> Any:
     return made
 
 
-@cache
+_WRAPPED: dict[type[Any], Law] = {}  # by the law's parameters: its kernel is found by these
+
+
 def wrapped_law(law: Law) -> Law:
-    """Return the wrapped form of a law."""
+    """Return the wrapped form of a law, always the same."""
+    if law.parameters in _WRAPPED:
+        return _WRAPPED[law.parameters]
     name = "".join(part.title() for part in law.name.split("-"))
     given = {"w_gain": "", "w_late": "", "w_quantum": "V", "w_tick": "s", "w_rest": "V"}
     kept = {"w_next": "V", "w_left": ""}
@@ -72,7 +76,8 @@ def wrapped_law(law: Law) -> Law:
     exec(_STEP, space)  # one for each law: the compiler finds it by its parameters
     made = {"parameters": Parameters, "state": State}
     made |= {name: space[name] for name in ("step", "initial")}
-    return replace(law, name=f"{law.name}, wrapped", recipe=None, **made)
+    _WRAPPED[law.parameters] = replace(law, name=f"{law.name}, wrapped", recipe=None, **made)
+    return _WRAPPED[law.parameters]
 
 
 def wrapped(

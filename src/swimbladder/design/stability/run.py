@@ -234,7 +234,8 @@ def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
 
 def _settling(s: Stood) -> str:
     """Return what share settled [%], with ! where linearly unstable, and the overshoot [%]."""
-    return f"{100 * s.settled:.0f}{'!' * (s.radius >= 1.0)} ({100 * s.overshoot_95:.1f})"
+    mark = "!" if s.radius >= 1.0 else ""
+    return f"{100 * s.settled:.0f}{mark} ({100 * s.overshoot_95:.1f})"
 
 
 _NOT_LINEAR = "Limit cycles are predicted for loops that are linear and stable at rest."
@@ -314,8 +315,10 @@ def stability(
             decided = around_decisions(vehicle, bound, depths=three)
             cycles = hunting(vehicle, bound, depth=at, depths=depths)
         else:
-            small, tell_small = bound.without_rest, (lambda x: tell(0.1 * x))
-            around = look_around(vehicle, small, three, delay=delay * h, advance=tell_small)
+            small = bound.without_rest
+            around = look_around(
+                vehicle, small, three, delay=delay * h, advance=lambda x: tell(0.1 * x)
+            )
             if around is None or not around.stable:
                 unmet.append(_NOT_LINEAR)
             elif not vehicle.voltage_driven:

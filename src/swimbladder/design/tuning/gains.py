@@ -6,7 +6,7 @@ walks takes it off.
 
 `setting_of` is what they need to know of a vehicle.
 
-`search` finds knobs whose margins hold over the region, then the best of them in trials. Margins
+`Search` finds knobs whose margins hold over the region, then the best of them in trials. Margins
 are cheap and trials are dear: so the knobs are laid out on a grid, kept where the nominal vehicle
 has the margins, ordered by what the goal wants of them, kept where the whole region has the
 margins, and the first few of these are tried, with few runs while they are compared.

@@ -527,10 +527,11 @@ def compare(
     names = default_names(rec) if fit is None else tuple(fit)
     outcome = adjust(vehicle, rec, names, advance or (lambda _: None))
     predicted, volume, solution = run(outcome.vehicle, rec, outcome.start)
-    of, last = f"after the first sample, of {rec.duration:.4g} s", np.isfinite(predicted)
-    if solution is None and not last.all():
+    of = f"after the first sample, of {rec.duration:.4g} s"
+    finite = np.isfinite(predicted)
+    if solution is None and not finite.all():
         raise NoAnswerError(
-            f"{log.source}: the model left the water {float(rec.time[last][-1]):.4g} s {of}; fit "
+            f"{log.source}: the model left the water {float(rec.time[finite][-1]):.4g} s {of}; fit "
             "the neutral volume, or begin with --submerged"
         )
     if solution is not None and not solution.finished:

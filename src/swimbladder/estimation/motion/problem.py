@@ -524,7 +524,7 @@ def posed(
     linear, quadratic or blended, the vehicle's own where not given. Raises InputError where names,
     records and vehicle do not go together.
     """
-    model = model_of(vehicle, law=drag, bottom_depth=records[0].bottom_depth)
+    model = model_of(vehicle, law=drag, bottom_depth=max(r.bottom_depth for r in records))
     names = tuple(free) if free is not None else default_names(model.law, list(assumed.fixed))
     voltage = any(r.drive == "voltage" for r in records)
     check_parameters(names, assumed, model, voltage=voltage)

@@ -10,9 +10,14 @@ from swimbladder.show.plots import style
 from swimbladder.show.plots.style import Ink
 from swimbladder.units import rounded
 
-_PARTS = ("battery", "driver", "motor", "transmission", "leakage", "reservoir")
-_INKS = (Ink.SKY, Ink.PURPLE, Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.GREY)
-_STAGES = dict(zip(_PARTS, _INKS, strict=True))
+_STAGES = {
+    "battery": Ink.SKY,
+    "driver": Ink.PURPLE,
+    "motor": Ink.BLUE,
+    "transmission": Ink.ORANGE,
+    "leakage": Ink.GREEN,
+    "reservoir": Ink.GREY,
+}
 
 _DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
 

@@ -18,7 +18,7 @@ from swimbladder.estimation.motion import NAMES, Choice, Estimate, Identificatio
 from swimbladder.estimation.motion.paper_method import PaperFits
 from swimbladder.io.config import file_text
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import Advance, unsaid, write_all
+from swimbladder.show.files import AdvanceBy, unsaid, write_all
 from swimbladder.show.plots import identify as plots
 from swimbladder.show.plots.identify import labels
 from swimbladder.show.plots.style import png
@@ -144,7 +144,11 @@ def _is_ours(path: Path) -> bool:
 
 
 def write_identification(
-    found: Identification, out: Path, run: Run, answer: Mapping[str, Any], advance: Advance = unsaid
+    found: Identification,
+    out: Path,
+    run: Run,
+    answer: Mapping[str, Any],
+    advance: AdvanceBy = unsaid,
 ) -> list[Path]:
     """Write everything into the folder `out` and return the paths.
 
