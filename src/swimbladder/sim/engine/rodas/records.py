@@ -139,7 +139,8 @@ _LINE: tuple[tuple[str, type], ...] = (
     ("line_step", float),  # of ln(p/reservoir) from row to row
     ("line_top", float),  # ln(p/reservoir) at which the pump stalls; inf: above all that is assumed
 )
-GIVEN, GIVEN_WITH_LINE = record(*_VEHICLE), record(*_VEHICLE, *_LINE)
+# The line's come first: Numba takes a record that only has more at its end for one of the other.
+GIVEN, GIVEN_WITH_LINE = record(*_VEHICLE), record(*_LINE, *_VEHICLE)
 
 # The state, as far as it is real numbers.
 NOW = record(
