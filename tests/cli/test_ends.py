@@ -68,8 +68,8 @@ def test_a_process_that_is_terminated_ends_as_an_interrupted_one_and_goes_on_whe
     for name, content in parts.items():
         assert next(kept.rglob(name)).read_bytes() == content
     process.send_signal(signal.SIGINT)
-    _, complaint = process.communicate(timeout=60)
-    assert process.returncode == 130, complaint
+    said, complaint = process.communicate(timeout=60)
+    assert process.returncode == 130, said + complaint
 
 
 def test_stdout_that_takes_no_more_is_one_line(tmp_path):
