@@ -46,12 +46,19 @@ class Distribution(NamedTuple):
 
 # Patterns (fnmatch) of "CASE: PATH", as a failure prints them. The first that fits counts.
 LOOSE: dict[str, Tolerance] = {
+    "identify-dive: answer.noise.*": Tolerance(
+        0.2, 1e-9, "it is small beside the sensor's: processors round otherwise, and it moves"
+    ),
     "identify-dive: *": Tolerance(
         2e-2, 1e-9, "processors round otherwise, and the fit of a dive stops elsewhere"
     ),
     "identify-*: *": Tolerance(
-        1e-6, 1e-12, "processors round otherwise: it moves where a fit stops, and slopes"
+        1e-5, 1e-11, "processors round otherwise: it moves where a fit stops, and slopes"
     ),
+    "design-experiment: *": Tolerance(
+        1e-6, 1e-12, "processors round otherwise: it moves slopes and what a fit makes of them"
+    ),
+    "plan-*: answer.gap": Tolerance(0.0, 1e-9, "what rounding leaves between a path and its bound"),
     "pool: *": Tolerance(1e-5, 1e-12, "rounding moves where a fit of noisy logs stops"),
     "reproduce: files.trajectories/*": Tolerance(1e-3, 1e-5, "the loop hunts: rounding grows"),
     "reproduce: *": Tolerance(1e-4, 1e-11, "the loop hunts: rounding grows"),
