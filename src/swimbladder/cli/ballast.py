@@ -90,12 +90,12 @@ def ballast(
         density, named = material_of(task.material)
         refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
         sea = seas(v, casts, asked["deepest"])
-        v, told, more = with_mass(v, asked["mass"])
+        v, stated, more = with_mass(v, asked["mass"])
     warned = [*sea.warnings, *more]
     with stds.said_as_typed():
         uncertainty = uncertainty_of(v, given)
     with progress("drawing vehicles", 1.0) as advance, task.said_as_typed(), target.said_as_typed():
-        assumed = (*warned, *sea.assumed, told, *_hull_words(v), *uncertainty.said)
+        assumed = (*warned, *sea.assumed, stated, *_hull_words(v), *uncertainty.said)
         found = find(
             v,
             sea.columns,

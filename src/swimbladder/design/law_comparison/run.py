@@ -269,7 +269,7 @@ def compare_laws(
     where not given. sample_time [s]: of the tuned laws; the controller's where not given.
     tune_for: goals of `tune`. parts: a folder where what is done is kept; a comparison that was
     stopped goes on there. column: the water of all runs and of the tuner's trials, the
-    vehicle's own where not given. advance: told the share of the work done.
+    vehicle's own where not given. advance: called with the share of the work done.
 
     Raises InputError for what cannot be; NoAnswerError where no controller is left to fly.
     """

@@ -253,7 +253,7 @@ def recovery_maps(
 ) -> tuple[Map, ...]:
     """Return the map of steps, and at three depths that of depth errors and speeds.
 
-    cells: to a side. advance: told the share of the work that is done.
+    cells: to a side. advance: called with the share of the work that is done.
     """
     p = plant(moved_by_volume(recovery.vehicle))
     low, high = max(depths[0], p.z_surface), depths[1]

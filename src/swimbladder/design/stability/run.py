@@ -272,7 +272,7 @@ def stability(
     voltage_quantum: of the motor's driver [V]. maps: whether to draw where it recovers from.
     with_robustness: whether to try wrong gains and late commands, over `draws` from the region; of
     the own law, and of `laws`, which are tuned first. keep: folder for what is done, so that a
-    killed run goes on. advance: told the share of the work that is done.
+    killed run goes on. advance: called with the share of the work that is done.
 
     Raises InputError for what cannot be, and for a vehicle without a controller.
     """

@@ -214,9 +214,9 @@ def tune(
     share of the sample time. supply [V]: the least; nine tenths of the vehicle's where not given.
     step: depths [m] of the trial, 1.5 m within the range where not given, of a pump and valve the
     whole range. hold [m rms]: error allowed to a quiet law (9.5 mm) or one that saves energy (5
-    cm); of a pump and valve the tolerance, that of its law or 10 m. advance: told the share of the
-    work done. column: the water that the trials are flown in and that stroke and neutral volume are
-    held against; margins are those of the vehicle's own psi and density, decisions of a
+    cm); of a pump and valve the tolerance, that of its law or 10 m. advance: called with the share
+    of the work done. column: the water that the trials are flown in and that stroke and neutral
+    volume are held against; margins are those of the vehicle's own psi and density, decisions of a
     pump and valve with psi as that water has it.
 
     Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what

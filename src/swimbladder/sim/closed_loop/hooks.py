@@ -15,12 +15,10 @@ from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from swimbladder.sim.closed_loop.rows import N_PLANT, Row
-from swimbladder.sim.engine.cache import OVERLOADED, inlined, part
+from swimbladder.sim.engine.cache import chosen_by_first, inlined, part
 from swimbladder.sim.engine.modes import BOTTOM, V_MAX, V_MIN, resting_volume, split
 
 Array = NDArray[np.float64]
@@ -65,7 +63,6 @@ def lose(S: Array, W_: int, i: int, p: Any, t: float, dt: float, layers: Any) ->
 
 P = ParamSpec("P")
 R = TypeVar("R")
-_TUPLES = types.NamedTuple | types.NamedUniTuple
 _HOOKS: dict[type[Any], dict[str, Callable[..., Any]]] = {}
 
 
@@ -79,19 +76,13 @@ def hook_in(kind: type[Any], **functions: Callable[..., Any]) -> None:
 
 def _chosen(hook: Callable[P, R]) -> Callable[P, R]:
     """Let the class of hooks say what a function does; where it says nothing, as it is written."""
-    name = hook.__name__
 
-    def called(*given: P.args, **named: P.kwargs) -> R:
-        own = _HOOKS[type(given[0])].get(name, hook) if given[0] else hook
-        return own(*given, **named)
+    def own(kind: type[Any]) -> Callable[..., Any]:
+        return _HOOKS.get(kind, {}).get(hook.__name__, hook)
 
-    @overload(called, jit_options=OVERLOADED, strict=False)  # strict: same arguments
-    def compiled(*kinds: Any) -> Any:
-        form = kinds[0]
-        own = _HOOKS[form.instance_class].get(name) if isinstance(form, _TUPLES) else None
-        return hook if own is None else (lambda *given: own(*given))
-
-    return called
+    return chosen_by_first(
+        lambda hooks: own(type(hooks)), lambda form: own(getattr(form, "instance_class", tuple))
+    )
 
 
 @_chosen

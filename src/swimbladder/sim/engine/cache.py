@@ -25,7 +25,7 @@ import numba
 from llvmlite.binding import parse_assembly
 from numba import types
 from numba.core import caching, codegen, compiler, event, registry
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 
 from swimbladder.io.files import source_hash
 
@@ -250,6 +250,26 @@ _Tuple.mangling_args = property(_short_name)
 
 # Of what is compiled for the types that a kernel has for it, see numba.extending.overload.
 OVERLOADED: Any = {"forceinline": True, "pipeline_class": _IntoPart}
+
+
+def chosen_by_first(
+    of_value: Callable[[Any], Callable[..., Any]], of_type: Callable[[Any], Callable[..., Any]]
+) -> Callable[..., Any]:
+    """Return a function that its first argument chooses: by value in Python, by type in kernels.
+
+    What is chosen for a type is a function as it is written, or a compiled one: nothing else is
+    compiled for the type.
+    """
+
+    def called(*given: Any, **named: Any) -> Any:
+        return of_value(given[0])(*given, **named)
+
+    @overload(called, jit_options=OVERLOADED, strict=False)  # strict: same arguments
+    def compiled(*kinds: Any) -> Any:
+        own = of_type(kinds[0])
+        return (lambda *given: own(*given)) if isinstance(own, _Dispatcher) else own
+
+    return called
 
 
 def _at_ease(compile_: Callable[..., Any]) -> Callable[..., Any]:

@@ -29,11 +29,10 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numba import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from swimbladder.physics.seawater.motion import moved
-from swimbladder.sim.engine.cache import OVERLOADED, inlined, part
+from swimbladder.sim.engine.cache import chosen_by_first, inlined, part
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Table
 
@@ -60,17 +59,14 @@ def with_line(without: Callable[..., R]) -> Callable[[Callable[P, R]], Callable[
     def choose(function: Callable[P, R]) -> Callable[P, R]:
         own = part(function)
 
-        def called(*given: P.args, **named: P.kwargs) -> R:
-            of: Any = given[0]
-            there = "line" in getattr(of, "p", of).dtype.fields
-            return (function if there else without)(*given, **named)
+        def of_value(of: Any) -> Callable[..., Any]:
+            return function if "line" in getattr(of, "p", of).dtype.fields else without
 
-        @overload(called, jit_options=OVERLOADED, strict=False)  # strict: same arguments
-        def compiled(*kinds: Any) -> Any:
-            of = kinds[0] if isinstance(kinds[0], types.Record) else kinds[0].types[0]
-            return (lambda *given: own(*given)) if "line" in of.fields else without
+        def of_type(of: Any) -> Callable[..., Any]:
+            given = of if isinstance(of, types.Record) else of.types[0]
+            return own if "line" in given.fields else without
 
-        return called
+        return chosen_by_first(of_value, of_type)
 
     return choose
 
