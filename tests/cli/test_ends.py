@@ -32,7 +32,10 @@ def command(*words):
 
 
 def flying(folder, out, parts):
-    """A mission in a process of its own that has flown so many parts of its way."""
+    """A mission in a process of its own that has flown so many parts of its way.
+
+    It hears Ctrl-C also where the tests do not, as in the background of a shell's script.
+    """
     task = folder / "task.toml"
     task.write_text(MISSION)
     kept = folder / f".{out}-unfinished"
@@ -41,6 +44,7 @@ def flying(folder, out, parts):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     while process.poll() is None and len(list(kept.rglob("part-*.npz"))) < parts:
         time.sleep(0.002)

@@ -127,6 +127,10 @@ def test_growth_and_longest_sleep_are_those_of_the_unstable_mode(psi, creep) -> 
     assert gains.longest == pytest.approx(max(0.6 * e_fold, 20.0), rel=1e-12)
 
 
+def test_a_fifth_of_an_error_is_left_where_nothing_else_is_asked() -> None:
+    assert deadband_gains(K2, T2, PSI, 20.0) == deadband_gains(K2, T2, PSI, 20.0, 0.2)
+
+
 def test_what_does_not_run_away_may_sleep_an_hour() -> None:
     assert deadband_gains(K2, T2, -PSI, 20.0)[2:] == (1.0, 3600.0)
 
@@ -297,6 +301,30 @@ def test_in_the_bands_nothing_moves_and_out_of_one_it_does() -> None:
         assert (wait == S_P) == acts
         assert (abs(u - SLEEPER.depth_voltage * depth) > 0.1) == acts
         assert not acts or (u > 0.0)  # too deep or sinking: lighter
+
+
+@pytest.mark.parametrize("noise", [1e-3, 0.1])
+def test_the_edge_leaves_room_for_growth_and_noise(noise) -> None:
+    """An error that grows in a sleep to the band, less 3 sigma of the sensor, half at most."""
+    p = SLEEPER._replace(depth_noise=noise)
+    edge = p.band / p.growth
+    edge = max(edge - 3.0 * noise, 0.5 * edge)
+    for off, acts in ((0.999 * edge, False), (1.001 * edge, True)):
+        seen = Measurement(0.0, 2.0 + off, PSI * (2.0 + off))
+        _, after, _ = step(p, initial(p, seen, 2.0), seen, 2.0)
+        assert (after.acting > 0.0) == acts
+
+
+def test_it_acts_until_it_rests_well_inside() -> None:
+    """Once out of the band: until it would come to rest in half of it, then one last move."""
+    edge = SLEEPER.band / SLEEPER.growth - 3.0 * SLEEPER.depth_noise
+    for off, acts in ((0.49 * edge, False), (0.51 * edge, True)):
+        seen = Measurement(0.0, 2.0 + off, PSI * (2.0 + off) + 5e-6)
+        state = initial(SLEEPER, seen, 2.0)._replace(acting=1.0)
+        _, after, _ = step(SLEEPER, state, seen, 2.0)
+        assert (after.acting > 0.0) == acts
+        rest = SLEEPER.psi * (2.0 + off) + after.neutral
+        assert (after.volume_reference == pytest.approx(rest, rel=1e-12)) != acts
 
 
 def test_a_motor_that_stalls_is_given_up_until_the_next_decision() -> None:

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 from swimbladder.control.law import Knobs
+from swimbladder.control.motion import off_in
 from swimbladder.control.records import leaf_names, numbers
 from swimbladder.control.registry import LAWS
 from swimbladder.design.tuning.gains import gains, setting_of
@@ -61,3 +63,17 @@ def test_what_is_the_vehicles_stands_in_every_law(name):
     assert "S_p" in shared
     for field in shared:
         assert found[field] == pytest.approx(known[field], rel=1e-9), field
+
+
+def test_the_sleeper_acts_on_a_speed_that_crosses_its_band_in_an_interval():
+    own = gains("deadband", SETTING, KNOBS)
+    assert own.interval == pytest.approx(KNOBS.pause, rel=1e-12)
+    assert own.speed_band == pytest.approx(KNOBS.band / KNOBS.pause, rel=1e-12)
+
+
+def test_a_walk_of_the_neutral_volume_takes_it_off_in_the_time_that_is_said():
+    """Each step of the walk accelerates from then on: (t - s)^2/2 of its way, added in squares."""
+    p, distance, walk = SETTING.plant, 0.03, 2e-8
+    t = off_in(p, distance, walk)
+    share = quad(lambda s: (0.5 * (t - s) ** 2) ** 2, 0.0, t)[0]
+    assert p.a_b * walk * np.sqrt(20.0 * share) == pytest.approx(distance, rel=1e-9)
