@@ -77,3 +77,20 @@ def test_a_walk_of_the_neutral_volume_takes_it_off_in_the_time_that_is_said():
     t = off_in(p, distance, walk)
     share = quad(lambda s: (0.5 * (t - s) ** 2) ** 2, 0.0, t)[0]
     assert p.a_b * walk * np.sqrt(20.0 * share) == pytest.approx(distance, rel=1e-9)
+
+
+def test_the_filter_is_as_fast_as_it_is_asked_to_be():
+    """Kalman and Bucy: speed changed by white noise, without drag and psi: poles of that bandwidth.
+
+    Gains sqrt(2) w on the depth and w^2 on the speed, in continuous time.
+    """
+    h, w = 1e-3, KNOBS.frequency * KNOBS.sharpness
+    plant = SETTING.plant._replace(psi=0.0, d_l=1e-6)
+    own = gains(
+        "observer",
+        SETTING._replace(plant=plant, sample_time=h),
+        KNOBS._replace(learning=1e-6, pause=12.0),
+    )
+    found = dict(zip(leaf_names(type(own)), numbers(own), strict=True))
+    assert found["l_z"] / h == pytest.approx(np.sqrt(2.0) * w, rel=0.01)
+    assert found["l_w"] / h == pytest.approx(w * w, rel=0.01)
