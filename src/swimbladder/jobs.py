@@ -33,11 +33,10 @@ from pydantic import BaseModel
 
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.files import make_folder, source_hash, write_atomically, write_through
+from swimbladder.io.progress import Advance, silent, so_far
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
-Advance = Callable[[float], None]
-"""Takes the share of the work that is done."""
 
 _PACKAGE = Path(__file__).resolve().parent
 _SHOWN = ("cli", "show")  # parts of the package that compute nothing
@@ -258,7 +257,7 @@ class Workers:
         return self.count or os.cpu_count() or 1
 
 
-def run(job: Job, workers: Workers, advance: Callable[[float], None] = lambda _: None) -> bool:
+def run(job: Job, workers: Workers, advance: Advance = silent) -> bool:
     """Do what is not done yet of a job; return whether all of it is done, whoever did it.
 
     advance: called with the share of the job that was done, by these workers or others.
@@ -269,13 +268,10 @@ def run(job: Job, workers: Workers, advance: Callable[[float], None] = lambda _:
     k, n = workers.part
     done = job.done()
     ours = [chunk for chunk in range(k - 1, job.count, n) if chunk not in done]
-    reported = 0
+    done_so_far = so_far(advance)
 
     def report() -> None:
-        nonlocal reported
-        found = len(job.done())
-        advance((found - reported) / job.count)
-        reported = found
+        done_so_far(len(job.done()) / job.count)
 
     report()
     if ours:

@@ -21,6 +21,7 @@ from rich.text import Text
 
 from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.io.answers import json_text
+from swimbladder.io.progress import Advance, silent
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -299,14 +300,14 @@ def emit_json(answer: Mapping[str, Any]) -> None:
 @contextlib.contextmanager
 def progress(
     description: str, total: float | None = None, *, after_s: float = 1.0
-) -> Iterator[Callable[[float], None]]:
+) -> Iterator[Advance]:
     """Show a progress bar on stderr while the block runs, once it has taken `after_s` [s].
 
     Yields ``advance(amount)``. Without a total the bar only says that work goes on; where
     stderr is no terminal nothing is drawn.
     """
     if not console.is_terminal:
-        yield lambda _: None
+        yield silent
         return
     from rich import progress as bars
 
@@ -323,18 +324,6 @@ def progress(
         timer.cancel()
         timer.join()
         bar.stop()
-
-
-def so_far(advance: Callable[[float], None]) -> Callable[[float], None]:
-    """Return what is called with all that is done so far, and lets a bar advance by what is new."""
-    done = 0.0
-
-    def report(amount: float) -> None:
-        nonlocal done
-        advance(amount - done)
-        done = amount
-
-    return report
 
 
 _told: list[bool] = []  # whether it has been said that something is compiled

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, progress, quantity, so_far
+from swimbladder.cli.common import compile_notice, progress, quantity
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given, with_one_unit
 from swimbladder.errors import InputError
@@ -95,15 +95,12 @@ def firmware(
     options, asked = pool.options(), golden.given()
     to.check()
     with progress("loading the simulator"):
-        from swimbladder.codegen.library import DIVE, STEP, make_library, write_library
+        from swimbladder.codegen.library import make_library, write_library
 
-    usual = DIVE if v.command == "volume change" else STEP
-    length = asked.get("duration", usual.duration)
-    ticks = None if v.controller is None else length / v.controller.sample_time
     named = {"setpoints[0].depth": "target"}
-    doing = progress("flying the golden trace", ticks)
+    doing = progress("flying the golden trace", 1.0)
     with golden.said_as_typed(**named), compile_notice(), doing as advance:
-        made = make_library(v, **asked, pool=options, progress=so_far(advance))
+        made = make_library(v, **asked, pool=options, advance=advance)
     to.answer(made.to_json(), write_library(made, to.out), _shown(made))
 
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli import common
 from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass, water_of_cast
 from swimbladder.cli.common import aside, asked_of, compile_notice, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
@@ -291,11 +290,9 @@ def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | Non
     with progress("loading the simulator"):
         from swimbladder.sim.closed_loop import simulate as simulate_closed_loop
 
-    own = vehicle.controller  # where it is none that is said below
-    samples = None if own is None else task.span / own.sample_time
     floats = vehicle.command == "volume change"  # their tables take scipy.interpolate
     blas = contextlib.nullcontext() if floats else _no_search_for_blas()
-    with compile_notice(), progress("simulating", samples) as advance, blas:
+    with compile_notice(), progress("simulating", 1.0) as advance, blas:
         return simulate_closed_loop(
             vehicle,
             setpoints=task.pairs,
@@ -304,7 +301,7 @@ def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | Non
             bottom_depth=task.bottom,
             seed=seed,
             column=column,
-            progress=common.so_far(advance),
+            advance=advance,
         )
 
 

@@ -18,6 +18,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.errors import NoAnswerError
+from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.floats import float_model
@@ -29,7 +30,6 @@ from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Float32s = NDArray[np.float32]
-Progress = Callable[[int], None]
 
 _UP = 2.0 / 3.0  # of a float's golden mission, after which it is to come up
 _LONGER = (
@@ -107,7 +107,7 @@ def fly(
     made: BoardProgram,
     mission: Mission,
     seed: int | None,
-    progress: Progress | None = None,
+    advance: Advance = silent,
 ) -> Golden:
     """Return the golden trace of a depth step from rest under the twin of a board's law.
 
@@ -116,7 +116,7 @@ def fly(
     vehicle does not come through it, or the float does not dive.
     """
     if made.drive is not None:
-        return _fly_on_seconds(vehicle, made, mission, seed, progress)
+        return _fly_on_seconds(vehicle, made, mission, seed, advance)
     board = made.controller(made.twin())
     rows: list[tuple[Any, ...]] = []
 
@@ -132,7 +132,7 @@ def fly(
         "seed": seed,
         "sample_time": made.tick_s,
     }
-    flown = simulate(vehicle, law=every_tick, progress=progress, **given)
+    flown = simulate(vehicle, law=every_tick, advance=advance, **given)
     if not flown.finished:
         way = f"from {mission.start:g} m to {mission.target:g} m"
         ended = f"ended at {flown.time[-1]:g} s: {flown.stop.value}"
@@ -148,22 +148,22 @@ def _fly_on_seconds(
     made: BoardProgram,
     mission: Mission,
     seed: int | None,
-    progress: Progress | None,
+    advance: Advance,
 ) -> Golden:
     n = max(math.ceil(mission.duration / made.tick_s - 1e-9), 1) + 1
     asked = np.where(np.arange(n) < _UP * n, mission.target, 0.0)
     given: dict[str, Any] = {"tick": made.tick_s, "start_depth": mission.start, "asked": asked}
 
-    def flown(law: Law, advance: Progress | None) -> Array:
+    def flown(law: Law, advance: Advance) -> Array:
         board = made.controller(law)
 
         def tick(seen: Measurement, reference: float) -> tuple[float, bool]:
             command = float(board.tick(seen.depth, seen.volume, reference))
             return command, board.state.drive.wide > 0.0
 
-        return fly_float(vehicle, tick, seed=seed, progress=advance, **given)
+        return fly_float(vehicle, tick, seed=seed, advance=advance, **given)
 
-    rows, double = flown(made.twin(), progress), flown(made.law, None)
+    rows, double = flown(made.twin(), advance), flown(made.law, silent)
     if not rows[:, 0].max() > made.parameters.surface.shallow:
         waited = f"has not dived after {_UP * len(asked) * made.tick_s:.4g} s"
         raise NoAnswerError(
@@ -182,7 +182,7 @@ def fly_float(
     start_depth: float,
     asked: Array,
     seed: int | None = None,
-    progress: Progress | None = None,
+    advance: Advance = silent,
 ) -> Array:
     """Return what a float does tick by tick [n, 4]: depth, measured depth, volume [m3], seconds.
 
@@ -220,7 +220,7 @@ def fly_float(
         recorded=True,
         stepper=stepper,
     )
-    run_function(block, commanded, progress)
+    run_function(block, commanded, advance)
     if block.work[Row.STOPPED, 0] != 0.0:
         at = block.work[Row.STOP_TICK, 0] * tick
         where = f"at {at:g} s, at {block.work[Row.Z, 0]:.4g} m"

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -25,6 +25,7 @@ from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
+from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
@@ -78,7 +79,7 @@ def make_library(
     duration: float | None = None,
     seed: int | None = 1,
     pool: PoolOptions | None = None,
-    progress: Callable[[int], None] | None = None,
+    advance: Advance = silent,
 ) -> Library:
     """Return the library of a vehicle's controller; the golden mission is a depth step.
 
@@ -109,7 +110,7 @@ def make_library(
     drive = made.drive
     if floats:
         _check_dive(mission, made.parameters.surface.shallow)
-    golden = fly(vehicle, made, mission, seed, progress)
+    golden = fly(vehicle, made, mission, seed, advance)
     day = None if pool is None else plan_pool_day(vehicle, pool, made.supervisor, seed=seed)
     facts = made.facts | {
         "start": mission.start,

@@ -24,6 +24,7 @@ from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Vehicle
@@ -98,7 +99,7 @@ def rehearse(
     pool_depth: float,
     seed: int | None,
     fly: Callable[[Watched, bool], float] | None = None,
-    progress: Callable[[int], None] | None = None,
+    advance: Advance = silent,
 ) -> Rehearsal:
     """Return a pool day of a vehicle under a twin: from afloat, through all rounds, and up again.
 
@@ -131,7 +132,7 @@ def rehearse(
         start_depth=p.z_surface,
         start_volume=beside.limits.volume.volume_high,
         bottom_depth=pool_depth,
-        progress=progress,
+        advance=advance,
         checked=False,
     )
     kinds = ("f4", "f4", "?", "f4", "i1")
@@ -222,7 +223,7 @@ def plan_pool_day(
     limits: SupervisorParameters,
     *,
     seed: int | None,
-    progress: Callable[[int], None] | None = None,
+    advance: Advance = silent,
 ) -> PoolDay:
     """Return a pool day that a vehicle comes through, flown by the float32 twin.
 
@@ -230,7 +231,7 @@ def plan_pool_day(
     """
     parameters, depth = board_procedure(vehicle, options, limits), options.depth
     board = float32_twin(parameters, limits)
-    flown = rehearse(vehicle, board, pool_depth=depth, seed=seed, progress=progress)
+    flown = rehearse(vehicle, board, pool_depth=depth, seed=seed, advance=advance)
     own = _own_loop(vehicle, limits.S_p) is not None
     return PoolDay(options, parameters, own, plant(vehicle).V_0, flown)
 

@@ -12,7 +12,7 @@ drawn from the uncertainty, to see for how many the stroke is enough.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import as_json
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import (
     PsiTerms,
@@ -483,7 +484,7 @@ def ballast(
     draws: int = _DRAWS,
     seed: int = 0,
     assumptions: Sequence[str] = (),
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance = silent,
 ) -> Ballasting:
     """Return what to add to a vehicle for a target, and whether its stroke does in every column.
 

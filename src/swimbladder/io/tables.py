@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import datetime
 import io
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swimbladder.io.files import write_through
+from swimbladder.io.progress import Advance, silent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -70,7 +71,7 @@ def write_csv(
     path: str | Path,
     columns: Mapping[str, ArrayLike],
     *,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> Path:
     """Write columns of equal length under their names; return the path.
 
@@ -91,7 +92,6 @@ def write_csv(
                 chunk = [map(repr, values[start : start + _CHUNK].tolist()) for values in series]
                 rows = [",".join(row) for row in zip(*chunk, strict=True)]
                 file.write("\n".join(rows) + "\n")
-                if advance is not None:
-                    advance(float(len(rows)))
+                advance(float(len(rows)))
 
     return write_through(path, write)

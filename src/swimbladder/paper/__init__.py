@@ -5,13 +5,13 @@
 together, `files` has its curves. The texts stand in TOML files beside the modules.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from swimbladder.errors import InputError
 from swimbladder.io.answers import plain
 from swimbladder.io.files import check_place
+from swimbladder.io.progress import Advance, silent
 from swimbladder.paper.equations_actuator import actuator_checks
 from swimbladder.paper.equations_motion import motion_checks
 from swimbladder.paper.evidence import STAGES, gather
@@ -25,9 +25,7 @@ __all__ = ["AMOUNT", "reproduce"]
 AMOUNT = STAGES + len(FIGURES) + 3  # what `advance` adds up to
 
 
-def reproduce(
-    out: str | Path, *, seed: int = 2023, advance: Callable[[float], None] = lambda _: None
-) -> dict[str, Any]:
+def reproduce(out: str | Path, *, seed: int = 2023, advance: Advance = silent) -> dict[str, Any]:
     """Write the report into the folder `out` and return its numbers as results.json has them.
 
     seed: of the sensors' noise in the pool; the same seed gives the same report. advance: called

@@ -1,6 +1,5 @@
 """Everything that the report rests on, simulated and fitted once."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -10,6 +9,7 @@ import numpy as np
 from swimbladder.design.analysis import analyse
 from swimbladder.design.linear import Analysis
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.progress import Advance, silent
 from swimbladder.paper import actuation
 from swimbladder.paper.actuation import CLEARANCE, POOL_DEPTH, TRAVELS, Identified, Pulse
 from swimbladder.sim import pool
@@ -101,7 +101,7 @@ class Evidence:
         return average(self.speed_fits), average(self.depth_fits)
 
 
-def gather(seed: int, advance: Callable[[float], None] = lambda _: None) -> Evidence:
+def gather(seed: int, advance: Advance = silent) -> Evidence:
     """Simulate and fit everything; `advance` is called for each of the STAGES.
 
     seed: of the pool's sensor noise. Raises NoAnswerError where the pool procedure does not end.

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from swimbladder import __version__
 from swimbladder.io.answers import as_json, attributes
+from swimbladder.io.progress import Advance
 from swimbladder.paper.actuation import CLEARANCE, POOL_DEPTH
 from swimbladder.paper.evidence import SENSORS, Evidence
 from swimbladder.paper.tables import tables
@@ -63,7 +64,7 @@ class Judged:
         )
 
 
-def draw(e: Evidence, advance: Callable[[float], None]) -> dict[str, Figure]:
+def draw(e: Evidence, advance: Advance) -> dict[str, Figure]:
     """Return every figure by its name; `advance` is called for each."""
     figures = {}
     for name, drawn in FIGURES.items():

@@ -1,6 +1,6 @@
 """What a result is written as: texts, tables, numbers and pictures, in a folder that is whole."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,19 +8,13 @@ from matplotlib.figure import Figure
 
 from swimbladder.io.answers import json_text
 from swimbladder.io.files import make_folder, publish, write_atomically
+from swimbladder.io.progress import Advance, silent
 from swimbladder.io.tables import write_csv
 from swimbladder.show.plots.style import save
 
-AdvanceBy = Callable[[float], None]
-"""Is called with the share of the work done since its last call."""
-
-
-def unsaid(_: float) -> None:
-    """Take no notice of the work done."""
-
 
 def write_all(
-    out: Path, contents: Mapping[str, object], *, advance: AdvanceBy = unsaid
+    out: Path, contents: Mapping[str, object], *, advance: Advance = silent
 ) -> list[Path]:
     """Write files into the folder `out`, all of them or none, and return their paths.
 

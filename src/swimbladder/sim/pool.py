@@ -23,6 +23,7 @@ from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import Does, PoolParameters, PoolState, procedure_for
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import Solution, drive, simulate
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
@@ -140,7 +141,7 @@ def pool_test(
     seed: int,
     pool_depth: float = 4.5,
     clearance: float = 0.75,
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance = silent,
 ) -> tuple[PoolRun, ...]:
     """Return one run, two experiments, for each change of volume [m3]; `advance` counts runs done.
 

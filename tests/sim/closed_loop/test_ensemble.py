@@ -245,15 +245,15 @@ def test_what_is_refused(field: str, says: str, given: dict[str, Any]) -> None:
     assert caught.value.field == field
 
 
-def test_progress_counts_lanes() -> None:
-    told: list[int] = []
+def test_the_shares_of_its_progress_make_the_whole() -> None:
+    shares: list[float] = []
     simulate_ensemble(
         paper(),
         count=N,
         start_depth=2.0,
         setpoints=[(0.0, 2.0)],
         duration=3.0,
-        progress=told.append,
+        advance=shares.append,
     )
-    assert told == sorted(told)
-    assert told[-1] == N
+    assert min(shares) > 0.0
+    assert sum(shares) == pytest.approx(1.0, rel=1e-12)

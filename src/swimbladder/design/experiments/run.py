@@ -1,7 +1,7 @@
 """From a vehicle and a pool to the experiments to run."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from threadpoolctl import threadpool_limits
@@ -30,6 +30,7 @@ from swimbladder.estimation.motion.problem import (
     default_names,
     model_of,
 )
+from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.pool import pool_parameters, run_procedure
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
@@ -70,7 +71,7 @@ def design_experiment(
     criterion: str = "largest",
     uncertainty: float | None = None,
     against: Sequence[float] | None = None,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> Design:
     """Return the most informative experiments on a vehicle's motion in a pool time.
 
@@ -89,7 +90,6 @@ def design_experiment(
     Raises InputError where vehicle, pool and time leave nothing to do. What the experiments will
     not identify is among the findings.
     """
-    report = advance or (lambda _: None)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         model = model_of(vehicle, law=drag, bottom_depth=math.inf)
         held, known = dict(fixed or {}), dict(priors or {})
@@ -113,7 +113,7 @@ def design_experiment(
             moves=moves,
         )
         _check(s, sensor_std)
-        report(0.05)
+        advance(0.05)
         limits = ramps(vehicle, s)
         if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
             what = "it must be between 0 and 100 %"
@@ -125,16 +125,16 @@ def design_experiment(
         finder = Search(conditions=c, vehicles=others, judge=judged)
         rival = _rival(vehicle, against, limits, s)
         budget = time or (sum(finder.of(r).cost for r in rival) if rival else _TIME)
-        chosen = search(finder, budget, releases or _UNLIMITED, lambda part: report(0.75 * part))
+        chosen = search(finder, budget, releases or _UNLIMITED, lambda part: advance(0.75 * part))
         ours = evaluate(chosen, c, others)
-        report(0.07)
+        advance(0.07)
         theirs = evaluate(rival, c, others) if rival else None
-        report(0.07)
+        advance(0.07)
         ends = sizes(c)
         end = min(limits.most, -limits.least, _LARGER * ends[-1])
         buys = curve(c, (ends[0], end), budget)
         stretched = deeper(chosen, c, _DEEPER)
-        report(0.06)
+        advance(0.06)
     return Design(
         vehicle=vehicle,
         conditions=c,

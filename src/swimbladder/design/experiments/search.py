@@ -26,6 +26,7 @@ from swimbladder.design.experiments.conditions import (
 )
 from swimbladder.errors import InputError
 from swimbladder.io.plan import Move
+from swimbladder.io.progress import Advance
 
 _SIZES = 7
 _SECOND = (1.0, 0.5, 0.0)  # of the first volume, with the other sign; 0: coasting
@@ -316,7 +317,7 @@ class Search:
         return _Tabulated(gain, np.array(drift), c.setting.settling + time, complete)
 
 
-def search(s: Search, budget: float, most: int, advance: Callable[[float], None]) -> list[Release]:
+def search(s: Search, budget: float, most: int, advance: Advance) -> list[Release]:
     """Return the releases to run, in order, within a pool time [s] and a number of releases.
 
     advance: called with the share of the work done since last called. Raises InputError where the

@@ -23,7 +23,8 @@ from swimbladder.design.tuning.gains import refused_depths
 from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import NoAnswerError, SwimbladderError
 from swimbladder.io.config import load_vehicle
-from swimbladder.jobs import Advance, Store
+from swimbladder.io.progress import Advance
+from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import body_plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of

@@ -10,7 +10,7 @@ import math
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import product
@@ -29,6 +29,7 @@ from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.trial import Drawn, Trial, summarise
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import as_json
+from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
@@ -259,7 +260,7 @@ def compare_laws(
     tune_for: Sequence[str] = GOALS,
     parts: Path | None = None,
     column: Column | None = None,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> LawComparison:
     """Return every law on the same scenarios, each tuned fast and tuned quiet for this vehicle.
 
@@ -273,7 +274,6 @@ def compare_laws(
 
     Raises InputError for what cannot be; NoAnswerError where no controller is left to fly.
     """
-    tell = advance or (lambda _: None)
     if runs < _FEWEST:
         remedy = f"Give {_FEWEST} or more"
         raise InputError("too few runs", field="--runs", value=runs, remedy=remedy)
@@ -298,7 +298,7 @@ def compare_laws(
         bounding = aside.submit(_bounds, vehicle, placed, store)
         share = _TUNING / max(len(jobs), 1)
         for name, goal in jobs:
-            found = contenders.tuned(vehicle, name, goal, how, store, lambda x: tell(share * x))
+            found = contenders.tuned(vehicle, name, goal, how, store, lambda x: advance(share * x))
             if isinstance(found, str):
                 left_out[f"{name}, {goal}"] = found
             else:
@@ -308,7 +308,7 @@ def compare_laws(
             raise NoAnswerError(f"there is no controller to compare. {why}")
         flying = _FLYING if jobs else _FLYING + _TUNING
         drawn = Drawn(runs, around, column=column, seed=seed)
-        rows = _fly_all(vehicle, everyone, placed, drawn, store, lambda x: tell(x * flying))
+        rows = _fly_all(vehicle, everyone, placed, drawn, store, lambda x: advance(x * flying))
         bounds, missing = bounding.result()
     return LawComparison(
         vehicle=vehicle,
@@ -360,7 +360,7 @@ def _fly_all(
     placed: Sequence[Placed],
     drawn: Drawn,
     store: Store,
-    advance: Callable[[float], None],
+    advance: Advance,
 ) -> list[Row]:
     """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
 

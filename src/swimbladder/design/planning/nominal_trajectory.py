@@ -23,6 +23,7 @@ from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.linear_program import Answer, Flags, Goal, Near, scale_of, solve
 from swimbladder.design.planning.task import STATES, Limits, Steps, Task, steps_along, task_of
 from swimbladder.errors import NoAnswerError
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant
 from swimbladder.vehicle import Vehicle
 
@@ -243,11 +244,8 @@ def least_time(
         return search_least(task, rest=rest).least
 
 
-def search_least(
-    task: Task, *, rest: bool, advance: Callable[[float], None] | None = None
-) -> Found:
+def search_least(task: Task, *, rest: bool, advance: Advance = silent) -> Found:
     """Return the least time and the course that takes it, by bisection; advance: as in `plan`."""
-    report = advance or (lambda _: None)
     nominal = resting(1)
 
     def slack(n: int, end: int, relaxed: str, agree: float) -> Answer:
@@ -255,7 +253,7 @@ def search_least(
         goal = Goal(near=n if relaxed == "near" else None, rest=end, relaxed=relaxed)
 
         def program(steps: Steps, near: Near) -> Answer | None:
-            report(1.0)
+            advance(1.0)
             return solve(task, steps, goal, near)
 
         answer, settled = settle(task, program, stretched(nominal, end), agree=agree)

@@ -1,7 +1,6 @@
 """`plan`: a step of depth in the least time, with the least volume moved or the least energy."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Unpack
 
@@ -24,6 +23,7 @@ from swimbladder.design.planning.nominal_trajectory import (
 from swimbladder.design.planning.task import Limits, Steps, Task, task_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.buoyancy_engine import winding as winding_of
 from swimbladder.sim.closed_loop import drive
 from swimbladder.units import length, rounded
@@ -145,7 +145,7 @@ def plan(
     goal: str = "time",
     arrive: str | None = None,
     duration: float | None = None,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
     **limits: Unpack[Limits],
 ) -> Plan:
     """Return the best motion from rest at `start` to rest at `target` [m].
@@ -171,7 +171,7 @@ def plan(
             if duration is not None:
                 end = max(math.floor(duration / task.sample_time + 1e-9), 1)
         linear = None if goal == "energy" else Goal(near=near, rest=end)
-        answer = _best(task, linear, stretched(nominal, end), advance or (lambda _: None))
+        answer = _best(task, linear, stretched(nominal, end), advance)
         if answer is None:
             raise _impossible(task, end, least, nominal)
     found = _plan_of(task, goal, arrive, answer, least, near if near is not None else end)
@@ -216,7 +216,7 @@ def _check(goal: str, arrive: str | None, duration: float | None) -> str:
 
 
 def _best(
-    task: Task, goal: Goal | None, begin: NominalTrajectory, advance: Callable[[float], None]
+    task: Task, goal: Goal | None, begin: NominalTrajectory, advance: Advance
 ) -> Answer | None:
     """Return the best answer for a linear goal, or of least energy to the end of a course."""
 

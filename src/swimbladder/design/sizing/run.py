@@ -24,6 +24,7 @@ from swimbladder.design.sizing.evaluation import REQUIREMENTS, Evaluation, evalu
 from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import as_json
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.hull import weight_mass
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column, uniform_column
@@ -114,7 +115,7 @@ def size(
     longest_travel: float = 0.6,
     largest_mass: float = math.inf,
     sweeps: bool = True,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> Sizing:
     """Return the drive and battery that do a dive with the least `least`, of all that parts make.
 
@@ -142,8 +143,7 @@ def size(
         return asked, evaluate(batch, asked, body.water, (longest_travel, *room))
 
     asked, evaluation = solve(dive)
-    report = advance or (lambda _: None)
-    report(1.0)
+    advance(1.0)
     score = _score(evaluation, least)
     if not np.any(evaluation.feasible):
         raise _none(batch, evaluation, dive)
@@ -151,7 +151,7 @@ def size(
     deepest, swept = math.inf if column is None else column.deepest, []
     for what in _SWEPT if sweeps else ():
         swept.append(_sweep(what, _dives(dive, what, deepest), solve, batch, least))
-        report(1.0)
+        advance(1.0)
     return Sizing(
         body=body,
         column=water(dive),

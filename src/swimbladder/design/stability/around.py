@@ -29,7 +29,7 @@ from swimbladder.design.linear.sampled import BoundLaw, Mode, SampledLoop, loop_
 from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.region import Member, member, unknowns, with_middle
 from swimbladder.io.answers import as_json, plain
-from swimbladder.jobs import Advance
+from swimbladder.io.progress import Advance
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle

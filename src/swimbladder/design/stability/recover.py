@@ -43,8 +43,9 @@ from swimbladder.design.linear.depths import neutral_end
 from swimbladder.design.linear.pump_valve import moved_by_volume
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.trial import arrivals, fly
+from swimbladder.io.progress import Advance, silent
 from swimbladder.io.tables import rows_csv
-from swimbladder.jobs import Advance, Store
+from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import Plant, acceleration, plant
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
@@ -249,7 +250,7 @@ class Recovery:
 
 
 def recovery_maps(
-    recovery: Recovery, depths: tuple[float, float], cells: int, advance: Advance = lambda _: None
+    recovery: Recovery, depths: tuple[float, float], cells: int, advance: Advance = silent
 ) -> tuple[Map, ...]:
     """Return the map of steps, and at three depths that of depth errors and speeds.
 

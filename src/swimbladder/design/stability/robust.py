@@ -22,7 +22,8 @@ from swimbladder.design.linear.sampled import BoundLaw, loop_of
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import Drawn, Step, measure, traces
-from swimbladder.jobs import Advance, Store
+from swimbladder.io.progress import Advance
+from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
 

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, usual_step
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
+from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.outside import source_of
@@ -262,7 +263,7 @@ def stability(
     laws: Sequence[str] = (),
     draws: int = 200,
     keep: Path | None = None,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> Stability:
     """Return what is stable of a vehicle under its controller.
 
@@ -299,7 +300,6 @@ def stability(
         )
     within = _within(law, numbers, depths) if within is None else within
     assert vehicle.controller is not None  # own_law
-    tell = advance or (lambda _: None)
     h = vehicle.controller.sample_time
     bound = BoundLaw(law, numbers, h if law.ways is None else math.nan)
     low, high = depths
@@ -317,7 +317,7 @@ def stability(
         else:
             small = bound.without_rest
             around = look_around(
-                vehicle, small, three, delay=delay * h, advance=lambda x: tell(0.1 * x)
+                vehicle, small, three, delay=delay * h, advance=lambda x: advance(0.1 * x)
             )
             if around is None or not around.stable:
                 unmet.append(_NOT_LINEAR)
@@ -325,11 +325,11 @@ def stability(
                 unmet.append(_RATE_LIMIT)
             else:
                 cycles = _cycles(vehicle, bound, at, voltage_quantum)
-        tell(0.2)
+        advance(0.2)
         found: tuple[Map, ...] = ()
         if maps:
             recovery = Recovery(vehicle, bound, within, band, parts)
-            found = recovery_maps(recovery, depths, cells, lambda x: tell(0.4 * x))
+            found = recovery_maps(recovery, depths, cells, lambda x: advance(0.4 * x))
         stood: list[Stood] = []
         if with_robustness:
             start, target = usual_step(max(low, vehicle.hull.emergence_depth), high)
@@ -339,7 +339,7 @@ def stability(
             share = 0.3 / len(chosen)
             for one in chosen:
                 drawn = Drawn(draws, region(vehicle))
-                stood += robustness(vehicle, one, step, drawn, parts, lambda x: tell(share * x))
+                stood += robustness(vehicle, one, step, drawn, parts, lambda x: advance(share * x))
     return Stability(
         vehicle=vehicle.name,
         law=law.name,

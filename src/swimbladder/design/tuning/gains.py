@@ -13,7 +13,7 @@ margins, and the first few of these are tried, with few runs while they are comp
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, NamedTuple
@@ -28,6 +28,7 @@ from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.region import Member, Region, neutral_walk
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, trial
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.progress import Advance
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
@@ -263,7 +264,7 @@ class Search:
     setting: Setting
     asked: Goal
     delay: float  # s, from sample to command
-    report: Callable[[float], None]
+    report: Advance
     near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
 
     def found(self) -> Found:

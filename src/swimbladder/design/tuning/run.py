@@ -4,7 +4,6 @@
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +22,7 @@ from swimbladder.design.tuning.margins import MARGINS, loops, margin_words
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import as_json
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.buoyancy_engine import known_winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
@@ -202,7 +202,7 @@ def tune(
     hold: float | None = None,
     runs: int = 200,
     column: Column | None = None,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> Tuning:
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
 
@@ -270,8 +270,7 @@ def tune(
     watched = trial.Step(*ends, long)
     drawn = trial.Drawn(runs, around, least, column)
     asked = gains.Goal(goal, held, judged, watched, drawn)
-    report = advance or (lambda _: None)
-    search = gains.Search(chosen, vehicle, setting, asked, delay * h, report)
+    search = gains.Search(chosen, vehicle, setting, asked, delay * h, advance)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         found = search.found()
     controller = controller_of(chosen, found.parameters, sample_time=h)

@@ -1,7 +1,7 @@
 """The identification of an actuator from logs of its voltage steps, or of its moves."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
@@ -29,6 +29,7 @@ from swimbladder.estimation.actuator.voltage import (
 )
 from swimbladder.estimation.estimates import Estimate, Finding, Severity, check_names, sentence
 from swimbladder.io.logs import Log
+from swimbladder.io.progress import Advance, silent
 from swimbladder.vehicle import Positioner, Vehicle
 
 _WIDE = 1.5  # times, by which an interval is wider
@@ -102,7 +103,7 @@ def identify_actuator(
     *,
     fixed: Mapping[str, float] | None = None,
     asked: Sequence[str] | None = None,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> ActuatorIdentification:
     """Return what the logs of one actuator identify, eqs (21)-(24).
 
@@ -129,9 +130,10 @@ def identify_actuator(
         if vehicle is not None and isinstance(vehicle.actuator, Positioner):
             asked = ("rate",)
         asked = tuple(name for name in asked if name not in fixed)
-    report = advance or (lambda _: None)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        found = _voltage(benches, fixed, report) if driven == "voltage" else _moves(benches, report)
+        found = (
+            _voltage(benches, fixed, advance) if driven == "voltage" else _moves(benches, advance)
+        )
     missing = [(n, found.parameters[n].why) for n in asked if not found.parameters[n].known]
     refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
     one, covariance = benches[0], found.covariance
@@ -185,9 +187,7 @@ def _one_kind(benches: Sequence[Bench]) -> Driven:
 _WHAT = {"voltage": "a voltage", "reference": "what was asked for", "nothing": "nothing else"}
 
 
-def _voltage(
-    benches: Sequence[Bench], fixed: Mapping[str, float], advance: Callable[[float], None]
-) -> _Found:
+def _voltage(benches: Sequence[Bench], fixed: Mapping[str, float], advance: Advance) -> _Found:
     unit = benches[0].unit
     share = 1.0 / (len(benches) + 1)
     fit = fit_voltage(benches, fixed)
@@ -219,7 +219,7 @@ def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
     return LogFit(one.source, from_voltage(fit, fixed, one.unit))
 
 
-def _moves(benches: Sequence[Bench], advance: Callable[[float], None]) -> _Found:
+def _moves(benches: Sequence[Bench], advance: Advance) -> _Found:
     fits: list[MovesFit] = []
     for one in benches:
         fits.append(fit_moves(one))

@@ -13,7 +13,7 @@ differ: by the water (a tank that is warm at the top makes psi smaller), by what
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -26,6 +26,7 @@ from swimbladder.estimation.kalman.depth_filter import Bank, Member, Noise, Star
 from swimbladder.estimation.series import Array, Index, rms
 from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle
@@ -245,7 +246,7 @@ def predict_ahead(
     bottom_depth: float = np.inf,
     surface_margin: float = 0.1,
     column: Column | None = None,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> Ahead:
     """Return how well the vehicle's model predicts the log's depths over each horizon [s].
 
@@ -255,7 +256,6 @@ def predict_ahead(
     cast. advance: called with the share of the work done since it was last called.
     Raises LogError or InputError where log, vehicle and horizons do not go together.
     """
-    report = advance or (lambda _: None)
     if not horizons or not min(horizons) > 0.0 or len(set(horizons)) < len(horizons):
         what = "these are no times ahead"
         remedy = 'Give one or several, above 0 and different, as "10 s,60 s"'
@@ -273,13 +273,13 @@ def predict_ahead(
     spread, origins = unknowns(vehicle, tuning or Tuning())
     samples, members = rec.samples, draw(spread, vehicle, rec)
     bank = filter_bank(samples, members)
-    report(0.1)
+    advance(0.1)
     free = filter_bank(samples, [_integrator(member) for member in members])
-    report(0.1)
+    advance(0.1)
     found = []
     for seconds, (origin, target) in zip(horizons, pairs, strict=True):
         found.append(_horizon(rec, bank, free, seconds, origin, target))
-        report(0.8 / len(horizons))
+        advance(0.8 / len(horizons))
     last = [float(values[-1]) for values in _noise(bank)]
     return Ahead(
         source=log.source,

@@ -8,7 +8,7 @@ that each start from what was measured.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -22,6 +22,7 @@ from swimbladder.estimation.estimates import bounded_fit, check_names
 from swimbladder.estimation.series import Array, Mask, rms
 from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import Solution, drive, simulate
@@ -270,7 +271,7 @@ def adjust(
     vehicle: Vehicle,
     rec: Record,
     names: Sequence[str],
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance = silent,
 ) -> Outcome:
     """Fit `names` by least squares on the depths compared, best of several ways there.
 
@@ -501,7 +502,7 @@ def compare(
     surface_margin: float = 0.1,
     submerged: bool = False,
     column: Column | None = None,
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> Comparison:
     """Drive the vehicle with what the log recorded, and compare depths.
 
@@ -525,7 +526,7 @@ def compare(
         column=column,
     )
     names = default_names(rec) if fit is None else tuple(fit)
-    outcome = adjust(vehicle, rec, names, advance or (lambda _: None))
+    outcome = adjust(vehicle, rec, names, advance)
     predicted, volume, solution = run(outcome.vehicle, rec, outcome.start)
     of = f"after the first sample, of {rec.duration:.4g} s"
     finite = np.isfinite(predicted)

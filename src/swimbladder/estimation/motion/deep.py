@@ -12,7 +12,7 @@ place there.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -44,6 +44,7 @@ from swimbladder.estimation.motion.deep_model import (
 from swimbladder.estimation.series import Array, rms
 from swimbladder.io.answers import as_json
 from swimbladder.io.float_log import FloatLog
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.hull import weighing
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import (
@@ -387,7 +388,7 @@ def identify_deep(
     free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance = silent,
 ) -> DeepIdentification:
     """Return drag, hull, pump and valve as identified from deep dives.
 

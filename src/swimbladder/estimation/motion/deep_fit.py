@@ -26,7 +26,7 @@ likelihood is tempered by it.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -49,6 +49,7 @@ from swimbladder.estimation.motion.deep_model import (
     filtered,
 )
 from swimbladder.estimation.series import Array, Index
+from swimbladder.io.progress import Advance, silent
 
 
 class DiveScore(NamedTuple):
@@ -245,7 +246,7 @@ def fit_deep(
     *,
     free: Sequence[str],
     fixed: Mapping[str, float] | None = None,
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance = silent,
 ) -> DeepFit:
     """Return the parameters `free` and each dive's start; the rest are `fixed` or as their priors.
 
@@ -401,7 +402,7 @@ class _Problem:
         return _Slopes(here, S, gradient, information, starts, scores)
 
 
-def _searched(problem: _Problem, advance: Callable[[float], None]) -> tuple[Array, _Slopes]:
+def _searched(problem: _Problem, advance: Advance) -> tuple[Array, _Slopes]:
     """Return the x of least cost, and the likelihood there along the parameters."""
     count = len(problem.names)
     x = np.append(_guess(problem), np.zeros(len(NOISES)))
@@ -416,7 +417,7 @@ def _searched(problem: _Problem, advance: Callable[[float], None]) -> tuple[Arra
     return x, found
 
 
-def _alone(problem: _Problem, advance: Callable[[float], None], part: float) -> Single:
+def _alone(problem: _Problem, advance: Advance, part: float) -> Single:
     """Return the estimates from one dive alone; `part` of the work."""
     x, found = _searched(problem, lambda share: advance(part * share))
     return Single(x[: len(problem.names)], found.scores[0].information)

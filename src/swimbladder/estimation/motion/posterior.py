@@ -5,7 +5,6 @@ where the depths are linear in it, so that the sampler moves in the few dimensio
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +14,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.series import Array
+from swimbladder.io.progress import Advance, silent
 
 _WALKERS = 24
 _BURN = 6  # autocorrelation times that are thrown away
@@ -53,7 +53,7 @@ def sample(
     problem: Problem,
     fit: Fit,
     seed: int,
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance = silent,
     *,
     steps: int = _STEPS,
     walkers: int = _WALKERS,

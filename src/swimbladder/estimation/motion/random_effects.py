@@ -9,7 +9,7 @@ Stat. Soc. B 39, 1977).
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from swimbladder.estimation.comparison.ahead import Normal, Tuning, Unknowns, dr
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.kalman.depth_filter import log_likelihood
 from swimbladder.estimation.series import Array
+from swimbladder.io.progress import Advance, silent
 from swimbladder.vehicle import Between, Identified, IdentifiedMotion, Motion, Vehicle
 
 FEWEST = 4  # logs
@@ -34,7 +35,7 @@ _WIDE_NOISE = {"depth_noise": 0.3, "random_walk": 1.5, "acceleration_noise": 1.0
 
 
 def between_logs(
-    records: Sequence[Record], vehicle: Vehicle, *, advance: Callable[[float], None] | None = None
+    records: Sequence[Record], vehicle: Vehicle, *, advance: Advance = silent
 ) -> Vehicle:
     """Return the vehicle with the means over the logs, and how these differ, in its [identified].
 
@@ -55,8 +56,7 @@ def between_logs(
     likelihood = np.empty((len(records), _COUNT))
     for i, record in enumerate(records):
         likelihood[i] = _likelihoods(record, vehicle, wide)
-        if advance is not None:
-            advance(1.0 / len(records))
+        advance(1.0 / len(records))
     mean, std = _spread(place, likelihood)
     return _with(vehicle, wide, mean, std, len(records))
 

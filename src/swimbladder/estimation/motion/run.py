@@ -41,6 +41,7 @@ from swimbladder.estimation.motion.result import (
 )
 from swimbladder.estimation.series import Array
 from swimbladder.io.logs import Log
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.seawater import Column
 from swimbladder.units import format_quantity, shown_unit
 from swimbladder.vehicle import Vehicle
@@ -261,7 +262,7 @@ def identify(
     random_walk: bool = False,
     posterior: int | None = None,
     columns: Sequence[Column] = (),
-    advance: Callable[[float], None] | None = None,
+    advance: Advance = silent,
 ) -> Identification:
     """Return the parameters that make the vehicle's model meet all logs together, with intervals.
 
@@ -279,7 +280,6 @@ def identify(
     Raises InputError where logs, names and vehicle do not go together. What is not identifiable
     is among the findings, and Identification.vehicle raises NoAnswerError then.
     """
-    report = advance or (lambda _: None)
     check_logs(logs, neutral_std, speed_std, drive)
     waters = water_of_each(len(logs), columns)
     read = partial(
@@ -292,15 +292,15 @@ def identify(
     check_motion(records)
     assumed = Assumed(dict(fixed or {}), dict(priors or {}), neutral_std, speed_std)
     problem = posed(records, vehicle, assumed, free=free, drag=drag)
-    report(0.05)
+    advance(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         share = 0.3 if random_walk or posterior is not None else 1.0
         asked = Asked(profiles and not random_walk, choices and not random_walk, posterior)
-        found = _answer(problem, vehicle, asked, lambda part: report(share * part))
+        found = _answer(problem, vehicle, asked, lambda part: advance(share * part))
         if not random_walk:
             return found
         walked = fit_random_walk(problem, vehicle)
-        report(0.6)
+        advance(0.6)
         return with_random_walk(found, walked, vehicle, problem)
 
 
@@ -312,9 +312,7 @@ class Asked(NamedTuple):
     posterior: int | None  # seed of draws
 
 
-def _answer(
-    problem: Problem, vehicle: Vehicle, asked: Asked, report: Callable[[float], None]
-) -> Identification:
+def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -> Identification:
     names, model = problem.names, problem.model
     found = solve(problem)
     report(0.35 if asked.choices or asked.profiles else 0.95)

@@ -8,8 +8,9 @@ from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.model import shown_unit
 from swimbladder.estimation.actuator.result import Known, Step
 from swimbladder.io.config import file_text
+from swimbladder.io.progress import Advance
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import AdvanceBy, write_all
+from swimbladder.show.files import write_all
 from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
 from swimbladder.show.plots.style import png
 from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, words
@@ -26,7 +27,7 @@ _DRIVEN = {
 
 
 def write_actuator(
-    found: ActuatorIdentification, out: Path, run: Run, *, picture: bool, advance: AdvanceBy
+    found: ActuatorIdentification, out: Path, run: Run, *, picture: bool, advance: Advance
 ) -> tuple[list[Path], str]:
     """Write page and steps into the folder `out`; return the paths, and why there is no vehicle.
 
@@ -51,7 +52,7 @@ def write_actuator(
     return files, why
 
 
-def _page(found: ActuatorIdentification, files: list[str], run: Run, advance: AdvanceBy) -> str:
+def _page(found: ActuatorIdentification, files: list[str], run: Run, advance: Advance) -> str:
     """Return the report as HTML that needs nothing but itself."""
     share = 1.0 / (len(found.logs) + 1)
     scale, unit = (1e3, "mm") if found.quantity == "piston" else (1e6, "cm³")

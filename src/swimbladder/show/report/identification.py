@@ -17,8 +17,9 @@ from swimbladder.errors import InputError
 from swimbladder.estimation.motion import NAMES, Choice, Estimate, Identification
 from swimbladder.estimation.motion.paper_method import PaperFits
 from swimbladder.io.config import file_text
+from swimbladder.io.progress import Advance, silent
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import AdvanceBy, unsaid, write_all
+from swimbladder.show.files import write_all
 from swimbladder.show.plots import identify as plots
 from swimbladder.show.plots.identify import labels
 from swimbladder.show.plots.style import png
@@ -148,7 +149,7 @@ def write_identification(
     out: Path,
     run: Run,
     answer: Mapping[str, Any],
-    advance: AdvanceBy = unsaid,
+    advance: Advance = silent,
 ) -> list[Path]:
     """Write everything into the folder `out` and return the paths.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaf_names
+from swimbladder.io.progress import Advance, silent, so_far
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.lane import Lanes, Like
 from swimbladder.sim.closed_loop.lanes import Schedule, measure_block, start_block
@@ -29,7 +30,7 @@ from swimbladder.vehicle import Sensors
 Array = NDArray[np.float64]
 _V_0 = Row.PLANT + Plant._fields.index("V_0")
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
-_SHOWN = 256  # ticks between calls of `progress` where every tick is a call
+_SHOWN = 256  # ticks between calls of `advance` where every tick is a call
 
 
 def schedule(times: Sequence[float], duration: float, tick: float) -> Schedule:
@@ -118,16 +119,16 @@ class Block:
 
     def run(
         self,
-        progress: Callable[[int], None] | None = None,
+        advance: Advance = silent,
         chains: Array | None = None,
         ask: Callable[[int], None] | None = None,
     ) -> None:
-        """Run to the end; `progress` gets the number of ticks done after each chunk.
+        """Run to the end; `advance` gets the share of each chunk.
 
         chains: work space of an earlier run of as many lanes, see `work_space`. ask: called with
         the number of each tick before the law is, once the sensors have measured.
         """
-        running = self.begin(chains)
+        running, report = self.begin(chains), so_far(advance)
         own, now = self.work[_V_0].copy(), np.zeros(self.lanes)
         sigma = self.work[Row.DEPTH_NOISE].copy()
         if self.depth_error is not None:
@@ -148,8 +149,8 @@ class Block:
                     noise = unseen
                 ask(first)
             running.advance(first, last, noise)
-            if progress is not None and (ask is None or last % _SHOWN == 0):
-                progress(last)
+            if ask is None or last % _SHOWN == 0:
+                report(last / (self.clock.ticks + 1))
             if bool(np.all(self.work[Row.STOPPED] != 0.0)):
                 break
 

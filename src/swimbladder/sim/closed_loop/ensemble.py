@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
 from swimbladder.errors import InputError
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.block import Block, schedule, work_space
@@ -160,7 +161,7 @@ def simulate_ensemble(
     books: bool = False,
     column: Column | None = None,
     workers: int | None = None,
-    progress: Callable[[int], None] | None = None,
+    advance: Advance = silent,
 ) -> xarray.Dataset:
     """Return `count` runs of a vehicle and its variations as an xarray Dataset over ``lane``.
 
@@ -172,7 +173,7 @@ def simulate_ensemble(
     its quantum. neutral_change [m3], likewise: what the neutral volume differs by, from a sample
     on to the next. keep: summaries only, or trajectories as well. books: also ``energy``, what
     `Books` calls the source. column: the water, the vehicle's own where not given. workers: threads
-    (one per core). progress: called with the number of lanes done.
+    (one per core). advance: called with the share of the lanes that is done.
 
     A float with pump and valve is flown by a law of volume changes, and surfaces where a set-point
     is 0; start_depth 0 is afloat with all volume out. ``vary`` takes the fields of Plant that are
@@ -243,8 +244,7 @@ def simulate_ensemble(
             there = slice(first, first + rows.shape[1])
             work[:, there], record[:, :, there] = rows, kept
             sums.append(sum_)
-            if progress is not None:
-                progress(there.stop)
+            advance(rows.shape[1] / count)
     data = _dataset(vehicle, chosen, clock, work, record)
     data.attrs["steps_per_sample"] = parts
     accounts = np.concatenate(sums)

@@ -17,6 +17,7 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.control.records import leaf_names, leaves
 from swimbladder.control.registry import check_command, own_law
 from swimbladder.errors import InputError, check_number
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
@@ -82,9 +83,7 @@ def as_law(
     return law, Held(), sample_time
 
 
-def run_function(
-    block: Block, function: Callable[..., Any], progress: Callable[[int], None] | None = None
-) -> None:
+def run_function(block: Block, function: Callable[..., Any], advance: Advance = silent) -> None:
     """Run a block of one lane, of `as_law`, under ``function(measurement, reference)``.
 
     It returns the command, or (command, next_sample_s).
@@ -103,7 +102,7 @@ def run_function(
             work[Row.LAW + 1] = wait * clock.tick if pumped else 0.0
         wait -= 1.0
 
-    block.run(progress, ask=ask)
+    block.run(advance, ask=ask)
 
 
 def _understood(function: Callable[..., Any], said: Any, tick: float) -> tuple[float, float]:
@@ -142,7 +141,7 @@ def simulate(
     parts: int | None = None,
     column: Column | None = None,
     checked: bool = True,
-    progress: Callable[[int], None] | None = None,
+    advance: Advance = silent,
 ) -> Solution:
     """Return the vehicle's motion under its controller, from rest unless a speed is given.
 
@@ -154,8 +153,8 @@ def simulate(
     vehicle does not have. parts: steps a sample is divided into (chosen from the drag where not
     given). column: the water, see `closed_loop.water`; the vehicle's own where not given.
     checked: refuse depths beyond rating or stroke, a mass that no water carries, and a sample time
-    at which the vehicle's own law does not hold it. progress: called with the number of samples
-    done.
+    at which the vehicle's own law does not hold it. advance: called with the share of
+    the time that was simulated.
 
     Raises InputError for what is refused so, for a start outside water or stroke, unordered
     set-points, no controller, or a column that ends above a depth asked for.
@@ -194,7 +193,7 @@ def simulate(
         recorded=True,
         layers=layers,
     )
-    fly = partial(run_single, function=function, progress=progress)
+    fly = partial(run_single, function=function, advance=advance)
     if vehicle.command == "volume change":
         if parts is not None:
             what = "the steps of a float are as long as its motion lets"
@@ -209,14 +208,12 @@ def simulate(
     return assemble(vehicle, p, run, name_events(block.log[0], int(block.noted[0, 0])), books)
 
 
-def run_single(
-    block: Block, function: Callable[..., Any] | None, progress: Callable[[int], None] | None
-) -> SingleRun:
+def run_single(block: Block, function: Callable[..., Any] | None, advance: Advance) -> SingleRun:
     """Run a block of one vehicle to its end, by its law or by a function in its place."""
     if function is None:
-        block.run(progress)
+        block.run(advance)
     else:
-        run_function(block, function, progress)
+        run_function(block, function, advance)
     stop, clock = list(StopReason)[int(block.work[Row.STOPPED, 0])], block.clock
     n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
     time = np.arange(n, dtype=np.float64) * clock.tick

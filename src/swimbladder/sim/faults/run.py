@@ -4,7 +4,6 @@ Each is flown three ways: supervised, not, with ideal detection.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +15,7 @@ from swimbladder.codegen.library import make_program
 from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError
+from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
 from swimbladder.physics.buoyancy_engine import running_pump
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
@@ -144,7 +144,7 @@ def run_missions(
     depths: tuple[float, float] | None = None,
     column: Column | None = None,
     keep: Path | None = None,
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance = silent,
 ) -> Campaign:
     """Fly missions with faults, and `healthy` ones without (a tenth as many); return what happened.
 

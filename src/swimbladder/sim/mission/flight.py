@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swimbladder.control.records import leaves
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
+from swimbladder.io.progress import Advance, silent, so_far
 from swimbladder.jobs import Store
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
@@ -83,7 +84,7 @@ def fly_mission(
     start_volume: float | None = None,
     keep: Path | None = None,
     checked: bool = True,
-    advance: Callable[[float], None] = lambda _: None,
+    advance: Advance = silent,
 ) -> Flight:
     """Fly a mission with phases to its end.
 
@@ -151,7 +152,7 @@ def _fly(
     state: State,
     pilot: ByRule | ByLaws,
     store: Store,
-    advance: Callable[[float], None],
+    advance: Advance,
     check: Callable[..., None],
 ) -> tuple[Records, Records, Records]:
     """Fly to the end, part by part; return rows, notes and cycles.
@@ -167,16 +168,14 @@ def _fly(
     if kept is not None:
         lane_of(x)[:], lane_of(at)[:], accounts[:] = kept["x"], kept["at"], kept["accounts"]
         pilot.resume(kept)
-    whole, shown, spacing = _whole(plan), 0.0, plan.longest / _MOST
+    whole, report, spacing = _whole(plan), so_far(advance), plan.longest / _MOST
     checked = at["cycle"] > 0
     while at["stop"] == 0:
         cycles = _CYCLES if checked else 1
         flown = plan.under_way(state, rows=pilot.rows, notes=_NOTES, cycles=cycles)
         counts, room = flown.lane.counts, True
         while room and pilot.fly(flown) is Stop.GOES_ON:
-            share = min(whole(x, at), 1.0)
-            advance(share - shown)
-            shown = share
+            report(min(whole(x, at), 1.0))
             room = counts[0] < pilot.rows // 2 and counts[1] < _NOTES // 2
             room = room and counts[2] < cycles
         part = (
