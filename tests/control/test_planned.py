@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import linprog
 
 import swimbladder
-from swimbladder.control.law import Knobs
-from swimbladder.control.planned import PLANNED, Path, along
+from swimbladder.control.law import Knobs, Measurement
+from swimbladder.control.planned import PLANNED, Path, along, initial, step
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.io.config import load_vehicle
 
@@ -130,3 +130,20 @@ def test_a_law_of_wrong_parameters_still_arrives(vehicle, parameters):
     )
     assert np.isfinite(settle).mean() > 0.95
     assert np.percentile(overshoot, 95) < 12.0
+
+
+def test_a_path_that_cannot_be_followed_begins_anew_with_the_vehicles_own_motion(
+    vehicle, parameters
+):
+    """Its acceleration is that of the volume that is there: a (psi z - V) less drag."""
+    p = swimbladder.physics.dynamics.plant(vehicle)
+    z, V = 2.0, p.psi * 2.0 - 60e-6
+    state = initial(parameters, Measurement(0.0, z, V), z)
+    state = state._replace(volume_reference=V + 100e-6)
+    state = state._replace(estimate=state.estimate._replace(neutral=0.0))
+    _, after, _ = step(parameters, state, Measurement(H, z, V), z)
+    e = after.estimate
+    own = p.a_b * (p.psi * e.depth + e.neutral - V) - p.d_l * e.speed
+    assert own > 0.01
+    assert after.path_acceleration == pytest.approx(own, abs=1.5 * JERK * H)
+    assert after.path_speed == pytest.approx(e.speed + own * H, abs=1.5 * JERK * H * H)

@@ -1,12 +1,14 @@
 """The target's way, against a linear program, the minimum-jerk polynomial and its ends."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from swimbladder.control.profile import Target, approach, depart
+from swimbladder.control.profile import Target, aim, approach, depart, usable
 
 S_P = 0.3
 REST = Target(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -149,3 +151,24 @@ def test_without_limits_it_jumps() -> None:
     start = depart(REST, 3.0, 0.0, 0.0, 0.0)
     assert start.left == 0.0
     assert approach(start, 3.0, 0.0, S_P)[:3] == pytest.approx((3.0, 0.0, 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("wanted", [5.0, 80.0])
+def test_a_speed_takes_a_quarter_of_the_room_to_the_nearer_end(wanted):
+    """Shallow the compressed hull leaves less above neutral, deep less below, linear in depth."""
+    p = SimpleNamespace(
+        psi=2e-6,
+        volume_min=-50e-6,
+        volume_max=200e-6,
+        depth_voltage=0.0,
+        voltage_limit=12.0,
+        jerk=1.0,
+        fastest=1.0,
+        shortest=0.1,
+    )
+    now, damping = REST._replace(target=20.0), 1e-4
+    room = min(200e-6 - 2e-6 * max(20.0, wanted), 2e-6 * min(20.0, wanted) + 50e-6)
+    expected = depart(now, wanted, 0.25 * room / damping, usable(1.0), 0.1)
+    found = aim(p, now, wanted, 20.0, 1.0, damping, 0.0)
+    assert found.left > 100.0
+    assert list(found) == pytest.approx(list(expected), rel=1e-12)

@@ -346,3 +346,14 @@ def test_a_steep_thermocline_is_passed_at_the_excess_of_each_look(slope: float, 
     per_look = law.coefficient * law.far_speed**2 / slope
     assert passes[1:, 1] == pytest.approx(per_look)
     assert passes[1:, 0] == pytest.approx(law.dead + law.run)
+
+
+def test_it_rests_once_a_look_in_the_band_called_for_nothing() -> None:
+    """At half a window and after: what it remembers of depths may move on, that it rests stays."""
+    p, seen = FLOAT, Measurement(0.0, 100.0, 0.0)
+    state = initial(p, seen, 100.0)
+    rests = []
+    for now in np.arange(0.0, 2.0 * p.window, p.dead):
+        _, state, _ = step(p, state, Measurement(float(now), 100.0, 0.0), 100.0)
+        rests.append(state.resting)
+    assert set(rests[2:]) == {1.0}

@@ -19,7 +19,10 @@ from swimbladder.control.supervisor import (
     expected_rate,
     reasons_in,
     times,
+    watch_reach,
     watch_sameness,
+    watch_still,
+    watch_stops,
 )
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
@@ -276,6 +279,37 @@ def test_a_volume_that_moved_by_just_what_it_may_says_nothing_of_a_depth_that_st
             if n1 == 0.0:
                 assert not watch.frozen
         assert watch.frozen is frozen
+
+
+def test_a_rate_and_a_way_of_just_what_counts_do_not_count():
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    p = p._replace(rate=p.rate._replace(stop_rate=1e-6, stop_least=1e-7, stops=9))
+    s = SUPERVISOR.initial(p, CALM, 0.0)
+    for rate, stops in ((1e-7, 0), (math.nextafter(1e-7, 0.0), 1), (-1e-7, 0)):
+        assert watch_stops(p, s.rate, 2e-6, rate, s.rate.top).stops == stops
+    begun = s._replace(unproven=3, volume=s.volume._replace(volume=0.0))
+    at = p.proof.reach
+    assert [watch_reach(p, begun, z) for z in (at, math.nextafter(at, math.inf))] == [4, 0]
+
+
+@pytest.mark.parametrize(("noisy", "frozen"), [(0.49, False), (0.5, True), (0.51, True)])
+def test_a_depth_as_noisy_as_it_takes_is_frozen_when_it_stays(noisy, frozen):
+    limits = supervisor_parameters(example("cascade")[0], 0.3).same._replace(
+        same_noisy=2, same=NEVER, same_moved=NEVER, noisy=0.5
+    )
+    watch = SameWatch(0, rose=False, sank=False, noisy=noisy, same_volume=0.0, frozen=False)
+    for _ in range(2):
+        watch = watch_sameness(limits, watch, 2.0, 2.0, 0.0, old=False, resting=False)
+    assert watch.frozen is (frozen and watch.noisy >= limits.noisy)
+
+
+def test_a_depth_stands_still_after_all_its_ticks():
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    rest = SUPERVISOR.initial(p, CALM, 0.0).rest
+    for tick in range(1, 6):
+        rest = watch_still(p.rest, rest, 0.5 * p.rest.still_distance)
+        assert rest.still == tick
+    assert watch_still(p.rest, rest, 2.0 * p.rest.still_distance).still == 0
 
 
 def drives():
