@@ -91,6 +91,46 @@ def test_an_edited_callee_is_compiled_anew(copy: Path, tmp_path: Path) -> None:
     assert compiled == "1"
 
 
+# One kernel for two classes of the same name, as two packages may have for their laws' parameters.
+SAME_NAME = """
+from typing import NamedTuple
+from swimbladder.sim.engine.cache import apart, chosen_by_first, compiled
+OWN = {}
+def add(kind, function):
+    OWN[kind] = function
+    return compiled(kernel, under=kind.__module__)
+pick = chosen_by_first(lambda p: OWN[type(p)], lambda form: OWN[form.instance_class])
+@apart
+def within(p, x):
+    return pick(p, x) + 1.0
+def kernel(p, x):
+    return within(p, x)
+"""
+OF_A_PACKAGE = """
+from typing import NamedTuple
+import common
+class Gains(NamedTuple):
+    k: float
+    l: float
+def own(p, x):
+    return p.k * x
+kernel = common.add(Gains, own)
+"""
+
+
+def test_kernels_for_classes_of_the_same_name_do_not_call_each_other(tmp_path: Path) -> None:
+    """The one is found made, and the other, made here, has functions of the very same names."""
+    modules = {"common": SAME_NAME, "one": OF_A_PACKAGE}
+    modules["other"] = OF_A_PACKAGE.replace("p.k * x", "-p.k * x")
+    for name, text in modules.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    for names, found in (("one", "7.0"), ("one other", "7.0 -5.0")):
+        calls = ", ".join(f"{name}.kernel({name}.Gains(2.0, 0.0), 3.0)" for name in names.split())
+        code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+        code += f"import {names.replace(' ', ', ')}\nprint({calls})"
+        assert python(code, cache=tmp_path / "cache") == found
+
+
 OTHER = """
 import numba
 import numpy as np

@@ -168,12 +168,16 @@ class _Whole(_Library):  # type: ignore[misc]
 
     def finalize(self) -> None:
         self._linking_libraries = _within(self)
+        self._own = {f.name for f in self._final_module.functions if not f.is_declaration}
         super().finalize()
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self) -> None:
+        for function in self._final_module.functions:  # no other kernel's of the same name
+            if not function.is_declaration and function.name not in self._own:
+                function.linkage = "internal"
         manager, builder = self._codegen._module_pass_manager()
         manager.run(self._final_module, builder)
 
