@@ -144,11 +144,7 @@ def fly(
 
 
 def _fly_on_seconds(
-    vehicle: Vehicle,
-    made: BoardProgram,
-    mission: Mission,
-    seed: int | None,
-    advance: Advance,
+    vehicle: Vehicle, made: BoardProgram, mission: Mission, seed: int | None, advance: Advance
 ) -> Golden:
     n = max(math.ceil(mission.duration / made.tick_s - 1e-9), 1) + 1
     asked = np.where(np.arange(n) < _UP * n, mission.target, 0.0)

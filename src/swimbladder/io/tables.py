@@ -68,10 +68,7 @@ _CHUNK = 20_000
 
 
 def write_csv(
-    path: str | Path,
-    columns: Mapping[str, ArrayLike],
-    *,
-    advance: Advance = silent,
+    path: str | Path, columns: Mapping[str, ArrayLike], *, advance: Advance = silent
 ) -> Path:
     """Write columns of equal length under their names; return the path.
 

@@ -44,11 +44,7 @@ class Record(NamedTuple):
 
 
 def still_starts(
-    vehicle: Vehicle,
-    *,
-    dVs: Sequence[float],
-    sample_time: float = 0.3,
-    longest: float = 300.0,
+    vehicle: Vehicle, *, dVs: Sequence[float], sample_time: float = 0.3, longest: float = 300.0
 ) -> tuple[Record, ...]:
     """Return experiments without noise, the volume changed at once from an exactly neutral rest.
 

@@ -24,12 +24,7 @@ from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior
-from swimbladder.estimation.motion.problem import (
-    Assumed,
-    check_parameters,
-    default_names,
-    model_of,
-)
+from swimbladder.estimation.motion.problem import Assumed, check_parameters, default_names, model_of
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.pool import pool_parameters, run_procedure
 from swimbladder.units import format_quantity

@@ -126,12 +126,7 @@ def settling_band(parameters: Any, step: Step, quantum: float) -> float:
 
 
 def robustness(
-    vehicle: Vehicle,
-    bound: BoundLaw,
-    step: Step,
-    drawn: Drawn,
-    parts: Store,
-    advance: Advance,
+    vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn, parts: Store, advance: Advance
 ) -> tuple[Stood, ...]:
     """Return what a law stands: each gain, without and with half a sample of extra delay."""
     p, (law, parameters, sample_time) = plant(vehicle), bound

@@ -268,10 +268,7 @@ def default_names(rec: Record) -> tuple[str, ...]:
 
 
 def adjust(
-    vehicle: Vehicle,
-    rec: Record,
-    names: Sequence[str],
-    advance: Advance = silent,
+    vehicle: Vehicle, rec: Record, names: Sequence[str], advance: Advance = silent
 ) -> Outcome:
     """Fit `names` by least squares on the depths compared, best of several ways there.
 

@@ -145,11 +145,7 @@ def _is_ours(path: Path) -> bool:
 
 
 def write_identification(
-    found: Identification,
-    out: Path,
-    run: Run,
-    answer: Mapping[str, Any],
-    advance: Advance = silent,
+    found: Identification, out: Path, run: Run, answer: Mapping[str, Any], advance: Advance = silent
 ) -> list[Path]:
     """Write everything into the folder `out` and return the paths.
 

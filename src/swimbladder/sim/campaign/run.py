@@ -19,8 +19,8 @@ from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
 from swimbladder.sim.engine.rodas.records import Account, Stop
 from swimbladder.sim.mission.core.records import Holding
-from swimbladder.sim.mission.flight import ByRule, fly_mission
-from swimbladder.sim.mission.law_flight import ByLaws
+from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.law_flight import Pilot, pilot_of
 from swimbladder.sim.mission.plan_check import check_flight, limited
 from swimbladder.sim.mission.prepare import Plan, State, first_state, make_plan
 from swimbladder.vehicle import Vehicle
@@ -195,9 +195,7 @@ class Floats:
         plan = varied(self.plans[int(drawn[Drawn.CAST])], drawn)
         seed = self.seed * MOST + noise
         x, at, accounts = state = first_state(plan, self.mission, seed=seed)
-        pilot: ByLaws | ByRule = ByRule()
-        if plan.laws:
-            pilot = ByLaws(self.vehicle, self.mission, plan, state, seed=seed)
+        pilot = pilot_of(self.vehicle, self.mission, plan, state, seed=seed)
         flown = _cycles(plan, state, pilot)
         before, rows = np.zeros(len(Account)), list[list[float]]()
         low, high = math.inf, -math.inf
@@ -235,7 +233,7 @@ class Floats:
 _MADE = ("plans", "design", "layout")
 
 
-def _cycles(plan: Plan, state: State, pilot: ByLaws | ByRule) -> list[np.record]:
+def _cycles(plan: Plan, state: State, pilot: Pilot) -> list[np.record]:
     """Fly a float from a state, which is changed; return its cycles."""
     flown, found = plan.under_way(state), list[np.record]()
     stop = Stop.GOES_ON

@@ -185,15 +185,20 @@ def _aligned(rows: int, lanes: int) -> Array:
     return room[first : first + rows * lanes].reshape(rows, lanes)
 
 
+def like_of(law: Law, parameters: Any) -> Like:
+    """Return what the compiler knows the numbers of a law by."""
+    fields = leaf_names(law.state)
+    state = from_numbers(law.state, [0.0] * len(fields))
+    row = fields.index("volume_reference") if "volume_reference" in fields else -1
+    return Like(parameters, state, row)
+
+
 class Running:
     """A block under way: its kernel, and the work space that goes from span to span."""
 
     def __init__(self, block: Block, chains: Array) -> None:
         self.block, self.chains = block, chains
-        fields = leaf_names(block.law.state)
-        state = from_numbers(block.law.state, [0.0] * len(fields))
-        row = fields.index("volume_reference") if "volume_reference" in fields else -1
-        self._law = Like(block.parameters, state, row)
+        self._law = like_of(block.law, block.parameters)
         self.built = np.zeros((block.lanes, COUNT), np.uint8)
         self.lanes = Lanes(
             S=block.work.reshape(-1),

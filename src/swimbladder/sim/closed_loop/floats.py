@@ -21,16 +21,7 @@ from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
-from swimbladder.sim.engine.rodas.records import (
-    AT,
-    NOTE,
-    NOW,
-    WORK,
-    Account,
-    Doing,
-    Note,
-    Table,
-)
+from swimbladder.sim.engine.rodas.records import AT, NOTE, NOW, WORK, Account, Doing, Note, Table
 from swimbladder.vehicle import Hull, PumpAndValve, Vehicle
 
 RATES = ("pump", "valve")

@@ -18,28 +18,13 @@ from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.engine.rodas.records import Records, Stop, lane_of
 from swimbladder.sim.mission import plan_check
-from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.law_flight import ByLaws
+from swimbladder.sim.mission.law_flight import Pilot, pilot_of
 from swimbladder.sim.mission.prepare import DriveError, Plan, State, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 _MOST = 1e6  # rows of steps that are kept in all; those where something changes come on top
 _NOTES, _CYCLES = 8_000, 8
-
-
-class ByRule:
-    """A mission by its own rule: all that is remembered stands in the arrays of the phases."""
-
-    rows = 40_000  # of a part
-    fly = staticmethod(fly)
-
-    def kept(self) -> dict[str, NDArray[Any]]:
-        """Return what `resume` needs beside the phases."""
-        return {}
-
-    def resume(self, kept: dict[str, NDArray[Any]]) -> None:
-        """Go on from what was kept."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,9 +94,7 @@ def fly_mission(
     x, at, accounts = state
     laws = [(source_of(n.law), n.law.name, n.sample_time, leaves(n.parameters)) for n in plan.laws]
     about = (vehicle, mission, column, laws, seed, start_volume)
-    pilot: ByRule | ByLaws = ByRule()
-    if plan.laws:
-        pilot = ByLaws(vehicle, mission, plan, state, seed=seed, volume=start_volume)
+    pilot = pilot_of(vehicle, mission, plan, state, seed=seed, volume=start_volume)
     begin = x.copy()
     store = Store(keep, *about, plan.given, plan.table, plan.waves, plan.stages, begin, at.copy())
 
@@ -150,7 +133,7 @@ def fly_mission(
 def _fly(
     plan: Plan,
     state: State,
-    pilot: ByRule | ByLaws,
+    pilot: Pilot,
     store: Store,
     advance: Advance,
     check: Callable[..., None],

@@ -5,18 +5,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.actuator import reduced
 from swimbladder.physics.steady_drives import battery_power, terminal_power
-from swimbladder.sim.closed_loop.block import Block, Running
+from swimbladder.sim.closed_loop.block import Block, Running, like_of
+from swimbladder.sim.closed_loop.dispatch import extent
 from swimbladder.sim.closed_loop.lanes import OVER, Schedule
-from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.rows import Row, rows
 from swimbladder.sim.closed_loop.solution import StopReason
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.sim.engine.rodas.records import Stop
-from swimbladder.sim.mission.core.hooks import MANY
+from swimbladder.sim.mission.core.hooks import MANY, fly
 from swimbladder.sim.mission.core.records import Phases
 from swimbladder.sim.mission.core.sampled import WAY, Numbers, Sampled, Way
 from swimbladder.sim.mission.orders import ASLEEP, runaway
@@ -30,6 +32,40 @@ _SPAN = 60.0  # s, of a row at the longest
 _CHUNK = 1 << 14  # samples between calls: progress, interruption, memory of the noise
 _PAUSE = 600.0  # s between two checks of a law that rests, at most
 _DRIFT = 0.01  # m/s, about as fast as a vehicle drifts that rests
+
+
+class ByRule:
+    """A mission by its own rule, or by a law of volume changes in the place of that.
+
+    What the rule remembers stands in the arrays of the phases.
+    """
+
+    rows = 40_000  # of a part
+
+    def __init__(self, mission: Mission, plan: Plan) -> None:
+        self.mission, self.own = mission, dict[str, Any]()
+        for law in plan.laws[:1]:
+            like = like_of(law.law, law.parameters)
+            work = np.zeros(rows(extent(like.parameters), extent(like.state)))
+            self.own = {"law": law.law, "like": like, "work": work}
+
+    def fly(self, phases: Phases) -> Stop:
+        """Fly on until a cycle is over, a buffer is full, or the mission ends."""
+        stop = fly(phases, **self.own)
+        if self.own and stop is Stop.STUCK:
+            why = int(self.own["work"][Row.STOPPED] % OVER)
+            said = list(StopReason)[why].value if why else "It asks to be called again at once."
+            raise _stuck(self.own["law"], self.mission, phases, said)
+        return stop
+
+    def kept(self) -> dict[str, NDArray[Any]]:
+        """Return what `resume` needs beside the phases."""
+        return {"work": self.own["work"]} if self.own else {}
+
+    def resume(self, kept: dict[str, NDArray[Any]]) -> None:
+        """Go on from what was kept."""
+        for name, there in self.kept().items():
+            there[:] = kept[name]
 
 
 class ByLaws:
@@ -95,11 +131,7 @@ class ByLaws:
         self.noise = self.noise[done:]
         why = block.work[Row.STOPPED]
         if at["stop"] == Stop.STUCK:
-            raise NoAnswerError(
-                f"the law {block.law.name!r} in the phase "
-                f"{self.mission.titles[int(at['phase'])]!r}, after {x['t']:.6g} s: "
-                f"{list(StopReason)[int(why[0])].value}"
-            )
+            raise _stuck(block.law, self.mission, phases, list(StopReason)[int(why[0])].value)
         why[why == OVER] = 0.0
         return Stop(int(at["stop"]))
 
@@ -185,3 +217,20 @@ class ByLaws:
         if v.supply is None:
             return found
         return found._replace(emf=v.supply.voltage, resistance=v.supply.internal_resistance)
+
+
+Pilot = ByRule | ByLaws
+
+
+def pilot_of(vehicle: Vehicle, mission: Mission, plan: Plan, state: Any, **more: Any) -> Pilot:
+    """Return what flies a mission from a state; more: seed and volume, as `ByLaws` has them."""
+    if plan.water is None:
+        return ByRule(mission, plan)
+    return ByLaws(vehicle, mission, plan, state, **more)
+
+
+def _stuck(law: Law, mission: Mission, phases: Phases, why: str) -> NoAnswerError:
+    """Return what is said of a law that the simulation cannot go on with."""
+    x, at = phases.lane.x, phases.lane.at
+    where = f"in the phase {mission.titles[int(at['phase'])]!r}, after {x['t']:.6g} s"
+    return NoAnswerError(f"the law {law.name!r} {where}: {why}")

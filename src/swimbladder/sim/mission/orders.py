@@ -186,7 +186,8 @@ def law_facts(vehicle: Vehicle, mission: Mission) -> list[dict[str, Any]]:
     for title, phase, law in zip(mission.titles, mission.phases, laws, strict=True):
         name, tick, numbers, source = RATE.name, None, law_parameters(vehicle, phase), ""
         if law is not None:
-            name, tick, numbers, source = law.law.name, law.sample_time, law.parameters, law.source
+            name, numbers, source = law.law.name, law.parameters, law.source
+            tick = law.sample_time if law.sampled else None
         facts = {"phase": title, "law": name, "sample_time_s": tick, "parameters": leaves(numbers)}
         found.append({**facts, "source": source or _rate_source(vehicle, phase)})
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from swimbladder.control.law import Law
@@ -17,12 +18,17 @@ from swimbladder.vehicle import Controller, Vehicle
 
 @dataclass(frozen=True)
 class PhaseLaw:
-    """A law that is called at each sample of a phase, its parameters and the sample time [s]."""
+    """A law that flies a phase, its parameters and the sample time [s]."""
 
     law: Law
     parameters: Any
     sample_time: float
     source: str  # where the numbers come from
+
+    @property
+    def sampled(self) -> bool:
+        """Whether it is called at each sample; a law of volume changes says when it wants to be."""
+        return self.law.command != "volume change"
 
     def continues(self, other: PhaseLaw) -> bool:
         """Return whether nothing changes from another phase's law to this one."""
@@ -33,7 +39,7 @@ class PhaseLaw:
 def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
     """Return the law of each phase; none where the mission's own rule flies the vehicle.
 
-    That is: a pump and valve, a vehicle without a controller, or phases that name the law `rate`.
+    That is: a vehicle without a controller, or phases that name the law `rate`.
     Raises InputError where a phase's law, its parameters or what else it asks for do not fit the
     vehicle, and where only some phases name `rate`.
     """
@@ -47,26 +53,32 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
             field = (error.field or "law").removeprefix("controller.")
             raise error.but(field=f"phases[{index}].{field}") from None
     flown = tuple(one for one in found if one is not None)
+    margin = vehicle.stroke.switch_margin
+    if margin and not any(one.sampled for one in flown):
+        what, field = "what flies it knows no limit switches", "stroke.switch_margin"
+        remedy = "Fly a law: give the vehicle a [controller], or leave the switches out"
+        raise InputError(what, field=field, value=margin, unit="m3", remedy=remedy)
     if not flown:
-        if vehicle.stroke.switch_margin:
-            what, margin = "the mission's own rule knows no limit switches", "stroke.switch_margin"
-            remedy = "Fly a law: give the vehicle a [controller], or leave the switches out"
-            value = vehicle.stroke.switch_margin
-            raise InputError(what, field=margin, value=value, unit="m3", remedy=remedy)
         why = "the mission's own rule flies this phase, and rests within the tolerance anyway"
         remedy = "Leave it out, or give the vehicle a [controller] or the phase a law"
-        _refuse_given(mission, "rest_band", "m", why, remedy)
+        _refuse_given(mission, why, remedy, rest_band="m")
         return ()
-    if len(flown) < len(found):
-        index = found.index(None)
-        ways = f"flown by the mission's own rule and others by the law {flown[0].law.name!r}"
-        what, field = f"this phase is {ways}; one mission has either", f"phases[{index}].law"
-        remedy = f'Write law = "{RATE.name}" in every phase, or in none'
-        raise InputError(what, field=field, value=mission.phases[index].law, remedy=remedy)
-    why = "the law of this phase is called at each sample: it is a number of the mission's own rule"
-    remedy = f'Leave it out, or give a sample_time, or write law = "{RATE.name}" in every phase'
-    _refuse_given(mission, "check_interval", "s", why, remedy)
-    _check_physics(vehicle, mission)
+    first = flown[0].law
+    for index, one in enumerate(found):
+        if one is None or not (one.sampled or one.law is first):
+            what = f"other phases are flown by the law {first.name!r}, and one mission has one way"
+            remedy = f'Write law = "{RATE.name}" in every phase, or in none'
+            named = mission.phases[index].law
+            raise InputError(what, field=f"phases[{index}].law", value=named, remedy=remedy)
+    if flown[0].sampled:
+        why = "the law of this phase is called at each sample: only the mission's own rule has it"
+        remedy = f'Leave it out, or give a sample_time, or write law = "{RATE.name}" in every phase'
+        _refuse_given(mission, why, remedy, check_interval="s")
+        _check_physics(vehicle, mission)
+        return flown
+    why = f"the law {first.name!r} flies this phase, and chooses speeds, times and rest itself"
+    remedy = "Leave it out: say it by a parameter of the law"
+    _refuse_given(mission, why, remedy, speed="m/s", check_interval="s", rest_band="m")
     return flown
 
 
@@ -115,10 +127,6 @@ def _law_of(vehicle: Vehicle, phase: Phase) -> PhaseLaw | None:
         return None  # it commands any drive by volumes
     remedy = f'Choose a law for this kind of actuator, or write law = "{RATE.name}"'
     check_command(law, vehicle, remedy=remedy)
-    if law.command == "volume change":
-        what = "a mission flies a pump and valve by its own rule only"
-        remedy = f'Write law = "{RATE.name}", or fly set-points with `swimbladder simulate`'
-        raise InputError(what, field="controller.law", value=law.name, remedy=remedy)
     return PhaseLaw(law, numbers, controller.sample_time, source_of(vehicle, phase))
 
 
@@ -133,12 +141,12 @@ def source_of(vehicle: Vehicle, phase: Phase) -> str:
     return f"{file}, but for {', '.join(given)} of the phase" if given else file
 
 
-def _refuse_given(mission: Mission, name: str, unit: str, what: str, remedy: str) -> None:
-    """Raise InputError for a number that the phases give and that does nothing here."""
-    for index, phase in enumerate(mission.phases):
+def _refuse_given(mission: Mission, what: str, remedy: str, **units: str) -> None:
+    """Raise InputError for numbers that the phases give and that do nothing here."""
+    for (index, phase), name in product(enumerate(mission.phases), units):
         if (value := getattr(phase, name)) is not None:
             field = f"phases[{index}].{name}"
-            raise InputError(what, field=field, value=value, unit=unit, remedy=remedy)
+            raise InputError(what, field=field, value=value, unit=units[name], remedy=remedy)
 
 
 def _check_physics(vehicle: Vehicle, mission: Mission) -> None:

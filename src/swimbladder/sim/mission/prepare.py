@@ -6,15 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.records import leaves, numbers
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import hotel_power, surfacing_energy, usable_charge
 from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column, check_motion, look_up
+from swimbladder.sim.closed_loop.floats import surfacing_of
 from swimbladder.sim.closed_loop.pumped import BOARD
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Lane, Records, Table
+from swimbladder.sim.mission.core.hooks import DEAD
 from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Holding, Kind, Phases
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
@@ -87,7 +90,9 @@ class Plan:
         kept, counts = np.zeros(notes, NOTE), np.zeros(3, np.int64)
         lane = Lane(self.given, self.table, self.waves, *state, kept, counts, np.zeros(WORK))
         made = np.zeros(rows, ROW), np.zeros(cycles, CYCLE)
-        return Phases(lane, self.stages, *made, board=np.zeros(BOARD))
+        laws = self.laws if self.water is None else ()
+        own = [list(numbers(law.parameters)) for law in laws] or [[]] * len(self.stages)
+        return Phases(lane, self.stages, *made, board=np.zeros(BOARD), numbers=np.array(own, float))
 
 
 def check_samples(mission: Mission, plan: Plan) -> None:
@@ -126,13 +131,17 @@ def make_plan(
     if moving is None:
         check_motion(mission.water_motion, column)
         moving = waves_of(mission.water_motion, vehicle.hull.height, column.gravity)
-    water = medium_for(vehicle, mission, column) if laws else None
+    sampled = any(law.sampled for law in laws)
+    water = medium_for(vehicle, mission, column) if sampled else None
     cold = coldest(mission, table, float(given["step"]))
     for name, value in _asked(vehicle, mission, cold).items():
         given[name] = value
     of = drive_error or DriveError()
     given["delivery"], given["flow"], given["makes_up"] = of.pump, of.valve, float(of.starts)
     stages = _stages(vehicle, mission, table, float(given["step"]))
+    for n, law in enumerate(() if sampled else laws):
+        up, pause = surfacing_of(vehicle, leaves(law.parameters))
+        stages["law"][n, [0, DEAD]] = up.slack / stages["speed"][n] ** 2, pause
     plan = Plan(given, table, moving, stages, why, laws, water)
     back = return_depth(vehicle, mission, plan)
     limit = vehicle.hull.depth_limit or math.inf

@@ -129,9 +129,8 @@ def _hold_words(result: MissionResult, number: int) -> str:
 def _cost_words(result: MissionResult) -> list[str]:
     """Say what a law costs that is called for a long time."""
     flight, found = result.flight, []
-    for phase, stage, law in zip(
-        flight.mission.phases, flight.plan.stages, flight.plan.laws, strict=False
-    ):
+    laws = () if flight.plan.water is None else flight.plan.laws
+    for phase, stage, law in zip(flight.mission.phases, flight.plan.stages, laws, strict=False):
         samples = float(stage["duration"]) / law.sample_time
         if samples < _MANY or phase.kind == "surface":
             continue

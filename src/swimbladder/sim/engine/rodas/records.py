@@ -263,13 +263,7 @@ class Note(IntEnum):
 
 
 # A note of something that happened.
-NOTE = record(
-    ("t", float),
-    ("what", np.int64),
-    ("z", float),
-    ("v", float),
-    ("number", float),
-)
+NOTE = record(("t", float), ("what", np.int64), ("z", float), ("v", float), ("number", float))
 
 
 class Stop(IntEnum):

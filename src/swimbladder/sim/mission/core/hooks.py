@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.law import Law
 from swimbladder.control.rate import RateParameters
 from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.lane import Lanes, Like
@@ -91,6 +92,8 @@ def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
         empty_line(f.lane)
     if over or full(f, _ROOM):
         return True
+    for n in range(f.numbers.shape[1]):
+        S[Row.LAW + n] = f.numbers[at.phase, n]
     if x.t == x.t_phase and x.t >= x.t_look:
         settled(f)
     return False
@@ -214,12 +217,19 @@ hook_in(
 )
 
 
-def fly(phases: Phases) -> Stop:
-    """Fly until a cycle is over, a buffer is full, or the mission ends."""
+def fly(phases: Phases, law: Law = RULE, like: Like | None = None, work: Any = None) -> Stop:
+    """Fly until a cycle is over, a buffer is full, or the mission ends.
+
+    law: of volume changes in the place of the mission's own rule; like: what its numbers are, work
+    [rows]: where they stand from call to call, with what the law remembers.
+    """
     stepper, p, at = one_lane(phases.lane, phases.board), phases.lane.p, phases.lane.at
     at.idle = 0
-    work, none = np.zeros(rows(len(Rule._fields), len(Nothing._fields))), np.zeros((1, 0, 0))
-    work[Row.PLANT + V_0] = p.neutral_top + p.trim
+    none = np.zeros((1, 0, 0))
+    if like is None:
+        like = Like(Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), volume_row=-1)
+        work = np.zeros(rows(len(Rule._fields), len(Nothing._fields)))
+    work[Row.STOPPED], work[Row.PLANT + V_0] = 0.0, p.neutral_top + p.trim
     lanes = Lanes(
         S=work,
         token=(0.0,),
@@ -234,8 +244,7 @@ def fly(phases: Phases) -> Stop:
         log=none,
         noted=np.zeros((1, 1), np.int64),
     )
-    law = Like(Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), volume_row=-1)
     clock = Schedule(tick=0.0, turn=MANY, given=np.zeros(1, np.int64))
-    kernel = kernel_of(RULE, pumped=True)
-    kernel(lanes, phases, stepper, law, clock, (1, len(MANY) - 1), none, None)
+    kernel = kernel_of(law, pumped=True, hooks=phases)
+    kernel(lanes, phases, stepper, like, clock, (1, len(MANY) - 1), none, None)
     return Stop(int(at.stop))

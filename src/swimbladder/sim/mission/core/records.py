@@ -87,3 +87,4 @@ class Phases(NamedTuple):
     rows: Any  # [n] of ROW
     cycles: Any  # [n] of CYCLE
     board: Array  # [BOARD]: what the processor assumes at the surface
+    numbers: Array  # [phases, n]: parameters of a law in the place of the mission's own rule
