@@ -152,6 +152,7 @@ class TestSignsAndLimits:
         p = plant(stepper())
         for target, rate in ((1e-4, 2e-5), (-1e-4, -2e-5), (0.0, 0.0)):
             assert pytest.approx(rate) == positioner_rhs(State(), target, p).V
+            assert positioner_rhs(State(), target, p).q == 0.0  # it has no motor's rate
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from swimbladder.physics.hull import (
     displaced_volume,
     hull_parts,
     linear_psi,
+    mass_mismatch,
     neutral_volume,
     psi_terms,
     weighing,
@@ -105,6 +106,17 @@ def test_a_mass_that_no_water_carries_is_refused():
         said = "sinks in any water" if share > 1.0 else "floats in any water"
         with nullcontext() if well else pytest.raises(InputError, match=said):
             check_mass(heavy)
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(1.0, ""), (1.2, "wrong by 20 %"), (0.8, "wrong by 20 %")]
+)
+def test_a_dry_mass_that_contradicts_the_trim_is_said(share, said):
+    vehicle = load_vehicle("ntnu-bv")
+    motion = vehicle.motion.model_copy(update={"dry_mass": share * weight_mass(vehicle)})
+    found = mass_mismatch(vehicle.model_copy(update={"motion": motion}))
+    assert (found == "") == (said == "")
+    assert said in found
 
 
 def test_boyle_and_gay_lussac():

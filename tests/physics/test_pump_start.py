@@ -147,6 +147,12 @@ def test_a_pump_that_stalls_never_opens_the_check_valve():
     assert found.shortfall[1] == 0.0
 
 
+def test_a_pump_that_just_stands_against_the_load_stalls_too():
+    """Its flow is 0 there, not less: the line takes for ever, and nothing is divided by it."""
+    found = pump_start(OilLine(Oil(volume=5e-5)), lambda dp: np.where(dp < 1e7, 1e-6, 0.0), 2e7)
+    assert float(found.duration) == np.inf
+
+
 def test_compliance_of_pure_oil_and_of_pure_air():
     pure = Oil(volume=2e-5, bulk_modulus=1.5e9)
     assert OilLine(pure).compliance(np.array([1e6]))[0] == pytest.approx(2e-5 / 1.5e9, rel=1e-12)

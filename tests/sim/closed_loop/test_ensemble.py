@@ -146,9 +146,14 @@ def test_any_parameter_of_vehicle_and_law() -> None:
         np.testing.assert_allclose(data.depth.values[:, lane], s.depth, rtol=0.0, atol=1e-9)
 
 
+LOSSES: dict[str, Any] = dict(R_b=0.3)
+NONE: dict[str, Any] = dict(leak=0.0, friction=0.0, efficiency=1.0)  # all lanes go together
+
+
+@pytest.mark.parametrize("losses", [LOSSES, NONE], ids=["losses", "none"])
 @pytest.mark.parametrize("drag", [BLENDED, SWITCHED], ids=lambda d: d.law)
-def test_nonlinear_drag_leaks_friction_and_a_sagging_supply(drag: Any) -> None:
-    vehicle = pump(drag=drag, R_b=0.3)
+def test_nonlinear_drag_leaks_friction_and_a_sagging_supply(drag: Any, losses: Any) -> None:
+    vehicle = pump(drag=drag, **losses)
     gains = CascadeParameters(k_pV=3e5, k_pz=-1e-4, k_iz=-1e-6, k_dz=-2e-3, S_p=0.5)
     run = dict(law=CASCADE, parameters=gains, sample_time=0.5, bottom_depth=9.0)
     starts = 2.0 + STARTS

@@ -135,6 +135,11 @@ def test_the_record_says_what_pump_and_valve_do(hover):
     assert "voltage" not in data
 
 
+def test_no_event_of_a_float_is_left_out(dive):
+    assert dive.events
+    assert dive.events_left_out == 0
+
+
 def test_it_dives_and_surfaces(dive):
     before = dive.time <= 7200.0
     assert abs(dive.depth[before][-1] - 300.0) < 10.0  # the tolerance of its law

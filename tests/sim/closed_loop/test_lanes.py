@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import Solution, simulate, simulate_ensemble
+from swimbladder.sim.closed_loop.rows import N_STEP, Row
 from swimbladder.vehicle import IdentifiedActuator, PhysicalMotion
 from tests.examples import examples
 from tests.vehicles import QUADRATIC, SWITCHED, exponents, paper, pump, vehicles
@@ -193,3 +194,10 @@ def test_volume_that_turns_between_samples(vehicle: Any) -> None:
         same(fly_anything(tight, law=WAVE, parameters=parameters, sample_time=TICK, **run), plain)
         unseen += bool(plain.events) and plain.volume.max() < limit
     assert unseen > 0
+
+
+def test_each_row_has_a_place_of_its_own() -> None:
+    """Two names of one number would be one row."""
+    assert len(Row.__members__) == len(list(Row))
+    assert [row for row in Row if row < Row.STEP] == list(range(Row.STEP))
+    assert Row.PLANT == Row.STEP + N_STEP
