@@ -57,6 +57,15 @@ def test_other_names_units_and_rows(tmp_path):
     assert any("2 of 3 rows" in line for line in found.report)
 
 
+def test_a_format_says_which_rows_count_as_for_logs(tmp_path):
+    form = tmp_path / "form.toml"
+    form.write_text('[log]\n[log.where]\ndevice = "pump"\n')
+    text = "device,duration_s,pressure_Pa,power_W\npump,10,1e5,7\nvalve,20,2e5,8\n"
+    path = table(tmp_path, text)
+    assert list(read_pump_runs(path, form=form).duration) == [10.0]
+    assert list(read_pump_runs(path, form=form, where={"device": "valve"}).duration) == [20.0]
+
+
 def test_a_voltage_beside_the_power(tmp_path):
     text = "duration_s,pressure_Pa,power_W,mV\n10,1e5,7,14500\n20,1e7,15,\n"
     found = read_pump_runs(table(tmp_path, text), columns={"voltage_V": "mV@mV"})

@@ -57,8 +57,8 @@ def read_pump_runs(
     check_columns(file, mapped, RUN_COLUMNS, "a table of runs")
     wanted = [set(log_table.column_readings(given)) for given in mapped.values()]
     wanted += [{name} for name in ("duration_s", "pressure_Pa") if name not in mapped]
-    choose, labels = partial(_sources, file, mapped), ("dive",)
-    found = log_table.read_table(file, where or {}, choose, wanted, RUN_COLUMNS, labels)
+    rows, choose = {**file.form.where, **(where or {})}, partial(_sources, file, mapped)
+    found = log_table.read_table(file, rows, choose, wanted, RUN_COLUMNS, labels=("dive",))
     values = found.values
     power = values.get("power_W")
     if power is None:
