@@ -294,7 +294,7 @@ def stability(
             raise no_such("not a law that can be tuned for this", name, known, field="--law")
     if law.ways is not None and (with_robustness or laws):
         raise InputError(
-            f"the law {law.name!r} is not called at each sample: it has no sample to be late",
+            f"commands come late or wrong there; the vehicle flies {law.name!r} without samples",
             field="--robustness" if with_robustness else "--law",
             remedy="Leave it out: the rates of pump and valve over the region are gains that err",
         )
