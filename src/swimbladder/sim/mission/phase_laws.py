@@ -55,9 +55,9 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
     flown = tuple(one for one in found if one is not None)
     margin = vehicle.stroke.switch_margin
     if margin and not any(one.sampled for one in flown):
-        what, field = "what flies it knows no limit switches", "stroke.switch_margin"
+        what = "the mission's own rule and laws of volume changes know no limit switches"
         remedy = "Fly a law: give the vehicle a [controller], or leave the switches out"
-        raise InputError(what, field=field, value=margin, unit="m3", remedy=remedy)
+        raise InputError(what, field="stroke.switch_margin", value=margin, unit="m3", remedy=remedy)
     if not flown:
         why = "the mission's own rule flies this phase, and rests within the tolerance anyway"
         remedy = "Leave it out, or give the vehicle a [controller] or the phase a law"
