@@ -183,6 +183,27 @@ def test_nonlinear_drag_leaks_friction_and_a_sagging_supply(drag: Any, losses: A
         assert np.abs(data.volume.values[:, lane] - s.volume).max() < 1e-13
 
 
+def test_a_trajectory_that_is_kept_changes_no_summary() -> None:
+    """Without it all lanes take whole ticks together, over the switch of the drag's law too."""
+    vehicle = pump(drag=SWITCHED, **NONE)
+    run: dict[str, Any] = dict(
+        law=CASCADE,
+        parameters=CascadeParameters(k_pV=3e5, k_pz=-1e-4, k_iz=-1e-6, k_dz=-2e-3, S_p=0.1),
+        sample_time=0.1,
+        count=N,
+        start_depth=2.0 + STARTS,
+        setpoints=[(0.0, 3.0), (80.0, 6.0)],
+        duration=160.0,
+    )
+    alone, kept = (
+        simulate_ensemble(vehicle, keep=keep, **run) for keep in ("summary", "trajectory")
+    )
+    assert alone.attrs["steps_per_sample"] == 1
+    assert np.abs(kept.speed).max() > 2.0 * plant(vehicle).epsilon
+    for name in alone.data_vars:
+        np.testing.assert_array_equal(alone[name], kept[name], err_msg=str(name))
+
+
 def test_each_lane_has_noise_of_its_own() -> None:
     vehicle = paper(sensors=Sensors(depth_noise=2e-3))
     run: dict[str, Any] = dict(setpoints=[(0.0, 2.0)], duration=60.0, start_depth=2.0)

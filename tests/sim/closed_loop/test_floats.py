@@ -223,6 +223,11 @@ def test_a_float_that_hits_the_bottom_lies_there_and_comes_up_again():
     assert s.deepest <= 400.0 + 1e-9
     kinds = [event.kind for event in s.events]
     assert kinds.index("reached the bottom") < kinds.index("left the bottom")
+    came, left = (s.events[kinds.index(f"{what} the bottom")].time for what in ("reached", "left"))
+    lies = (s.time > came) & (s.time < left)
+    assert np.count_nonzero(lies) > 10
+    assert np.all(s.speed[lies] == 0.0)
+    assert np.all(s.depth[lies] == 400.0)
     assert s.books.energy["bottom"] > 0.0
     assert s.books.relative_energy_residue < 1e-5
     assert s.depth[-1] < 330.0
