@@ -1,16 +1,19 @@
 """Missions by laws of volume changes that are not the mission's own rule."""
 
 import math
-from typing import NamedTuple, get_type_hints
+from types import FunctionType
+from typing import Annotated, NamedTuple, get_type_hints
 
 import numpy as np
 import pytest
 
-from swimbladder.control.law import Law
+from swimbladder.control.law import Law, Measurement
 from swimbladder.control.rate import RATE, RateParameters
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import LAWS
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.config import load_vehicle
+from swimbladder.sim.closed_loop.dispatch import compilable
 from swimbladder.sim.mission import law_flight
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.orders import law_facts, law_parameters
@@ -25,6 +28,9 @@ def fields(name):
 
 
 Copied = fields("Copied")
+
+
+SEEN = Measurement(0.0, 100.0, 0.0)
 
 
 def law(name, parameters, step=RATE.step):
@@ -146,6 +152,30 @@ def test_one_mission_has_one_law_of_volume_changes(profiler, sea):
     stages = [*task.phases[:3], task.phases[3].model_copy(update={"law": "rate", "parameters": {}})]
     with refused(InputError, field="phases[3].law", value="rate"):
         fly_mission(vehicle, task.model_copy(update={"phases": tuple(stages)}), sea)
+
+
+class Stepping(NamedTuple):
+    """Parameters, one of which is called as a function of the module is."""
+
+    glide: Annotated[float, "m3"]
+    pause: Annotated[float, "s"]
+
+
+def glide(parameters, state, seen, reference):
+    """Push out or draw in by steps of one size."""
+    change = parameters.glide if seen.depth > reference + 5.0 else 0.0
+    if seen.depth < reference - 5.0 and seen.depth - state.old_depth < 1.0:
+        change = -parameters.glide
+    return change, state._replace(old_depth=seen.depth), parameters.pause
+
+
+def test_a_parameter_may_be_called_as_a_function_is():
+    taken = compilable(glide)
+    assert isinstance(taken.__globals__["glide"], FunctionType)  # not compiled: it is not called
+    state = RATE.initial(
+        law_parameters(load_vehicle("example-float"), phases().phases[0]), SEEN, 9.0
+    )
+    assert taken(Stepping(1e-6, 60.0), state, SEEN, 9.0)[0] == 1e-6
 
 
 def never(_parameters, state, _measurement, _reference):

@@ -6,6 +6,7 @@ class of `parameters`, and the kernel's code on disk is found again by the same 
 
 import itertools
 from collections.abc import Callable
+from dis import get_instructions
 from functools import cache
 from types import FunctionType
 from typing import Any
@@ -42,7 +43,7 @@ def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
     if not isinstance(function, FunctionType):
         return function
     names = dict(function.__globals__)
-    for name in function.__code__.co_names:
+    for name in {i.argval for i in get_instructions(function) if i.opname == "LOAD_GLOBAL"}:
         if isinstance(names.get(name), FunctionType):
             names[name] = _helper(names[name])
     answer = FunctionType(

@@ -224,8 +224,7 @@ def fly(phases: Phases, law: Law = RULE, like: Like | None = None, work: Any = N
     [rows]: where they stand from call to call, with what the law remembers.
     """
     stepper, p, at = one_lane(phases.lane, phases.board), phases.lane.p, phases.lane.at
-    at.idle = 0
-    none = np.zeros((1, 0, 0))
+    at.idle, none = 0, np.zeros((1, 0, 0))
     if like is None:
         like = Like(Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), volume_row=-1)
         work = np.zeros(rows(len(Rule._fields), len(Nothing._fields)))
