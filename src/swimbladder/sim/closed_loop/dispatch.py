@@ -17,7 +17,7 @@ from numba.extending import overload
 from swimbladder.control.law import Law
 from swimbladder.control.records import from_numbers, leaf_names, numbers
 from swimbladder.errors import InputError
-from swimbladder.sim.engine.cache import OVERLOADED, inlined
+from swimbladder.sim.engine.cache import OVERLOADED, chosen_by_first, inlined
 
 _LAWS: dict[type[Any], Law] = {}
 
@@ -58,28 +58,17 @@ def _helper(function: FunctionType) -> Any:
     return inlined(compilable(function))
 
 
-def law_step(parameters: Any, state: Any, measurement: Any, reference: float) -> Any:
-    """Return the step of the law that `parameters` belong to."""
-    return _LAWS[type(parameters)].step(parameters, state, measurement, reference)
+def _of_law(name: str) -> Callable[..., Any]:
+    """Return a function of the law that its first argument, the parameters, belongs to."""
+
+    def of_type(form: Any) -> Callable[..., Any]:
+        own: Callable[..., Any] = inlined(compilable(getattr(_LAWS[form.instance_class], name)))
+        return own
+
+    return chosen_by_first(lambda parameters: getattr(_LAWS[type(parameters)], name), of_type)
 
 
-def law_initial(parameters: Any, measurement: Any, reference: float) -> Any:
-    """Return the first state of the law that `parameters` belong to."""
-    return _LAWS[type(parameters)].initial(parameters, measurement, reference)
-
-
-@overload(law_step, jit_options=OVERLOADED)
-def _law_step(parameters, state, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    step = inlined(compilable(_LAWS[parameters.instance_class].step))
-    return lambda parameters, state, measurement, reference: step(
-        parameters, state, measurement, reference
-    )
-
-
-@overload(law_initial, jit_options=OVERLOADED)
-def _law_initial(parameters, measurement, reference):  # type: ignore[no-untyped-def]  # noqa: ARG001
-    initial = inlined(compilable(_LAWS[parameters.instance_class].initial))
-    return lambda parameters, measurement, reference: initial(parameters, measurement, reference)
+law_step, law_initial = _of_law("step"), _of_law("initial")
 
 
 def extent(like: Any) -> int:
