@@ -15,7 +15,7 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import State, motor_rhs, plant
 from swimbladder.physics.electric import steady_drive
 from swimbladder.sim.closed_loop import simulate, step_metrics
-from swimbladder.units import to_si
+from swimbladder.units import parse_quantity
 
 ATMOSPHERE = 101325.0
 
@@ -36,12 +36,14 @@ def test_the_floats_numbers_follow_from_each_other():
     assert drag.k_dt == pytest.approx(0.5 * v.water.density * math.pi * r**2, rel=0.02)
     assert drag.k_dl == pytest.approx(drag.k_dt * drag.epsilon, rel=1e-12)
     assert motor.friction_torque == pytest.approx(0.07 * motor.torque_constant, rel=0.01)
-    assert drive.pump_leakage * 10e6 == pytest.approx(to_si("0.1 mL/min", "m3/s"), rel=1e-12)
+    assert drive.pump_leakage * 10e6 == pytest.approx(
+        parse_quantity("0.1 mL/min", "m3/s"), rel=1e-12
+    )
     stroke = v.stroke.maximum - v.stroke.minimum
     assert drive.oil.volume > stroke
     assert stroke / hull.displaced_volume == pytest.approx(0.011, abs=5e-4)
     no_load = v.supply.voltage / motor.k_emf
-    assert no_load == pytest.approx(to_si("3750 rpm", "rad/s"), rel=0.02)
+    assert no_load == pytest.approx(parse_quantity("3750 rpm", "rad/s"), rel=0.02)
 
 
 def test_the_float_can_work_at_its_rating():
@@ -63,10 +65,16 @@ def test_the_2000_m_floats_numbers_follow_from_each_other():
     a, hull, supply = v.actuator, v.hull, v.supply
     motor, drive = a.pump.motor, a.pump.drive
     r = 0.0825
-    assert supply.voltage / motor.k_emf == pytest.approx(to_si("5500 rpm", "rad/s"), rel=0.01)
-    assert motor.viscous_friction * to_si("5000 rpm", "rad/s") == pytest.approx(0.5e-3, rel=0.05)
+    assert supply.voltage / motor.k_emf == pytest.approx(
+        parse_quantity("5500 rpm", "rad/s"), rel=0.01
+    )
+    assert motor.viscous_friction * parse_quantity("5000 rpm", "rad/s") == pytest.approx(
+        0.5e-3, rel=0.05
+    )
     assert motor.friction_torque == pytest.approx(5e-3 + 0.12 * motor.torque_constant, rel=0.01)
-    assert drive.viscous_friction * to_si("4800 rpm", "rad/s") == pytest.approx(10e-3, rel=0.02)
+    assert drive.viscous_friction * parse_quantity("4800 rpm", "rad/s") == pytest.approx(
+        10e-3, rel=0.02
+    )
     m = drive_map(v, [20e6])
     assert m.rate_out[0] == pytest.approx(0.7e-6, rel=0.05)
     slip = drive.pump_leakage * 20e6

@@ -1,4 +1,4 @@
-"""A law, a log format and a cast format of another package, which is installed here as pip does."""
+"""A law, an actuator and formats of another package, which is installed here as pip does."""
 
 import json
 import re
@@ -116,7 +116,61 @@ def read(data, path, columns, profile):
 
 CAST = CastFormat(recognises=lambda data: data.startswith(b"SWBZ"), read=read)
 '''
+# A screw drive written anew, and a pump whose delivery falls with the square of the pressure.
+KINDS = """
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field
+from swimbladder.vehicle import (
+    ActuatorKind, CurvePump, ElectromechanicalActuator, Motor, PumpAndValve, ScrewDrive,
+    UnifiedActuator, Unit, Valve,
+)
+
+Above0 = Field(gt=0.0)
+
+
+class Rack(ActuatorKind):
+    kind: Literal["rack"] = "rack"
+    motor: Motor
+    pinion: Annotated[float, Unit("m"), Above0]
+    gear_ratio: Annotated[float, Unit(""), Field(ge=1.0)]
+    efficiency: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
+    inertia: Annotated[float, Unit("kg m2"), Above0]
+    piston_area: Annotated[float, Unit("m2"), Above0]
+
+    def acts_as(self, water):
+        m, travel = self.motor, self.pinion / self.gear_ratio
+        return UnifiedActuator(
+            inertia=m.rotor_inertia + self.inertia,
+            k_u=m.torque_constant / m.resistance,
+            k_v=m.viscous_friction + m.torque_constant**2 / m.resistance,
+            k_q=self.piston_area * travel,
+            k_z=water.density * water.gravity * self.piston_area * travel / self.efficiency,
+            efficiency=self.efficiency,
+            friction_torque=m.friction_torque,
+            resistance=m.resistance,
+            emf_constant=m.torque_constant,
+        )
+
+
+class Hose(ActuatorKind):
+    kind: Literal["hose"] = "hose"
+    delivery: Annotated[float, Unit("m3/s"), Above0]
+    opens: Annotated[float, Unit("Pa"), Above0]
+    idle: Annotated[float, Unit("W"), Above0]
+    valve: Valve
+    bypass: Valve
+
+    def acts_as(self, water):
+        pressure = tuple(0.05 * n * self.opens for n in range(20))
+        rates = tuple(self.delivery * (1.0 - (p / self.opens) ** 2) for p in pressure)
+        power = tuple(self.idle + 2.0 * p * rate for p, rate in zip(pressure, rates))
+        pump = CurvePump(pressure=pressure, delivery=rates, power=power)
+        return PumpAndValve(pump=pump, valve=self.valve, bypass=self.bypass, quantum=1e-3)
+"""
 POINTS = {
+    "actuators": {"rack": "swb_probe.kinds:Rack", "hose": "swb_probe.kinds:Hose"},
     "laws": {"hover": "swb_probe.law:LAW"},
     "log_formats": {"hover-logger": "swb_probe.formats:LOG"},
     "cast_formats": {"hover-cast": "swb_probe.formats:CAST"},
@@ -152,6 +206,7 @@ def installed(tmp_path_factory):
     (module / "__init__.py").write_text("")
     (module / "law.py").write_text(LAW)
     (module / "formats.py").write_text(FORMATS)
+    (module / "kinds.py").write_text(KINDS)
     entries = [
         line
         for group, points in POINTS.items()
@@ -281,6 +336,166 @@ class TestALaw:
         assert name(LAW.replace("0.4 * k.frequency", "0.5 * k.frequency")) != name(LAW)
 
 
+EM, FLOAT = sb.load_vehicle("example-em"), sb.load_vehicle("example-float")
+DIVE = """
+schema_version = 1
+name = "dive"
+start_depth = "0 m"
+[[phases]]
+kind = "descend"
+depth = "500 m"
+[[phases]]
+kind = "park"
+depth = "500 m"
+duration = "2 h"
+[[phases]]
+kind = "surface"
+duration = "10 min"
+"""
+
+
+def with_actuator(vehicle, **fields):
+    """The vehicle with an actuator of these fields, as a file of it is read."""
+    from swimbladder.vehicle import Vehicle
+
+    own = {name: getattr(vehicle, name) for name in type(vehicle).model_fields}
+    return Vehicle(**{**own, "actuator": fields, "provenance": {}})
+
+
+def racked(**other):
+    """example-em, its spindle as a rack with a pinion of the same travel."""
+    a = EM.actuator
+    return with_actuator(
+        EM,
+        **{
+            "kind": "rack",
+            "motor": a.motor.model_dump(),
+            "pinion": a.drive.lead / (2.0 * np.pi),
+            "gear_ratio": a.drive.gear_ratio,
+            "efficiency": a.drive.efficiency,
+            "inertia": a.drive.reflected_inertia,
+            "piston_area": "75 cm2",
+        }
+        | other,
+    )
+
+
+def hosed(**other):
+    """example-float with a hose pump, its controller that of the preset."""
+    fields = {"kind": "hose", "delivery": "1 mL/s", "opens": "300 bar", "idle": "20 W"}
+    valves = {name: getattr(FLOAT.actuator, name).model_dump() for name in ("valve", "bypass")}
+    return with_actuator(FLOAT, **(fields | valves | other))
+
+
+@pytest.mark.usefixtures("hover")
+class TestAnActuator:
+    def test_it_is_the_drive_that_it_acts_as(self):
+        """The oracle is the screw drive of the tree, whose travel a turn is that of the pinion."""
+        from swimbladder.physics.actuator import unified
+        from swimbladder.physics.buoyancy_engine import drive_map
+
+        made = racked()
+        theirs, ours = unified(made.engine, made.water), unified(EM.actuator, EM.water)
+        for name, number in ours:
+            if isinstance(number, float):
+                assert getattr(theirs, name) == pytest.approx(number, rel=1e-12), name
+        one, other = sb.simulate(EM, **STEP), sb.simulate(made, **STEP)
+        assert other.depth == pytest.approx(one.depth, abs=1e-9)
+        assert other.command == pytest.approx(one.command, abs=1e-6)
+        p = np.array([0.0, 1e5, 5e5])
+        assert drive_map(made, p).power_out == pytest.approx(drive_map(EM, p).power_out, rel=1e-9)
+
+    def test_the_load_goes_with_the_water_of_the_vehicle(self):
+        heavier = racked().water.model_copy(update={"density": 1030.0})
+        made = racked().model_copy(update={"water": heavier})
+        assert made.engine.k_z == pytest.approx(1.03 * racked().engine.k_z, rel=1e-12)
+
+    def test_a_pump_delivers_what_its_formula_says(self):
+        """Between the points of its curve too, within what a smooth curve through them misses."""
+        from swimbladder.physics.buoyancy_engine import drive_map
+
+        made = hosed()
+        p = np.linspace(0.0, 280e5, 57)
+        found = drive_map(made, p)
+        rate = 1e-6 * (1.0 - (p / 300e5) ** 2)
+        assert found.rate_out == pytest.approx(rate, rel=2e-3)
+        E, R_b = made.supply.voltage, made.supply.internal_resistance
+        drawn = 20.0 + 2.0 * p * rate
+        i = (E - np.sqrt(E**2 - 4.0 * R_b * drawn)) / (2.0 * R_b)
+        assert found.power_out == pytest.approx(E * i, rel=2e-3)
+        assert drive_map(made, [290e5]).rate_out[0] == 0.0  # beyond its last point
+
+    def test_a_file_keeps_its_fields_and_without_the_package_it_is_refused(self, hover, tmp_path):
+        from swimbladder.io.vehicle_file import vehicle_file
+
+        for made in (racked(), hosed()):
+            path = tmp_path / "v.toml"
+            path.write_text(vehicle_file(made), encoding="utf-8")
+            assert f'kind = "{made.actuator.kind}"' in path.read_text("utf-8")
+            assert sb.load_vehicle(path) == made
+        sys.path.remove(str(hover))
+        refused(lambda: sb.load_vehicle(path), "line", "actuator.kind", "'hose'", "pump-valve")
+
+    @pytest.mark.parametrize(
+        ("make", "change", "words"),
+        [
+            (racked, {"pinion": "1 s"}, ["actuator.pinion", "got '1 s'", "unit m"]),
+            (racked, {"pinion": -1.0}, ["actuator.pinion", "greater than 0"]),
+            (racked, {"pinnion": 1.0}, ["actuator.pinnion", "Did you mean pinion?"]),
+            (racked, {"efficiency": None}, ["actuator.efficiency"]),
+            (racked, {"kind": "rak"}, ["actuator.kind", "'rak'", "Did you mean rack?", "unified"]),
+            (racked, {"kind": ["rack"]}, ["actuator.kind"]),
+            (hosed, {"valve": {"flow": -1.0}}, ["actuator.valve.flow", "greater than 0"]),
+            (hosed, {"idle": "1e14 W", "delivery": "1e8 m3/s"}, ["power[", "beyond any", "swb-pr"]),
+        ],
+    )
+    def test_a_wrong_number_is_named_as_one_of_the_tree_is(self, make, change, words):
+        refused(lambda: make(**change), *words)
+
+    def test_an_answer_is_kept_for_what_it_acts_as(self, monkeypatch):
+        from swimbladder.jobs import identity
+
+        made = racked()
+        before = identity(made)
+        assert identity(racked()) == before
+        assert identity(racked(pinion=made.actuator.pinion * 1.001)) != before
+        acts = made.engine.model_copy(update={"k_v": 2.0 * made.engine.k_v})
+        monkeypatch.setattr(type(made.actuator), "acts_as", lambda *_: acts)
+        assert identity(made) != before
+
+    @pytest.mark.slow
+    def test_every_command_takes_it(self, tmp_path, capsys, monkeypatch):
+        from swimbladder.io.vehicle_file import vehicle_file
+
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "dive.toml").write_text(DIVE)
+        for made, mission, law in ((racked(), None, "sea-cascade"), (hosed(), DIVE, "rate")):
+            v = str(tmp_path / f"{made.actuator.kind}.toml")
+            (tmp_path / v).write_text(vehicle_file(made), encoding="utf-8")
+            depth = ["--depth", "0:10 m"] if mission is None else ["--depth", "10:500 m"]
+            dive = [] if mission is None else [str(tmp_path / "dive.toml")]
+            out = ["--out", str(tmp_path / f"fw-{law}")]
+            for words in (
+                ["vehicle", "show", v],
+                ["simulate", v, "--duration", "60"],
+                ["analyse", v],
+                ["energy", v],
+                ["tune", v, *depth, "--law", law, "--runs", "20", "--out", str(tmp_path / law)],
+                ["stability", v, *depth],
+                ["compare-laws", v, *depth, "--laws", law, "--runs", "2"],
+                ["firmware", v, *out, *(["--duration", "3 h"] if dive else [])],
+                ["faults", v, "--missions", "3"],
+                *([["mission", v, *dive]] if dive else []),
+            ):
+                code = main(words)
+                said = capsys.readouterr()
+                assert code in (0, 1), (words, said.err)
+                assert said.out, words
+            kept = sb.load_vehicle(tmp_path / law / "vehicle.toml")
+            assert kept.actuator == made.actuator
+            assert kept.controller.law == law
+
+
 @pytest.mark.usefixtures("hover")
 class TestFormats:
     def test_a_log(self, tmp_path, capsys):
@@ -383,6 +598,31 @@ class TestWhatIsBroken:
         broken = FEUP.model_copy(update={"controller": bad})
         refused(lambda: sb.simulate(broken, **STEP), "swb-bad")
         assert len(sb.simulate(FEUP, **STEP).time) == 401
+
+    @pytest.mark.parametrize(
+        ("text", "says"),
+        [
+            ("Rack = 3", "it is no ActuatorKind"),
+            (KINDS.replace("(ActuatorKind)", ""), "it is no ActuatorKind"),
+            (KINDS.replace("def acts_as", "def acts_like"), "acts as"),
+            (KINDS.replace('"rack"', '"rick"'), "is called 'rack' and its kind 'rick'"),
+            ("import nothing_of_that_name", "ModuleNotFoundError"),
+            (KINDS.replace("m, travel = ", "return 3; m, travel = "), "it acts as a int"),
+            (KINDS.replace("m, travel = ", "1.0 / 0.0; m, travel = "), "ZeroDivisionError"),
+            (KINDS.replace("k_u=m.", "k_u=-m."), "k_u: must be greater than 0"),
+        ],
+    )
+    def test_a_kind_of_actuator_is_one_line_and_in_nobodys_way(self, beside, text, says):
+        module = f"bad_{zlib.crc32(text.encode())}"
+        beside("swb-bad", {"actuators": {"rack": f"{module}:Rack"}}, **{module: text})
+        refused(racked, says, "swb-bad", "pdate" if "with" in says else "")
+        assert sb.load_vehicle("example-em") == EM
+
+    def test_a_kind_of_the_tree_is_nobody_elses(self, beside):
+        text = KINDS.replace('"rack"', '"unified"')
+        beside("swb-thief", {"actuators": {"unified": "thief_kind:Rack"}}, thief_kind=text)
+        refused(lambda: racked(kind="unified"), "swb-thief", "swimbladder")
+        assert sb.load_vehicle("example-em") == EM
 
     def test_two_of_one_name_are_refused(self, beside):
         one, two = LAW.replace("OTHER = LAW", ""), LAW

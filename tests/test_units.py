@@ -15,7 +15,6 @@ from swimbladder.units import (
     parse_quantity,
     rounded,
     shown_unit,
-    to_si,
     unit_factor,
 )
 
@@ -184,12 +183,6 @@ def test_any_text_is_a_finite_number_or_an_input_error(text, unit):
 def test_any_near_miss_is_a_finite_number_or_an_input_error(text, unit):
     number, error = outcome(f"1 {text}", unit)
     assert error.remedy if error is not None else math.isfinite(number)
-
-
-def test_a_unit_can_be_demanded():
-    assert to_si("5 mm", "m") == 0.005
-    with pytest.raises(UnitError, match="the unit is missing"):
-        to_si("5", "m")
 
 
 def test_long_units_are_refused_rather_than_parsed():

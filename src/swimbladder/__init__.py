@@ -25,50 +25,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from swimbladder.control.law import Law, Measurement
-    from swimbladder.design.analysis import analyse
-    from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
-    from swimbladder.estimation.comparison import compare
-    from swimbladder.estimation.motion import Prior, identify
-    from swimbladder.io.config import load_mission, load_vehicle
-    from swimbladder.io.logs import read_log
-    from swimbladder.io.mission import Mission
-    from swimbladder.io.presets import preset_names
-    from swimbladder.sim.closed_loop import (
-        Solution,
-        StopReason,
-        drive,
-        simulate,
-        simulate_ensemble,
-        step_metrics,
+    from swimbladder.control.law import Law as Law, Measurement as Measurement
+    from swimbladder.design.analysis import analyse as analyse
+    from swimbladder.errors import (
+        InputError as InputError,
+        NoAnswerError as NoAnswerError,
+        SwimbladderError as SwimbladderError,
     )
-    from swimbladder.vehicle import Vehicle
+    from swimbladder.estimation.comparison import compare as compare
+    from swimbladder.estimation.motion import Prior as Prior, identify as identify
+    from swimbladder.io.config import load_mission as load_mission, load_vehicle as load_vehicle
+    from swimbladder.io.logs import read_log as read_log
+    from swimbladder.io.mission import Mission as Mission
+    from swimbladder.io.presets import preset_names as preset_names
+    from swimbladder.sim.closed_loop import (
+        Solution as Solution,
+        StopReason as StopReason,
+        drive as drive,
+        simulate as simulate,
+        simulate_ensemble as simulate_ensemble,
+        step_metrics as step_metrics,
+    )
+    from swimbladder.vehicle import Vehicle as Vehicle
 
 __version__ = "0.1.0.dev0"
-__all__ = [
-    "InputError",
-    "Law",
-    "Measurement",
-    "Mission",
-    "NoAnswerError",
-    "Prior",
-    "Solution",
-    "StopReason",
-    "SwimbladderError",
-    "Vehicle",
-    "analyse",
-    "compare",
-    "drive",
-    "identify",
-    "load_mission",
-    "load_vehicle",
-    "preset_names",
-    "read_log",
-    "simulate",
-    "simulate_ensemble",
-    "step_metrics",
-]
-
 # Where each name lives; it is imported when it is first used, so that `import swimbladder` is free.
 _HOMES = {
     "design.analysis": ("analyse",),
@@ -91,6 +71,7 @@ _HOMES = {
     "vehicle": ("Vehicle",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
+__all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:

@@ -89,6 +89,8 @@ def _feed(digest: Any, value: Any) -> None:
         digest.update(f"{value.dtype.str} {value.shape} ".encode() + value.tobytes())
     elif isinstance(value, BaseModel):
         digest.update(value.model_dump_json(exclude=_REMARKS).encode())
+        if (acts := getattr(value, "engine", None)) is not None:  # whatever its kind makes of it
+            _feed(digest, acts)
     elif isinstance(value, Mapping):
         for key in sorted(value):
             _feed(digest, (key, value[key]))

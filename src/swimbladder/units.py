@@ -186,18 +186,6 @@ def _number(text: str, unit: str, how: str) -> float:
     return float(Fraction(match.group(1)) * ratio)
 
 
-def to_si(text: str, unit: str) -> float:
-    """Return a text that must carry its own unit, as a float in `unit` (``"5 mm"``, "m" -> 0.005).
-
-    Raises UnitError where the unit is missing or of another kind.
-    """
-    match = _NUMBER.match(text)
-    if unit and match is not None and not text[match.end() :].strip():
-        what = "the unit is missing"
-        raise UnitError(what, value=text, unit=unit, remedy=f'Write "{text.strip()} {unit}"')
-    return parse_quantity(text, unit)
-
-
 def format_quantity(value: float, unit: str, shown_in: str | None = None, digits: int = 6) -> str:
     """Return `value` [unit] as text in the unit `shown_in`: (3.5e-4, "m3", "cm3") -> "350 cm3"."""
     shown = shown_in or unit

@@ -15,6 +15,7 @@ from swimbladder.physics.dynamics import State, motor_rhs, plant
 from swimbladder.physics.electric import steady_drive
 from swimbladder.physics.pump_start import OilLine, pump_start
 from swimbladder.vehicle import (
+    CurvePump,
     DatasheetPump,
     Driver,
     Oil,
@@ -130,6 +131,51 @@ def test_a_power_law_is_what_it_says():
     found = be.drive_map(pump_vehicle(pump), PRESSURES, temperature=np.full(6, 5.0))
     assert found.rate_out == pytest.approx([1e-6, 0.996e-6, 0.98e-6, 0.9e-6, 0.8e-6, 0.0])
     assert found.power_out == pytest.approx([8.0, 8.16, 8.8, 12.0, 16.0, 20.0])
+
+
+LINEAR = {"pressure": [1e6, 5e6, 2e7], "delivery": [1e-6, 8e-7, 5e-8], "power": [8.0, 12.0, 27.0]}
+
+
+def test_a_curve_goes_through_its_points_and_a_straight_one_is_straight_between():
+    vehicle = pump_vehicle(CurvePump(**LINEAR))
+    p = np.array([0.0, 1e6, 3e6, 5e6, 8e6, 2e7, 2.001e7])
+    run = sd.pump_run(vehicle, vehicle.actuator.pump, p)
+    rate = [1e-6, 1e-6, 9e-7, 8e-7, 6.5e-7, 5e-8, 0.0]
+    assert run.rate == pytest.approx(rate, rel=1e-12)
+    assert run.power == pytest.approx([8.0, 8.0, 10.0, 12.0, 15.0, 27.0, 27.0], rel=1e-12)
+
+
+def test_a_curve_does_not_overshoot_its_points():
+    """A step between level stretches: what lies between two points lies between their values."""
+    step = CurvePump(
+        pressure=[0.0, 1e6, 2e6, 3e6], delivery=[2e-6, 2e-6, 1e-6, 1e-6], power=[5.0, 5.0, 9.0, 9.0]
+    )
+    run = sd.pump_run(pump_vehicle(step), step, np.linspace(0.0, 3e6, 301))
+    assert run.rate.max() == 2e-6
+    assert run.rate.min() == 1e-6
+    assert np.all(np.diff(run.rate) <= 1e-20)
+    assert np.all(np.diff(run.power) >= -1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "field", "words"),
+    [
+        ({"pressure": ["10 bar", "50 bar"]}, "delivery", "not as many as pressures"),
+        ({"power": [8.0, 12.0]}, "power", "not as many as pressures"),
+        ({"pressure": [1e6, 2e7, 5e6]}, "pressure", "do not rise"),
+        ({"pressure": [1e6, 1e6, 5e6]}, "pressure", "do not rise"),
+        ({"delivery": [1e-6, 1.1e-6, 5e-8]}, "delivery", "no more against more"),
+        ({"delivery": [0.0, 0.0, 0.0]}, "delivery", "delivers something"),
+        ({"delivery": ["1 mL/s", "1 s", 0.0]}, "delivery[1]", "another kind"),
+        ({"pressure": [1e6]}, "pressure", ""),
+        ({"power": [8.0, -1.0, 2.0]}, "power[1]", "greater than or equal to 0"),
+    ],
+)
+def test_a_curve_that_is_none_is_refused(change, field, words):
+    with pytest.raises(InputError) as caught:
+        CurvePump(**(LINEAR | change))
+    assert caught.value.field == field
+    assert words in str(caught.value)
 
 
 def test_efficiencies_over_pressure_are_wilsons():

@@ -123,7 +123,7 @@ def test_nothing_can_be_changed_afterwards():
         ("hull.height", float("nan"), "hull.height", "not a finite number"),
         ("hull.depth_limit", 0, "hull.depth_limit", "expected unit m). Check the number"),
         ("actuator.T1", float("inf"), "actuator.T1", "not a finite number"),
-        ("actuator.kind", "identifed", "actuator.kind", "Did you mean identified? Allowed: "),
+        ("actuator.kind", "identifed", "actuator.kind", "Did you mean identified? Choose from "),
         ("actuator.kind", None, "actuator.kind", "is missing. Allowed: electrohydraulic, "),
         ("actuator", 3, "actuator", "not a table (got 3). Write [actuator] on a line"),
         ("actuator.K2", 3, "actuator.K2", "unknown field. Known here: K1, T1, "),
@@ -226,7 +226,7 @@ def test_any_value_in_any_field_is_taken_or_refused_with_a_remedy(path, value):
 
 
 def models():
-    found = [getattr(parameters, name) for name in parameters.__all__]
+    found = [x for name, x in vars(parameters).items() if not name.startswith("_")]
     return [m for m in found if isinstance(m, type) and issubclass(m, Parameters)]
 
 

@@ -143,14 +143,14 @@ def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
     rows: dict[str, tuple[float | None, str, str]]
     rows = {"mass_kg": (v.mass, "kg", "mass that is accelerated")}
     rate_of: tuple[float, str] | None = None
-    if isinstance(v.actuator, Positioner):
-        rate_of = v.actuator.speed * v.actuator.piston_area, "of the positioner"
-    elif isinstance(v.actuator, PumpAndValve):
+    if isinstance(v.engine, Positioner):
+        rate_of = v.engine.speed * v.engine.piston_area, "of the positioner"
+    elif isinstance(v.engine, PumpAndValve):
         from swimbladder.physics.buoyancy_engine import drive_map
 
         rate_of = float(drive_map(v, 0.0).rate_out[0]), "of the pump at the surface"
     else:
-        a = reduced(v.actuator, v.water)
+        a = reduced(v.engine, v.water)
         rows |= {
             "K1A_m3_s_V": (a.gain, "m3/s/V", "volume rate per volt, K1 A"),
             "T1_s": (a.T1, "s", "time constant of the motor, T1"),

@@ -125,7 +125,7 @@ def make_library(
         "time_limit": time_limit(made.supervisor),
         "launch_min": LAUNCH,
         "dive_min": UNDER_WATER,
-        "lined": getattr(vehicle.actuator, "line", None) is not None,
+        "lined": getattr(vehicle.engine, "line", None) is not None,
     }
     rows = [
         [f"0x{np.float32(x).view(np.uint32):08x}" for x in row]

@@ -56,7 +56,7 @@ def board_law(
     deepest [m]. Raises InputError for a sample time that the clock cannot count, a rate that the
     polynomial does not follow, and hulls where the sea does not come in at all.
     """
-    a = vehicle.actuator
+    a = vehicle.engine
     assert isinstance(a, PumpAndValve)
     if tick > _LONGEST_TICK:
         what = "the board's clock does not count so long a tick"

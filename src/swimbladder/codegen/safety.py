@@ -76,7 +76,7 @@ def supervisor_parameters(
 
     Raises InputError where full buoyancy would not bring the vehicle up from its depth limit.
     """
-    pumps = isinstance(vehicle.actuator, PumpAndValve)
+    pumps = vehicle.command == "volume change"
     if pumps:
         vehicle = _with_pump(vehicle)
     given, sensors = vehicle.supervisor, vehicle.sensors
@@ -262,7 +262,7 @@ def _pump_rates(vehicle: Vehicle, volts: float) -> tuple[float, float]:
     The rate is that down to the depth limit. A pump as measured knows of no voltage, and one that
     delivers everywhere does so to an infinite depth. Raises InputError where it delivers nowhere.
     """
-    low, a = vehicle, vehicle.actuator
+    low, a = vehicle, vehicle.engine
     assert isinstance(a, PumpAndValve)
     if vehicle.supply is not None and volts > 0.0:
         supply = vehicle.supply.model_copy(update={"voltage": min(volts, vehicle.supply.voltage)})
@@ -372,7 +372,7 @@ def _depths(
     load = p.gain * p.load_drive + p.k_l
     free = p.gain * (volts - p.friction)
     moved = free / load if load > 0.0 else math.inf
-    if isinstance(vehicle.actuator, PumpAndValve):
+    if vehicle.command == "volume change":
         moved = _pump_rates(vehicle, volts)[0]
     if p.positioner == 0.0 and free <= 0.0:
         what = f"at {volts:g} V the motor does not beat its friction, {p.friction:g} V"

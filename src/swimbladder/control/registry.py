@@ -101,7 +101,7 @@ def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:
     `bind` does.
     """
     if sampled:
-        refuse_pump_and_valve(vehicle.actuator)
+        refuse_pump_and_valve(vehicle.engine)
     if vehicle.controller is None:
         what = f"the vehicle {vehicle.name!r} has no controller"
         remedy = "Add a [controller] table to the vehicle: `swimbladder tune` writes one"

@@ -157,7 +157,7 @@ def load_vehicle(
     vehicle = read_model(Vehicle, text, file)
     try:
         if sampled and not pumped:
-            refuse_pump_and_valve(vehicle.actuator)
+            refuse_pump_and_valve(vehicle.engine)
         if weighed or isinstance(vehicle.motion, IdentifiedMotion):
             check_mass(vehicle)
         _check_parts_fit(vehicle if sampled else even_drag(vehicle))

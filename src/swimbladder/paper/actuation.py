@@ -49,7 +49,7 @@ def voltage_steps(vehicle: Vehicle) -> Identified:
 
     Speeds are centred differences of the piston's position every 10 ms, as in section 3.1.
     """
-    a = vehicle.actuator
+    a = vehicle.engine
     assert isinstance(a, IdentifiedActuator)
     h = 0.01
     time = np.arange(301) * h
@@ -73,7 +73,7 @@ def voltage_steps(vehicle: Vehicle) -> Identified:
 
 def timed_voltages(vehicle: Vehicle) -> tuple[Pulse, ...]:
     """Return the timed voltages of section 3.1 at both depths, with the vehicle held in place."""
-    a = vehicle.actuator
+    a = vehicle.engine
     assert isinstance(a, IdentifiedActuator)
     assert vehicle.supply is not None
     assert vehicle.controller is not None
@@ -93,7 +93,7 @@ def timed_voltages(vehicle: Vehicle) -> tuple[Pulse, ...]:
 
 def unheld_rise(vehicle: Vehicle) -> float:
     """Return how far [m] the vehicle rises after the smallest change, with 0 V at the motor."""
-    a = vehicle.actuator
+    a = vehicle.engine
     assert isinstance(a, IdentifiedActuator)
     depth = POOL_DEPTH - CLEARANCE
     time, volume = np.arange(0.0, 120.0, 0.3), vehicle.neutral_volume(depth)

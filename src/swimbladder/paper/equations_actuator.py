@@ -37,7 +37,7 @@ def _oil() -> list[EquationCheck]:
 
 
 def _hydraulic(vehicle: Vehicle) -> list[EquationCheck]:
-    a, water = vehicle.actuator, vehicle.water
+    a, water = vehicle.engine, vehicle.water
     assert isinstance(a, ElectrohydraulicActuator)
     rho, g, w = water.density, water.gravity, water.specific_weight
     d = a.drive
@@ -79,7 +79,7 @@ def actuator_checks(e: Evidence) -> list[EquationCheck]:
 
 
 def _unified(vehicle: Vehicle) -> UnifiedActuator:
-    return act.unified(vehicle.actuator, vehicle.water)
+    return act.unified(vehicle.engine, vehicle.water)
 
 
 def _driven(vehicle: Vehicle) -> tuple[Any, Any]:

@@ -81,8 +81,8 @@ class Evidence:
     @property
     def actuator(self) -> IdentifiedActuator:
         """The actuator of the paper's vehicle."""
-        assert isinstance(self.vehicle.actuator, IdentifiedActuator)
-        return self.vehicle.actuator
+        assert isinstance(self.vehicle.engine, IdentifiedActuator)
+        return self.vehicle.engine
 
     @property
     def motion(self) -> IdentifiedMotion:
@@ -107,7 +107,7 @@ def gather(seed: int, advance: Advance = silent) -> Evidence:
     seed: of the pool's sensor noise. Raises NoAnswerError where the pool procedure does not end.
     """
     vehicle = load_vehicle("feup-em")
-    a = vehicle.actuator
+    a = vehicle.engine
     assert isinstance(a, IdentifiedActuator)
     found: dict[str, Any] = {"vehicle": vehicle, "seed": seed}
 

@@ -34,8 +34,8 @@ def tables(e: Evidence) -> dict[str, Table]:
 
 def table1(e: Evidence) -> Rows:
     """Return Table 1 with the constants of both examples, and the ratios of the prototype."""
-    examples = [unified(v.actuator, v.water) for v in (e.hydraulic, e.screw)]
-    ratios = reduced(e.vehicle.actuator, e.vehicle.water)
+    examples = [unified(v.engine, v.water) for v in (e.hydraulic, e.screw)]
+    ratios = reduced(e.vehicle.engine, e.vehicle.water)
     b = [v.water.specific_weight for v in (e.hydraulic, e.screw, e.vehicle)]
     rows = [("k_b", "buoyancy per volume", *(f"{x:.6g} N/m3" for x in b))]
     for symbol, meaning, field, unit, known in reversed(_ABOUT["table1"]["constants"]):

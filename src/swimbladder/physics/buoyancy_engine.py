@@ -78,7 +78,7 @@ def drive_map(
     if power:
         check_power_known(vehicle)
     p = np.atleast_1d(np.asarray(pressure, float))
-    a = vehicle.actuator
+    a = vehicle.engine
     if isinstance(a, PumpAndValve):
         return _pump_and_valve(vehicle, a, p, np.asarray(temperature, float))
     if isinstance(a, Positioner):
@@ -89,9 +89,9 @@ def drive_map(
 
 def _known_motor(vehicle: Vehicle) -> UnifiedActuator | None:
     """Return an actuator whose electrical power is known; None for a positioner, or without."""
-    if isinstance(vehicle.actuator, Positioner | IdentifiedActuator):
+    if isinstance(vehicle.engine, Positioner | IdentifiedActuator):
         return None
-    found = unified(vehicle.actuator, vehicle.water)
+    found = unified(vehicle.engine, vehicle.water)
     return None if found.resistance is None or found.emf_constant is None else found
 
 
@@ -101,7 +101,7 @@ def check_power_known(vehicle: Vehicle) -> None:
     A motor needs its resistance R and k_T (k_emf), a pump and valve has a power law or a motor, a
     positioner needs its power while moving.
     """
-    a = vehicle.actuator
+    a = vehicle.engine
     missing = ""
     if isinstance(a, Positioner) and a.moving_power is None:
         missing = (
@@ -137,9 +137,9 @@ class Winding(NamedTuple):
 
 def winding(vehicle: Vehicle) -> Winding | None:
     """Return the winding of a vehicle's motor, None where R or k_T are not known."""
-    if isinstance(vehicle.actuator, Positioner):
+    if vehicle.command == "volume":
         return None
-    a = reduced(vehicle.actuator, vehicle.water)
+    a = reduced(vehicle.engine, vehicle.water)
     return None if a.resistance is None or a.kappa is None else Winding(a.resistance, a.kappa)
 
 
@@ -163,7 +163,7 @@ def known_winding(vehicle: Vehicle, *, instead: str) -> Winding:
 
 def oil_note(vehicle: Vehicle) -> str | None:
     """Return what an oil that is given, and compresses nothing here, would take; None: nothing."""
-    a = vehicle.actuator
+    a = vehicle.engine
     if isinstance(a, PumpAndValve):
         if a.line is not None or not isinstance(a.pump, DatasheetPump) or a.pump.drive.oil is None:
             return None
@@ -186,7 +186,7 @@ def steady_point(
 
     None where there is no motor with known R and k_emf: a power law, a positioner.
     """
-    a, supply = vehicle.actuator, vehicle.supply
+    a, supply = vehicle.engine, vehicle.supply
     p = np.atleast_1d(np.asarray(pressure, float))
     if isinstance(a, PumpAndValve):
         if supply is None or not isinstance(a.pump, DatasheetPump):
@@ -280,7 +280,7 @@ def _positioner(vehicle: Vehicle, a: Positioner, p: Array) -> DriveMap:
 def _rates_only(vehicle: Vehicle, p: Array) -> DriveMap:
     """Return the rates of an actuator whose R is not known; its battery cannot sag either."""
     assert vehicle.supply is not None  # Vehicle checks it
-    a, E = reduced(vehicle.actuator, vehicle.water), vehicle.supply.voltage
+    a, E = reduced(vehicle.engine, vehicle.water), vehicle.supply.voltage
     z = p / vehicle.water.specific_weight
     leak = a.k_l * z
     pressed = np.maximum(a.gain * (E - a.load_drive * z - a.friction), 0.0)

@@ -79,7 +79,7 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
     and valve, which have no voltage, and for drag that is not the same up and down: `mission`
     takes both.
     """
-    refuse_pump_and_valve(vehicle.actuator)
+    refuse_pump_and_valve(vehicle.engine)
     if vehicle.drag.rising_ratio != 1.0:
         raise InputError(
             "only `mission`, `ballast`, `energy` and `size` know a drag that differs up and down",
@@ -87,7 +87,7 @@ def plant(vehicle: Vehicle, *, bottom_depth: float = math.inf) -> Plant:
             value=vehicle.drag.rising_ratio,
             remedy="Leave the line out here, and give a drag between the two",
         )
-    body, actuator = body_plant(vehicle, bottom_depth=bottom_depth), vehicle.actuator
+    body, actuator = body_plant(vehicle, bottom_depth=bottom_depth), vehicle.engine
     if isinstance(actuator, Positioner):
         a, supply, sag = ReducedActuator(1.0, *5 * (0.0,), None, None), math.inf, 0.0
         body = body._replace(positioner=1.0, rate=actuator.speed * actuator.piston_area)

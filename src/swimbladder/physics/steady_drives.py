@@ -8,10 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.physics.actuator import unified
 from swimbladder.physics.electric import SteadyDrive, largest_voltage, steady_drive, supply_current
 from swimbladder.vehicle import (
+    CurvePump,
     DatasheetPump,
     Driver,
     ElectrohydraulicActuator,
     PowerLawPump,
+    Pump,
     Supply,
     UnifiedActuator,
     Valve,
@@ -56,7 +58,7 @@ def valve_flow(valve: Valve, head: Array) -> Array:
 
 def pump_run(
     vehicle: Vehicle,
-    pump: PowerLawPump | DatasheetPump,
+    pump: Pump,
     head: Array,
     temperature: ArrayLike = REFERENCE_TEMPERATURE,
 ) -> PumpRun:
@@ -75,6 +77,14 @@ def pump_run(
         warmer = np.asarray(temperature, float) - REFERENCE_TEMPERATURE
         drawn = pump.idle_power + pump.power_per_pressure * beaten
         return PumpRun(rate, np.maximum(drawn + pump.power_per_temperature * warmer, 0.0))
+    if isinstance(pump, CurvePump):
+        from scipy.interpolate import PchipInterpolator
+
+        beaten = np.clip(head, pump.pressure[0], pump.pressure[-1])
+        rate, drawn = (
+            PchipInterpolator(pump.pressure, y)(beaten) for y in (pump.delivery, pump.power)
+        )
+        return PumpRun(np.where(head > pump.pressure[-1], 0.0, rate), drawn)
     at = datasheet_point(vehicle, pump, np.maximum(head, 0.0))
     return PumpRun(np.maximum(at.drive.volume_rate, 0.0), at.terminals)
 

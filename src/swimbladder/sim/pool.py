@@ -109,7 +109,7 @@ def pool_parameters(
     dV [m3]; pool_depth and clearance (Delta_z) [m]; hold: whether the piston is held against the
     sea after a change, or left at 0 V. Raises InputError for any other actuator or law.
     """
-    a, controller, supply = vehicle.actuator, vehicle.controller, vehicle.supply
+    a, controller, supply = vehicle.engine, vehicle.controller, vehicle.supply
     if not isinstance(a, IdentifiedActuator) or supply is None:
         what = "the timed voltage needs K1, T1 and the piston area"
         remedy = "Describe the actuator as kind identified"

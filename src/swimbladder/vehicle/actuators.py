@@ -7,11 +7,19 @@ too.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import inspect
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import Field, StrictBool
+from pydantic import Field, SerializeAsAny, StrictBool, WrapValidator
 
-from swimbladder.vehicle.schema import Parameters, Unit, refusal
+from swimbladder.errors import InputError
+from swimbladder.plugins import Registry
+from swimbladder.vehicle.schema import Parameters, Unit, carried, no_such, refusal, tags_of
+
+if TYPE_CHECKING:
+    from swimbladder.vehicle.vehicle import Water
 
 Phase = Literal["descend", "park", "profile", "hold", "surface"]
 
@@ -294,7 +302,38 @@ class DatasheetPump(Parameters):
     """
 
 
-Pump = Annotated[PowerLawPump | DatasheetPump, Field(discriminator="kind")]
+class CurvePump(Parameters):
+    """A pump by its curve: delivery and electrical power at some pressures that it beats.
+
+    A smooth curve without overshoot goes through them; before the first pressure they are those at
+    the first, and beyond the last nothing is delivered. The power is that at the supply's terminals
+    while it runs, its driver's loss included.
+    """
+
+    kind: Literal["curve"] = "curve"
+    pressure: tuple[Annotated[float, Unit("Pa"), Field(ge=0.0)], ...] = Field(min_length=2)
+    """pressures that the pump beats, rising"""
+    delivery: tuple[Annotated[float, Unit("m3/s"), Field(ge=0.0)], ...]
+    """volume pressed out per time at each, falling or level"""
+    power: tuple[Annotated[float, Unit("W"), Field(ge=0.0)], ...]
+    """electrical power at each"""
+    slip: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
+    """what flows back through it per pressure while it stands, by which `line` empties"""
+
+    def check(self) -> None:
+        """Refuse fields that do not go together."""
+        for name in ("delivery", "power"):
+            if len(getattr(self, name)) != len(self.pressure):
+                raise refusal("not as many as pressures", "Give one at each pressure", name)
+        if list(self.pressure) != sorted(set(self.pressure)):
+            raise refusal("the pressures do not rise", "Begin with the least", "pressure")
+        falls = list(self.delivery) == sorted(self.delivery, reverse=True)
+        if not falls or self.delivery[0] == 0.0:
+            what = "a pump delivers something, and no more against more pressure"
+            raise refusal(what, "Check the order of pressures and deliveries", "delivery")
+
+
+Pump = Annotated[PowerLawPump | DatasheetPump | CurvePump, Field(discriminator="kind")]
 
 
 class Valve(Parameters):
@@ -309,7 +348,7 @@ class Valve(Parameters):
 class PumpAndValve(Parameters):
     """A pump presses oil into the bladder, a valve lets it back, a check valve holds the volume.
 
-    Its command is a change of volume, by the law `rate` or one like it; `faults` does not take it.
+    Its command is a change of volume, by the law `rate` or one like it.
     """
 
     kind: Literal["pump-valve"] = "pump-valve"
@@ -358,3 +397,104 @@ class PumpAndValve(Parameters):
 _Motored = ElectrohydraulicActuator | ElectromechanicalActuator | UnifiedActuator
 _Actuator = _Motored | IdentifiedActuator | Positioner | PumpAndValve
 Actuator = Annotated[_Actuator, Field(discriminator="kind")]
+"""The actuators that simulation, analysis and firmware know."""
+
+
+class ActuatorKind(Parameters, ABC):
+    """Base of a kind of actuator of another package: its own fields, and what it acts as.
+
+    A class of it has a field ``kind: Literal["..."]``, and the entry point of the group
+    `swimbladder.actuators` that names it is called the same.
+    """
+
+    kind: str
+    """name of the kind"""
+
+    @abstractmethod
+    def acts_as(self, water: Water) -> _Actuator:
+        """Return the same actuator in one of swimbladder's own forms.
+
+        water: that of the vehicle, for a load that goes with its weight. What is raised here
+        refuses the vehicle.
+        """
+
+
+def _accept(kind: Any, name: str) -> type[ActuatorKind]:
+    """Return a kind of another package; raises InputError where it is none that can be used."""
+    if not (isinstance(kind, type) and issubclass(kind, ActuatorKind)):
+        remedy = "Let the entry point name a class of swimbladder.vehicle.ActuatorKind"
+        raise InputError("it is no ActuatorKind", remedy=remedy)
+    if inspect.isabstract(kind):
+        raise InputError("it does not say what it acts as", remedy="Give it a method acts_as")
+    if tags_of(kind) != (name,):
+        what = f"the entry point is called {name!r} and its kind {' or '.join(tags_of(kind))!r}"
+        raise InputError(what, remedy=f'Give it a field kind: Literal["{name}"] = "{name}"')
+    return kind
+
+
+def _own(model: type[Parameters]) -> Callable[[], type[Parameters]]:
+    """Return how a kind of this package is loaded."""
+    return lambda: model
+
+
+ACTUATORS: Registry[type[Parameters]] = Registry(
+    "swimbladder.actuators",
+    "actuator kind",
+    own={tags_of(model)[0]: _own(model) for model in get_args(_Actuator)},
+    accept=_accept,
+)
+"""The kinds of actuator."""
+
+
+def _of_any_kind(value: object, own: Callable[[object], _Actuator]) -> _Actuator | ActuatorKind:
+    """Return an actuator of this package or of another."""
+    if isinstance(value, ActuatorKind):
+        return value
+    if not isinstance(value, Mapping) or not isinstance(kind := value.get("kind"), str):
+        return own(value)
+    try:
+        if kind not in ACTUATORS:
+            raise no_such("unknown kind", kind, ACTUATORS, field="kind")
+        found = ACTUATORS[kind]  # refuses a name that two have
+    except InputError as error:
+        raise carried(error.but(field="kind")) from None
+    if not issubclass(found, ActuatorKind):
+        return own(value)
+    try:
+        return found(**value)
+    except InputError as error:
+        raise carried(error.but(field=None) if error.field == found.__name__ else error) from None
+    except Exception as error:
+        raise carried(_no_actuator(found, error).but(field=None)) from None
+
+
+def engine_of(given: _Actuator | ActuatorKind, water: Water) -> _Actuator:
+    """Return an actuator itself, or what one of another package acts as in a vehicle's water.
+
+    Raises InputError where that is no actuator.
+    """
+    if not isinstance(given, ActuatorKind):
+        return given
+    try:
+        found: object = given.acts_as(water)
+        if isinstance(found, _Actuator):
+            return found
+        raise TypeError(f"it acts as a {type(found).__name__}")
+    except Exception as error:
+        raise _no_actuator(type(given), error) from None
+
+
+def _no_actuator(kind: type[Parameters], error: Exception) -> InputError:
+    """Return what an error of another package, whatever it is, means for an actuator."""
+    name = "".join(tags_of(kind)) or kind.__name__
+    package = (name in ACTUATORS and ACTUATORS.package(name)) or kind.__module__
+    why = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+    what = f"with these numbers it is no actuator: {' '.join(why.split())}"
+    remedy = f"Check its numbers, or update {package}, which has the kind {name}"
+    return InputError(what, field="actuator", remedy=remedy)
+
+
+if TYPE_CHECKING:
+    AnyActuator = _Actuator | ActuatorKind
+else:
+    AnyActuator = SerializeAsAny[Annotated[Actuator, WrapValidator(_of_any_kind)]]

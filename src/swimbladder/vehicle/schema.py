@@ -74,7 +74,10 @@ class Parameters(BaseModel, metaclass=_ParametersMeta):
 
     @model_validator(mode="after")
     def _checked(self) -> Self:
-        self.check()
+        try:
+            self.check()
+        except InputError as error:
+            raise carried(error) from None
         return self
 
     def check(self) -> None:
@@ -87,6 +90,11 @@ def refusal(what: str, remedy: str, *field: str | int) -> PydanticCustomError:
     field: the path, within the model at hand, of the field that is to be named.
     """
     return PydanticCustomError("refused", "{what}", {"what": what, "remedy": remedy, "at": field})
+
+
+def carried(error: InputError) -> PydanticCustomError:
+    """Return what a validator raises for an InputError, its field within the model at hand."""
+    return PydanticCustomError("carried", "{what}", {"what": error.what, "error": error})
 
 
 def quantity_in(value: object, unit: str, remedy: str = "") -> float:
@@ -159,6 +167,9 @@ def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:
     context: dict[str, Any] = dict(first.get("ctx", {}))
     path, annotation, owner = _walk(model, first["loc"])
     value: Any = first["input"]
+    if first["type"] == "carried":
+        inside: InputError = context["error"]
+        return inside.but(field=".".join(filter(None, (dotted(path), inside.field))))
     if first["type"].startswith("union_tag"):
         path, owner, value = [*path, "kind"], None, context.get("tag")
     elif context.get("at"):

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field
 
 from swimbladder.vehicle.actuators import (
     Actuator,
+    AnyActuator,
     DatasheetPump,
     Driver,
     ElectromechanicalActuator,
@@ -20,6 +21,7 @@ from swimbladder.vehicle.actuators import (
     Positioner,
     PumpAndValve,
     Supply,
+    engine_of,
 )
 from swimbladder.vehicle.schema import Parameters, Unit, quantity_in, refusal
 
@@ -373,7 +375,7 @@ class Vehicle(Parameters):
     '''where each number comes from: dotted field = "source"'''
     water: Water = Water()
     """the water around the vehicle"""
-    actuator: Actuator
+    actuator: AnyActuator
     """what changes the volume"""
     supply: Supply | None = None
     """the battery; a positioner does without"""
@@ -399,6 +401,11 @@ class Vehicle(Parameters):
     """how sure the identified numbers are, and the noise of the logs"""
 
     @property
+    def engine(self) -> Actuator:
+        """The actuator itself, or what one of another package acts as."""
+        return engine_of(self.actuator, self.water)
+
+    @property
     def mass(self) -> float:
         """Mass that is accelerated: dry, entrained and added [kg]."""
         if isinstance(self.motion, IdentifiedMotion):
@@ -420,9 +427,9 @@ class Vehicle(Parameters):
     @property
     def command(self) -> Literal["voltage", "volume", "volume change"]:
         """What a control law commands: a positioner's volume, a change for pump and valve."""
-        if isinstance(self.actuator, PumpAndValve):
+        if isinstance(self.engine, PumpAndValve):
             return "volume change"
-        return "volume" if isinstance(self.actuator, Positioner) else "voltage"
+        return "volume" if isinstance(self.engine, Positioner) else "voltage"
 
     @property
     def voltage_driven(self) -> bool:
@@ -432,7 +439,7 @@ class Vehicle(Parameters):
     @property
     def piston_area(self) -> float | None:
         """Area of the piston [m2]; None where there is none or it is not known."""
-        actuator = self.actuator
+        actuator = self.engine
         if isinstance(actuator, ElectromechanicalActuator):
             return actuator.drive.piston_area
         if isinstance(actuator, (Positioner, IdentifiedActuator)):
@@ -448,7 +455,7 @@ class Vehicle(Parameters):
         if self.voltage_driven and self.supply is None:
             what = "a voltage-driven actuator needs a supply"
             raise refusal(what, "Add a table [supply] with the battery's voltage", "supply")
-        if isinstance(self.actuator, PumpAndValve) and self.stroke.switch_margin:
+        if isinstance(self.engine, PumpAndValve) and self.stroke.switch_margin:
             what = "a pump and a valve have no limit switches before the ends of their stroke here"
             remedy = "Leave it out; the pump stops at the end of its stroke"
             raise refusal(what, remedy, "stroke.switch_margin")
@@ -464,7 +471,7 @@ class Vehicle(Parameters):
 
     def _electricity_fits(self) -> None:
         """Refuse pumps without a supply and loads of the same name."""
-        pump = self.actuator.pump if isinstance(self.actuator, PumpAndValve) else None
+        pump = self.engine.pump if isinstance(self.engine, PumpAndValve) else None
         if isinstance(pump, DatasheetPump) and self.supply is None:
             what = "a pump from datasheets needs a supply"
             raise refusal(what, "Add a table [supply] with the battery's voltage", "supply")

@@ -5,7 +5,8 @@ import math
 import pytest
 
 import swimbladder as sb
-from swimbladder.design.experiments import PAPER, design_experiment
+from swimbladder.design.experiments import design_experiment
+from swimbladder.design.experiments.run import PAPER
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import Prior
 from swimbladder.io.plan import load_plan, plan_file

@@ -73,6 +73,12 @@ def test_least_times_are_the_planners_and_late_ones_are_said():
     assert "took longer than 0.001 s" in late[0]["why"]
 
 
+def test_a_process_that_ends_by_itself_is_not_said_to_be_late():
+    broken = FEUP.model_copy(update={"hull": None})
+    (answer,) = least_times(broken, [Asked(1.5, 2.0, 12.0)], limit=120.0)
+    assert "process of the linear programs ended: 1" in answer["why"]
+
+
 def test_a_part_is_that_of_the_vehicle_asked_for(tmp_path):
     store = Store(tmp_path)
     store.write({"a": 1.0}, "flown", FEUP, 3)

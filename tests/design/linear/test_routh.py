@@ -8,13 +8,14 @@ import sympy as sp
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from swimbladder.design.linear import linearise, routh_table, transfer
+from swimbladder.design.linear import linearise, transfer
 from swimbladder.design.linear.depths import (
     double_integrator_phase_margin,
     doubling_time,
     stiff_hull,
 )
 from swimbladder.design.linear.models import polynomials
+from swimbladder.design.linear.routh import routh_table
 from swimbladder.physics.dynamics import plant
 
 real_roots = st.lists(st.integers(-4, 4), max_size=3)

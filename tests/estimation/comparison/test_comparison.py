@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swimbladder.errors import InputError, LogError, NoAnswerError
-from swimbladder.estimation.comparison import DRIVES, FITTABLE, compare
-from swimbladder.estimation.comparison.record import record
-from swimbladder.estimation.comparison.run import stages
+from swimbladder.estimation.comparison import compare
+from swimbladder.estimation.comparison.record import DRIVES, record
+from swimbladder.estimation.comparison.run import FITTABLE, stages
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log, read_log
 from tests.quoted import refused

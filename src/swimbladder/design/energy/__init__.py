@@ -6,36 +6,23 @@ power law and delivery, with uncertainty, from runs that a vehicle logged, a veh
 each of the runs, and efficiency over pressure.
 """
 
-from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy, sea
+from swimbladder.design.energy.energy_per_volume import (
+    DriveEnergy as DriveEnergy,
+    drive_energy as drive_energy,
+    sea as sea,
+)
 from swimbladder.design.energy.fit import (
-    PumpFit,
-    efficiency_bands,
-    fit_pump,
-    fitted_vehicle,
-    run_columns,
+    PumpFit as PumpFit,
+    efficiency_bands as efficiency_bands,
+    fit_pump as fit_pump,
+    fitted_vehicle as fitted_vehicle,
+    run_columns as run_columns,
 )
 from swimbladder.design.energy.thruster_comparison import (
-    Hovering,
-    Profiling,
-    Thruster,
-    hovering,
-    profiling,
+    Hovering as Hovering,
+    Profiling as Profiling,
+    Thruster as Thruster,
+    hovering as hovering,
+    profiling as profiling,
 )
-from swimbladder.io.pump_runs import PumpRuns
-
-__all__ = [
-    "DriveEnergy",
-    "Hovering",
-    "Profiling",
-    "PumpFit",
-    "PumpRuns",
-    "Thruster",
-    "drive_energy",
-    "efficiency_bands",
-    "fit_pump",
-    "fitted_vehicle",
-    "hovering",
-    "profiling",
-    "run_columns",
-    "sea",
-]
+from swimbladder.io.pump_runs import PumpRuns as PumpRuns

@@ -5,7 +5,5 @@ best set, `evaluation` its errors and what would bias it, `result` what a person
 `io.plan` is the file of it.
 """
 
-from swimbladder.design.experiments.result import Design
-from swimbladder.design.experiments.run import PAPER, design_experiment
-
-__all__ = ["PAPER", "Design", "design_experiment"]
+from swimbladder.design.experiments.result import Design as Design
+from swimbladder.design.experiments.run import design_experiment as design_experiment

@@ -4,7 +4,8 @@
 too, and measures, `run` puts them together and finds those that no other beats.
 """
 
-from swimbladder.design.law_comparison.contenders import SCENARIOS
-from swimbladder.design.law_comparison.run import LawComparison, compare_laws
-
-__all__ = ["SCENARIOS", "LawComparison", "compare_laws"]
+from swimbladder.design.law_comparison.contenders import SCENARIOS as SCENARIOS
+from swimbladder.design.law_comparison.run import (
+    LawComparison as LawComparison,
+    compare_laws as compare_laws,
+)

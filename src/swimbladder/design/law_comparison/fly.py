@@ -29,7 +29,7 @@ from swimbladder.physics.buoyancy_engine import check_power_known, winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.block import schedule
 from swimbladder.sim.closed_loop.water import medium_of
-from swimbladder.vehicle import Positioner, Vehicle
+from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def no_energy(vehicle: Vehicle) -> str | None:
         return None
     if winding(vehicle) is not None:
         return None
-    if isinstance(vehicle.actuator, Positioner):
+    if vehicle.command == "volume":
         return "nothing is known of the motor behind the positioner"
     return "R and k_T of the motor are not known"
 

@@ -220,14 +220,16 @@ def least_times(vehicle: Vehicle, steps: Sequence[Asked], *, limit: float) -> li
     limit [s]: after which no more are waited for; ``late`` says that one was not.
     """
     command = [sys.executable, "-c", f"from {__name__} import answer; answer()"]
-    asked = pickle.dumps((vehicle, steps))
+    # as swimbladder's own actuator: the process need not find other packages where this one does
+    asked = pickle.dumps((vehicle.model_copy(update={"actuator": vehicle.engine}), steps))
+    why = f"the linear programs took longer than {limit:g} s (swimbladder plan has no limit)"
     try:
-        printed = subprocess.run(command, input=asked, stdout=subprocess.PIPE, timeout=limit).stdout
+        done = subprocess.run(command, input=asked, stdout=subprocess.PIPE, timeout=limit)
+        printed, why = done.stdout, f"the process of the linear programs ended: {done.returncode}"
     except subprocess.TimeoutExpired as expired:
         printed = expired.stdout or b""
     whole = printed[: printed.rfind(b"\n") + 1].decode()
     found: list[dict[str, Any]] = [json.loads(line) for line in whole.splitlines()]
-    why = f"the linear programs took longer than {limit:g} s (swimbladder plan has no limit)"
     return found + [{"why": why, "late": True}] * (len(steps) - len(found))
 
 

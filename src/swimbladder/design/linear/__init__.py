@@ -7,22 +7,12 @@ growing roots, `depths` says what depth does, `sampled` closes the loop at the l
 by name.
 """
 
-from swimbladder.design.linear.analyse import Analysis, analyse_linear
-from swimbladder.design.linear.margins import Margins, loop_margins
-from swimbladder.design.linear.models import StateSpace, linearise
-from swimbladder.design.linear.routh import routh_table
-from swimbladder.design.linear.sampled import BoundLaw, ClosedLoop, SampledLoop, linearise_law
-
-__all__ = [
-    "Analysis",
-    "BoundLaw",
-    "ClosedLoop",
-    "Margins",
-    "SampledLoop",
-    "StateSpace",
-    "analyse_linear",
-    "linearise",
-    "linearise_law",
-    "loop_margins",
-    "routh_table",
-]
+from swimbladder.design.linear.analyse import Analysis as Analysis, analyse_linear as analyse_linear
+from swimbladder.design.linear.margins import Margins as Margins, loop_margins as loop_margins
+from swimbladder.design.linear.models import StateSpace as StateSpace, linearise as linearise
+from swimbladder.design.linear.sampled import (
+    BoundLaw as BoundLaw,
+    ClosedLoop as ClosedLoop,
+    SampledLoop as SampledLoop,
+    linearise_law as linearise_law,
+)

@@ -15,7 +15,7 @@ from swimbladder.design.linear.transfer import TransferFunction, transfer_functi
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json, plain
 from swimbladder.physics.dynamics import plant
-from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.vehicle import Vehicle
 
 
 def _rest(a: Analysis) -> Iterator[str]:
@@ -385,7 +385,7 @@ def analyse_linear(
     Raises InputError where the depth is negative or not finite.
     """
     check_depth(depth)
-    pumped = isinstance(vehicle.actuator, PumpAndValve)
+    pumped = vehicle.command == "volume change"
     p = plant(pump_valve.moved_by_volume(vehicle))
     m, k_b = vehicle.mass, vehicle.water.specific_weight
     model = models.linearise(p, depth=depth)

@@ -73,7 +73,7 @@ def moved_by_volume(vehicle: Vehicle) -> Vehicle:
 
     Its drag is that of sinking, both ways. Another vehicle is returned as it is.
     """
-    a = vehicle.actuator
+    a = vehicle.engine
     if not isinstance(a, PumpAndValve):
         return vehicle
     fastest = max(_pump_rate(vehicle, a, 0.0), 1e-15)
@@ -139,7 +139,7 @@ def pump_stall(vehicle: Vehicle, *, depth: float) -> Stall:
     The holding depth is where it only just makes up for what leaks back. A check valve holds the
     volume, so that nothing turns the pump back.
     """
-    a, supply = vehicle.actuator, vehicle.supply
+    a, supply = vehicle.engine, vehicle.supply
     assert isinstance(a, PumpAndValve)  # analyse_linear
     stiff = vehicle
     if supply is not None:

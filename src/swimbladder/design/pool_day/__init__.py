@@ -6,26 +6,18 @@ be done, `day` keeps the experiments, identifies the vehicle after each and says
 `rehearsal` simulates.
 """
 
-from swimbladder.design.pool_day.day import News, PoolDay
-from swimbladder.design.pool_day.follow import GrowingLog, finished, follow, rehearse
-from swimbladder.design.pool_day.rehearsal import Operator
-from swimbladder.design.pool_day.segments import Rules, Sample
-from swimbladder.design.pool_day.tasks import Task, paper_tasks, plan_tasks
-from swimbladder.design.pool_day.verdict import Asked, Target
-
-__all__ = [
-    "Asked",
-    "GrowingLog",
-    "News",
-    "Operator",
-    "PoolDay",
-    "Rules",
-    "Sample",
-    "Target",
-    "Task",
-    "finished",
-    "follow",
-    "paper_tasks",
-    "plan_tasks",
-    "rehearse",
-]
+from swimbladder.design.pool_day.day import News as News, PoolDay as PoolDay
+from swimbladder.design.pool_day.follow import (
+    GrowingLog as GrowingLog,
+    finished as finished,
+    follow as follow,
+    rehearse as rehearse,
+)
+from swimbladder.design.pool_day.rehearsal import Operator as Operator
+from swimbladder.design.pool_day.segments import Rules as Rules, Sample as Sample
+from swimbladder.design.pool_day.tasks import (
+    Task as Task,
+    paper_tasks as paper_tasks,
+    plan_tasks as plan_tasks,
+)
+from swimbladder.design.pool_day.verdict import Asked as Asked, Target as Target

@@ -97,8 +97,8 @@ def manual_drive_of(vehicle: Vehicle) -> _Timed | _Servo:
         return _Servo(near)
     assert vehicle.supply is not None
     limit = vehicle.supply.voltage
-    if isinstance(vehicle.actuator, IdentifiedActuator):
-        return _Timed(vehicle.actuator, limit, vehicle.controller.sample_time)
+    if isinstance(vehicle.engine, IdentifiedActuator):
+        return _Timed(vehicle.engine, limit, vehicle.controller.sample_time)
     law, parameters = bind(vehicle.controller)
     if not isinstance(parameters, CascadeParameters):
         what = "a rehearsal moves the piston with the inner loop of a cascade"

@@ -7,18 +7,13 @@
     Parts   the list of parts; load_parts reads one from TOML
 """
 
-from swimbladder.design.sizing.candidates import load_parts
-from swimbladder.design.sizing.requirements import Dive, requirements
-from swimbladder.design.sizing.run import Sizing, columns, sentences, size, sized_vehicle, to_json
-
-__all__ = [
-    "Dive",
-    "Sizing",
-    "columns",
-    "load_parts",
-    "requirements",
-    "sentences",
-    "size",
-    "sized_vehicle",
-    "to_json",
-]
+from swimbladder.design.sizing.candidates import load_parts as load_parts
+from swimbladder.design.sizing.requirements import Dive as Dive, requirements as requirements
+from swimbladder.design.sizing.run import (
+    Sizing as Sizing,
+    columns as columns,
+    sentences as sentences,
+    size as size,
+    sized_vehicle as sized_vehicle,
+    to_json as to_json,
+)

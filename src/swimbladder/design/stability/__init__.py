@@ -6,6 +6,4 @@ controller comes back, and from where this one does; `robust` tries wrong gains 
 `run` does it all and says it.
 """
 
-from swimbladder.design.stability.run import Stability, stability
-
-__all__ = ["Stability", "stability"]
+from swimbladder.design.stability.run import Stability as Stability, stability as stability

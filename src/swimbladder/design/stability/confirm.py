@@ -288,7 +288,7 @@ def _flown_rest(vehicle: Vehicle, bound: BoundLaw, one: Predicted, depth: float)
     leaks, q = one.source == "leakage", bound.parameters
     period = 0.0 if one.cycle is None or math.isnan(one.cycle.period) else one.cycle.period
     duration = min(max(10.0 * period, _SHORTEST * (q.dead + q.run)), _LONGEST)
-    a = vehicle.actuator
+    a = vehicle.engine
     tight = a if leaks else a.model_copy(update={"leakage": 0.0, "creep": 0.0})
     quantised = one.source == "quantum of the depth"
     held = Held(vehicle.model_copy(update={"actuator": tight}), bound, depth)

@@ -34,7 +34,7 @@ from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.units import length
-from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import no_such
 
 
@@ -370,7 +370,7 @@ def _within(law: Law, numbers: Any, depths: tuple[float, float]) -> float:
 def _beyond(vehicle: Vehicle, deepest: float) -> str:
     """Return why the deepest of what was asked for is out of reach; empty where it is not."""
     p, rating = plant(moved_by_volume(vehicle)), vehicle.hull.depth_limit
-    if isinstance(vehicle.actuator, PumpAndValve):
+    if vehicle.command == "volume change":
         stalls = pump_stall(vehicle, depth=deepest).holding_depth
         if stalls < deepest:
             return (

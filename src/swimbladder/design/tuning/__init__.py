@@ -4,6 +4,4 @@
 vehicles are possible, `margins` and `trial` judge, `run` puts them together.
 """
 
-from swimbladder.design.tuning.run import Tuning, tune
-
-__all__ = ["Tuning", "tune"]
+from swimbladder.design.tuning.run import Tuning as Tuning, tune as tune

@@ -160,7 +160,7 @@ def setting_of(
 def _drive(
     vehicle: Vehicle, supply: float, depths: Sequence[float], neutral_range: float
 ) -> Drive | None:
-    a, stroke = vehicle.actuator, vehicle.stroke
+    a, stroke = vehicle.engine, vehicle.stroke
     if not isinstance(a, PumpAndValve) or not depths:
         return None
     rates = drive_rates(with_supply(vehicle, supply), depths)

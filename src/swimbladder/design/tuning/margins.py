@@ -78,7 +78,7 @@ def deliveries(
 
     The processor takes the drive to give what is known: its runs are as long as that says.
     """
-    a = vehicle.actuator
+    a = vehicle.engine
     longest = (isinstance(a, PumpAndValve) and a.longest_run) or math.inf
     rate, share, start = rates.valve[k], one.drive[1], 0.0
     if d.pumps:
@@ -123,7 +123,7 @@ def largest_radius(
 
 def rest_of(vehicle: Vehicle, bound: BoundLaw, rates: DriveRates, medium: Medium) -> Rest:
     """Return what happens at rest, with the psi of region and depths that gives way most."""
-    a, parameters = vehicle.actuator, bound.parameters
+    a, parameters = vehicle.engine, bound.parameters
     shortest = a.quantum * max(*rates.pump, *rates.valve) if isinstance(a, PumpAndValve) else 0.0
     every = [member(vehicle, s) for s in with_middle(vehicle)]
     plants = (in_water(medium, one, z).plant for one in every for z in rates.depths)

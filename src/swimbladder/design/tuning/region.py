@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from swimbladder.design.linear.pump_valve import moved_by_volume, with_drag
 from swimbladder.physics.dynamics import Plant, plant
-from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import INPUTS, Spread
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Member(NamedTuple):
 
 def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
     """Return what is uncertain of a vehicle, and whether its region is an ellipsoid, not a box."""
-    if isinstance(vehicle.actuator, PumpAndValve):
+    if vehicle.command == "volume change":
         return FLOATS, True
     if vehicle.identified is None:
         return ("K2", "T2"), False
@@ -61,7 +61,7 @@ def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
 
 def neutral_walk(vehicle: Vehicle) -> float:
     """Return the intensity [m3/s^0.5] of the random walk that a neutral volume is assumed to do."""
-    if isinstance(vehicle.actuator, PumpAndValve):
+    if vehicle.command == "volume change":
         return 0.0  # what a float's volume loses is leakage and creep, and flown as such
     return WALK if vehicle.identified is None else max(WALK, vehicle.identified.neutral_walk)
 

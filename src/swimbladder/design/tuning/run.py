@@ -222,7 +222,7 @@ def tune(
     Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
     limits them, or where the energy of its motor is not known.
     """
-    pumped = isinstance(vehicle.actuator, PumpAndValve)
+    pumped = vehicle.command == "volume change"
     law = law or ("rate" if pumped else "planned")
     chosen = gains.tunable(law)
     _check(vehicle, law, goal, hold)
@@ -320,7 +320,7 @@ def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
         remedy = f"Choose from {', '.join(goals)}, or another law"
         what = f"the law {law} is not tuned for this"
         raise InputError(what, field="--goal", value=goal, remedy=remedy)
-    pumped = isinstance(vehicle.actuator, PumpAndValve)
+    pumped = vehicle.command == "volume change"
     allowed = goal != "fast" or pumped
     if hold is not None and not (allowed and 0.0 < hold < math.inf):
         what = "an error that is allowed is above 0, and for quiet and energy"
@@ -333,7 +333,7 @@ def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
 def _supplied(vehicle: Vehicle) -> Plant:
     """Return the plant, of a pump and valve with the supply of its pump, where it needs one."""
     p = plant(moved_by_volume(vehicle))
-    a = vehicle.actuator
+    a = vehicle.engine
     if isinstance(a, PumpAndValve) and isinstance(a.pump, DatasheetPump) and vehicle.supply:
         return p._replace(supply=vehicle.supply.voltage)
     return p
@@ -405,7 +405,7 @@ def _check_reach(
                 f"{1e6 * high:.4g} cm3, beyond its stroke of {1e6 * stroke.lowest:g} to "
                 f"{1e6 * stroke.highest:g} cm3: no law holds all of these vehicles there. {cure}"
             )
-    if isinstance(vehicle.actuator, PumpAndValve):
+    if vehicle.command == "volume change":
         pump = pump_stall(with_supply(vehicle, supply), depth=deepest)
         if pump.holding_depth <= deepest:
             at = f"with {supply:.3g} V " if math.isfinite(supply) else ""

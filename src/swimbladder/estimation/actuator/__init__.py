@@ -6,8 +6,9 @@ a voltage, `moves` finds motion at full speed, and fits how it begins and how fa
 holds what was found, `run` puts it together.
 """
 
-from swimbladder.estimation.actuator.result import PARAMETERS, ActuatorIdentification
-from swimbladder.estimation.actuator.run import identify_actuator
-from swimbladder.estimation.estimates import Estimate
-
-__all__ = ["PARAMETERS", "ActuatorIdentification", "Estimate", "identify_actuator"]
+from swimbladder.estimation.actuator.result import (
+    PARAMETERS as PARAMETERS,
+    ActuatorIdentification as ActuatorIdentification,
+)
+from swimbladder.estimation.actuator.run import identify_actuator as identify_actuator
+from swimbladder.estimation.estimates import Estimate as Estimate

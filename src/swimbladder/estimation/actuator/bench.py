@@ -19,7 +19,7 @@ from swimbladder.estimation.series import Array, Autoregression, Index, Mask, st
 from swimbladder.estimation.series import autoregression as of_blocks
 from swimbladder.io.logs import Log
 from swimbladder.physics.actuator import reduced
-from swimbladder.vehicle import Positioner, Vehicle
+from swimbladder.vehicle import Vehicle
 
 _FAR = 5.0  # robust standard deviations beyond which a sample is an outlier
 
@@ -200,7 +200,7 @@ def _for_the_motor(
     log: Log, voltage: Array, vehicle: Vehicle | None, depth: float, notes: list[str]
 ) -> Array:
     """Return the voltage cut to the supply's, less what holds the sea, k_z/k_u z of eq. (33)."""
-    if vehicle is not None and isinstance(vehicle.actuator, Positioner):
+    if vehicle is not None and vehicle.command == "volume":
         what = f"the vehicle {vehicle.name} is driven by positions, and the log has a voltage"
         remedy = "Give the vehicle of this log, or leave the voltage's column out"
         raise InputError(what, field="actuator.kind", value=vehicle.actuator.kind, remedy=remedy)
@@ -217,7 +217,7 @@ def _for_the_motor(
         counts = "the load of the sea counts as part of the dead zone and the load"
         notes.append(f"the log goes to {depth:.3g} m: without --vehicle, with k_z/k_u, {counts}")
         return voltage
-    load = reduced(vehicle.actuator, vehicle.water).load_drive
+    load = reduced(vehicle.engine, vehicle.water).load_drive
     notes.append(f"k_z/k_u = {load:.4g} V/m, as the vehicle has it, times the depth is taken off")
     return voltage - load * np.nan_to_num(log.depth)
 
@@ -226,7 +226,7 @@ def _without_leakage(
     log: Log, time: Array, position: Array, vehicle: Vehicle, quantity: Quantity
 ) -> Array:
     """Return the position with what leaked, k_l z of eq. (33), put back."""
-    k_l = reduced(vehicle.actuator, vehicle.water).k_l
+    k_l = reduced(vehicle.engine, vehicle.water).k_l
     depth = np.nan_to_num(log.depth)
     area = vehicle.piston_area if quantity == "piston" else 1.0
     if k_l == 0.0 or area is None or not depth.any():

@@ -85,7 +85,7 @@ def nine(
 
 def _of_vehicle(vehicle: Vehicle) -> dict[str, tuple[float | None, str]]:
     """Return by symbol what the vehicle's file says of it, and where it has it from."""
-    actuator, motion, drag = vehicle.actuator, vehicle.motion, vehicle.drag
+    actuator, motion, drag = vehicle.engine, vehicle.motion, vehicle.drag
     area, k_b = vehicle.piston_area, vehicle.water.specific_weight
     inner = "drive.piston_area" if actuator.kind == "electromechanical" else "piston_area"
     of_area = f"an actuator of kind {actuator.kind} has no piston area in its file"
@@ -234,19 +234,19 @@ class ActuatorIdentification:
     def _actuator(self, vehicle: Vehicle) -> tuple[Actuator, dict[str, str]]:
         """Return the actuator with the identified parameters, and {parameter: field} of them."""
         estimates = {n: e.value for n, e in self.parameters.items() if e.known}
-        if isinstance(vehicle.actuator, Positioner):
+        if vehicle.command == "volume":
             if self.quantity != "piston" or "rate" not in estimates:
-                return vehicle.actuator, {}
-            faster = vehicle.actuator.model_copy(update={"speed": estimates["rate"]})
+                return vehicle.engine, {}
+            faster = vehicle.engine.model_copy(update={"speed": estimates["rate"]})
             return faster, {"rate": "actuator.speed"}
         names = {"K1": "K1", "K1A": "K1", "T1": "T1"}
         if {"K1", "K1A"} & set(estimates):
             names["dead_zone"] = "dead_zone"
         changed = {name: names[name] for name in estimates if name in names}
         if not changed:
-            return vehicle.actuator, {}
+            return vehicle.engine, {}
         area = vehicle.piston_area or 1.0  # no piston: K1 is then a volume rate
-        plain = to_identified(vehicle.actuator, vehicle.water, piston_area=area)
+        plain = to_identified(vehicle.engine, vehicle.water, piston_area=area)
         numbers = {field: max(estimates[name], 0.0) for name, field in changed.items()}
         places = {name: f"actuator.{field}" for name, field in changed.items()}
         return plain.model_copy(update=numbers), places
@@ -255,7 +255,7 @@ class ActuatorIdentification:
         """Return the table of covariances with those of K1 and T1 in it."""
         own = [n for n in ("K1", "K1A", "T1") if n in self.covariance]
         before = vehicle.identified
-        if not own or isinstance(vehicle.actuator, Positioner):
+        if not own or vehicle.command == "volume":
             return before
         names = ["K1" if n == "K1A" else n for n in own]
         others = [n for n in (before.names if before else ()) if n not in ("K1", "T1")]

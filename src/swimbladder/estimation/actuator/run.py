@@ -30,7 +30,7 @@ from swimbladder.estimation.actuator.voltage import (
 from swimbladder.estimation.estimates import Estimate, Finding, Severity, check_names, sentence
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
-from swimbladder.vehicle import Positioner, Vehicle
+from swimbladder.vehicle import Vehicle
 
 _WIDE = 1.5  # times, by which an interval is wider
 _SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
@@ -127,7 +127,7 @@ def identify_actuator(
         raise InputError(what, field="--set", value=", ".join(fixed), remedy=remedy)
     if asked is None:
         asked = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}[driven]
-        if vehicle is not None and isinstance(vehicle.actuator, Positioner):
+        if vehicle is not None and vehicle.command == "volume":
             asked = ("rate",)
         asked = tuple(name for name in asked if name not in fixed)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share

@@ -4,7 +4,5 @@
 asked to be adjusted, and compares; `ahead` predicts from each instant on.
 """
 
-from swimbladder.estimation.comparison.record import DRIVES, Record, record
-from swimbladder.estimation.comparison.run import FITTABLE, Comparison, Fitted, compare
-
-__all__ = ["DRIVES", "FITTABLE", "Comparison", "Fitted", "Record", "compare", "record"]
+from swimbladder.estimation.comparison.record import Record as Record, record as record
+from swimbladder.estimation.comparison.run import Comparison as Comparison, compare as compare

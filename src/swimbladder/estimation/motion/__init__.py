@@ -5,20 +5,15 @@
 other models; `run` finds intervals and puts all together, `result` holds it.
 """
 
-from swimbladder.estimation.estimates import Estimate, Finding, Prior
-from swimbladder.estimation.motion.problem import NAMES
-from swimbladder.estimation.motion.result import Choice, ExperimentFit, Identification, Profile
-from swimbladder.estimation.motion.run import NEUTRAL_STD, identify
-
-__all__ = [
-    "NAMES",
-    "NEUTRAL_STD",
-    "Choice",
-    "Estimate",
-    "ExperimentFit",
-    "Finding",
-    "Identification",
-    "Prior",
-    "Profile",
-    "identify",
-]
+from swimbladder.estimation.estimates import (
+    Estimate as Estimate,
+    Finding as Finding,
+    Prior as Prior,
+)
+from swimbladder.estimation.motion.problem import NAMES as NAMES
+from swimbladder.estimation.motion.result import (
+    Choice as Choice,
+    ExperimentFit as ExperimentFit,
+    Identification as Identification,
+)
+from swimbladder.estimation.motion.run import NEUTRAL_STD as NEUTRAL_STD, identify as identify

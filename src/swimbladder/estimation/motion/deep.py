@@ -97,7 +97,7 @@ def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle
 
 def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     """Return the vehicle with these values, before its trim_error follows them."""
-    body, actuator = body_of(vehicle), vehicle.actuator
+    body, actuator = body_of(vehicle), vehicle.engine
     assert isinstance(actuator, PumpAndValve)
 
     changed: dict[str, Any] = {}
@@ -123,8 +123,9 @@ def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
         motion["added_mass"] = max(vehicle.motion.added_mass + more, 0.0)
     air = values["trapped_air"]
     hull = {"displaced_volume": body.volume + air, "parts": (part,), "trapped_air": air}
-    updates = {"actuator": changed, "hull": hull, "motion": motion}
-    new = {name: getattr(vehicle, name).model_copy(update=own) for name, own in updates.items()}
+    updates = ((actuator, changed), (vehicle.hull, hull), (vehicle.motion, motion))
+    copies = (part.model_copy(update=own) for part, own in updates)
+    new = dict(zip(("actuator", "hull", "motion"), copies, strict=True))
     return vehicle.model_copy(update=new)
 
 
@@ -506,7 +507,7 @@ def contradictions(fit: DeepFit) -> list[str]:
 
 def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> tuple[str, ...]:
     said = [f"{name} {_within(name, *p)}" for name, p in fit.priors.items() if name in fit.names]
-    body, actuator = body_of(vehicle), vehicle.actuator
+    body, actuator = body_of(vehicle), vehicle.engine
     assert isinstance(actuator, PumpAndValve)
     hull = sentence("deep", "hull", mass=body.mass, volume=body.volume)
     found = [f"known before: {'; '.join(said)}", hull]

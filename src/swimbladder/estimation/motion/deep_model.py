@@ -185,7 +185,7 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     seconds = np.array([a.seconds for a in actions])
     pumps = np.array([a.device == "pump" for a in actions])
     bypass = np.array([a.device == "bypass" for a in actions])
-    actuator = vehicle.actuator
+    actuator = vehicle.engine
     assert isinstance(actuator, PumpAndValve)
     if bypass.any() and actuator.bypass is None:
         what = "the log has runs of a bypass, and the vehicle has none"
@@ -322,7 +322,7 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
 
     Raises InputError where the vehicle has no quadratic drag and none is given.
     """
-    actuator = vehicle.actuator
+    actuator = vehicle.engine
     parts = hull_parts(vehicle)
     volume = sum(part.volume for part in parts)
     mean = {name: about.mean for name, about in (DEEP | CAST).items()}
@@ -362,7 +362,7 @@ def check_deep_request(
     priors: Mapping[str, Prior],
 ) -> None:
     """Raise InputError for what cannot be identified, whatever the logs say."""
-    if not isinstance(vehicle.actuator, PumpAndValve):
+    if vehicle.command != "volume change":
         what = "deep dives are identified for a pump and a valve"
         remedy = "Describe the actuator as kind pump-valve"
         raise InputError(what, field="actuator.kind", value=vehicle.actuator.kind, remedy=remedy)

@@ -12,27 +12,17 @@
 gsw is imported where a cast is turned into a column, not before.
 """
 
-from swimbladder.physics.seawater.cast import Cast, cast_column
-from swimbladder.physics.seawater.column import Column, look_up, uniform_column
-from swimbladder.physics.seawater.motion import (
-    InternalWave,
-    Swell,
-    WaterMotion,
-    check_motion,
-    motion_table,
-    moved,
+from swimbladder.physics.seawater.cast import Cast as Cast, cast_column as cast_column
+from swimbladder.physics.seawater.column import (
+    Column as Column,
+    look_up as look_up,
+    uniform_column as uniform_column,
 )
-
-__all__ = [
-    "Cast",
-    "Column",
-    "InternalWave",
-    "Swell",
-    "WaterMotion",
-    "cast_column",
-    "check_motion",
-    "look_up",
-    "motion_table",
-    "moved",
-    "uniform_column",
-]
+from swimbladder.physics.seawater.motion import (
+    InternalWave as InternalWave,
+    Swell as Swell,
+    WaterMotion as WaterMotion,
+    check_motion as check_motion,
+    motion_table as motion_table,
+    moved as moved,
+)

@@ -4,6 +4,8 @@
 `identification` writes what an identification found into a folder.
 """
 
-from swimbladder.show.report.html import inline_svg, render, symbols
-
-__all__ = ["inline_svg", "render", "symbols"]
+from swimbladder.show.report.html import (
+    inline_svg as inline_svg,
+    render as render,
+    symbols as symbols,
+)

@@ -5,26 +5,13 @@ summaries or trajectories; `drive` replays a recorded volume or voltage. `step_m
 depth step looks like.
 """
 
-from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
-from swimbladder.sim.closed_loop.replay import drive
-from swimbladder.sim.closed_loop.single import simulate
+from swimbladder.sim.closed_loop.ensemble import simulate_ensemble as simulate_ensemble
+from swimbladder.sim.closed_loop.replay import drive as drive
+from swimbladder.sim.closed_loop.single import simulate as simulate
 from swimbladder.sim.closed_loop.solution import (
-    Books,
-    Event,
-    Solution,
-    StepMetrics,
-    StopReason,
-    step_metrics,
+    Event as Event,
+    Solution as Solution,
+    StepMetrics as StepMetrics,
+    StopReason as StopReason,
+    step_metrics as step_metrics,
 )
-
-__all__ = [
-    "Books",
-    "Event",
-    "Solution",
-    "StepMetrics",
-    "StopReason",
-    "drive",
-    "simulate",
-    "simulate_ensemble",
-    "step_metrics",
-]

@@ -22,7 +22,7 @@ from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.ledger import Balance, balance, stored_energy
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import AT, NOTE, NOW, WORK, Account, Doing, Note, Table
-from swimbladder.vehicle import Hull, PumpAndValve, Vehicle
+from swimbladder.vehicle import Hull, Vehicle
 
 RATES = ("pump", "valve")
 """What a lane's drive may give over what its processor knows."""
@@ -127,7 +127,7 @@ def surfacing_of(
         full=stroke.maximum,
         lacking=FULL * (stroke.maximum - stroke.minimum),
         slack=slack,
-        measured=0.0 if isinstance(vehicle.actuator, PumpAndValve) else 1.0,
+        measured=0.0 if vehicle.command == "volume change" else 1.0,
     )
     return found, parameters.get("dead", _PAUSE)
 

@@ -61,7 +61,7 @@ def drive(
         raise InputError(
             "a positioner is not driven by a voltage", field="voltage", remedy="Give the volume"
         )
-    refuse_pump_and_valve(vehicle.actuator)
+    refuse_pump_and_valve(vehicle.engine)
     medium = medium_of(vehicle, column, reach=start_depth, bottom_depth=bottom_depth)
     if volume is not None:
         start_volume = float(inputs[0])

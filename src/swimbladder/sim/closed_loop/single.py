@@ -260,7 +260,7 @@ def choose_law(
         remedy = f"Give a {law.parameters.__name__}: {', '.join(leaf_names(law.parameters))}"
         raise InputError(what, field="parameters", value=parameters, remedy=remedy)
     if not pumped:
-        refuse_pump_and_valve(vehicle.actuator)
+        refuse_pump_and_valve(vehicle.engine)
     check_command(law, vehicle)
     return law, parameters, tick
 

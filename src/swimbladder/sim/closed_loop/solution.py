@@ -22,7 +22,7 @@ from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.modes import Act, Where
 from swimbladder.sim.engine.rodas.records import Doing
-from swimbladder.vehicle import IdentifiedActuator, Positioner, Vehicle
+from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
 if TYPE_CHECKING:
     import xarray
@@ -114,18 +114,18 @@ def _actuator_energy(
     hydraulic = k_b * a[Account.Z_Q]
     if prescribed:
         return {"source": hydraulic}, "work on the water (the volume was given)"
-    if isinstance(vehicle.actuator, Positioner):
+    if vehicle.command == "volume":
         return {"source": hydraulic}, "work on the water (the motor's losses are not known)"
-    if isinstance(vehicle.actuator, IdentifiedActuator):
+    if isinstance(vehicle.engine, IdentifiedActuator):
         if p.load_drive <= 0.0:
             basis = "work on the water (k_z/k_u is 0: the motor's work is not known)"
             return {"source": hydraulic, "leakage": k_b * a[Account.LEAK_Z]}, basis
         work = k_b / p.load_drive
         basis = "shaft of the motor, as of a transmission without loss (efficiency not identified)"
     else:
-        table = unified(vehicle.actuator, vehicle.water)
+        table = unified(vehicle.engine, vehicle.water)
         work, basis = table.k_u / table.k_q, "shaft of the motor"
-    motor = reduced(vehicle.actuator, vehicle.water)
+    motor = reduced(vehicle.engine, vehicle.water)
     R, kappa = motor.resistance, motor.kappa
     energy: dict[str, float] = {}
     viscous = work / p.gain
@@ -380,7 +380,7 @@ def assemble(
     power = unknown if power is None else power
     if vehicle.voltage_driven:
         voltage = _as_supplied(p, applied, motor_rate)
-        resistance = reduced(vehicle.actuator, vehicle.water).resistance
+        resistance = reduced(vehicle.engine, vehicle.water).resistance
         if resistance is not None and p.kappa > 0.0:
             current = winding_current(u=voltage, omega=motor_rate, R=resistance, k_emf=p.kappa)
             drawn = supply_current(

@@ -128,7 +128,7 @@ _ENDS, _LASTS = 0.15, Range(least=5.0, most=300.0, unit="s")
 
 def parts_of(vehicle: Vehicle) -> frozenset[str]:
     """Return what a vehicle has, of what kinds of faults may need."""
-    a = vehicle.actuator
+    a = vehicle.engine
     if isinstance(a, PumpAndValve):
         return frozenset({VALVE, MOTOR} if isinstance(a.pump, DatasheetPump) else {VALVE})
     parts = {VOLUME, TURNS}

@@ -102,7 +102,7 @@ BEYOND = 1.5  # of the deepest set-point, to which the water of a float is made
 
 def pump_table(vehicle: Vehicle) -> PumpTable:
     """Return what a float's pump delivers at each voltage of its battery; see `PumpTable`."""
-    a, supply = vehicle.actuator, vehicle.supply
+    a, supply = vehicle.engine, vehicle.supply
     if not isinstance(a, PumpAndValve):
         return NO_PUMP
     volts = np.linspace(0.0, 1.0 if supply is None else supply.voltage, _VOLTAGES)

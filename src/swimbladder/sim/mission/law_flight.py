@@ -187,7 +187,7 @@ class ByLaws:
 
     def _numbers(self, tick: float) -> Numbers:
         """Return the numbers of the vehicle while a law of this sample time [s] flies."""
-        v, medium, a = self.vehicle, self.medium, self.vehicle.actuator
+        v, medium, a = self.vehicle, self.medium, self.vehicle.engine
         p, sensor = medium.plant, v.sensors
         sigma = runaway(v, p.psi + medium.layers.steepest, _DRIFT)
         found = Numbers(

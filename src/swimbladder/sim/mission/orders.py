@@ -10,7 +10,7 @@ from swimbladder.control.records import leaves
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws, rate_controller, source_of
-from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.vehicle import Vehicle
 
 # What a phase does where neither it nor the vehicle says so.
 _SPEED = 0.1  # m/s, that of Argo floats
@@ -130,7 +130,7 @@ def hold_parameters(
     depth; rate [m3/s]: what the drive gives there. A look comes not before the drive can have done
     twice what the speed takes.
     """
-    if rate_controller(vehicle, phase) is not None or isinstance(vehicle.actuator, PumpAndValve):
+    if rate_controller(vehicle, phase) is not None or vehicle.command == "volume change":
         return None
     speed, tolerance = law.far_speed, law.tolerance
     sigma = runaway(vehicle, psi, speed)

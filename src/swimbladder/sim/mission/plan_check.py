@@ -209,7 +209,7 @@ def _check_dive(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
     flows = (float(drive.rate_in[0]), float(drive.bypass_in[0]))
     if max(flows) > 0.0:
         return
-    a = vehicle.actuator
+    a = vehicle.engine
     why = "its drive draws nothing in there"
     if isinstance(a, PumpAndValve):
         over = a.internal_pressure - ATMOSPHERE

@@ -80,7 +80,7 @@ def battery_words(flight: Flight) -> str:
 
 def starts_words(flight: Flight, phase: int) -> str:
     """Say that starts took most of the runs in a phase that were cut short, and why; "" if not."""
-    plan, actuator = flight.plan, flight.vehicle.actuator
+    plan, actuator = flight.plan, flight.vehicle.engine
     if not isinstance(actuator, PumpAndValve):
         return ""
     law = RateParameters(*map(float, plan.stages["law"][phase]))

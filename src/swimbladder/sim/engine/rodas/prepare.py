@@ -22,7 +22,7 @@ from swimbladder.physics.seawater.column import slopes
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.engine.modes import DEEPEST
 from swimbladder.sim.engine.rodas.records import AT, GIVEN, GIVEN_WITH_LINE, NOW, Table, made
-from swimbladder.vehicle import PowerLawPump, PumpAndValve, Vehicle
+from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
 
 Array = NDArray[np.float64]
 _BEYOND = 1.2  # of the column's pressure: so far the line is tabulated
@@ -71,7 +71,7 @@ def line_columns(vehicle: Vehicle, column: Column) -> dict[Table, Array]:
 
 
 def _line(vehicle: Vehicle, column: Column) -> _Line | None:
-    a = vehicle.actuator
+    a = vehicle.engine
     if not isinstance(a, PumpAndValve) or a.line is None:
         return None
     line = OilLine(a.line, a.internal_pressure, pressure_ratio(a))
@@ -93,7 +93,7 @@ def _line(vehicle: Vehicle, column: Column) -> _Line | None:
 
 def _slip(vehicle: Vehicle, a: PumpAndValve) -> float:
     """Return what flows back through a pump that stands, of the water [m3/s/Pa]."""
-    if isinstance(a.pump, PowerLawPump):
+    if not isinstance(a.pump, DatasheetPump):
         return a.pump.slip
     water, drive = vehicle.water, a.pump.drive
     leak = leakage_coefficient(
@@ -156,7 +156,7 @@ def given_of(vehicle: Vehicle, column: Column, *, bottom: float, accuracy: Accur
 
     Nothing limits depth, charge and time, and the drive does what the vehicle's file says.
     """
-    hull, stroke, m, a = vehicle.hull, vehicle.stroke, vehicle.mass, vehicle.actuator
+    hull, stroke, m, a = vehicle.hull, vehicle.stroke, vehicle.mass, vehicle.engine
     lag = hull.thermal_time_constant
     surface_weight = float(column.density[0]) * column.gravity
     values = {
