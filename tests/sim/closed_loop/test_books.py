@@ -56,6 +56,15 @@ def balanced(s: Solution) -> None:
     assert books.relative_energy_residue <= 1e-3
 
 
+@pytest.mark.parametrize("vehicle", [pump(), screw(friction=2e-3)], ids=["pump", "screw"])
+def test_the_motor_is_on_as_long_as_it_has_a_voltage(vehicle):
+    """10 s of 20, whether it turns under 6 V or is held by its friction under 0.01 V."""
+    for volts in (6.0, 0.01):
+        s = under(vehicle, [volts] * 20 + [0.0] * 21)
+        assert s.books.motor_on == pytest.approx(10.0, rel=1e-9)
+    assert under(vehicle, [0.0] * 21).books.motor_on == 0.0
+
+
 CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     "identified": (paper(), dict(commands=wave(80, 8.0))),
     "end stops": (paper(), dict(commands=wave(80, 12.0), volume=300e-6)),

@@ -243,6 +243,17 @@ def test_the_order_is_four_in_layers():
     assert errors[-1] < 1e-5
 
 
+@pytest.mark.parametrize("depth", [-0.2, 0.05, 0.3, 2.0, 6.0, 15.0])
+def test_the_force_at_rest_is_the_slope_of_the_potential(depth):
+    """In layers, and where the hull emerges: -dP/dz by central differences."""
+    medium = medium_of(afloat(screw()), column(), reach=20.0)
+    p, V, h = medium.plant, 3e-5, 1e-4
+    assert p.z_surface > -0.2
+    slope = (medium.potential(V, depth + h) - medium.potential(V, depth - h)) / (2.0 * h)
+    force = p.a_b * (medium.neutral_volume(depth) - V) + p.a_s * max(p.z_surface - depth, 0.0)
+    assert slope == pytest.approx(-force, rel=1e-6)
+
+
 def test_its_own_water_changes_nothing():
     v = screw(drag=BLENDED)
     run = dict(

@@ -5,11 +5,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from swimbladder.control.supervisor import Reason
+from swimbladder.design.tuning.region import member, unknowns
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
+from swimbladder.sim.faults import draw as drawing
 from swimbladder.sim.faults import run_missions
 from swimbladder.sim.faults.campaign_result import Outcome, outcomes, rule_of_three
 from swimbladder.sim.faults.draw import course_of, draw
@@ -45,6 +48,28 @@ def test_the_catalogue_has_every_kind():
             assert (drawn[:, 0].min() < 0.0) == kind.first.either
         assert np.isinf(drawn[:, 2]).all() != kind.may_end
     assert Fault.BATTERY_DROP not in kinds_of(load_vehicle("ntnu-bv"))
+
+
+@pytest.mark.parametrize("name", ["feup-em", "example-float"])
+def test_vehicles_are_drawn_evenly_from_their_region(name, monkeypatch):
+    """A box, or a ball of as many unknowns: the n-th power of its radius is uniform."""
+    drawn = []
+
+    def noted(vehicle, s):
+        drawn.append(s)
+        return member(vehicle, s)
+
+    monkeypatch.setattr(drawing, "member", noted)
+    vehicle = load_vehicle(name)
+    names, ball = unknowns(vehicle)
+    course = course_of(vehicle, (12.0, 40.0))
+    for n in range(400):
+        drawing._plant(course, np.random.default_rng(n))
+    found = np.array(drawn)
+    assert found.shape == (400, len(names))
+    even = np.linalg.norm(found, axis=1) ** len(names) if ball else 0.5 + 0.5 * found[:, 0]
+    assert stats.kstest(even, "uniform").pvalue > 0.01
+    assert np.abs(found.mean(axis=0)).max() < 0.15
 
 
 def test_a_mission_depends_on_seed_and_number_only():

@@ -13,6 +13,7 @@ from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.twin import twin
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
+from swimbladder.sim.faults.fault_effects import _held
 from swimbladder.sim.faults.mission_records import RESULT, Result
 from tests.sim.faults.oracle import Fault
 
@@ -340,3 +341,18 @@ def test_a_piston_blocked_outward_is_found_before_the_vehicle_sinks(rig):
     assert result[RESULT.depth] < 1.0
     result, flown = rig.fly(*fault_rows, turns=turns, ticks=3000, ramp=0.03)
     assert result[RESULT.deepest] > 60.0
+
+
+@pytest.mark.parametrize(
+    ("old", "values", "ages"),
+    [
+        ((1.0, 0.0), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], [0.0] * 6),  # healthy
+        ((0.0, 0.0), [0.0] * 6, [0.0] * 6),  # it stays for good, and looks new
+        ((0.0, 1.0), [0.0] * 6, [0.0, 0.5, 1.0, 1.5, 2.0, 2.5]),  # for good, and its age is said
+        ((1.0, 1.0), [0.0, 0.0, 2.0, 2.0, 4.0, 4.0], [0.0, 0.5] * 3),  # a new one each second
+    ],
+)
+def test_a_value_that_stays(old, values, ages):
+    kept = np.array([math.nan, -math.inf])
+    found = [_held(kept, 0, np.array(old), float(k), k, 0.5) for k in range(6)]
+    assert found == list(zip(values, ages, strict=True))

@@ -174,6 +174,7 @@ def test_parameters_have_a_sensor_and_flags(file):
         flags = file[f"{name}_QC"]
         assert flags.dtype == np.int8
         assert np.all(flags[()] == 0)
+        assert int(np.ravel(flags.attrs["_FillValue"])[0]) == -127
         assert list(flags.attrs["flag_values"]) == [0, 1, 2, 3, 4]
         assert len(text(flags.attrs["flag_meanings"]).split()) == 5
 
@@ -184,3 +185,4 @@ def test_the_phase(file):
     assert int(np.ravel(phase.attrs["_FillValue"])[0]) == 0
     assert text(phase.attrs["phase_calculation_method"])
     assert {1, 2, 3, 4} <= set(phase[()].tolist())
+    assert list(phase.attrs["flag_values"]) == [0, 1, 2, 3, 4]

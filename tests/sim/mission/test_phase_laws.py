@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from swimbladder.cli import main
 from swimbladder.control.records import leaves
@@ -16,14 +17,18 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop.rows import rows
+from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
+from swimbladder.sim.mission import law_flight
+from swimbladder.sim.mission.core import sampled
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.phase_laws import phase_laws
 from swimbladder.sim.mission.result import MissionResult
-from swimbladder.vehicle import Load
+from swimbladder.vehicle import HullPart, Load
 from tests.quoted import refused
 from tests.vehicles import SAMPLED
 
@@ -167,6 +172,44 @@ def test_energy_and_battery():
     books = MissionResult(flight, flight.reach).books
     assert books.relative_residue < 1e-3
     assert abs(books.volume_residue) < 1e-12
+
+
+@pytest.mark.parametrize("power", [-3.0, 0.0, 2.0, 40.0])
+@pytest.mark.parametrize("resistance", [0.0, 0.3])
+def test_what_leaves_the_cells_is_the_terminals_and_what_the_battery_heats(power, resistance):
+    """E i, where (E - R i) i is the power that driver and motor take: by the root of that."""
+    own = sampled.Numbers(
+        tick=0.5,
+        weight=1e4,
+        neutral_top=0.0,
+        row_samples=1.0,
+        longest=0.0,
+        unseen=0.0,
+        conductance=1.0,
+        given=1.25,
+        back=0.8,
+        emf=12.0,
+        resistance=resistance,
+    )
+    sums = np.zeros(len(Sums))
+    sums[Sums.U_U] = power * own.tick
+    drawn = power * (1.25 if power > 0.0 else 0.8)
+    i = brentq(lambda i: (12.0 - resistance * i) * i - drawn, -1.0, 12.0, xtol=1e-14)
+    found = sampled._energy(own, np.zeros(rows(0, 0)), sums)
+    assert found == pytest.approx(12.0 * i * own.tick, rel=1e-9, abs=1e-12)
+
+
+def test_what_falls_on_the_bottom_is_booked():
+    """A stepper that overshoots lands; what it hits with is that of `simulate`, in the balance."""
+    vehicle = load_vehicle("ntnu-bv")
+    task = steps({**HOLD, "depth": 6.0, "tolerance": 0.5, "duration": 300.0}, bottom_depth=6.0)
+    flight = flown(vehicle, task, checked=False)
+    assert np.any(flight.notes["what"] == Note.BOTTOM)
+    found, _ = simulated(vehicle, flight, bottom_depth=6.0)
+    blows = found.books.energy["bottom"]
+    assert abs(blows) > 0.1
+    assert flight.accounts[Account.BLOWS] == pytest.approx(abs(blows), rel=1e-6)
+    assert MissionResult(flight, flight.reach).books.relative_residue < 1e-3
 
 
 def test_the_battery_ends_the_mission():
@@ -314,6 +357,17 @@ class TestPhases:
         with refused(InputError, field="water_motion"):
             flown(load_vehicle("feup-em"), steps(HOLD, water_motion=waves))
 
+    def test_a_hull_that_is_as_warm_as_the_water_is_flown_and_one_that_lags_is_not(self):
+        vehicle = load_vehicle("feup-em")
+        volume = vehicle.hull.displaced_volume
+        tube = HullPart(name="tube", volume=volume, compressibility=0.0, thermal_expansion=7e-5)
+        warm = vehicle.hull.model_copy(update={"parts": (tube,)})
+        assert warm.thermal_time_constant == 0.0
+        assert len(phase_laws(vehicle.model_copy(update={"hull": warm}), steps(HOLD))) == 1
+        late = warm.model_copy(update={"thermal_time_constant": 600.0})
+        with refused(InputError, field="hull.thermal_time_constant", value=600.0):
+            phase_laws(vehicle.model_copy(update={"hull": late}), steps(HOLD))
+
     def test_a_law_that_would_be_called_too_often(self):
         phase = {**PARK, "duration": 4000 * 86400.0}
         with refused(NoAnswerError, holds={1152.0, 1000.0, 0.3}):
@@ -369,8 +423,8 @@ def test_a_vehicle_without_a_controller_takes_the_law_of_its_phases():
         flown(bare, steps(HOLD, {**PARK, "parameters": {"k_pz": 1.0}}))
 
 
-@pytest.mark.parametrize("parts", [2, 10])
-def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path, monkeypatch, parts):
+@pytest.mark.parametrize(("parts", "drawn"), [(2, law_flight._CHUNK), (10, 700)])
+def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path, monkeypatch, parts, drawn):
     """Noise, a law of its own in each phase and one that rests: all of it is there again."""
     own = load_vehicle("feup-em")
     noisy = own.sensors.model_copy(update={"depth_noise": 0.002, "depth_quantum": 0.001})
@@ -381,6 +435,7 @@ def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(tmp_path, monkeypat
         {**PARK, "duration": 900.0, "rest_band": 0.5},
     )
     monkeypatch.setattr(ByLaws, "rows", 500)
+    monkeypatch.setattr(law_flight, "_CHUNK", drawn)  # of noise, and between calls
 
     def kill(_):
         if len(list(tmp_path.iterdir())) == parts:

@@ -9,7 +9,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.engine.rodas.records import Note
+from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.orders import drag_coefficient, law_parameters
 from swimbladder.sim.mission.plan_check import check_flight
@@ -103,6 +103,9 @@ def test_where_it_could_not_come_up_it_may_not_go():
         reach(vehicle, phases(deep=50.0, safety={"deepest": 95.0}), column)
     with pytest.raises(NoAnswerError, match="too short at"):
         reach(vehicle, phases(deep=85.0), column)
+    rated = vehicle.hull.model_copy(update={"depth_limit": 60.0})
+    with pytest.raises(NoAnswerError, match=r"65 m, 5 m below the 60 m .* \(hull.depth_limit\)"):
+        reach(vehicle.model_copy(update={"hull": rated}), phases(deep=65.0), column)
 
 
 def test_a_hull_under_pressure_does_not_dive(profiler, sea):
@@ -111,6 +114,8 @@ def test_a_hull_under_pressure_does_not_dive(profiler, sea):
     with refused(NoAnswerError, holds={0.19}):
         reach(vehicle, phases(), sea)
     reach(vehicle, phases(start_depth=30.0), sea)  # under water the sea presses it in
+    stays = Mission(phases=[{"kind": "surface", "duration": 60.0}])
+    assert fly_mission(vehicle, stays, sea).stop is Stop.FINISHED  # and afloat it need not
 
 
 def test_a_look_comes_as_often_as_the_phase_says(profiler):

@@ -15,8 +15,11 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop.dispatch import compilable
 from swimbladder.sim.mission import law_flight
+from swimbladder.sim.mission.core.hooks import DEAD
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.orders import law_facts, law_parameters
+from swimbladder.sim.mission.prepare import make_plan
+from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Controller
 from tests.quoted import refused
 from tests.sim.mission.conftest import phases
@@ -105,6 +108,19 @@ def test_a_phase_has_parameters_of_its_own(profiler, sea):
     rose = [flight.rows["t"][flight.rows["phase"] == 2][0] for flight in (usual, other)]
     assert rose[0] == pytest.approx(rose[1], rel=1e-9)  # until there it is the same flight
     assert other.duration > usual.duration + 1000.0
+
+
+def test_the_processor_dives_with_the_volume_that_the_law_has_for_its_speed(profiler, sea):
+    """coefficient far_speed^2 below neutral, in each phase with the law's own numbers."""
+    vehicle, task = by_copy(profiler, phases())
+    task.phases[1].parameters.update(coefficient=2e-3, far_speed=0.2, dead=77.0)
+    stages = make_plan(vehicle, task, sea).stages
+    slack = [float(stage["law"][0] * stage["speed"] ** 2) for stage in stages]
+    own = vehicle.controller.parameters
+    coefficient = parse_quantity(own["coefficient"], "m3 s2/m2")
+    usual = coefficient * parse_quantity(own["far_speed"], "m/s") ** 2
+    assert slack == pytest.approx([usual, 2e-3 * 0.2**2, usual, usual], rel=1e-9)
+    assert stages["law"][1, DEAD] == 77.0
 
 
 def test_the_law_is_named_with_its_numbers(profiler):

@@ -8,7 +8,8 @@ import pytest
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.engine.rodas.records import Doing, Note, Stop
+from swimbladder.sim.engine.rodas.records import AT, Doing, Note, Stop, made
+from swimbladder.sim.engine.rodas.sensing import normal
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases
@@ -45,6 +46,33 @@ def runs(flight):
             if stroke.minimum < b["v"] < stroke.maximum
         ]
     )
+
+
+def splitmix(x):
+    """The next state's number of Steele, Lea and Flood (2014), section 4, in Python's integers."""
+    x = (x + 0x9E3779B97F4A7C15) % 2**64
+    x = ((x ^ (x >> 30)) * 0xBF58476D1CE4E5B9) % 2**64
+    x = ((x ^ (x >> 27)) * 0x94D049BB133111EB) % 2**64
+    return x ^ (x >> 31)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2023, 2**40 + 7])
+def test_noise_is_that_of_the_published_generator(seed):
+    """Its first number from 0 is the published one; two rounds a draw, then Box and Muller."""
+    assert splitmix(0) == 0xE220A8397B1DCDAF
+
+    def share(draw):
+        x = (seed * 0x9E3779B97F4A7C15 + draw * 0xD1B54A32D192ED03) % 2**64
+        return ((splitmix(splitmix(x)) >> 11) + 0.5) * 2.0**-53
+
+    at = made(AT)
+    at["seed"] = seed
+    for n in range(20):
+        wanted = math.sqrt(-2.0 * math.log(share(2 * n)))
+        wanted *= math.cos(2.0 * math.pi * share(2 * n + 1))
+        with np.errstate(over="ignore"):  # of 64 bits, as wanted
+            assert normal(at) == pytest.approx(wanted, rel=1e-12)
+    assert at["draws"] == 40
 
 
 def test_without_a_seed_volumes_are_true():

@@ -7,7 +7,8 @@ from scipy.integrate import quad, solve_ivp
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.physics.seawater import Cast, Swell, WaterMotion, cast_column, motion_table
-from swimbladder.physics.seawater.motion import moved
+from swimbladder.physics.seawater.motion import InternalWave, moved
+from swimbladder.sim.engine.rodas.motion import _change
 from swimbladder.sim.engine.rodas.records import AT, GIVEN, NOW, Note
 from swimbladder.sim.engine.rodas.sensing import measured
 from swimbladder.sim.mission.flight import fly_mission
@@ -70,6 +71,24 @@ def test_set_points_are_flown_in_water_at_rest(tmp_path):
 
 
 SWELL = WaterMotion(swell=[Swell(amplitude=1.0, period=9.0, phase=0.4)])
+
+
+@pytest.mark.parametrize("depth", [-0.5, 0.0, 0.3, 0.9, 5.0, 40.0, 700.0, 2100.0])
+@pytest.mark.parametrize("t", [0.0, 3.0, 1000.0])
+def test_what_changes_in_waves_is_the_slope_of_what_they_move(depth, t):
+    """Against central differences of displacement and speed; above the water nothing bends."""
+    wave = InternalWave(amplitude=8.0, period=7200.0, phase=0.3, mode=2, water_depth=2000.0)
+    swell = Swell(amplitude=1.0, period=9.0, phase=0.4)
+    table = motion_table(WaterMotion(internal_waves=[wave], swell=[swell]), 9.81)
+    by_depth, by_time, stretch = _change(table, depth, t)
+    h, dt = 1e-3, 1e-3
+    up, down = moved(table, depth + h, t), moved(table, depth - h, t)
+    later, before = moved(table, depth, t + dt), moved(table, depth, t - dt)
+    if depth <= 0.0:
+        up = down
+    assert by_depth == pytest.approx((up[1] - down[1]) / (2.0 * h), rel=1e-5, abs=1e-9)
+    assert stretch == pytest.approx((up[0] - down[0]) / (2.0 * h), rel=1e-5, abs=1e-9)
+    assert by_time == pytest.approx((later[1] - before[1]) / (2.0 * dt), rel=1e-5, abs=1e-9)
 
 
 @pytest.mark.parametrize("amplitude", [1.0, 0.25])

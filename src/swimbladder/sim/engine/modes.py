@@ -51,9 +51,9 @@ _STILL = 1e-12
 DEEPEST = 12000.0  # m; no sea is deeper
 COUNT = 60  # 3 places x 2 (limited by the supply or not) x 10 states of the actuator
 
-FORWARD, BACKWARD, STUCK, UPPER, LOWER = 0, 1, 2, 3, 4
-LOWER_SPINNING, MOVING_OUT, MOVING_IN, HOLDING, PRESCRIBED = 5, 6, 7, 8, 9
-SUBMERGED, EMERGING, BOTTOM = 0, 1, 2
+FORWARD, BACKWARD, STUCK, UPPER, LOWER, LOWER_SPINNING, *_rest = map(int, Act)
+MOVING_OUT, MOVING_IN, HOLDING, PRESCRIBED = _rest
+SUBMERGED, EMERGING, BOTTOM = map(int, Where)
 
 
 # Where each field of Plant stands in a lane's parameters.
