@@ -44,12 +44,13 @@ def test_a_volume_that_turns_against_the_leakage_may_hide_an_end_stop():
     assert leaks > 0.0
     near = p.V_max - 0.1 * H * leaks
 
-    def turns(depth):
-        before, after = (1.5 * leaks, near, depth, 0.0, 0.0), (0.5 * leaks, near, depth, 0.0, 0.0)
+    def turns(depth, *rates):
+        before, after = ((rate * leaks, near, depth, 0.0, 0.0) for rate in rates)
         return hides(p, before, after, Act.FORWARD)
 
-    assert turns(100.0)
-    assert not turns(1.0)
+    for rates in ((1.5, 0.5), (0.5, 1.5)):
+        assert turns(100.0, *rates)
+        assert not turns(1.0, *rates)
 
 
 @pytest.mark.parametrize("act", [Act.UPPER, Act.LOWER])

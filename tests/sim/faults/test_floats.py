@@ -302,6 +302,16 @@ def test_each_fault_of_pump_valve_battery_and_hull_is_that_of_radau(rig, fault):
         assert not np.array_equal(flown[name], well[name])
 
 
+def test_an_end_stop_stays_where_it_is_while_water_comes_in(rig):
+    """What leaks in makes the vehicle heavier; its oil still ends at the same volume."""
+    rows = [(Fault.BLOCKED_IN, 1e-4, 0, 4, ALWAYS), (Fault.LEAK_LARGE, 2e-6, 0, 1, ALWAYS)]
+    flown = against_radau(rig, *rows, target=460.0, ticks=40)
+    assert flown["water"][-1] > 1e-5
+    volume = flown["volume"]
+    assert np.sum(volume < volume.min() + 1e-12) > 10  # it lies there
+    assert volume.min() < volume[0] - 1e-8
+
+
 def test_a_board_that_misses_ticks_leaves_pump_and_valve_off(rig):
     """Each command is for its tick; a law that has lost its time goes on with its run."""
     _, flown = rig.fly(
