@@ -34,6 +34,7 @@ from pydantic import BaseModel
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.files import make_folder, source_hash, write_atomically, write_through
 from swimbladder.io.progress import Advance, silent, so_far
+from swimbladder.vehicle import Vehicle
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -89,8 +90,8 @@ def _feed(digest: Any, value: Any) -> None:
         digest.update(f"{value.dtype.str} {value.shape} ".encode() + value.tobytes())
     elif isinstance(value, BaseModel):
         digest.update(value.model_dump_json(exclude=_REMARKS).encode())
-        if (acts := getattr(value, "engine", None)) is not None:  # whatever its kind makes of it
-            _feed(digest, acts)
+        if isinstance(value, Vehicle) and (acts := value.engine) is not value.actuator:
+            _feed(digest, acts)  # whatever its kind makes of it now
     elif isinstance(value, Mapping):
         for key in sorted(value):
             _feed(digest, (key, value[key]))

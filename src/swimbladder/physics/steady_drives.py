@@ -57,10 +57,7 @@ def valve_flow(valve: Valve, head: Array) -> Array:
 
 
 def pump_run(
-    vehicle: Vehicle,
-    pump: Pump,
-    head: Array,
-    temperature: ArrayLike = REFERENCE_TEMPERATURE,
+    vehicle: Vehicle, pump: Pump, head: Array, temperature: ArrayLike = REFERENCE_TEMPERATURE
 ) -> PumpRun:
     """Return what a pump delivers and draws against each pressure difference `head` [Pa] [n].
 
@@ -81,9 +78,8 @@ def pump_run(
         from scipy.interpolate import PchipInterpolator
 
         beaten = np.clip(head, pump.pressure[0], pump.pressure[-1])
-        rate, drawn = (
-            PchipInterpolator(pump.pressure, y)(beaten) for y in (pump.delivery, pump.power)
-        )
+        curves = PchipInterpolator(pump.pressure, [pump.delivery, pump.power], axis=1)
+        rate, drawn = curves(beaten)
         return PumpRun(np.where(head > pump.pressure[-1], 0.0, rate), drawn)
     at = datasheet_point(vehicle, pump, np.maximum(head, 0.0))
     return PumpRun(np.maximum(at.drive.volume_rate, 0.0), at.terminals)

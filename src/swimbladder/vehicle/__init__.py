@@ -27,6 +27,7 @@ The paper's symbols stand in the fields that were identified (K1, T1, K2, T2, ps
 from swimbladder.vehicle.actuators import (
     Actuator as Actuator,
     ActuatorKind as ActuatorKind,
+    AnyActuator as AnyActuator,
     CurvePump as CurvePump,
     DatasheetPump as DatasheetPump,
     Driver as Driver,

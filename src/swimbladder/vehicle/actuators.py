@@ -327,8 +327,7 @@ class CurvePump(Parameters):
                 raise refusal("not as many as pressures", "Give one at each pressure", name)
         if list(self.pressure) != sorted(set(self.pressure)):
             raise refusal("the pressures do not rise", "Begin with the least", "pressure")
-        falls = list(self.delivery) == sorted(self.delivery, reverse=True)
-        if not falls or self.delivery[0] == 0.0:
+        if list(self.delivery) != sorted(self.delivery, reverse=True) or self.delivery[0] == 0.0:
             what = "a pump delivers something, and no more against more pressure"
             raise refusal(what, "Check the order of pressures and deliveries", "delivery")
 

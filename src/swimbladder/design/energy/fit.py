@@ -485,11 +485,11 @@ def voltage_factor(supply: Supply | None, fit: PumpFit) -> float:
 
 def pump_and_valve(vehicle: Vehicle) -> PumpAndValve:
     """Return the actuator of a vehicle that has a pump; raises InputError for another."""
-    if not isinstance(vehicle.engine, PumpAndValve):
+    if not isinstance(actuator := vehicle.engine, PumpAndValve):
         what, kind = "a pump that runs or not is no part of this actuator", vehicle.actuator.kind
         remedy = "Give a vehicle of kind pump-valve, or none"
         raise InputError(what, field="actuator.kind", value=kind, remedy=remedy)
-    return vehicle.engine
+    return actuator
 
 
 def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:

@@ -19,7 +19,7 @@ from swimbladder.estimation.series import Array, Mask, rms
 from swimbladder.io.answers import as_json
 from swimbladder.physics.actuator import reduced, to_identified
 from swimbladder.vehicle import (
-    Actuator,
+    AnyActuator,
     Identified,
     IdentifiedActuator,
     IdentifiedMotion,
@@ -231,12 +231,12 @@ class ActuatorIdentification:
         changes = {"actuator": actuator, "provenance": kept}
         return self.given.model_copy(update=changes | {"identified": self._identified(self.given)})
 
-    def _actuator(self, vehicle: Vehicle) -> tuple[Actuator, dict[str, str]]:
+    def _actuator(self, vehicle: Vehicle) -> tuple[AnyActuator, dict[str, str]]:
         """Return the actuator with the identified parameters, and {parameter: field} of them."""
         estimates = {n: e.value for n, e in self.parameters.items() if e.known}
         if vehicle.command == "volume":
             if self.quantity != "piston" or "rate" not in estimates:
-                return vehicle.engine, {}
+                return vehicle.actuator, {}
             faster = vehicle.engine.model_copy(update={"speed": estimates["rate"]})
             return faster, {"rate": "actuator.speed"}
         names = {"K1": "K1", "K1A": "K1", "T1": "T1"}
@@ -244,7 +244,7 @@ class ActuatorIdentification:
             names["dead_zone"] = "dead_zone"
         changed = {name: names[name] for name in estimates if name in names}
         if not changed:
-            return vehicle.engine, {}
+            return vehicle.actuator, {}
         area = vehicle.piston_area or 1.0  # no piston: K1 is then a volume rate
         plain = to_identified(vehicle.engine, vehicle.water, piston_area=area)
         numbers = {field: max(estimates[name], 0.0) for name, field in changed.items()}

@@ -123,10 +123,12 @@ def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
         motion["added_mass"] = max(vehicle.motion.added_mass + more, 0.0)
     air = values["trapped_air"]
     hull = {"displaced_volume": body.volume + air, "parts": (part,), "trapped_air": air}
-    updates = ((actuator, changed), (vehicle.hull, hull), (vehicle.motion, motion))
-    copies = (part.model_copy(update=own) for part, own in updates)
-    new = dict(zip(("actuator", "hull", "motion"), copies, strict=True))
-    return vehicle.model_copy(update=new)
+    changes = {
+        "actuator": actuator.model_copy(update=changed),
+        "hull": vehicle.hull.model_copy(update=hull),
+        "motion": vehicle.motion.model_copy(update=motion),
+    }
+    return vehicle.model_copy(update=changes)
 
 
 def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[str]) -> list[str]:

@@ -130,9 +130,9 @@ def model_of(vehicle: Vehicle, *, law: str | None = None, bottom_depth: float) -
     values = {"K2": k_b / k_dl, "T2": m / k_dl, "mass": m}
     values |= {"drag_quadratic": k_dt, "psi": vehicle.hull.psi}
     area = math.nan
-    if isinstance(vehicle.engine, IdentifiedActuator):
-        area = vehicle.engine.piston_area
-        values |= {"K1": vehicle.engine.K1, "T1": vehicle.engine.T1}
+    if isinstance(actuator := vehicle.engine, IdentifiedActuator):
+        area = actuator.piston_area
+        values |= {"K1": actuator.K1, "T1": actuator.T1}
     return Model(
         base=plant(vehicle, bottom_depth=bottom_depth),
         law=wanted,

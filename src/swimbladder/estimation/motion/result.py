@@ -236,9 +236,8 @@ def identified_vehicle(vehicle: Vehicle, model: Model, found: Values, **noise: f
     }
     if trim_error is not None:
         changes["trim_error"] = trim_error
-    if "K1" in names and isinstance(vehicle.engine, IdentifiedActuator):
-        update = {"K1": values["K1"], "T1": values["T1"]}
-        changes["actuator"] = vehicle.engine.model_copy(update=update)
+    if "K1" in names and isinstance(actuator := vehicle.engine, IdentifiedActuator):
+        changes["actuator"] = actuator.model_copy(update={n: values[n] for n in ("K1", "T1")})
     changes["provenance"] = _provenance(vehicle, names, logs, trim=trim_error is not None)
     known = tuple(float(values[name]) for name in names)
     rows = tuple(map(tuple, covariance.tolist()))
