@@ -333,8 +333,9 @@ def _fit(left_over: Callable[[float, float], Array]) -> Fit:
         return left_over(math.exp(x[0]), math.exp(x[1]))
 
     begin = [math.log(1e4), math.log(40.0)]
-    found = least_squares(of_logarithms, begin, xtol=1e-10, ftol=1e-12, gtol=1e-12)
-    K2, T2 = (math.exp(float(value)) for value in found.x)
+    with np.errstate(over="ignore", invalid="ignore"):  # such a trial step is taken back
+        found = least_squares(of_logarithms, begin, xtol=1e-10, ftol=1e-12, gtol=1e-12)
+    K2, T2 = np.exp(found.x).tolist()
     return Fit(K2, T2, float(np.sqrt(np.mean(found.fun**2))))
 
 
