@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import swimbladder as sb
+from studies.benches import Motor, random_moves
 from swimbladder.cli import main
 from swimbladder.codegen.library import make_library
 from swimbladder.control.records import leaves
@@ -25,6 +26,7 @@ from swimbladder.vehicle import Controller
 from tests.codegen.build import Compiled
 from tests.codegen.conftest import gcc  # noqa: F401
 from tests.codegen.laws import bits
+from tests.estimation.motion.pool import campaign
 
 FEUP = sb.load_vehicle("feup-em")
 
@@ -462,6 +464,26 @@ class TestAnActuator:
         acts = made.engine.model_copy(update={"k_v": 2.0 * made.engine.k_v})
         monkeypatch.setattr(type(made.actuator), "acts_as", lambda *_: acts)
         assert identity(made) != before
+
+    def test_logs_of_the_motion_leave_it_as_it_is(self):
+        from swimbladder.estimation.motion import identify
+
+        made = racked()
+        found = identify(campaign(21, quantum=5e-3), made, profiles=False, choices=False)
+        assert found.identified
+        assert found.vehicle.actuator == made.actuator
+        assert found.vehicle.motion.K2 == found.parameters["K2"].value != made.motion.K2
+
+    def test_logs_of_the_motor_make_an_identified_one_of_it(self):
+        from swimbladder.estimation.actuator import identify_actuator
+
+        moves = random_moves(np.random.default_rng(4), Motor(T1=0.05))
+        made = racked()
+        found = identify_actuator([moves], made)
+        now = found.vehicle.actuator
+        assert now.kind == "identified"
+        assert pytest.approx(0.05, rel=0.1) == now.T1
+        assert pytest.approx(0.444e-3, rel=1e-3) == now.K1  # what EM was made for
 
     @pytest.mark.slow
     def test_every_command_takes_it(self, tmp_path, capsys, monkeypatch):

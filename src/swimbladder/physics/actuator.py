@@ -25,6 +25,7 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Water,
 )
+from swimbladder.vehicle.actuators import area_of
 
 
 class ReducedActuator(NamedTuple):
@@ -233,19 +234,15 @@ def to_identified(
     for a positioner, and where the area is not known.
     """
     a = reduced(actuator, water)
-    if piston_area is None:
-        if isinstance(actuator, ElectromechanicalActuator):
-            piston_area = actuator.drive.piston_area
-        elif isinstance(actuator, IdentifiedActuator):
-            piston_area = actuator.piston_area
-        else:
-            what = f"the piston area is not known for an actuator of kind {actuator.kind!r}"
-            remedy = "Give the area that makes a volume a travel; with 1 m2, K1 is a volume rate"
-            raise InputError(what, field="piston_area", unit="m2", remedy=remedy)
+    area = piston_area or area_of(actuator)
+    if area is None:
+        what = f"the piston area is not known for an actuator of kind {actuator.kind!r}"
+        remedy = "Give the area that makes a volume a travel; with 1 m2, K1 is a volume rate"
+        raise InputError(what, field="piston_area", unit="m2", remedy=remedy)
     return IdentifiedActuator(
-        K1=a.gain / piston_area,
+        K1=a.gain / area,
         T1=a.T1,
-        piston_area=piston_area,
+        piston_area=area,
         depth_voltage=a.load_drive,
         k_l=a.k_l,
         dead_zone=a.friction,

@@ -467,6 +467,12 @@ def _of_any_kind(value: object, own: Callable[[object], _Actuator]) -> _Actuator
         raise carried(_no_actuator(found, error).but(field=None)) from None
 
 
+def area_of(given: _Actuator | ActuatorKind) -> float | None:
+    """Return the area of an actuator's piston [m2]; None where it has none, or none is known."""
+    area: Any = getattr(getattr(given, "drive", given), "piston_area", None)
+    return area if isinstance(area, float) else None
+
+
 def engine_of(given: _Actuator | ActuatorKind, water: Water) -> _Actuator:
     """Return an actuator itself, or what one of another package acts as in a vehicle's water.
 

@@ -15,12 +15,11 @@ from swimbladder.vehicle.actuators import (
     AnyActuator,
     DatasheetPump,
     Driver,
-    ElectromechanicalActuator,
-    IdentifiedActuator,
     Load,
     Positioner,
     PumpAndValve,
     Supply,
+    area_of,
     engine_of,
 )
 from swimbladder.vehicle.schema import Parameters, Unit, quantity_in, refusal
@@ -438,13 +437,8 @@ class Vehicle(Parameters):
 
     @property
     def piston_area(self) -> float | None:
-        """Area of the piston [m2]; None where there is none or it is not known."""
-        actuator = self.engine
-        if isinstance(actuator, ElectromechanicalActuator):
-            return actuator.drive.piston_area
-        if isinstance(actuator, (Positioner, IdentifiedActuator)):
-            return actuator.piston_area
-        return None
+        """Area of the piston [m2], also of a kind from elsewhere; None: none, or not known."""
+        return area_of(self.engine) or area_of(self.actuator)
 
     def neutral_volume(self, depth: float) -> float:
         """Return the volume at which the vehicle rests at `depth` [m], psi z + trim error [m3]."""

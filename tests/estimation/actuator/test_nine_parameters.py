@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from studies.benches import Motor, log_of, measured, random_moves, steps, travel
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.estimation.actuator import identify_actuator
 from swimbladder.io.config import load_vehicle, read_model
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.physics.actuator import reduced
+from swimbladder.physics.actuator import reduced, unified
 from swimbladder.vehicle import Identified, Vehicle
 from tests.quoted import refused
 
@@ -107,6 +107,21 @@ def test_a_volume_without_a_piston_becomes_one_of_a_square_metre(log):
     assert pytest.approx(75e-4 * Motor().K1, rel=0.01) == actuator.K1
     nine = {k.symbol: k for k in found.nine}
     assert nine["A"].value is None
+
+
+@pytest.mark.parametrize("name", ["example-eh", "unified"])
+def test_metres_per_volt_are_no_volume_rate_without_a_piston(log, name):
+    vehicle = load_vehicle("example-em" if name == "unified" else name)
+    if name == "unified":
+        made = unified(vehicle.actuator, vehicle.water)
+        vehicle = vehicle.model_copy(update={"actuator": made})
+    with refused(LogError, field="piston_m or volume_m3"):
+        identify_actuator([log], vehicle)
+    both = log_of(log.time, log.piston, volume=75e-4 * log.piston, voltage=log.voltage)
+    found = identify_actuator([both], vehicle)
+    gain = reduced(found.vehicle.actuator, vehicle.water).gain
+    assert gain == pytest.approx(75e-4 * Motor().K1, rel=0.01)
+    assert identify_actuator([both], load_vehicle("example-em")).quantity == "piston"
 
 
 def test_moves_give_a_voltage_driven_vehicle_its_time_constant_only():

@@ -139,11 +139,11 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
 
     vehicle: its piston's area turns a logged volume into a position; its supply limits the
     voltage; its k_z/k_u and k_l, with the logged depth, are taken off, eq. (33). Raises LogError
-    where the log has neither piston nor volume, or too few samples of it.
+    where the log has neither piston nor volume, too few samples of it, or voltages and positions
+    of a piston whose area the vehicle does not have.
     """
     notes = list(log.report)
-    area = None if vehicle is None else vehicle.piston_area
-    position, reference, quantity = _position(log, area)
+    position, reference, quantity = _position(log, vehicle)
     known = np.isfinite(position)
     if log.voltage is not None:
         known &= np.isfinite(log.voltage)
@@ -162,7 +162,7 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
     if voltage is not None:
         voltage = _for_the_motor(log, voltage, vehicle, depth, notes)
         if vehicle is not None:
-            position = _without_leakage(log, time, position, vehicle, quantity)
+            position = _without_leakage(log, time, position, vehicle)
     edges = np.flatnonzero(np.diff(time) > _GAP * step) + 1
     if len(edges):
         notes.append(f"{len(edges)} gaps in time: what happened in them is not used")
@@ -183,17 +183,25 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
     )
 
 
-def _position(log: Log, area: float | None) -> tuple[Array, Array | None, Quantity]:
-    if log.piston is not None and np.isfinite(log.piston).any():
-        return log.piston, log.reference_piston, "piston"
-    if log.volume is None or not np.isfinite(log.volume).any():
+def _position(log: Log, vehicle: Vehicle | None) -> tuple[Array, Array | None, Quantity]:
+    area = None if vehicle is None else vehicle.piston_area
+    piston, volume = (
+        values if values is not None and np.isfinite(values).any() else None
+        for values in (log.piston, log.volume)
+    )
+    if piston is not None and (vehicle is None or area is not None or log.voltage is None):
+        return piston, log.reference_piston, "piston"
+    if volume is None:
         what = "the log has no position of a piston and no volume"
         remedy = "Map one with --column piston_m=NAME or --column volume_m3=NAME"
+        if vehicle is not None and piston is not None:
+            what = f"{vehicle.name} has no piston area, without which m/s/V are no volume rate"
+            remedy = "Give the volume: --column volume_m3=NAME; or leave --vehicle out"
         raise LogError(what, file=log.source, field="piston_m or volume_m3", remedy=remedy)
     if area is None:
-        return log.volume, log.reference_volume, "volume"
+        return volume, log.reference_volume, "volume"
     reference = None if log.reference_volume is None else log.reference_volume / area
-    return log.volume / area, reference, "piston"
+    return volume / area, reference, "piston"
 
 
 def _for_the_motor(
@@ -222,16 +230,13 @@ def _for_the_motor(
     return voltage - load * np.nan_to_num(log.depth)
 
 
-def _without_leakage(
-    log: Log, time: Array, position: Array, vehicle: Vehicle, quantity: Quantity
-) -> Array:
-    """Return the position with what leaked, k_l z of eq. (33), put back."""
-    k_l = reduced(vehicle.engine, vehicle.water).k_l
+def _without_leakage(log: Log, time: Array, position: Array, vehicle: Vehicle) -> Array:
+    """Return the position, or without an area the volume, with what leaked, k_l z, put back."""
+    k_l = reduced(vehicle.engine, vehicle.water).k_l / (vehicle.piston_area or 1.0)
     depth = np.nan_to_num(log.depth)
-    area = vehicle.piston_area if quantity == "piston" else 1.0
-    if k_l == 0.0 or area is None or not depth.any():
+    if k_l == 0.0 or not depth.any():
         return position
-    return position + k_l / area * cumulative_trapezoid(depth, time, initial=0)
+    return position + k_l * cumulative_trapezoid(depth, time, initial=0)
 
 
 IDLE = 0.02  # of the largest voltage: none
