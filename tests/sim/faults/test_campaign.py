@@ -214,6 +214,7 @@ def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
         (FEUP.model_copy(update={"controller": None}), {}, "has no controller"),
         (FEUP, {"missions": 0}, "from 1 to 10 million"),
         (FEUP, {"depths": (5.0, 2.0)}, "depths that grow"),
+        (FEUP, {"depths": (5.0, 5.0)}, "depths that grow"),
         (FEUP, {"depths": (5.0, 95.0)}, "turns the vehicle round"),
         (
             FEUP.model_copy(update={"supervisor": Supervisor(time_limit=100.0)}),

@@ -9,7 +9,8 @@ from scipy import stats
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.faults.kinds import KINDS, Range, draw_fault, kinds_of
+from swimbladder.sim.faults.fault_effects import board_misses
+from swimbladder.sim.faults.kinds import KINDS, On, Range, draw_fault, kinds_of
 from swimbladder.sim.faults.mission_records import TRACE
 from swimbladder.sim.faults.single_mission import fly_one
 from tests.layered import SEA as SALT
@@ -480,3 +481,13 @@ def test_one_fault_in_seven_ends_within_five_minutes_where_it_can():
         else:
             assert np.isinf(lasts).all()
     assert np.mean(ends) == pytest.approx(1.0 / 7.0, abs=0.02)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.03, 1.0])
+def test_a_board_loses_the_share_of_ticks_that_is_drawn(share):
+    """A binomial number of them, which lies within its middle 0.9999."""
+    acts = np.ones((len(On), 2))
+    acts[On.TICKS, 1], acts[On.HANG, 1] = share, 0.0
+    lost = sum(board_misses(acts, 0.1)[0] for _ in range(5000))
+    least, most = stats.binom.interval(0.9999, 5000, share)
+    assert max(least, 0.0) <= lost <= most

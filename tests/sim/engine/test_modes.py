@@ -1,0 +1,35 @@
+"""The modes: their numbers, and the forces that the stepper and the accounts of energy take."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from swimbladder.physics.dynamics import Plant
+from swimbladder.sim.engine import books, modes
+from swimbladder.sim.engine.layers import NO_LAYERS
+
+COUNT = 10, 2, 3  # states of the actuator, limited by the supply or not, places
+SURFACE = 0.04  # m
+
+
+def test_a_mode_is_told_from_every_other():
+    every = list(itertools.product(*map(range, COUNT)))
+    numbers = [act + 10 * limited + 20 * where for act, limited, where in every]
+    assert sorted(numbers) == list(range(modes.COUNT))
+    assert [modes.split(number) for number in numbers] == every
+
+
+@pytest.mark.parametrize("depth", [-0.05, 0.02, 3.0])
+@pytest.mark.parametrize("trim", [-3e-5, 4e-5])
+def test_the_accounts_take_the_force_that_the_stepper_integrates(depth, trim):
+    """Of one vehicle above, at and below the surface, at rest, heavy and light: eqs (13), (31)."""
+    values = dict.fromkeys(Plant._fields, 0.0)
+    values |= {"a_b": 0.1, "psi": 2e-6, "V_0": trim, "a_s": 5.0, "z_surface": SURFACE}
+    p = np.array(list(values.values()))
+    A, b_u, b_1 = np.empty((4, 4)), np.empty(4), np.empty(4)
+    where = modes.EMERGING if depth < SURFACE else modes.SUBMERGED
+    for volume in (-1e-4, 0.0, 2e-4):
+        modes.linear_part(p, modes.STUCK + 20 * where, A, b_u, b_1)
+        pull = A[3] @ np.array([0.0, volume, depth, 0.0]) + b_1[3]
+        assert books._pull(p, NO_LAYERS, volume, depth) == pytest.approx(pull, rel=1e-12)
