@@ -13,7 +13,6 @@ import contextlib
 import hashlib
 import json
 import os
-import random
 import shlex
 import shutil
 import signal
@@ -159,12 +158,20 @@ def mutants_of(path: str, source: str) -> list[Mutant]:
 
 
 def drawn(every: Sequence[Mutant], number: int, seed: int) -> list[Mutant]:
-    """Return some mutants that are Python, in the order of their places."""
+    """Return some mutants that are Python, in the order of their places.
+
+    Each has a lot of its own, so that an edit elsewhere draws the others again.
+    """
+    seen, lots = Counter[str](), dict[str, Mutant]()
+    for mutant in every:
+        own = f"{seed}\n{mutant.path}\n{mutant.before}\n{mutant.after}"
+        seen[own] += 1  # the same change of the same line may stand more than once in a file
+        lots[hashlib.sha256(f"{own}\n{seen[own]}".encode()).hexdigest()] = mutant
     chosen: list[Mutant] = []
-    for mutant in random.Random(seed).sample(every, len(every)):
+    for lot in sorted(lots):
         with contextlib.suppress(SyntaxError):
-            ast.parse(mutant.text)
-            chosen.append(mutant)
+            ast.parse(lots[lot].text)
+            chosen.append(lots[lot])
         if len(chosen) == number:
             break
     return sorted(chosen, key=lambda m: (m.path, m.line))

@@ -97,6 +97,20 @@ def test_operators_signs_and_returns_are_changed():
     }
 
 
+def test_an_edit_elsewhere_draws_the_same_mutants_again():
+    source = "".join(f"def f{n}(a, b):\n    return a * {n} + b\n" for n in range(40))
+    edited = source.replace("a * 7 + b", "a * 7.5 - b")
+
+    def changes(text):
+        found = mutate.mutants_of("f.py", text)
+        return len(found), {(m.before, m.after) for m in mutate.drawn(found, 30, 1)}
+
+    (count, first), (_, second) = changes(source), changes(edited)
+    assert len(first) == len(second) == 30 < count
+    assert len(first & second) >= 28  # of 40 lines one was edited
+    assert changes(source)[1] == first
+
+
 @pytest.mark.slow
 def test_survivors_are_listed_and_a_second_run_takes_up_where_the_first_was(tree, capsys):
     before = {path: path.read_bytes() for path in tree.rglob("*") if path.is_file()}

@@ -8,7 +8,16 @@ import pytest
 from scipy.linalg import expm
 
 from swimbladder.physics.dynamics import Plant, plant
-from swimbladder.sim.engine.chain import ALPHA, BETA, COEFFICIENTS, LEVELS, build_chain
+from swimbladder.sim.engine.chain import (
+    ALPHA,
+    BETA,
+    COEFFICIENTS,
+    LEVELS,
+    base_steps,
+    build_chain,
+    leap,
+)
+from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layers_from
 from swimbladder.sim.engine.modes import Act, Where
 from swimbladder.sim.engine.modes import drag as drag_of
 from tests.vehicles import BLENDED, LITERAL, QUADRATIC, SWITCHED, paper, pump, screw, stepper
@@ -193,3 +202,70 @@ def test_rest_of_the_drag(drag) -> None:
         laminar = 0.0 if drag.law == "quadratic" else drag.k_dl * w
         expected = (laminar - math.copysign(force, w)) / m
         assert drag_of(np.array(p), w)[2] == pytest.approx(expected, rel=1e-12, abs=1e-18)
+
+
+def waved(amplitude: float, length: float) -> Layers:
+    """Layers whose volume swings with the depth, to 30 m."""
+    step = 0.25
+    return layers_from(amplitude * np.sin(np.arange(0.0, 30.0, step) / length), step)
+
+
+@pytest.mark.parametrize("act", [Act.FORWARD, Act.UPPER, Act.PRESCRIBED], ids=lambda a: a.name)
+@pytest.mark.parametrize("layers", [NO_LAYERS, waved(3e-5, 1.3)], ids=["even", "layered"])
+def test_a_step_is_that_of_cox_and_matthews(act: Act, layers: Layers) -> None:
+    """ETDRK4 (J. Comput. Phys. 176, 2002, eqs 26-29) written with SciPy's matrix functions."""
+    p = plant(pump(drag=BLENDED, leak=2e-9))
+    h, u, k_dt = 3.0, 4.0, BLENDED.k_dt
+    x = np.array([-2e-5, 1.2e-4, 7.0, 0.31, 0.0])
+    A, b_u, b_1, e_w = system(p, act, 0, Where.SUBMERGED)
+
+    def N(x: np.ndarray) -> float:
+        w = x[3]
+        return -k_dt * w * abs(w) / pump(drag=BLENDED).mass + p.a_b * layers.at(x[2])
+
+    def flow(h: float, x: np.ndarray) -> np.ndarray:
+        D, b_u_h, b_1_h, *_ = exact(A, b_u, b_1, e_w, h)
+        return x + D @ x + u * b_u_h + b_1_h
+
+    V1_half = exact(A, b_u, b_1, e_w, h / 2)[3]
+    _, _, _, V1, V2, V3 = exact(A, b_u, b_1, e_w, h)
+    phi1, phi2, phi3 = V1, V2 / h, V3 / h**2
+    a = flow(h / 2, x) + V1_half * N(x)
+    b = flow(h / 2, x) + V1_half * N(a)
+    c = flow(h / 2, a) + V1_half * (2.0 * N(b) - N(x))
+    expected = (
+        flow(h, x)
+        + (phi1 - 3.0 * phi2 + 4.0 * phi3) * N(x)
+        + (2.0 * phi2 - 4.0 * phi3) * (N(a) + N(b))
+        + (4.0 * phi3 - phi2) * N(c)
+    )
+    y = np.empty(5)
+    leap(table(p, act, 0, Where.SUBMERGED, h), 0, np.array(p), layers, x, u, y)
+    np.testing.assert_allclose(y * SCALE, expected * SCALE, rtol=1e-10, atol=1e-12)
+    assert abs(y[3] - flow(h, x)[3]) > 1e-3, "the nonlinear part does nothing here"
+
+
+def test_a_step_without_bends_is_ten_seconds_at_most() -> None:
+    """So that no dip through the surface goes unseen; else a tick is one step."""
+    p = plant(paper())
+    assert [base_steps(p, tick, 0.0) for tick in (0.3, 10.0, 10.1, 25.0, 40.0)] == [1, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("speed", [0.0, 3.0])
+def test_steps_resolve_the_drag_at_the_speed_of_the_whole_stroke(speed: float) -> None:
+    """2 d w at the terminal speed, or at one that is given, times a step is 1/8 at most."""
+    vehicle = pump(drag=QUADRATIC)
+    p, tick = plant(vehicle), 3.0
+    # k_dt w^2 = rho g V of the whole stroke and of what psi takes in a kilometre
+    force = 9806.65 * (vehicle.stroke.maximum + abs(p.psi) * 1e3)
+    fastest = max(math.sqrt(force / QUADRATIC.k_dt), speed)
+    rate = 2.0 * QUADRATIC.k_dt * fastest / vehicle.mass
+    assert base_steps(p, tick, speed) == math.ceil(8.0 * rate * tick)
+
+
+def test_steps_resolve_the_swing_in_the_steepest_layer() -> None:
+    layers = waved(4e-4, 0.4)
+    p, tick = plant(paper()), 3.0
+    steepest = np.abs(np.diff(layers.table[:, 0])).max() / layers.step
+    natural = math.sqrt(9806.65 / paper().mass * 3.0 * steepest)  # a cubic: 3 secants at most
+    assert base_steps(p, tick, 0.0, layers) == math.ceil(8.0 * natural * tick) > 3
