@@ -62,8 +62,12 @@ class Mutant(NamedTuple):
     text: str  # the whole file, changed
 
     def is_at(self, entry: dict[str, str]) -> bool:
-        """Return whether an entry of the list of equivalent mutants names this one."""
-        return all(getattr(self, key) == entry[key] for key in ("path", "before", "after"))
+        """Return whether an entry of the list of equivalent mutants names this one.
+
+        One without `after` names every change of its line.
+        """
+        keys = {"path", "before", "after"} & entry.keys()
+        return all(getattr(self, key) == entry[key] for key in keys)
 
 
 def places(source: str) -> Iterator[tuple[int, int, str]]:
@@ -158,9 +162,10 @@ def mutants_of(path: str, source: str) -> list[Mutant]:
 
 
 def drawn(every: Sequence[Mutant], number: int, seed: int) -> list[Mutant]:
-    """Return some mutants that are Python, in the order of their places.
+    """Return some mutants that are Python.
 
-    Each has a lot of its own, so that an edit elsewhere draws the others again.
+    Each has a lot of its own, and they come in the order of these: an edit elsewhere draws the
+    others again, and a run that was stopped has tested a fair sample.
     """
     seen, lots = Counter[str](), dict[str, Mutant]()
     for mutant in every:
@@ -174,7 +179,7 @@ def drawn(every: Sequence[Mutant], number: int, seed: int) -> list[Mutant]:
             chosen.append(lots[lot])
         if len(chosen) == number:
             break
-    return sorted(chosen, key=lambda m: (m.path, m.line))
+    return chosen
 
 
 class Run:
@@ -337,7 +342,7 @@ def table(rows: list[tuple[Mutant, str, str]], write: Callable[[str], object]) -
 
     rows: mutant, how it ended, why it is equivalent or nothing.
     """
-    for mutant, ended, reason in rows:
+    for mutant, ended, reason in sorted(rows, key=lambda row: (row[0].path, row[0].line)):
         if ended == SURVIVED and not reason:
             write(f"{mutant.path}:{mutant.line}\n  - {mutant.before}\n  + {mutant.after}")
     count, caught = Counter[str](), Counter[str]()
@@ -403,7 +408,10 @@ def main(words: Sequence[str] | None = None) -> int:
             row |= {name: getattr(mutant, name) for name in ("path", "line", "before", "after")}
             with lock, record.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
-                print(f"{ended:8s} {mutant.path}:{mutant.line}  {mutant.after}", flush=True)
+                print(
+                    f"{ended:8s} {seconds:4.0f} s  {mutant.path}:{mutant.line}  {mutant.after}",
+                    flush=True,
+                )
             done[key] = ended
         return done[key]
 
