@@ -1,4 +1,4 @@
-"""What the laws for the sea make of their first samples, and of numbers that nothing can measure."""
+"""What the laws for the sea make of their first samples, and of what nothing can measure."""
 
 import math
 
