@@ -193,7 +193,8 @@ class Run:
         self._of_thread = threading.local()
         self._copies = iter(range(10**6))
         self._lock = threading.Lock()
-        self._usual: dict[tuple[str, str], float] = {}  # s that the unchanged tree takes
+        self._usual: dict[str, float] = {}  # s that tests take in the unchanged tree
+        self._measuring: dict[str, threading.Lock] = {}
         self._running: set[subprocess.Popen[bytes]] = set()
 
     def close(self) -> None:
@@ -270,15 +271,16 @@ class Run:
 
     def usual(self, arguments: str) -> float:
         """Return the seconds that the tests take in the unchanged tree, measured once."""
-        place = self.copy().name, arguments
-        if place not in self._usual:
-            self.pytest(arguments, None)  # fills the cache
-            began = time.monotonic()
-            ended, said = self.pytest(arguments, None)
-            if ended != SURVIVED:
-                raise SystemExit(f"fails without a change: pytest {arguments}\n{said}")
-            self._usual[place] = time.monotonic() - began
-        return self._usual[place]
+        with self._lock:
+            own = self._measuring.setdefault(arguments, threading.Lock())
+        with own:
+            if arguments not in self._usual:
+                began = time.monotonic()
+                ended, said = self.pytest(arguments, None)
+                if ended != SURVIVED:
+                    raise SystemExit(f"fails without a change: pytest {arguments}\n{said}")
+                self._usual[arguments] = time.monotonic() - began
+            return self._usual[arguments]
 
     def test(self, mutant: Mutant) -> tuple[str, float]:
         """Return (killed, survived or timeout; the seconds that took)."""
@@ -290,6 +292,8 @@ class Run:
                 limit = 3.0 * self.usual(arguments) + self.patience
                 shared = any(fnmatch(mutant.path, pattern) for pattern in self.interpreted)
                 usual = self.kernels() if shared else copy
+                if shared and not usual.is_dir():
+                    self.pytest(arguments, None)
                 before, began = set(cache.iterdir()), time.monotonic()
                 target.write_text(mutant.text, "utf-8")
                 if shared and (now := self.kernels()) != usual and usual.is_dir():
