@@ -254,6 +254,25 @@ def test_farther_away_the_filter_is_the_one_that_the_margins_are_of():
         assert found[1] - found[0] == pytest.approx(1e-3 * gain, rel=1e-6)
 
 
+@pytest.mark.parametrize(("frequency", "sharpness"), [(0.2, 6.0), (0.1, 10.0)])
+@pytest.mark.parametrize("h", [0.02, 0.3])
+def test_the_filter_is_as_many_times_as_fast_as_the_loop_as_its_sharpness_says(
+    frequency, sharpness, h
+):
+    """Poles of a double integrator's Kalman filter: s^2 + sqrt(2) w s + w^2 = 0.
+
+    w^2 is the ratio of the intensities of acceleration and noise; the knobs ask for this w.
+    """
+    s = setting_of(VEHICLE, sample_time=h, supply=12.0, neutral_range=20e-6)._replace(noise=2e-3)
+    k = KNOBS._replace(frequency=frequency, sharpness=sharpness, learning=1e-6)
+    trust = gains("observer", s, k).model.trust
+    F, _, _ = motion_over_sample(PLANT, h)
+    corrected = F - np.outer([trust.l_z, trust.l_w], [1.0, 0.0]) @ F
+    poles = np.log(np.linalg.eigvals(corrected).astype(complex)) / h
+    assert np.abs(poles) == pytest.approx(sharpness * frequency, rel=1e-3)
+    assert -poles.real / np.abs(poles) == pytest.approx(math.sqrt(0.5), rel=0.01)
+
+
 def test_limits_hold_whatever_is_measured():
     p = parameters()
     state = initial(p, Measurement(0.0, 1.5, 0.0), 1.5)

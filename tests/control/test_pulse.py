@@ -64,6 +64,14 @@ def test_without_drag_and_psi_it_is_the_parabola_nearest_to_nothing():
     assert volume == pytest.approx(-20.0 / 3.0 / (p.a_b * 50.0**2), rel=1e-9)
 
 
+def test_a_prediction_right_on_the_edge_of_the_band_is_left_alone():
+    """At rest and neutral it is the error itself; beyond the edge the motor drives in to sink."""
+    p = parameters(a_z=1.0, band=0.5)
+    for error, going, voltage in ((0.5, 0.0, 0.0), (math.nextafter(0.5, 1.0), -1.0, -p.swing)):
+        found = run(p, 0.0, error, 0.0, NEUTRAL, NEUTRAL, NEUTRAL, PLANT.gain * p.swing)
+        assert found == (going, voltage)
+
+
 class Flown:
     """A vehicle under the law, without noise: the motor without lag, the gain times what is known.
 

@@ -268,6 +268,30 @@ def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, 
     assert first == at
 
 
+@pytest.mark.parametrize(
+    ("bad", "limit", "reason"),
+    [
+        ({"depth": math.nan}, "blind_quarters", Reason.DEPTH_MISSING),
+        ({"lost": 1}, "lost_quarters", Reason.TICKS_LOST),
+    ],
+)
+@pytest.mark.parametrize(("period", "at"), [(5, None), (4, 144)])
+def test_what_fails_more_than_a_fifth_of_the_time_is_a_reason(bad, limit, reason, period, at):
+    """Four quarters a bad tick, one less a good one: of 1 in 4 one is left a round, of 1 in 5 none.
+
+    Of a limit of 40 quarters the 36 that the rounds left and 4 more are reached in round 36.
+    """
+    p = changed(supervisor_parameters(paper(), 0.3), **{limit: 40})
+    s = SUPERVISOR.initial(p, CALM, 0.0)
+    first = None
+    for k in range(200):
+        seen = CALM._replace(**bad) if k % period == 0 else CALM
+        _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+        if first is None and reason in reasons_in(s.rescue.reasons):
+            first = k
+    assert first == at
+
+
 def test_a_volume_that_moved_by_just_what_it_may_says_nothing_of_a_depth_that_stays():
     limits = supervisor_parameters(example("cascade")[0], 0.3).same._replace(
         same_begun=1, same_moved=2, same=NEVER, same_noisy=NEVER, moved=3e-6

@@ -38,6 +38,22 @@ def test_a_voltage_drives_too():
     assert together[0][: len(alone.depth)] == pytest.approx(alone.depth, abs=1e-9)
 
 
+def test_a_bundle_takes_the_steps_of_its_first_vehicle_whatever_the_others_ask_for():
+    """Bit for bit those that it takes alone, so that differences of its neighbours are smooth."""
+    vehicle = load_vehicle("ntnu-bv")
+    volume = volume_of(vehicle, 3.0, 30e-6)
+    first = plant(vehicle)
+    bluff = first._replace(d_t=300.0 * first.d_t)
+    starts = np.tile([0.0, volume[0], 3.0, 0.0], (2, 1))
+    course = Course(TIME, volume, ramps=True)
+    alone = course.follow([first], starts[:1])
+    together = course.follow([first, bluff], starts)
+    assert np.array_equal(together[0], alone[0], equal_nan=True)
+    # the other would take more
+    finer = course.follow([bluff], starts[:1])
+    assert not np.array_equal(together[1], finer[0], equal_nan=True)
+
+
 def test_uneven_samples():
     vehicle = load_vehicle("feup-em")
     rng = np.random.default_rng(0)

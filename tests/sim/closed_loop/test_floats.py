@@ -19,6 +19,8 @@ from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
+from swimbladder.sim.closed_loop.floats import FloatModel
+from swimbladder.sim.closed_loop.pumped import BEGIN, END
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.mission.flight import fly_mission
 from tests.quoted import refused
@@ -112,6 +114,27 @@ def test_the_law_is_called_when_it_asked_to_be(hover):
         assert hover.command[k] == pytest.approx(change, abs=1e-15)
 
 
+def test_a_float_whose_law_sleeps_takes_steps_over_many_ticks(monkeypatch):
+    """Up to its next look: of 1 s, as its ticks, they would be many times as many."""
+    kept, lanes = [], FloatModel.lanes
+
+    def noted(self, *given, **named):
+        stepper, start = lanes(self, *given, **named)
+        kept.append(stepper)
+        return stepper, start
+
+    monkeypatch.setattr(FloatModel, "lanes", noted)
+    simulate(
+        FLOAT,
+        setpoints=[(0.0, 400.0)],
+        duration=50.0,
+        start_depth=400.0,
+        start_volume=FLOAT.neutral_volume(400.0) - 1e-6,
+    )
+    (stepper,) = kept
+    assert stepper.segment[0, END] - stepper.segment[0, BEGIN] > 2.0
+
+
 def test_volume_and_energy_add_up(dive, hover):
     for s in (dive, hover):
         books = s.books
@@ -153,6 +176,33 @@ def test_it_dives_and_surfaces(dive):
     rests = hull.emergence_depth - excess / hull.waterplane_area
     assert dive.depth[-1] == pytest.approx(rests, abs=2e-3)  # it bobs by less
     assert abs(dive.speed[-1]) < 1e-3
+
+
+def changed_drive(**numbers):
+    return FLOAT.model_copy(update={"actuator": FLOAT.actuator.model_copy(update=numbers)})
+
+
+@pytest.mark.parametrize("longest", [FLOAT.actuator.longest_run, None])
+def test_a_float_that_came_up_with_all_volume_out_dives_again(longest):
+    """Its pump ran to the end stop, for as long as that took; its processor looks again after."""
+    vehicle = changed_drive(longest_run=longest)
+    s = simulate(vehicle, setpoints=[(0.0, 0.0), (2400.0, 60.0)], duration=4200.0, start_depth=20.0)
+    up = s.time <= 2400.0
+    assert s.depth[up][-1] < 0.2
+    assert s.volume[up][-1] == pytest.approx(FLOAT.stroke.maximum, rel=1e-3)
+    assert abs(s.depth[-1] - 60.0) < 10.0  # the tolerance of its law
+
+
+def test_a_float_that_leaks_afloat_sinks_each_second_by_what_its_volume_lost():
+    """dz = -dV/A of its waterplane, at rest, where steps are as long as its processor sleeps."""
+    s = simulate(
+        changed_drive(leakage=1e-12), setpoints=[(0.0, 0.0)], duration=300.0, start_depth=0.0
+    )
+    rests = (s.drive[:-1] == 0.0) & (s.drive[1:] == 0.0)
+    rests[0] = False  # it settles in its first second
+    lost, sunk = -np.diff(s.volume)[rests], np.diff(s.depth)[rests]
+    assert np.count_nonzero(lost > 0.0) > 100
+    assert sunk == pytest.approx(lost / FLOAT.hull.waterplane_area, rel=1e-4, abs=1e-12)
 
 
 def test_a_mission_of_the_same_phases_flies_the_same_way(dive):

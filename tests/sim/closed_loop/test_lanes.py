@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant, plant
@@ -19,7 +20,7 @@ from swimbladder.sim.closed_loop import Solution, simulate, simulate_ensemble
 from swimbladder.sim.closed_loop.rows import N_STEP, Row
 from swimbladder.vehicle import IdentifiedActuator, PhysicalMotion
 from tests.examples import examples
-from tests.vehicles import QUADRATIC, SWITCHED, exponents, paper, pump, vehicles
+from tests.vehicles import LITERAL, QUADRATIC, SWITCHED, exponents, paper, pump, vehicles
 
 # vehicles and missions that no user could mean
 fly_anything = partial(simulate, checked=False)
@@ -194,6 +195,76 @@ def test_volume_that_turns_between_samples(vehicle: Any) -> None:
         same(fly_anything(tight, law=WAVE, parameters=parameters, sample_time=TICK, **run), plain)
         unseen += bool(plain.events) and plain.volume.max() < limit
     assert unseen > 0
+
+
+def test_with_quadratic_drag_it_comes_to_scipys_way_at_fourth_order_while_the_motor_runs() -> None:
+    """Every coefficient of a step and of its half has a share: a wrong one is of lower order."""
+    vehicle = paper(
+        actuator=IdentifiedActuator(
+            K1="0.444 mm/s/V", T1=2.0, piston_area="75 cm2", depth_voltage=7.707e-2
+        ),
+        motion=PhysicalMotion(dry_mass=40.0, drag=QUADRATIC),
+    )
+    a, swings, tick, cm3 = vehicle.actuator, Wave(9.0, 1.5, 0.7), 1.0, 1e-6
+    weight, psi, k_dt = vehicle.water.specific_weight, vehicle.hull.psi, QUADRATIC.k_dt
+    x, exact = np.array([0.0, psi * 20.0 / cm3, 20.0, 0.05]), []
+    for k in range(21):
+        exact.append(x[2])
+        u = 1.5 + 9.0 * math.cos(0.7 * k * tick)
+
+        def rates(_: float, x: Any, u: float = u) -> list[float]:
+            q, V, z, w = x
+            driven = a.K1 * a.piston_area / cm3 * (u - a.depth_voltage * z)
+            force = weight * (psi * z - V * cm3) - k_dt * w * abs(w)
+            return [(driven - q) / a.T1, q, w, force / vehicle.mass]
+
+        x = solve_ivp(rates, (0.0, tick), x, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+    errors = []
+    for parts in (4, 8, 16):
+        ours = fly_anything(
+            vehicle,
+            law=WAVE,
+            parameters=swings,
+            sample_time=tick,
+            parts=parts,
+            setpoints=[(0.0, 20.0)],
+            duration=20.0 * tick,
+            start_depth=20.0,
+            start_speed=0.05,
+        )
+        assert not ours.events
+        errors.append(np.abs(ours.depth - exact).max())
+    assert np.ptp(exact) > 0.1
+    assert errors[0] < 1e-6
+    assert errors[0] > 8.0 * errors[1] > 64.0 * errors[2]
+
+
+def test_a_speed_right_at_the_switch_of_the_drag_is_still_on_its_laminar_branch() -> None:
+    """The law as printed jumps there: a vehicle that sinks at that speed speeds up at once."""
+    vehicle = paper(
+        actuator=IdentifiedActuator(K1="0.444 mm/s/V", T1=0.09, piston_area="75 cm2"),
+        hull=paper().hull.model_copy(update={"psi": 0.0}),
+        motion=PhysicalMotion(dry_mass=40.0, drag=LITERAL),
+    )
+    run = dict(
+        setpoints=[(0.0, 30.0)],
+        duration=N * TICK,
+        start_depth=20.0,
+        start_speed=LITERAL.epsilon,
+        start_volume=-2e-5,
+    )
+    rests = Wave(0.0, 0.0, 1.0)
+    compiled = fly_anything(vehicle, law=WAVE, parameters=rests, sample_time=TICK, **run)
+    plain = by_hand(vehicle, rests, **run)
+    assert plain.speed[1] > LITERAL.epsilon
+    same(compiled, plain)
+    # m w' = rho g dV - k_dt w^2 from the switch on, in closed form
+    pull, drag = 2e-5 * vehicle.water.specific_weight, LITERAL.k_dt
+    last = math.sqrt(pull / drag)
+    share = math.atanh(LITERAL.epsilon / last)
+    t = plain.time
+    speed = last * np.tanh(share + t * math.sqrt(pull * drag) / vehicle.mass)
+    np.testing.assert_allclose(compiled.speed, speed, rtol=1e-6)
 
 
 def test_each_row_has_a_place_of_its_own() -> None:

@@ -14,6 +14,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.sim.faults.fault_effects import _held
+from swimbladder.sim.faults.flight import EARLY, FULL, OWN
 from swimbladder.sim.faults.mission_records import RESULT, Result
 from tests.sim.faults.oracle import Fault
 
@@ -256,6 +257,14 @@ def test_it_is_told_after_the_first_fault_or_after_the_last(rig):
     never, flown = rig.fly(*fault_rows, ticks=280, how=1)  # it holds its depth below the block
     assert never[RESULT.last] == 280.0
     assert not np.all(flown["command"][270:] == 12.0)
+
+
+def test_a_board_that_is_left_alone_is_never_told_to_come_up(rig):
+    """Of the three ways to fly a mission the board's own differs from both that command it up."""
+    fault_row = (Fault.DEPTH_NAN, 0, 0, 100, ALWAYS)
+    for how, told in ((OWN, False), (FULL, True), (EARLY, True)):
+        _, flown = rig.fly(fault_row, ticks=400, how=how)
+        assert np.all(flown["command"][300:] == 12.0) == told
 
 
 def test_a_vehicle_that_bobs_has_come_up(rig):

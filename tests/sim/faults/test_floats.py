@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
@@ -14,6 +15,7 @@ from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.supervisor import SUPERVISOR, Watched
 from swimbladder.io.config import load_vehicle
+from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import uniform_column
@@ -330,6 +332,27 @@ def test_a_board_that_misses_ticks_leaves_pump_and_valve_off(rig):
     assert np.isnan(flown["volume_seen"]).all()
 
 
+def test_the_battery_sags_with_the_depth_right_up_to_the_surface(rig):
+    """In the last metre as well, where a head that is rounded up would leave it even."""
+    _, flown = rig.fly(
+        (Fault.LEAK_SMALL, 1e-12, 0, 0, ALWAYS),
+        depth=12.0,
+        volume=math.nan,
+        ticks=400,
+        how=1,
+        full_after=0.0,
+        full=TICK,
+        ramp=math.inf,
+    )
+    shallow = (flown["depth"] > 0.0) & (flown["depth"] < 1.0)
+    runs = shallow & (flown["battery"] < flown["battery"].max() - 1e-6)
+    z, volts = flown["depth"][runs], flown["battery"][runs]
+    assert np.ptp(z) > 0.2
+    ends = Machine((), 1.0, 0.0)
+    slope = ends.pump(0, 1.0)[1] - ends.pump(0, 0.0)[1]
+    assert np.polyfit(z, volts, 1)[0] == pytest.approx(slope, rel=0.1)
+
+
 def test_what_a_float_cannot_have_is_named():
     kinds, out = set(kinds_of(FLOAT)), not_drawn(FLOAT)
     named = {name for names in out.values() for name in names}
@@ -358,6 +381,30 @@ def test_dives_begin_at_the_surface_and_leave_time_for_their_ways():
         assert all(0.5 < share < 1.5 for share in m.drive)
     assert course.time_limit > max(m.turns[-1] for m in drawn) + 1620.0 / 0.1
     assert {m.faults[0] for m in drawn} == set(kinds_of(FLOAT))
+
+
+def test_the_time_limit_of_dives_leaves_an_hour_for_coming_up():
+    """Two hours, the way down and up at two thirds of the law's speed, and an hour."""
+    course = course_of(FLOAT, DEPTHS)
+    assert FLOAT.controller.parameters["far_speed"] == "10 cm/s"
+    speed = 0.1
+    way = DEPTHS[1] - FLOAT.hull.emergence_depth + 1.0  # the last set-point is out of the water
+    assert course.ramp == speed
+    assert course.time_limit == pytest.approx(3.0 * 3600.0 + 2.0 * 1.5 * way / speed, rel=1e-12)
+
+
+def test_without_a_supply_what_a_pump_has_is_a_share_of_the_nominal_too():
+    pump = PowerLawPump(delivery=1e-6, slip=0.0, idle_power=5.0, power_per_pressure=1e-6)
+    measured = FLOAT.model_copy(
+        update={
+            "actuator": FLOAT.actuator.model_copy(update={"pump": pump}),
+            "supply": None,
+        }
+    )
+    course = course_of(measured, (15.0, 60.0))
+    drawn = [draw(course, seed=1, number=n, healthy=True).plant for n in range(200)]
+    shares = [Plant(*plant).supply for plant in drawn]
+    assert stats.kstest(shares, stats.uniform(0.9, 0.1).cdf).pvalue > 1e-3
 
 
 @pytest.mark.usefixtures("gcc")

@@ -11,17 +11,29 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Stop
-from swimbladder.sim.mission import prepare, tables
+from swimbladder.sim.mission import prepare, result, tables
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases
 
 
-def test_a_dive_begins_5_m_down_or_half_way_to_its_first_target(profiler):
+def test_a_dive_begins_5_m_down_or_half_way_to_its_least_target(profiler):
     """5 m are half a bar, from which floats of the MERMAID kind count as diving."""
     assert prepare.shallow_depth(profiler, phases()) == 5.0
-    stages = [{"kind": "descend", "depth": 9.0, "tolerance": 1.0}]
+    stages = [{"kind": "descend", "depth": depth, "tolerance": 1.0} for depth in (9.0, 12.0)]
     assert prepare.shallow_depth(profiler, Mission(phases=stages)) == 4.0
+
+
+@pytest.mark.parametrize("depth", [None, 0.5])
+def test_a_dive_begins_a_tenth_of_the_hull_below_where_it_emerges_at_least(profiler, depth):
+    """So it does where no phase has a depth, or half of the least one is less."""
+    surface = {"kind": "surface", "duration": 60.0}
+    least = [] if depth is None else [{"kind": "profile", "depth": depth, "tolerance": 0.2}]
+    for top in (0.0, 0.3):
+        hull = profiler.hull.model_copy(update={"emergence_depth": top, "height": 2.0})
+        vehicle = profiler.model_copy(update={"hull": hull})
+        found = prepare.shallow_depth(vehicle, Mission(phases=[*least, surface]))
+        assert found == pytest.approx(top + 0.2)
 
 
 def test_a_heavier_float_is_slower_and_floats_deeper_in_proportion():
@@ -75,6 +87,22 @@ def test_speeds_of_ways_of_two_points(profiler, sea, monkeypatch):
     crossed = found["depth_m"] < 95.0
     assert found["sinking_m_s"][crossed] == pytest.approx(0.2, rel=1e-9)
     assert found["rising_m_s"][crossed] == pytest.approx(0.25, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("energy", "said"),
+    [
+        (0.0, "0 J"),
+        (999.0, "999 J"),
+        (-999.0, "-999 J"),
+        (1000.0, "1 kJ"),
+        (1500.0, "1.5 kJ"),
+        (-1500.0, "-1.5 kJ"),
+        (12_700.0, "12.7 kJ"),
+    ],
+)
+def test_energies_are_said_in_kilojoules_from_one_on(energy, said):
+    assert result._joules(energy) == said
 
 
 def test_a_battery_that_has_nothing_to_give_lasts_no_number_of_cycles(profiler, sea):
