@@ -72,7 +72,7 @@ def new(
         str,
         typer.Option(
             help="Actuator: electromechanical or electrohydraulic (from datasheets), identified, "
-            "unified, positioner, or pump-valve (a deep float's, for missions)."
+            "unified, positioner, or pump-valve (a deep float's)."
         ),
     ] = "electromechanical",
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
@@ -96,8 +96,7 @@ def new(
         emit_json({"kind": kind, "files": [target]})
     else:
         console.print(f"wrote {target}: put in your numbers, then")
-        next_step = "energy" if kind == "pump-valve" else "simulate"
-        console.print(f"  swimbladder {next_step} {target}")
+        console.print(f"  swimbladder simulate {target}")
 
 
 def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:

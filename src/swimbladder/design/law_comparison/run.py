@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.control.records import leaves
+from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison import contenders
 from swimbladder.design.law_comparison.contenders import GOALS, Contender, Placed, Places, Scenario
 from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
@@ -33,6 +34,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
@@ -292,6 +294,9 @@ def compare_laws(
         contenders.place(one, vehicle, where)
         for one in scenarios or contenders.scenarios_of(vehicle)
     ]
+    if vehicle.controller is not None and vehicle.command != "volume change":
+        by = *bind(vehicle.controller), vehicle.controller.sample_time
+        check_sample_time(vehicle, *by, depths=(where.least, where.most))
     around = region(vehicle)
     store = Store(parts)
     how = contenders.tuner(vehicle, where, sample_time=sample_time, column=column)

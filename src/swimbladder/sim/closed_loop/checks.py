@@ -11,11 +11,13 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.sampled import BoundLaw, LinearLaw, linearise_law, loop_of
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import plant
+from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.layers import NO_LAYERS
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import PumpAndValve, Vehicle
 
 _GROWS = 1e-4  # of an error over a sample; of three integrators, which do not, 1e-5 is computed
 _HALVINGS = 12  # of the sample time, after which it is not what makes a loop unstable
@@ -35,6 +37,24 @@ def check_depths(
     for field, depth in places:
         _check_depth(vehicle, depth, medium.plant.z_bottom, field)
         _check_stroke(vehicle, medium, depth, field)
+
+
+def check_dive(vehicle: Vehicle) -> None:
+    """Raise NoAnswerError where a vehicle that floats can let nothing in."""
+    top = max(vehicle.hull.emergence_depth, 0.0)
+    drive = drive_map(vehicle, top * vehicle.water.specific_weight, power=False)
+    if max(float(drive.rate_in[0]), float(drive.bypass_in[0])) > 0.0:
+        return
+    a = vehicle.engine
+    why = "its drive draws nothing in there"
+    if isinstance(a, PumpAndValve):
+        over = a.internal_pressure - ATMOSPHERIC_PRESSURE
+        much = f"{over / 1e5:.2g} bar above" if over > 0.0 else "no less than"
+        why = (
+            f"the gas in the hull (actuator.internal_pressure) is {much} the atmosphere, and "
+            "nothing presses the oil back. Close the hull at a lower pressure"
+        )
+    raise NoAnswerError(f"the vehicle {vehicle.name!r} floats and does not dive: {why}")
 
 
 def law_at_rest(

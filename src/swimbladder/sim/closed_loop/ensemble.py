@@ -24,6 +24,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.block import Block, schedule, work_space
+from swimbladder.sim.closed_loop.checks import check_dive, check_sample_time
 from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
 from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.rows import RECORDED, Row
@@ -200,6 +201,12 @@ def simulate_ensemble(
     layers = medium.layers
     given = dict(vary or {})
     pumped = vehicle.command == "volume change"
+    if pumped and min([z0.min(), *(row.min() for row in depths[:-1])]) <= 0.0 < reach:
+        check_dive(vehicle)
+    if law is None and not pumped:
+        check_sample_time(
+            vehicle, chosen, numbers, tick, depths=[float(min(depths.min(), z0.min())), reach]
+        )
     rates = [
         spread(given.pop(name, 1.0), count, f"vary[{name!r}]", "")
         for name in (RATES if pumped else ())

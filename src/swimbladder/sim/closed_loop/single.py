@@ -23,7 +23,7 @@ from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.block import Block, schedule
-from swimbladder.sim.closed_loop.checks import check_depths, check_sample_time
+from swimbladder.sim.closed_loop.checks import check_depths, check_dive, check_sample_time
 from swimbladder.sim.closed_loop.floats import float_model, run_float
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.solution import (
@@ -176,6 +176,8 @@ def simulate(
             check_cast_unit(column.cast, reach, vehicle.hull.depth_limit)
         neutral_at = start_depth if start_volume is None else None
         check_depths(vehicle, medium, setpoints=depths, start_depth=neutral_at)
+        if vehicle.command == "volume change" and min([start_depth, *depths[:-1]]) <= 0.0 < reach:
+            check_dive(vehicle)
         if law is None and vehicle.command != "volume change":
             check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)

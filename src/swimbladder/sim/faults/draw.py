@@ -14,7 +14,7 @@ from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
-from swimbladder.sim.closed_loop.checks import check_depths
+from swimbladder.sim.closed_loop.checks import check_depths, check_dive
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.sim.faults.kinds import MOTOR, draw_fault, kinds_of, parts_of
@@ -126,11 +126,12 @@ def course_of(
     if column is not None and column.cast is not None:
         check_cast_unit(column.cast, where.most, vehicle.hull.depth_limit)
     medium = medium_of(vehicle, column, reach=where.most)
-    if column is not None:
-        try:
-            check_depths(vehicle, medium, setpoints=where[:2], start_depth=None)
-        except InputError as error:
-            raise error.but(field="--depth") from None
+    try:
+        check_depths(vehicle, medium, setpoints=where[:2], start_depth=None)
+    except InputError as error:
+        raise error.but(field="--depth") from None
+    if floats:
+        check_dive(vehicle)
     p = medium.plant
     speed = _rise_speed(medium, where.most)
     ramp = min(cruising_speed(vehicle) if floats else RAMP, speed / 5.0)

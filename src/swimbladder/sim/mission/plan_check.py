@@ -22,17 +22,16 @@ from swimbladder.control.rate import RateParameters
 from swimbladder.control.registry import own_law
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.mission import Mission, Phase
-from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
-from swimbladder.physics.seawater.column import ATMOSPHERE
+from swimbladder.sim.closed_loop.checks import check_dive, check_sample_time
 from swimbladder.sim.engine.rodas.records import Account, Note, Stop, Table
 from swimbladder.sim.mission import orders, shortfall
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.units import rounded
-from swimbladder.vehicle import PumpAndValve, Vehicle
+from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from swimbladder.sim.mission.flight import Flight
@@ -106,8 +105,10 @@ def check_flight(vehicle: Vehicle, mission: Mission, column: Column) -> None:
 def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
     """Return what a mission takes of the stroke.
 
-    Raises NoAnswerError where stroke or depth exclude it: what fails, where, by how much.
+    Raises NoAnswerError where stroke or depth exclude it: what fails, where, by how much; and
+    InputError for a sample time at which a law does not hold the vehicle.
     """
+    _check_sampling(vehicle, mission, plan)
     _check_dive(vehicle, mission, plan)
     found = reach_of(vehicle, mission, plan)
     stroke = vehicle.stroke
@@ -197,27 +198,24 @@ def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
             )
 
 
+def _check_sampling(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
+    for n, (phase, law) in enumerate(zip(mission.phases, plan.laws, strict=False)):
+        if law.sampled and phase.depth is not None:
+            by = law.law, law.parameters, law.sample_time
+            try:
+                check_sample_time(vehicle, *by, depths=[phase.depth])
+            except InputError as error:
+                own = phase.sample_time is not None
+                raise (error.but(field=f"phases[{n}].sample_time") if own else error) from None
+
+
 def _check_dive(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
     """Raise NoAnswerError where a vehicle that floats can let nothing in."""
     afloat = mission.start_depth == 0.0 or any(p.kind == "surface" for p in mission.phases[:-1])
     afloat |= mission.phases[-1].kind == "surface" and plan.given["last_cycle"] > 1.0
     if not afloat or all(phase.kind == "surface" for phase in mission.phases):
         return
-    top = max(vehicle.hull.emergence_depth, 0.0)
-    pressure = look_up(plan.table, float(plan.given["step"]), Table.PRESSURE, top)[0]
-    drive = drive_map(vehicle, pressure, power=False)
-    flows = (float(drive.rate_in[0]), float(drive.bypass_in[0]))
-    if max(flows) > 0.0:
-        return
-    a = vehicle.engine
-    why = "its drive draws nothing in there"
-    if isinstance(a, PumpAndValve):
-        over = a.internal_pressure - ATMOSPHERE
-        why = (
-            f"the gas in the hull (actuator.internal_pressure) is {over / 1e5:.2g} bar above the "
-            "atmosphere, and nothing presses the oil back. Close the hull at a lower pressure"
-        )
-    raise NoAnswerError(f"the vehicle {vehicle.name!r} floats and does not dive: {why}")
+    check_dive(vehicle)
 
 
 def check_cycle(flight: Flight, fly: Callable[[Mission], Flight]) -> None:
