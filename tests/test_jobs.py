@@ -227,7 +227,9 @@ def test_a_scheduler_that_is_not_there_is_named_before_anything_is_done(tmp_path
     (tmp_path / "other.json").write_text("[]")
     for where, words in (
         ("tcp://127.0.0.1:1", "no scheduler answers there"),
-        ("nowhere.json", "no scheduler answers there"),
+        ("nowhere.json", "there is no such file"),
+        ("x" * 300 + ".json", "there is no such file"),
+        (str(tmp_path), "there is no such file"),
         (str(written), "no scheduler answers there"),
         (str(tmp_path / "other.json"), "no file that a scheduler wrote"),
     ):

@@ -13,6 +13,7 @@ import importlib
 import json
 import multiprocessing
 import os
+import re
 import shutil
 import tempfile
 import threading
@@ -32,7 +33,13 @@ import numpy as np
 from pydantic import BaseModel
 
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
-from swimbladder.io.files import make_folder, source_hash, write_atomically, write_through
+from swimbladder.io.files import (
+    file_there,
+    make_folder,
+    source_hash,
+    write_atomically,
+    write_through,
+)
 from swimbladder.io.progress import Advance, silent, so_far
 from swimbladder.vehicle import Vehicle
 
@@ -45,6 +52,10 @@ _REMARKS = {"provenance", "description"}  # of a vehicle: nothing depends on the
 EXECUTORS = ("threads", "processes", "dask")
 _POLL = 0.5  # s, between two reads of the markers
 _PATIENCE = 10.0  # s, with a scheduler that does not answer
+_WHERE = (
+    "Give the address of a dask scheduler that runs, like tcp://host:8786, or the file that it "
+    "wrote (dask scheduler --scheduler-file FILE)"
+)
 _TRIES = 3  # times that workers may die one after the other without a chunk that is done
 
 
@@ -353,8 +364,11 @@ def _by_dask(job: Job, chunks: list[int], workers: Workers, report: Callable[[],
             quiet = {"dashboard_address": None, "silence_logs": 50}
             local = distributed.LocalCluster(n_workers=workers.local, threads_per_worker=1, **quiet)
             address = stack.enter_context(local)
-        elif Path(address).is_file():
+        elif file_there(Path(address)):
             address = _written_address(Path(address))
+        elif "://" not in address and not re.search(r":\d+$", address):
+            what = "there is no such file, and it is no address with a port"
+            raise InputError(what, field="--scheduler", value=address, remedy=_WHERE)
         client = stack.enter_context(_client(distributed, address))
         stack.enter_context(client.as_current())
         _check_versions(client)
@@ -368,11 +382,7 @@ def _written_address(file: Path) -> str:
         return str(json.loads(file.read_text(encoding="utf-8"))["address"])
     except (OSError, ValueError, KeyError, TypeError):
         what = "no file that a scheduler wrote"
-        remedy = (
-            "Give the file of dask scheduler --scheduler-file FILE, or an address like "
-            "tcp://host:8786"
-        )
-        raise InputError(what, file=file, field="--scheduler", remedy=remedy) from None
+        raise InputError(what, file=file, field="--scheduler", remedy=_WHERE) from None
 
 
 def _client(distributed: Any, address: Any) -> Any:
@@ -388,11 +398,7 @@ def _client(distributed: Any, address: Any) -> Any:
         )
     except (OSError, ValueError) as error:  # a TimeoutError is one too
         what = f"no scheduler answers there: {error}"
-        remedy = (
-            "Give the address of a dask scheduler that runs, like tcp://host:8786, or the "
-            "file that it wrote (--scheduler-file)"
-        )
-        raise InputError(what, field="--scheduler", value=str(address), remedy=remedy) from None
+        raise InputError(what, field="--scheduler", value=str(address), remedy=_WHERE) from None
 
 
 def _check_versions(client: Any) -> None:

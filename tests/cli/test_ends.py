@@ -101,6 +101,9 @@ def test_stdout_that_takes_no_more_is_one_line(tmp_path):
         ["ballast", "example-float", "--out", "x" * 300],
         ["analyse", "feup-em", "--out", "x" * 300],
         ["vehicle", "show", "x" * 300],
+        ["vehicle", "new", "x" * 300 + ".toml"],
+        ["vehicle", "new", "x" * 300, "--force"],
+        ["simulate", "feup-em", "--cast", "x.csv", "--log-format", "x" * 300],
     ],
 )
 def test_a_name_longer_than_any_file_s_is_one_line(words, tmp_path, monkeypatch, capsys):

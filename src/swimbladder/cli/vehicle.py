@@ -79,7 +79,7 @@ def new(
     json: _Json = False,
 ) -> None:
     """Write a vehicle file to start from: every field, its unit, meaning and default."""
-    from swimbladder.io.files import write_atomically
+    from swimbladder.io.files import there, write_atomically
     from swimbladder.io.templates import KINDS, vehicle_template
     from swimbladder.vehicle.schema import did_you_mean
 
@@ -88,7 +88,7 @@ def new(
         remedy = f"{did_you_mean(kind, KINDS)}{remedy}"
         raise InputError(why, field="--kind", value=kind, remedy=remedy)
     target = path if path is not None else Path(f"{kind}.toml")
-    if target.exists() and not force:
+    if there(target) and not force:
         remedy = "Choose another name, or overwrite it with --force"
         raise InputError("the file exists already", file=target, field="FILE", remedy=remedy)
     write_atomically(target, vehicle_template(kind, name=target.stem))

@@ -58,6 +58,20 @@ def read_at_most(path: Path, most: int) -> bytes:
     return kept[pipe]
 
 
+def there(path: Path) -> os.stat_result | None:
+    """Return what is known of a file or folder; None where none is, or can be, of that name."""
+    try:
+        return path.stat()
+    except (OSError, ValueError):
+        return None
+
+
+def file_there(path: Path) -> bool:
+    """Say whether there is a file; that there is none where no file can have the name."""
+    about = there(path)
+    return about is not None and stat.S_ISREG(about.st_mode)
+
+
 def why_unreadable(error: Exception, wanted: str) -> tuple[str, str]:
     """Return why a file cannot be read, and what to do; `wanted`: what it should be."""
     if isinstance(error, FileNotFoundError):

@@ -33,6 +33,7 @@ from pydantic import BeforeValidator, Field
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import file_text, read_model
+from swimbladder.io.files import file_there
 from swimbladder.io.log_formats import FORMATS
 from swimbladder.units import unit_factor
 from swimbladder.vehicle import Parameters, Unit
@@ -229,7 +230,7 @@ def log_format(name_or_path: str | Path) -> LogFormat:
         return read_model(_LogFile, FORMATS[text], where, versioned=False).log
     path = Path(name_or_path)
     named = isinstance(name_or_path, Path) or path.suffix == ".toml" or len(path.parts) != 1
-    if not named and not path.is_file():
+    if not named and not file_there(path):
         what = "there is no log format of that name, and no such file"
         known = FORMATS.names()
         formats = f"{did_you_mean(text, known)}Log formats: {', '.join(known)}"
