@@ -180,3 +180,15 @@ def test_an_error_in_a_pipe_has_its_line(tmp_path, capsys):
     assert main(["mission", "example-float", str(pipe)]) == 2
     assert writer.wait(timeout=10) == 0
     assert "line 5, phases[0].depth" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("words", [["vehicle", "new", "p", "--force"], [*SHORT, "--out", "p"]])
+def test_a_pipe_is_not_written_over(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("p")
+    assert main(words) == 2
+    said = [line for line in capsys.readouterr().err.splitlines() if "compiling" not in line]
+    assert len(said) == 1
+    assert Path("p").is_fifo()
+    assert not Path("p").is_file()
+    assert [p.name for p in tmp_path.iterdir()] == ["p"]

@@ -72,6 +72,27 @@ def test_a_place_that_cannot_be_written_is_an_input_error(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "taken"]
 
 
+@pytest.mark.skipif(os.name != "posix", reason="pipes with names are POSIX's")
+def test_no_file_takes_the_place_of_a_pipe_or_a_link_to_one(tmp_path):
+    pipe, link = tmp_path / "b.txt", tmp_path / "link"
+    os.mkfifo(pipe)
+    link.symlink_to(pipe)
+    for path in (pipe, link):
+        with pytest.raises(InputError, match="there is a device, a pipe or a socket") as caught:
+            write_atomically(path, "x")
+        assert caught.value.exit_code == 2
+
+    def write(folder):
+        for name in ("a.txt", "b.txt"):
+            (folder / name).write_text("x")
+
+    with pytest.raises(InputError, match="there is a device, a pipe or a socket"):
+        publish(tmp_path, write)
+    assert pipe.is_fifo()
+    assert link.is_symlink()
+    assert sorted(tmp_path.iterdir()) == [pipe, link]
+
+
 def test_folders_are_made_with_those_above(tmp_path):
     assert make_folder(tmp_path / "a" / "b").is_dir()
     assert make_folder(tmp_path / "a" / "b").is_dir()

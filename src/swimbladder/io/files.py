@@ -136,6 +136,7 @@ def write_through(path: str | Path, write: Callable[[Path], object]) -> Path:
     Raises InputError where the file cannot be written.
     """
     target, prefix = Path(path), _prefix(os.getpid())
+    _check_kind(target, "output")
     try:
         with contextlib.ExitStack() as stack:
             handle, name = tempfile.mkstemp(target.suffix, prefix, target.parent)
@@ -150,6 +151,14 @@ def write_through(path: str | Path, write: Callable[[Path], object]) -> Path:
         remedy = "Choose a place that exists and can be written"
         raise InputError(what, file=target, field="output", remedy=remedy) from error
     return target
+
+
+def _check_kind(path: Path, field: str) -> None:
+    """Raise InputError where a device, pipe or socket has the name: a file would take its place."""
+    about = there(path)
+    if about is not None and not (stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)):
+        what, remedy = "there is a device, a pipe or a socket of that name", "Choose another name"
+        raise InputError(what, file=path, field=field, remedy=remedy)
 
 
 def _publish_mode(path: Path, mode: int) -> None:
@@ -208,8 +217,11 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
             if out.exists():
                 # the page last: it names the others
                 files = sorted(p for p in temporary.rglob("*") if p.is_file())
-                for path in sorted(files, key=lambda p: p.suffix == ".html"):
-                    target = out / path.relative_to(temporary)
+                files.sort(key=lambda p: p.suffix == ".html")
+                targets = [out / path.relative_to(temporary) for path in files]
+                for target in targets:
+                    _check_kind(target, "--out")
+                for path, target in zip(files, targets, strict=True):
                     target.parent.mkdir(parents=True, exist_ok=True)
                     path.replace(target)
             else:
