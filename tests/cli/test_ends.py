@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from swimbladder.cli import main
+from swimbladder.io import files
 from swimbladder.io.presets import preset_text
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, pipes and devices are POSIX's")
@@ -191,4 +192,26 @@ def test_a_pipe_is_not_written_over(words, tmp_path, monkeypatch, capsys):
     assert len(said) == 1
     assert Path("p").is_fifo()
     assert not Path("p").is_file()
+    assert [p.name for p in tmp_path.iterdir()] == ["p"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["simulate", "./p"],
+        ["simulate", "feup-em", "p"],
+        ["simulate", "feup-em", "--cast", "p"],
+        ["simulate", "feup-em", "--cast", "p", "--log-format", "./p"],
+        ["mission", "example-float", "p"],
+        ["identify", "p", "--vehicle", "feup-em"],
+        ["compare", "p", "--vehicle", "feup-em"],
+    ],
+)
+def test_a_pipe_that_nobody_writes_into_is_refused(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(files, "_PATIENCE", 0.2)
+    os.mkfifo("p")
+    assert main(words) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "p, file: nothing was written into this pipe within 0.2 s" in said
     assert [p.name for p in tmp_path.iterdir()] == ["p"]

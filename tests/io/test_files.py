@@ -5,11 +5,13 @@ import stat
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
 from swimbladder.errors import InputError
+from swimbladder.io import files
 from swimbladder.io.files import (
     check_place,
     make_folder,
@@ -165,6 +167,22 @@ def test_a_pipe_gives_its_content_again_within_a_block_only(tmp_path):
         writer = written(b"fourth")
         assert read_at_most(pipe, 100) == b"fourth"
         writer.join()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes with names are POSIX's")
+def test_a_pipe_is_waited_for_until_somebody_has_come_to_write(tmp_path, monkeypatch):
+    monkeypatch.setattr(files, "_PATIENCE", 0.3)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    begin = time.monotonic()
+    for _ in range(2):
+        with pipes_kept(), pytest.raises(TimeoutError, match="nothing was written into this pipe"):
+            read_at_most(pipe, 100)
+    assert 0.6 <= time.monotonic() - begin < 5.0
+    # who has come may take longer than that to write
+    writer = subprocess.Popen(["sh", "-c", f"(sleep 1; printf late; sleep 0.5; yes) > {pipe}"])
+    assert read_at_most(pipe, 9) == b"latey\ny\ny\n"
+    assert writer.wait(timeout=10) != 0
 
 
 def test_a_name_that_no_folder_can_have_is_refused_before_anything_is_done(tmp_path):

@@ -23,6 +23,8 @@ from swimbladder.errors import InputError
 _MARK = ".swimbladder-"
 _OLD = 86_400.0  # s after which what another machine left is no longer being written
 _LONGEST = 255 - len(".-unfinished")  # bytes of a folder's name
+_PATIENCE = 5.0  # s, with a pipe that nobody writes into
+_POLL = 0.01  # s
 _Pipes = dict[tuple[int, int], bytes]  # content by device and inode
 _pipes: ContextVar[_Pipes | None] = ContextVar("pipes", default=None)
 
@@ -45,17 +47,33 @@ def read_at_most(path: Path, most: int) -> bytes:
     """Return the content of a file; of one that is larger `most` + 1 bytes, so that it shows.
 
     That holds for devices and pipes without an end too. Raises OSError and ValueError as `open`
-    does.
+    does, and TimeoutError for a pipe that nobody opens to write.
     """
     about, kept = path.stat(), _pipes.get()
-    if kept is None or not stat.S_ISFIFO(about.st_mode):
+    if os.name != "posix" or not stat.S_ISFIFO(about.st_mode):
         with path.open("rb") as file:
             return file.read(most + 1)
     pipe = about.st_dev, about.st_ino
-    if pipe not in kept:
-        with path.open("rb") as file:
-            kept[pipe] = file.read(most + 1)
+    if kept is None or pipe not in kept:
+        content = _read_pipe(path, most + 1)
+        if kept is None:
+            return content
+        kept[pipe] = content
     return kept[pipe]
+
+
+def _read_pipe(path: Path, most: int) -> bytes:
+    """Return what is written into a pipe; raises TimeoutError where nobody comes to write."""
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb") as pipe:
+        until = time.monotonic() + _PATIENCE
+        # nothing: nobody has it open to write; None: somebody has, and has not written yet
+        while (first := pipe.raw.read(1)) == b"":
+            if time.monotonic() > until:
+                raise TimeoutError(f"nothing was written into this pipe within {_PATIENCE:g} s")
+            time.sleep(_POLL)
+        os.set_blocking(pipe.fileno(), True)
+        first = first or b""
+        return first + pipe.read(most - len(first))
 
 
 def there(path: Path) -> os.stat_result | None:
@@ -78,6 +96,8 @@ def why_unreadable(error: Exception, wanted: str) -> tuple[str, str]:
         return "there is no such file", "Check the path"
     if isinstance(error, IsADirectoryError):
         return "this is a folder", f"Give the {wanted} in it"
+    if isinstance(error, TimeoutError):
+        return str(error), "Start what writes into it, or check the path"
     return f"cannot read the file: {error}", "Check the path and its permissions"
 
 
