@@ -164,8 +164,9 @@ def campaign(
 
         indices = Sensitivity(design=job.design, table=table, energy_unknown=energy_unknown)
         found = replace(found, table=indices.independent)
-        answer, good = {**found.to_json(), "sensitivity": indices.to_json()}, True
-        shown = itertools.chain(_shown(found), _indices(indices))
+        good = bool(indices.good.all())
+        answer = {**found.to_json(), "sensitivity": {"asked": floats, **indices.to_json()}}
+        shown = itertools.chain((indices.sentence(floats),), _shown(found), _indices(indices))
         files["sensitivity.png"] = draw_sensitivity(indices)
     with progress("writing the results"):
         from swimbladder.show.files import write_all

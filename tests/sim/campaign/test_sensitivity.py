@@ -207,7 +207,8 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert answer["spread"]["trim"] == 3e-6
     found = answer["sensitivity"]
     assert found["inputs"] == [["trim", "drag"]]
-    assert found["floats"] == 48
+    assert found["floats"] == found["good"] == 48
+    assert found["asked"] == 60
     assert answer["floats"] == 32  # those that are independent
     outputs = {one["what"]: one for one in found["outputs"]}
     # all of the variance is the group's
@@ -215,7 +216,29 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert energy["total"] == pytest.approx(1.0, abs=0.3)
     assert energy["first_ci95"][0] < energy["first"] < energy["first_ci95"][1]
     assert (tmp_path / "swimbladder-campaign" / "sensitivity.png").stat().st_size > 10_000
+    assert main([*asked, "--floats", "60"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.startswith(
+        "48 of the 60 floats asked for were flown, 16 (a power of 2) rows of 3: 48 did every phase"
+        " of every cycle. Two of each row are drawn independently, and of them 32 of 32 floats did"
+    )
     assert main([*asked, "--floats", "60", "--drag-std", "0"]) == 2
     assert "spread" in capsys.readouterr().err  # the store of another campaign
     assert main(["campaign", "example-float", "m.toml", "--identified", "--out", "x"]) == 2
     assert "--identified: nothing was identified" in capsys.readouterr().err
+
+
+def test_the_command_says_no_where_a_float_of_the_design_failed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "m.toml").write_text(
+        "schema_version = 1\ncycles = 1\n[[phases]]\nkind = 'descend'\ndepth = 50\n"
+        "timeout = '12 min'\n[[phases]]\nkind = 'surface'\nduration = 60\n"
+    )
+    asked = ["campaign", "example-float", "m.toml", "--sensitivity", "--floats", "100"]
+    assert main([*asked, "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    found = answer["sensitivity"]
+    assert (found["asked"], found["floats"], answer["floats"]) == (100, 96, 32)
+    assert answer["good"] <= found["good"] < 96
+    assert main(asked) == 1
+    assert f": {found['good']} did every phase" in " ".join(capsys.readouterr().out.split())

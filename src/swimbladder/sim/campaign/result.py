@@ -174,6 +174,20 @@ class Sensitivity:
     energy_unknown: str
 
     @property
+    def good(self) -> NDArray[np.bool_]:
+        """Which floats of the design did every phase of every cycle."""
+        return good_floats(self.table)
+
+    def sentence(self, asked: int) -> str:
+        """Say how many of the floats asked for were flown, and of which the shares are."""
+        d, count = self.design, int(np.sum(self.good))
+        return (
+            f"{d.floats} of the {asked} floats asked for were flown, {d.rows} (a power of 2) rows "
+            f"of {d.width}: {count} did every phase of every cycle. Two of each row are drawn "
+            "independently, and of them"
+        )
+
+    @property
     def independent(self) -> Array:
         """The floats that are drawn independently of each other, without those of A and B mixed."""
         found: Array = self.table.reshape(self.design.rows, self.design.width, -1)[:, :2]
@@ -186,7 +200,7 @@ class Sensitivity:
 
     def _values(self) -> Iterator[tuple[str, str, Array]]:
         t = self.table
-        yield "failed flights", "1", np.where(good_floats(t), 0.0, 1.0)
+        yield "failed flights", "1", np.where(self.good, 0.0, 1.0)
         with np.errstate(invalid="ignore", divide="ignore"):
             energy = t[:, Fact.DRAWN] / np.where(t[:, Fact.CYCLES] > 0.0, t[:, Fact.CYCLES], np.nan)
         if not self.energy_unknown:
@@ -225,6 +239,7 @@ class Sensitivity:
         """Return the indices as plain values."""
         return {
             "floats": self.design.floats,
+            "good": int(np.sum(self.good)),
             "rows": self.design.rows,
             "inputs": [list(group) for group in self.design.groups],
             "outputs": [
