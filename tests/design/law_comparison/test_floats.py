@@ -19,6 +19,7 @@ from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.templates import vehicle_template
 from swimbladder.sim.closed_loop import simulate_ensemble
 from tests.quoted import refused
 
@@ -62,6 +63,16 @@ def test_what_is_measured_is_that_of_the_flights():
     assert flown.power == pytest.approx(power)
     assert no_energy(FLOAT) is None
     assert time[-1] <= placed.duration
+
+
+def test_a_float_whose_pump_has_a_supply_of_its_own_is_tuned(tmp_path):
+    path = tmp_path / "pv.toml"
+    path.write_text(vehicle_template("pump-valve", name="pv"), encoding="utf-8")
+    vehicle = load_vehicle(path)
+    assert vehicle.supply is not None
+    found = compare_laws(vehicle, laws=["rate"], runs=2, tune_for=["fast"], scenarios=SOME[:1])
+    assert found.left_out == {}
+    assert [row.who.name for row in found.rows] == ["rate, as in the file", "rate, fast"]
 
 
 def test_a_comparison_draws_floats_and_says_what_it_leaves_out():

@@ -268,7 +268,6 @@ class Tuner(NamedTuple):
     step: tuple[float, float]  # m, of the trials
     sample_time: float | None  # s
     column: Column | None  # the water of the trials
-    supply: float | None  # V
     runs: int = _TRIALS
 
 
@@ -276,10 +275,9 @@ def tuner(
     vehicle: Vehicle, where: Places, *, sample_time: float | None, column: Column | None
 ) -> Tuner:
     """Return what the laws of a vehicle are tuned for over a range of depths."""
-    low = None if vehicle.supply is None else LOW_SUPPLY * vehicle.supply.voltage
     first = place(scenarios_of(vehicle)[0], vehicle, where)
     depths = (where.least, where.most)
-    return Tuner(depths, (first.start, first.target), sample_time, column, low)
+    return Tuner(depths, (first.start, first.target), sample_time, column)
 
 
 def tuned(
