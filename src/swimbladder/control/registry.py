@@ -106,9 +106,8 @@ def own_law(vehicle: Vehicle, *, sampled: bool = True) -> tuple[Law, Any]:
         what = f"the vehicle {vehicle.name!r} has no controller"
         remedy = "Add a [controller] table to the vehicle: `swimbladder tune` writes one"
         raise InputError(what, field="controller", remedy=remedy)
-    law, parameters = bind(vehicle.controller)
-    check_command(law, vehicle)
-    return law, parameters
+    check_command(law_by_name(vehicle.controller.law), vehicle)
+    return bind(vehicle.controller)
 
 
 def check_command(

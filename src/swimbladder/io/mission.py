@@ -61,7 +61,7 @@ class Phase(Parameters):
     parameters: LawNumbers = Field(default_factory=dict)
     """parameters of that law; those not given are the controller's, where it is of the same law"""
     sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """between two samples of that law; not given: the controller's"""
+    """between two samples of that law, where it is called at each; not given: the controller's"""
     rest_band: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
     """of a park or hold: as long as the vehicle stays within it of the depth the law rests and the
     actuator holds; not given: the law never rests"""

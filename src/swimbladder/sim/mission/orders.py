@@ -195,8 +195,9 @@ def law_facts(vehicle: Vehicle, mission: Mission) -> list[dict[str, Any]]:
 
 def _rate_source(vehicle: Vehicle, phase: Phase) -> str:
     """Say where the numbers of the law `rate` come from in a phase of the mission's own rule."""
-    if rate_controller(vehicle, phase) is not None:
-        return source_of(vehicle, phase)
+    if (base := rate_controller(vehicle, phase)) is not None:
+        flown, said = leaves(law_parameters(vehicle, phase)), leaves(base)
+        return source_of(vehicle, phase, [name for name in said if flown[name] != said[name]])
     source = "made by the mission from the vehicle's drag and the phase"
     if vehicle.controller is None:
         return f"{source}; {vehicle.name!r} has no [controller]"

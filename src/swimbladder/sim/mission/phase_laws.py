@@ -9,7 +9,8 @@ from typing import Any
 
 from swimbladder.control.law import Law
 from swimbladder.control.rate import RATE
-from swimbladder.control.registry import bind, check_command
+from swimbladder.control.records import leaf_names
+from swimbladder.control.registry import bind, check_command, law_by_name
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.hull import heat_expansion
@@ -59,8 +60,15 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
         remedy = "Fly a law: give the vehicle a [controller], or leave the switches out"
         raise InputError(what, field="stroke.switch_margin", value=margin, unit="m3", remedy=remedy)
     if not flown:
-        why = "the mission's own rule flies this phase, and rests within the tolerance anyway"
-        remedy = "Leave it out, or give the vehicle a [controller] or the phase a law"
+        why = (
+            f"the mission's own rule ({RATE.name}) flies it, and rests within the tolerance anyway"
+        )
+        remedy = "Leave it out"
+        if vehicle.command == "volume change":
+            why = f"{why}; no law that is called at each sample flies a pump and valve"
+        else:
+            given = "give the vehicle ([controller]) or every phase (law) a law"
+            remedy += f", or {given} that is called at each sample, not {RATE.name!r}"
         _refuse_given(mission, why, remedy, rest_band="m")
         return ()
     first = flown[0].law
@@ -86,7 +94,8 @@ def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
     """Return the controller of a phase: the vehicle's, with what the phase says in its place.
 
     None: the mission's own rule, with numbers made for the phase. Raises InputError for parameters
-    or a sample time without a law.
+    or a sample time without a law, for a sample time that the law has no use for, and for a law
+    that the actuator does not take.
     """
     own = vehicle.controller
     if phase.law is None and own is None:
@@ -98,10 +107,22 @@ def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
                 raise InputError(what, field=name, value=value, remedy=remedy)
         return None
     name = phase.law or ("" if own is None else own.law)
-    same = own is not None and own.law == name
+    same, law = own is not None and own.law == name, law_by_name(name)
+    if law is not RATE:  # which commands any drive by volumes
+        remedy = f'Choose a law for this kind of actuator, or write law = "{RATE.name}"'
+        check_command(law, vehicle, remedy=remedy)
+    asleep = law.command == "volume change" and "S_p" not in leaf_names(law.parameters)
+    if asleep and phase.sample_time is not None:
+        what = f"it does nothing: the law {name!r} of this phase says itself when it is called"
+        remedy = "Leave it out"
+        if law is RATE:
+            remedy += ", or say check_interval: the time between two looks"
+        field, value = "sample_time", phase.sample_time
+        raise InputError(what, field=field, value=value, unit="s", remedy=remedy)
     if name == RATE.name and not same and not phase.parameters:
         return None
     tick = phase.sample_time or (None if own is None else own.sample_time)
+    tick = tick or (1.0 if asleep else None)
     if tick is None:
         what = f"the law {name!r} needs it, and the vehicle has no controller that has one"
         remedy = 'Add a line sample_time = "0.5 s" to the phase'
@@ -124,21 +145,23 @@ def _law_of(vehicle: Vehicle, phase: Phase) -> PhaseLaw | None:
         return None
     law, numbers = bind(controller)
     if law.name == RATE.name:
-        return None  # it commands any drive by volumes
-    remedy = f'Choose a law for this kind of actuator, or write law = "{RATE.name}"'
-    check_command(law, vehicle, remedy=remedy)
+        return None
     return PhaseLaw(law, numbers, controller.sample_time, source_of(vehicle, phase))
 
 
-def source_of(vehicle: Vehicle, phase: Phase) -> str:
-    """Say where the numbers of a phase's law come from."""
+def source_of(vehicle: Vehicle, phase: Phase, made: Sequence[str] = ()) -> str:
+    """Say where the numbers of a phase's law come from; made: those that the mission makes."""
     own = vehicle.controller
+    by = f"for {', '.join(made)}, made by the phase's kind, speed, tolerance and check_interval"
     if own is None or (phase.law not in (None, own.law)):
-        return "the phase"
+        return f"the phase, but {by}" if made else "the phase"
     notes = [text for key, text in vehicle.provenance.items() if key.split(".")[0] == "controller"]
     file = "the vehicle's [controller]" + (f" ({'; '.join(notes)})" if notes else "")
     given = [*phase.parameters, *(["sample_time"] if phase.sample_time else [])]
-    return f"{file}, but for {', '.join(given)} of the phase" if given else file
+    given = [name for name in given if name not in made]
+    but = [f"for {', '.join(given)} of the phase"] if given else []
+    but += [by] if made else []
+    return f"{file}, but {' and '.join(but)}" if but else file
 
 
 def _refuse_given(mission: Mission, what: str, remedy: str, **units: str) -> None:
