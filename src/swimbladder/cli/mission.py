@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, refuse_doubted_unit, warn_of_mass
-from swimbladder.cli.common import asked_of, compile_notice, kept, labelled, progress, table
+from swimbladder.cli.common import aside, asked_of, compile_notice, kept, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, SwimbladderError
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
@@ -85,8 +86,14 @@ def mission(
         column = water(v, task, read)
         with progress("loading the simulator"):
             from swimbladder.sim.mission.flight import fly_mission
+            from swimbladder.sim.mission.phase_laws import phase_laws
+            from swimbladder.sim.mission.plan_check import limited
+            from swimbladder.sim.mission.prepare import cost_words
             from swimbladder.sim.mission.result import MissionResult
 
+        with suppress(SwimbladderError):  # the flight raises it, after what is to be checked first
+            flight = limited(task, cycles=asked["cycles"], span=asked["span"])
+            aside(*cost_words(flight, phase_laws(v, flight)))
         with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
             flown = fly_mission(v, task, column, **asked, keep=keep, advance=advance)
         found = MissionResult(flown, flown.reach)

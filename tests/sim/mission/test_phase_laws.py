@@ -29,9 +29,10 @@ from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.phase_laws import phase_laws
+from swimbladder.sim.mission.prepare import cost_words
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.vehicle import HullPart, Load
-from tests.quoted import refused
+from tests.quoted import numbers, refused
 from tests.vehicles import SAMPLED
 
 FILES = Path(__file__).parents[2] / "frozen" / "inputs"
@@ -372,8 +373,72 @@ class TestPhases:
 
     def test_a_law_that_would_be_called_too_often(self):
         phase = {**PARK, "duration": 4000 * 86400.0}
-        with refused(NoAnswerError, holds={1152.0, 1000.0, 0.3}):
+        with refused(NoAnswerError, holds={1152.0, 1000.0, 0.3, 230.0}) as caught:
             flown(load_vehicle("feup-em"), steps(phase), checked=False)
+        assert "rest_band" in str(caught.value)
+
+    def test_a_sample_that_is_too_long_is_that_of_the_phase(self):
+        with refused(InputError, field="phases[1].sample_time", value=7 * 86400.0):
+            flown(load_vehicle("feup-em"), steps(HOLD, {**PARK, "sample_time": 7 * 86400.0}))
+
+
+class TestCost:
+    """Of all samples in all cycles, at 0.3 s and 0.2 us each."""
+
+    DAY = 86400.0
+
+    def words(self, days, **more):
+        vehicle = load_vehicle("feup-em")
+        duration = {"duration": days * self.DAY}
+        mission = Mission(phases=[{**PARK, **duration}, {**HOLD, **duration}], **more)
+        return cost_words(mission, phase_laws(vehicle, mission))
+
+    def test_few_samples_say_nothing(self):
+        assert self.words(50, cycles=1) == []
+
+    @pytest.mark.parametrize(
+        ("more", "cycles"),
+        [
+            ({"cycles": 10}, 10),
+            ({"duration": 1000 * DAY}, 10),
+            ({"duration": 1000 * DAY, "cycles": 8}, 8),
+            ({"duration": 1000 * DAY, "cycles": 12}, 10),
+        ],
+    )
+    def test_all_cycles_count(self, more, cycles):
+        (found,) = self.words(50, **more)
+        samples = cycles * 100 * self.DAY / 0.3
+        assert {float(f"{samples / 1e6:.4g}"), cycles, round(2e-7 * samples)} <= numbers(found)
+        assert "rest_band" in found
+
+    def test_too_many_in_all_cycles_are_refused(self):
+        assert self.words(50, cycles=34)
+        with refused(NoAnswerError, holds={1008.0, 35.0, 202.0}):
+            self.words(50, cycles=35)
+
+    def test_what_may_rest_and_the_missions_own_rule_cost_nothing(self):
+        vehicle = load_vehicle("feup-em")
+        for more in ({"rest_band": 0.5}, {"law": "rate"}):
+            mission = steps({**PARK, "duration": 1e5 * self.DAY, **more})
+            assert cost_words(mission, phase_laws(vehicle, mission)) == []
+
+    def test_it_is_said_before_the_flight(self, tmp_path, monkeypatch, capsys):
+        """On stderr, of the cycles asked for, and nothing of it where the flight is refused."""
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr("swimbladder.sim.mission.prepare._MANY", 300.0)
+        Path("m.toml").write_text(
+            'schema_version = 1\nstart_depth = "2 m"\n[[phases]]\nkind = "park"\ndepth = "3 m"\n'
+            'tolerance = "1 m"\nduration = "1 min"\n'
+        )
+        assert main(["mission", "feup-em", "m.toml", "--cycles", "1"]) in (0, 1)
+        assert "rest_band" not in capsys.readouterr().err
+        assert main(["mission", "feup-em", "m.toml", "--cycles", "2"]) in (0, 1)
+        said = capsys.readouterr()
+        assert "in 2 cycles" in said.err
+        assert "in 2 cycles" in said.out
+        monkeypatch.setattr("swimbladder.sim.mission.prepare._MOST", 300)
+        assert main(["mission", "feup-em", "m.toml", "--cycles", "2"]) == 1
+        assert capsys.readouterr().err.count("in 2 cycles") == 1
 
 
 def test_the_answer_names_law_and_source(tmp_path, monkeypatch, capsys):

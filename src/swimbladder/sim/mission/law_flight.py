@@ -22,7 +22,7 @@ from swimbladder.sim.mission.core.hooks import MANY, fly
 from swimbladder.sim.mission.core.records import Phases
 from swimbladder.sim.mission.core.sampled import WAY, Numbers, Sampled, Way
 from swimbladder.sim.mission.orders import ASLEEP, runaway
-from swimbladder.sim.mission.prepare import Plan, check_samples
+from swimbladder.sim.mission.prepare import Plan, cost_words
 from swimbladder.vehicle import Positioner, Vehicle
 
 Array = NDArray[np.float64]
@@ -87,11 +87,20 @@ class ByLaws:
         seed: int | None,
         volume: float | None = None,
     ) -> None:
-        check_samples(mission, plan)
+        cost_words(mission, plan.laws)  # refuses what is too long
         self.vehicle, self.mission, self.plan = vehicle, mission, plan
         self.phases = plan.under_way(state)
         self.medium = plan.medium(vehicle)
         x, p = state[0], self.medium.plant
+        for index, phase in enumerate(mission.phases):
+            if (tick := phase.sample_time) is not None:
+                try:
+                    book_steps(p, tick, phase.speed or 0.0, self.medium.layers)
+                except InputError as error:
+                    what = f"so long a sample is not computed: {error.what}"
+                    field, remedy = f"phases[{index}].sample_time", "Take a shorter one"
+                    new = {"what": what, "field": field, "value": tick, "unit": "s"}
+                    raise error.but(**new, remedy=remedy) from None
         if mission.start_depth != 0.0 and volume is None:
             x["v"] = self.medium.neutral_volume(mission.start_depth)
         if not p.V_min <= x["v"] <= p.V_max:

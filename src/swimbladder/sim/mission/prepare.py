@@ -1,11 +1,13 @@
 """From a vehicle, a mission and the water to the arrays that the kernel flies."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.rate import RATE
 from swimbladder.control.records import leaves, numbers
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
@@ -28,7 +30,9 @@ from swimbladder.vehicle import Vehicle
 Array = NDArray[np.float64]
 State = tuple[np.record, np.record, Array]  # of `first_state`
 
-_MOST = 10**9  # samples of a phase: minutes
+_MOST = 10**9  # samples of a mission: minutes
+_MANY = 5e7  # of them, from which on they are worth a word
+_SAMPLE = 2e-7  # s that one takes to compute, measured over a month
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
@@ -95,17 +99,36 @@ class Plan:
         return Phases(lane, self.stages, *made, board=np.zeros(BOARD), numbers=np.array(own, float))
 
 
-def check_samples(mission: Mission, plan: Plan) -> None:
-    """Raise NoAnswerError where a law would be called too often, with what that costs."""
-    for phase, stage, law in zip(mission.phases, plan.stages, plan.laws, strict=True):
-        samples = float(stage["duration"]) / law.sample_time
-        if samples > _MOST:
-            raise NoAnswerError(
-                f"the law {law.law.name!r} samples {samples / 1e6:.4g} million times in the phase "
-                f"{phase.title!r}, every {law.sample_time:g} s: more than the {_MOST / 1e6:g} "
-                'million that are flown. Take a longer sample_time, or write law = "rate" in every '
-                "phase, which looks seldom"
-            )
+def cost_words(mission: Mission, laws: Sequence[PhaseLaw]) -> list[str]:
+    """Say what laws cost that are called very often in all cycles, but where they may rest.
+
+    Raises NoAnswerError where that is too often to be flown.
+    """
+    cycle, span = sum(phase.duration or 0.0 for phase in mission.phases), mission.span
+    cycles = mission.cycles or (math.inf if math.isfinite(span) else 1)
+    if cycle > 0.0 and math.isfinite(span):
+        cycles = min(cycles, max(math.ceil(span / cycle), 1))
+    awake = [
+        (cycles * phase.duration / law.sample_time, phase, law)
+        for phase, law in zip(mission.phases, laws, strict=False)
+        if law.sampled and phase.duration and phase.rest_band is None
+    ]
+    samples = sum(count for count, _, _ in awake)
+    if samples < _MANY:
+        return []
+    _, phase, law = max(awake, key=lambda one: one[0])
+    what = (
+        f"the law {law.law.name!r}, every {law.sample_time:g} s, makes {samples / 1e6:.4g} million "
+        f"samples in {cycles:g} cycle{'s' if cycles > 1 else ''}, most in the phase "
+        f"{phase.title!r}: about {samples * _SAMPLE:.0f} s of computing"
+    )
+    remedy = (
+        "Let it rest (rest_band, of a park or hold), take a longer sample_time, or write "
+        f'law = "{RATE.name}" in every phase, which looks seldom'
+    )
+    if samples > _MOST:
+        raise NoAnswerError(f"{what}, and more than the {_MOST / 1e6:g} million flown. {remedy}")
+    return [f"{what}. {remedy}"]
 
 
 def make_plan(

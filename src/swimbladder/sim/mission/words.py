@@ -10,7 +10,7 @@ import numpy as np
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission import shortfall
-from swimbladder.sim.mission.prepare import HELD
+from swimbladder.sim.mission.prepare import HELD, cost_words
 
 if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
@@ -25,8 +25,6 @@ REASONS = {
     Stop.LEFT_WATER: "the hull left the water: check mass, waterplane area and height",
     Stop.STUCK: "it changed its mode 200 times in no time: a fault of the model, please report it",
 }
-_MANY = 5e7  # samples of a phase, from which on they are worth a word
-_SAMPLE = 2e-7  # s that one takes to compute, measured over a month
 _MORE_TIME = "Give it a longer timeout (a park a longer duration), more speed, or a wider tolerance"
 
 
@@ -44,7 +42,8 @@ def holding_words(result: MissionResult) -> list[str]:
 def note_words(result: MissionResult) -> list[str]:
     """Return what of the files changes nothing here, or makes the answer say nothing."""
     oil = oil_note(result.flight.vehicle)
-    found = ([] if oil is None else [oil]) + _cost_words(result)
+    found = [] if oil is None else [oil]
+    found += cost_words(result.flight.mission, result.flight.plan.laws)
     sensors = result.flight.vehicle.sensors
     by_time = result.flight.plan.given["by_volume"] == 0.0
     if by_time and (sensors.volume_noise or sensors.volume_quantum):
@@ -124,25 +123,6 @@ def _hold_words(result: MissionResult, number: int) -> str:
         return f"Check the gains of the law {law!r} (`tune`, `analyse`), or allow more"
     coarse = shortfall.coarse_words(flight.mission, flight.plan, number)
     return f"Look more often (check_interval), go slower, or allow more{coarse}"
-
-
-def _cost_words(result: MissionResult) -> list[str]:
-    """Say what a law costs that is called for a long time."""
-    flight, found = result.flight, []
-    laws = () if flight.plan.water is None else flight.plan.laws
-    for phase, stage, law in zip(flight.mission.phases, flight.plan.stages, laws, strict=False):
-        samples = float(stage["duration"]) / law.sample_time
-        if samples < _MANY or phase.kind == "surface":
-            continue
-        drawn = float(stage["loads"] * stage["duration"])
-        board = f" and {drawn / 1e3:.3g} kJ of loads and standby" if drawn > 0.0 else ""
-        found.append(
-            f"the law {law.law.name!r} samples {samples / 1e6:.3g} million times in each phase "
-            f"{phase.title!r}, every {law.sample_time:g} s: about {samples * _SAMPLE:.2g} s of "
-            f'computing{board}. To spare them take a longer sample_time, or write law = "rate" in '
-            "every phase, which looks seldom"
-        )
-    return found
 
 
 def _percent(share: float) -> str:
