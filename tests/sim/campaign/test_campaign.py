@@ -325,6 +325,17 @@ def test_the_store_of_another_campaign_is_refused(change, words, job):
         run(job(**{"floats": 4, **change}), Workers())
 
 
+def test_the_vehicles_own_water_is_no_cast_that_differs(job, vehicle):
+    """It follows from the vehicle and how deep the mission goes."""
+    other = vehicle.model_copy(update={"water": vehicle.water.model_copy(update={"density": 1020})})
+    own = [uniform_column(one.water, 150.0) for one in (vehicle, other)]
+    job(floats=4, columns=own[:1]).create()
+    with pytest.raises(InputError, match=r"what differs: vehicle\. "):
+        job(floats=4, columns=own[1:], vehicle=other).create()
+    with pytest.raises(InputError, match=r"what differs: cast\. "):
+        job(floats=4, columns=own[1:]).create()
+
+
 def test_the_store_of_another_version_is_refused(job, monkeypatch):
     job(floats=4).create()
     monkeypatch.setattr("swimbladder.sim.campaign.run.software", lambda: "edited")

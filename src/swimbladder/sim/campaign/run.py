@@ -122,6 +122,7 @@ class Floats:
                 "vehicle": self.vehicle.name,
                 "mission": self.mission.name,
                 "waters": [column.source for column in self.columns],
+                "casts": sum(column.cast is not None for column in self.columns),
                 "seed": self.seed,
                 "spread": self.spread.model_dump(mode="json"),
                 "energy_unknown": energy,
