@@ -92,15 +92,8 @@ class ByLaws:
         self.phases = plan.under_way(state)
         self.medium = plan.medium(vehicle)
         x, p = state[0], self.medium.plant
-        for index, phase in enumerate(mission.phases):
-            if (tick := phase.sample_time) is not None:
-                try:
-                    book_steps(p, tick, phase.speed or 0.0, self.medium.layers)
-                except InputError as error:
-                    what = f"so long a sample is not computed: {error.what}"
-                    field, remedy = f"phases[{index}].sample_time", "Take a shorter one"
-                    new = {"what": what, "field": field, "value": tick, "unit": "s"}
-                    raise error.but(**new, remedy=remedy) from None
+        for number, phase in enumerate(mission.phases):
+            self._parts(number, phase.speed or 0.0)
         if mission.start_depth != 0.0 and volume is None:
             x["v"] = self.medium.neutral_volume(mission.start_depth)
         if not p.V_min <= x["v"] <= p.V_max:
@@ -129,8 +122,7 @@ class ByLaws:
         if law != now["law"]:
             q = 0.0 if now["law"] < 0.0 else self.running.block.work[Row.Q, 0]
             now["law"], now["begun"], now["tick"], now["called"] = law, x["t"], 0.0, 0.0
-            tick = self.plan.laws[int(law)].sample_time
-            now["parts"] = book_steps(self.medium.plant, tick, x["w"], self.medium.layers)
+            now["parts"] = self._parts(int(law), x["w"])
             self._lay_out(np.array([q, x["v"], x["z"], x["w"]]))
         block, first = self.running.block, int(now["tick"])
         block.hooks = block.hooks._replace(phases=phases)
@@ -143,6 +135,18 @@ class ByLaws:
             raise _stuck(block.law, self.mission, phases, list(StopReason)[int(why[0])].value)
         why[why == OVER] = 0.0
         return Stop(int(at["stop"]))
+
+    def _parts(self, number: int, speed: float) -> int:
+        """Return in how many steps a sample of a phase's law is computed, from a speed [m/s] on."""
+        try:
+            tick = self.plan.laws[number].sample_time
+            return book_steps(self.medium.plant, tick, speed, self.medium.layers)
+        except InputError as error:
+            if self.mission.phases[number].sample_time is None:
+                raise
+            what, field = f"it is too long: {error.what}", f"phases[{number}].sample_time"
+            given = {"what": what, "field": field, "value": tick, "unit": "s"}
+            raise error.but(**given, remedy="Take a shorter one") from None
 
     def kept(self) -> dict[str, NDArray[Any]]:
         """Return all that `resume` needs to go on from here, beside the phases."""

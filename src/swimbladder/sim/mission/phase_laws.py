@@ -114,16 +114,13 @@ def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
     asleep = law.command == "volume change" and "S_p" not in leaf_names(law.parameters)
     if asleep and phase.sample_time is not None:
         what = f"it does nothing: the law {name!r} of this phase says itself when it is called"
-        remedy = "Leave it out"
-        if law is RATE:
-            remedy += ", or say check_interval: the time between two looks"
+        remedy = f"Leave it out{', or give a check_interval' if law is RATE else ''}"
         field, value = "sample_time", phase.sample_time
         raise InputError(what, field=field, value=value, unit="s", remedy=remedy)
     if name == RATE.name and not same and not phase.parameters:
         return None
-    tick = phase.sample_time or (None if own is None else own.sample_time)
-    tick = tick or (1.0 if asleep else None)
-    if tick is None:
+    tick = phase.sample_time or (own.sample_time if own else 0.0) or (1.0 if asleep else 0.0)
+    if not tick:
         what = f"the law {name!r} needs it, and the vehicle has no controller that has one"
         remedy = 'Add a line sample_time = "0.5 s" to the phase'
         raise InputError(what, field="sample_time", unit="s", remedy=remedy)
@@ -157,8 +154,8 @@ def source_of(vehicle: Vehicle, phase: Phase, made: Sequence[str] = ()) -> str:
         return f"the phase, but {by}" if made else "the phase"
     notes = [text for key, text in vehicle.provenance.items() if key.split(".")[0] == "controller"]
     file = "the vehicle's [controller]" + (f" ({'; '.join(notes)})" if notes else "")
-    given = [*phase.parameters, *(["sample_time"] if phase.sample_time else [])]
-    given = [name for name in given if name not in made]
+    own_ones = [*phase.parameters, *(["sample_time"] if phase.sample_time else [])]
+    given = [name for name in own_ones if name not in made]
     but = [f"for {', '.join(given)} of the phase"] if given else []
     but += [by] if made else []
     return f"{file}, but {' and '.join(but)}" if but else file

@@ -118,9 +118,9 @@ def cost_words(mission: Mission, laws: Sequence[PhaseLaw]) -> list[str]:
         return []
     _, phase, law = max(awake, key=lambda one: one[0])
     what = (
-        f"the law {law.law.name!r}, every {law.sample_time:g} s, makes {samples / 1e6:.4g} million "
-        f"samples in {cycles:g} cycle{'s' if cycles > 1 else ''}, most in the phase "
-        f"{phase.title!r}: about {samples * _SAMPLE:.0f} s of computing"
+        f"{samples / 1e6:.4g} million samples in {cycles:g} cycle{'s' if cycles > 1 else ''}, most "
+        f"by the law {law.law.name!r} every {law.sample_time:g} s in the phase {phase.title!r}: "
+        f"about {samples * _SAMPLE:.0f} s of computing"
     )
     remedy = (
         "Let it rest (rest_band, of a park or hold), take a longer sample_time, or write "
