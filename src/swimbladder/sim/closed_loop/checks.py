@@ -113,8 +113,11 @@ def _growth(
         return None
     p = plant(vehicle)
     ways = (False,) if p.positioner else (False, True)
-    loops = (loop_of(p, linear, depth=depth, back_driving=back) for back in ways)
-    return max(spectral_radius(loop.closed()) for loop in loops)
+    with np.errstate(over="ignore", invalid="ignore"):  # of days between two samples
+        closed = [loop_of(p, linear, depth=depth, back_driving=back).closed() for back in ways]
+    if not np.isfinite(closed).all():
+        return math.inf
+    return max(map(spectral_radius, closed))
 
 
 def _check_depth(vehicle: Vehicle, depth: float, bottom: float, field: str) -> None:
