@@ -32,6 +32,6 @@ def test_a_new_vehicle_of_the_kind_says_what_takes_it(tmp_path, capsys):
     path = tmp_path / "float.toml"
     assert main(["vehicle", "new", str(path), "--kind", "pump-valve"]) == 0
     told = capsys.readouterr().err
-    assert "swimbladder energy" in told
+    assert "swimbladder simulate" in told
     assert main(["energy", str(path), "--out", str(tmp_path / "out")]) == 0
     assert "J/mL" in capsys.readouterr().out
