@@ -3,7 +3,8 @@
 Changes one operator, constant or return value at a time, in a copy of the tree that is deleted, and
 runs the tests that ``scripts/mutants.toml`` names for that file. What no test notices is listed.
 Files are rewritten on disk, with a kernel cache of their own, since compiled code cannot be changed
-otherwise. Results are appended to a file of JSON lines; what stands there is not tested again.
+otherwise. Results are appended to a file of JSON lines; what stands there is not tested again, and
+what noticed a mutant before runs first. At the end all of that runs in the unchanged tree.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import contextlib
 import hashlib
 import json
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -193,8 +195,6 @@ class Run:
         self._of_thread = threading.local()
         self._copies = iter(range(10**6))
         self._lock = threading.Lock()
-        self._usual: dict[str, float] = {}  # s that tests take in the unchanged tree
-        self._measuring: dict[str, threading.Lock] = {}
         self._running: set[subprocess.Popen[bytes]] = set()
 
     def close(self) -> None:
@@ -241,8 +241,11 @@ class Run:
         )
         return Path(done.stdout.strip())
 
-    def pytest(self, arguments: str, limit: float | None) -> tuple[str, str]:
-        """Return (killed, survived or timeout; the end of what pytest printed) of one command."""
+    def pytest(self, arguments: str, limit: float | None) -> tuple[str, str, str]:
+        """Return (killed, survived or timeout; the end of what was printed; the test that failed).
+
+        Where no test could be run, which one failed is empty.
+        """
         copy = self.copy()
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
         with (self.folder / f"{copy.name}.txt").open("w+") as printed:
@@ -258,7 +261,7 @@ class Run:
             try:
                 code = process.wait(limit)
             except subprocess.TimeoutExpired:
-                return TIMEOUT, ""
+                return TIMEOUT, "", arguments
             finally:
                 self._running.discard(process)
                 if process.poll() is None:
@@ -267,48 +270,44 @@ class Run:
             said = printed.read()[-2000:]
         if code not in (0, 1, 2, 4):  # 4: not even the tests' own modules can be imported
             raise SystemExit(f"pytest {arguments} ended with {code}:\n{said}")
-        return SURVIVED if code == 0 else KILLED, said
+        failed = re.findall(r"^FAILED (.+?)(?: - .*)?$", said, re.MULTILINE)
+        return SURVIVED if code == 0 else KILLED, said, failed[0] if failed else ""
 
-    def usual(self, arguments: str) -> float:
-        """Return the seconds that the tests take in the unchanged tree, measured once."""
-        with self._lock:
-            own = self._measuring.setdefault(arguments, threading.Lock())
-        with own:
-            if arguments not in self._usual:
-                began = time.monotonic()
-                ended, said = self.pytest(arguments, None)
-                if ended != SURVIVED:
-                    raise SystemExit(f"fails without a change: pytest {arguments}\n{said}")
-                self._usual[arguments] = time.monotonic() - began
-            return self._usual[arguments]
+    def unchanged(self, tests: Sequence[str]) -> None:
+        """Raise SystemExit where one of these tests fails in the unchanged tree."""
+        ended, said, _ = self.pytest(shlex.join(tests), None)
+        if tests and ended != SURVIVED:
+            raise SystemExit(f"fails without a change:\n{said}")
 
-    def test(self, mutant: Mutant) -> tuple[str, float]:
-        """Return (killed, survived or timeout; the seconds that took)."""
-        copy, spent, made = self.copy(), 0.0, set[Path]()
+    def test(self, mutant: Mutant, first: str = "") -> tuple[str, str, float]:
+        """Return (killed, survived or timeout; the test that noticed; the seconds that took).
+
+        first: a test that noticed it before, or nothing.
+        """
+        copy, made = self.copy(), set[Path]()
         target, cache = copy / "tree" / mutant.path, copy / "cache"
-        source = target.read_text("utf-8")
+        source, began = target.read_text("utf-8"), time.monotonic()
+        shared = any(fnmatch(mutant.path, pattern) for pattern in self.interpreted)
+        ended, by = SURVIVED, ""
         try:
-            for arguments in self.tests[mutant.path]:
-                limit = 3.0 * self.usual(arguments) + self.patience
-                shared = any(fnmatch(mutant.path, pattern) for pattern in self.interpreted)
+            for arguments in [*[shlex.quote(first)] * bool(first), *self.tests[mutant.path]]:
                 usual = self.kernels() if shared else copy
                 if shared and not usual.is_dir():
                     self.pytest(arguments, None)
-                before, began = set(cache.iterdir()), time.monotonic()
+                before = set(cache.iterdir())
                 target.write_text(mutant.text, "utf-8")
                 if shared and (now := self.kernels()) != usual and usual.is_dir():
                     shutil.copytree(usual, now, dirs_exist_ok=True)
-                ended, _ = self.pytest(arguments, limit)
+                ended, _, by = self.pytest(arguments, self.patience)
                 target.write_text(source, "utf-8")
                 made |= set(cache.iterdir()) - before
-                spent += time.monotonic() - began
-                if ended != SURVIVED:
+                if ended != SURVIVED and (by or arguments != shlex.quote(first)):
                     break
         finally:
             target.write_text(source, "utf-8")
             for folder in made:
                 shutil.rmtree(folder, ignore_errors=True)
-        return ended, spent
+        return ended, by, time.monotonic() - began
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -372,7 +371,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--only", default="*", help="pattern of the files to change")
     parser.add_argument("--root", type=Path, default=ROOT, help="the tree to copy")
-    parser.add_argument("--patience", type=float, default=180.0, help="s beyond the usual time")
+    parser.add_argument("--patience", type=float, default=600.0, help="s a file of tests may take")
     parser.add_argument("--least", type=float, default=0.95, help="share that has to be caught")
     parser.add_argument("--record", type=Path, help="JSON lines; build/mutants.jsonl in the tree")
     given = parser.parse_args(words)
@@ -390,12 +389,14 @@ def main(words: Sequence[str] | None = None) -> int:
     reasons = [next((e["reason"] for e in known if m.is_at(e)), "") for m in chosen]
     record = given.record or root / "build" / "mutants.jsonl"
     record.parent.mkdir(parents=True, exist_ok=True)
-    done: dict[str, str] = {}
+    done: dict[str, tuple[str, str]] = {}
+    noticed: dict[tuple[str, str, str], str] = {}
     if record.exists():
         for line in record.read_text("utf-8").splitlines():
             with contextlib.suppress(ValueError):  # a line that was being written
                 row = json.loads(line)
-                done[row["key"]] = row["ended"]
+                done[row["key"]] = row["ended"], row.get("by", "")
+                noticed[row["path"], row["before"], row["after"]] = row.get("by", "")
     run = Run(
         root,
         {path: tests_for(path, listed) for path in paths},
@@ -404,11 +405,12 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     lock = threading.Lock()
 
-    def one(mutant: Mutant) -> str:
+    def one(mutant: Mutant) -> tuple[str, str]:
         key = key_of(root, mutant, run.tests[mutant.path])
         if key not in done:
-            ended, seconds = run.test(mutant)
-            row = {"key": key, "ended": ended, "seconds": round(seconds, 1)}
+            first = noticed.get((mutant.path, mutant.before, mutant.after), "")
+            ended, by, seconds = run.test(mutant, first)
+            row = {"key": key, "ended": ended, "by": by, "seconds": round(seconds, 1)}
             row |= {name: getattr(mutant, name) for name in ("path", "line", "before", "after")}
             with lock, record.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(row) + "\n")
@@ -416,16 +418,18 @@ def main(words: Sequence[str] | None = None) -> int:
                     f"{ended:8s} {seconds:4.0f} s  {mutant.path}:{mutant.line}  {mutant.after}",
                     flush=True,
                 )
-            done[key] = ended
+            done[key] = ended, by
         return done[key]
 
     pool = concurrent.futures.ThreadPoolExecutor(given.jobs)
     try:
         tested = [m for m, reason in zip(chosen, reasons, strict=True) if not reason]
-        ended = dict(zip(tested, pool.map(one, tested), strict=True))
+        found = list(pool.map(one, tested))
+        run.unchanged(sorted({by for ended, by in found if ended == KILLED and by}))
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         run.close()
+    ended = {m: how for m, (how, _) in zip(tested, found, strict=True)}
     rows = [(m, ended.get(m, SURVIVED), why) for m, why in zip(chosen, reasons, strict=True)]
     share = table(rows, print)
     print(f"{100.0 * share:.1f} % of {len(tested)} caught; asked for {100.0 * given.least:g} %")

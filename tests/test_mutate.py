@@ -61,7 +61,7 @@ def tree(tmp_path, monkeypatch):
 
 
 def run(tree, *words):
-    return mutate.main(["--root", str(tree), "--patience", "3", *words])
+    return mutate.main(["--root", str(tree), "--patience", "60", *words])
 
 
 def test_a_mutant_is_one_change_of_what_is_run():
@@ -178,6 +178,42 @@ def test_tests_that_fail_without_a_change_and_stale_entries_are_refused(tree):
     with pytest.raises(SystemExit, match="fails without a change"):
         run(tree, "--number", "1")
     assert (tree / "src" / "tiny.py").read_text() == SOURCE
+
+
+def test_what_noticed_a_mutant_is_asked_first_when_tests_are_added(tree, monkeypatch):
+    (tree / "tests" / "test_more.py").write_text(
+        "from tiny import clipped\ndef test_two():\n    assert clipped(2.5) == 2.0\n"
+    )
+    listed = LISTED.replace(
+        '["tests/test_tiny.py"]', '["tests/test_more.py", "tests/test_tiny.py"]'
+    )
+    (tree / "scripts" / "mutants.toml").write_text(listed)
+    (chosen,) = (m for m in mutate.mutants_of("src/tiny.py", SOURCE) if "max(x" in m.after)
+    monkeypatch.setattr(mutate, "drawn", lambda *_: [chosen])
+    assert run(tree, "--number", "1") == 0
+    record = tree / "build" / "mutants.jsonl"
+    assert [json.loads(x)["by"] for x in record.read_text().splitlines()] == [
+        "tests/test_more.py::test_two"
+    ]
+    (tree / "tests" / "test_others.py").write_text("# new\n")  # a neighbour: all is tested again
+    asked = []
+    pytest_of = mutate.Run.pytest
+
+    def heard(self, arguments, limit):
+        asked.append(arguments)
+        return pytest_of(self, arguments, limit)
+
+    monkeypatch.setattr(mutate.Run, "pytest", heard)
+    assert run(tree, "--number", "1") == 0
+    assert asked == ["tests/test_more.py::test_two"] * 2  # of the mutant, and without it
+    assert len(record.read_text().splitlines()) == 2
+
+
+def test_a_test_that_is_gone_notices_nothing(tree):
+    (mutant,) = (m for m in mutate.mutants_of("src/tiny.py", SOURCE) if "max(x" in m.after)
+    run = mutate.Run(tree, {"src/tiny.py": ["tests/test_tiny.py"]}, 60.0, [])
+    ended, by, _ = run.test(mutant, "tests/test_tiny.py::test_that_was")
+    assert (ended, by) == ("killed", "tests/test_tiny.py::test_clipped")
 
 
 def test_the_files_and_the_tests_of_the_list_are_there():
