@@ -16,11 +16,10 @@ import numpy as np
 
 from studies.reversals import KNOBS as SLOW
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
-from swimbladder.codegen.golden import command_limits
-from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.cascade import CASCADE
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.registry import bind
+from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate

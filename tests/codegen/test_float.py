@@ -16,12 +16,12 @@ from swimbladder.codegen.golden import fly_float
 from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.codegen.pump_valve import board_law
-from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.pump_valve import delivery, valve_rate
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import Reason, Watched
+from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, Phase

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from swimbladder.cli import main
 from swimbladder.codegen.library import make_library
 from swimbladder.codegen.pool import PoolOptions, PoolTwin, board_procedure, plan_pool_day, rehearse
-from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER
 from swimbladder.control.protocol import POOL, Does
 from swimbladder.control.supervisor import SUPERVISOR, Reason, Watched
+from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Sensors

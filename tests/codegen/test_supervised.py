@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 from swimbladder.codegen.clock import VehicleTwin
 from swimbladder.codegen.library import Library, make_library, meanings, write_library
-from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.records import numbers
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
-from swimbladder.codegen.golden import command_limits
-from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import (
@@ -24,6 +22,7 @@ from swimbladder.control.supervisor import (
     watch_still,
     watch_stops,
 )
+from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor

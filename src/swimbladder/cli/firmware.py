@@ -121,7 +121,7 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
 def _shown(made: Library) -> Iterator[object]:
     """Give what is printed: the law, its golden trace, and what is to be done."""
     from swimbladder.codegen.pool import pool_summary
-    from swimbladder.codegen.safety import summary
+    from swimbladder.control.supervisor_limits import summary
 
     golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
     low, high = made.limits

@@ -89,19 +89,6 @@ class BoardProgram:
         )
 
 
-def command_limits(vehicle: Vehicle, tick_s: float = math.inf) -> tuple[float, float]:
-    """Return the least and the largest command: of the supply [V], of the stroke [m3].
-
-    Of a pump and valve a tick_s [s] each.
-    """
-    if vehicle.command == "volume change":
-        return -tick_s, tick_s
-    if vehicle.voltage_driven:
-        assert vehicle.supply is not None
-        return -vehicle.supply.voltage, vehicle.supply.voltage
-    return vehicle.stroke.minimum, vehicle.stroke.maximum
-
-
 def fly(
     vehicle: Vehicle,
     made: BoardProgram,

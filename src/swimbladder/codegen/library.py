@@ -13,16 +13,20 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.codegen.c99 import c_field, c_float, c_law, c_number, write_c99
 from swimbladder.codegen.clock import MOST_TURNS, SOON
-from swimbladder.codegen.golden import BoardProgram, Golden, Mission, command_limits, fly
+from swimbladder.codegen.golden import BoardProgram, Golden, Mission, fly
 from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
 from swimbladder.codegen.pump_valve import board_law
-from swimbladder.codegen.safety import supervisor_parameters, time_limit
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor_limits import (
+    command_limits,
+    supervisor_parameters,
+    time_limit,
+)
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent

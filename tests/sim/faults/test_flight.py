@@ -8,9 +8,8 @@ from scipy.integrate import solve_ivp
 
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin
-from swimbladder.codegen.golden import command_limits
-from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.codegen.twin import twin
+from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.sim.faults.fault_effects import _held

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.safety import cruising_speed, supervisor_parameters
+from swimbladder.control.supervisor_limits import cruising_speed, supervisor_parameters
 from swimbladder.design.tuning.region import member, region, unknowns
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import terminal_speed

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.codegen.library import make_program
-from swimbladder.codegen.safety import supervisor_parameters
 from swimbladder.control.registry import own_law
+from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each

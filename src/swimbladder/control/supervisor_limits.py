@@ -228,6 +228,19 @@ def supervisor_parameters(
     return _for_pump(vehicle, found) if pumps else found
 
 
+def command_limits(vehicle: Vehicle, tick_s: float = math.inf) -> tuple[float, float]:
+    """Return the least and the largest command: of the supply [V], of the stroke [m3].
+
+    Of a pump and valve a tick_s [s] each.
+    """
+    if vehicle.command == "volume change":
+        return -tick_s, tick_s
+    if vehicle.voltage_driven:
+        assert vehicle.supply is not None
+        return -vehicle.supply.voltage, vehicle.supply.voltage
+    return vehicle.stroke.minimum, vehicle.stroke.maximum
+
+
 def _refused(what: str, name: str, value: float, unit: str | None, remedy: str) -> InputError:
     """Return the error about a number of the supervisor."""
     return InputError(what, field=f"supervisor.{name}", value=value, unit=unit, remedy=remedy)
