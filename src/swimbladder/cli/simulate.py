@@ -14,7 +14,7 @@ import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass, water_of_cast
 from swimbladder.cli.common import aside, asked_of, compile_notice, labelled, progress, table
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.options import Files, Options, VehicleName, WithoutSupervisor, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.io.answers import attributes
 
@@ -108,6 +108,9 @@ def answer_of(
     return {
         "vehicle": s.vehicle.name,
         "mission": task.name,
+        "law": s.law,
+        "supervised": s.supervised,
+        "alarm": s.alarm,
         **{key: value for key, value in last.items() if key != "events"},
         "duration_s": float(s.time[-1]),
         "samples": len(s.time),
@@ -142,6 +145,7 @@ def shown(answer: dict[str, Any]) -> Iterator[object]:
         rows.append([*row, *(number(volume * 1e6, "cm3") for volume in volumes)])
     water = f" in the water of {answer['water']}" if answer["water"] else ""
     yield f"{answer['vehicle']}{water}, {answer['duration_s']:g} s in {answer['samples']} samples"
+    yield f"law {answer['law']} {'under its supervisor' if answer['supervised'] else 'alone'}"
     yield table(headings, rows, left=())
     yield "peak: largest volume to either side of mid-stroke; travel: volume moved in all"
     kinds = [event["kind"] for event in answer["events"]]
@@ -183,6 +187,7 @@ def simulate(
     *,
     step: Step,
     seed: Annotated[int | None, _SEED] = None,
+    without_supervisor: WithoutSupervisor = False,
     cast: CastFile = None,
     reading: CastReading,
     to: Files,
@@ -197,7 +202,11 @@ def simulate(
 
     A float with pump and valve floats at a set-point of 0.
 
-    Exit code 1 when the simulation stopped before its end; the files are written all the same.
+    A vehicle whose file has a table [supervisor] is flown by its law under its supervisor, as
+    flashed.
+
+    Exit code 1 when the simulation stopped before its end or the supervisor took over; the files
+    are written all the same.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import make_folder
@@ -214,10 +223,10 @@ def simulate(
             from swimbladder.sim.closed_loop.water import medium_of
 
             medium = medium_of(v, water, reach=reach)
-        s = _run(v, task, seed, water)
+        s = _run(v, task, seed, water, False if without_supervisor else None)
     folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
-    notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
+    notes = [*_notes(s, water, medium), *_seed_unused(v, seed), *_unsupervised(s)]
     answer = answer_of(s, task, water, notes)
     to.answer(answer, files, shown(answer))
     if not s.finished:
@@ -225,7 +234,9 @@ def simulate(
     if not s.within_depth_limit:
         below = f"below its depth limit of {v.hull.depth_limit:g} m"
         aside(f"the vehicle went down to {s.deepest:.1f} m, {below}: it would be lost")
-    if not (s.finished and s.within_depth_limit):
+    if s.alarm is not None:
+        aside(f"the supervisor took over at {s.alarm.time:.6g} s: {s.alarm.reason.words}")
+    if not (s.finished and s.within_depth_limit and s.alarm is None):
         raise typer.Exit(1)
 
 
@@ -285,7 +296,23 @@ def _seed_unused(vehicle: Vehicle, seed: int | None) -> list[str]:
     return [f"--seed {seed} changes nothing: {lacks}"]
 
 
-def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | None) -> Solution:
+def _unsupervised(s: Solution) -> list[str]:
+    """Return what has to be said of a float whose supervisor is not flown."""
+    if s.supervised or s.vehicle.command != "volume change":
+        return []
+    if "supervisor" not in s.vehicle.model_fields_set:
+        return []
+    board = "the supervisor of a float watches its board, which commands seconds of pump and valve"
+    return [f"{board}: `swimbladder faults` flies it"]
+
+
+def _run(
+    vehicle: Vehicle,
+    task: Mission,
+    seed: int | None,
+    column: Column | None,
+    supervised: bool | None,
+) -> Solution:
     """Simulate; say on stderr what is waited for."""
     with progress("loading the simulator"):
         from swimbladder.sim.closed_loop import simulate as simulate_closed_loop
@@ -301,6 +328,7 @@ def _run(vehicle: Vehicle, task: Mission, seed: int | None, column: Column | Non
             bottom_depth=task.bottom,
             seed=seed,
             column=column,
+            supervised=supervised,
             advance=advance,
         )
 

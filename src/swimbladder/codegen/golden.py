@@ -118,6 +118,7 @@ def fly(
         "start_depth": mission.start,
         "seed": seed,
         "sample_time": made.tick_s,
+        "supervised": False,
     }
     flown = simulate(vehicle, law=every_tick, advance=advance, **given)
     if not flown.finished:

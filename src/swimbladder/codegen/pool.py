@@ -134,6 +134,7 @@ def rehearse(
         bottom_depth=pool_depth,
         advance=advance,
         checked=False,
+        supervised=False,
     )
     kinds = ("f4", "f4", "?", "f4", "i1")
     columns = zip(zip(*rows, strict=True), kinds, strict=True)

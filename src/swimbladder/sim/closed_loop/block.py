@@ -20,6 +20,7 @@ from swimbladder.sim.closed_loop.lanes import Schedule, measure_block, start_blo
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import Pumped
 from swimbladder.sim.closed_loop.rows import RECORDED, Row, rows
+from swimbladder.sim.closed_loop.supervision import Supervision
 from swimbladder.sim.engine.advance import EVENTS
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
@@ -73,6 +74,7 @@ class Block:
     neutral: Array | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0, from a tick on
     layers: Layers = NO_LAYERS  # of the water of all lanes, beyond the plant's psi z + V_0
     hooks: Any = ()  # what stands between the parts of the loop, see `hooks`
+    watch: Supervision | tuple[()] = ()  # the supervisor over the law of each lane
     stepper: Pumped | None = None  # what moves the lanes, if not their modes' exponentials
     loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `hooks`
     lanes: int = field(init=False)
@@ -185,12 +187,12 @@ def _aligned(rows: int, lanes: int) -> Array:
     return room[first : first + rows * lanes].reshape(rows, lanes)
 
 
-def like_of(law: Law, parameters: Any) -> Like:
+def like_of(law: Law, parameters: Any, watch: Any = ()) -> Like:
     """Return what the compiler knows the numbers of a law by."""
     fields = leaf_names(law.state)
     state = from_numbers(law.state, [0.0] * len(fields))
     row = fields.index("volume_reference") if "volume_reference" in fields else -1
-    return Like(parameters, state, row)
+    return Like(parameters, state, row, watch)
 
 
 class Running:
@@ -198,7 +200,7 @@ class Running:
 
     def __init__(self, block: Block, chains: Array) -> None:
         self.block, self.chains = block, chains
-        self._law = like_of(block.law, block.parameters)
+        self._law = like_of(block.law, block.parameters, block.watch)
         self.built = np.zeros((block.lanes, COUNT), np.uint8)
         self.lanes = Lanes(
             S=block.work.reshape(-1),

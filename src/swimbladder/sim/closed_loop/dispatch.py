@@ -14,11 +14,13 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
-from swimbladder.control.law import Law
-from swimbladder.control.records import from_numbers, leaf_names, numbers
+from swimbladder.control.law import Count, Law
+from swimbladder.control.records import field_types, from_numbers, leaf_names, numbers
 from swimbladder.errors import InputError
+from swimbladder.sim.engine import replacing  # noqa: F401
 from swimbladder.sim.engine.cache import OVERLOADED, chosen_by_first, inlined
 
+_READ: dict[Any, str] = {Count: "int({})", bool: "({} != 0.0)"}  # of a number of a lane
 _LAWS: dict[type[Any], Law] = {}
 
 
@@ -127,7 +129,9 @@ def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa:
             return next(rows)
         name = f"Kind{len(kinds)}"
         kinds[name] = kind
-        return f"{name}({', '.join(map(made, form.types))})"
+        written = (_READ.get(t, "{}") for t in field_types(kind).values())
+        parts = (how.format(made(of)) for how, of in zip(written, form.types, strict=True))
+        return f"{name}({', '.join(parts)})"
 
     return _function(f"def f(like, work, start, stride):\n    return {made(like)}", **kinds)
 

@@ -30,6 +30,7 @@ from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.rows import RECORDED, Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
 from swimbladder.sim.closed_loop.solution import TIME, VARIABLES, cf_attributes, close_books
+from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.chain import base_steps, book_steps
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
@@ -161,6 +162,7 @@ def simulate_ensemble(
     keep: Literal["summary", "trajectory"] = "summary",
     books: bool = False,
     column: Column | None = None,
+    supervised: bool | None = None,
     workers: int | None = None,
     advance: Advance = silent,
 ) -> xarray.Dataset:
@@ -171,10 +173,11 @@ def simulate_ensemble(
     start_depth [m], start_volume [m3] (neutral where not given), start_speed [m/s]: numbers or
     arrays [count]. seed: noise of the vehicle's sensors, a stream of its own for each lane.
     depth_error [m], [samples, count] or [samples, 1]: what is added to the measured depth, before
-    its quantum. neutral_change [m3], likewise: what the neutral volume differs by, from a sample
-    on to the next. keep: summaries only, or trajectories as well. books: also ``energy``, what
-    `Books` calls the source. column: the water, the vehicle's own where not given. workers: threads
-    (one per core). advance: called with the share of the lanes that is done.
+    its quantum. neutral_change [m3], likewise: what the neutral volume differs by, from a sample on
+    to the next. keep: summaries only, or trajectories as well. books: also ``energy``, what `Books`
+    calls the source. column: the water, the vehicle's own where not given. supervised: as of
+    `simulate`; the supervisor is the vehicle's in every lane. workers: threads (one per core).
+    advance: called with the share of the lanes that is done.
 
     A float with pump and valve is flown by a law of volume changes, and surfaces where a set-point
     is 0; start_depth 0 is afloat with all volume out. ``vary`` takes the fields of Plant that are
@@ -182,9 +185,10 @@ def simulate_ensemble(
     to. There are also ``pump_runs``, ``valve_runs``, ``pumped`` and ``energy``. A lane's steps are
     as long as its motion lets: an hour costs about 1 ms.
 
-    ``stop`` holds the code of each lane's StopReason. Overshoot, rise and settling are those of
-    the last set-point. Raises InputError for an unknown name, a wrong length or a start that the
-    stroke, the bottom or the surface does not allow.
+    ``stop`` holds the code of each lane's StopReason; under a supervisor ``alarm`` and
+    ``alarm_time`` say why and when it took over (0 and NaN: it did not). Overshoot, rise and
+    settling are those of the last set-point. Raises InputError for an unknown name, a wrong length
+    or a start that the stroke, the bottom or the surface does not allow.
     """
     check_counts(count=(count, 1), seed=(seed, 0), workers=(workers, 1))
     if keep not in ("summary", "trajectory"):
@@ -241,20 +245,27 @@ def simulate_ensemble(
         recorded=keep == "trajectory",
         booked=books and not pumped,
     )
-    run = _Run(lay_out, own, values, seed, model)
+    watch = supervision_of(vehicle, tick, supervised)
+    run = _Run(lay_out, own, values, seed, model, watch)
     work = np.empty((int(Row.STEP), count))
     samples = clock.ticks + 1 if keep == "trajectory" else 0
     record, sums = np.empty((len(_TRAJECTORIES), samples, count)), []
+    alarms = np.zeros((2, count))
     firsts = range(0, count, run.together)
     with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        for first, (rows, kept, sum_) in zip(firsts, pool.map(run.block, firsts), strict=True):
+        for first, (rows, kept, sum_, alarm) in zip(
+            firsts, pool.map(run.block, firsts), strict=True
+        ):
             there = slice(first, first + rows.shape[1])
-            work[:, there], record[:, :, there] = rows, kept
+            work[:, there], record[:, :, there], alarms[:, there] = rows, kept, alarm
             sums.append(sum_)
             advance(rows.shape[1] / count)
     data = _dataset(vehicle, chosen, clock, work, record)
     data.attrs["steps_per_sample"] = parts
     accounts = np.concatenate(sums)
+    if watch:
+        data["alarm"] = _of_lanes(alarms[0].astype(int), "", "number of the supervisor's Reason")
+        data["alarm_time"] = _of_lanes(alarms[1] * tick, "s", "time at which it took over")
     if model is not None:
         _add_drive(data, accounts, model)
     elif books:
@@ -292,6 +303,7 @@ class _Run:
     values: dict[str, Array]  # parameters of the law, each [lanes]
     seed: int | None
     model: FloatModel | None  # of pump and valve
+    watch: Supervision | tuple[()]
     room: threading.local = field(default_factory=threading.local)  # of each worker
 
     @property
@@ -299,8 +311,8 @@ class _Run:
         """Lanes that run together; floats wait each for itself, and gain nothing by company."""
         return BLOCK if self.model is None else 1
 
-    def block(self, first: int) -> tuple[Array, Array, Array]:
-        """Run the block that begins at lane `first`; return its rows, its record and its accounts.
+    def block(self, first: int) -> tuple[Array, Array, Array, Array]:
+        """Run the block that begins at lane `first`; return its rows, record, accounts and alarms.
 
         The last block is filled up with copies of its last lane, so that one kernel serves all.
         """
@@ -313,7 +325,8 @@ class _Run:
                 values, own["plants"], own["start"], rates=own.pop("rates")
             )
         seeds = None if self.seed is None else [[self.seed, int(i)] for i in lanes]
-        block = self.lay_out(parameters=values, seeds=seeds, **own)
+        watch = self.watch.over(self.together) if self.watch else ()
+        block = self.lay_out(parameters=values, seeds=seeds, watch=watch, **own)
         if not hasattr(self.room, "chains"):
             self.room.chains = work_space(self.together)
         block.run(chains=self.room.chains)
@@ -321,7 +334,8 @@ class _Run:
         kept = min(self.together, count - first)
         chosen = [RECORDED.index(name) for name in _TRAJECTORIES]
         rows = block.work[: Row.STEP, :kept].copy()
-        return rows, block.record[chosen][:, :, :kept], accounts[:kept]
+        alarms = watch.alarms[:kept].T if watch else np.zeros((2, kept))
+        return rows, block.record[chosen][:, :, :kept], accounts[:kept], alarms
 
 
 def _of_lanes(values: Array, unit: str, what: str) -> tuple[str, Array, dict[str, str]]:

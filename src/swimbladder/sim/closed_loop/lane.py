@@ -9,6 +9,7 @@ from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
 from swimbladder.sim.closed_loop.hooks import ask, drive
 from swimbladder.sim.closed_loop.rows import N_PLANT, N_STEP, Row
+from swimbladder.sim.closed_loop.supervision import supervised, took_over
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import ModeLane, ensure_chain
 from swimbladder.sim.engine.cache import inlined, shared
@@ -47,6 +48,7 @@ class Like(NamedTuple):
     parameters: Any
     state: Any
     volume_row: int  # of the volume reference in the state, -1 without
+    watch: Any = ()  # the supervisor over it, see `supervision`
 
 
 class Room(NamedTuple):
@@ -137,12 +139,13 @@ def decide(S: Array, W_: int, i: int, hooks: Any, law: Like, k: int, tick: float
         state = gather(law.state, S, row, W_)
         command, state, next_s = law_step(parameters, state, seen, S[Row.REFERENCE * W_ + i])
         waiting = S[Row.WAIT * W_ + i]
-        due = waiting <= 0.0
+        due = waiting <= 0.0 and not took_over(law.watch, i)
         ticks = np.ceil(next_s * (1.0 / tick) - 1e-9) - 1.0
         S[Row.WAIT * W_ + i] = (ticks if ticks > 0.0 else 0.0) if due else waiting - 1.0
         kept = command if due else kept
         S[Row.COMMAND * W_ + i] = kept
         scatter_where(due, state, S, row, W_)
+    kept = supervised(law.watch, S, W_, i, k, kept)
     u = limited(S, W_, i, drive(hooks, S, k, kept))
     S[Row.APPLIED * W_ + i] = u
     return u

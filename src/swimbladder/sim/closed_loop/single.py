@@ -34,6 +34,7 @@ from swimbladder.sim.closed_loop.solution import (
     close_books,
     name_events,
 )
+from swimbladder.sim.closed_loop.supervision import supervision_of
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.vehicle import Vehicle
@@ -141,6 +142,7 @@ def simulate(
     parts: int | None = None,
     column: Column | None = None,
     checked: bool = True,
+    supervised: bool | None = None,
     advance: Advance = silent,
 ) -> Solution:
     """Return the vehicle's motion under its controller, from rest unless a speed is given.
@@ -153,7 +155,9 @@ def simulate(
     vehicle does not have. parts: steps a sample is divided into (chosen from the drag where not
     given). column: the water, see `closed_loop.water`; the vehicle's own where not given.
     checked: refuse depths beyond rating or stroke, a mass that no water carries, and a sample time
-    at which the vehicle's own law does not hold it. advance: called with the share of
+    at which the vehicle's own law does not hold it. supervised: whether the law flies under the
+    vehicle's supervisor, as flashed; where not given, if the vehicle has a table of it. The
+    advance: called with the share of
     the time that was simulated.
 
     Raises InputError for what is refused so, for a start outside water or stroke, unordered
@@ -182,6 +186,7 @@ def simulate(
             check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
+    watch = supervision_of(vehicle, tick, supervised)
     values = {name: np.array([value]) for name, value in leaves(numbers).items()}
     lay_out = partial(
         Block,
@@ -194,6 +199,7 @@ def simulate(
         seeds=None if seed is None else [[seed, 0]],
         recorded=True,
         layers=layers,
+        watch=watch,
     )
     fly = partial(run_single, function=function, advance=advance)
     if vehicle.command == "volume change":
@@ -220,7 +226,9 @@ def run_single(block: Block, function: Callable[..., Any] | None, advance: Advan
     n = clock.ticks + 1 if stop is StopReason.FINISHED else int(block.work[Row.STOP_TICK, 0]) + 1
     time = np.arange(n, dtype=np.float64) * clock.tick
     reference = block.depths[clock.turn[:n], 0]
-    return SingleRun(block.law.name, stop, time, reference, block.record[:, :n, 0])
+    record, supervised = block.record[:, :n, 0], bool(block.watch)
+    alarm = block.watch.alarm(clock.tick) if block.watch else None
+    return SingleRun(block.law.name, stop, time, reference, record, supervised, alarm)
 
 
 def choose_law(

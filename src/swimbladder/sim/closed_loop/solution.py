@@ -18,6 +18,7 @@ from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import electrical_power, supply_current, winding_current
 from swimbladder.sim.closed_loop.rows import RECORDED
+from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.modes import Act, Where
@@ -235,6 +236,9 @@ class Solution:
     pump and valve the command is the change of volume asked for at the sample [m3], the motor rate
     what they move, and drive what they do: 0 nothing, 1 pump, 2 valve, 3 bypass, 4 the pump runs
     and does not deliver yet (nan: another actuator).
+
+    supervised: whether the law was flown under the vehicle's supervisor, as flashed. alarm: why and
+    when that took over; from then on the applied voltage or volume is the supervisor's.
     """
 
     vehicle: Vehicle
@@ -255,6 +259,8 @@ class Solution:
     events_left_out: int
     stop: StopReason
     books: Books
+    supervised: bool
+    alarm: Alarm | None
 
     @property
     def finished(self) -> bool:
@@ -358,6 +364,8 @@ class SingleRun(NamedTuple):
     time: Array  # s
     reference: Array  # m
     record: Array  # [len(RECORDED), samples]
+    supervised: bool = False
+    alarm: Alarm | None = None
 
 
 def assemble(
@@ -397,25 +405,29 @@ def assemble(
         current=current,
         power=power,
         drive=drive,
-        events=_with_limit(events[0], vehicle, run.time, rows["depth"]),
+        events=_with_samples(events[0], vehicle, run, rows["depth"]),
         events_left_out=events[1],
         stop=run.stop,
         books=books,
+        supervised=run.supervised,
+        alarm=run.alarm,
     )
 
 
-def _with_limit(
-    events: tuple[Event, ...], vehicle: Vehicle, time: Array, depth: Array
+def _with_samples(
+    events: tuple[Event, ...], vehicle: Vehicle, run: SingleRun, depth: Array
 ) -> tuple[Event, ...]:
-    """Return the events with the samples at which the vehicle went below its depth limit."""
-    limit = vehicle.hull.depth_limit
-    if limit is None:
-        return events
-    below = np.concatenate(([False], depth > limit))
-    passed = [
-        Event(float(t), f"passed its depth limit of {limit:g} m")
-        for t in time[below[1:] & ~below[:-1]]
-    ]
+    """Return the events with the samples at which a limit was passed, or the supervisor acted."""
+    limit, passed = vehicle.hull.depth_limit, []
+    if limit is not None:
+        below = np.concatenate(([False], depth > limit))
+        passed = [
+            Event(float(t), f"passed its depth limit of {limit:g} m")
+            for t in run.time[below[1:] & ~below[:-1]]
+        ]
+    if run.alarm is not None:
+        took_over = f"the supervisor took over: {run.alarm.reason.words}"
+        passed.append(Event(run.alarm.time, took_over))
     return tuple(sorted((*events, *passed), key=lambda event: event.time))
 
 

@@ -19,6 +19,7 @@ from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.lane import limited
 from swimbladder.sim.closed_loop.lanes import OVER, Schedule
 from swimbladder.sim.closed_loop.rows import N_PLANT, Row
+from swimbladder.sim.closed_loop.supervision import battery_voltage
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined
 from swimbladder.sim.engine.chain import base_steps
@@ -252,8 +253,7 @@ def _act_on_motor(faults: Faults, S: Array, p: Array, built: Any, changed: bool)
     p[modes.SUPPLY] = effects.emf(m.base, m.acts, abs(u) > 0.05 * m.base[modes.SUPPLY])
     S[Row.LOW_U], S[Row.HIGH_U] = -p[modes.SUPPLY], p[modes.SUPPLY]
     applied = max(-p[modes.SUPPLY], min(p[modes.SUPPLY], u))
-    drawn = (applied - p[modes.KAPPA] * S[Row.Q]) * (1.0 if applied >= 0.0 else -1.0)
-    now.battery = p[modes.SUPPLY] - max(p[modes.SAG] * drawn, 0.0) / (1.0 + p[modes.SAG])
+    now.battery = battery_voltage(p[modes.SUPPLY], p[modes.SAG], p[modes.KAPPA], applied, S[Row.Q])
 
 
 @inlined

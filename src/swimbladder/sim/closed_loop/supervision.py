@@ -1,0 +1,167 @@
+"""The supervisor in the loop: it stands between law and driver, as on the board.
+
+It sees what the sensors give, and the battery of a motor. Once it has taken over, the law is left
+alone. The vehicles of an ensemble differ; what it holds them against is that of one, as flashed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control import supervisor
+from swimbladder.control.records import from_numbers, leaf_names, numbers
+from swimbladder.control.supervisor import (
+    Reason,
+    SupervisorParameters,
+    SupervisorState,
+    Watched,
+)
+from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
+from swimbladder.errors import InputError
+from swimbladder.sim.closed_loop.dispatch import compilable, gather, scatter_where
+from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.engine import modes
+from swimbladder.sim.engine.cache import chosen_by_first, inlined, shared
+from swimbladder.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+_LIMITS, _STATE = leaf_names(SupervisorParameters), leaf_names(SupervisorState)
+_N_LIMITS, _N_STATE, _REASON = len(_LIMITS), len(_STATE), _STATE.index("reason")
+_LIKE_LIMITS: SupervisorParameters = from_numbers(SupervisorParameters, [0.0] * _N_LIMITS)
+_LIKE_STATE: SupervisorState = from_numbers(SupervisorState, [0.0] * _N_STATE)
+
+
+class Alarm(NamedTuple):
+    """Why the supervisor took over, and when."""
+
+    reason: Reason
+    time: float  # s
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI."""
+        return {"reason": self.reason.words, "time_s": self.time}
+
+
+class Supervision(NamedTuple):
+    """A supervisor over the law of every lane, as the kernel takes it."""
+
+    limits: Array  # of the supervisor, then the least and the largest command
+    memory: Array  # [lanes, its state, then the tick at which it took over]
+
+    def over(self, lanes: int) -> Supervision:
+        """Return the supervisors of so many lanes, each as the first one of these is now."""
+        return Supervision(self.limits, np.tile(self.memory[:1], (lanes, 1)))
+
+    @property
+    def alarms(self) -> Array:
+        """The number of the reason, 0: none, and the tick of each lane's alarm [lanes, 2]."""
+        return self.memory[:, [_REASON, _N_STATE]]
+
+    def alarm(self, tick: float) -> Alarm | None:
+        """Return why and when the supervisor took over the first lane, of a sample time [s]."""
+        reason, at = self.alarms[0].tolist()
+        return Alarm(Reason(int(reason)), at * tick) if reason else None
+
+
+def supervision_of(
+    vehicle: Vehicle, tick: float, supervised: bool | None
+) -> Supervision | tuple[()]:
+    """Return the supervisor over one lane of a vehicle at a sample time [s]; () for none.
+
+    supervised: whether there is one; None: where the vehicle has a table of it.
+    Raises InputError where it cannot be, and as `supervisor_parameters` does.
+    """
+    pumps = vehicle.command == "volume change"
+    if supervised and pumps:
+        what = (
+            "the supervisor of a pump and valve is that of the board's law, which commands seconds"
+        )
+        raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
+    if pumps or not (
+        "supervisor" in vehicle.model_fields_set if supervised is None else supervised
+    ):
+        return ()
+    p = supervisor_parameters(vehicle, tick)
+    nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
+    begun = [*numbers(supervisor.initial(p, nothing, 0.0)), math.nan]
+    limits = np.array([*numbers(p), *command_limits(vehicle, tick)], np.float64)
+    return Supervision(limits, np.array([begun], np.float64))
+
+
+@inlined
+def battery_voltage(supply: float, sag: float, kappa: float, applied: float, q: float) -> float:
+    """Return what a motor's battery shows the board [V], of its open voltage `supply`.
+
+    applied [V], q [m3/s]: what the motor gets, and the rate at which it changes the volume.
+    """
+    drawn = (applied - kappa * q) * (1.0 if applied >= 0.0 else -1.0)
+    return supply - max(sag * drawn, 0.0) / (1.0 + sag)
+
+
+_supervise = inlined(compilable(supervisor.step))
+
+
+@shared
+def _watch(
+    limits: Array, memory: Array, depth: float, volume: float, battery: float, wanted: float, k: int
+) -> Any:
+    """Return what one lane's supervisor commands for its law's command; change what it knows."""
+    p = gather(_LIKE_LIMITS, limits, 0, 1)
+    s = gather(_LIKE_STATE, memory, 0, 1)
+    least, most = limits[_N_LIMITS], limits[_N_LIMITS + 1]
+    wanted = min(max(wanted, least), most)
+    seen = Watched(depth, 0.0, volume, battery, False, 0, 0)
+    command, s, _ = _supervise(p, s, seen, wanted)
+    if memory[_REASON] == 0.0 and s.rescue.reason > 0:
+        memory[_N_STATE] = k
+    scatter_where(True, s, memory, 0, 1)
+    return command
+
+
+@inlined
+def _supervised(watch: Supervision, S: Array, W_: int, i: int, k: int, wanted: float) -> Any:
+    plant = Row.PLANT * W_ + i
+    battery = np.nan
+    if S[plant + modes.POSITIONER * W_] == 0.0:
+        supply, sag = S[plant + modes.SUPPLY * W_], S[plant + modes.SAG * W_]
+        kappa, q = S[plant + modes.KAPPA * W_], S[Row.Q * W_ + i]
+        battery = battery_voltage(supply, sag, kappa, S[Row.APPLIED * W_ + i], q)
+    depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
+    return _watch(watch.limits, watch.memory[i], depth, volume, battery, wanted, k)
+
+
+@inlined
+def _alone(_watch: Any, _S: Array, _W: int, _i: int, _k: int, wanted: float) -> float:
+    return wanted
+
+
+@inlined
+def _took_over(watch: Supervision, i: int) -> Any:
+    return watch.memory[i, _REASON] != 0.0
+
+
+@inlined
+def _never(_watch: Any, _i: int) -> bool:
+    return False
+
+
+def _by_watch(watched: Any, alone: Any) -> Any:
+    """Return a function that a supervision in its first argument chooses, or what stands for ()."""
+
+    def of(kind: Any) -> Any:
+        return watched if kind is Supervision else alone
+
+    return chosen_by_first(
+        lambda watch: of(type(watch)), lambda form: of(getattr(form, "instance_class", tuple))
+    )
+
+
+supervised = _by_watch(_supervised, _alone)
+"""Return what lane i's supervisor makes of its law's command at tick k; without one, that."""
+took_over = _by_watch(_took_over, _never)
+"""Return whether lane i's supervisor has taken over."""

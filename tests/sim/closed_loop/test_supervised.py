@@ -1,0 +1,126 @@
+"""Law and supervisor in the loop: the oracle is both of them called in Python, as on the board."""
+
+import math
+
+import numpy as np
+import pytest
+
+import swimbladder as sb
+from swimbladder.control import supervisor
+from swimbladder.control.registry import bind
+from swimbladder.control.supervisor import Reason, Watched
+from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
+from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
+from swimbladder.sim.closed_loop import simulate_ensemble
+from swimbladder.vehicle import Supervisor
+
+FEUP, POSITIONER = load_vehicle("feup-em"), load_vehicle("ntnu-bv")
+STEPS = {"setpoints": [(0.0, 3.0), (120.0, 1.5)], "duration": 240.0, "start_depth": 1.5}
+ON_THE_BOTTOM = {"bottom_depth": 2.5, "checked": False}
+
+
+def noisy(vehicle):
+    sensors = vehicle.sensors.model_copy(update={"depth_noise": 2e-3, "volume_noise": 2e-7})
+    return vehicle.model_copy(update={"sensors": sensors})
+
+
+class Board:
+    """A law under the supervisor in Python, as a law that `simulate` asks at every tick."""
+
+    def __init__(self, vehicle):
+        self.law, self.p = bind(vehicle.controller)
+        self.tick = vehicle.controller.sample_time
+        self.limits, self.ends = supervisor_parameters(vehicle, self.tick), command_limits(vehicle)
+        nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
+        self.watch = supervisor.initial(self.limits, nothing, 0.0)
+        self.state, self.wait, self.wanted, self.alarm = None, 0, 0.0, math.nan
+
+    def __call__(self, seen, reference):
+        if self.state is None:
+            self.state = self.law.initial(self.p, seen, reference)
+        if self.wait <= 0 and self.watch.rescue.reason == 0:
+            u, self.state, later = self.law.step(self.p, self.state, seen, reference)
+            self.wanted = min(max(u, self.ends[0]), self.ends[1])
+            self.wait = max(math.ceil(later / self.tick - 1e-9), 1)
+        self.wait -= 1
+        before = self.watch.rescue.reason
+        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0)
+        command, self.watch, _ = supervisor.step(self.limits, self.watch, watched, self.wanted)
+        if self.watch.rescue.reason and not before:
+            self.alarm = seen.time
+        return command
+
+
+@pytest.mark.parametrize("vehicle", [FEUP, POSITIONER], ids=lambda v: v.name)
+@pytest.mark.parametrize("where", [{}, ON_THE_BOTTOM], ids=["open water", "unknown bottom"])
+def test_the_loop_is_law_and_supervisor_called_in_python(vehicle, where):
+    vehicle = noisy(vehicle)
+    board = Board(vehicle)
+    theirs = sb.simulate(vehicle, law=board, supervised=False, seed=4, **STEPS, **where)
+    ours = sb.simulate(vehicle, supervised=True, seed=4, **STEPS, **where)
+    assert ours.supervised
+    assert not theirs.supervised
+    assert ours.depth == pytest.approx(theirs.depth, abs=1e-9)
+    assert ours.volume == pytest.approx(theirs.volume, abs=1e-13)
+    if not where:
+        assert ours.alarm is None
+        assert math.isnan(board.alarm)
+    else:
+        assert ours.alarm == (Reason(board.watch.rescue.reason), pytest.approx(board.alarm))
+        took_over = [e for e in ours.events if e.kind.startswith("the supervisor took over")]
+        assert [e.time for e in took_over] == [pytest.approx(board.alarm)]
+        assert ours.depth[-1] < 1.0  # and brought it up
+
+
+def test_a_push_that_proves_the_motor_is_in_the_loop():
+    vehicle = noisy(FEUP)
+    alone = sb.simulate(vehicle, supervised=False, seed=4, **STEPS)
+    under = sb.simulate(vehicle, supervised=True, seed=4, **STEPS)
+    pushed = (under.voltage == 12.0) & (under.command < 11.0)
+    assert pushed.any()
+    assert not ((alone.voltage == 12.0) & (alone.command < 11.0)).any()
+
+
+def test_a_vehicle_with_a_table_of_it_flies_under_its_supervisor():
+    assert not sb.simulate(FEUP, **STEPS).supervised
+    vehicle = FEUP.model_copy(update={"supervisor": Supervisor(depth_limit=20.0)})
+    under = sb.simulate(vehicle, **STEPS)
+    assert under.supervised
+    assert not sb.simulate(vehicle, supervised=False, **STEPS).supervised
+    data = simulate_ensemble(vehicle, count=1, **STEPS)
+    assert data["alarm"].to_numpy().tolist() == [0]
+    assert float(data["final_depth"][0]) == pytest.approx(under.depth[-1], abs=1e-9)
+
+
+def test_the_lanes_of_an_ensemble_are_single_runs_under_the_same_supervisor():
+    vary = {"V_0": np.linspace(-60e-6, 60e-6, 43)}
+    vehicle = FEUP.model_copy(update={"supervisor": Supervisor(neutral_range=40e-6)})
+    data = simulate_ensemble(vehicle, count=43, vary=vary, start_volume=0.0, **STEPS)
+    alarms, times = data["alarm"].to_numpy(), data["alarm_time"].to_numpy()
+    trim = np.abs(vary["V_0"])
+    assert (alarms[trim > 50e-6] == Reason.NOT_MOVING_AS_MODELLED).all()
+    assert not alarms[trim < 40e-6].any()
+    assert (np.isfinite(times) == (alarms > 0)).all()
+    for lane in (0, 21, 42):  # the last one in a block that is filled up
+        board = Board(vehicle)  # which knows of no trim
+        trimmed = vehicle.model_copy(update={"trim_error": float(vary["V_0"][lane])})
+        theirs = sb.simulate(trimmed, law=board, supervised=False, start_volume=0.0, **STEPS)
+        assert data["final_depth"].to_numpy()[lane] == pytest.approx(theirs.depth[-1], abs=1e-9)
+        assert times[lane] == pytest.approx(board.alarm, nan_ok=True)
+
+
+def test_what_the_battery_shows_is_that_of_a_source_with_a_resistance():
+    from swimbladder.sim.closed_loop.supervision import battery_voltage
+
+    resistance, inside, kappa, q, u, emf = 2.0, 0.3, 1.5e5, 2e-5, 9.0, 12.0
+    current = (emf - kappa * q) / (resistance + inside)
+    full = battery_voltage(emf, inside / resistance, kappa, emf, q)
+    assert full == pytest.approx(emf - inside * current, rel=1e-12)
+    assert battery_voltage(emf, inside / resistance, kappa, -emf, -q) == pytest.approx(full)
+    assert battery_voltage(emf, inside / resistance, kappa, u, u / kappa) == emf  # no current
+
+
+def test_pump_and_valve_say_where_their_supervisor_is_flown():
+    with pytest.raises(InputError, match="see `faults`"):
+        sb.simulate(load_vehicle("example-float"), supervised=True, **STEPS)
