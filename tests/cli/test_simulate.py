@@ -402,3 +402,43 @@ def test_going_below_the_rating_is_said_and_answers_no(tmp_path: Path) -> None:
     assert answer["deepest_m"] > 1000.0
     assert "passed its depth limit of 1000 m" in [event["kind"] for event in answer["events"]]
     assert answer["energy_J"] > 0.0
+
+
+def test_the_supervisor_of_the_file_is_flown_and_its_alarm_answers_no(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """2.5 m is the depth limit: the vehicle is brought up before it is at 3 m."""
+    limited = '[supervisor]\ndepth_limit = "2.5 m"\n\n[controller]'
+    file = vehicle_file(tmp_path, "[controller]", limited)
+    out = ("--out", str(tmp_path / "out"))
+    told = answer(capsys, file, *out, code=1)
+    assert told["supervised"] is True
+    assert told["law"] == "cascade"
+    assert told["alarm"]["reason"] == "depth limit"
+    at = {event["kind"]: event["time_s"] for event in told["events"]}
+    assert at["the supervisor took over: depth limit"] == told["alarm"]["time_s"] < 60.0
+    assert told["deepest_m"] < 3.0
+    assert main(["simulate", file, *out]) == 1
+    said = capsys.readouterr()
+    assert said.out.startswith("feup-em, law cascade and supervisor, 400.2 s in")
+    assert f"took over at {told['alarm']['time_s']:.6g} s: depth limit" in said.err
+    alone = answer(capsys, file, "--without-supervisor", *out)
+    assert (alone["supervised"], alone["alarm"]) == (False, None)
+    assert alone["deepest_m"] > 3.0
+    assert "law cascade alone" in preset_line(capsys, out)
+
+
+def preset_line(capsys: pytest.CaptureFixture[str], out: tuple[str, str]) -> str:
+    """Return the first line of the paper's preset."""
+    assert main(["simulate", "feup-em", *out]) == 0
+    return capsys.readouterr().out.partition("\n")[0]
+
+
+def test_a_float_with_a_table_of_it_is_told_where_its_supervisor_is_flown(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    text = preset_text("example-float") + "\n[supervisor]\n"
+    given = ["--target", "50", "--duration", "2 h", "--out", str(tmp_path / "out")]
+    told = answer(capsys, vehicle_file(tmp_path, text=text), *given)
+    assert told["supervised"] is False
+    assert any("`swimbladder faults` flies it" in note for note in told["notes"])

@@ -144,8 +144,9 @@ def shown(answer: dict[str, Any]) -> Iterator[object]:
         volumes = (step[name] for name in ("peak_volume_m3", "actuator_travel_m3"))
         rows.append([*row, *(number(volume * 1e6, "cm3") for volume in volumes)])
     water = f" in the water of {answer['water']}" if answer["water"] else ""
-    yield f"{answer['vehicle']}{water}, {answer['duration_s']:g} s in {answer['samples']} samples"
-    yield f"law {answer['law']} {'under its supervisor' if answer['supervised'] else 'alone'}"
+    flown = f"law {answer['law']} {'and supervisor' if answer['supervised'] else 'alone'}"
+    took = f"{answer['duration_s']:g} s in {answer['samples']} samples"
+    yield f"{answer['vehicle']}{water}, {flown}, {took}"
     yield table(headings, rows, left=())
     yield "peak: largest volume to either side of mid-stroke; travel: volume moved in all"
     kinds = [event["kind"] for event in answer["events"]]
