@@ -145,8 +145,8 @@ def shown(answer: dict[str, Any]) -> Iterator[object]:
         rows.append([*row, *(number(volume * 1e6, "cm3") for volume in volumes)])
     water = f" in the water of {answer['water']}" if answer["water"] else ""
     flown = f"law {answer['law']} {'and supervisor' if answer['supervised'] else 'alone'}"
-    took = f"{answer['duration_s']:g} s in {answer['samples']} samples"
-    yield f"{answer['vehicle']}{water}, {flown}, {took}"
+    span = f"{answer['duration_s']:g} s in {answer['samples']} samples"
+    yield f"{answer['vehicle']}{water}, {flown}, {span}"
     yield table(headings, rows, left=())
     yield "peak: largest volume to either side of mid-stroke; travel: volume moved in all"
     kinds = [event["kind"] for event in answer["events"]]

@@ -36,6 +36,7 @@ from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.outside import source_of
+from swimbladder.sim.closed_loop.supervision import flown_words
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
@@ -404,7 +405,7 @@ def _assumptions(
     noise = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
     if sensors.depth_quantum > 0.0:
         noise += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
-    found = [f"depths {range_words}", noise]
+    found = [f"depths {range_words}", noise, flown_words(vehicle)]
     if vehicle.supply is not None and vehicle.command != "volume change":
         weak = contenders.LOW_SUPPLY * vehicle.supply.voltage
         found.append(f"a low battery gives {weak:.3g} V, which the tuned laws reckon with")

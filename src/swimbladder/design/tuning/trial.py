@@ -99,7 +99,7 @@ class Runs(NamedTuple):
     overshoot: Array  # -, of the step
     energy: Array  # J; work on the water of a float of unknown power; nan where not asked for
     drive_runs: Array  # of pump and valve; nan of a motor
-    stopped: NDArray[np.bool_]  # ended early: out of the water, or far too deep
+    stopped: NDArray[np.bool_]  # ended early: out of the water, far too deep, or by an alarm
 
     @property
     def actions(self) -> list[Array]:
@@ -145,7 +145,7 @@ def fly(
         overshoot=known["overshoot"] / 100.0,
         energy=known.get("energy", unknown),
         drive_runs=drive_runs,
-        stopped=known["stop"] != 0,
+        stopped=(known["stop"] != 0) | (known.get("alarm", unknown) > 0),
     )
 
 

@@ -68,6 +68,20 @@ class Supervision(NamedTuple):
         return Alarm(Reason(int(reason)), at * tick) if reason else None
 
 
+def flies_supervised(vehicle: Vehicle) -> bool:
+    """Return whether what is not asked for otherwise flies a vehicle under its supervisor."""
+    return "supervisor" in vehicle.model_fields_set and vehicle.command != "volume change"
+
+
+def flown_words(vehicle: Vehicle) -> str:
+    """Return what a report says of that."""
+    if flies_supervised(vehicle):
+        return "the law flies under its supervisor, as flashed; margins are the law's"
+    if vehicle.command == "volume change":
+        return "the law flies alone: the supervisor of its board is flown by `faults`"
+    return "the law flies alone: the vehicle's file has no table [supervisor]"
+
+
 def supervision_of(
     vehicle: Vehicle, tick: float, supervised: bool | None
 ) -> Supervision | tuple[()]:
@@ -76,15 +90,10 @@ def supervision_of(
     supervised: whether there is one; None: where the vehicle has a table of it.
     Raises InputError where it cannot be, and as `supervisor_parameters` does.
     """
-    pumps = vehicle.command == "volume change"
-    if supervised and pumps:
-        what = (
-            "the supervisor of a pump and valve is that of the board's law, which commands seconds"
-        )
+    if supervised and vehicle.command == "volume change":
+        what = "the supervisor of a pump and valve is that of its board, which commands seconds"
         raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
-    if pumps or not (
-        "supervisor" in vehicle.model_fields_set if supervised is None else supervised
-    ):
+    if not (flies_supervised(vehicle) if supervised is None else supervised):
         return ()
     p = supervisor_parameters(vehicle, tick)
     nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
@@ -117,9 +126,10 @@ def _watch(
     wanted = min(max(wanted, least), most)
     seen = Watched(depth, 0.0, volume, battery, False, 0, 0)
     command, s, _ = _supervise(p, s, seen, wanted)
-    if memory[_REASON] == 0.0 and s.rescue.reason > 0:
-        memory[_N_STATE] = k
+    before = memory[_REASON]
     scatter_where(True, s, memory, 0, 1)
+    if before == 0.0 and memory[_REASON] > 0.0:
+        memory[_N_STATE] = k
     return command
 
 
