@@ -38,6 +38,13 @@ def test_it_comes_to_the_share_that_is_seen_and_only_where_the_drive_is_hard_and
     assert usable(0.5) == pytest.approx(0.55)
 
 
+def test_what_a_supervisor_pushed_the_other_way_says_nothing_of_the_motor():
+    assert learn_ability(0.6, -10.0, -10.0, 9.0, 12.0) == 0.6
+    assert learn_ability(0.6, 10.0, 10.0, -9.0, 12.0) == 0.6
+    blocked = learn_ability(0.6, 10.0, 10.0, -0.5, 12.0)  # and given way a little
+    assert blocked == pytest.approx(0.6 + 0.3 * (0.1 - 0.6))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(KNOBS))
 def test_large_steps_settle_with_half_to_twice_the_gain_and_half_a_sample_late(name):

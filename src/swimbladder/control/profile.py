@@ -29,6 +29,7 @@ BEHIND = 5.0  # samples at full rate, that the volume may be behind before a pat
 _TRUST = 0.3  # in a sample that shows what the motor has
 _SPARE = 1.1  # a motor with 1/1.1 of its rate follows paths as they are
 _LEAST = 0.1  # share of its rate that is always assumed
+_OTHERS = 0.25  # share of its rate the other way, from which on it was not the motor alone
 
 
 def learn_ability(ability: float, drive: float, driven: float, moved: float, limit: float) -> float:
@@ -36,10 +37,14 @@ def learn_ability(ability: float, drive: float, driven: float, moved: float, lim
 
     drive and driven [V]: voltage beyond the load of the sea at the sample before and at the one
     before that; moved [V]: what the volume moved since, as the voltage that moves it so; limit [V].
+    A volume that went far the other way was moved by what is not the law's, like a supervisor.
     """
     if abs(drive) < 0.5 * limit or drive * driven < 0.25 * limit * limit:
         return ability
-    return ability + _TRUST * (min(max(moved / drive, _LEAST), 1.0) - ability)
+    share = moved / drive
+    if share < -_OTHERS:
+        return ability
+    return ability + _TRUST * (min(max(share, _LEAST), 1.0) - ability)
 
 
 def usable(ability: float) -> float:

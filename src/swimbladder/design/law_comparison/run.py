@@ -27,7 +27,7 @@ from swimbladder.design.law_comparison.contenders import GOALS, Contender, Place
 from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
-from swimbladder.design.tuning.trial import Drawn, Trial, summarise
+from swimbladder.design.tuning.trial import ALONE, Drawn, Trial, summarise
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import as_json
 from swimbladder.io.progress import Advance, silent
@@ -36,7 +36,6 @@ from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.outside import source_of
-from swimbladder.sim.closed_loop.supervision import flown_words
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
@@ -405,7 +404,7 @@ def _assumptions(
     noise = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
     if sensors.depth_quantum > 0.0:
         noise += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
-    found = [f"depths {range_words}", noise, flown_words(vehicle)]
+    found = [f"depths {range_words}", noise, ALONE]
     if vehicle.supply is not None and vehicle.command != "volume change":
         weak = contenders.LOW_SUPPLY * vehicle.supply.voltage
         found.append(f"a low battery gives {weak:.3g} V, which the tuned laws reckon with")

@@ -27,7 +27,6 @@ from swimbladder.physics.buoyancy_engine import known_winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
-from swimbladder.sim.closed_loop.supervision import flown_words
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.layers import Layers
 from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
@@ -278,7 +277,7 @@ def tune(
     bound = search.bound(found.knobs)
     few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
     nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
-    assumptions = [*around.words, sensor, flown_words(vehicle), *_outside(depths, ends)]
+    assumptions = [*around.words, sensor, trial.ALONE, *_outside(depths, ends)]
     assumptions += _in_water(column, off, pumped=pumped)
     if math.isfinite(least):
         assumptions.append(f"the supply falls to {least:.3g} V")

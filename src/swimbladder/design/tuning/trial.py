@@ -55,6 +55,7 @@ _FINEST = 1e-3  # s, of the times between a law's samples
 _LONGEST = 30.0  # s, of a tick: runs of the drive that last longer than a sleep end at one
 _SHARE = 0.02  # of the step
 _USUAL = 1.5  # m, of a step
+ALONE = "the law flies alone, without the supervisor that `firmware` writes beside it"
 
 
 class Step(NamedTuple):
@@ -99,7 +100,7 @@ class Runs(NamedTuple):
     overshoot: Array  # -, of the step
     energy: Array  # J; work on the water of a float of unknown power; nan where not asked for
     drive_runs: Array  # of pump and valve; nan of a motor
-    stopped: NDArray[np.bool_]  # ended early: out of the water, far too deep, or by an alarm
+    stopped: NDArray[np.bool_]  # ended early: out of the water, or far too deep
 
     @property
     def actions(self) -> list[Array]:
@@ -133,6 +134,7 @@ def fly(
         parameters=parameters,
         keep="trajectory",
         sample_time=sample_time,
+        supervised=False,
         **given | {"count": max(given.get("count", 1), *map(np.size, many))},
     )
     known = {str(name): values.to_numpy() for name, values in data.variables.items()}
@@ -145,7 +147,7 @@ def fly(
         overshoot=known["overshoot"] / 100.0,
         energy=known.get("energy", unknown),
         drive_runs=drive_runs,
-        stopped=(known["stop"] != 0) | (known.get("alarm", unknown) > 0),
+        stopped=known["stop"] != 0,
     )
 
 

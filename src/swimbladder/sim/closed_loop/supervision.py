@@ -68,20 +68,6 @@ class Supervision(NamedTuple):
         return Alarm(Reason(int(reason)), at * tick) if reason else None
 
 
-def flies_supervised(vehicle: Vehicle) -> bool:
-    """Return whether what is not asked for otherwise flies a vehicle under its supervisor."""
-    return "supervisor" in vehicle.model_fields_set and vehicle.command != "volume change"
-
-
-def flown_words(vehicle: Vehicle) -> str:
-    """Return what a report says of that."""
-    if flies_supervised(vehicle):
-        return "the law flies under its supervisor, as flashed; margins are the law's"
-    if vehicle.command == "volume change":
-        return "the law flies alone: the supervisor of its board is flown by `faults`"
-    return "the law flies alone: the vehicle's file has no table [supervisor]"
-
-
 def supervision_of(
     vehicle: Vehicle, tick: float, supervised: bool | None
 ) -> Supervision | tuple[()]:
@@ -90,10 +76,11 @@ def supervision_of(
     supervised: whether there is one; None: where the vehicle has a table of it.
     Raises InputError where it cannot be, and as `supervisor_parameters` does.
     """
-    if supervised and vehicle.command == "volume change":
+    pumps, given = vehicle.command == "volume change", "supervisor" in vehicle.model_fields_set
+    if supervised and pumps:
         what = "the supervisor of a pump and valve is that of its board, which commands seconds"
         raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
-    if not (flies_supervised(vehicle) if supervised is None else supervised):
+    if pumps or not (given if supervised is None else supervised):
         return ()
     p = supervisor_parameters(vehicle, tick)
     nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
