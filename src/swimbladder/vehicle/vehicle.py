@@ -54,8 +54,8 @@ class Stroke(Parameters):
     maximum: Annotated[float, Unit("m3")]
     """volume with the piston fully out"""
     switch_margin: Annotated[float, Unit("m3"), Field(ge=0.0)] | None = None
-    """volume before either end stop at which a limit switch cuts the command that drives on; the
-    piston may coast to the stop; not given: no switches"""
+    """volume before either end stop at which a limit switch cuts the command that drives on, at the
+    controller's next sample; the piston may coast to the stop; not given: no switches"""
 
     @property
     def lowest(self) -> float:
