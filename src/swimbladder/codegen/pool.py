@@ -134,7 +134,6 @@ def rehearse(
         bottom_depth=pool_depth,
         advance=advance,
         checked=False,
-        supervised=False,
     )
     kinds = ("f4", "f4", "?", "f4", "i1")
     columns = zip(zip(*rows, strict=True), kinds, strict=True)

@@ -185,7 +185,6 @@ def run_procedure(
         law=law,
         sample_time=parameters.loop.S_p,
         checked=False,
-        supervised=False,
     )
     index = np.array([int(state.phase) for _, state, _ in notes])
     began = {int(i): int(np.argmax(index == i)) for i in np.unique(index)}

@@ -173,7 +173,6 @@ class Operator:
             law=law,
             sample_time=self.believed.controller.sample_time,
             checked=False,
-            supervised=False,
         )
         if notes[-1][2] != "over":
             where = f"{task.start:.2f} m in {_PATIENCE / 60.0:g} min. Tune its controller"

@@ -156,9 +156,8 @@ def simulate(
     given). column: the water, see `closed_loop.water`; the vehicle's own where not given.
     checked: refuse depths beyond rating or stroke, a mass that no water carries, and a sample time
     at which the vehicle's own law does not hold it. supervised: whether the law flies under the
-    vehicle's supervisor, as flashed; where not given, if the vehicle has a table of it. The
-    advance: called with the share of
-    the time that was simulated.
+    vehicle's supervisor, as flashed; where not given, if the vehicle has a table of it and the
+    law is no Python function. advance: called with the share of the time that was simulated.
 
     Raises InputError for what is refused so, for a start outside water or stroke, unordered
     set-points, no controller, or a column that ends above a depth asked for.
@@ -168,7 +167,7 @@ def simulate(
         function = None
     else:
         chosen, numbers, tick = as_law(vehicle, law, sample_time)
-        function = law
+        function, supervised = law, bool(supervised)
     check_counts(seed=(seed, 0), parts=(parts, 1))
     times, depths = check_setpoints(setpoints, duration, tick)
     reach = max(start_depth, *depths)
