@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from swimbladder.sim.closed_loop.rows import Row, rows
+from swimbladder.sim.engine.advance import CHATTERS
 from swimbladder.sim.engine.books import Account as Sums
+from swimbladder.sim.engine.rodas.drive import STAYED
 from swimbladder.sim.engine.rodas.records import (
     AT,
     GIVEN,
@@ -14,6 +16,7 @@ from swimbladder.sim.engine.rodas.records import (
     NOW,
     WORK,
     Account,
+    Doing,
     Lane,
     Note,
     Stop,
@@ -148,6 +151,25 @@ def test_two_hundred_ticks_may_pass_without_time_and_no_more(idle, stop):
     assert f.lane.at["stop"] == stop
 
 
+@pytest.mark.parametrize(
+    ("event", "place", "doing", "kept"),
+    [
+        (STAYED, 0, Doing.NOTHING, 0),
+        (STAYED, 1, Doing.NOTHING, 0),
+        (STAYED, 0, Doing.LETTING_IN, 1),
+        (STAYED, 2, Doing.NOTHING, 1),
+        (-1, 0, Doing.NOTHING, 1),
+    ],
+)
+def test_a_row_is_kept_of_every_step_but_where_it_rests_off_the_bottom_with_the_drive_off(
+    event, place, doing, kept
+):
+    f = under_way(Kind.PARK)
+    f.lane.at["place"], f.lane.at["doing"], f.lane.x["t"] = place, doing, 3.0
+    hooks._moved(f, event, 1.0, DEPTH)
+    assert f.lane.counts[0] == kept
+
+
 def by_samples(f, *, tick=0.5, row_samples=6.0, band=0.0, unseen=0.0):
     own = Numbers(
         tick=tick,
@@ -205,3 +227,16 @@ def test_a_law_is_let_rest_with_a_drift_of_a_hundredth_of_its_band_or_unseen(dri
     sampled._rests(s, DEPTH)
     f.lane.x["t"] = s.now["check"]
     assert sampled._rests(s, DEPTH + drift) is rests
+
+
+@pytest.mark.parametrize(
+    ("known", "found"),
+    [(Stop.GOES_ON, Stop.STUCK), (Stop.LEFT_WATER, Stop.LEFT_WATER), (Stop.LOST, Stop.LOST)],
+)
+def test_a_lane_that_stopped_for_no_reason_of_the_mission_is_stuck(known, found):
+    f = under_way(Kind.PARK)
+    f.lane.at["stop"] = known
+    s, S = by_samples(f), np.zeros(rows(0, 0))
+    S[Row.STOPPED] = CHATTERS
+    assert sampled._begin(s, S, 0, None)
+    assert f.lane.at["stop"] == found

@@ -1,0 +1,67 @@
+"""One step of RODAS and the rate of the drive, on their own."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from swimbladder.io.config import load_vehicle
+from swimbladder.physics.seawater import InternalWave, WaterMotion, motion_table
+from swimbladder.physics.seawater import look_up as look
+from swimbladder.sim.engine.rodas.motion import rate_of, rosenbrock, terms
+from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
+from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Doing, Lane, Table
+from tests.sim.mission.conftest import stratified
+from tests.sim.mission.test_hull_heat import heated
+
+DEEP = 82.3  # m
+
+
+def lane_of(vehicle, waves):
+    column = stratified()
+    given = given_of(vehicle, column, bottom=math.inf, accuracy=Accuracy())
+    table, _ = make_table(vehicle, column)
+    x, at = first_lane(given, table, DEEP)
+    notes, counts = np.zeros(0, NOTE), np.zeros(3, np.int64)
+    accounts, work = np.zeros(len(Account)), np.zeros(WORK)
+    return Lane(given, table, waves, x, at, accounts, notes, counts, work)
+
+
+def test_half_a_step_has_less_than_a_twentieth_of_the_error_of_a_whole_one():
+    """Of order 4: in depth, speed, volume and the hull's warmth, with the pump on, in a wave."""
+    wave = InternalWave(amplitude=3.0, period=90.0, water_depth=380.0, phase=0.7)
+    waves = motion_table(WaterMotion(internal_waves=(wave,)), 9.81)
+    lane = lane_of(heated(load_vehicle("example-float"), lag=20.0), waves)
+    lane.x["t"], lane.x["w"], lane.at["doing"] = 700.0, 0.1, Doing.PUMPING
+    lane.x["hull"] += 5.0
+    begin = np.array([lane.x[name] for name in ("z", "w", "v", "hull")])
+    errors = []
+    for h in (4.0, 2.0):
+        rosenbrock(lane, h)
+        right = solve_ivp(
+            lambda t, y: terms(lane, t, *y),
+            (700.0, 700.0 + h),
+            begin,
+            method="DOP853",
+            rtol=1e-13,
+            atol=1e-16,
+        ).y[:, -1]
+        errors.append(np.abs(lane.work[0, :4] - right))
+    assert np.all(errors[0] / errors[1] > 20.0), errors  # 32, but for the next order
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 1.0])
+def test_a_pump_that_beats_a_valve_that_is_stuck_open_fills_an_empty_bladder(share):
+    """One that is beaten leaves it empty, and draws down a volume that is there."""
+    lane = lane_of(load_vehicle("example-float"), np.zeros((0, 6)))
+    p, table = lane.p, lane.table
+    p["open"] = share
+    out, lets = (look(table, p["step"], n, DEEP)[0] for n in (Table.RATE_OUT, Table.RATE_IN))
+    net = out - share * lets
+    for volume in (p["v_min"], p["v_min"] + 1e-5):
+        rate = rate_of(p, table, Doing.PUMPING, True, DEEP, volume, 0.0)[0]
+        left = net if net > 0.0 or volume > p["v_min"] else 0.0
+        assert rate == pytest.approx(left, rel=1e-12)
+        idle = rate_of(p, table, Doing.NOTHING, True, DEEP, volume, 0.0)[0]
+        assert idle == (pytest.approx(-share * lets) if volume > p["v_min"] else 0.0)
