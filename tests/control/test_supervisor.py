@@ -13,12 +13,14 @@ from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import (
     SUPERVISOR,
+    PushWatch,
     Reason,
     SameWatch,
     Watched,
     expected_rate,
     reasons_in,
     times,
+    watch_push,
     watch_reach,
     watch_sameness,
     watch_still,
@@ -314,6 +316,16 @@ def test_a_rate_and_a_way_of_just_what_counts_do_not_count():
     begun = s._replace(unproven=3, volume=s.volume._replace(volume=0.0))
     at = p.proof.reach
     assert [watch_reach(p, begun, z) for z in (at, math.nextafter(at, math.inf))] == [4, 0]
+
+
+def test_a_turned_push_that_lost_just_what_counts_has_not_fallen():
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    p = p._replace(push=p.push._replace(grown=2e-6, away=1e-5))
+    s = PushWatch(phase=0, pushed=0.0, astray=p.push.astray, turns=3)
+    p = p._replace(volume=p.volume._replace(volume_low=-1e-4))
+    for lost, turns in ((2e-6, 3), (math.nextafter(2e-6, 1.0), 1)):
+        after = watch_push(p, s, -lost, True, sinks=False, high=False, blind=False)
+        assert after.turns == turns
 
 
 @pytest.mark.parametrize(("noisy", "frozen"), [(0.49, False), (0.5, True), (0.51, True)])

@@ -170,6 +170,16 @@ def test_a_row_is_kept_of_every_step_but_where_it_rests_off_the_bottom_with_the_
     assert f.lane.counts[0] == kept
 
 
+def test_a_passage_is_noted_at_its_own_time_and_depth_while_there_is_room():
+    f = under_way(Kind.PARK, notes=2)
+    f.lane.x["t"] = 9.0
+    for t in (7.25, 8.5, 8.75):
+        sampled._note(f.lane, t, Note.EMERGED, 0.25)
+    assert f.lane.notes["t"].tolist() == [7.25, 8.5]
+    assert f.lane.notes["z"].tolist() == [0.25, 0.25]
+    assert f.lane.counts.tolist() == [0, 2, 0]
+
+
 def by_samples(f, *, tick=0.5, row_samples=6.0, band=0.0, unseen=0.0):
     own = Numbers(
         tick=tick,
