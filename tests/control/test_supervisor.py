@@ -20,6 +20,7 @@ from swimbladder.control.supervisor import (
     expected_rate,
     reasons_in,
     times,
+    watch_motion,
     watch_push,
     watch_reach,
     watch_sameness,
@@ -316,6 +317,16 @@ def test_a_rate_and_a_way_of_just_what_counts_do_not_count():
     begun = s._replace(unproven=3, volume=s.volume._replace(volume=0.0))
     at = p.proof.reach
     assert [watch_reach(p, begun, z) for z in (at, math.nextafter(at, math.inf))] == [4, 0]
+
+
+@pytest.mark.parametrize(("off", "counts"), [(0.9, 0), (1.1, 1), (1.9, 1), (2.1, 3)])
+def test_a_volume_off_by_more_than_twice_the_allowed_counts_three_times(off, counts):
+    """At a depth that stands, where the volume itself is compared."""
+    p, room = supervisor_parameters(example("cascade")[0], 0.3), 4e-5  # m3
+    n = off * room
+    s = SUPERVISOR.initial(p, CALM, 0.0).motion._replace(z1=2.0, z2=2.0, n1=n, n2=n, settled=0)
+    assert s.known < p.motion.known
+    assert watch_motion(p, s, 2.0, n, room, stands=True, anew=False).wrong == counts
 
 
 def test_a_turned_push_that_lost_just_what_counts_has_not_fallen():

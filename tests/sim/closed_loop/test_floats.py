@@ -95,7 +95,7 @@ def test_depths_are_those_of_scipy_for_the_seconds_of_pump_and_valve(hover):
     assert np.count_nonzero(hover.command > 0.0) >= 2
     assert np.count_nonzero(hover.command < 0.0) >= 1
     expected = flown_by_scipy(hover)
-    assert np.abs(hover.depth - expected).max() < 1e-4
+    assert np.abs(hover.depth - expected).max() < 6e-6  # of steps that may err by 1e-5 each
 
 
 def test_the_law_is_called_when_it_asked_to_be(hover):
