@@ -17,6 +17,7 @@ from swimbladder.control.supervisor import (
     Reason,
     SameWatch,
     Watched,
+    count_time,
     expected_rate,
     reasons_in,
     times,
@@ -317,6 +318,18 @@ def test_a_rate_and_a_way_of_just_what_counts_do_not_count():
     begun = s._replace(unproven=3, volume=s.volume._replace(volume=0.0))
     at = p.proof.reach
     assert [watch_reach(p, begun, z) for z in (at, math.nextafter(at, math.inf))] == [4, 0]
+
+
+@pytest.mark.parametrize("lost", [0, 1, 4094, 4095, 4096, 10_000])
+@pytest.mark.parametrize("tick", [0, 1, 4095, 4096])
+def test_a_gap_counts_for_just_what_it_is_up_to_4095_ticks(tick, lost):
+    """The fine count stays in its block of 4096 ticks, and nothing of it is lost."""
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    s = SUPERVISOR.initial(p, CALM, 0.0).time._replace(tick=tick, block=3)
+    after = count_time(p.time._replace(time_blocks=100), s, lost)
+    assert after.tick <= 4096
+    gone = 4096 * (after.block - 3) + after.tick - tick
+    assert gone == min(lost, 4095) + 1
 
 
 @pytest.mark.parametrize(("off", "counts"), [(0.9, 0), (1.1, 1), (1.9, 1), (2.1, 3)])

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.seawater import InternalWave, WaterMotion, motion_table
 from swimbladder.physics.seawater import look_up as look
-from swimbladder.sim.engine.rodas.motion import rate_of, rosenbrock, terms
+from swimbladder.sim.engine.rodas.motion import inside, rate_of, rosenbrock, terms
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Doing, Lane, Table
 from swimbladder.vehicle import Oil
@@ -43,19 +43,23 @@ def test_half_a_step_has_less_than_a_twentieth_of_the_error_of_a_whole_one(line)
     lane.at["doing"], lane.at["shut"] = Doing.PUMPING, 0
     lane.x["hull"] += 5.0
     begin = np.array([lane.x[name] for name in ("z", "w", "v", "hull")])
-    errors = []
+    ends, middles = [], []
     for h in (2.0, 1.0):
         rosenbrock(lane, h)
-        right = solve_ivp(
+        y, _, k1, k2 = lane.work[:4, :4]
+        middle, end = solve_ivp(
             lambda t, y: terms(lane, t, *y),
             (700.0, 700.0 + h),
             begin,
+            t_eval=[700.0 + 0.5 * h, 700.0 + h],
             method="DOP853",
             rtol=1e-13,
             atol=1e-16,
-        ).y[:, -1]
-        errors.append(np.abs(lane.work[0, :4] - right))
-    assert np.all(errors[0] / errors[1] > 20.0), errors  # 32, but for the next order
+        ).y.T
+        ends.append(np.abs(y - end))
+        middles.append(np.abs(inside(begin, y, k1, k2, 0.5) - middle))
+    assert np.all(ends[0] / ends[1] > 20.0), ends  # 32, but for the next order
+    assert np.all(middles[0] / middles[1] > 10.0), middles  # 16
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 1.0])

@@ -180,6 +180,31 @@ def test_a_passage_is_noted_at_its_own_time_and_depth_while_there_is_room():
     assert f.lane.counts.tolist() == [0, 2, 0]
 
 
+def test_a_row_without_room_is_not_kept():
+    f = under_way(Kind.PARK, kept=2)
+    for t in (1.0, 2.0, 3.0):
+        f.lane.x["t"] = t
+        phases.row(f)
+    assert f.rows["t"].tolist() == [1.0, 2.0]
+    assert f.lane.counts[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("ends", "empty", "halts", "stop"),
+    [
+        (math.inf, -math.inf, False, Stop.GOES_ON),
+        (5.0, -math.inf, True, Stop.GOES_ON),  # a cycle is over
+        (math.inf, 0.0, True, Stop.BATTERY_EMPTY),
+    ],
+)
+def test_a_mission_halts_where_a_cycle_is_over_and_where_it_ends(ends, empty, halts, stop):
+    f = under_way(Kind.PARK)
+    f.lane.x["t"], f.lane.x["t_end"], f.lane.at["arrived"] = 5.0, ends, 1
+    f.lane.p["empty"] = empty
+    assert hooks.turn(f) is halts
+    assert f.lane.at["stop"] == stop
+
+
 def by_samples(f, *, tick=0.5, row_samples=6.0, band=0.0, unseen=0.0):
     own = Numbers(
         tick=tick,
