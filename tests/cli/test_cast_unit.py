@@ -15,6 +15,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.physics.seawater import cast_column
+from swimbladder.physics.seawater.cast_unit import _metres
 from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.mission.flight import fly_mission
@@ -47,6 +48,11 @@ def refused(cast, asked, rating):
 
 def metres(dbar):
     return f"{-gsw.z_from_p(dbar, 45.0):.0f} m"
+
+
+@pytest.mark.parametrize(("depth", "said"), [(9.96, "10.0 m"), (10.0, "10 m"), (10.4, "10 m")])
+def test_a_depth_has_a_decimal_above_10_m(depth, said):
+    assert _metres(depth) == said
 
 
 @pytest.mark.parametrize(

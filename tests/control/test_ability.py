@@ -28,6 +28,8 @@ def test_it_comes_to_the_share_that_is_seen_and_only_where_the_drive_is_hard_and
     assert ability == pytest.approx(0.6, abs=1e-4)
     assert learn_ability(0.6, 5.0, 10.0, 0.0, 12.0) == 0.6  # not hard
     assert learn_ability(0.6, 10.0, -10.0, 0.0, 12.0) == 0.6  # turned round
+    assert learn_ability(0.6, 12.0, 2.9, 0.0, 12.0) == 0.6  # just begun
+    assert learn_ability(0.6, 12.0, 3.1, 0.0, 12.0) < 0.6
     assert learn_ability(0.6, -10.0, -10.0, -10.0, 12.0) == pytest.approx(0.72)
     for moved in (-20.0, 20.0):  # nothing is believed beyond what a motor can be
         for _ in range(60):

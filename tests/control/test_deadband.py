@@ -257,6 +257,17 @@ def test_a_sleep_tells_what_a_voltage_does(share, z, way, h, known) -> None:
     assert learn_share(p, before, seen._replace(volume=0.0)) == known
 
 
+@pytest.mark.parametrize("tolerance", [0.0, 1e-7])
+def test_a_sleep_without_a_voltage_that_counts_tells_nothing(tolerance) -> None:
+    """As in water without a load: the volume crept, and the voltage was not why."""
+    p = SLEEPER._replace(tolerance=tolerance, depth_voltage=0.0)
+    least = tolerance / p.rate_per_volt  # V for a second
+    before = initial(p, Measurement(0.0, 2.0, 0.0), 2.0)._replace(share=0.8, waited=1.0)
+    for voltage in (0.0, 0.99 * least, -0.99 * least):
+        seen = Measurement(1.0, 2.0, 3e-7)
+        assert learn_share(p, before._replace(voltage=voltage), seen) == 0.8
+
+
 class Wrong:
     """The law with a command that is wrong by a factor and comes half a sample late."""
 

@@ -77,6 +77,15 @@ def test_a_set_point_may_change_on_the_way():
         assert np.abs(w).max() < 1.1 * SPEED
 
 
+@pytest.mark.parametrize(("steps", "arrived"), [(0, True), (3, True), (10, False), (30, False)])
+def test_it_is_there_where_single_precision_hardly_tells(steps, arrived):
+    """A few of its steps are the rounding of the path; ten of them are a way to go."""
+    target = 1000.0
+    off = steps * float(np.spacing(np.float32(target)))
+    found = along(Path(target - off, 0.0, 0.0), target, JERK, SPEED, H / 32)
+    assert (found == (target, 0.0, 0.0)) is arrived
+
+
 @pytest.fixture(scope="module")
 def vehicle():
     v = load_vehicle("feup-em")

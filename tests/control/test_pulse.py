@@ -228,6 +228,18 @@ def test_the_way_back_begins_half_a_sample_ahead():
         assert run(p, 1.0, error, speed, NEUTRAL + out, NEUTRAL, NEUTRAL, p.rate).going == going
 
 
+def test_nine_tenths_of_a_load_that_is_not_reckoned_with_are_known_within_seconds():
+    """At rest, where each sample shows what the voltage beyond the load moves."""
+    p, error, volume = parameters(), 0.2, NEUTRAL  # V
+    state = initial(p, Measurement(0.0, 2.0, volume), 2.0)._replace(holding=1.0)
+    held = error
+    for n in range(12):  # 3.6 s
+        _, state, _ = step(p, state._replace(going=0.0), Measurement(n * H, 2.0, volume), 2.0)
+        held = error + state.hold
+        volume += PLANT.gain * held * H
+    assert 0.0 < held < 0.1 * error
+
+
 def test_what_holds_the_volume_is_learnt_up_to_twice_the_load_and_a_swing():
     p = parameters()
     state = initial(p, Measurement(0.0, 2.0, NEUTRAL), 2.0)._replace(holding=1.0)

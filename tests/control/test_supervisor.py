@@ -11,12 +11,16 @@ from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import (
     SUPERVISOR,
+    PushWatch,
     Reason,
     SameWatch,
     Watched,
+    count_time,
     expected_rate,
     reasons_in,
     times,
+    watch_motion,
+    watch_push,
     watch_reach,
     watch_sameness,
     watch_still,
@@ -313,6 +317,38 @@ def test_a_rate_and_a_way_of_just_what_counts_do_not_count():
     begun = s._replace(unproven=3, volume=s.volume._replace(volume=0.0))
     at = p.proof.reach
     assert [watch_reach(p, begun, z) for z in (at, math.nextafter(at, math.inf))] == [4, 0]
+
+
+@pytest.mark.parametrize("lost", [0, 1, 4094, 4095, 4096, 10_000])
+@pytest.mark.parametrize("tick", [0, 1, 4095, 4096])
+def test_a_gap_counts_for_just_what_it_is_up_to_4095_ticks(tick, lost):
+    """The fine count stays in its block of 4096 ticks, and nothing of it is lost."""
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    s = SUPERVISOR.initial(p, CALM, 0.0).time._replace(tick=tick, block=3)
+    after = count_time(p.time._replace(time_blocks=100), s, lost)
+    assert after.tick <= 4096
+    gone = 4096 * (after.block - 3) + after.tick - tick
+    assert gone == min(lost, 4095) + 1
+
+
+@pytest.mark.parametrize(("off", "counts"), [(0.9, 0), (1.1, 1), (1.9, 1), (2.1, 3)])
+def test_a_volume_off_by_more_than_twice_the_allowed_counts_three_times(off, counts):
+    """At a depth that stands, where the volume itself is compared."""
+    p, room = supervisor_parameters(example("cascade")[0], 0.3), 4e-5  # m3
+    n = off * room
+    s = SUPERVISOR.initial(p, CALM, 0.0).motion._replace(z1=2.0, z2=2.0, n1=n, n2=n, settled=0)
+    assert s.known < p.motion.known
+    assert watch_motion(p, s, 2.0, n, room, stands=True, anew=False).wrong == counts
+
+
+def test_a_turned_push_that_lost_just_what_counts_has_not_fallen():
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    p = p._replace(push=p.push._replace(grown=2e-6, away=1e-5))
+    s = PushWatch(phase=0, pushed=0.0, astray=p.push.astray, turns=3)
+    p = p._replace(volume=p.volume._replace(volume_low=-1e-4))
+    for lost, turns in ((2e-6, 3), (math.nextafter(2e-6, 1.0), 1)):
+        after = watch_push(p, s, -lost, True, sinks=False, high=False, blind=False)
+        assert after.turns == turns
 
 
 @pytest.mark.parametrize(("noisy", "frozen"), [(0.49, False), (0.5, True), (0.51, True)])

@@ -396,6 +396,10 @@ def test_oil_that_compresses_nothing_is_said():
     assert "to them, give actuator.line" in be.oil_note(no_line)
     assert be.oil_note(with_line) is None
     assert be.oil_note(load_vehicle("example-em")) is None
+    own = built.actuator.pump
+    law = PowerLawPump(delivery=1e-6, idle_power=7.0, power_per_pressure=1e-6)
+    for pump in (changed(own, drive=changed(own.drive, oil=None)), law):
+        assert be.oil_note(pump_vehicle(pump)) is None
     # what the note says: no rate, power or start of the map depends on the oil of the pump
     drive = built.actuator.pump.drive
     foam = Oil(volume=1e-3, bulk_modulus=1e8, trapped_air=0.3)

@@ -159,6 +159,21 @@ def test_zones_are_flown_through_in_more_than_a_decision():
             assert q.volume_step == pytest.approx(quantum) or driven <= q.slow_speed * (1.0 + 1e-9)
 
 
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_a_speed_is_measured_so_long_that_a_band_stands_out_of_the_noise_before_its_zones(noise):
+    """By two depths, in whole 5 s: what they make of the speed is an eighth of the band at most."""
+    setting = setting_of(FLOAT, sample_time=1.0, supply=13.0, neutral_range=1e-5, depths=DEPTHS)
+    longer = 0
+    for chosen in candidates(setting._replace(noise=noise), "quiet", 10.0):
+        slow = min(0.3 * chosen.speed, 10.0 / (chosen.dead + 10.0))  # crossed in a decision
+        off = math.hypot(noise, noise) / chosen.run
+        assert off <= chosen.band * slow / 8.0
+        assert chosen.run % 5.0 == 0.0
+        assert chosen.run >= 10.0
+        longer += chosen.run > 10.0
+    assert longer > 0
+
+
 def test_in_the_water_of_a_cast_it_is_flown_there(sea):
     column = cast_column(read_cast(sea))
     step = Step(*DEPTHS, 14400.0)

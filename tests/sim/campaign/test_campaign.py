@@ -298,7 +298,10 @@ def test_the_store_says_what_is_in_it(job):
         for name, variable in data.variables.items():
             assert {"units", "long_name"} <= set(variable.attrs), name
         assert data.deepest.attrs["standard_name"] == "depth"
-        assert len(data.stop.attrs["flag_meanings"].split()) == len(data.stop.attrs["flag_values"])
+        for name in ("stop", "flown"):  # what each number means, as CF has it
+            flags = data[name].attrs
+            assert len(flags["flag_meanings"].split()) == len({*flags["flag_values"]})
+            assert {*data[name].values.tolist()} <= {*flags["flag_values"]}
         assert np.array_equal(data["drive_energy_in_all"], one.layout.table()[:, Fact.DRIVE])
     assert len(FLOATS) == Fact.COUNT
     # the unit of every variable is one that the udunits of CF knows

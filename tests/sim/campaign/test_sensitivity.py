@@ -139,6 +139,17 @@ def test_designs_that_say_nothing_are_refused(spread, floats, words):
         Design.of(spread, casts=1, noisy=False, seed=1, floats=floats)
 
 
+@pytest.mark.parametrize("groups", [1, 2, 3])
+def test_a_design_takes_sixteen_rows_and_no_float_more_than_there_are(groups):
+    spread = Spread(trim=1e-5, psi=1e-7 * (groups > 1), drag=0.1 * (groups > 2), pump=0.0)
+    given = dict(casts=1, noisy=False, seed=1)
+    fewest = 16 * (2 + groups)
+    assert Design.of(spread, floats=fewest, **given).floats == fewest
+    assert Design.of(spread, floats=2 * fewest - 1, **given).floats == fewest
+    with pytest.raises(InputError, match="too few floats"):
+        Design.of(spread, floats=fewest - 1, **given)
+
+
 @pytest.fixture(scope="module")
 def parked(tmp_path_factory):
     """Floats that begin neutral at 60 m, and are left alone there."""

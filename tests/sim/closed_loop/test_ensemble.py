@@ -102,6 +102,8 @@ def test_summaries_of_lanes_that_meet_an_end_are_those_of_single_runs() -> None:
         np.testing.assert_allclose(summary.final_depth[lane], s.depth[-1], **near)
         np.testing.assert_allclose(summary.final_volume[lane], s.volume[-1], rtol=0.0, atol=1e-13)
         np.testing.assert_allclose(summary.greatest_depth[lane], s.depth.max(), **near)
+        rms = np.sqrt(np.mean(s.depth[200:] ** 2))  # from 60 s on, about a set-point of 0
+        np.testing.assert_allclose(summary.rms_error[lane], rms, **near)
     assert np.all(met > 0), met
 
 

@@ -20,10 +20,12 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
 from swimbladder.sim.closed_loop.floats import FloatModel
-from swimbladder.sim.closed_loop.pumped import BEGIN, END
+from swimbladder.sim.closed_loop.pumped import BEGIN, END, run_for
 from swimbladder.sim.engine.rodas.prepare import Accuracy
+from swimbladder.sim.engine.rodas.records import NOTE, Account, Doing, Note
 from swimbladder.sim.mission.flight import fly_mission
 from tests.quoted import refused
+from tests.sim.engine.test_rodas_motion import lane_of
 
 FLOAT = load_vehicle("example-float")
 TIGHT = Accuracy(relative=1e-8, depth=1e-7, speed=1e-9, volume=1e-14)
@@ -95,7 +97,7 @@ def test_depths_are_those_of_scipy_for_the_seconds_of_pump_and_valve(hover):
     assert np.count_nonzero(hover.command > 0.0) >= 2
     assert np.count_nonzero(hover.command < 0.0) >= 1
     expected = flown_by_scipy(hover)
-    assert np.abs(hover.depth - expected).max() < 1e-4
+    assert np.abs(hover.depth - expected).max() < 6e-6  # of steps that may err by 1e-5 each
 
 
 def test_the_law_is_called_when_it_asked_to_be(hover):
@@ -327,3 +329,19 @@ def test_what_cannot_be_flown_is_refused():
         simulate(FLOAT, setpoints=[(0.0, 100.0)], parts=4, **flown)
     with refused(InputError, field="vary['T1']", value="T1"):
         simulate_ensemble(FLOAT, count=1, setpoints=[(0.0, 100.0)], vary={"T1": 1.0}, **flown)
+
+
+def test_seconds_of_another_drive_or_of_none_end_a_run_and_more_of_the_same_go_on_with_it():
+    """Half a tick of the pump, more of it, then the valve and then nothing, in the same instant."""
+    lane = lane_of(FLOAT, np.zeros((0, 6)))._replace(notes=np.zeros(9, NOTE))
+    lane.x["t"] = 5.0
+    run = [(0.5, Doing.PRIMING), (0.3, Doing.PRIMING), (-0.4, Doing.LETTING_IN)]
+    for length, doing in run:
+        run_for(lane, length, 0.0, 1.0)
+        assert lane.at["doing"] == doing
+        assert lane.x["t_move"] == pytest.approx(5.0 + abs(length))
+    run_for(lane, 0.0, 0.0, 1.0)
+    assert lane.at["doing"] == Doing.NOTHING
+    said = lane.notes["what"][: lane.counts[1]].tolist()
+    assert said == [Note.PUMP, Note.RUN_OVER, Note.VALVE, Note.RUN_OVER]
+    assert lane.accounts[[Account.PUMP_RUNS, Account.VALVE_RUNS]].tolist() == [1.0, 1.0]

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from swimbladder.physics.dynamics import plant
+from swimbladder.sim.engine import modes
+from swimbladder.sim.engine.advance import CHATTERS, DONE, advance, new_lane
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.crossings import may_hide, put_at_limit
 from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.sim.engine.modes import Act, Where
-from tests.vehicles import pump, screw
+from tests.vehicles import paper, pump, screw
 
 H = 0.3
 
@@ -67,3 +69,26 @@ def test_what_is_put_at_an_end_stop_is_booked_at_the_load_of_its_direction(act):
     assert books[Account.PUMPED] == moved
     assert books[Account.Z_DV] == books[Account.Z_Q] == 50.0 * moved
     assert books[Account.LOAD_Q] == books[Account.U_Q] == load * 50.0 * moved
+
+
+def onto_the_bottom(speed):
+    """A vehicle half a step above the bottom, 5 m deep, on its way down; what holds its volume."""
+    p = plant(paper(), bottom_depth=5.0)
+    start = np.array([0.0, p.psi * 5.0 + p.V_0, 5.0 - 0.5 * H * speed, speed])
+    return new_lane(np.array(p), NO_LAYERS, start), p.load_drive * 5.0
+
+
+@pytest.mark.parametrize("speed", [1e-12, 1e-10, 1e-8])
+def test_a_bottom_that_a_vehicle_comes_to_by_less_than_a_rounding_a_tick_is_found(speed):
+    """A depth of 5 m is known to 9e-16 m: 2^-20 of a step at 1e-10 m/s are 3e-17 m."""
+    lane, u = onto_the_bottom(speed)
+    assert advance(lane, 0, u, H, 0.0) == (20 * modes.BOTTOM, DONE)
+    assert lane.x[2] == 5.0
+
+
+def test_a_step_that_takes_more_looks_than_a_motion_does_is_chatter(monkeypatch):
+    """An event is found in 20 halvings and some; with fewer to be had it is not."""
+    for most, why in ((200, DONE), (15, CHATTERS)):
+        monkeypatch.setattr("swimbladder.sim.engine.advance._LEAPS", most)
+        lane, u = onto_the_bottom(1e-3)
+        assert advance.py_func(lane, 0, u, H, 0.0)[1] == why

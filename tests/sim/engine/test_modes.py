@@ -33,3 +33,23 @@ def test_the_accounts_take_the_force_that_the_stepper_integrates(depth, trim):
         modes.linear_part(p, modes.STUCK + 20 * where, A, b_u, b_1)
         pull = A[3] @ np.array([0.0, volume, depth, 0.0]) + b_1[3]
         assert books._pull(p, NO_LAYERS, volume, depth) == pytest.approx(pull, rel=1e-12)
+
+
+def test_the_drag_s_work_where_its_law_bends_is_what_the_pull_gave_and_the_motion_did_not_gain():
+    """Of a vehicle that is accelerated evenly under a pull that grows with its depth, eq. (13)."""
+    values = dict.fromkeys(Plant._fields, 0.0)
+    values |= {"a_b": 0.1, "psi": 2e-6, "V_0": 3e-5}
+    p, h, volume, accounts = (
+        np.array(list(values.values())),
+        4.0,
+        -2e-4,
+        np.zeros(len(books.Account)),
+    )
+    for z0, w0, w1 in ((3.0, 0.02, 0.14), (40.0, 0.1, -0.3), (2.0, 0.05, 0.05)):
+        z1 = z0 + 0.5 * (w0 + w1) * h
+        x, y = (np.array([0.0, volume, z, w, 0.0]) for z, w in ((z0, w0), (z1, w1)))
+        accounts[:] = 0.0
+        books.enter_bend(p, NO_LAYERS, x, y, h, accounts)
+        given = 0.1 * (3e-5 - volume) * (z1 - z0) + 0.1 * 2e-6 * 0.5 * (z1**2 - z0**2)
+        due = given - 0.5 * (w1**2 - w0**2)
+        assert accounts[books.Account.DRAG] == pytest.approx(due, rel=1e-12)

@@ -102,6 +102,24 @@ def test_missions_stay_where_they_may():
     assert max(max(m.depths) for m in drawn) > 0.95 * most
 
 
+@pytest.mark.parametrize("least", [0.0, 1.0])
+def test_a_first_depth_is_drawn_evenly_of_the_range_or_in_its_logarithm_from_above_0_on(least):
+    """Three in four evenly in depth, the others in its logarithm where the range has one."""
+    course = course_of(FEUP, None)
+    most = course.depths.most
+    course = course._replace(depths=course.depths._replace(least=least))
+    first = [drawing._set_points(course, 0.5, np.random.default_rng(n))[1][0] for n in range(2000)]
+
+    def share(z):
+        even = (z - least) / (most - least)
+        rather = np.log(z / least) / np.log(most / least) if least > 0.0 else even
+        return 0.75 * even + 0.25 * rather
+
+    assert least <= min(first)
+    assert max(first) <= most
+    assert stats.kstest(first, share).pvalue > 0.01
+
+
 @pytest.fixture(scope="module")
 def flown(request):
     request.getfixturevalue("gcc")

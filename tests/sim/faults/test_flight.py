@@ -12,8 +12,9 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
-from swimbladder.sim.faults.fault_effects import _held
+from swimbladder.sim.faults.fault_effects import NOTHING_KEPT, _held, see_depth
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN
+from swimbladder.sim.faults.kinds import On
 from swimbladder.sim.faults.mission_records import RESULT, Result
 from tests.sim.faults.oracle import Fault
 
@@ -364,3 +365,15 @@ def test_a_value_that_stays(old, values, ages):
     kept = np.array([math.nan, -math.inf])
     found = [_held(kept, 0, np.array(old), float(k), k, 0.5) for k in range(6)]
     assert found == list(zip(values, ages, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("latency", "ages"), [(1.0, [0, 1, 2, 2, 2, 2]), (60.0, [0, 1, 2, 3, 3, 3])]
+)
+def test_a_depth_that_comes_late_is_as_old_as_its_latency_or_all_that_is_kept(latency, ages):
+    """Four depths are kept, at two a second; before that it is the first one."""
+    effects, late = np.zeros((len(On), 2)), np.zeros(4)
+    effects[:, 0] = 1.0
+    effects[On.LATE] = 0.0, latency
+    seen = [see_depth(effects, k, 0.5, float(k), 0.0, NOTHING_KEPT.copy(), late) for k in range(6)]
+    assert seen == [(k - age, 0.5 * age) for k, age in enumerate(ages)]

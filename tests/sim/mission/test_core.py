@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from swimbladder.sim.closed_loop.rows import Row, rows
+from swimbladder.sim.engine.advance import CHATTERS
 from swimbladder.sim.engine.books import Account as Sums
+from swimbladder.sim.engine.rodas.drive import STAYED
 from swimbladder.sim.engine.rodas.records import (
     AT,
     GIVEN,
@@ -14,6 +16,7 @@ from swimbladder.sim.engine.rodas.records import (
     NOW,
     WORK,
     Account,
+    Doing,
     Lane,
     Note,
     Stop,
@@ -148,6 +151,60 @@ def test_two_hundred_ticks_may_pass_without_time_and_no_more(idle, stop):
     assert f.lane.at["stop"] == stop
 
 
+@pytest.mark.parametrize(
+    ("event", "place", "doing", "kept"),
+    [
+        (STAYED, 0, Doing.NOTHING, 0),
+        (STAYED, 1, Doing.NOTHING, 0),
+        (STAYED, 0, Doing.LETTING_IN, 1),
+        (STAYED, 2, Doing.NOTHING, 1),
+        (-1, 0, Doing.NOTHING, 1),
+    ],
+)
+def test_a_row_is_kept_of_every_step_but_where_it_rests_off_the_bottom_with_the_drive_off(
+    event, place, doing, kept
+):
+    f = under_way(Kind.PARK)
+    f.lane.at["place"], f.lane.at["doing"], f.lane.x["t"] = place, doing, 3.0
+    hooks._moved(f, event, 1.0, DEPTH)
+    assert f.lane.counts[0] == kept
+
+
+def test_a_passage_is_noted_at_its_own_time_and_depth_while_there_is_room():
+    f = under_way(Kind.PARK, notes=2)
+    f.lane.x["t"] = 9.0
+    for t in (7.25, 8.5, 8.75):
+        sampled._note(f.lane, t, Note.EMERGED, 0.25)
+    assert f.lane.notes["t"].tolist() == [7.25, 8.5]
+    assert f.lane.notes["z"].tolist() == [0.25, 0.25]
+    assert f.lane.counts.tolist() == [0, 2, 0]
+
+
+def test_a_row_without_room_is_not_kept():
+    f = under_way(Kind.PARK, kept=2)
+    for t in (1.0, 2.0, 3.0):
+        f.lane.x["t"] = t
+        phases.row(f)
+    assert f.rows["t"].tolist() == [1.0, 2.0]
+    assert f.lane.counts[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("ends", "empty", "halts", "stop"),
+    [
+        (math.inf, -math.inf, False, Stop.GOES_ON),
+        (5.0, -math.inf, True, Stop.GOES_ON),  # a cycle is over
+        (math.inf, 0.0, True, Stop.BATTERY_EMPTY),
+    ],
+)
+def test_a_mission_halts_where_a_cycle_is_over_and_where_it_ends(ends, empty, halts, stop):
+    f = under_way(Kind.PARK)
+    f.lane.x["t"], f.lane.x["t_end"], f.lane.at["arrived"] = 5.0, ends, 1
+    f.lane.p["empty"] = empty
+    assert hooks.turn(f) is halts
+    assert f.lane.at["stop"] == stop
+
+
 def by_samples(f, *, tick=0.5, row_samples=6.0, band=0.0, unseen=0.0):
     own = Numbers(
         tick=tick,
@@ -205,3 +262,16 @@ def test_a_law_is_let_rest_with_a_drift_of_a_hundredth_of_its_band_or_unseen(dri
     sampled._rests(s, DEPTH)
     f.lane.x["t"] = s.now["check"]
     assert sampled._rests(s, DEPTH + drift) is rests
+
+
+@pytest.mark.parametrize(
+    ("known", "found"),
+    [(Stop.GOES_ON, Stop.STUCK), (Stop.LEFT_WATER, Stop.LEFT_WATER), (Stop.LOST, Stop.LOST)],
+)
+def test_a_lane_that_stopped_for_no_reason_of_the_mission_is_stuck(known, found):
+    f = under_way(Kind.PARK)
+    f.lane.at["stop"] = known
+    s, S = by_samples(f), np.zeros(rows(0, 0))
+    S[Row.STOPPED] = CHATTERS
+    assert sampled._begin(s, S, 0, None)
+    assert f.lane.at["stop"] == found

@@ -202,6 +202,19 @@ def test_what_leaves_the_cells_is_the_terminals_and_what_the_battery_heats(power
     assert found == pytest.approx(12.0 * i * own.tick, rel=1e-9, abs=1e-12)
 
 
+def test_a_positioner_takes_its_moving_power_for_as_long_as_its_travel_lasts():
+    vehicle = load_vehicle("ntnu-bv")
+    powers = {"moving_power": 3.0, "holding_power": 0.5}
+    actuator = vehicle.actuator.model_copy(update=powers)
+    vehicle = vehicle.model_copy(update={"actuator": actuator, "driver": None, "supply": None})
+    flight = flown(vehicle, steps(HOLD, PARK), checked=False)
+    a = flight.accounts
+    on = (a[Account.PUMPED] + a[Account.LET_IN]) / (actuator.speed * actuator.piston_area)
+    assert 10.0 < on < 0.9 * flight.duration
+    drive = a[Account.PUMP_ENERGY] + a[Account.VALVE_ENERGY] + a[Account.HOLDING_ENERGY]
+    assert drive == pytest.approx(3.0 * on + 0.5 * (flight.duration - on), rel=1e-3)
+
+
 def test_what_falls_on_the_bottom_is_booked():
     """A stepper that overshoots lands; what it hits with is that of `simulate`, in the balance."""
     vehicle = load_vehicle("ntnu-bv")

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.registry import bind
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
@@ -80,3 +81,18 @@ def test_a_hold_by_the_law_rate_is_refused_for_its_steps_and_not_for_noise(monke
     law, said = bind(vehicle.controller)[1], str(caught.value)
     assert f"sampled every {law.dead + law.run:.3g} s, with changes of volume of" in said
     assert "noise" not in said
+
+
+def test_a_band_of_just_six_times_the_noise_can_be_seen(monkeypatch):
+    """Times what an error grows by until the next look; a hair less cannot."""
+    task = Mission(phases=[{"kind": "hold", "depth": 20.0, "tolerance": 1.0, "duration": 3600.0}])
+    plan = plan_for(monkeypatch, FEUP, task)
+    law = DeadbandParameters(*map(float, plan.stages["hold"][0]))
+    assert plan.stages["capture"][0] > 0.0  # `control.hold` flies it
+    least = 6.0 * law.depth_noise * law.growth
+    held = [{"missed": 0, "not_held": 0}]
+    whole = {"cycle": 1, "phase": 0}
+    flight = SimpleNamespace(cycles=held, whole=whole, stop=Stop.FINISHED, plan=plan)
+    for tolerance, seen in ((least, True), (np.nextafter(least, 0.0), False)):
+        plan.stages["tolerance"] = tolerance
+        assert plan_check._met(flight, 0) is seen

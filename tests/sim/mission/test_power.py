@@ -96,6 +96,17 @@ def test_a_row_says_what_is_done_until_the_next(flight):
         assert np.array_equal(power > 0.0, doing & lasts)
 
 
+def test_the_answer_says_how_much_of_the_stroke_no_phase_took(result):
+    """As planned, and as its volume was below the 5 m at which it dives and fills."""
+    stroke, rows = result.flight.vehicle.stroke, result.flight.rows
+    deep = rows["v"][rows["z"] > 5.0]
+    left = min(stroke.maximum - deep.max(), deep.min() - stroke.minimum)
+    left /= stroke.maximum - stroke.minimum
+    assert 0.05 < left < 0.95
+    planned = f"{100.0 * result.reach.margin:.0f} % of 600 cm3 as planned"
+    assert result.sentence.endswith(f"; stroke margin {planned}, {100.0 * left:.0f} % flown")
+
+
 def test_by_hand():
     time = np.array([0.0, 1.0, 1.0, 4.0, 4.0])
     # 2 J in a second, 5 J at an instant, 1 J in three seconds, 3 J at the end

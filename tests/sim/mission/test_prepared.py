@@ -11,7 +11,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Stop
-from swimbladder.sim.mission import prepare, result, tables
+from swimbladder.sim.mission import prepare, result, tables, words
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases
@@ -103,6 +103,22 @@ def test_speeds_of_ways_of_two_points(profiler, sea, monkeypatch):
 )
 def test_energies_are_said_in_kilojoules_from_one_on(energy, said):
     assert result._joules(energy) == said
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [
+        (None, "never"),
+        (59.4, "59 s"),
+        (3599.0, "1 h 0 min"),
+        (3.0 * 3600.0 + 610.0, "3 h 10 min"),
+        (86400.0, "1 d 0 h"),
+        (9.0 * 86400.0 + 23.5 * 3600.0, "9 d 23 h"),
+        (200.0 * 86400.0, "200 d"),
+    ],
+)
+def test_a_time_is_said_in_the_two_largest_units_that_it_takes(seconds, said):
+    assert words.span_words(seconds) == said
 
 
 def test_a_battery_that_has_nothing_to_give_lasts_no_number_of_cycles(profiler, sea):

@@ -59,8 +59,10 @@ def test_a_drive_that_stalls_above_the_target(profiler):
     pump = profiler.actuator.pump.model_copy(update={"motor": weak})
     actuator = profiler.actuator.model_copy(update={"pump": pump})
     vehicle = profiler.model_copy(update={"actuator": actuator})
-    with refused(NoAnswerError, holds={1000.0}):
+    with refused(NoAnswerError, holds={1000.0}) as caught:
         reach(vehicle, phases(deep=1000.0), column)
+    assert "its drive stalls" in str(caught.value)
+    assert "Take a stronger motor" in str(caught.value)
 
 
 def test_a_depth_below_the_rating_and_a_time_too_short(profiler, sea):

@@ -1,5 +1,6 @@
 """Runs of the pump that are shorter than its start, against the line of SciPy."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -7,13 +8,14 @@ import pytest
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
+from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.rescue import start_time
 from swimbladder.sim.mission.result import MissionResult
-from swimbladder.sim.mission.shortfall import starts_words
+from swimbladder.sim.mission.shortfall import battery_words, starts_words
 from swimbladder.vehicle import Oil
 from tests.quoted import numbers
 from tests.sim.mission.conftest import phases
@@ -99,3 +101,19 @@ def test_of_a_flight_whose_runs_are_long_enough_nothing_is_said(profiler, sea):
     vehicle, task = limited(profiler, 30.0), phases(deep=DEEP)
     flight = fly_mission(vehicle, task, sea)
     assert not any(starts_words(flight, phase) for phase in range(len(task.phases)))
+
+
+@pytest.mark.parametrize("depth", [-0.3, 60.0])
+def test_a_battery_that_is_empty_lacks_what_pressing_all_out_takes_where_it_is(
+    profiler, sea, depth
+):
+    """Power over delivery times the volume inside, against the pressure there."""
+    flight = fly_mission(profiler, phases(deep=DEEP), sea, cycles=1)
+    end = flight.end.copy()
+    end["z"], end["v"] = depth, profiler.stroke.maximum - 200e-6
+    drive = drive_map(profiler, np.interp(max(depth, 0.0), sea.depth, sea.pressure))
+    due = 200e-6 * float(drive.power_out[0] / drive.rate_out[0])
+    said = battery_words(dataclasses.replace(flight, end=end))
+    lacks, inside = re.search(r"(\S+) J short .* the (\S+) cm3 inside there", said).groups()
+    assert float(lacks) == pytest.approx(due, rel=0.01)
+    assert float(inside) == 200.0

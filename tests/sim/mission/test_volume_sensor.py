@@ -2,13 +2,15 @@
 
 import itertools
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.engine.rodas.records import AT, Doing, Note, Stop, made
+from swimbladder.sim.engine.rodas import drive
+from swimbladder.sim.engine.rodas.records import AT, GIVEN, Doing, Note, Stop, made
 from swimbladder.sim.engine.rodas.sensing import normal
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
@@ -118,3 +120,16 @@ def test_the_noise_of_begin_and_end_is_in_what_a_run_moves():
     assert np.array_equal(
         flight.rows, flown(depth_noise=0.0, depth_quantum=0.0, volume_noise=sigma).rows
     )
+
+
+@pytest.mark.parametrize("goal", [3.2e-6, 3.5e-6, 3.8e-6, 4.0e-6, -3.2e-6, 0.0])
+@pytest.mark.parametrize("doing", [Doing.PUMPING, Doing.LETTING_IN])
+def test_a_run_ends_where_the_rounded_volume_first_comes_to_its_goal(doing, goal):
+    """A millilitre is the quantum: a hair before, the volume that is read is not there yet."""
+    q, p, at = 1e-6, made(GIVEN), made(AT)
+    p["volume_quantum"], at["seed"] = q, 1
+    end = drive._end_of(SimpleNamespace(p=p, at=at), doing, goal)
+    out = 1.0 if doing == Doing.PUMPING else -1.0
+    read, before = (q * np.round((end - out * back * q) / q) for back in (0.0, 1e-5))
+    assert out * (read - goal) >= -1e-12
+    assert out * (before - goal) < -1e-12
