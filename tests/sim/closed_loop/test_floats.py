@@ -18,6 +18,7 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
 from swimbladder.sim.closed_loop.floats import FloatModel
 from swimbladder.sim.closed_loop.pumped import BEGIN, END, run_for
@@ -345,3 +346,19 @@ def test_seconds_of_another_drive_or_of_none_end_a_run_and_more_of_the_same_go_o
     said = lane.notes["what"][: lane.counts[1]].tolist()
     assert said == [Note.PUMP, Note.RUN_OVER, Note.VALVE, Note.RUN_OVER]
     assert lane.accounts[[Account.PUMP_RUNS, Account.VALVE_RUNS]].tolist() == [1.0, 1.0]
+
+
+def test_where_no_trajectory_is_kept_none_is_written(monkeypatch):
+    """Nor behind what would be its end: the room there stays as it was."""
+    room, lay_out = np.full((7, 400, 1), np.nan), Block.__post_init__
+
+    def laid_out(block):
+        lay_out(block)
+        assert block.record.shape == (7, 0, 1)
+        block.record = room[:, :0]
+
+    monkeypatch.setattr(Block, "__post_init__", laid_out)
+    flown = {"setpoints": [(0.0, 420.0)], "duration": 300.0, "start_depth": 380.0}
+    found = simulate_ensemble(FLOAT, count=1, workers=1, **flown)
+    assert float(found["final_depth"][0]) > 380.5
+    assert np.all(np.isnan(room))
