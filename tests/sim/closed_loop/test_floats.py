@@ -11,7 +11,7 @@ from swimbladder.control.cascade import CASCADE
 from swimbladder.control.law import Measurement
 from swimbladder.control.rate import RATE
 from swimbladder.control.registry import bind
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
@@ -362,3 +362,16 @@ def test_where_no_trajectory_is_kept_none_is_written(monkeypatch):
     found = simulate_ensemble(FLOAT, count=1, workers=1, **flown)
     assert float(found["final_depth"][0]) > 380.5
     assert np.all(np.isnan(room))
+
+
+def test_lanes_that_are_to_dive_with_a_hull_under_pressure_are_refused():
+    """Afloat nothing comes in; deep down the sea presses it in."""
+    tight = changed_drive(internal_pressure=1.2e5)
+    flown = {"count": 1, "duration": 60.0}
+    for start, to in ((0.0, [(0.0, 50.0)]), (30.0, [(0.0, 0.0), (30.0, 50.0)])):
+        with pytest.raises(NoAnswerError, match="internal_pressure"):
+            simulate_ensemble(tight, setpoints=to, start_depth=start, **flown)
+    for start, to in ((30.0, [(0.0, 50.0)]), (30.0, [(0.0, 50.0), (30.0, 0.0)])):
+        assert list(simulate_ensemble(tight, setpoints=to, start_depth=start, **flown)["stop"]) == [
+            0
+        ]
