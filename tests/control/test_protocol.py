@@ -361,3 +361,14 @@ def test_float32_is_enough_for_a_minute(samples):
     assert 3.75 + window.z / samples == pytest.approx(exact[0].mean(), abs=2e-5)
     speed = np.polyfit(seconds, exact[0], 1)[0]
     assert protocol.slope(window, S_p) == pytest.approx(speed, abs=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("dx", "samples"), [(0.0, 1), (1e-5, 1), (1.5e-3, 1), (1.501e-3, 2), (-4e-3, 3), (9e-3, 6)]
+)
+def test_a_move_takes_the_fewest_whole_samples_in_which_the_voltage_makes_it(dx, samples):
+    """At 0.5 mm/s/V and 10 V at most it is 1.5 mm in a sample of 0.3 s."""
+    voltage, taken = protocol.timed(dx, 0.5e-3, 10.0, 0.3)
+    assert taken == samples
+    assert voltage * 0.5e-3 * taken * 0.3 == pytest.approx(dx, rel=1e-12)
+    assert abs(voltage) <= 10.0 * (1.0 + 1e-9)

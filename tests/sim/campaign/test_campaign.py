@@ -16,7 +16,7 @@ from swimbladder.jobs import Workers, run
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.campaign.draw import Drawn, draw, varied
-from swimbladder.sim.campaign.result import share_interval
+from swimbladder.sim.campaign.result import Campaign, share_interval
 from swimbladder.sim.campaign.run import Fact, Floats
 from swimbladder.sim.campaign.store import FLOATS
 from swimbladder.sim.engine.rodas.motion import rate_of
@@ -286,6 +286,41 @@ def test_parts_fill_one_store_in_any_order(job, tmp_path):
     for name in names:
         assert (one.store / name).read_bytes() == (parts.store / name).read_bytes(), name
     assert {p.relative_to(parts.store) for p in parts.store.rglob("*") if p.is_file()} == {*names}
+
+
+def test_what_spreads_is_said_per_cycle_with_its_quantiles(vehicle, column):
+    """Of 21 floats of four cycles, and one that did none: 0 to 20 times what one of them took."""
+    k = np.arange(21.0)
+    table = np.full((22, Fact.COUNT), np.nan)
+    table[:, Fact.CYCLES], table[21, Fact.CYCLES] = 4.0, 0.0
+    of_cycles = {Fact.PUMP_RUNS: 3.0, Fact.DRIVE: 2e3, Fact.DRAWN: 5e3}
+    for fact, each in of_cycles.items():
+        table[:21, fact] = 4.0 * each * k
+    table[:21, Fact.ARRIVAL], table[:21, Fact.DEEPEST] = 1800.0 * k, 10.0 * k
+    given = {"spread": Spread(), "seed": 1, "energy_unknown": ""}
+    campaign = Campaign(vehicle=vehicle, mission=TASK, columns=[column], table=table, **given)
+    each = {
+        "arrives at the first depth in": ("h", 0.5),
+        "deepest": ("m", 10.0),
+        "pump runs per cycle": ("", 3.0),
+        "drive's energy per cycle": ("kJ", 2.0),
+        "battery's energy per cycle": ("kJ", 5.0),
+    }
+    found = {what: row for what, *row in campaign.spreads()}
+    assert set(found) == {"cycles", *each}
+    for what, (unit, one) in each.items():
+        assert found[what] == [unit, *(pytest.approx(n * one) for n in (10.0, 1.0, 19.0))]
+    unknown = replace(campaign, energy_unknown="no supply").spreads()
+    assert not any("energy" in what for what, *_ in unknown)
+
+
+def test_a_table_counts_floats_and_casts_from_one(vehicle, column):
+    table = np.zeros((3, Fact.COUNT))
+    table[:, Drawn.CAST] = 0.0, 2.0, 1.0
+    given = {"spread": Spread(), "seed": 1, "energy_unknown": ""}
+    campaign = Campaign(vehicle=vehicle, mission=TASK, columns=[column], table=table, **given)
+    assert campaign.columns_csv["float"].tolist() == [1.0, 2.0, 3.0]
+    assert campaign.columns_csv["cast"].tolist() == [1.0, 3.0, 2.0]
 
 
 def test_the_store_says_what_is_in_it(job):

@@ -11,13 +11,14 @@ from swimbladder.control.cascade import CASCADE
 from swimbladder.control.law import Measurement
 from swimbladder.control.rate import RATE
 from swimbladder.control.registry import bind
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.ensemble import simulate_ensemble
 from swimbladder.sim.closed_loop.floats import FloatModel
 from swimbladder.sim.closed_loop.pumped import BEGIN, END, run_for
@@ -345,3 +346,32 @@ def test_seconds_of_another_drive_or_of_none_end_a_run_and_more_of_the_same_go_o
     said = lane.notes["what"][: lane.counts[1]].tolist()
     assert said == [Note.PUMP, Note.RUN_OVER, Note.VALVE, Note.RUN_OVER]
     assert lane.accounts[[Account.PUMP_RUNS, Account.VALVE_RUNS]].tolist() == [1.0, 1.0]
+
+
+def test_where_no_trajectory_is_kept_none_is_written(monkeypatch):
+    """Nor behind what would be its end: the room there stays as it was."""
+    room, lay_out = np.full((7, 400, 1), np.nan), Block.__post_init__
+
+    def laid_out(block):
+        lay_out(block)
+        assert block.record.shape == (7, 0, 1)
+        block.record = room[:, :0]
+
+    monkeypatch.setattr(Block, "__post_init__", laid_out)
+    flown = {"setpoints": [(0.0, 420.0)], "duration": 300.0, "start_depth": 380.0}
+    found = simulate_ensemble(FLOAT, count=1, workers=1, **flown)
+    assert float(found["final_depth"][0]) > 380.5
+    assert np.all(np.isnan(room))
+
+
+def test_lanes_that_are_to_dive_with_a_hull_under_pressure_are_refused():
+    """Afloat nothing comes in; deep down the sea presses it in."""
+    tight = changed_drive(internal_pressure=1.2e5)
+    flown = {"count": 1, "duration": 60.0}
+    for start, to in ((0.0, [(0.0, 50.0)]), (30.0, [(0.0, 0.0), (30.0, 50.0)])):
+        with pytest.raises(NoAnswerError, match="internal_pressure"):
+            simulate_ensemble(tight, setpoints=to, start_depth=start, **flown)
+    for start, to in ((30.0, [(0.0, 50.0)]), (30.0, [(0.0, 50.0), (30.0, 0.0)])):
+        assert list(simulate_ensemble(tight, setpoints=to, start_depth=start, **flown)["stop"]) == [
+            0
+        ]

@@ -10,7 +10,7 @@ from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.crossings import may_hide, put_at_limit
 from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.sim.engine.modes import Act, Where
-from tests.vehicles import paper, pump, screw
+from tests.vehicles import LINEAR, paper, pump, screw
 
 H = 0.3
 
@@ -37,6 +37,23 @@ def test_a_turn_near_bottom_or_surface_may_hide_a_visit(depth, speed, hidden):
     turned = (0.0, 0.0, depth, -0.5 * speed, 0.0)
     assert hides(p, (0.0, 0.0, depth, speed, 0.0), turned) is hidden
     assert hides(p, (0.0, 0.0, depth, speed, 0.0), (0.0, 0.0, depth, speed, 0.0)) is False
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 2.0, 3.0])
+@pytest.mark.parametrize(("swing", "hidden"), [(0.97, False), (1.03, True)])
+def test_a_hull_that_bobs_through_a_step_may_submerge_where_its_swing_reaches_the_surface(
+    angle, swing, hidden
+):
+    """About where it floats, of a (z_surface - z) against what is light, however it moves now."""
+    p = plant(pump(drag=LINEAR), bottom_depth=10.0)
+    stiffness = p.a_s - p.a_b * p.psi
+    assert stiffness > 2.0  # more than a turn in a second
+    floats, light = p.z_surface - 0.05, 0.05 * stiffness / p.a_b
+    volume = p.V_0 + p.psi * p.z_surface + light
+    z, w = floats + 0.05 * swing * np.cos(angle), 0.05 * swing * np.sqrt(stiffness) * np.sin(angle)
+    state = np.array([0.0, volume, z, w, 0.0])
+    mode = int(Act.STUCK) + 20 * int(Where.EMERGING)
+    assert bool(may_hide(np.array(p), NO_LAYERS, mode, state, state, 1.0)) is hidden
 
 
 def test_a_volume_that_turns_against_the_leakage_may_hide_an_end_stop():

@@ -53,3 +53,18 @@ def test_the_drag_s_work_where_its_law_bends_is_what_the_pull_gave_and_the_motio
         given = 0.1 * (3e-5 - volume) * (z1 - z0) + 0.1 * 2e-6 * 0.5 * (z1**2 - z0**2)
         due = given - 0.5 * (w1**2 - w0**2)
         assert accounts[books.Account.DRAG] == pytest.approx(due, rel=1e-12)
+
+
+@pytest.mark.parametrize(("act", "rate"), [(modes.MOVING_OUT, 2e-6), (modes.MOVING_IN, -2e-6)])
+def test_a_positioner_that_moves_at_a_depth_raises_the_sea_by_its_rate(act, rate):
+    """To and fro it counts by its amount, whichever way it goes and whatever the volume."""
+    h, depth, accounts = 3.0, 50.0, np.zeros(len(books.Account))
+    x = np.array([rate, 1e-4, depth, 0.0, 0.0])
+    y = np.array([rate, 1e-4 + rate * h, depth, 0.0, depth * h])
+    p = np.zeros(len(Plant._fields))
+    books.enter(p, act, x, y, 0.0, h, np.zeros(5), accounts)
+    a = books.Account
+    assert accounts[a.PUMPED] == rate * h
+    assert accounts[[a.Z_Q, a.Z_DV]] == pytest.approx(2 * [rate * depth * h])
+    assert accounts[a.TO_AND_FRO] == pytest.approx(abs(rate) * depth * h)
+    assert accounts[a.MOTOR_ON] == h

@@ -102,6 +102,19 @@ def test_missions_stay_where_they_may():
     assert max(max(m.depths) for m in drawn) > 0.95 * most
 
 
+@pytest.mark.parametrize(("name", "share"), [("feup-em", 0.25), ("example-float", 0.6)])
+def test_the_first_fault_begins_early_enough_to_act(name, share):
+    """Evenly from 30 s on within a quarter of the time until it comes up, of a float 0.6 of it."""
+    course = course_of(load_vehicle(name), (12.0, 40.0))
+    begun = []
+    for number in range(400):
+        one = draw(course, seed=2, number=number, healthy=False)
+        latest = share * one.turns[-1]
+        first = 30.0 / course.tick
+        begun.append((one.fault_rows[0, BEGIN] - first) / (latest - first))
+    assert stats.kstest(begun, "uniform").pvalue > 0.01
+
+
 @pytest.mark.parametrize("least", [0.0, 1.0])
 def test_a_first_depth_is_drawn_evenly_of_the_range_or_in_its_logarithm_from_above_0_on(least):
     """Three in four evenly in depth, the others in its logarithm where the range has one."""
