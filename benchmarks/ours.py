@@ -25,6 +25,7 @@ def depth(mission: Mission, fleet: Fleet, lane: int) -> Array:
         start_depth=float(fleet.start_depth[lane]),
         bottom_depth=BOTTOM,
         checked=False,
+        supervised=False,
     )
     if found.stop is not StopReason.FINISHED:
         raise ArithmeticError(found.stop.value)
@@ -51,6 +52,7 @@ def _ensemble(mission: Mission, fleet: Fleet, threads: int, **keep: Any) -> Any:
         start_depth=fleet.start_depth,
         vary=fleet.plants,
         bottom_depth=BOTTOM,
+        supervised=False,
         workers=threads,
         **keep,
     )

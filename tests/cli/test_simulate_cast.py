@@ -81,7 +81,7 @@ def test_a_mission_file_goes_through_it_and_notes_say_where_the_cast_ends(capsys
     words_ = ["simulate", "feup-em", str(task), "--cast", str(lake), "--salinity", "0"]
     assert main([*words_, "--out", str(tmp_path / "out")]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "feup-em in the water of lake.csv, 200.1 s" in said
+    assert "feup-em in the water of lake.csv, law cascade alone, 200.1 s" in said
     assert "and the cast ends at 15 m: below, its last gradient goes on" in said
     task.write_text(task.read_text().replace("14.9 m", "16 m"))
     assert main([*words_, "--out", str(tmp_path / "out")]) == 2

@@ -39,12 +39,10 @@ def learn_ability(ability: float, drive: float, driven: float, moved: float, lim
     before that; moved [V]: what the volume moved since, as the voltage that moves it so; limit [V].
     A volume that went far the other way was moved by what is not the law's, like a supervisor.
     """
-    if abs(drive) < 0.5 * limit or drive * driven < 0.25 * limit * limit:
+    pushed_back = moved * drive < -_OTHERS * drive * drive
+    if abs(drive) < 0.5 * limit or drive * driven < 0.25 * limit * limit or pushed_back:
         return ability
-    share = moved / drive
-    if share < -_OTHERS:
-        return ability
-    return ability + _TRUST * (min(max(share, _LEAST), 1.0) - ability)
+    return ability + _TRUST * (min(max(moved / drive, _LEAST), 1.0) - ability)
 
 
 def usable(ability: float) -> float:
