@@ -3,7 +3,8 @@
 An empty tuple stands for nothing, and compiles away. Anything else is a named tuple of a class for
 which `hook_in` names compiled functions; it stands in a block of one lane. Faults are such hooks,
 and so are the phases of a mission: these say as well how far a lane with pump and valve goes before
-anybody has to decide, so that its ticks are as far apart as what is due.
+anybody has to decide, so that its ticks are as far apart as what is due. A supervisor is chosen the
+same way, by `lane.Like.watch`, and stands over the law of every lane.
 
 A leak, a drifting trim and the swell make a vehicle heavier than its neutral volume says (`lose`).
 That acts as a volume d that is lost: the engine's V and its end stops are those of the vehicle less
@@ -106,6 +107,18 @@ def starts(hooks: Any, k: int) -> bool:  # noqa: ARG001
 def ask(hooks: Any, S: Any, k: int) -> bool:  # noqa: ARG001
     """Return whether the law is called at this tick."""
     return True
+
+
+@_chosen
+def took_over(watch: Any, i: int) -> bool:  # noqa: ARG001
+    """Return whether the supervisor of lane i has taken over, so that the law is left alone."""
+    return False
+
+
+@_chosen
+def supervise(watch: Any, S: Any, W_: int, i: int, k: int, wanted: float) -> float:  # noqa: ARG001
+    """Return what lane i's supervisor makes of its law's command at tick k."""
+    return wanted
 
 
 @_chosen

@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
-from swimbladder.sim.closed_loop.hooks import ask, drive
+from swimbladder.sim.closed_loop.hooks import ask, drive, supervise, took_over
 from swimbladder.sim.closed_loop.rows import N_PLANT, N_STEP, Row
-from swimbladder.sim.closed_loop.supervision import supervised, took_over
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import ModeLane, ensure_chain
 from swimbladder.sim.engine.cache import inlined, shared
@@ -145,7 +144,7 @@ def decide(S: Array, W_: int, i: int, hooks: Any, law: Like, k: int, tick: float
         kept = command if due else kept
         S[Row.COMMAND * W_ + i] = kept
         scatter_where(due, state, S, row, W_)
-    kept = supervised(law.watch, S, W_, i, k, kept)
+    kept = supervise(law.watch, S, W_, i, k, kept)
     u = limited(S, W_, i, drive(hooks, S, k, kept))
     S[Row.APPLIED * W_ + i] = u
     return u

@@ -23,9 +23,10 @@ from swimbladder.control.supervisor import (
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.sim.closed_loop.dispatch import compilable, gather, scatter_where
+from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.engine import modes
-from swimbladder.sim.engine.cache import chosen_by_first, inlined, shared
+from swimbladder.sim.engine.cache import inlined, shared
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -120,8 +121,7 @@ def _watch(
     return command
 
 
-@inlined
-def _supervised(watch: Supervision, S: Array, W_: int, i: int, k: int, wanted: float) -> Any:
+def _supervise_lane(watch: Supervision, S: Array, W_: int, i: int, k: int, wanted: float) -> Any:
     plant = Row.PLANT * W_ + i
     battery = np.nan
     if S[plant + modes.POSITIONER * W_] == 0.0:
@@ -132,33 +132,8 @@ def _supervised(watch: Supervision, S: Array, W_: int, i: int, k: int, wanted: f
     return _watch(watch.limits, watch.memory[i], depth, volume, battery, wanted, k)
 
 
-@inlined
-def _alone(_watch: Any, _S: Array, _W: int, _i: int, _k: int, wanted: float) -> float:
-    return wanted
-
-
-@inlined
 def _took_over(watch: Supervision, i: int) -> Any:
     return watch.memory[i, _REASON] != 0.0
 
 
-@inlined
-def _never(_watch: Any, _i: int) -> bool:
-    return False
-
-
-def _by_watch(watched: Any, alone: Any) -> Any:
-    """Return a function that a supervision in its first argument chooses, or what stands for ()."""
-
-    def of(kind: Any) -> Any:
-        return watched if kind is Supervision else alone
-
-    return chosen_by_first(
-        lambda watch: of(type(watch)), lambda form: of(getattr(form, "instance_class", tuple))
-    )
-
-
-supervised = _by_watch(_supervised, _alone)
-"""Return what lane i's supervisor makes of its law's command at tick k; without one, that."""
-took_over = _by_watch(_took_over, _never)
-"""Return whether lane i's supervisor has taken over."""
+hook_in(Supervision, supervise=_supervise_lane, took_over=_took_over)
