@@ -10,6 +10,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.show.plots import plot_solution
 from swimbladder.show.plots.solution import draw_solution
 from swimbladder.sim.closed_loop import drive, simulate
+from swimbladder.vehicle import Supervisor
 
 DEPTH, VOLUME = "depth [m]", "volume [cm³]"
 VOLTAGE = "voltage [V]"
@@ -113,3 +114,13 @@ def test_the_callers_style_is_left_alone_and_does_not_get_in(tmp_path):
 def test_a_place_that_cannot_be_written(tmp_path):
     with pytest.raises(InputError, match="cannot write the file"):
         plot_solution(run("feup-em", 1.5, 3.0), tmp_path / "none" / "a.png")
+
+
+def test_an_alarm_of_the_supervisor_is_marked_where_it_came():
+    limited = load_vehicle("feup-em").model_copy(update={"supervisor": Supervisor(depth_limit=2.5)})
+    step = {"setpoints": [(0.0, 3.0)], "duration": 60.0, "start_depth": 1.5}
+    s = simulate(limited, **step)
+    marks = {line.get_label(): line for line in draw_solution(s).axes[0].get_lines()}
+    (at,), (depth,) = marks["supervisor took over"].get_data()
+    assert at == s.alarm.time
+    assert depth == np.interp(at, s.time, s.depth)

@@ -56,6 +56,9 @@ def _depth(s: Solution, axes: Axes) -> None:
         at = [event.time for event in s.events if event.kind == kind]
         if at:
             axes.plot(at, np.interp(at, s.time, s.depth), marker, color=Ink.BLACK, ms=5, label=kind)
+    if (alarm := s.alarm) is not None:
+        how: Any = {"color": Ink.ORANGE, "ms": 7, "zorder": 3, "label": "supervisor took over"}
+        axes.plot(alarm.time, np.interp(alarm.time, s.time, s.depth), "X", **how)
     style.depth_axis(axes)
     if len(axes.get_lines()) > 1:
         style.legend_above(axes)
