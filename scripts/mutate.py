@@ -425,7 +425,9 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         tested = [m for m, reason in zip(chosen, reasons, strict=True) if not reason]
         found = list(pool.map(one, tested))
-        run.unchanged(sorted({by for ended, by in found if ended == KILLED and by}))
+        # with all parameters: a change of a value may have changed their names
+        killers = {by.partition("[")[0] for ended, by in found if ended == KILLED and by}
+        run.unchanged(sorted(killers))
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         run.close()

@@ -1,8 +1,9 @@
-"""What the supervisor's pushes outward cost a healthy vehicle, the vehicle of the paper.
+"""What the supervisor's pushes outward cost the vehicle of the paper, and what they save it from.
 
-``python -m studies.pushes [--runs 5]`` prints, for laws with and without pushes, motor starts and
-volume moved in 20 minutes of holding 2 m, and how long the way from 1 to 20 m takes and moves,
-means over seeds of noise (2 mm, quantum 5 mm).
+``python -m studies.pushes [--law LAW ...] [--runs 100]`` prints, for laws alone and under the
+supervisor, how they hold 2 m for 20 minutes, when they settle after a step, and how many pistons
+that are blocked somewhere outward take the vehicle down with them: one in every 2 cm3 up to 200 cm3
+above the volume that is neutral at 1.5 m, on ways down from there. 2 mm of noise.
 """
 
 from __future__ import annotations
@@ -10,124 +11,110 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from studies.reversals import KNOBS as SLOW
-from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from studies.tuned import FAST, gains_of, noisy
 from swimbladder.control.cascade import CASCADE
-from swimbladder.control.law import NEVER, Law
+from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
-from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
-from swimbladder.design.tuning.gains import gains, setting_of, tunable
-from swimbladder.io.config import load_vehicle
-from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Cost", "cost", "main"]
+__all__ = ["WAYS", "drowned", "law_of", "main", "way"]
 
-_TICK, _SUPPLY, _RANGE = 0.3, 12.0, 20e-6  # s, V, m3
-_LAWS = ("cascade", "observer", "deadband")
-_KNOBS = {"observer": SLOW["observer"], "deadband": SLOW["observer"]._replace(pause=15.0, band=0.2)}
-_STILL = 1e-8  # m3 in a tick
-_HOLD, _DIVE, _LIMIT = (2.0, 2.0), (1.0, 20.0), 1200.0  # m, m, s
-_THERE = 0.2  # m
-
-
-class Cost(NamedTuple):
-    """What a flight asks of the motor, and when it is there."""
-
-    starts: float
-    moved: float  # L
-    arrival: float  # s; nan: never
-    pushed: float  # s, in which the supervisor pushed
-    alarm: bool
+_TICK, _START = 0.3, 1.5  # s, m
+_FROM = 120.0  # s, from which on a way down is asked for
+_LAWS = (*FAST, "observer", CASCADE.name)
+_STEP = 3.0  # m
+WAYS = ((3.0, math.inf), (20.0, math.inf), (20.0, 0.3), (20.0, 0.1))  # m, m/s
+_DOWN = 1.0  # m below what is asked for, where a vehicle is lost
 
 
-def _vehicle() -> Vehicle:
-    vehicle = load_vehicle("feup-em")
-    sensors = vehicle.sensors.model_copy(update={"depth_noise": 2e-3, "depth_quantum": 5e-3})
-    return vehicle.model_copy(update={"sensors": sensors})
-
-
-def _law(name: str, vehicle: Vehicle) -> tuple[Law, Any]:
-    """Return a law and its parameters: the paper's, or of rounded knobs."""
+def law_of(name: str, vehicle: Vehicle) -> tuple[Law, Any]:
+    """Return a law and its parameters: the paper's, or of the knobs that `tune` finds."""
     if name == CASCADE.name:
         assert vehicle.controller is not None
         return bind(vehicle.controller)[:2]
-    setting = setting_of(vehicle, sample_time=_TICK, supply=_SUPPLY, neutral_range=_RANGE)
-    return tunable(name), gains(name, setting, _KNOBS[name])
+    return gains_of(name)
 
 
-def cost(
-    name: str, way: tuple[float, float], *, pushes: bool, seed: int, duration: float = _LIMIT
-) -> Cost:
-    """Return what a law asks of the motor on a way [m], with the supervisor's pushes or without."""
-    vehicle = _vehicle()
-    law, parameters = _law(name, vehicle)
-    low, high = command_limits(vehicle)
-    limits = supervisor_parameters(vehicle, _TICK)
-    if not pushes:
-        off = limits.proof._replace(same_tried=NEVER, unproven=NEVER)
-        limits = limits._replace(proof=off)
-    own = ControllerTwin(law, parameters, tick_s=_TICK, low=low, high=high)
-    board = VehicleTwin(own, limits)
-    pushed = 0
+def way(to: float, speed: float) -> list[tuple[float, float]]:
+    """Return the set-points of a way down to a depth [m]: a step for an infinite speed [m/s]."""
+    times = np.arange(0.0, (to - _START) / speed, _TICK)
+    under_way = [(_FROM + float(t), _START + speed * (float(t) + _TICK)) for t in times[:-1]]
+    return [(0.0, _START), *under_way, (_FROM + (float(times[-1]) if len(times) else 0.0), to)]
 
-    def watched(seen: Any, reference: float) -> float:
-        nonlocal pushed
-        command = board(seen, reference)
-        pushed += board.reason is None and command != own.command
-        return command
 
-    start, target = way
-    ran = simulate(
+def _flown(name: str, count: int, *, supervised: bool, duration: float, **how: Any) -> Any:
+    vehicle = noisy("fast")
+    law, parameters = law_of(name, vehicle)
+    return simulate_ensemble(
         vehicle,
-        law=watched,
+        law=law,
+        parameters=parameters,
         sample_time=_TICK,
-        setpoints=[(0.0, target)],
-        start_depth=start,
+        count=count,
         duration=duration,
-        seed=seed,
-    )
-    moves = np.diff(ran.volume)
-    moving = np.abs(moves) > _STILL
-    near = np.flatnonzero(np.abs(ran.depth - target) <= _THERE)
-    return Cost(
-        starts=float(np.sum(moving[1:] & ~moving[:-1])),
-        moved=1e3 * float(np.abs(moves).sum()),
-        arrival=float(ran.time[near[0]]) if len(near) else math.nan,
-        pushed=pushed * _TICK,
-        alarm=board.reason is not None,
+        seed=1,
+        supervised=supervised,
+        **how,
     )
 
 
-def _mean(name: str, way: tuple[float, float], *, pushes: bool, runs: int) -> Cost:
-    found = [cost(name, way, pushes=pushes, seed=seed) for seed in range(runs)]
-    return Cost(*np.mean([[float(x) for x in one] for one in found], axis=0))
+def drowned(name: str, to: float, speed: float, *, supervised: bool) -> int:
+    """Return how many vehicles of 96 a blocked piston takes down, on a way to a depth [m]."""
+    plant_psi = noisy("fast").hull.psi
+    blocks = plant_psi * _START + np.arange(8e-6, 200e-6, 2e-6)
+    ways = {"setpoints": way(to, speed), "start_depth": _START, "vary": {"V_max": blocks}}
+    ran = _flown(name, len(blocks), supervised=supervised, duration=1100.0, **ways)
+    return int((ran["final_depth"] > to + _DOWN).sum())
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m studies.pushes", description=__doc__)
-    parser.add_argument("--runs", type=int, default=5, help="seeds of each")
+    parser.add_argument("--law", nargs="+", default=_LAWS, help="laws")
+    parser.add_argument("--runs", type=int, default=100, help="runs of each")
     given = parser.parse_args(arguments)
+    ways = [
+        f"to {to:g} m {'at once' if speed == math.inf else f'at {speed} m/s'}" for to, speed in WAYS
+    ]
+    step = f"{_START} to {_STEP} m: settled, median and 95 % [s]"
     print(
-        "| law | pushes | holding: starts in 20 min | moved [L] | pushed [s] "
-        "| 1 to 20 m: there after [s] | moved in 20 min [L] | pushed [s] | alarms |"
+        "| law | supervised | holding 2 m [mm] | [L/h] |", step, "| drowned", " | ".join(ways), "|"
     )
-    print("|---|---|---|---|---|---|---|---|---|")
-    for name in _LAWS:
-        for pushes in (False, True):
-            hold = _mean(name, _HOLD, pushes=pushes, runs=given.runs)
-            dive = _mean(name, _DIVE, pushes=pushes, runs=given.runs)
-            print(
-                f"| {name} | {'with' if pushes else 'without'} | {hold.starts:.1f} "
-                f"| {hold.moved:.3f} | {hold.pushed:.1f} | {dive.arrival:.0f} | {dive.moved:.2f} "
-                f"| {dive.pushed:.1f} | {hold.alarm + dive.alarm:g} |",
-                flush=True,
+    print("|---" * (5 + len(ways)) + "|")
+    for name in given.law:
+        for supervised in (False, True):
+            hold = _flown(
+                name,
+                given.runs,
+                supervised=supervised,
+                duration=1200.0,
+                setpoints=[(0.0, 2.0)],
+                start_depth=2.0,
             )
+            moved = _flown(
+                name,
+                given.runs,
+                supervised=supervised,
+                duration=420.0,
+                setpoints=way(_STEP, math.inf),
+                start_depth=_START,
+            )
+            settled = np.nan_to_num(moved["settle2"].to_numpy(), nan=math.inf)
+            middle, most = np.quantile(settled, (0.5, 0.95), method="higher")
+            cells = [
+                name,
+                "yes" if supervised else "no",
+                f"{1e3 * float(hold['rms_error'].median()):.1f}",
+                f"{3e3 * float(hold['actuator_travel'].median()):.2g}",
+                f"{middle:.1f}, {most:.1f}",
+                *(str(drowned(name, *one, supervised=supervised)) for one in WAYS),
+            ]
+            print("|", " | ".join(cells), "|", flush=True)
 
 
 if __name__ == "__main__":

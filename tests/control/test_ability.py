@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from swimbladder.control.law import Knobs
-from swimbladder.control.profile import learn_ability, usable
+from swimbladder.control.profile import learn_ability, own_drive, usable
 from swimbladder.control.registry import LAWS
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability.robust import wrapped
@@ -41,9 +41,11 @@ def test_it_comes_to_the_share_that_is_seen_and_only_where_the_drive_is_hard_and
 
 
 def test_what_a_supervisor_pushed_the_other_way_says_nothing_of_the_motor():
-    assert learn_ability(0.6, -10.0, -10.0, 9.0, 12.0) == 0.6
-    assert learn_ability(0.6, 10.0, 10.0, -9.0, 12.0) == 0.6
-    blocked = learn_ability(0.6, 10.0, 10.0, -0.5, 12.0)  # and given way a little
+    assert own_drive(-10.0, 9.0) == own_drive(10.0, -9.0) == 0.0
+    assert learn_ability(0.6, 0.0, -10.0, 9.0, 12.0) == 0.6
+    assert learn_ability(0.6, -10.0, 0.0, -4.0, 12.0) == 0.6  # the motor turns round
+    assert own_drive(10.0, -0.5) == own_drive(10.0, 9.0) == 10.0  # blocked, and given way a little
+    blocked = learn_ability(0.6, 10.0, 10.0, -0.5, 12.0)
     assert blocked == pytest.approx(0.6 + 0.3 * (0.1 - 0.6))
 
 

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
 from swimbladder.control.law import NEVER
@@ -20,8 +21,8 @@ from swimbladder.control.supervisor import (
     reasons_in,
     times,
     watch_motion,
+    watch_proof,
     watch_push,
-    watch_reach,
     watch_sameness,
     watch_still,
     watch_stops,
@@ -314,9 +315,14 @@ def test_a_rate_and_a_way_of_just_what_counts_do_not_count():
     s = SUPERVISOR.initial(p, CALM, 0.0)
     for rate, stops in ((1e-7, 0), (math.nextafter(1e-7, 0.0), 1), (-1e-7, 0)):
         assert watch_stops(p, s.rate, 2e-6, rate, s.rate.top).stops == stops
-    begun = s._replace(unproven=3, volume=s.volume._replace(volume=0.0))
+    begun = changed(s, unproven=3, shown=1.0)
     at = p.proof.reach
-    assert [watch_reach(p, begun, z) for z in (at, math.nextafter(at, math.inf))] == [4, 0]
+
+    def then(beyond: float) -> Any:
+        seen = CALM._replace(volume=beyond, reference=2.0)
+        return watch_proof(p, begun, seen, neutral=0.0, speed=0.0, tried=False).unproven
+
+    assert [then(beyond) for beyond in (at, math.nextafter(at, math.inf))] == [4, 0]
 
 
 @pytest.mark.parametrize("lost", [0, 1, 4094, 4095, 4096, 10_000])
@@ -526,27 +532,30 @@ class TestReach:
 
     limits = supervisor_parameters(example("cascade")[0], 0.3)
 
-    def after(self, p: Any, rows: list[tuple[float, float]], **state: Any) -> list[float]:
-        """Return the commands over rows of (depth, volume), the law's being 0 V."""
-        s = changed(SUPERVISOR.initial(p, CALM, 0.0), known=int(p.motion.known), **state)
+    def after(self, p: Any, rows: list[tuple[float, ...]], **state: Any) -> list[float]:
+        """Return the commands over rows of (depth, volume, depth asked for), the law's being 0 V.
+
+        What it has shown reaches anywhere, but where `state` says otherwise.
+        """
+        state = {"known": int(p.motion.known), "shown": 1.0, "shown_for": 99.0} | state
+        s = changed(SUPERVISOR.initial(p, CALM, 0.0), **state)
         commands = []
-        for depth, volume in rows:
-            command, s, _ = SUPERVISOR.step(p, s, CALM._replace(depth=depth, volume=volume), 0.0)
+        for depth, volume, *asked in rows:
+            seen = CALM._replace(depth=depth, volume=volume, reference=(asked or [math.nan])[0])
+            command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
             assert not s.rescue.reasons
             commands.append(command)
+        self.state, self.allowed = s, s.proof.allowed
         return commands
 
-    def test_it_is_shown_before_the_vehicle_sinks(self):
+    def test_without_a_depth_asked_for_it_is_shown_before_the_vehicle_sinks(self):
         p = self.limits
         neutral = p.neutral.psi * 2.0
         late = {"unproven": int(p.proof.unproven)}
         level = [(2.0, neutral - 0.9 * p.proof.sinks)]
         heavy = [(2.0, neutral - 1.1 * p.proof.sinks)]
-        pushed = [
-            (2.0, neutral),
-            (2.0, neutral + 0.9 * p.proof.reach),
-            (2.0, neutral + 1.1 * p.proof.reach),
-        ]
+        reach = p.proof.reach + p.proof.ahead
+        pushed = [(2.0, neutral), (2.0, neutral + 0.9 * reach), (2.0, neutral + 1.1 * reach)]
         full = p.push.surface_command
         assert self.after(p, level * 3, **late) == [0.0] * 3
         assert self.after(p, heavy * 3) == [0.0] * 3  # it has shown it of late
@@ -557,6 +566,78 @@ class TestReach:
         again = self.after(p, heavy * (int(p.proof.unproven) + 3), unproven=0)
         assert again.index(full) == p.proof.unproven
 
+    def test_it_is_shown_before_the_law_is_asked_for_anything_deeper(self):
+        p, full = self.limits, self.limits.push.surface_command
+        neutral, late = p.neutral.psi * 2.0, {"unproven": int(self.limits.proof.unproven)}
+        held = [(2.0, neutral, 2.0)]
+        heavy = [(2.0, neutral - 3.0 * p.proof.sinks, 2.0)]
+        deeper = [(2.0, neutral, 3.5)]
+        way = p.neutral.psi * 1.5
+        almost = [(2.0, neutral + 0.99 * p.proof.reach + way, 3.5)]
+        there = [(2.0, neutral + 1.01 * p.proof.reach + way, 3.5)]
+        assert self.after(p, heavy * 5, **late) == [0.0] * 5  # it stays where it is
+        assert self.allowed == 2.0
+        assert self.after(p, held + deeper * 2 + almost, **late) == [0.0] + [full] * 3
+        assert self.allowed == 2.0
+        assert self.after(p, held + deeper + almost + there, **late) == [0.0, full, full, 0.0]
+        assert self.allowed == 3.5
+        assert self.after(p, held + deeper * 5) == [0.0] * 6  # it has shown it of late
+        assert self.allowed == 3.5
+        higher = [(2.0, neutral, 1.0)]  # what was asked for since is what counts
+        assert self.after(p, higher + held, **late) == [0.0, full]
+        assert self.allowed == 1.0
+
+    @pytest.mark.parametrize(("to", "share"), [(2.1, 0.1), (2.5, 0.5), (3.0, 1.0), (5.0, 1.0)])
+    def test_a_jump_takes_what_stops_the_vehicle_at_its_end(self, to, share):
+        """All of the reach from a metre on, since a long way is fast; of a short one a share."""
+        p, full = self.limits, self.limits.push.surface_command
+        spare = p.proof.sinks + share * (p.proof.reach - p.proof.sinks)
+        rows = [(2.0, p.neutral.psi * 2.0, asked) for asked in (2.0, to, to)]
+        for more, commands in ((1e-8, [0.0] * 3), (-1e-8, [0.0, full, full])):
+            shown = {"shown": p.neutral.psi * to + spare + more, "shown_for": 2.0}
+            assert self.after(p, rows, **shown) == commands
+
+    def test_what_it_showed_counts_as_deep_as_it_reached_above_the_neutral_volume(self):
+        p, full = self.limits, self.limits.push.surface_command
+        shown = {"shown": p.neutral.psi * 5.0 + p.proof.sinks, "shown_for": 4.0}
+        above, below = (4.99, 4.99 * p.neutral.psi), (5.01, 5.01 * p.neutral.psi)
+        assert self.after(p, [(*above, 6.0)] * 3, **shown) == [0.0] * 3
+        assert self.after(p, [(*below, 6.0)] * 3, **shown) == [full] * 3
+        assert self.after(p, [(*below, 4.0)] * 3, **shown) == [0.0] * 3  # that was asked for then
+
+    def test_a_vehicle_that_sinks_is_stopped_by_what_was_shown(self):
+        """The volume per speed is that of z'' = -a_b (n - psi z), integrated on both sides."""
+        p, full = self.limits, self.limits.push.surface_command
+        a_b = 1.0 / (p.motion.inertia / p.motion.per_tau**2)
+        assert p.proof.lead == pytest.approx(a_b / p.motion.per_tau)
+        for share, stops in ((0.99, False), (1.01, True)):
+            n = share * p.proof.per_speed * 0.2
+
+            def motion(_: float, x: Any, n: float = n) -> tuple[float, float]:
+                return x[1], -a_b * (n - p.neutral.psi * x[0])
+
+            path = solve_ivp(motion, (0.0, 200.0), (0.0, 0.2), rtol=1e-10, atol=1e-12)
+            assert bool(path.y[0, -1] < 0.0) is stops
+        shown = {"shown": p.neutral.psi * 2.0 + p.proof.sinks + 0.1 * p.proof.per_speed}
+        rows = [(2.0, p.neutral.psi * 2.0, 6.0)]
+        for speed, command in ((0.099, 0.0), (0.101, full)):
+            z1 = 2.0 - speed / p.motion.per_tau / (1.0 - p.motion.smoothing)
+            moving = {"z1": z1, "z2": z1, "settled": 5, "since": 0, "depth": 2.0, "shown_for": 2.0}
+            assert self.after(p, rows, **shown, **moving) == [command]
+
+    def test_afloat_and_before_anything_is_known_the_way_is_free_and_counts(self):
+        p = self.limits
+        late = {"unproven": int(p.proof.unproven), "allowed": 0.2, "shown": 0.0}
+        assert self.after(p, [(0.2, 2e-5, 3.0)] * 3, **late) == [0.0] * 3
+        assert self.allowed > 1e5
+        assert (self.state.proof.shown, self.state.proof.shown_for) == (2e-5, 3.0)
+        assert self.after(p, [(0.2, 2e-5, 3.0), (0.2, -1e-5, 4.0)], **late) == [0.0] * 2
+        assert self.allowed > 1e5
+        assert (self.state.proof.shown, self.state.proof.shown_for) == (2e-5, 3.0)
+        unknown = self.after(p, [(2.0, 2e-5, 3.0)] * 3, **late, known=0)
+        assert unknown == [0.0] * 3
+        assert self.allowed > 1e5
+
     def test_what_the_dive_has_shown_of_its_neutral_volume_counts(self):
         p, late = self.limits, {"unproven": int(self.limits.proof.unproven)}
         rows = [(2.0, p.neutral.psi * 2.0)]
@@ -565,7 +646,7 @@ class TestReach:
 
     def test_an_actuator_at_its_end_has_shown_what_it_can(self):
         p = self.limits
-        rows = [(2.0, 1.01 * p.volume.volume_high)] * 2
+        rows = [(2.0, 0.99 * p.volume.volume_high), (2.0, 1.01 * p.volume.volume_high)]
         assert self.after(p, rows, own=2.0 * p.volume.volume_high, unproven=NEVER) == [
             p.push.surface_command,
             0.0,
@@ -578,7 +659,7 @@ class TestReach:
         # the first tick has nothing before it that it could be the same as
         assert commands.index(p.push.surface_command) == n
         assert commands[n:] == [p.push.surface_command] * 5
-        there = [(1.99, p.neutral.psi * 2.0 + 1.1 * p.proof.reach)]
+        there = [(1.99, p.neutral.psi * 2.0 + 1.1 * (p.proof.reach + p.proof.ahead))]
         moved = self.after(p, still * (n + 2) + there + still)
         assert moved[-4:] == [p.push.surface_command] * 2 + [0.0] * 2
 

@@ -1,36 +1,31 @@
-"""What pushes cost: nothing where a law holds quietly, and time and volume where it goes down."""
+"""What pushes cost and save: nothing where a vehicle stays, and the vehicle further down."""
 
-import pytest
+import math
 
-from studies.pushes import cost, main
+import numpy as np
 
-
-def test_a_quiet_law_holds_as_it_does_without():
-    with_, without = (cost("observer", (2.0, 2.0), pushes=on, seed=1) for on in (True, False))
-    assert with_ == without
-    assert without.pushed == 0.0
-    assert not without.alarm
+from studies.pushes import drowned, main, way
 
 
-def test_a_way_down_is_longer_with_pushes():
-    with_, without = (cost("deadband", (1.0, 20.0), pushes=on, seed=1) for on in (True, False))
-    assert without.pushed == 0.0 < with_.pushed
-    assert with_.arrival > without.arrival
-    assert with_.moved > without.moved
-    assert [with_.alarm, without.alarm] == [False, False]
+def test_a_way_is_a_step_or_goes_on_at_its_speed_and_ends_where_it_should():
+    assert way(3.0, math.inf) == [(0.0, 1.5), (120.0, 3.0)]
+    times, depths = np.array(way(5.0, 0.1)[1:]).T
+    assert np.allclose(np.diff(times), 0.3)
+    assert np.allclose(np.diff(depths)[:-1], 0.03)
+    assert depths[-1] == 5.0
+    assert np.isclose(times[-1], 120.0 + 34.8)
 
 
-def test_the_command_prints_a_row_for_each_law_with_and_without(capsys, monkeypatch):
-    monkeypatch.setattr("studies.pushes._LIMIT", 60.0)
-    monkeypatch.setattr("studies.pushes._LAWS", ("cascade",))
-    main(["--runs", "1"])
+def test_pushes_save_the_vehicle_from_blocks_that_take_it_down_without():
+    assert drowned("planned", 3.0, math.inf, supervised=False) > 0
+    assert drowned("planned", 3.0, math.inf, supervised=True) == 0
+
+
+def test_the_command_prints_a_row_for_each_law_alone_and_supervised(capsys, monkeypatch):
+    monkeypatch.setattr("studies.pushes.WAYS", ((3.0, math.inf),))
+    main(["--runs", "2", "--law", "observer"])
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split("|")[2].strip() for line in lines[2:]] == ["without", "with"]
-    assert lines[0].count("|") == lines[2].count("|")
-
-
-@pytest.mark.parametrize("pushes", [True, False])
-def test_the_papers_cascade_is_there_in_a_minute(pushes):
-    found = cost("cascade", (1.0, 20.0), pushes=pushes, seed=2, duration=60.0)
-    assert found.arrival < 60.0
-    assert found.moved > 0.5
+    assert [line.split("|")[2].strip() for line in lines[2:]] == ["no", "yes"]
+    assert {line.count("|") for line in lines} == {lines[0].count("|")}
+    alone, under = ([cell.strip() for cell in line.split("|")[3:5]] for line in lines[2:])
+    assert alone == under  # it holds as it does without

@@ -161,9 +161,10 @@ class VehicleTwin:
         """Return the command from this tick on; `missed` of what is seen is the controller's."""
         wanted = self.controller.command
         if not (self.state.rescue.reason or self.state.restarted):  # else left alone: it may hang
-            wanted = self.controller.tick(seen.depth, seen.volume, reference)
+            asked = min(reference, self.state.proof.allowed)  # NaN is the law's business
+            wanted = self.controller.tick(seen.depth, seen.volume, asked)
         self.ticks += 1
-        seen = seen._replace(missed=min(self.controller.missed, NEVER))
+        seen = seen._replace(missed=min(self.controller.missed, NEVER), reference=reference)
         if self.controller.seconds:
             seen = seen._replace(volume=0.0)
         command, self.state, _ = self.supervisor.step(self.limits, self.state, seen, wanted)

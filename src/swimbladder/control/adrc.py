@@ -23,7 +23,15 @@ from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
 from swimbladder.control.observer import limited
-from swimbladder.control.profile import Target, aim, approach, is_behind, learn_ability, moves
+from swimbladder.control.profile import (
+    Target,
+    aim,
+    approach,
+    is_behind,
+    learn_ability,
+    moves,
+    own_drive,
+)
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
@@ -186,6 +194,7 @@ def step(
     lost = known and is_behind(p, before.volume_reference, volume)
     if known:
         moved = (volume - before.volume) / (p.S_p * p.rate_per_volt)
+        drive = own_drive(drive, moved)
         ability = learn_ability(before.ability, drive, before.driven, moved, p.voltage_limit)
 
     begun = before.begun > 0.0

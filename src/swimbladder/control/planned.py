@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 
 from swimbladder.control import law, observer
 from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves
-from swimbladder.control.profile import BEHIND, learn_ability, usable
+from swimbladder.control.profile import BEHIND, learn_ability, own_drive, usable
 from swimbladder.control.records import from_leaves
 
 FINE = 32  # steps of the path in a sample
@@ -154,10 +154,11 @@ def step(
     target = reference if math.isfinite(reference) else state.path_depth
     if abs(state.volume_reference - volume) > BEHIND * p.S_p * p.limit / p.rate:
         here = _where(p, e, volume)
-    ability = state.ability
+    ability, drive = state.ability, state.drive
     if math.isfinite(measurement.volume):
         moved = (volume - state.estimate.volume) / p.S_p * p.rate
-        ability = learn_ability(state.ability, state.drive, state.driven, moved, p.limit)
+        drive = own_drive(drive, moved)
+        ability = learn_ability(ability, drive, state.driven, moved, p.limit)
     jerk = usable(ability) * _jerk(p, here.depth, target)
     there = along(here, target, jerk, p.speed, p.S_p)
     planned = _volume(p, here, e.neutral)
@@ -179,7 +180,7 @@ def step(
             wanted,
             moving,
             voltage - load,
-            state.drive,
+            drive,
             ability,
         ),
         p.S_p,

@@ -37,12 +37,19 @@ def learn_ability(ability: float, drive: float, driven: float, moved: float, lim
 
     drive and driven [V]: voltage beyond the load of the sea at the sample before and at the one
     before that; moved [V]: what the volume moved since, as the voltage that moves it so; limit [V].
-    A volume that went far the other way was moved by what is not the law's, like a supervisor.
     """
-    pushed_back = moved * drive < -_OTHERS * drive * drive
-    if abs(drive) < 0.5 * limit or drive * driven < 0.25 * limit * limit or pushed_back:
+    if abs(drive) < 0.5 * limit or drive * driven < 0.25 * limit * limit:
         return ability
     return ability + _TRUST * (min(max(moved / drive, _LEAST), 1.0) - ability)
+
+
+def own_drive(drive: float, moved: float) -> float:
+    """Return what of a drive [V] was the law's: 0 where the volume went far the other way.
+
+    moved [V], as of `learn_ability`. A supervisor's push says nothing of the motor, nor does the
+    sample after it, in which the motor turns round.
+    """
+    return 0.0 if moved * drive < -_OTHERS * drive * drive else drive
 
 
 def usable(ability: float) -> float:

@@ -21,7 +21,15 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
-from swimbladder.control.profile import Target, aim, approach, is_behind, learn_ability, moves
+from swimbladder.control.profile import (
+    Target,
+    aim,
+    approach,
+    is_behind,
+    learn_ability,
+    moves,
+    own_drive,
+)
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
@@ -153,14 +161,13 @@ def step(
     begun = before.begun > 0.0
     wanted = reference if begun and abs(reference) < _DEEPEST else before.goal
     volume = before.volume
-    ability = before.ability
+    ability, drive = before.ability, before.drive
     measured = abs(measurement.volume) < _LARGEST
     if measured:
         if p.rate_per_volt > 0.0:
             moved = (measurement.volume - before.volume) / (p.S_p * p.rate_per_volt)
-            ability = learn_ability(
-                before.ability, before.drive, before.driven, moved, p.voltage_limit
-            )
+            drive = own_drive(drive, moved)
+            ability = learn_ability(ability, drive, before.driven, moved, p.voltage_limit)
         volume = measurement.volume
     target = Target(wanted, 0.0, 0.0, p.shortest, 0.0, 0.0)
     behind = begun and measured and abs(measurement.depth) < _DEEPEST
@@ -234,7 +241,7 @@ def step(
         moving=moving,
         volume=volume,
         drive=limited - p.depth_voltage * depth,
-        driven=before.drive,
+        driven=drive,
         ability=ability,
         volume_reference=U,
     )

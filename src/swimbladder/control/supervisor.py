@@ -32,6 +32,7 @@ class Watched(NamedTuple):
     leak: bool  # water inside
     lost: Count  # ticks that should have come since the last one
     missed: Count  # calls in a row in which the law gave no command
+    reference: float = math.nan  # m, the depth asked for
 
 
 class PushLimits(NamedTuple):
@@ -111,6 +112,10 @@ class ProofLimits(NamedTuple):
     unproven: Annotated[Count, "ticks"]  # ticks after which it has to show anew that it can
     sinks: Annotated[float, "m3"]  # before it is heavier by so much
     reach: Annotated[float, "m3"]  # by so much beyond the neutral volume
+    per_speed: Annotated[float, "m2 s"]  # more per speed: it stops before psi z outgrows it
+    lead: Annotated[float, "1/(m2 s)"]  # what a volume adds to a speed while its low pass lags
+    per_jump: Annotated[float, "1/m"]  # 1/a jump of the depth asked for that takes all of reach
+    ahead: Annotated[float, "m3"]  # what the way down adds where nobody knows how far it goes
 
 
 class NeutralLimits(NamedTuple):
@@ -246,6 +251,15 @@ class SameWatch(NamedTuple):
     frozen: bool
 
 
+class ProofWatch(NamedTuple):
+    """How far outward the actuator has shown that it can push."""
+
+    unproven: Count  # ticks since it has; NEVER: it has to
+    shown: float  # m3, volume that it reached
+    shown_for: float  # m, the depth that was asked for then
+    allowed: float  # m, the largest depth that the law is asked for now
+
+
 class MotionWatch(NamedTuple):
     """Depth and volume against the model."""
 
@@ -301,12 +315,12 @@ class SupervisorState(NamedTuple):
     restarted: bool  # by a watchdog or a brown-out
     command: float  # V or m3, given last
     deep: Count  # ticks
-    unproven: Count  # ticks since it has shown that it can push outward; NEVER: it has to
     time: TimeWatch
     depth: DepthWatch
     volume: VolumeWatch
     rate: RateWatch
     same: SameWatch
+    proof: ProofWatch
     motion: MotionWatch
     rest: RestWatch
     board: BoardWatch
@@ -350,12 +364,14 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         restarted=restarted > 0.0,
         command=0.0,
         deep=0,
-        unproven=0,
         time=TimeWatch(0, 0, 0),
         depth=DepthWatch(since=NEVER, depth=0.0, blind=0),
         volume=VolumeWatch(0.0, False, 0),
         rate=RateWatch(lag=0.0, asked=0.0, following=0, top=0.0, stops=0),
         same=SameWatch(0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False),
+        proof=ProofWatch(
+            unproven=0, shown=parameters.volume.volume_least, shown_for=0.0, allowed=_ANY
+        ),
         motion=MotionWatch(
             0.0, 0.0, 0.0, 0.0, settled=0, wrong=0, own=0.0, own_depth=0.0, weight=0.5, known=0
         ),
@@ -369,6 +385,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
 _BLOCK = 4096  # ticks that the fine count of time holds
 _MOST_LOST = _BLOCK - 1  # ticks that are counted at once
 _REASONS = 15
+_ANY = 1e6  # m, any depth
 
 
 def tally(bad: bool, n: Count, most: Count) -> Count:
@@ -614,15 +631,52 @@ def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched) -> BoardWatch:
     return s._replace(battery=battery, leak=leak, missed=missed)
 
 
-def watch_reach(p: SupervisorParameters, s: SupervisorState, beyond: float) -> Count:
-    """Ask for a push outward of a vehicle that begins to sink and has shown none of late.
+def has_shown(seen: Watched) -> ProofWatch:
+    """Return what is known of an actuator that has just reached a volume outward."""
+    deepest = seen.reference if math.isfinite(seen.reference) else _ANY
+    return ProofWatch(0, seen.volume, deepest, deepest)
 
-    Also where its depth was the very same for long, to see whether it can change.
+
+def watch_proof(
+    p: SupervisorParameters,
+    s: SupervisorState,
+    seen: Watched,
+    neutral: float,
+    speed: float,
+    tried: bool,
+) -> ProofWatch:
+    """Ask for a push outward before a vehicle that has shown none of late goes deeper.
+
+    What it showed counts for some time, and as deep and as fast as what it reached is above the
+    volume that stops it there. Until it has shown it again the law is asked for nothing deeper.
+    Where nobody knows what is asked for, a vehicle that is heavy goes deeper. tried: it is to show
+    it anyway.
     """
-    if beyond > p.proof.reach or s.volume.volume > p.volume.volume_high:
-        return 0
-    due = s.unproven >= p.proof.unproven and beyond < -p.proof.sinks
-    return NEVER if due or s.same.same >= p.proof.same_tried else more(s.unproven, 1)
+    proof, asked, beyond = s.proof, seen.reference, seen.volume - neutral
+    known = math.isfinite(asked)
+    brake = p.proof.per_speed * max(speed - p.proof.lead * beyond, 0.0)
+    way = p.proof.ahead
+    if known:
+        way = max(p.neutral.psi * (asked - seen.depth), 0.0)
+    if beyond > p.proof.reach + way + brake or seen.volume > p.volume.volume_high:
+        return has_shown(seen)
+    old = proof.unproven >= p.proof.unproven
+    spare = proof.shown - neutral - brake
+    due, shown_for, allowed = tried, proof.shown_for, proof.allowed
+    if not known:
+        due = due or ((old or spare < p.proof.sinks) and beyond < -p.proof.sinks)
+    elif asked > allowed:
+        jump = min((asked - allowed) * p.proof.per_jump, 1.0)
+        needed = p.neutral.psi * (asked - allowed) + jump * (p.proof.reach - p.proof.sinks)
+        due = due or old or spare < p.proof.sinks + needed
+        if not due:
+            allowed = asked
+            if jump >= 1.0:
+                shown_for = asked
+    else:
+        allowed = asked
+        due = due or (spare < p.proof.sinks and asked > shown_for)
+    return ProofWatch(NEVER if due else more(proof.unproven, 1), proof.shown, shown_for, allowed)
 
 
 def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:
@@ -764,6 +818,7 @@ def step(
     n = volume - p.neutral.psi * depth - p.neutral.neutral
     room = p.neutral.neutral_range + p.neutral.psi_range * abs(depth)
     resting = rests(p.rest, depth, n, room)
+    speed = 0.0
     if good:
         s = s._replace(rest=watch_still(p.rest, s.rest, depth))
         stands = s.rest.still >= p.rest.still
@@ -778,9 +833,15 @@ def step(
     s = s._replace(board=watch_board(p.board, s.board, seen))
     asks = p.proof.same_tried < NEVER and good
     if asks and measured and not resting and s.motion.known >= p.motion.known:
-        s = s._replace(unproven=watch_reach(p, s, n - s.motion.own))
-        if s.unproven == NEVER:
+        neutral = volume - n + s.motion.own
+        tried = s.same.same >= p.proof.same_tried
+        s = s._replace(proof=watch_proof(p, s, seen, neutral, speed, tried))
+        if s.proof.unproven == NEVER:
             wanted = p.push.surface_command
+    elif asks and measured:
+        if volume > s.proof.shown:
+            s = s._replace(proof=has_shown(seen))
+        s = s._replace(proof=s.proof._replace(allowed=_ANY))
     s = s._replace(
         depth=s.depth._replace(since=since, depth=depth),
         volume=s.volume._replace(volume=volume, measured=measured),

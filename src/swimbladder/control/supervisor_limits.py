@@ -48,7 +48,9 @@ _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
 _MOVED_SHARE = 0.025  # of half the stroke, with which a depth cannot stay the same
-_REACH, _SINKS = 4.0, 0.6  # of that, by which a push shows that it can, and before what weight
+_REACH, _AHEAD = 2.0, 2.0  # of that, by which a push shows that it can, and more for the way down
+_PER_JUMP = 1.0  # 1/m; a way from rest of so much comes to half the speed of a long one
+_SINKS = 0.6  # of that, by which the vehicle is heavy
 # On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
 # within 0.16 of that. 0.42 means sigma above the quantum: a sample is then the same with a chance
 # of 0.38. The number is for 0.53, that of 0.7 quanta: 44 samples, 1e-12.
@@ -176,7 +178,14 @@ def supervisor_parameters(
             noisy_weight=_NOISY_WEIGHT,
         ),
         proof=supervisor.ProofLimits(
-            same_tried=tried, unproven=proof, sinks=_SINKS * moved, reach=_REACH * moved
+            same_tried=tried,
+            unproven=proof,
+            sinks=_SINKS * moved,
+            reach=_REACH * moved,
+            per_speed=math.sqrt(max(p.psi, 0.0) / p.a_b),
+            lead=p.a_b * tau,
+            per_jump=_PER_JUMP,
+            ahead=_AHEAD * moved,
         ),
         neutral=supervisor.NeutralLimits(
             psi=p.psi, psi_range=psi_range, neutral=p.V_0, neutral_range=neutral_range

@@ -7,16 +7,21 @@ import pytest
 
 import swimbladder as sb
 from swimbladder.control import supervisor
-from swimbladder.control.registry import bind
+from swimbladder.control.registry import LAWS, bind
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.vehicle import Supervisor
+from tests.codegen.laws import example
 
 FEUP, POSITIONER = load_vehicle("feup-em"), load_vehicle("ntnu-bv")
-STEPS = {"setpoints": [(0.0, 3.0), (120.0, 1.5)], "duration": 240.0, "start_depth": 1.5}
+STEPS = {
+    "setpoints": [(0.0, 2.0), (100.0, 3.0), (160.0, 1.5)],
+    "duration": 260.0,
+    "start_depth": 1.5,
+}
 ON_THE_BOTTOM = {"bottom_depth": 2.5, "checked": False}
 
 
@@ -40,12 +45,13 @@ class Board:
         if self.state is None:
             self.state = self.law.initial(self.p, seen, reference)
         if self.wait <= 0 and self.watch.rescue.reason == 0:
-            u, self.state, later = self.law.step(self.p, self.state, seen, reference)
+            asked = min(reference, self.watch.proof.allowed)
+            u, self.state, later = self.law.step(self.p, self.state, seen, asked)
             self.wanted = min(max(u, self.ends[0]), self.ends[1])
             self.wait = max(math.ceil(later / self.tick - 1e-9), 1)
         self.wait -= 1
         before = self.watch.rescue.reason
-        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0)
+        watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0, reference)
         command, self.watch, _ = supervisor.step(self.limits, self.watch, watched, self.wanted)
         if self.watch.rescue.reason and not before:
             self.alarm = seen.time
@@ -78,8 +84,48 @@ def test_a_push_that_proves_the_motor_is_in_the_loop():
     alone = sb.simulate(vehicle, supervised=False, seed=4, **STEPS)
     under = sb.simulate(vehicle, supervised=True, seed=4, **STEPS)
     pushed = (under.voltage == 12.0) & (under.command < 11.0)
-    assert pushed.any()
+    assert np.unique(np.floor(under.time[pushed])).tolist() == [100.0]  # before it goes deeper
     assert not ((alone.voltage == 12.0) & (alone.command < 11.0)).any()
+    held = under.time < 99.0
+    assert (under.depth[held] == alone.depth[held]).all()
+
+
+def ramp(to, speed):
+    """Return set-points from 1.5 m on, after two minutes; at once for an infinite speed."""
+    times = np.arange(0.0, (to - 1.5) / speed, 0.3)
+    on_the_way = [(120.0 + t, 1.5 + speed * (t + 0.3)) for t in times[:-1]]
+    return [(0.0, 1.5), *on_the_way, (120.0 + (times[-1] if len(times) else 0.0), to)]
+
+
+@pytest.mark.parametrize(
+    ("name", "to", "speed"),
+    [
+        ("planned", 3.0, math.inf),
+        ("planned", 20.0, 0.3),
+        ("adrc", 20.0, math.inf),
+        ("adrc", 20.0, 0.1),
+        ("cascade", 20.0, 0.1),
+    ],
+)
+def test_no_block_of_the_piston_outward_drowns_the_vehicle(name, to, speed):
+    """Wherever it is: it is met before the way down, or stops the vehicle at the end of it."""
+    vehicle, parameters, tick = example(name)
+    blocks = 1.5 * 4.04e-6 + np.arange(10e-6, 200e-6, 2e-6)
+    flown = simulate_ensemble(
+        noisy(vehicle),
+        count=len(blocks),
+        setpoints=ramp(to, speed),
+        duration=1100.0,
+        start_depth=1.5,
+        seed=1,
+        law=LAWS[name],
+        parameters=parameters,
+        sample_time=tick,
+        supervised=True,
+        vary={"V_max": blocks},
+    )
+    assert (flown["final_depth"] < to + 0.5).all()
+    assert (flown["alarm"] > 0).sum() > 3
 
 
 def test_a_vehicle_with_a_table_of_it_flies_under_its_supervisor():

@@ -116,6 +116,12 @@ def took_over(watch: Any, i: int) -> bool:  # noqa: ARG001
 
 
 @_chosen
+def allowed(watch: Any, i: int, reference: float) -> float:  # noqa: ARG001
+    """Return the depth that the law of lane i is asked for, its supervisor allowing."""
+    return reference
+
+
+@_chosen
 def supervise(watch: Any, S: Any, W_: int, i: int, k: int, wanted: float) -> float:  # noqa: ARG001
     """Return what lane i's supervisor makes of its law's command at tick k."""
     return wanted

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
-from swimbladder.sim.closed_loop.hooks import ask, drive, supervise, took_over
+from swimbladder.sim.closed_loop.hooks import allowed, ask, drive, supervise, took_over
 from swimbladder.sim.closed_loop.rows import N_PLANT, N_STEP, Row
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import ModeLane, ensure_chain
@@ -136,7 +136,8 @@ def decide(S: Array, W_: int, i: int, hooks: Any, law: Like, k: int, tick: float
         seen = Measurement(k * tick, S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i])
         parameters = gather(law.parameters, S, Row.LAW * W_ + i, W_)
         state = gather(law.state, S, row, W_)
-        command, state, next_s = law_step(parameters, state, seen, S[Row.REFERENCE * W_ + i])
+        reference = allowed(law.watch, i, S[Row.REFERENCE * W_ + i])
+        command, state, next_s = law_step(parameters, state, seen, reference)
         waiting = S[Row.WAIT * W_ + i]
         due = waiting <= 0.0 and not took_over(law.watch, i)
         ticks = np.ceil(next_s * (1.0 / tick) - 1e-9) - 1.0

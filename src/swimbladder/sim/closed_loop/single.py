@@ -98,7 +98,8 @@ def run_function(block: Block, function: Callable[..., Any], advance: Advance = 
             seen = Measurement(
                 k * clock.tick, float(work[Row.SEEN_DEPTH]), float(work[Row.SEEN_VOLUME])
             )
-            said = function(seen, float(block.depths[clock.turn[k], 0]))
+            reference = float(block.depths[clock.turn[k], 0])
+            said = function(seen, block.watch.allowed(reference) if block.watch else reference)
             work[Row.LAW], wait = _understood(function, said, clock.tick)
             work[Row.LAW + 1] = wait * clock.tick if pumped else 0.0
         wait -= 1.0

@@ -32,7 +32,8 @@ from swimbladder.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _LIMITS, _STATE = leaf_names(SupervisorParameters), leaf_names(SupervisorState)
-_N_LIMITS, _N_STATE, _REASON = len(_LIMITS), len(_STATE), _STATE.index("reason")
+_N_LIMITS, _N_STATE = len(_LIMITS), len(_STATE)
+_REASON, _ALLOWED = _STATE.index("reason"), _STATE.index("allowed")
 _LIKE_LIMITS: SupervisorParameters = from_numbers(SupervisorParameters, [0.0] * _N_LIMITS)
 _LIKE_STATE: SupervisorState = from_numbers(SupervisorState, [0.0] * _N_STATE)
 
@@ -62,6 +63,10 @@ class Supervision(NamedTuple):
     def alarms(self) -> Array:
         """The number of the reason, 0: none, and the tick of each lane's alarm [lanes, 2]."""
         return self.memory[:, [_REASON, _N_STATE]]
+
+    def allowed(self, reference: float) -> float:
+        """Return the depth [m] that the law of the first lane is asked for."""
+        return min(reference, float(self.memory[0, _ALLOWED]))
 
     def alarm(self, tick: float) -> Alarm | None:
         """Return why and when the supervisor took over the first lane, of a sample time [s]."""
@@ -104,15 +109,12 @@ _supervise = inlined(compilable(supervisor.step))
 
 
 @shared
-def _watch(
-    limits: Array, memory: Array, depth: float, volume: float, battery: float, wanted: float, k: int
-) -> Any:
+def _watch(limits: Array, memory: Array, seen: Any, wanted: float, k: int) -> Any:
     """Return what one lane's supervisor commands for its law's command; change what it knows."""
     p = gather(_LIKE_LIMITS, limits, 0, 1)
     s = gather(_LIKE_STATE, memory, 0, 1)
     least, most = limits[_N_LIMITS], limits[_N_LIMITS + 1]
     wanted = min(max(wanted, least), most)
-    seen = Watched(depth, 0.0, volume, battery, False, 0, 0)
     command, s, _ = _supervise(p, s, seen, wanted)
     before = memory[_REASON]
     scatter_where(True, s, memory, 0, 1)
@@ -129,11 +131,16 @@ def _supervise_lane(watch: Supervision, S: Array, W_: int, i: int, k: int, wante
         kappa, q = S[plant + modes.KAPPA * W_], S[Row.Q * W_ + i]
         battery = battery_voltage(supply, sag, kappa, S[Row.APPLIED * W_ + i], q)
     depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
-    return _watch(watch.limits, watch.memory[i], depth, volume, battery, wanted, k)
+    seen = Watched(depth, 0.0, volume, battery, False, 0, 0, S[Row.REFERENCE * W_ + i])
+    return _watch(watch.limits, watch.memory[i], seen, wanted, k)
 
 
 def _took_over(watch: Supervision, i: int) -> Any:
     return watch.memory[i, _REASON] != 0.0
 
 
-hook_in(Supervision, supervise=_supervise_lane, took_over=_took_over)
+def _allowed(watch: Supervision, i: int, reference: float) -> Any:
+    return min(reference, watch.memory[i, _ALLOWED])
+
+
+hook_in(Supervision, allowed=_allowed, supervise=_supervise_lane, took_over=_took_over)
