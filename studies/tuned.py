@@ -31,7 +31,7 @@ _DEPTHS = (0.0, 5.0)  # m
 _STEPS: Mapping[str, tuple[float, float]] = {"fast": (1.5, 3.0), "quiet": (1.5, 2.0)}  # m
 _QUANTA = {"fast": 0.0, "quiet": 5e-3}  # m
 _OWN = Step(1.5, 3.0, 1800.0)  # the paper's
-KNOBS: Mapping[str, Knobs] = {  # as `tune` finds them, rounded
+KNOBS: Mapping[str, Knobs] = {  # as `tune --without-supervisor` finds them, rounded
     **QUIET_KNOBS,
     "planned": Knobs(
         frequency=0.27, damping=0.8, inner=1.5, sharpness=12.0, learning=0.003, share=0.75

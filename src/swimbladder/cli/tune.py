@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_cast
 from swimbladder.cli.common import compile_notice, labelled, progress, table, typed_command
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.options import Files, Options, VehicleName, WithoutSupervisor, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.control.records import leaves
 
@@ -49,6 +49,7 @@ def tune(
     sensor: DepthSensor,
     cast: CastFile = None,
     reading: CastReading,
+    without_supervisor: WithoutSupervisor = False,
     to: Files,
 ) -> None:
     r"""Find gains of a law that meet the stability margins over the 95 % parameter region.
@@ -69,7 +70,7 @@ def tune(
         from swimbladder.design.tuning import tune as find
         from swimbladder.show.report.tune import tuning_files
     with compile_notice(), progress("searching gains", 1.0) as advance:
-        found = find(v, **options, advance=advance)
+        found = find(v, **options, supervised=not without_supervisor, advance=advance)
     to.answer(found.to_json(), partial(tuning_files, found, typed_command()), _shown(found))
 
 

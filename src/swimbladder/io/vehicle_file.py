@@ -17,13 +17,15 @@ _ALWAYS = ("schema_version", "kind", "law")
 def vehicle_file(vehicle: Vehicle, *, head: str = "") -> str:
     """Return the text of a file from which the very same vehicle is read.
 
-    Fields at their default are left out. head: lines that stand above it as comments.
+    Fields at their default are left out, but for a table [supervisor]: a vehicle that has one is
+    flown under it. head: lines that stand above it as comments.
     """
     lines = [f"# {_printable(line)}".rstrip() for line in head.splitlines()]
     lines.append("# A bare number is in the unit beside it.")
 
     def kept(name: str, value: object, info: FieldInfo) -> bool:
-        return value is not None and (value != info.get_default() or name in _ALWAYS)
+        has_table = name == "supervisor" and name in vehicle.model_fields_set
+        return value is not None and (value != info.get_default() or name in _ALWAYS or has_table)
 
     def text(value: object, unit: str | None) -> str:
         return toml_value(value) + (f" # {unit}" if unit else "")

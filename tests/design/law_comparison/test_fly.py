@@ -43,7 +43,9 @@ def measured(time, depth, volume, *, target=0.0, since=0.0):
     nothing = np.full(2, np.nan)
     energy, stopped = np.array([5.0, 7.0]), np.zeros(2, bool)
     target = np.full(2, target)
-    return measure(Runs(time, *two, target, nothing, nothing, energy, nothing, stopped), since)
+    alarm = np.array([0, 11])
+    runs = Runs(time, *two, target, nothing, nothing, energy, nothing, stopped, alarm)
+    return measure(runs, since)
 
 
 def test_a_sine_has_the_rms_and_the_travel_of_a_sine():
@@ -54,6 +56,7 @@ def test_a_sine_has_the_rms_and_the_travel_of_a_sine():
     assert m.farthest == pytest.approx(0.02, rel=1e-6)
     assert m.rate == pytest.approx(4.0 * 5e-6 / 100.0, rel=1e-6)
     assert m.power == pytest.approx([5.0 / 1000.0, 7.0 / 1000.0])
+    assert m.alarms.tolist() == [0.0, 1.0]
 
 
 def test_starts_and_turns_are_those_of_a_motor_that_is_switched():
@@ -88,6 +91,7 @@ def test_runs_are_summed_up_as_the_words_say():
         energy=nothing,
         power=nothing + 9.0,
         lost=np.array([0.0, 1.0, 0.0, 0.0]),
+        alarms=np.array([0.0, 0.0, 1.0, 1.0]),
     )
     r = summarise(f)
     assert (r.settled, r.settle_median, r.lost) == (0.75, 20.0, 0.25)

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import tomllib
 
 import control
 import numpy as np
@@ -19,6 +20,8 @@ from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.margins import WANTED, exactly, falls_short, lacking, roughly, worst
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import (
+    ALONE,
+    SUPERVISED,
     Drawn,
     electrical_energy,
     fly,
@@ -28,10 +31,13 @@ from swimbladder.design.tuning.trial import (
 )
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.presets import preset_text
+from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.buoyancy_engine import winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.show.report.tune import tuning_files
+from swimbladder.sim.closed_loop import simulate_ensemble
 
 FEUP = load_vehicle("feup-em")
 NOISY = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update={"depth_noise": 2e-3})})
@@ -87,13 +93,27 @@ def test_the_worst_over_a_region_is_no_better_than_any_of_it():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("supervised", [True, False])
 @pytest.mark.parametrize("law", ["planned", "sea-cascade", "adrc"])
-def test_fast_settles_near_the_bound_over_the_whole_region(law):
+def test_fast_settles_near_the_bound_over_the_whole_region(law, supervised):
+    """As flashed a second later: the motor has to prove itself before the vehicle goes deeper."""
     found = tune(
-        NOISY, law=law, goal="fast", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=100
+        NOISY,
+        law=law,
+        goal="fast",
+        depths=(0.0, 5.0),
+        step=(1.5, 3.0),
+        supply=12.0,
+        runs=100,
+        supervised=supervised,
     )
     assert found.margins is not None
-    assert found.nominal.settle_median <= 16.5
+    assert found.nominal.settle_median <= (17.7 if supervised else 16.5)
+    assert found.region.alarms == 0.0
+    written = tomllib.loads(vehicle_file(found.vehicle))
+    assert ("supervisor" in written) is supervised
+    assert (SUPERVISED in found.assumptions) is supervised
+    assert (ALONE in found.assumptions) is not supervised
     assert found.nominal.overshoot_median < 0.02
     assert found.region.settle_95 <= 21.6
     assert found.region.overshoot_95 <= 0.03
@@ -236,6 +256,45 @@ def test_energy_is_spent_slowly_and_the_depth_is_held():
 
 
 @pytest.mark.slow
+def test_a_supervised_trial_is_that_of_a_hold_and_a_step_as_flashed():
+    law, numbers = bind(FEUP.controller)
+    asked = {"law": law, "parameters": numbers, "sample_time": H, "supervised": True, "seed": 3}
+    setpoints = [(0.0, 1.5), (120.0, 3.0)]
+    plain = simulate_ensemble(
+        NOISY, setpoints=setpoints, duration=180.0, start_depth=1.5, count=5, **asked
+    )
+    runs = fly(
+        NOISY,
+        BoundLaw(law, numbers, H),
+        target=3.0,
+        duration=60.0,
+        before=120.0,
+        start_depth=1.5,
+        count=5,
+        seed=3,
+    )
+    assert runs.time[[0, -1]].tolist() == pytest.approx([0.0, 60.0])
+    assert runs.depth[-1].tolist() == plain["final_depth"].to_numpy().tolist()
+    assert runs.depth[0].tolist() != [1.5] * 5  # it was held in noise
+    assert np.array_equal(runs.settle, plain["settle2"].to_numpy(), equal_nan=True)
+    assert runs.alarm.tolist() == [0] * 5
+
+
+def test_healthy_vehicles_that_a_supervisor_takes_over_are_an_answer_of_no(capsys, tmp_path):
+    tight = tmp_path / "tight.toml"
+    table = '\n[supervisor]\nbattery_low = "11.5 V"\n'  # and the supply falls to 10.8 V
+    tight.write_text(preset_text("feup-em") + table)
+    command = ["tune", str(tight), "--law", "adrc", "--depth", "0:5 m", "--runs", "20"]
+    command += ["--depth-noise", "2 mm", "--out", str(tmp_path / "out")]
+    assert main(command) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "in 100 % of 20 runs over the region the supervisor takes a healthy vehicle" in said
+    assert "for a faulty one and brings it up: battery low, with a depth noise of 2 mm" in said
+    assert not (tmp_path / "out").exists()
+    assert main([*command, "--without-supervisor", "--json"]) == 0
+    assert ALONE in json.loads(capsys.readouterr().out)["assumptions"]
+
+
 def test_a_law_that_sleeps_is_judged_by_trials_alone():
     found = tune(
         NOISY, law="deadband", goal="quiet", hold=0.05, depths=(0.0, 5.0), step=(1.5, 3.0), runs=20

@@ -14,10 +14,11 @@ from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, draw, traces, trial
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.casts import read_cast
 from swimbladder.physics.seawater import cast_column
 from swimbladder.sim.closed_loop.water import medium_of
+from swimbladder.vehicle import Supervisor
 
 FEUP = sb.load_vehicle("feup-em")
 LAW, NUMBERS = bind(FEUP.controller)
@@ -87,6 +88,7 @@ def test_vehicles_that_are_drawn_have_its_density(column):
 @pytest.mark.slow
 def test_tuning_says_and_feels_it(column):
     given = {"law": "planned", "depths": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
+    given["supervised"] = False
     wet, even = tune(FEUP, column=column, **given), tune(FEUP, **given)
     assert any("in the water of lake.csv" in words for words in wet.assumptions)
     assert not any("lake.csv" in words for words in even.assumptions)
@@ -97,6 +99,18 @@ def test_tuning_says_and_feels_it(column):
     extra = wet.setting.neutral_range - even.setting.neutral_range
     assert extra == pytest.approx(moved, rel=1e-9)
     assert wet.region != even.region
+
+
+def test_a_supervisor_that_knows_nothing_of_the_layers_is_refused(column):
+    """They move the neutral volume by more than it allows; one that allows it flies."""
+    given = {"law": "planned", "depths": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
+    said = r"runs over the region the supervisor takes a healthy vehicle .* not moving as modelled"
+    with pytest.raises(NoAnswerError, match=said):
+        tune(FEUP, column=column, **given)
+    wide = FEUP.model_copy(update={"supervisor": Supervisor(neutral_change=150e-6)})
+    found = tune(wide, column=column, **given)
+    assert found.region.alarms == 0.0
+    assert found.vehicle.supervisor == wide.supervisor
 
 
 def test_a_cast_that_ends_above_is_refused(column):

@@ -293,7 +293,9 @@ def tuned(
 
     def controller() -> dict[str, Any]:
         try:
-            found = tune(vehicle, law=name, goal=goal, **how._asdict(), advance=tell)
+            found = tune(
+                vehicle, law=name, goal=goal, supervised=False, **how._asdict(), advance=tell
+            )
             assert found.vehicle.controller is not None
             return found.vehicle.controller.model_dump()
         except SwimbladderError as error:

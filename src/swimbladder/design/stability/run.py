@@ -436,7 +436,7 @@ def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float], parts: Stor
     law, goal = gains.tunable(name), gains.goals_of(gains.recipe_of(name))[0]
 
     def values() -> list[float]:
-        found = tune(vehicle, law=name, goal=goal, depths=depths, runs=_TUNED)
+        found = tune(vehicle, law=name, goal=goal, depths=depths, runs=_TUNED, supervised=False)
         return [float(np.asarray(x)) for x in numbers(found.parameters)]
 
     kept = parts.get(values, "tuned", name, source_of(law), depths)

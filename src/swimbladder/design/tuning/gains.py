@@ -18,15 +18,18 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from swimbladder.control.law import Drive, Knobs, Law, Recipe, Setting
 from swimbladder.control.motion import off_in, runaway
 from swimbladder.control.registry import LAWS
+from swimbladder.control.supervisor import Reason
 from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.region import Member, Region, neutral_walk
-from swimbladder.design.tuning.trial import Drawn, Step, Trial, trial
+from swimbladder.design.tuning.trial import Drawn, Step, Trial, traces, trial
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.progress import Advance
 from swimbladder.physics.dynamics import plant
@@ -359,6 +362,8 @@ class Search:
                     _, tuning, over = one = self.tried(fitted, drawn)
                     final.append(one)
             scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
+        if scored:
+            self._refuse_alarms(*scored[0][1:])
         off = scored[0][2].rms if scored else 0.0
         if goal != "fast" and not off <= _LOST * held:
             better = [n for n in tunable_names(self.law.command) if recipe_of(n).holds_best]
@@ -395,7 +400,23 @@ class Search:
             "parameters known better would help"
         )
 
+    def _refuse_alarms(self, tuning: Any, over: Trial) -> None:
+        """Raise NoAnswerError where the supervisor takes over healthy vehicles."""
+        if not over.alarms > 0.0:
+            return
+        runs = traces(self.vehicle, self.bound(tuning), self.asked.step, self.asked.drawn)
+        numbers, counts = np.unique(runs.alarm[runs.alarm > 0], return_counts=True)
+        reasons = [Reason(int(n)).words for n in numbers[np.argsort(-counts)]]
+        why = f": {', '.join(reasons)}" if reasons else ""
+        raise NoAnswerError(
+            f"in {100.0 * over.alarms:.3g} % of {over.runs} runs over the region the supervisor "
+            f"takes a healthy vehicle for a faulty one and brings it up{why}, with a depth noise "
+            f"of {1e3 * self.setting.noise:.3g} mm assumed. Widen what [supervisor] allows "
+            "(neutral_range, neutral_change, patience), or know vehicle, water and sensor better"
+        )
+
     def _chosen(self, tuning: Any, m: Margins | None, over: Trial, radius: float) -> Found:
+        self._refuse_alarms(tuning, over)
         nominal = self.tried(tuning, self.asked.drawn.nominal)[2]
         return Found(tuning, self.bound(tuning).parameters, m, nominal, over, radius)
 

@@ -202,6 +202,7 @@ def tune(
     hold: float | None = None,
     runs: int = 200,
     column: Column | None = None,
+    supervised: bool = True,
     advance: Advance = silent,
 ) -> Tuning:
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
@@ -214,10 +215,11 @@ def tune(
     share of the sample time. supply [V]: the least; nine tenths of the vehicle's where not given.
     step: depths [m] of the trial, 1.5 m within the range where not given, of a pump and valve the
     whole range. hold [m rms]: error allowed to a quiet law (9.5 mm) or one that saves energy (5
-    cm); of a pump and valve the tolerance, that of its law or 10 m. advance: called with the share
-    of the work done. column: the water that the trials are flown in and that stroke and neutral
-    volume are held against; margins are those of the vehicle's own psi and density, decisions of a
-    pump and valve with psi as that water has it.
+    cm); of a pump and valve the tolerance, that of its law or 10 m. supervised: whether the trials
+    fly law and supervisor, as `firmware` writes them, or the law alone; of a pump and valve always
+    alone. advance: called with the share of the work done. column: the water that the trials are
+    flown in and that stroke and neutral volume are held against; margins are those of the vehicle's
+    own psi and density, decisions of a pump and valve with psi as that water has it.
 
     Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
     limits them, or where the energy of its motor is not known.
@@ -268,7 +270,8 @@ def tune(
     elif goal == "fast":
         long = _watched(vehicle, least, abs(ends[1] - ends[0]), h)
     watched = trial.Step(*ends, long)
-    drawn = trial.Drawn(runs, around, least, column)
+    supervised = supervised and not pumped
+    drawn = trial.Drawn(runs, around, least, column, supervised=supervised)
     asked = gains.Goal(goal, held, judged, watched, drawn)
     search = gains.Search(chosen, vehicle, setting, asked, delay * h, advance)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
@@ -277,7 +280,8 @@ def tune(
     bound = search.bound(found.knobs)
     few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
     nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
-    assumptions = [*around.words, sensor, trial.ALONE, *_outside(depths, ends)]
+    how = trial.SUPERVISED if supervised else trial.ALONE
+    assumptions = [*around.words, sensor, how, *_outside(depths, ends)]
     assumptions += _in_water(column, off, pumped=pumped)
     if math.isfinite(least):
         assumptions.append(f"the supply falls to {least:.3g} V")
@@ -288,6 +292,8 @@ def tune(
         assumptions.append(f"a command comes {1e3 * delay * h:.3g} ms after its sample")
     origin = {"controller.parameters": f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"}
     made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
+    if supervised:
+        made["supervisor"] = vehicle.supervisor  # so that `simulate` flies it as well
     return Tuning(
         vehicle=vehicle.model_copy(update=made),
         law=chosen,

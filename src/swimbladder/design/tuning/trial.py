@@ -55,7 +55,12 @@ _FINEST = 1e-3  # s, of the times between a law's samples
 _LONGEST = 30.0  # s, of a tick: runs of the drive that last longer than a sleep end at one
 _SHARE = 0.02  # of the step
 _USUAL = 1.5  # m, of a step
+_BEFORE = 120.0, 400  # s and samples, in which a supervisor gets to know the vehicle before a step
 ALONE = "the law flies alone, without the supervisor that `firmware` writes beside it"
+SUPERVISED = (
+    "the law flies under the vehicle's supervisor, as `firmware` writes both; a step comes after "
+    "two minutes at rest"
+)
 
 
 class Step(NamedTuple):
@@ -80,6 +85,7 @@ class Drawn(NamedTuple):
     supply: float = math.inf  # V; the vehicle's where infinite
     column: Column | None = None  # the water, the vehicle's own where None
     seed: int = 1
+    supervised: bool = False  # as `firmware` writes law and supervisor; of a float never
 
     @property
     def nominal(self) -> Drawn:
@@ -101,6 +107,7 @@ class Runs(NamedTuple):
     energy: Array  # J; work on the water of a float of unknown power; nan where not asked for
     drive_runs: Array  # of pump and valve; nan of a motor
     stopped: NDArray[np.bool_]  # ended early: out of the water, or far too deep
+    alarm: NDArray[np.int64]  # number of the supervisor's reason to take over; 0: none
 
     @property
     def actions(self) -> list[Array]:
@@ -110,13 +117,21 @@ class Runs(NamedTuple):
 
 
 def fly(
-    vehicle: Vehicle, bound: BoundLaw, *, target: ArrayLike, duration: float, **given: Any
+    vehicle: Vehicle,
+    bound: BoundLaw,
+    *,
+    target: ArrayLike,
+    duration: float,
+    before: float | None = None,
+    **given: Any,
 ) -> Runs:
     """Return runs to a depth `target` [m] under a law with these parameters.
 
-    target: of a float 0 is the surface. duration [s]. Without a sample time the vehicle's own water
-    acts by psi alone. given: arguments of `simulate_ensemble`; there are as many runs as `count`
-    says, or as one of the numbers has.
+    target: of a float 0 is the surface. duration [s]. before [s]: for so long they hold the depth
+    where they start, under the vehicle's supervisor, and then go on under it; not given: the law
+    flies alone. What is returned begins as the target is given. Without a sample time the vehicle's
+    own water acts by psi alone. given: arguments of `simulate_ensemble`; there are as many runs as
+    `count` says, or as one of the numbers has.
     """
     many = (target, *given.get("vary", {}).values())
     many += tuple(given[name] for name in given if name.startswith("start_"))
@@ -126,28 +141,32 @@ def fly(
         if given.get("column") is None:
             plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
             vehicle = vehicle.model_copy(update={"hull": plain})
+    held = [] if before is None else [(0.0, given["start_depth"])]
     data = simulate_ensemble(
         vehicle,
-        setpoints=[(0.0, target)],
-        duration=duration,
+        setpoints=[*held, (before or 0.0, target)],
+        duration=duration + (before or 0.0),
         law=law,
         parameters=parameters,
         keep="trajectory",
         sample_time=sample_time,
-        supervised=False,
+        supervised=before is not None,
         **given | {"count": max(given.get("count", 1), *map(np.size, many))},
     )
     known = {str(name): values.to_numpy() for name, values in data.variables.items()}
+    first = int(np.searchsorted(known["time"], (before or 0.0) - 0.5 * sample_time))
     unknown = np.full(data.sizes["lane"], math.nan)
     drive_runs = known["pump_runs"] + known["valve_runs"] if "pump_runs" in known else unknown
     return Runs(
-        **{name: known[name] for name in ("time", "depth", "speed", "volume", "command")},
+        time=known["time"][first:] - known["time"][first],
+        **{name: known[name][first:] for name in ("depth", "speed", "volume", "command")},
         target=np.broadcast_to(np.asarray(target, float), unknown.shape),
         settle=known["settle2"],
         overshoot=known["overshoot"] / 100.0,
         energy=known.get("energy", unknown),
         drive_runs=drive_runs,
         stopped=known["stop"] != 0,
+        alarm=known.get("alarm", np.zeros(len(unknown), np.int64)),
     )
 
 
@@ -160,10 +179,14 @@ def _tick(parameters: Any) -> float:
 
 def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     """Return the runs of a trial as they went."""
-    runs, region, supply, column, seed = drawn
+    runs, region, supply, column, seed, supervised = drawn
     medium = medium_of(vehicle, column, reach=max(step.start, step.target))
     vary = {} if region is None else draw(region, runs=runs, seed=seed, medium=medium)
     given: dict[str, Any] = {"target": step.target, "start_depth": step.start}
+    duration, before = step.duration, None
+    if supervised and bound.law.ways is None:
+        before = max(math.ceil(_BEFORE[0] / bound.sample_time), _BEFORE[1]) * bound.sample_time
+        duration += before
     neutral = [medium.neutral_volume(z) for z in (step.start, step.target)]
     if bound.law.ways is not None:
         vehicle = with_supply(vehicle, supply)
@@ -175,9 +198,9 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     if bound.law.ways is None and region is not None:
         given["start_volume"] = neutral[0]
         h = bound.sample_time
-        given["neutral_change"] = random_walk(region.walk, step.duration, drawn, sample_time=h)
+        given["neutral_change"] = random_walk(region.walk, duration, drawn, sample_time=h)
     given |= {"vary": vary, "seed": seed, "column": column, "count": runs}
-    return fly(vehicle, bound, duration=step.duration, **given)
+    return fly(vehicle, bound, duration=step.duration, before=before, **given)
 
 
 def random_walk(intensity: float, duration: float, drawn: Drawn, *, sample_time: float) -> Array:
@@ -263,6 +286,7 @@ class Measured(NamedTuple):
     energy: Array  # J, electrical, of the whole run; nan where it is not known
     power: Array  # W, electrical, mean of the whole run, likewise
     lost: Array  # the run ended before its time
+    alarms: Array  # the supervisor took over
 
 
 def measure(runs: Runs, since: float) -> Measured:
@@ -281,6 +305,7 @@ def measure(runs: Runs, since: float) -> Measured:
         energy=runs.energy,
         power=runs.energy / float(runs.time[-1]),
         lost=runs.stopped.astype(float),
+        alarms=(runs.alarm > 0).astype(float),
     )
 
 
@@ -301,6 +326,7 @@ class Trial(NamedTuple):
     power: float  # W, of the motor, likewise
     farthest: float = math.nan  # m, largest depth error of any run
     lost: float = math.nan  # share of the runs
+    alarms: float = math.nan  # share of the runs in which the supervisor took over
 
     @property
     def starts_and_turns(self) -> float:
