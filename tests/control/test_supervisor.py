@@ -26,9 +26,11 @@ from swimbladder.control.supervisor import (
     watch_sameness,
     watch_still,
     watch_stops,
+    way_to_stop,
 )
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.io.config import load_vehicle
+from swimbladder.physics.dynamics import drag_per_mass, plant, terminal_speed
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor
 from tests.codegen.laws import changed, example
@@ -525,6 +527,55 @@ class TestShown:
             fault=lambda _, s: s._replace(depth=math.nan if rng.random() < 0.35 else s.depth)
         )
         assert flown.reason is Reason.DEPTH_MISSING
+
+
+def stops_at(plant: Any, limits: Any, speed: float, lacks: float, room: float) -> float:
+    """Return how far down a vehicle goes under full buoyancy, by SciPy; inf: it never stops."""
+
+    def motion(t: float, x: Any) -> tuple[float, float]:
+        pushed = min(limits.deep.turn_rate * t, room)
+        lost = lacks + plant.psi * x[0] - pushed
+        return x[1], plant.a_b * lost - drag_per_mass(x[1], plant)
+
+    def stands(_: float, x: Any) -> float:
+        return float(x[1])
+
+    stands.terminal, stands.direction = True, -1  # type: ignore[attr-defined]
+    path = solve_ivp(motion, (0.0, 2e4), (0.0, speed), events=stands, rtol=1e-8, atol=1e-9)
+    return float(path.y[0, -1]) if path.t_events[0].size else math.inf
+
+
+class TestTurning:
+    """How far down a vehicle still goes decides whether it is too deep."""
+
+    @pytest.mark.parametrize("name", ["feup-em", "example-em", "ntnu-bv", "example-eh"])
+    def test_the_way_to_a_stop_is_that_of_the_motion(self, name):
+        vehicle = load_vehicle(name)
+        p, rng = (
+            supervisor_parameters(vehicle, vehicle.controller.sample_time),
+            np.random.default_rng(1),
+        )
+        q = plant(vehicle)
+        for _ in range(60):
+            depth, V = rng.uniform(0.0, p.deep.depth_limit), rng.uniform(q.V_min, 0.5 * q.V_max)
+            lacks, room = q.V_0 + q.psi * depth - V, q.V_max - V
+            speed = rng.uniform(0.01, max(terminal_speed(q, q.a_b * max(lacks, 0.0)), 0.05))
+            right, found = stops_at(q, p, speed, lacks, room), way_to_stop(p, speed, lacks, room)
+            if 1.0 < right < 60.0 and found < 1e5:
+                assert 0.85 < found / right < 1.25
+            elif right >= 60.0:  # it may as well be for ever
+                assert found > 45.0
+
+    def test_a_light_vehicle_that_hardly_sinks_stops_at_once(self):
+        """Also where its volume and the root in the time to a stop are as good as equal."""
+        p = supervisor_parameters(paper(), 0.3)
+        for speed in (1e-4, 1e-12, 1e-18):
+            way = way_to_stop(p, speed, -1e-3, 1.0)
+            assert way == pytest.approx(speed**2 / (2.0 * p.deep.force * 1e-3), rel=0.05)
+
+    def test_no_room_and_too_heavy_is_for_ever(self):
+        p = supervisor_parameters(paper(), 0.3)
+        assert way_to_stop(p, 0.1, 1e-4, 0.0) > 1e5
 
 
 class TestReach:

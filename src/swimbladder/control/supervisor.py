@@ -136,7 +136,7 @@ class MotionLimits(NamedTuple):
     calm: Annotated[float, "m3"]  # by which the model may miss where it is learnt
     model_error: Annotated[float, ""]  # share of the force on the vehicle that the model may miss
     inertia: Annotated[float, "m2"]  # volume per second difference of the low passes
-    drag_linear: Annotated[float, "m2"]  # and per first difference
+    drag_linear: Annotated[float, "m2 s"]  # volume that drag takes per speed
     epsilon: Annotated[float, "m/s"]  # above which drag is not linear
     drag_blunt: Annotated[float, "m2 s"]  # volume that drag takes there: per speed
     drag_0: Annotated[float, "m3"]
@@ -161,9 +161,12 @@ class DeepLimits(NamedTuple):
 
     depth_limit: Annotated[float, "m"]
     deepest: Annotated[float, "m"]  # that it must not pass before it turns round
-    neutral_deepest: Annotated[float, "m3"]  # largest neutral volume there
-    per_turn_rate: Annotated[float, "s/m3"]  # 1 / the least rate at the depth limit
-    coast: Annotated[float, "s"]  # in which drag takes speed away
+    heavier: Annotated[float, "m3"]  # by which it may be so until the dive has shown its trim
+    turn_rate: Annotated[float, "m3/s"]  # the least at the depth limit
+    per_turn_rate: Annotated[float, "s/m3"]  # 1/turn_rate
+    force: Annotated[float, "1/(m2 s2)"]  # a_b
+    largest: Annotated[float, "m3"]  # volume
+    lag: Annotated[float, "s"]  # by which the speed seen is behind, and a push comes
     deep: Annotated[Count, "ticks"]  # ticks too deep
 
 
@@ -386,6 +389,7 @@ _BLOCK = 4096  # ticks that the fine count of time holds
 _MOST_LOST = _BLOCK - 1  # ticks that are counted at once
 _REASONS = 15
 _ANY = 1e6  # m, any depth
+_STEPS = 14  # of six that a stop takes without drag and compression
 
 
 def tally(bad: bool, n: Count, most: Count) -> Count:
@@ -534,16 +538,18 @@ def smooth_motion(s: MotionWatch, depth: float, n: float, weight: float) -> Moti
     return s._replace(n2=smoothed(s.n2, s.n1, weight))
 
 
+def drag_volume(p: MotionLimits, speed: float) -> float:
+    """Return the volume beyond the neutral one [m3] that drag takes at a speed, eq. (13)."""
+    if p.epsilon < math.inf and abs(speed) > p.epsilon:
+        blunt = math.copysign(p.drag_0 + p.drag_square * speed * speed, speed)
+        return p.drag_blunt * speed + blunt
+    return p.drag_linear * speed
+
+
 def needed(p: MotionLimits, s: MotionWatch, depth: float) -> float:
     """Return the volume beyond the neutral one [m3] that the motion takes, eq. (13)."""
     later = s.z1 - s.z2
-    drag = later * p.drag_linear
-    if p.epsilon < math.inf:
-        speed = later * p.per_tau
-        if abs(speed) > p.epsilon:
-            blunt = math.copysign(p.drag_0 + p.drag_square * speed * speed, speed)
-            drag = p.drag_blunt * speed + blunt
-    return (depth - s.z1 - later) * p.inertia + drag
+    return (depth - s.z1 - later) * p.inertia + drag_volume(p, later * p.per_tau)
 
 
 def learn(p: MotionLimits, s: MotionWatch, depth: float, n: float, room: float) -> MotionWatch:
@@ -611,13 +617,52 @@ def watch_sameness(
     return s._replace(same=same, same_volume=same_volume, frozen=frozen or away)
 
 
-def watch_deep(p: DeepLimits, deep: Count, depth: float, speed: float, volume: float) -> Count:
-    """Return the ticks in which the vehicle was too deep, or was to be before it can turn round."""
-    wrong = depth > p.depth_limit
-    if not wrong:
-        turn = max(p.neutral_deepest - volume, 0.0) * p.per_turn_rate + p.coast
-        wrong = speed * turn > p.deepest - depth
-    return tally(wrong, deep, p.deep)
+def way_to_stop(p: SupervisorParameters, speed: float, lacks: float, room: float) -> float:
+    """Return how far down the vehicle still goes under full buoyancy [m].
+
+    lacks [m3]: below its neutral volume; room [m3]: to its largest. In steps of a sixth of the time
+    that it takes without drag and compression, which are in it; 1e6 m where it goes on for ever.
+    """
+    twice = 2.0 * speed / p.deep.force
+    root = math.sqrt(lacks * lacks + p.deep.turn_rate * twice)
+    time = (lacks + root) * p.deep.per_turn_rate
+    if lacks < 0.0:  # the same, without the difference of what is nearly equal
+        time = twice / (root - lacks)
+    dt = time / 6.0
+    way = 0.0
+    w = speed
+    given = 0.0
+    for _ in range(_STEPS):
+        if w > 0.0:
+            before = given
+            given = min(given + p.deep.turn_rate * dt, room)
+            heavy = lacks + p.neutral.psi * (way + 0.5 * dt * w) - 0.5 * (before + given)
+            drag = p.deep.force * drag_volume(p.motion, w) / w
+            after = (w + dt * p.deep.force * heavy) / (1.0 + dt * drag)
+            way = way + 0.5 * dt * (w + max(after, 0.0))
+            w = after
+    return way if w <= 0.0 else _ANY
+
+
+def watch_deep(
+    p: SupervisorParameters, s: SupervisorState, depth: float, n: float, volume: float
+) -> Count:
+    """Return the ticks in which the vehicle was too deep, or was to be before it can turn round.
+
+    n [m3]: volume beyond the neutral one, which the dive may have shown to be another.
+    """
+    wrong = depth > p.deep.depth_limit
+    first = depth - s.motion.z1
+    speed = (first + first - (s.motion.z1 - s.motion.z2)) * p.motion.per_tau  # without their lag
+    if speed > 0.0 and not wrong:
+        lacks = p.deep.heavier - n
+        if s.motion.known >= p.motion.known:
+            lacks = s.motion.own + p.motion.neutral_change - n
+        heavy = lacks - drag_volume(p.motion, speed)
+        speed = speed + p.deep.lag * p.deep.force * max(heavy, 0.0)
+        room = max(p.deep.largest - volume, 0.0)
+        wrong = depth + way_to_stop(p, speed, lacks, room) > p.deep.deepest
+    return tally(wrong, s.deep, p.deep.deep)
 
 
 def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched) -> BoardWatch:
@@ -828,7 +873,7 @@ def step(
         old = seen.depth_age >= p.S_p
         s = s._replace(same=watch_sameness(p.same, s.same, depth, before, n1, old, resting))
         speed = (depth - s.motion.z1) * p.motion.per_tau
-        s = s._replace(deep=watch_deep(p.deep, s.deep, depth, speed, volume))
+        s = s._replace(deep=watch_deep(p, s, depth, n, volume))
         since = 0
     s = s._replace(board=watch_board(p.board, s.board, seen))
     asks = p.proof.same_tried < NEVER and good

@@ -28,6 +28,7 @@ _NEUTRAL_SHARE = 0.25  # of half the stroke: trim, trapped air, a layer of 3 kg/
 _SHORT_S = 1.0  # s, for what needs no doubt: leak, depth limit
 _NO_COMMAND_S = 10.0
 _TAU_S = 7.0  # s, of each low pass: above a swell's period over 2 pi
+_LAG = 0.3  # of them, by which a speed that grows ever faster is still behind
 _SETTLE = 4.0  # of them: what they begin with is then 9 % of itself, (1 + 4) exp(-4)
 _CHANGE_SHARE = 0.2  # of neutral_range, that the neutral volume may change in a dive
 _CALM_SHARE = 0.25  # of that change, by which the model may miss where it is learnt
@@ -61,7 +62,6 @@ _UNPROVEN_S = 30.0  # s, in which what was shown of the actuator counts
 _REST_S, _LEAST_PUSH_S = 20.0, 10.0
 _RELEASE_S = 60.0
 _RISE = 1.0  # m
-_COAST_S = 60.0  # s, where there is hardly any drag
 _DEEPEST = 12000.0  # m, deeper than any sea
 _SPEED, _HASTE = 0.1, 2.0  # m/s, that of Argo floats; times it, so fast it may sink at most
 _AFLOAT_REST_S = 600.0  # between pushes of a pump that has pumped all out: it may run dry
@@ -197,7 +197,7 @@ def supervisor_parameters(
             calm=_CALM_SHARE * change,
             model_error=given.model_error,
             inertia=1.0 / (p.a_b * tau * tau),
-            drag_linear=p.d_l / (p.a_b * tau),
+            drag_linear=p.d_l / p.a_b,
             epsilon=p.epsilon,
             drag_blunt=p.d_b / p.a_b,
             drag_0=p.d_0 / p.a_b,
@@ -217,9 +217,12 @@ def supervisor_parameters(
         deep=supervisor.DeepLimits(
             depth_limit=depth_limit,
             deepest=deepest,
-            neutral_deepest=p.V_0 + neutral_range + p.psi * min(deepest, _DEEPEST),
+            heavier=change,
+            turn_rate=turn_rate,
             per_turn_rate=1.0 / turn_rate,
-            coast=min(1.0 / dynamics.drag_per_mass(1.0, p), _COAST_S),
+            force=p.a_b,
+            largest=p.V_max,
+            lag=_LAG * tau + max(_SHORT_S, 2.0 * tick),
             deep=max(2, ticks(_SHORT_S, tick)),
         ),
         board=supervisor.BoardLimits(
@@ -326,7 +329,6 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
     again = ticks(_LEAST_PUSH_S + start * deep.per_turn_rate, tick)
     push = _off(p.push, "grown away astray", zero="hold_command away_command away_hold")
     rest = ticks(_AFLOAT_REST_S, tick)
-    modelled = "calm model_error inertia drag_linear drag_blunt drag_0 drag_square"
     return p._replace(
         push=push._replace(surface_command=tick, again=again, rest=rest),
         depth=p.depth._replace(fastest=fastest, step=p.depth.step + fastest - p.depth.fastest),
@@ -337,8 +339,8 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
         neutral=supervisor.NeutralLimits(
             psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf
         ),
-        motion=_off(p.motion, "neutral_change known epsilon wrong", zero=modelled),
-        deep=deep._replace(neutral_deepest=lacks, coast=min(vehicle.mass * fast / drag, _COAST_S)),
+        motion=_off(p.motion, "neutral_change known wrong", zero="calm model_error inertia"),
+        deep=deep._replace(heavier=lacks, largest=math.inf),
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import swimbladder as sb
+from swimbladder.cli import main
 from swimbladder.control import supervisor
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.control.supervisor import Reason, Watched
@@ -126,6 +127,24 @@ def test_no_block_of_the_piston_outward_drowns_the_vehicle(name, to, speed):
     )
     assert (flown["final_depth"] < to + 0.5).all()
     assert (flown["alarm"] > 0).sum() > 3
+
+
+@pytest.mark.parametrize("kind", ["electrohydraulic", "positioner"])
+def test_a_law_that_goes_down_too_fast_to_turn_is_stopped_in_time(kind, tmp_path, capsys):
+    """The cascade of a new vehicle file goes past the depth from which a slow pump comes up."""
+    path = tmp_path / "new.toml"
+    assert main(["vehicle", "new", str(path), "--kind", kind]) == 0
+    capsys.readouterr()
+    vehicle = load_vehicle(path)
+    deepest = supervisor_parameters(vehicle, vehicle.controller.sample_time).deep.deepest
+    run = {"setpoints": [(0.0, 1.5), (120.0, np.array([5.0, 25.0, 35.0, 49.0]))]}
+    run |= {"count": 4, "duration": 900.0, "start_depth": 1.5}
+    alone = simulate_ensemble(vehicle, supervised=False, **run)
+    under = simulate_ensemble(vehicle, supervised=True, **run)
+    assert (alone["greatest_depth"] > deepest).to_numpy().tolist()[-2:] == [True, True]
+    assert (under["greatest_depth"] < deepest).all()
+    assert under["alarm"].to_numpy().tolist()[0] == 0
+    assert under["alarm"].to_numpy().tolist()[-2:] == [Reason.DEPTH_LIMIT] * 2
 
 
 def test_a_vehicle_with_a_table_of_it_flies_under_its_supervisor():
