@@ -59,7 +59,7 @@ _BEFORE = 120.0, 400  # s and samples, in which a supervisor gets to know the ve
 ALONE = "the law flies alone, without the supervisor that `firmware` writes beside it"
 SUPERVISED = (
     "the law flies under the vehicle's supervisor, as `firmware` writes both; a step comes after "
-    "two minutes at rest"
+    "two minutes at rest, or 400 samples where these are longer"
 )
 
 

@@ -66,7 +66,7 @@ class Supervision(NamedTuple):
 
     def allowed(self, reference: float) -> float:
         """Return the depth [m] that the law of the first lane is asked for."""
-        return min(reference, float(self.memory[0, _ALLOWED]))
+        return float(_allowed(self, 0, reference))
 
     def alarm(self, tick: float) -> Alarm | None:
         """Return why and when the supervisor took over the first lane, of a sample time [s]."""
