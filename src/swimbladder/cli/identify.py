@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
 _DBAR = 1e4  # Pa
+_WHITE = 0.7  # of the noise: the sensor's part is said where it is less
 
 
 def _identify_deep(
@@ -137,8 +138,10 @@ def _shown(found: Identification, paper: PaperFits | None, seconds: float) -> It
     samples = sum(int((e.weight > 0.0).sum()) for e in found.experiments)
     count = len(found.experiments)
     logs = f"{count} log{'s' if count > 1 else ''}, {samples} samples"
-    noise = f"{1e3 * found.depth_noise:.2g} mm of noise, {seconds:.2g} s"
-    yield f"{found.result_vehicle.name}, {logs}, {found.law} drag, {noise}"
+    noise = f"{1e3 * found.depth_noise:.2g} mm of noise"
+    if found.sensor_noise < _WHITE * found.depth_noise:
+        noise += f" ({1e3 * found.sensor_noise:.2g} mm of them the sensor's)"
+    yield f"{found.result_vehicle.name}, {logs}, {found.law} drag, {noise}, {seconds:.2g} s"
     if not found.identified:
         yield Text("\nNot identifiable from these logs:", style="bold red")
     style = "" if found.identified else "bold"

@@ -52,6 +52,13 @@ def test_eight_experiments_of_the_paper():
 def test_leaving_psi_out_is_noticed():
     found = identify(campaign(22, quantum=5e-3), FEUP_EM, fixed={"psi": 0.0}, profiles=False)
     assert found.parameters["K2"].value > 1.5 * 7935.54  # as the paper's own numbers give
+    # what the model lacks is no noise of the sensor, and no filter has to allow for it as white
+    assert found.depth_noise > 1.5 * found.sensor_noise
+    sensor = math.hypot(2e-3, 5e-3 / math.sqrt(12.0))
+    assert found.sensor_noise == pytest.approx(sensor, rel=0.1)
+    assert found.result_vehicle.identified is None or (
+        found.result_vehicle.identified.depth_noise == found.sensor_noise
+    )
     assert {"model", "autocorrelated", "step-size trend"} <= kinds(found)
     model = next(f for f in found.findings if f.kind == "model")
     assert "psi estimated" in model.sentence

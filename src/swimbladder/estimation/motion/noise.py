@@ -82,6 +82,16 @@ def robust_scale(residual: Array) -> float:
     return max(float(np.quantile(np.abs(residual), 0.7)) / _AT_70, _SMALLEST)
 
 
+def white_part(residual: Array, weight: Array, noise: float) -> float:
+    """Return the noise [m, 1 sigma] that neighbouring samples of a residual do not share.
+
+    It is the sensor's: what a model lacks changes slowly. noise [m]: of the whole residual.
+    """
+    pairs = weight[1:] * weight[:-1]
+    square = float((pairs * np.diff(residual) ** 2).sum()) / max(2.0 * float(pairs.sum()), 1.0)
+    return min(max(math.sqrt(square), _SMALLEST), noise)
+
+
 def autoregression(residual: Array) -> tuple[float, ...]:
     """Return the coefficients of the autoregression that describes the residual, none if white."""
     return of_blocks([residual], highest=_MOST_ORDER, samples=10).coefficients

@@ -484,6 +484,7 @@ def with_random_walk(
         choices=(),
         findings=tuple(findings),
         depth_noise=noise.depth,
+        sensor_noise=noise.depth,
         random_walk=fit,
         result_vehicle=new,
         assumptions=(*found.assumptions, sentence("motion", "is random")),

@@ -129,7 +129,8 @@ class Identification:
     priors: dict[str, Prior]
     neutral_std: float  # m3
     notes: tuple[str, ...]  # of reading the logs
-    depth_noise: float  # m
+    depth_noise: float  # m, of the residual: the sensor's and what the model lacks
+    sensor_noise: float  # m, the part that neighbouring samples do not share
     result_vehicle: Vehicle = field(repr=False)
     random_walk: RandomWalkFit | None = None
     posterior: Posterior | None = None
@@ -181,7 +182,7 @@ class Identification:
             "profiles": {
                 name: as_json(p, "values deviance ci95 unit") for name, p in self.profiles.items()
             },
-            **as_json(self, "assumptions notes depth_noise_m random_walk posterior"),
+            **as_json(self, "assumptions notes depth_noise_m sensor_noise_m random_walk posterior"),
         }
 
 

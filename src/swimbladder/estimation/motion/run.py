@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from swimbladder.estimation.motion.diagnose import (
 )
 from swimbladder.estimation.motion.fit import Fit, inverse_of
 from swimbladder.estimation.motion.fit import fit as solve
+from swimbladder.estimation.motion.noise import white_part
 from swimbladder.estimation.motion.posterior import sample
 from swimbladder.estimation.motion.problem import NAMES, Assumed, Problem, default_names, posed
 from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
@@ -304,6 +306,12 @@ def identify(
         return with_random_walk(found, walked, vehicle, problem)
 
 
+def _white(problem: Problem, found: Fit) -> Array:
+    """Return the sensor's part of each experiment's noise [m]."""
+    parts = zip(pairwise(problem.rows), found.noise, strict=True)
+    return np.array([white_part(found.residual[a:b], found.weight[a:b], s) for (a, b), s in parts])
+
+
 class Asked(NamedTuple):
     """What is to be found beside the parameters."""
 
@@ -336,12 +344,16 @@ def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -
         drawn_points = sample(problem, found, asked.posterior, lambda part: report(2.0 * part))
     per, p = problem.per_entry(found.x), problem.shared
     covariance = found.covariance[:p, :p] * np.outer(per, per)
-    noise = float(np.sqrt(np.average(found.noise**2, weights=np.diff(problem.rows))))
+    samples = np.diff(problem.rows)
+    noise, sensor = (
+        float(np.sqrt(np.average(part**2, weights=samples)))
+        for part in (found.noise, _white(problem, found))
+    )
     neutral_std = neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD)
     new, logs = vehicle, tuple(e.source for e in each)
     if identified:
         known = Values(names, problem.named(found.x), covariance, logs, trim_of(each, vehicle))
-        new = identified_vehicle(vehicle, model, known, depth_noise=noise, neutral_std=neutral_std)
+        new = identified_vehicle(vehicle, model, known, depth_noise=sensor, neutral_std=neutral_std)
     return Identification(
         names=names,
         law=model.law,
@@ -357,6 +369,7 @@ def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -
         neutral_std=problem.neutral_std,
         notes=tuple(dict.fromkeys(note for e in each for note in e.record.notes)),
         depth_noise=noise,
+        sensor_noise=sensor,
         posterior=drawn_points,
         result_vehicle=new,
     )
