@@ -14,12 +14,13 @@ from swimbladder.design.law_comparison.contenders import (
     place,
     places,
 )
-from swimbladder.design.law_comparison.fly import depth_error, fly_scenario, no_energy
+from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Measured, Runs, measure, summarise
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.single import as_law
+from swimbladder.sim.closed_loop.swell import depth_error
 
 FEUP = load_vehicle("feup-em")
 
@@ -161,7 +162,7 @@ def test_swell_is_read_as_the_wave_theory_has_it():
     swell = named("hold-swell")._replace(counted=0.0)
     placed = place(swell, vehicle, places(vehicle))._replace(duration=60.0)
     _, time, shown = flown(vehicle, placed, runs=2, seed=4)
-    error = depth_error(swell.swell, vehicle, time, Drawn(2, seed=4), depth=placed.target)[:, 0]
+    error = depth_error(swell.swell, vehicle, time, depth=placed.target, runs=2, seed=4)[:, 0]
     who = own(vehicle)[0]
     state = None
 

@@ -28,6 +28,7 @@ from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import body_plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
+from swimbladder.sim.closed_loop.swell import Swell
 from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import no_such
@@ -38,13 +39,6 @@ _UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
 _WATCHED = 20.0  # times the least time of a step, that it is watched at least
 _HOUR = 3600.0  # s
 _SLOW = 0.03  # m/s
-
-
-class Swell(NamedTuple):
-    """Waves: significant height [m] and the periods [s] among which the energy is shared evenly."""
-
-    height: float
-    periods: tuple[float, ...]
 
 
 class Scenario(NamedTuple):

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from swimbladder.design.law_comparison.contenders import SCENARIOS, Swell
-from swimbladder.design.law_comparison.fly import amplitude, depth_error, wavenumber
-from swimbladder.design.tuning.trial import Drawn
+from swimbladder.design.law_comparison.contenders import SCENARIOS
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop.swell import Swell, amplitude, depth_error, wavenumber
 
 FEUP = load_vehicle("feup-em")
 G = FEUP.water.gravity
@@ -63,7 +62,7 @@ def test_the_reading_is_that_of_a_neutral_body_in_the_waves(emergence):
         motion, (0.0, time[-1]), [z0 + went, water_speed(0.0)], t_eval=time, rtol=1e-10, atol=1e-12
     )
     sensed = ran.y[0] + a * np.exp(-k * z0) * np.cos(w * time + phase)
-    found = depth_error(swell, vehicle, time, Drawn(1, seed=5), depth=z0)[:, 0]
+    found = depth_error(swell, vehicle, time, depth=z0, runs=1, seed=5)[:, 0]
     assert np.ptp(found) > 1e-4  # there is something to be compared
     assert sensed - z0 == pytest.approx(found, abs=1e-7)
 
@@ -73,7 +72,7 @@ def test_it_fades_with_depth_and_with_the_length_of_the_hull():
     time = np.arange(0.0, 600.0, 0.5)
 
     def size(vehicle, depth):
-        return float(depth_error(swell, vehicle, time, Drawn(3, seed=1), depth=depth).std())
+        return float(depth_error(swell, vehicle, time, depth=depth, runs=3, seed=1).std())
 
     near, far = size(FEUP, 2.0), size(FEUP, 30.0)
     slow = [wavenumber(period, G) for period in swell.periods]
@@ -90,7 +89,7 @@ def test_the_height_is_four_times_the_deviation_of_the_surface():
 
 def test_runs_have_waves_of_their_own_and_a_seed_gives_them_again():
     swell, time = Swell(1.0, (8.0, 12.0)), np.arange(0.0, 60.0, 0.3)
-    one = depth_error(swell, FEUP, time, Drawn(4, seed=7), depth=2.0)
+    one = depth_error(swell, FEUP, time, depth=2.0, runs=4, seed=7)
     assert one.shape == (len(time), 4)
-    assert np.array_equal(one, depth_error(swell, FEUP, time, Drawn(4, seed=7), depth=2.0))
+    assert np.array_equal(one, depth_error(swell, FEUP, time, depth=2.0, runs=4, seed=7))
     assert np.abs(one[:, 0] - one[:, 1]).max() > 1e-3
