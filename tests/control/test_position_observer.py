@@ -12,7 +12,7 @@ from swimbladder.control.position_observer import POSITION_OBSERVER, initial, st
 from swimbladder.control.records import numbers
 from swimbladder.design.linear.sampled import BoundLaw, linearise_law, loop_of
 from swimbladder.design.planning import least_time
-from swimbladder.design.tuning.margins import WANTED, exactly, falls_short
+from swimbladder.design.tuning.margins import WANTED, exactly, violated_margins
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate, step_metrics
@@ -41,7 +41,7 @@ def test_it_has_the_margins_asked_of_every_law(depth):
     linear = linearise_law(BoundLaw(law, p, p.S_p), seen)
     loop = loop_of(plant(TANK), linear, depth=depth, delay=0.1 * p.S_p)
     found = exactly(loop.broken_at_depth())
-    assert falls_short(found, WANTED) == ()
+    assert violated_margins(found, WANTED) == ()
 
 
 def test_it_is_slower_than_any_bound_and_settles():

@@ -24,7 +24,7 @@ class Design(Options):
 
     law: Given = valued(
         "LAW",
-        "Name of a law (planned; of a pump and valve rate). "
+        "Name of a law (chosen; of a pump and valve rate). "
         "docs/reference/vehicle-file.md has all; a wrong one lists them.",
     )
     goal: str = valued(
@@ -56,7 +56,8 @@ def tune(
 
     The region follows from the covariance that `identify` writes, or is 5 % in K2 and T2 without
     one. Trials with sensor noise verify the gains; vehicle.toml holds the controller. Exit code 1:
-    no gains meet the margins; the message names what limits them. With
+    no gains meet the margins, or keep overshoot and settling time over the region; the message
+    names what limits them, and the best gains stand in unproven.toml. With
     --cast the trials are in that water.
     """
     from swimbladder.io.config import load_vehicle
@@ -71,7 +72,9 @@ def tune(
         from swimbladder.show.report.tune import tuning_files
     with compile_notice(), progress("searching gains", 1.0) as advance:
         found = find(v, **options, supervised=not without_supervisor, advance=advance)
-    to.answer(found.to_json(), partial(tuning_files, found, typed_command()), _shown(found))
+    files = partial(tuning_files, found, typed_command())
+    why = [found.verdict]
+    to.answer(found.to_json(), files, _shown(found), good=found.proven, why=why)
 
 
 def _shown(found: Tuning) -> Iterator[object]:
@@ -79,7 +82,7 @@ def _shown(found: Tuning) -> Iterator[object]:
     from swimbladder.units import shown_unit, unit_factor
 
     every = f"sampled every {found.sample_time:g} s"
-    yield f"{found.vehicle.name}, law {found.law.name}, goal {found.goal}, {every}"
+    yield f"{found.result_vehicle.name}, law {found.law.name}, goal {found.goal}, {every}"
     yield from ("", *found.sentences, "")
     units = {name: (unit, shown_unit(unit)) for name, unit in found.law.units.items()}
     rows = [

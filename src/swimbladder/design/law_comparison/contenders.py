@@ -290,8 +290,8 @@ def tuned(
             found = tune(
                 vehicle, law=name, goal=goal, supervised=False, **how._asdict(), advance=tell
             )
-            assert found.vehicle.controller is not None
-            return found.vehicle.controller.model_dump()
+            assert found.result_vehicle.controller is not None
+            return found.result_vehicle.controller.model_dump()
         except SwimbladderError as error:
             return {"why": str(error)}
 

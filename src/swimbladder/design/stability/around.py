@@ -309,7 +309,7 @@ class Around(NamedTuple):
                 "A shorter sample time, less delay between sample and command, or gains tuned for "
                 "this region (swimbladder tune) would hold it.",
             )
-        m, short = self.margins, margins.falls_short(self.margins)
+        m, short = self.margins, margins.violated_margins(self.margins)
         mode, at = self.slowest
         damped, where = self.least_damped
         deep = "the same" if self.same_at_all_depths else "not the same"

@@ -1,7 +1,9 @@
 """Gains for a vehicle: margins over what is not known of it, then trials with noise.
 
 `gains` makes a law's parameters of what is tried and searches the best, `region` says which
-vehicles are possible, `margins` and `trial` judge, `run` puts them together.
+vehicles are possible, `margins` and `trial` judge, `promise` says what has to be kept and what is
+in the way, `choice` takes a law where none is named, `run` puts them together.
 """
 
-from swimbladder.design.tuning.run import Tuning as Tuning, tune as tune
+from swimbladder.design.tuning.result import Tuning as Tuning
+from swimbladder.design.tuning.run import tune as tune

@@ -13,8 +13,10 @@ margins, and the first few of these are tried, with few runs while they are comp
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -28,8 +30,9 @@ from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import margins
+from swimbladder.design.tuning.promise import OVERSHOOT, SETTLED, trial_of
 from swimbladder.design.tuning.region import Member, Region, neutral_walk
-from swimbladder.design.tuning.trial import Drawn, Step, Trial, traces, trial
+from swimbladder.design.tuning.trial import Drawn, Step, Trial, traces
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.progress import Advance
 from swimbladder.physics.dynamics import plant
@@ -44,7 +47,6 @@ HELD = {"quiet": 9.5e-3, "energy": 5e-2}
 
 _DEAD = (1.0, 2.0, 4.0, 6.0, 9.0)  # of what the noise makes of the volume asked for
 _SPARE = 1.25  # of the voltage that the load of the sea takes where it is deepest
-_OVER = 0.03  # overshoot in 95 % of the runs, that a fast law may have
 _MOVED = 0.45e-3 / 3600.0  # m3/s, that it may move meanwhile; then starts and turns count
 
 
@@ -111,7 +113,8 @@ def score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
     if goal == "fast":
         settle = t.settle_95 if math.isfinite(t.settle_95) else 1e9
         # Of those that settle as soon, to a twentieth, the one that moves less.
-        return (t.overshoot_95 > _OVER, t.settled < 0.95, round(20.0 * math.log(settle)), t.rate)
+        unkept = t.overshoot_95 > OVERSHOOT, t.settled < SETTLED, math.isnan(t.ballast)
+        return (*unkept, round(20.0 * math.log(settle)), t.rate)
     off = max(t.rms / held, 1.0)
     if goal == "energy":
         return (off, t.energy)
@@ -220,7 +223,7 @@ def gains(name: str, setting: Setting, knobs: Any) -> Any:
     return recipe_of(name).gains(setting, knobs)
 
 
-_TRIED = {"fast": 4, "quiet": 8, "energy": 5}
+_TRIED = {"fast": 6, "quiet": 8, "energy": 5}
 _TRIED_RESTING = 3  # of a law that rests near the set-point, by gains of its own
 _FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
 _FINAL = 3  # options of a law that rests, whose band is fitted to the error that is allowed
@@ -256,6 +259,7 @@ class Goal(NamedTuple):
     depths: tuple[float, ...]  # m, where margins are checked
     step: Step
     drawn: Drawn
+    ballast: float = 0.0  # m3, by which it is off where a fast law has to settle all the same
 
 
 @dataclass
@@ -297,7 +301,8 @@ class Search:
 
     def tried(self, tuning: Any, drawn: Drawn) -> tuple[tuple[float, ...], Any, Trial]:
         """Return what is to be small of a tuning, the tuning, and its trial."""
-        found = trial(self.vehicle, self.bound(tuning), self.asked.step, drawn)
+        flown = self.vehicle, self.bound(tuning), self.asked.step
+        found = trial_of(*flown, drawn, ballast=self.asked.ballast)
         rank = score if self.law.ways is None else float_score
         return rank(self.asked.name, found, self.asked.held), tuning, found
 
@@ -310,12 +315,16 @@ class Search:
         """
         linear, count = self.bound(tuning._replace(dead=0.0, pause=0.0)), 1 if nominal else None
         plants, depths = self.region.plants[:count], self.asked.depths[:count]
-        loops = margins.loops(linear, plants, depths=depths, delay=self.delay)
-        m = margins.worst(loops, judge=judge, wanted=None if nominal else wanted)
-        short = margins.falls_short(m, wanted)
+        loops = partial(margins.loops, linear, plants, depths=depths, delay=self.delay)
+        m = margins.worst(loops(), judge=judge, wanted=None if nominal else wanted)
+        short = margins.violated_margins(m, wanted)
+        if short and not margins.violated_margins(m, margins.WANTED):  # within the slack
+            m = margins.worst(loops(), judge=margins.exactly, wanted=margins.WANTED)
+            short = margins.violated_margins(m, margins.WANTED)
         if not short:
             return m
-        rank = (nominal, not m.stable, margins.lacking(m, wanted))
+        short = margins.violated_margins(m, margins.WANTED)
+        rank = (nominal, not m.stable, margins.worst_margin_ratio(m, wanted))
         if self.near is None or rank < self.near[0]:
             self.near = (rank, short)
         return None
@@ -333,17 +342,22 @@ class Search:
                 kept.append((preference(goal, tuning), tuning))
         kept.sort(key=lambda pair: pair[0])
         found: list[Knobs] = []
+        learnt: Counter[float] = Counter()  # how fast it learns only a trial off its ballast shows
+        each = math.ceil(most / len({one.learning for _, one in kept} or {0.0}))
         for _, tuning in kept if goal == "fast" else _spread(kept):
             if len(found) == most:
                 break
+            if goal == "fast" and learnt[tuning.learning] == each:
+                continue
             if self.over(tuning, wanted, margins.roughly, nominal=False) is not None:
                 found.append(tuning)
+                learnt[tuning.learning] += 1
                 self.report(0.1 / most)
         return found
 
     def _of_loops(self) -> Found:
         """Return the best of a law that is called at each sample: by margins, then trials."""
-        goal, held, depths, step, drawn = self.asked
+        goal, held, depths, step, drawn, _ = self.asked
         recipe, name = self.recipe, self.law.name
         most = _TRIED_RESTING if recipe.holds and goal != "fast" else _TRIED[goal]
         every: list[Knobs] = []
@@ -422,7 +436,7 @@ class Search:
 
     def _of_floats(self) -> Found:
         """Return the best of a law of volume changes: stable over the region, then flown."""
-        goal, held, depths, step, drawn = self.asked
+        goal, held, depths, step, drawn, _ = self.asked
         vehicle, region, name = self.vehicle, self.region, self.law.name
         assert self.recipe.candidates is not None
         rates = drive_rates(with_supply(vehicle, self.setting.limit), depths)

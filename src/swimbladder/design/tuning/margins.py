@@ -268,7 +268,7 @@ def worst(
         for broken in (loop.broken_at_command(), loop.broken_at_depth()):
             here = judge(broken)
             found = here if found is None else least(found, here)
-            if not found.stable or (wanted is not None and falls_short(found, wanted)):
+            if not found.stable or (wanted is not None and violated_margins(found, wanted)):
                 return found
     assert found is not None  # there is a plant and a depth
     return found
@@ -290,7 +290,7 @@ def least(a: Margins, b: Margins) -> Margins:
     return Margins(delay=min(a.delay, b.delay), **worse)
 
 
-def falls_short(m: Margins, wanted: Margins = WANTED) -> tuple[str, ...]:
+def violated_margins(m: Margins, wanted: Margins = WANTED) -> tuple[str, ...]:
     """Return in words which margins are less than wanted, worst named with both numbers."""
     if not m.stable:
         return ("the loop is not stable over the whole region",)
@@ -298,11 +298,14 @@ def falls_short(m: Margins, wanted: Margins = WANTED) -> tuple[str, ...]:
     for name, (worse, words, factor, digits, unit) in _KINDS.items():
         has, asked = getattr(m, name), getattr(wanted, name)
         if has != asked and worse(has, asked) == has:
-            found.append(f"{words} {factor * has:{digits}} of {factor * asked:{digits}}{unit}")
+            shown = [f"{factor * x:{digits}}" for x in (has, asked)]
+            if shown[0] == shown[1]:  # nearer than that shows
+                shown = [f"{factor * x:.4g}" for x in (has, asked)]
+            found.append(f"{words} {shown[0]} of {shown[1]}{unit}")
     return tuple(found)
 
 
-def lacking(m: Margins, wanted: Margins = WANTED) -> float:
+def worst_margin_ratio(m: Margins, wanted: Margins = WANTED) -> float:
     """Return by how much the margin that is farthest from what is wanted misses it, as a ratio."""
     over = (m.peak_sensitivity - 1.0) / (wanted.peak_sensitivity - 1.0)
     ratios = wanted.gain_up / m.gain_up, m.gain_down / wanted.gain_down, over

@@ -1,190 +1,39 @@
-"""`tune`: gains for a vehicle's law, with margins over what is not known of the vehicle.
-
-`Tuning` is what it found, for a person and for JSON, with a vehicle that other commands read.
-"""
+"""`tune`: gains for a vehicle's law, with margins over what is not known of the vehicle."""
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from swimbladder.control.law import Law, Setting
+from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind, check_command, controller_of, own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
-from swimbladder.design.linear.sampled import BoundLaw, SampledLoop
 from swimbladder.design.tuning import gains, trial
-from swimbladder.design.tuning.margins import MARGINS, loops, margin_words
+from swimbladder.design.tuning.choice import choose, laws_for
+from swimbladder.design.tuning.promise import broken, limiting, promise_of
 from swimbladder.design.tuning.region import Region, region
+from swimbladder.design.tuning.result import Tuning
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.io.answers import as_json
 from swimbladder.io.progress import Advance, silent
+from swimbladder.jobs import each
 from swimbladder.physics.buoyancy_engine import known_winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.layers import Layers
-from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
+from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
 
-_MORE = 1.05  # times the rms that was asked for: as near as trials tell
-_WIDER = 3.0  # times the rms of a hold, that a band has to be to stand out from it
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tuning(gains.Found):
-    """A law with its gains, the margins that they guarantee, and what trials gave.
-
-    vehicle: the one that was given, with the controller found. margins: the worst over the region,
-    at the command and at the measured depth. nominal and region: trials of the vehicle as it is
-    and of vehicles drawn from the region, with the supply low.
-    """
-
-    vehicle: Vehicle
-    law: Law
-    goal: str
-    setting: Setting  # what the gains were made from
-    shown: tuple[trial.Runs, trial.Runs]  # a few runs: nominal, and over the region
-    step: trial.Step
-    sample_time: float  # s
-    delay: float  # s
-    depths: tuple[float, ...]  # m, that it is for
-    judged: tuple[float, ...]  # m, where margins were computed
-    supply: float  # V, the least assumed
-    held: float  # m rms, that holding a depth was allowed; 0: the goal is fast
-    assumptions: tuple[str, ...]
-    plants: tuple[Plant, ...]  # of the region, the nominal one first
-    band: float = 0.0  # m, of a law of volume changes: within which a flight has arrived
-
-    def loops(self) -> tuple[SampledLoop, ...]:
-        """Return the linear loops that the margins are of: none where there are no margins.
-
-        They are those of all `plants` at the first depth, then at the next.
-        """
-        if self.margins is None:
-            return ()
-        linear = gains.gains(self.law.name, self.setting, self.knobs._replace(dead=0.0, pause=0.0))
-        bound = BoundLaw(self.law, linear, self.sample_time)
-        return tuple(loops(bound, self.plants, depths=self.judged, delay=self.delay))
-
-    @property
-    def _low(self) -> str:
-        low = f" with the supply at {self.supply:.3g} V"
-        return low if math.isfinite(self.supply) else ""
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """What a person wants to know first."""
-        if self.law.ways is not None:
-            return self._float_sentences
-        m, r, n = self.margins, self.region, self.nominal
-        settled = (
-            f"The step from {self.step.start:g} to {self.step.target:g} m settles to 2 % in "
-            f"{_seconds(n.settle_median)} (median of {n.runs} runs of the nominal vehicle), "
-            f"{_seconds(r.settle_95)} in 95 % of {r.runs} runs over the region{self._low}; "
-            f"overshoot {100.0 * n.overshoot_median:.1f} % and "
-            f"{100.0 * r.overshoot_95:.1f} %."
-        )
-        held = (
-            f"Held at {self.step.target:g} m it stays within {1e3 * r.rms:.2g} mm rms and moves "
-            f"{3.6e6 * r.rate:.2g} L of volume in {3600.0 * r.starts:.0f} starts from rest and "
-            f"{3600.0 * r.turns:.0f} reversals an hour."
-        )
-        if 0.0 < self.held * _MORE < r.rms:
-            held += (
-                f" That is more than the {1e3 * self.held:.3g} mm that were asked for: nothing "
-                "that was tried holds it better."
-            )
-        sentences = [settled, held]
-        band = 0.02 * abs(self.step.target - self.step.start)
-        if band < _WIDER * r.rms:
-            sentences.insert(
-                1,
-                f"2 % of that step are {1e3 * band:.2g} mm, hardly more than it is held to: when "
-                "it settles is hardly informative. Use a longer step (--step).",
-            )
-        if math.isfinite(r.energy):
-            sentences.append(
-                f"The motor takes {r.energy:.3g} J in the {self.step.duration / 60.0:.3g} min of a "
-                f"trial and {1e3 * r.power:.3g} mW while it holds (region, at its terminals)."
-            )
-        if m is None:
-            sentences.append(_NO_MARGINS)
-        else:
-            sentences.append(f"Over {len(self.plants)} vehicles of the region: {margin_words(m)}.")
-        return tuple(sentences)
-
-    @property
-    def _float_sentences(self) -> tuple[str, ...]:
-        n, r = self.nominal, self.region
-        low, high = sorted((self.step.start, self.step.target))
-        sentences = [
-            f"Between {low:g} and {high:g} m it arrives within {self.band:.3g} m after "
-            f"{_hours(n.settle_median)} (median of {n.runs} flights of the nominal vehicle, half "
-            f"of them up), {_hours(r.settle_95)} in 95 % of {r.runs} flights over the region"
-            f"{self._low}; {100.0 * r.settled:.0f} % of these arrive and stay, overshoot "
-            f"{100.0 * r.overshoot_95:.1f} %.",
-            f"There it stays within {r.rms:.2g} m rms with {3600.0 * r.starts:.2g} starts of the "
-            f"pump and {3600.0 * r.turns:.2g} openings of the valve an hour, "
-            f"{3600e6 * r.rate:.2g} cm3 an hour.",
-        ]
-        if math.isfinite(r.energy):
-            sentences.append(
-                f"Pump and valve take {r.energy:.3g} J in the {self.step.duration / 3600.0:.3g} "
-                f"h of a flight and {3600.0 * r.power:.3g} J an hour while it holds (region, from "
-                "the battery's cells)."
-            )
-        sentences.append(
-            f"Over {len(self.plants)} vehicles of the region errors of the speed decay from one "
-            f"decision to the next: the largest eigenvalue has the modulus {self.radius:.3f}."
-        )
-        return tuple(sentences)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return it in SI units, ready for JSON; None where a run never settles."""
-        return {
-            "vehicle": self.vehicle.name,
-            "law": self.law.name,
-            **as_json(self, _ASKED_FOR),
-            "hold_m": self.held or None,
-            "parameters": {
-                name: {"value": float(value), "unit": self.law.units[name]}
-                for name, value in leaves(self.parameters).items()
-            },
-            "knobs": self.knobs._asdict(),
-            "margins": self.margins
-            and {**as_json(self.margins, MARGINS), "vehicles": len(self.plants)},
-            **({} if math.isnan(self.radius) else {"decision_eigenvalue": self.radius}),
-            "nominal": as_json(self.nominal, TRIAL),
-            "region": as_json(self.region, TRIAL),
-        }
-
-
-_ASKED_FOR = "goal sample_time_s computation_delay_s=delay depths_m supply_V step assumptions"
-TRIAL = (
-    "runs settled settle2_median_s=settle_median settle2_95_s=settle_95 overshoot_median "
-    "overshoot_95 rms_m volume_rate_m3_s=rate starts_1_s turns_1_s energy_J power_W"
-)
-"""Numbers of a trial, as `io.answers.as_json` takes them."""
-
-
-def _hours(x: float) -> str:
-    return f"{x / 3600.0:.3g} h" if math.isfinite(x) else "more than the time watched"
-
-
-def _seconds(x: float) -> str:
-    return f"{x:.1f} s" if math.isfinite(x) else "more than the time watched"
-
-
-_NO_MARGINS = "The law is not linear around rest and has no margins: only trials judge it."
 _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
 _WATCHED = 10.0  # times the least time of a step
+_NEUTRAL, _LEAST_NEUTRAL = 10.0, 50e-6  # times its spread, and m3: how far a filter looks for it
+_IN_WAVES = 2.0  # m, where a vehicle is held in waves
 _ROWS = 201  # depths at which a cast's layers are looked at
 _ASKED = "(--depth, --step)"
 
@@ -207,27 +56,31 @@ def tune(
 ) -> Tuning:
     """Return the gains of a law for this vehicle and goal, with what they guarantee.
 
-    law: the name of one that has a recipe; planned where not given, rate for a pump and valve.
-    goal: fast (a step soon settled), quiet (little volume moved and few starts of the motor while a
-    depth is held; of a pump and valve least power) or energy (least electrical energy for a step
-    and holding). depths: least and greatest [m].
-    sample_time [s]: the controller's where not given. delay: from a sample to its command, as a
-    share of the sample time. supply [V]: the least; nine tenths of the vehicle's where not given.
-    step: depths [m] of the trial, 1.5 m within the range where not given, of a pump and valve the
-    whole range. hold [m rms]: error allowed to a quiet law (9.5 mm) or one that saves energy (5
-    cm); of a pump and valve the tolerance, that of its law or 10 m. supervised: whether the trials
-    fly law and supervisor, as `firmware` writes them, or the law alone; of a pump and valve always
-    alone. advance: called with the share of the work done. column: the water that the trials are
-    flown in and that stroke and neutral volume are held against; margins are those of the vehicle's
-    own psi and density, decisions of a pump and valve with psi as that water has it.
+    law: the name of one that has a recipe. Not given: the quietest of those that settle nearly as
+    soon as the fastest, or the best for the goal; rate for a pump and valve. goal: fast (a step
+    soon settled), quiet (little volume moved and few starts of the motor while a depth is held; of
+    a pump and valve least power) or energy (least electrical energy for a step and holding).
+    depths: least and greatest [m]. sample_time [s]: the controller's where not given. delay: from a
+    sample to its command, as a share of the sample time. supply [V]: the least; nine tenths of the
+    vehicle's where not given. step: depths [m] of the trial, 1.5 m within the range where not
+    given, of a pump and valve the whole range. hold [m rms]: error allowed to a quiet law (9.5 mm)
+    or one that saves energy (5 cm); of a pump and valve the tolerance, that of its law or 10 m.
+    supervised: whether the trials fly law and supervisor, as `firmware` writes them, or the law
+    alone; of a pump and valve always alone. advance: called with the share of the work done.
+    column: the water that the trials are flown in and that stroke and neutral volume are held
+    against; margins are those of the vehicle's own psi and density, decisions of a pump and valve
+    with psi as that water has it.
 
-    Raises InputError for what cannot be; NoAnswerError where no gains hold this vehicle, with what
-    limits them, or where the energy of its motor is not known.
+    What gains do not keep that gains for the goal have to is `unmet`; `vehicle` of the answer then
+    raises NoAnswerError. Raises InputError for what cannot be; NoAnswerError where no gains hold
+    this vehicle, with what limits them, or where the energy of its motor is not known.
     """
-    pumped = vehicle.command == "volume change"
-    law = law or ("rate" if pumped else "planned")
-    chosen = gains.tunable(law)
-    _check(vehicle, law, goal, hold)
+    if goal not in gains.GOALS:
+        remedy = f"Choose from {', '.join(gains.GOALS)}"
+        raise InputError("no such goal", field="--goal", value=goal, remedy=remedy)
+    names = laws_for(vehicle, goal) if law is None else [law]
+    for name in names:
+        _check(vehicle, name, goal, hold)
     gains.check_depths(depths)
     if not 0.0 <= delay < 1.0:
         what, remedy = "a delay is given as a share of the sample time", "Give 0 or more, below 1"
@@ -235,92 +88,163 @@ def tune(
     if runs < 20:
         raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
     h = _sample_time(vehicle, sample_time)
-    vehicle, sensor = _with_noise(vehicle)
-    p = _supplied(vehicle)
-    if supply is not None and math.isinf(p.supply):
-        what = f"a {'power law of a pump' if pumped else 'positioner'} has a supply of its own"
-        raise InputError(what, field="--supply", value=supply, unit="V", remedy="Leave it out")
-    least = _LOW * p.supply if supply is None else supply
-    if not 0.0 < least <= p.supply:
-        what = "the least supply must be above 0 and not above the vehicle's"
-        remedy = f"Give more than 0 V, and up to {p.supply:g} V"
-        raise InputError(what, field="--supply", value=least, unit="V", remedy=remedy)
-    around = region(vehicle)
-    held = _held(vehicle, chosen, goal, hold)
-    ends = depths if pumped and step is None else _step(depths, step)
-    if pumped and abs(ends[1] - ends[0]) <= 2.0 * held:
-        what = f"the way is no longer than the band of {held:g} m to either side that the law keeps"
-        remedy = "Give depths farther apart, like 100:1500, or a narrower band (--hold)"
-        raise gains.refused_depths(what, depths, remedy)
-    judged = tuple(sorted({*depths, *ends}))
-    if column is not None and column.cast is not None:
-        check_cast_unit(column.cast, judged[-1], vehicle.hull.depth_limit)
-    layers = medium_of(vehicle, column, reach=judged[-1]).layers
-    off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
-    _check_reach(vehicle, judged, least, around, layers)
-    neutral = around.neutral if pumped else max(10.0 * around.neutral, 20e-6)
-    neutral += float(np.abs(off).max())
-    setting = gains.setting_of(
-        vehicle, sample_time=h, supply=least, neutral_range=neutral, depths=judged
-    )
-    long = _WATCH
-    recipe = gains.recipe_of(law)
-    if recipe.lasts is not None:
-        long = recipe.lasts(setting, abs(ends[1] - ends[0]), goal)
-    elif goal == "fast":
-        long = _watched(vehicle, least, abs(ends[1] - ends[0]), h)
-    watched = trial.Step(*ends, long)
-    supervised = supervised and not pumped
-    drawn = trial.Drawn(runs, around, least, column, supervised=supervised)
-    asked = gains.Goal(goal, held, judged, watched, drawn)
-    search = gains.Search(chosen, vehicle, setting, asked, delay * h, advance)
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        found = search.found()
-    controller = controller_of(chosen, found.parameters, sample_time=h)
-    bound = search.bound(found.knobs)
-    few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
-    nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
-    how = trial.SUPERVISED if supervised else trial.ALONE
-    assumptions = [*around.words, sensor, how, *_outside(depths, ends)]
-    assumptions += _in_water(column, off, pumped=pumped)
-    if math.isfinite(least):
-        assumptions.append(f"the supply falls to {least:.3g} V")
-    else:
-        mover = "pump" if pumped else "positioner"
-        assumptions.append(f"the {mover} moves {1e6 * p.rate:.3g} cm3/s")
-    if not pumped:
-        assumptions.append(f"a command comes {1e3 * delay * h:.3g} ms after its sample")
-    origin = {"controller.parameters": f"tuned for {goal}, {depths[0]:g} to {depths[1]:g} m"}
-    made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
-    if supervised:
-        made["supervisor"] = vehicle.supervisor  # so that `simulate` flies it as well
-    return Tuning(
-        vehicle=vehicle.model_copy(update=made),
-        law=chosen,
+    noisy, sensor = _with_noise(vehicle)
+    pumped = vehicle.command == "volume change"
+    request = _Request(
+        vehicle=noisy,
+        sensor=sensor,
         goal=goal,
-        setting=setting,
-        **vars(found),
-        shown=(nominal, drawn_runs),
-        step=watched,
+        depths=depths,
         sample_time=h,
         delay=delay * h,
-        depths=depths,
-        judged=judged,
-        supply=least,
-        held=held,
-        band=trial.arrival_band(bound, watched) if pumped else 0.0,
-        assumptions=tuple(assumptions),
-        plants=around.plants,
+        supply=_least_supply(noisy, supply),
+        ends=depths if pumped and step is None else _step(depths, step),
+        hold=hold,
+        runs=runs,
+        column=column,
+        supervised=supervised and not pumped,
+        around=region(noisy),
     )
+    found: dict[str, Tuning] = {}
+    refused: dict[str, NoAnswerError] = {}
+
+    def one(name: str) -> None:
+        try:
+            found[name] = request.tuned(name, lambda x: advance(x / len(names)))
+        except NoAnswerError as error:
+            refused[name] = error
+
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        for _ in each(one, names):
+            pass
+    if not found and len(names) == 1:
+        raise refused[names[0]]
+    if not found:
+        why = "; ".join(f"{name}: {refused[name]}" for name in names)
+        raise NoAnswerError(f"no law has gains for this. {why}")
+    taken, why = choose({name: found[name] for name in names if name in found}, goal)
+    return replace(found[taken], choice=why)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Request:
+    """What is asked of any law, checked."""
+
+    vehicle: Vehicle  # with a sensor as noisy as its logs were
+    sensor: str  # how noisy that is, in words
+    goal: str
+    depths: tuple[float, float]  # m
+    sample_time: float  # s
+    delay: float  # s, from a sample to its command
+    supply: float  # V, the least
+    ends: tuple[float, float]  # m, of the trials' step
+    hold: float | None  # m rms
+    runs: int
+    column: Column | None
+    supervised: bool
+    around: Region
+
+    def tuned(self, name: str, advance: Advance) -> Tuning:
+        """Return the gains of the law of that name; raises as `tune` does."""
+        vehicle, goal, depths, ends = self.vehicle, self.goal, self.depths, self.ends
+        h, least, around, column = self.sample_time, self.supply, self.around, self.column
+        chosen, recipe = gains.tunable(name), gains.recipe_of(name)
+        pumped = vehicle.command == "volume change"
+        way = abs(ends[1] - ends[0])
+        held = _held(vehicle, chosen, goal, self.hold)
+        if pumped and way <= 2.0 * held:
+            what = (
+                f"the way is no longer than the band of {held:g} m to either side that the law "
+                "keeps"
+            )
+            remedy = "Give depths farther apart, like 100:1500, or a narrower band (--hold)"
+            raise gains.refused_depths(what, depths, remedy)
+        judged = tuple(sorted({*depths, *ends}))
+        if column is not None and column.cast is not None:
+            check_cast_unit(column.cast, judged[-1], vehicle.hull.depth_limit)
+        layers = medium_of(vehicle, column, reach=judged[-1]).layers
+        off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
+        _check_reach(vehicle, judged, least, around, layers)
+        neutral = around.neutral if pumped else max(_NEUTRAL * around.neutral, _LEAST_NEUTRAL)
+        neutral += float(np.abs(off).max())
+        setting = gains.setting_of(
+            vehicle, sample_time=h, supply=least, neutral_range=neutral, depths=judged
+        )
+        long = _WATCH
+        if recipe.lasts is not None:
+            long = recipe.lasts(setting, way, goal)
+        elif goal == "fast":
+            long = _watched(vehicle, least, way, h)
+        watched = trial.Step(*ends, long)
+        drawn = trial.Drawn(self.runs, around, least, column, supervised=self.supervised)
+        promise = promise_of(vehicle, goal, watched, supply=least, sample_time=h, held=held)
+        if not self.supervised:
+            promise = promise._replace(ballast=0.0)  # it is what a vehicle has found by holding
+        asked = gains.Goal(goal, held, judged, watched, drawn, promise.ballast)
+        search = gains.Search(chosen, vehicle, setting, asked, self.delay, advance)
+        found = search.found()
+        bound = search.bound(found.knobs)
+        few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
+        nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
+        unmet = tuple(words for words, _ in broken(promise, found.region))
+        waves = math.nan
+        if self.supervised:
+            waves = trial.alarms_in_waves(
+                vehicle, bound, min(max(_IN_WAVES, *depths[:1]), depths[1]), drawn
+            )
+        return Tuning(
+            result_vehicle=self._vehicle(controller_of(chosen, found.parameters, sample_time=h)),
+            law=chosen,
+            goal=goal,
+            setting=setting,
+            **vars(found),
+            shown=(nominal, drawn_runs),
+            step=watched,
+            sample_time=h,
+            delay=self.delay,
+            depths=depths,
+            judged=judged,
+            supply=least,
+            held=held,
+            band=trial.arrival_band(bound, watched) if pumped else 0.0,
+            assumptions=self._assumptions(off),
+            plants=around.plants,
+            least=promise.least,
+            ballast=promise.ballast,
+            waves=waves,
+            unmet=unmet,
+            limit=limiting(vehicle, bound, watched, drawn, promise) if unmet else "",
+        )
+
+    def _vehicle(self, controller: Controller) -> Vehicle:
+        """Return the vehicle with a controller, and where trials had one, with its supervisor."""
+        vehicle, (low, high) = self.vehicle, self.depths
+        origin = {"controller.parameters": f"tuned for {self.goal}, {low:g} to {high:g} m"}
+        made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
+        if self.supervised:
+            made["supervisor"] = vehicle.supervisor  # so that `simulate` flies it as well
+        return vehicle.model_copy(update=made)
+
+    def _assumptions(self, off: NDArray[np.float64]) -> tuple[str, ...]:
+        """Return what trials and margins assume; off [m3]: what a cast adds to neutral."""
+        pumped = self.vehicle.command == "volume change"
+        how = trial.SUPERVISED if self.supervised else trial.ALONE
+        found = [*self.around.words, self.sensor, how, *_outside(self.depths, self.ends)]
+        found += _in_water(self.column, off, pumped=pumped)
+        if math.isfinite(self.supply):
+            found.append(f"the supply falls to {self.supply:.3g} V")
+        else:
+            mover = "pump" if pumped else "positioner"
+            found.append(f"the {mover} moves {1e6 * _supplied(self.vehicle).rate:.3g} cm3/s")
+        if not pumped:
+            found.append(f"a command comes {1e3 * self.delay:.3g} ms after its sample")
+        return tuple(found)
 
 
 def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
     check_command(gains.tunable(law), vehicle, field="--law", among=gains.tunable_names())
-    if goal not in gains.GOALS:
-        remedy = f"Choose from {', '.join(gains.GOALS)}"
-        raise InputError("no such goal", field="--goal", value=goal, remedy=remedy)
     goals = gains.goals_of(gains.recipe_of(law))
     if goal not in goals:
         remedy = f"Choose from {', '.join(goals)}, or another law"
@@ -343,6 +267,21 @@ def _supplied(vehicle: Vehicle) -> Plant:
     if isinstance(a, PumpAndValve) and isinstance(a.pump, DatasheetPump) and vehicle.supply:
         return p._replace(supply=vehicle.supply.voltage)
     return p
+
+
+def _least_supply(vehicle: Vehicle, given: float | None) -> float:
+    """Return the least supply [V], infinite where the actuator has a supply of its own."""
+    p = _supplied(vehicle)
+    if given is not None and math.isinf(p.supply):
+        pumped = vehicle.command == "volume change"
+        what = f"a {'power law of a pump' if pumped else 'positioner'} has a supply of its own"
+        raise InputError(what, field="--supply", value=given, unit="V", remedy="Leave it out")
+    least = _LOW * p.supply if given is None else given
+    if not 0.0 < least <= p.supply:
+        what = "the least supply must be above 0 and not above the vehicle's"
+        remedy = f"Give more than 0 V, and up to {p.supply:g} V"
+        raise InputError(what, field="--supply", value=least, unit="V", remedy=remedy)
+    return least
 
 
 def _held(vehicle: Vehicle, law: Law, goal: str, given: float | None) -> float:

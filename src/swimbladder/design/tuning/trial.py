@@ -27,22 +27,25 @@ from swimbladder.physics.electric import electrical_power, largest_voltage, wind
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
+from swimbladder.sim.closed_loop.swell import Swell, depth_error
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 
-def electrical_energy(motor: Winding, p: Plant, runs: Runs, *, sample_time: float) -> Array:
+def electrical_energy(
+    motor: Winding, p: Plant, runs: Runs, *, supply: Any, sample_time: float
+) -> Array:
     """Return the energy into the motor in each sample [J], [samples, runs].
 
-    runs: with the command [V] from each sample on. The voltage is cut to what the supply gives at
-    the sample's mean rate.
+    runs: with the command [V] from each sample on. The voltage is cut to what the supply [V] gives
+    at the sample's mean rate.
     """
     q = np.diff(runs.volume, axis=0) / sample_time + p.k_l * runs.depth[:-1]
     u = runs.command[:-1]
     emf = motor.kappa * q * np.where(u >= 0.0, 1.0, -1.0)
-    most = largest_voltage(E=p.supply, sag=p.sag, emf=emf)
+    most = largest_voltage(E=supply, sag=p.sag, emf=emf)
     u = np.clip(u, -most, most)
     i = winding_current(u=u, omega=q, R=motor.R, k_emf=motor.kappa)
     return electrical_power(u=u, i=i) * sample_time
@@ -56,6 +59,10 @@ _LONGEST = 30.0  # s, of a tick: runs of the drive that last longer than a sleep
 _SHARE = 0.02  # of the step
 _USUAL = 1.5  # m, of a step
 _BEFORE = 120.0, 400  # s and samples, in which a supervisor gets to know the vehicle before a step
+_OFF_RUNS = 20  # with the ballast off, half of them to either side
+SEAS = Swell(1.0, (8.0, 10.0, 12.0)), Swell(1.0, (4.0, 5.0, 6.0))
+"""A swell and a wind sea, in which no supervisor must take a healthy vehicle for a faulty one."""
+HALF_HOUR, _IN_WAVES = 1800.0, 10  # s, runs in each sea
 ALONE = "the law flies alone, without the supervisor that `firmware` writes beside it"
 SUPERVISED = (
     "the law flies under the vehicle's supervisor, as `firmware` writes both; a step comes after "
@@ -86,6 +93,8 @@ class Drawn(NamedTuple):
     column: Column | None = None  # the water, the vehicle's own where None
     seed: int = 1
     supervised: bool = False  # as `firmware` writes law and supervisor; of a float never
+    known: frozenset[str] = frozenset()  # of the region: fields of `Plant` that are not drawn
+    ballast: float = 0.0  # m3, by which every other neutral volume is off to either side
 
     @property
     def nominal(self) -> Drawn:
@@ -179,9 +188,13 @@ def _tick(parameters: Any) -> float:
 
 def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     """Return the runs of a trial as they went."""
-    runs, region, supply, column, seed, supervised = drawn
+    runs, region, supply, column, seed, supervised = drawn[:6]
     medium = medium_of(vehicle, column, reach=max(step.start, step.target))
     vary = {} if region is None else draw(region, runs=runs, seed=seed, medium=medium)
+    vary = {name: values for name, values in vary.items() if name not in drawn.known}
+    if drawn.ballast:
+        off = np.where(np.arange(runs) % 2 == 0, drawn.ballast, -drawn.ballast)
+        vary["V_0"] = vary.get("V_0", medium.plant.V_0) + off
     given: dict[str, Any] = {"target": step.target, "start_depth": step.start}
     duration, before = step.duration, None
     if supervised and bound.law.ways is None:
@@ -194,13 +207,20 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
         given["target"], given["start_depth"] = np.where([down, ~down], step.target, step.start)
         given["start_volume"] = np.where(down, *neutral)
     elif math.isfinite(supply):
-        vary["supply"] = np.full(runs, supply)
-    if bound.law.ways is None and region is not None:
+        vary["supply"] = supplies(vehicle, drawn)
+    if bound.law.ways is None:
         given["start_volume"] = neutral[0]
+    if bound.law.ways is None and region is not None and "V_0" not in drawn.known:
         h = bound.sample_time
         given["neutral_change"] = random_walk(region.walk, duration, drawn, sample_time=h)
     given |= {"vary": vary, "seed": seed, "column": column, "count": runs}
     return fly(vehicle, bound, duration=step.duration, before=before, **given)
+
+
+def supplies(vehicle: Vehicle, drawn: Drawn) -> Array:
+    """Return the supply [V] of each run: the least of every other pair, else the vehicle's own."""
+    own = plant(vehicle).supply
+    return np.where(np.arange(drawn.runs) // 2 % 2 == 0, min(drawn.supply, own), own)
 
 
 def random_walk(intensity: float, duration: float, drawn: Drawn, *, sample_time: float) -> Array:
@@ -327,6 +347,7 @@ class Trial(NamedTuple):
     farthest: float = math.nan  # m, largest depth error of any run
     lost: float = math.nan  # share of the runs
     alarms: float = math.nan  # share of the runs in which the supervisor took over
+    ballast: float = math.nan  # s, in which all runs settle whose ballast is off
 
     @property
     def starts_and_turns(self) -> float:
@@ -352,6 +373,43 @@ def summarise(m: Measured) -> Trial:
     )
 
 
+def settling_off_ballast(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> float:
+    """Return the time [s] in which all runs of the nominal vehicle settle with its ballast off.
+
+    drawn: by how much. nan: one never does.
+    """
+    off = drawn._replace(region=None, runs=_OFF_RUNS)
+    return percentile(measure(traces(vehicle, bound, step, off), 0.0).settle, 100.0)
+
+
+def alarms_in_waves(vehicle: Vehicle, bound: BoundLaw, depth: float, drawn: Drawn) -> float:
+    """Return the share of half hours at a depth [m] in which waves alarm the supervisor.
+
+    The seas of `SEAS`, half of the runs in each; the nominal vehicle, held at the depth.
+    """
+    h, found = bound.sample_time, []
+    medium = medium_of(vehicle, drawn.column, reach=depth)
+    before = max(math.ceil(_BEFORE[0] / h), _BEFORE[1]) * h
+    time = h * np.arange(schedule([0.0], HALF_HOUR + before, h).ticks + 1, dtype=np.float64)
+    for sea in SEAS:
+        waves = depth_error(sea, vehicle, time, depth=depth, runs=_IN_WAVES, seed=drawn.seed)
+        runs = fly(
+            vehicle,
+            bound,
+            target=depth,
+            duration=HALF_HOUR,
+            before=before,
+            count=_IN_WAVES,
+            start_depth=depth,
+            start_volume=medium.neutral_volume(depth),
+            seed=drawn.seed,
+            column=drawn.column,
+            depth_error=waves,
+        )
+        found.append(float((runs.alarm > 0).mean()))
+    return float(np.mean(found))
+
+
 def arrival_band(bound: BoundLaw, step: Step) -> float:
     """Return how near to its depth a float counts as there [m]."""
     band = float(leaves(bound.parameters)[bound.law.band])
@@ -368,9 +426,8 @@ def trial(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Trial:
         return summarise(_of_floats(vehicle, found, runs, step, since, band))
     motor, h = winding(vehicle), bound.sample_time
     if motor is not None:
-        p = plant(vehicle)
-        supplied = p._replace(supply=min(p.supply, drawn.supply))
-        joules = electrical_energy(motor, supplied, runs, sample_time=h)
+        supply = supplies(vehicle, drawn)
+        joules = electrical_energy(motor, plant(vehicle), runs, supply=supply, sample_time=h)
         late = joules[(time >= since)[:-1]]
         found = found._replace(energy=joules.sum(axis=0), power=late.mean(axis=0) / h)
     return summarise(found)

@@ -42,7 +42,9 @@ def draw_tuning(tuning: Tuning) -> Figure:
         style.band(depth, goal, half)
         depth.axhline(goal, color=Ink.BLACK, lw=0.8, ls="--")
     depth.get_lines()[-1].set_label(f"set-point, {size} band")
-    limit = tuning.vehicle.supply.voltage if volts and tuning.vehicle.supply else math.inf
+    limit = (
+        tuning.result_vehicle.supply.voltage if volts and tuning.result_vehicle.supply else math.inf
+    )
     used = max(float(np.abs(traces.command).max()) for traces in tuning.shown)
     if _QUIET * limit <= used:  # else it would squeeze what is used to a line
         for side in (-limit, limit):
@@ -54,7 +56,7 @@ def draw_tuning(tuning: Tuning) -> Figure:
     voltage.set_ylabel("voltage [V]" if volts else asked)
     voltage.set_xlabel("time since the set-point changed [s]")
     depth.legend(loc="best")
-    title = f"{tuning.vehicle.name}, {tuning.law.name} tuned for {tuning.goal}"
+    title = f"{tuning.result_vehicle.name}, {tuning.law.name} tuned for {tuning.goal}"
     depth.set_title(title, fontsize=10.0)
     style.label_panels([depth, volume, voltage])
     return figure

@@ -16,8 +16,8 @@ from swimbladder.units import shown_unit, unit_factor
 def tuning_files(found: Tuning, command: str, answer: Mapping[str, Any]) -> dict[str, object]:
     """Return the contents of vehicle.toml, tune.html, tune.json and pictures.
 
-    command: how the page says that it was made; answer: tune.json. A law without margins has no
-    sensitivity.png.
+    Gains that do not keep what they have to are in unproven.toml instead. command: how the page
+    says that it was made; answer: tune.json. A law without margins has no sensitivity.png.
     """
     tune = draw_tuning(found)
     label = "Depth, volume and voltage of the trials against time."
@@ -29,7 +29,9 @@ def tuning_files(found: Tuning, command: str, answer: Mapping[str, Any]) -> dict
         images["sensitivity"] = drawn_inline(figure, name="sensitivity", label=label)
     head = f"Tuned by swimbladder tune, law {found.law.name}, goal {found.goal}."
     return {
-        "vehicle.toml": vehicle_file(found.vehicle, head="\n".join([head, *found.sentences])),
+        "vehicle.toml" if found.proven else "unproven.toml": vehicle_file(
+            found.result_vehicle, head="\n".join([head, *found.sentences])
+        ),
         "tune.html": _page(found, images, command),
         "tune.json": answer,
         **pictures,
