@@ -273,9 +273,7 @@ class _Session:
         stop = flight.stopped
         if isinstance(stop, NoAnswerError):
             at = f"tick {flight.ticks} ({flight.ticks * self.made.tick_s:.4g} s) of the {name}"
-            safe = (
-                f"the model has had full buoyancy from there on, and ended at {flight.depth:.1f} m"
-            )
+            safe = f"the model had full buoyancy from there on, and ended at {flight.depth:.1f} m"
             remedy = "Check the cable and the board's power, and fly again"
             raise NoAnswerError(f"{self.wire.port}: {stop}, at {at}; {safe}. {remedy}") from stop
         if stop is not None:
@@ -357,7 +355,8 @@ class _Flight:
             took = (told.began - self._last) % 2**32
             times.intervals.append(took * 1e-6 - tick_s)
         self._last, self.reason = told.began, self.reason or told.said.reason
-        row = [f"{self._clock * tick_s:.9g}", seen.depth, seen.volume, told.said.command, reference]
+        command = np.float32(told.said.command)
+        row = [f"{self._clock * tick_s:.9g}", seen.depth, seen.volume, command, reference]
         row += [told.said.reason, expected.command, seen.depth_age, seen.battery]
         row += [int(seen.leak), seen.lost, told.took, round(trip * 1e6)]
         self._log.write(",".join(map(str, row)) + "\n")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import time
 from binascii import crc_hqx
@@ -154,7 +155,7 @@ class Wire:
         try:
             yield
         except (self._failure, OSError) as error:
-            raise NoAnswerError(f"the port has gone: {error}") from error
+            raise NoAnswerError("the port has gone") from error
 
     def _send(self, kind: int, payload: bytes) -> None:
         body = bytes([len(payload), kind, self._sequence]) + payload
@@ -163,9 +164,11 @@ class Wire:
 
     def _answer(self, kind: int, wait: float) -> bytes | None:
         """Return the payload of the answer to what was sent last; None: none came in time [s]."""
-        until = time.monotonic() + wait
+        until, corrupt = time.monotonic() + wait, self.counts.corrupt
         while True:
             while (frame := self._frame()) is None:
+                if self.counts.corrupt > corrupt and not self._got and kind != _HELLO:
+                    return None
                 if time.monotonic() > until:
                     self.counts.corrupt += bool(self._got)
                     self._got.clear()
@@ -207,7 +210,8 @@ def _opened(port: str, baud: int) -> tuple[Any, type[Exception]]:
     try:
         line = serial.Serial(port, baud, timeout=_READ, write_timeout=_ANSWER)
     except (failure, OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or str(error)
+        number = getattr(error, "errno", None)
+        why = os.strerror(number) if number else str(error)
         what, remedy = f"cannot open the port: {why}", "Plug the board in, and name its port"
         try:
             from serial.tools.list_ports import comports
