@@ -76,7 +76,7 @@ def arm_board(made: Library, folder: Path, core: str) -> Iterator[str]:
 
 
 def host_program(made: Library, folder: Path, header: Mapping[str, str] = {}) -> Path:
-    """Compile a library for this machine, with what may go wrong (board/host.c); return the program.
+    """Compile a library for this machine, see board/host.c; return the program.
 
     header: texts to put in the place of others in hil.h.
     """

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import aside, compile_notice, progress
-from swimbladder.cli.firmware import Golden
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.options import Files, Golden, Options, VehicleName, flag, grouped, valued
 from swimbladder.cli.texts import Given
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def board(vehicle: VehicleName, *, line: Line, golden: Golden, more: More, to: F
     with progress("loading the simulator"):
         from swimbladder.codegen.board import Flights, fly_board
 
-    how, before = line.given(), set(to.out.glob("*.csv"))
+    how, before = line.given(), _logs(to.out)
     flying = progress("flying on the board", 1.0)
     try:
         with golden.said_as_typed(), more.said_as_typed(), compile_notice(), flying as advance:
@@ -62,7 +61,7 @@ def board(vehicle: VehicleName, *, line: Line, golden: Golden, more: More, to: F
                 v, how.pop("port"), Flights(**given), **how, out=to.out, advance=advance
             )
     except BaseException:
-        if set(to.out.glob("*.csv")) - before:
+        if _logs(to.out) != before:
             aside(f"the log so far is in {to.out}")
         raise
     logs, why = [flight.log for flight in answer.flights], list(map(_said, answer.flights))
@@ -103,15 +102,12 @@ def _shown(answer: BoardAnswer) -> Iterator[object]:
         listed.append(("between ticks, off the sample time", times.intervals))
     for name, taken in listed:
         if (spread := Spread.of(taken)) is not None:
-            median, worst, jitter = (1e3 * x for x in (spread.median, spread.worst, spread.jitter))
-            yield f"{name}: median {median:.3f} ms, worst {worst:.3f} ms, jitter {jitter:.3f} ms"
+            median, worst, jitter = (f"{1e3 * time:.3f} ms" for time in spread)
+            yield f"{name}: median {median}, worst {worst}, jitter {jitter}"
     late = f"; {times.late} ticks were late" if answer.real_time else ""
     yield f"speed: {answer.speed:.3g} times real time{late}"
-    f = answer.frames
-    yield (
-        f"frames: {f['sent']} sent, {f['lost']} lost, corrupt {f['corrupt']} of the board and "
-        f"{f['corrupt_at_board']} at it"
-    )
+    counts = "{sent} sent, {lost} lost; corrupt: {corrupt} here, {corrupt_at_board} at the board"
+    yield f"frames: {counts.format(**answer.frames)}"
     left = answer.stack_left
     yield f"stack left: {'not known on this board' if left is None else f'{left} bytes'}"
     yield "equal" if answer.equal else "DIFFERENT"

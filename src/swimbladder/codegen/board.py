@@ -26,10 +26,12 @@ from swimbladder.codegen.twin import twin
 from swimbladder.codegen.wire import BAUD, Said, Wire
 from swimbladder.control.law import Measurement
 from swimbladder.control.supervisor import SUPERVISOR, Reason, Watched
-from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+from swimbladder.errors import NoAnswerError, SwimbladderError
+from swimbladder.io.answers import attributes
 from swimbladder.io.files import check_place, make_folder
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.faults.c_interface import SUPERVISED
 from swimbladder.sim.faults.campaign_result import Outcome, outcomes
 from swimbladder.sim.faults.draw import Mission as FaultMission
@@ -41,7 +43,6 @@ from swimbladder.sim.faults.run import FaultCampaign
 from swimbladder.vehicle import Vehicle
 
 _LATE = 0.1  # of a sample time, by which a tick may be late
-_MOST_FAULTS = 100_000  # missions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,56 +71,41 @@ class Difference(NamedTuple):
     twin: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True)
 class FlightAnswer:
     """One flight on the board, and how its plant ended."""
 
     name: str
-    ticks: int
-    unequal: int  # ticks at which anything differed
-    difference: Difference | None
-    reason: str  # of the supervisor, empty without one
-    depth: float  # m, at the end
-    ended: str
-    duration: float  # s, of the flight
-    wall: float  # s that it took
     log: Path
+    ticks: int = 0
+    unequal: int = 0  # ticks at which anything differed
+    difference: Difference | None = None
+    reason: str = ""  # of the supervisor, empty without one
+    depth: float = math.nan  # m, at the end
+    ended: str = ""
+    duration: float = 0.0  # s, of the flight
+    wall: float = 0.0  # s that it took
 
     def to_json(self) -> dict[str, Any]:
         """Return it in SI."""
-        first = self.difference
-        return {
-            "name": self.name,
-            "ticks": self.ticks,
-            "unequal_ticks": self.unequal,
-            "first_difference": None if first is None else first._asdict(),
-            "reason": self.reason,
-            "ended": self.ended,
-            "final_depth_m": self.depth,
-            "duration_s": self.duration,
-            "wall_s": self.wall,
-        }
+        keys = "name ticks unequal_ticks=unequal reason ended final_depth_m=depth duration_s wall_s"
+        first = self.difference and self.difference._asdict()
+        return attributes(self, keys) | {"first_difference": first}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Spread:
-    """Median, worst and standard deviation of times [s]."""
+class Spread(NamedTuple):
+    """Median, worst and standard deviation of times."""
 
-    median: float
-    worst: float
-    jitter: float
+    median_s: float
+    worst_s: float
+    jitter_s: float
 
     @classmethod
     def of(cls, times: Sequence[float]) -> Spread | None:
         """Return that of times [s]; None of none."""
         if not times:
             return None
-        median, worst = float(np.median(times)), float(np.max(np.abs(times)))
-        return cls(median=median, worst=worst, jitter=float(np.std(times)))
-
-    def to_json(self) -> dict[str, float]:
-        """Return it in SI."""
-        return {"median_s": self.median, "worst_s": self.worst, "jitter_s": self.jitter}
+        return cls(float(np.median(times)), float(np.max(np.abs(times))), float(np.std(times)))
 
 
 @dataclass(kw_only=True)
@@ -164,21 +150,15 @@ class BoardAnswer:
         if self.real_time:
             spreads["interval_error"] = self.times.intervals
         found = {name: Spread.of(times) for name, times in spreads.items()}
+        keys = "port baud real_time equal not_flown times_real_time=speed frames stack_left_bytes"
         return {
             "vehicle": self.vehicle.name,
             "law": self.made.law.name,
             "library": digest(self.made).hex(),
-            "port": self.port,
-            "baud": self.baud,
-            "real_time": self.real_time,
-            "equal": self.equal,
+            **attributes(self, keys),
             "flights": [flight.to_json() for flight in self.flights],
-            "not_flown": list(self.not_flown),
-            "times_real_time": self.speed,
             "late_ticks": self.times.late if self.real_time else None,
-            **{name: spread and spread.to_json() for name, spread in found.items()},
-            "frames": self.frames,
-            "stack_left_bytes": self.stack_left,
+            **{name: spread and spread._asdict() for name, spread in found.items()},
         }
 
 
@@ -201,28 +181,24 @@ def fly_board(
     NoAnswerError where the board answers no more: the model then gets full buoyancy.
     """
     asked = flights or Flights()
-    if not 0 <= asked.faults <= _MOST_FAULTS:
-        what = f"must be a whole number from 0 to {_MOST_FAULTS}"
-        raise InputError(what, field="--faults", value=asked.faults, remedy="Give some tens")
-    depths = {name: getattr(asked, name) for name in ("start_depth", "target", "duration")}
-    mission, made = plan_program(vehicle, **depths)
+    check_counts(seed=(asked.seed, 0), faults=(asked.faults, 0))
+    mission, made = plan_program(vehicle, (asked.start_depth, asked.target, asked.duration))
     faults = _FaultMissions(vehicle, asked)
     check_place(out)
     with Wire(port, digest(made), baud=baud) as wire:
         make_folder(out)
-        session = _Session(vehicle, made, wire, real_time, out)
+        session = _Session(made, wire, real_time, out)
         share = 1.0 / (1 + asked.steps + len(faults.missions))
         found = []
         for name, turns in _set_points(made, mission, asked.steps):
             with session.flight(name, advance, share) as flight:
                 _fly_depths(flight, vehicle, mission, turns, asked.seed)
-            found.append(flight.answer())
+            found.append(flight.answer)
         for one in faults.missions:
             with session.flight(f"fault mission {one.number}", advance, share) as flight:
                 faults.fly(flight, one)
-            found.append(flight.answer())
+            found.append(flight.answer)
         stack, corrupt = wire.status()
-        frames = vars(wire.counts) | {"corrupt_at_board": corrupt}
     return BoardAnswer(
         vehicle=vehicle,
         made=made,
@@ -232,7 +208,7 @@ def fly_board(
         flights=tuple(found),
         not_flown=faults.not_flown,
         times=session.times,
-        frames=frames,
+        frames=wire.frames | {"corrupt_at_board": corrupt},
         stack_left=stack,
     )
 
@@ -240,40 +216,34 @@ def fly_board(
 class _Session:
     """What the flights on a board have in common."""
 
-    def __init__(
-        self, vehicle: Vehicle, made: BoardProgram, wire: Wire, real_time: bool, out: Path
-    ) -> None:
-        self.vehicle, self.made, self.wire = vehicle, made, wire
-        self.real_time, self.out, self.times = real_time, out, Times()
+    def __init__(self, made: BoardProgram, wire: Wire, real_time: bool, out: Path) -> None:
+        self.made, self.wire, self.real_time, self.times = made, wire, real_time, Times()
         self.full = made.limits[1]  # the command that makes the vehicle lightest
         self._law, self._supervisor = made.twin(), twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
+        self._out = out
 
-    def twin(self, *, before: Any, after_reset: bool) -> VehicleTwin:
-        """Return the board's twin; before: its state at the reset."""
-        return VehicleTwin(
-            self.made.controller(self._law),
-            self.made.supervisor,
-            supervisor=self._supervisor,
-            after_reset=after_reset,
-            before=before,
-        )
+    def twin(self, **begun: Any) -> VehicleTwin:
+        """Return the board's twin; begun: as `VehicleTwin` has it."""
+        controller, limits = self.made.controller(self._law), self.made.supervisor
+        return VehicleTwin(controller, limits, supervisor=self._supervisor, **begun)
 
     @contextmanager
     def flight(self, name: str, advance: Advance, share: float) -> Iterator[_Flight]:
         """Give a flight to fly, of so large a share of the work; raise what has stopped it."""
-        path, began = self.out / f"{name.replace(' ', '-')}.csv", time.perf_counter()
+        path, began = self._out / f"{name.replace(' ', '-')}.csv", time.perf_counter()
+        answer = FlightAnswer(name=name, log=path)
         with path.open("w", encoding="utf-8", newline="\n", buffering=1) as log:
-            flight = _Flight(self, name, log, lambda done: advance(done * share))
+            flight = _Flight(self, answer, log, lambda done: advance(done * share))
             try:
                 yield flight
             except SwimbladderError:
                 if flight.stopped is None:
                     raise
-        flight.wall = time.perf_counter() - began
-        stop = flight.stopped
+        answer.wall, stop = time.perf_counter() - began, flight.stopped
+        answer.duration = answer.ticks * self.made.tick_s
         if isinstance(stop, NoAnswerError):
-            at = f"tick {flight.ticks} ({flight.ticks * self.made.tick_s:.4g} s) of the {name}"
-            safe = f"the model had full buoyancy from there on, and ended at {flight.depth:.1f} m"
+            at = f"tick {answer.ticks} ({answer.duration:.4g} s) of the {name}"
+            safe = f"the model had full buoyancy from there on, and ended at {answer.depth:.1f} m"
             remedy = "Check the cable and the board's power, and fly again"
             raise NoAnswerError(f"{self.wire.port}: {stop}, at {at}; {safe}. {remedy}") from stop
         if stop is not None:
@@ -283,31 +253,29 @@ class _Session:
 class _Flight:
     """A flight: the board and its twin, called side by side, and the log of what they say.
 
-    After `stopped` is set, the board is not asked again, and the command is full buoyancy.
+    Once it is stopped, the board is not asked again, and the command is full buoyancy.
     """
 
-    def __init__(self, session: _Session, name: str, log: TextIO, advance: Advance) -> None:
-        self.session, self.name, self._log, self.advance = session, name, log, advance
-        self.twin = session.twin(before=None, after_reset=False)
-        self.ticks, self.unequal, self.reason = 0, 0, 0
-        self.difference: Difference | None = None
-        self.stopped: BaseException | None = None
-        self.depth, self.ended, self.wall = math.nan, "", 0.0
+    def __init__(
+        self, session: _Session, answer: FlightAnswer, log: TextIO, advance: Advance
+    ) -> None:
+        self.session, self.answer, self._log, self.advance = session, answer, log, advance
+        self._twin = session.twin()
+        self.stopped: BaseException | None = None  # by this, which cannot pass compiled code
         self._clock = 0  # ticks, of the board
         self._due, self._last = 0.0, -1  # s, us: of the next tick, and of the last by its clock
-        column = session.made.facts["column"]
+        facts = session.made.facts
         more = "depth_age_s,battery_V,leak,lost_ticks,step_us,round_trip_us"
-        log.write(f"{session.made.facts['header']},supervisor_reason,twin_{column},{more}\n")
+        log.write(f"{facts['header']},supervisor_reason,twin_{facts['column']},{more}\n")
 
     def begin(self, *, after_reset: bool) -> None:
         """Switch the board on, or reset it."""
-        if self.stopped is not None:
-            return
-        try:
-            self.session.wire.begin(after_reset=after_reset)
-        except BaseException as error:  # none can pass through compiled code: kept for its end
-            self.stopped = error
-        self.twin = self.session.twin(before=self.twin.state, after_reset=after_reset)
+        if self.stopped is None:
+            try:
+                self.session.wire.begin(after_reset=after_reset)
+            except BaseException as error:
+                self.stopped = error
+        self._twin = self.session.twin(before=self._twin.state, after_reset=after_reset)
         self._clock, self._last = 0, -1
 
     def tick(self, seen: Watched, reference: float) -> Said:
@@ -315,61 +283,45 @@ class _Flight:
         if self.stopped is None:
             try:
                 return self._compared(_in_float32(seen), np.float32(reference))
-            except BaseException as error:  # as above
+            except BaseException as error:
                 self.stopped = error
         return Said(self.session.full, math.nan, 0, 0, 0, False, False)
 
-    def answer(self) -> FlightAnswer:
-        """Return how it went."""
-        return FlightAnswer(
-            name=self.name,
-            ticks=self.ticks,
-            unequal=self.unequal,
-            difference=self.difference,
-            reason=Reason(self.reason).words if self.reason else "",
-            ended=self.ended,
-            depth=self.depth,
-            duration=self.ticks * self.session.made.tick_s,
-            wall=self.wall,
-            log=Path(self._log.name),
-        )
-
     def _compared(self, seen: Watched, reference: Any) -> Said:
         """Ask board and twin, compare and note what they say."""
-        times, tick_s = self.session.times, self.session.made.tick_s
+        times, tick_s, answer = self.session.times, self.session.made.tick_s, self.answer
         self._wait(1 + seen.lost)
         asked = time.perf_counter()
-        told = self.session.wire.tick(seen, float(reference))
+        said, began, took = self.session.wire.tick(seen, float(reference))
         trip = time.perf_counter() - asked
-        self._clock += seen.lost
-        expected = _said(self.twin, self.twin.tick(seen, reference))
-        different = [n for n in Said._fields if _bits(told.said, n) != _bits(expected, n)]
+        expected = _said(self._twin, self._twin.tick(seen, reference))
+        different = [n for n in Said._fields if _bits(said, n) != _bits(expected, n)]
         if different:
-            self.unequal += 1
-            name = different[0]
-            both = (float(getattr(one, name)) for one in (told.said, expected))
-            self.difference = self.difference or Difference(self.ticks, name, *both)
-        times.steps.append(told.took * 1e-6)
+            both = (float(getattr(one, different[0])) for one in (said, expected))
+            answer.difference = answer.difference or Difference(answer.ticks, different[0], *both)
+            answer.unequal += 1
+        if said.reason and not answer.reason:
+            answer.reason = Reason(said.reason).words
+        times.steps.append(took * 1e-6)
         times.trips.append(trip)
         if self._last >= 0 and seen.lost == 0:
-            took = (told.began - self._last) % 2**32
-            times.intervals.append(took * 1e-6 - tick_s)
-        self._last, self.reason = told.began, self.reason or told.said.reason
-        command = np.float32(told.said.command)
-        row = [f"{self._clock * tick_s:.9g}", seen.depth, seen.volume, command, reference]
-        row += [told.said.reason, expected.command, seen.depth_age, seen.battery]
-        row += [int(seen.leak), seen.lost, told.took, round(trip * 1e6)]
+            times.intervals.append((began - self._last) % 2**32 * 1e-6 - tick_s)
+        self._last = began
+        self._clock += seen.lost
+        row = [f"{self._clock * tick_s:.9g}", seen.depth, seen.volume, np.float32(said.command)]
+        row += [reference, said.reason, expected.command, seen.depth_age, seen.battery]
+        row += [int(seen.leak), seen.lost, took, round(trip * 1e6)]
         self._log.write(",".join(map(str, row)) + "\n")
         self._clock += 1
-        self.ticks += 1
-        return told.said
+        answer.ticks += 1
+        return said
 
     def _wait(self, ticks: int) -> None:
         """Wait, in real time, until the tick is due that comes so many after the last."""
         if not self.session.real_time:
             return
         now, tick_s = time.perf_counter(), self.session.made.tick_s
-        self._due = self._due + ticks * tick_s if self.ticks else now
+        self._due = self._due + ticks * tick_s if self.answer.ticks else now
         if now < self._due:
             time.sleep(self._due - now)
         self.session.times.late += time.perf_counter() - self._due > _LATE * tick_s
@@ -384,13 +336,12 @@ def _in_float32(seen: Watched) -> Watched:
 
 def _said(board: VehicleTwin, command: Any) -> Said:
     """Return what a twin says beside its command at a tick."""
-    state = board.state
     return Said(
         command=command,
-        allowed=state.proof.allowed,
-        reasons=int(state.rescue.reasons),
+        allowed=board.state.proof.allowed,
+        reasons=sum(1 << (reason - 1) for reason in board.reasons),
         missed=min(board.controller.missed, 0xFFFF),
-        reason=int(state.rescue.reason),
+        reason=board.reason or 0,
         release=board.release,
         wide=board.controller.seconds and board.wide,
     )
@@ -441,16 +392,9 @@ def _fly_depths(
         shares = np.array([share for share, _ in turns]) * n
         at = np.searchsorted(shares, np.arange(n), side="right") - 1
         asked = np.array([depth for _, depth in turns])[at]
-        rows = fly_float(
-            vehicle,
-            seconds,
-            tick=made.tick_s,
-            start_depth=mission.start,
-            asked=asked,
-            seed=seed,
-            advance=advance,
-        )
-        flight.depth = float(rows[-1, 0])
+        given: dict[str, Any] = {"tick": made.tick_s, "start_depth": mission.start}
+        rows = fly_float(vehicle, seconds, asked=asked, seed=seed, advance=advance, **given)
+        flight.answer.depth = float(rows[-1, 0])
         return
     flown = simulate(
         vehicle,
@@ -463,23 +407,41 @@ def _fly_depths(
         supervised=False,
         advance=advance,
     )
-    flight.depth = float(flown.depth[-1])
-    flight.ended = "" if flown.finished else flown.stop.value
+    flight.answer.depth = float(flown.depth[-1])
+    flight.answer.ended = "" if flown.finished else flown.stop.value
 
 
-class _Functions:
-    """The functions of a board for the loop of `sim.faults`, which calls them by address."""
+_TICK = ctypes.CFUNCTYPE(ctypes.c_float, ctypes.c_void_p, *[ctypes.POINTER(ctypes.c_float)] * 2)
+_BEGIN = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int)
+_HANGS = frozenset(number for number, kind in KINDS.items() if kind.on == On.HANG)
+
+
+class _FaultMissions:
+    """Missions of a seed's catalogue that a board can fly, and its functions, called by address.
+
+    A law that hangs is found out by asking it, which is undone in the memory of a board at hand;
+    missions with that fault are not flown.
+    """
 
     size = 1  # bytes of memory here: the board has its own
-    _TICK = ctypes.CFUNCTYPE(ctypes.c_float, ctypes.c_void_p, *[ctypes.POINTER(ctypes.c_float)] * 2)
-    _BEGIN = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int)
 
-    def __init__(self) -> None:
+    def __init__(self, vehicle: Vehicle, asked: Flights) -> None:
+        self.missions: list[FaultMission] = []
         self.addresses: dict[str, tuple[int, int]] = {}
-        self._kept: tuple[Any, ...] = ()
+        if asked.faults:
+            course = course_of(vehicle, asked.depths)
+            self._campaign = FaultCampaign(course, self)
+            drawn = (draw(course, seed=asked.seed or 0, number=n, healthy=False) for n in count())
+            able = (mission for mission in drawn if not _HANGS.intersection(mission.faults))
+            self.missions += islice(able, asked.faults)
 
-    def call(self, flight: _Flight) -> None:
-        """Let a flight be what is called."""
+    @property
+    def not_flown(self) -> tuple[str, ...]:
+        """Faults that no mission has."""
+        return tuple(KINDS[n].name for n in sorted(_HANGS)) if self.missions else ()
+
+    def fly(self, flight: _Flight, mission: FaultMission) -> None:
+        """Fly a mission to its end."""
 
         def begin(_memory: Any, after_reset: int) -> None:
             flight.begin(after_reset=after_reset != 0)
@@ -487,44 +449,15 @@ class _Functions:
         def tick(_memory: Any, seen: Any, said: Any) -> float:
             depth, age, volume, battery, leak, lost, reference = seen[:7]
             watched = Watched(depth, age, volume, battery, leak > 0.5, int(lost), 0)
-            told = flight.tick(watched, reference)
-            said[0], said[1], said[2], said[3] = told.reason, told.release, 0.0, told.wide
-            return told.command
+            answer = flight.tick(watched, reference)
+            said[0], said[1], said[3] = answer.reason, answer.release, answer.wide
+            return answer.command
 
-        self._kept = self._BEGIN(begin), self._TICK(tick)  # else they would be collected
-        begins, ticks = (ctypes.cast(one, ctypes.c_void_p).value or 0 for one in self._kept)
+        functions = _BEGIN(begin), _TICK(tick)  # kept here while they are called
+        begins, ticks = (ctypes.cast(one, ctypes.c_void_p).value or 0 for one in functions)
         self.addresses[SUPERVISED] = begins, ticks
-
-
-class _FaultMissions:
-    """Missions of a catalogue's seed that a board can fly.
-
-    A law that hangs is found out by asking it, which is undone in the memory of a board at hand;
-    missions with that fault are not flown.
-    """
-
-    _hangs = frozenset(number for number, kind in KINDS.items() if kind.on == On.HANG)
-
-    def __init__(self, vehicle: Vehicle, asked: Flights) -> None:
-        self.missions: list[FaultMission] = []
-        self._functions = _Functions()
-        if not asked.faults:
-            return
-        course = course_of(vehicle, asked.depths)
-        self._campaign = FaultCampaign(course, self._functions)
-        drawn = (draw(course, seed=asked.seed or 0, number=n, healthy=False) for n in count())
-        able = (mission for mission in drawn if not self._hangs.intersection(mission.faults))
-        self.missions += islice(able, asked.faults)
-
-    @property
-    def not_flown(self) -> tuple[str, ...]:
-        """Faults that no mission has."""
-        return tuple(KINDS[n].name for n in sorted(self._hangs)) if self.missions else ()
-
-    def fly(self, flight: _Flight, mission: FaultMission) -> None:
-        """Fly a mission to its end."""
-        self._functions.call(flight)
         result = self._campaign.flown(mission, SUPERVISED, OWN)
         ended = Outcome(int(outcomes(result[None], mission.condition.tick)[0])).words
         kinds = " and ".join(KINDS[fault].name for fault in mission.faults)
-        flight.depth, flight.ended = Result(*result).depth, f"{kinds}: {ended}"
+        flight.answer.depth = Result(*result).depth
+        flight.answer.ended = f"{kinds}: {ended}"

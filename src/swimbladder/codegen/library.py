@@ -3,8 +3,9 @@
 import hashlib
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.codegen import wire
-from swimbladder.codegen.c99 import c_field, c_float, c_law, c_number, write_c99
+from swimbladder.codegen.c99 import CSource, c_field, c_float, c_law, c_number, write_c99
 from swimbladder.codegen.clock import MOST_TURNS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, fly
 from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
@@ -102,13 +103,8 @@ def make_library(
         remedy = "Leave it out, and log a dive of the sketch"
         raise InputError(what, field="--pool", value=pool.depth, unit="m", remedy=remedy)
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
-    mission, made = plan_program(
-        vehicle,
-        start_depth=start_depth,
-        target=target,
-        duration=duration,
-        in_pool=pool is not None,
-    )
+    asked = start_depth, target, duration
+    mission, made = plan_program(vehicle, asked, in_pool=pool is not None)
     drive = made.drive
     golden = fly(vehicle, made, mission, seed, advance)
     day = None if pool is None else plan_pool_day(vehicle, pool, made.supervisor, seed=seed)
@@ -165,23 +161,18 @@ def make_library(
 
 
 def plan_program(
-    vehicle: Vehicle,
-    *,
-    start_depth: float | None = None,
-    target: float | None = None,
-    duration: float | None = None,
-    in_pool: bool = False,
+    vehicle: Vehicle, asked: Iterable[float | None] = (None,) * 3, *, in_pool: bool = False
 ) -> tuple[Mission, BoardProgram]:
-    """Return the golden mission of a vehicle and its program; arguments as of `make_library`.
+    """Return the golden mission of a vehicle and its program.
 
-    Raises InputError as it does.
+    asked: the mission's numbers, where they are not the usual ones. Raises InputError as
+    `make_library` does.
     """
     floats = vehicle.command == "volume change"
     limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
     usual = DIVE if floats else STEP
     if floats and usual.target > limit:
         usual = usual._replace(target=0.5 * limit)
-    asked = (start_depth, target, duration)
     mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
     for name, depth in (("start", mission.start), ("target", mission.target)):
         if depth > limit:
@@ -234,8 +225,8 @@ def make_program(
         "units": SUPERVISOR.units,
     }
     sources = {"swb_measurement.h": render("swb_measurement.h", {})}
-    supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
-    for around, translated in (("controller", write_c99(program)), ("vehicle", supervisor)):
+    in_c = (("controller", write_c99(program)), ("vehicle", _supervisor_in_c()))
+    for around, translated in in_c:
         sources[translated.header_name] = translated.header
         sources[translated.source_name] = translated.source
         for name in (f"swb_{around}.h", f"swb_{around}.c"):
@@ -252,6 +243,12 @@ def make_program(
         facts=facts,
         sources=sources,
     )
+
+
+@cache
+def _supervisor_in_c() -> CSource:
+    """Return the supervisor's C, which is every vehicle's."""
+    return write_c99(read_law(SUPERVISOR, Watched), private=True)
 
 
 def digest(made: BoardProgram) -> bytes:

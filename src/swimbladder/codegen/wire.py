@@ -11,7 +11,6 @@ import time
 from binascii import crc_hqx
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -55,23 +54,6 @@ class Said(NamedTuple):
     wide: bool  # a command below 0 is for the bypass
 
 
-class Timed(NamedTuple):
-    """What a board made of a tick, and when by its own clock."""
-
-    said: Said
-    began: int  # us, modulo 2^32
-    took: int  # us
-
-
-@dataclass
-class Counts:
-    """Frames of a connection."""
-
-    sent: int = 0
-    lost: int = 0  # that had no answer, and were sent again
-    corrupt: int = 0  # answers that were not whole
-
-
 class Wire:
     """A board at the end of a serial line; a context that closes it.
 
@@ -80,7 +62,8 @@ class Wire:
     """
 
     def __init__(self, port: str, digest: bytes, *, baud: int = BAUD) -> None:
-        self.port, self.baud, self.counts = port, baud, Counts()
+        self.port, self.baud = port, baud
+        self.frames = {"sent": 0, "lost": 0, "corrupt": 0}
         self._serial, self._failure = _opened(port, baud)
         self._sequence, self._got, self._heard = 0, bytearray(), 0
         try:
@@ -99,13 +82,15 @@ class Wire:
         """Begin the vehicle anew, as after switching on or after a reset."""
         self._ask(_BEGIN, _BEGIN_OUT.pack(after_reset))
 
-    def tick(self, seen: Watched, reference: float) -> Timed:
-        """Return what the board makes of what is seen and of the depth asked for [m]."""
+    def tick(self, seen: Watched, reference: float) -> tuple[Said, int, int]:
+        """Return what the board makes of what is seen and of the depth asked for [m].
+
+        And when it began by its own clock [us, modulo 2^32], and how long it took [us].
+        """
         numbers = (seen.depth, seen.depth_age, seen.volume, seen.battery, int(seen.lost))
-        told = self._ask(_TICK, _TICK_OUT.pack(*numbers, reference, seen.leak))
-        command, allowed, began, took, reasons, missed, reason, *bits = _TICK_IN.unpack(told)
-        said = Said(command, allowed, reasons, missed, reason, *map(bool, bits))
-        return Timed(said, began, took)
+        answer = self._ask(_TICK, _TICK_OUT.pack(*numbers, reference, seen.leak))
+        command, allowed, began, took, reasons, missed, reason, *bits = _TICK_IN.unpack(answer)
+        return Said(command, allowed, reasons, missed, reason, *map(bool, bits)), began, took
 
     def status(self) -> tuple[int | None, int]:
         """Return (bytes of stack never used, None: not known; corrupt frames that it received)."""
@@ -146,7 +131,7 @@ class Wire:
                 self._send(kind, payload)
                 if (answer := self._answer(kind, _ANSWER)) is not None:
                     return answer
-                self.counts.lost += 1
+                self.frames["lost"] += 1
         raise NoAnswerError(f"no answer in {_TRIES} tries of {_ANSWER:g} s")
 
     @contextmanager
@@ -160,17 +145,17 @@ class Wire:
     def _send(self, kind: int, payload: bytes) -> None:
         body = bytes([len(payload), kind, self._sequence]) + payload
         self._serial.write(bytes([_START]) + body + crc_hqx(body, 0xFFFF).to_bytes(2, "little"))
-        self.counts.sent += 1
+        self.frames["sent"] += 1
 
     def _answer(self, kind: int, wait: float) -> bytes | None:
         """Return the payload of the answer to what was sent last; None: none came in time [s]."""
-        until, corrupt = time.monotonic() + wait, self.counts.corrupt
+        until, corrupt = time.monotonic() + wait, self.frames["corrupt"]
         while True:
             while (frame := self._frame()) is None:
-                if self.counts.corrupt > corrupt and not self._got and kind != _HELLO:
+                if self.frames["corrupt"] > corrupt and not self._got and kind != _HELLO:
                     return None
                 if time.monotonic() > until:
-                    self.counts.corrupt += bool(self._got)
+                    self.frames["corrupt"] += bool(self._got)
                     self._got.clear()
                     return None
                 got = self._serial.read(max(1, self._serial.in_waiting))
@@ -194,7 +179,7 @@ class Wire:
                 frame = got[2], got[3], bytes(got[4:end])
                 del got[: end + 2]
                 return frame
-            self.counts.corrupt += 1
+            self.frames["corrupt"] += 1
             del got[:1]
 
 
