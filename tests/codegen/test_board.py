@@ -304,7 +304,7 @@ def test_a_board_that_answers_nothing(feup, host, tmp_path, monkeypatch):
 
 def test_a_board_that_falls_silent(feup, host, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_ANSWER", 0.1)
-    silent = "no answer in 5 tries of 0.1 s, at tick 50"
+    silent = "no whole answer in 5 tries, at tick 50"
     with host("stops", 52) as port, pytest.raises(NoAnswerError, match=silent):
         fly_board(feup, port, SHORT, out=tmp_path / "out")
 
@@ -332,6 +332,16 @@ def test_the_library_of_another_vehicle(feup, host, tmp_path):
     both = r"has the library \w{16}, and this vehicle's is \w{16}"
     with host() as port, pytest.raises(InputError, match=both):
         fly_board(other, port, SHORT, out=tmp_path / "out")
+
+
+def test_what_the_flight_cannot_be_leaves_nothing(feup, host, tmp_path):
+    out = tmp_path / "out"
+    with host() as port, pytest.raises(InputError, match="duration"):
+        fly_board(feup, port, Flights(duration=-1.0), out=out)
+    assert not out.exists()
+    (out / "golden-mission.csv").mkdir(parents=True)
+    with host() as port, pytest.raises(InputError, match="--out: cannot write the log: Is a dir"):
+        fly_board(feup, port, SHORT, out=out)
 
 
 def test_a_port_that_does_not_exist(capsys, tmp_path):

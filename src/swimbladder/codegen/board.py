@@ -7,6 +7,7 @@ which is compared, with all else that it says, with that of its float32 twin.
 from __future__ import annotations
 
 import ctypes
+import io
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -26,7 +27,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.codegen.wire import BAUD, Said, Wire
 from swimbladder.control.law import Measurement
 from swimbladder.control.supervisor import SUPERVISOR, Reason, Watched
-from swimbladder.errors import NoAnswerError, SwimbladderError
+from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import attributes
 from swimbladder.io.files import check_place, make_folder
 from swimbladder.io.progress import Advance, silent
@@ -186,7 +187,6 @@ def fly_board(
     faults = _FaultMissions(vehicle, asked)
     check_place(out)
     with Wire(port, digest(made), baud=baud) as wire:
-        make_folder(out)
         session = _Session(made, wire, real_time, out)
         share = 1.0 / (1 + asked.steps + len(faults.missions))
         found = []
@@ -232,20 +232,21 @@ class _Session:
         """Give a flight to fly, of so large a share of the work; raise what has stopped it."""
         path, began = self._out / f"{name.replace(' ', '-')}.csv", time.perf_counter()
         answer = FlightAnswer(name=name, log=path)
-        with path.open("w", encoding="utf-8", newline="\n", buffering=1) as log:
-            flight = _Flight(self, answer, log, lambda done: advance(done * share))
-            try:
-                yield flight
-            except SwimbladderError:
-                if flight.stopped is None:
-                    raise
+        flight = _Flight(self, answer, lambda done: advance(done * share))
+        try:
+            yield flight
+        except SwimbladderError:
+            if flight.stopped is None:
+                raise
+        finally:
+            flight.log.close()
         answer.wall, stop = time.perf_counter() - began, flight.stopped
         answer.duration = answer.ticks * self.made.tick_s
         if isinstance(stop, NoAnswerError):
             at = f"tick {answer.ticks} ({answer.duration:.4g} s) of the {name}"
             safe = f"the model had full buoyancy from there on, and ended at {answer.depth:.1f} m"
             remedy = "Check the cable and the board's power, and fly again"
-            raise NoAnswerError(f"{self.wire.port}: {stop}, at {at}; {safe}. {remedy}") from stop
+            raise NoAnswerError(f"{stop}, at {at}; {safe}. {remedy}") from stop
         if stop is not None:
             raise stop
 
@@ -256,17 +257,13 @@ class _Flight:
     Once it is stopped, the board is not asked again, and the command is full buoyancy.
     """
 
-    def __init__(
-        self, session: _Session, answer: FlightAnswer, log: TextIO, advance: Advance
-    ) -> None:
-        self.session, self.answer, self._log, self.advance = session, answer, log, advance
+    def __init__(self, session: _Session, answer: FlightAnswer, advance: Advance) -> None:
+        self.session, self.answer, self.advance = session, answer, advance
         self._twin = session.twin()
+        self.log: TextIO = io.StringIO()  # until there is a first tick
         self.stopped: BaseException | None = None  # by this, which cannot pass compiled code
         self._clock = 0  # ticks, of the board
         self._due, self._last = 0.0, -1  # s, us: of the next tick, and of the last by its clock
-        facts = session.made.facts
-        more = "depth_age_s,battery_V,leak,lost_ticks,step_us,round_trip_us"
-        log.write(f"{facts['header']},supervisor_reason,twin_{facts['column']},{more}\n")
 
     def begin(self, *, after_reset: bool) -> None:
         """Switch the board on, or reset it."""
@@ -290,6 +287,8 @@ class _Flight:
     def _compared(self, seen: Watched, reference: Any) -> Said:
         """Ask board and twin, compare and note what they say."""
         times, tick_s, answer = self.session.times, self.session.made.tick_s, self.answer
+        if not answer.ticks:
+            self._begin_log()
         self._wait(1 + seen.lost)
         asked = time.perf_counter()
         said, began, took = self.session.wire.tick(seen, float(reference))
@@ -311,10 +310,22 @@ class _Flight:
         row = [f"{self._clock * tick_s:.9g}", seen.depth, seen.volume, np.float32(said.command)]
         row += [reference, said.reason, expected.command, seen.depth_age, seen.battery]
         row += [int(seen.leak), seen.lost, took, round(trip * 1e6)]
-        self._log.write(",".join(map(str, row)) + "\n")
+        self.log.write(",".join(map(str, row)) + "\n")
         self._clock += 1
         answer.ticks += 1
         return said
+
+    def _begin_log(self) -> None:
+        """Begin the log, once there is something to write into it."""
+        path, facts = self.answer.log, self.session.made.facts
+        make_folder(path.parent)
+        try:
+            self.log = path.open("w", encoding="utf-8", newline="\n", buffering=1)
+        except OSError as error:
+            what, remedy = f"cannot write the log: {error.strerror}", "Choose another folder"
+            raise InputError(what, file=path, field="--out", remedy=remedy) from error
+        more = "depth_age_s,battery_V,leak,lost_ticks,step_us,round_trip_us"
+        self.log.write(f"{facts['header']},supervisor_reason,twin_{facts['column']},{more}\n")
 
     def _wait(self, ticks: int) -> None:
         """Wait, in real time, until the tick is due that comes so many after the last."""

@@ -132,7 +132,7 @@ class Wire:
                 if (answer := self._answer(kind, _ANSWER)) is not None:
                     return answer
                 self.frames["lost"] += 1
-        raise NoAnswerError(f"no answer in {_TRIES} tries of {_ANSWER:g} s")
+        raise NoAnswerError(f"{self.port}: no whole answer in {_TRIES} tries")
 
     @contextmanager
     def _mending(self) -> Iterator[None]:
@@ -140,7 +140,7 @@ class Wire:
         try:
             yield
         except (self._failure, OSError) as error:
-            raise NoAnswerError("the port has gone") from error
+            raise NoAnswerError(f"{self.port}: the port has gone") from error
 
     def _send(self, kind: int, payload: bytes) -> None:
         body = bytes([len(payload), kind, self._sequence]) + payload
@@ -193,7 +193,7 @@ def _opened(port: str, baud: int) -> tuple[Any, type[Exception]]:
         raise InputError(what, field="--port", value=port, remedy=remedy) from error
     failure: type[Exception] = serial.SerialException
     try:
-        line = serial.Serial(port, baud, timeout=_READ, write_timeout=_ANSWER)
+        line = serial.Serial(port, baud, timeout=_READ, write_timeout=_ANSWER, exclusive=True)
     except (failure, OSError, ValueError) as error:
         number = getattr(error, "errno", None)
         why = os.strerror(number) if number else str(error)
