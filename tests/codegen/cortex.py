@@ -19,7 +19,7 @@ CORES = {
     "cortex-m3": ("mps2-an385", ["-mcpu=cortex-m3"]),
     "cortex-m4": ("mps2-an386", ["-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]),
 }
-_WARN = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
+WARN = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
 _FRAME = np.dtype(
     [
         ("depth", "<f4"),
@@ -47,7 +47,7 @@ def execute(
         "arm-none-eabi-gcc",
         "-std=c99",
         "-O2",
-        *_WARN,
+        *WARN,
         *flags,
         "-mthumb",
         "--specs=rdimon.specs",

@@ -356,6 +356,8 @@ def test_the_files_of_a_library():
         "examples/FloatESP32RP2040/FloatESP32RP2040.ino",
         "examples/GoldenTrace/GoldenTrace.ino",
         "examples/GoldenTrace/golden.h",
+        "examples/HardwareInTheLoop/HardwareInTheLoop.ino",
+        "examples/HardwareInTheLoop/hil.h",
         "extras/check.c",
         "extras/golden.csv",
     }

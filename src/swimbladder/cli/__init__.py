@@ -37,6 +37,7 @@ COMMANDS = {
     "mission": "Dive, park, profile, surface: months, in a real sea.",
     "campaign": "An array of floats on one mission, each different.",
     "firmware": "The controller as an Arduino library in C.",
+    "board": "Fly the model by the C on a board at a serial port.",
     "faults": "Missions in which things fail, flown by the vehicle's C.",
     "reproduce": "Redo the paper: each figure, table and number, a report.",
     "vehicle": "List, show and write vehicle files.",

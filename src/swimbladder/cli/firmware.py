@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import compile_notice, progress, quantity
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.options import Files, Golden, Options, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given, with_one_unit
 from swimbladder.errors import InputError
 
@@ -26,16 +26,6 @@ def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
     """Return two changes of volume [m3], the same twice where there is one."""
     found = [quantity(part, "m3", option) for part in with_one_unit(text.split(":", 1))]
     return found[0], found[-1]
-
-
-@dataclass(frozen=True)
-class Golden(Options):
-    """The step of the golden trace."""
-
-    start_depth: Given = valued("DEPTH", "Golden trace: start (1.5 m; float: 0 m)", name="--start")
-    target: Given = valued("DEPTH", "Golden trace: set-point (3 m; float: 100 m)")
-    duration: Given = valued("TIME", "Golden trace: time (400 s; float: 5400 s)")
-    seed: int = valued(None, "Golden trace: seed of the sensors' noise.", 1, min=0)
 
 
 @dataclass(frozen=True)

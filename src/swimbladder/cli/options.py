@@ -16,7 +16,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from swimbladder.cli.common import aside, emit_json, progress, quantity, said_as_typed, say
-from swimbladder.cli.texts import depth_pair, names, pairs
+from swimbladder.cli.texts import Given, depth_pair, names, pairs
 from swimbladder.errors import InputError
 
 _UNITS = {
@@ -189,6 +189,16 @@ class Files(Options):
             say(*shown, *(f"wrote {path}" for path in files))
         if not good:
             raise typer.Exit(1)
+
+
+@dataclass(frozen=True)
+class Golden(Options):
+    """The step of the golden trace, as `codegen.library.make_library` has it."""
+
+    start_depth: Given = valued("DEPTH", "Golden trace: start (1.5 m; float: 0 m)", name="--start")
+    target: Given = valued("DEPTH", "Golden trace: set-point (3 m; float: 100 m)")
+    duration: Given = valued("TIME", "Golden trace: time (400 s; float: 5400 s)")
+    seed: int = valued(None, "Golden trace: seed of the sensors' noise.", 1, min=0)
 
 
 def grouped(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -1,9 +1,11 @@
 """An Arduino library of a vehicle's controller: C, examples, a golden trace, and what to do."""
 
+import hashlib
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from swimbladder.codegen.c99 import c_field, c_float, c_law, c_number, write_c99
+from swimbladder.codegen import wire
+from swimbladder.codegen.c99 import CSource, c_field, c_float, c_law, c_number, write_c99
 from swimbladder.codegen.clock import MOST_TURNS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, fly
 from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
@@ -36,6 +39,7 @@ from swimbladder.vehicle import Vehicle
 
 _ON_BOARD = 100  # rows of the golden trace that a board checks
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
+_IN_LOOP, _LOOP_FILES = "examples/HardwareInTheLoop", ("HardwareInTheLoop.ino", "hil.h")
 _OR_MORE = "or say more of the vehicle in its [supervisor] table"
 
 
@@ -99,21 +103,9 @@ def make_library(
         remedy = "Leave it out, and log a dive of the sketch"
         raise InputError(what, field="--pool", value=pool.depth, unit="m", remedy=remedy)
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
-    limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
-    usual = DIVE if floats else STEP
-    if floats and usual.target > limit:
-        usual = usual._replace(target=0.5 * limit)
-    asked = (start_depth, target, duration)
-    mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
-    for name, depth in (("start", mission.start), ("target", mission.target)):
-        if depth > limit:
-            what = "deeper than the supervisor allows"
-            remedy = f"Give up to {limit:.4g} m, {_OR_MORE}"
-            raise InputError(what, field=f"--{name}", value=depth, unit="m", remedy=remedy)
-    made = make_program(vehicle, depths=mission[:2], in_pool=pool is not None)
+    asked = start_depth, target, duration
+    mission, made = plan_program(vehicle, asked, in_pool=pool is not None)
     drive = made.drive
-    if floats:
-        _check_dive(mission, made.parameters.surface.shallow)
     golden = fly(vehicle, made, mission, seed, advance)
     day = None if pool is None else plan_pool_day(vehicle, pool, made.supervisor, seed=seed)
     facts = made.facts | {
@@ -130,6 +122,8 @@ def make_library(
         "launch_min": LAUNCH,
         "dive_min": UNDER_WATER,
         "lined": getattr(vehicle.engine, "line", None) is not None,
+        "protocol": wire.FACTS,
+        "library_bytes": ", ".join(f"0x{byte:02x}" for byte in digest(made)),
     }
     rows = [
         [f"0x{np.float32(x).view(np.uint32):08x}" for x in row]
@@ -145,6 +139,7 @@ def make_library(
         **_sketches("Float", sketch, facts),
         "examples/GoldenTrace/GoldenTrace.ino": render("GoldenTrace.ino.j2", facts),
         "examples/GoldenTrace/golden.h": render("golden.h.j2", facts | {"rows": rows}),
+        **{f"{_IN_LOOP}/{name}": render(f"{name}.j2", facts) for name in _LOOP_FILES},
         "extras/check.c": render("check.c.j2", facts),
         "extras/golden.csv": _table(golden, made.tick_s, made.facts["column"]),
     }
@@ -163,6 +158,31 @@ def make_library(
     return Library(
         **vars(made), vehicle=vehicle, mission=mission, golden=golden, pool=day, files=files
     )
+
+
+def plan_program(
+    vehicle: Vehicle, asked: Iterable[float | None] = (None,) * 3, *, in_pool: bool = False
+) -> tuple[Mission, BoardProgram]:
+    """Return the golden mission of a vehicle and its program.
+
+    asked: the mission's numbers, where they are not the usual ones. Raises InputError as
+    `make_library` does.
+    """
+    floats = vehicle.command == "volume change"
+    limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
+    usual = DIVE if floats else STEP
+    if floats and usual.target > limit:
+        usual = usual._replace(target=0.5 * limit)
+    mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
+    for name, depth in (("start", mission.start), ("target", mission.target)):
+        if depth > limit:
+            what = "deeper than the supervisor allows"
+            remedy = f"Give up to {limit:.4g} m, {_OR_MORE}"
+            raise InputError(what, field=f"--{name}", value=depth, unit="m", remedy=remedy)
+    made = make_program(vehicle, depths=mission[:2], in_pool=in_pool)
+    if floats:
+        _check_dive(mission, made.parameters.surface.shallow)
+    return mission, made
 
 
 def make_program(
@@ -205,8 +225,8 @@ def make_program(
         "units": SUPERVISOR.units,
     }
     sources = {"swb_measurement.h": render("swb_measurement.h", {})}
-    supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
-    for around, translated in (("controller", write_c99(program)), ("vehicle", supervisor)):
+    in_c = (("controller", write_c99(program)), ("vehicle", _supervisor_in_c()))
+    for around, translated in in_c:
         sources[translated.header_name] = translated.header
         sources[translated.source_name] = translated.source
         for name in (f"swb_{around}.h", f"swb_{around}.c"):
@@ -223,6 +243,18 @@ def make_program(
         facts=facts,
         sources=sources,
     )
+
+
+@cache
+def _supervisor_in_c() -> CSource:
+    """Return the supervisor's C, which is every vehicle's."""
+    return write_c99(read_law(SUPERVISOR, Watched), private=True)
+
+
+def digest(made: BoardProgram) -> bytes:
+    """Return 8 bytes by which a program's C is known, on a board too."""
+    text = "".join(f"{name}\0{made.sources[name]}\0" for name in sorted(made.sources))
+    return hashlib.sha256(text.encode("utf-8")).digest()[:8]
 
 
 def _controller(vehicle: Vehicle) -> tuple[Law, Any, float]:

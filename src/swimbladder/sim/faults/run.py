@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +46,17 @@ def sources(course: Course) -> dict[str, str]:
 _NO_ROWS = np.zeros((0, len(Trace._fields)))
 
 
+class Functions(Protocol):
+    """A board as a flight calls it: bytes that it remembers, its functions' addresses by name."""
+
+    size: int
+    addresses: dict[str, tuple[int, int]]
+
+
 class FaultCampaign:
     """A board, and the room in which its missions are flown, by any thread."""
 
-    def __init__(self, course: Course, board: Board) -> None:
+    def __init__(self, course: Course, board: Functions) -> None:
         tick = course.tick
         latest = KINDS[FAULTS["DEPTH_LATE"]].first
         assert latest is not None

@@ -1,0 +1,365 @@
+"""Hardware in the loop: boards on serial ports fly the model; what is said of those that cannot.
+
+Emulated: an ATmega328P and an ATmega2560 run the sketch itself by simavr, a Cortex-M the same
+frames by QEMU. A program on this machine runs them too, and loses or garbles what it is told to.
+"""
+
+import csv
+import json
+import math
+import re
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from swimbladder.cli import main
+from swimbladder.codegen import wire
+from swimbladder.codegen.board import BoardAnswer, Flights, fly_board
+from swimbladder.codegen.library import make_library
+from swimbladder.control.registry import LAWS
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.io.config import load_vehicle
+from swimbladder.sim.faults.mission_records import TRACE
+from swimbladder.sim.faults.single_mission import fly_one
+from tests.codegen import chip, hardware
+from tests.codegen.test_library import library
+
+TICK = 0.3  # s, of feup-em
+SHORT = Flights(duration=30.0)
+ON_BOARD = 1051, {"board resets", "ticks lost"}  # a seed, and what its first two missions have
+
+
+@pytest.fixture(scope="module")
+def made():
+    return make_library(load_vehicle("feup-em", sampled=True), duration=30.0)
+
+
+@pytest.fixture(scope="module")
+def feup(made):
+    return made.vehicle
+
+
+@pytest.fixture(scope="module")
+def host(gcc, made, tmp_path_factory):  # noqa: ARG001
+    """Return what begins a board on this machine, by what is wrong with it."""
+    program = hardware.host_program(made, tmp_path_factory.mktemp("host"))
+    return lambda what="well", n=0: hardware.host_board(program, what, n)
+
+
+@pytest.fixture(scope="module")
+def programs(avr, made, tmp_path_factory):  # noqa: ARG001
+    return {mcu: hardware.avr_program(made, tmp_path_factory.mktemp(mcu), mcu) for mcu in chip.MCUS}
+
+
+def rows(answer: BoardAnswer, flight: int = 0) -> list[dict[str, float]]:
+    text = answer.flights[flight].log.read_text().splitlines()
+    return [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(text)]
+
+
+@pytest.mark.avr
+class TestOnAnAtmega:
+    @pytest.mark.slow
+    @pytest.mark.parametrize("mcu", chip.MCUS)
+    def test_it_flies_the_golden_mission_to_the_bit(self, feup, programs, mcu, tmp_path):
+        with hardware.avr_board(programs[mcu], mcu) as port:
+            answer = fly_board(feup, port, out=tmp_path)
+        (flight,) = answer.flights
+        assert answer.equal
+        assert flight.ticks == 1335
+        # SciPy's LSODA in double precision: 3.016 m after 400 s (tests/cli/test_simulate.py).
+        assert flight.depth == pytest.approx(3.016, abs=5e-4)
+        assert answer.speed > 5.0  # 60 on a free core
+        assert 2e-3 < max(answer.times.steps) < 4e-3  # docs/how-to/firmware.md: 2.9 ms
+        assert answer.stack_left is not None
+        # of the RAM, without variables and the stack that law and supervisor take
+        assert {"atmega328p": 1500, "atmega2560": 7600}[mcu] < answer.stack_left
+        assert answer.stack_left < {"atmega328p": 2048 - 330, "atmega2560": 8192 - 330}[mcu]
+
+    def test_in_real_time_a_tick_comes_every_sample_time(self, feup, programs, tmp_path):
+        with hardware.avr_board(programs["atmega328p"], "atmega328p", speed=1.0) as port:
+            short = Flights(duration=3.0)
+            answer = fly_board(feup, port, short, real_time=True, out=tmp_path)
+        assert answer.equal
+        assert answer.flights[0].ticks == 11
+        assert answer.flights[0].wall > 10 * TICK
+        assert len(answer.times.intervals) == 10
+
+    @pytest.mark.prove
+    def test_half_a_minute_in_real_time(self, feup, programs, tmp_path):
+        with hardware.avr_board(programs["atmega328p"], "atmega328p", speed=1.0) as port:
+            answer = fly_board(feup, port, SHORT, real_time=True, out=tmp_path)
+        assert answer.equal
+        assert answer.flights[0].ticks == 101
+        assert answer.speed == pytest.approx(1.0, rel=0.03)
+        assert abs(np.median(answer.times.intervals)) < 5e-3
+
+    @pytest.mark.prove
+    def test_it_flies_faults_to_the_bit(self, feup, programs, tmp_path):
+        with hardware.avr_board(programs["atmega2560"], "atmega2560") as port:
+            answer = fly_board(feup, port, replace(SHORT, faults=10, steps=True), out=tmp_path)
+        assert answer.equal
+        assert len(answer.flights) == 12
+        assert sum(bool(flight.reason) for flight in answer.flights) > 5
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("qemu")
+def test_a_cortex_m_flies_to_the_bit(made, feup, tmp_path):
+    with hardware.arm_board(made, tmp_path, "cortex-m3") as port:
+        answer = fly_board(feup, port, Flights(duration=60.0), out=tmp_path / "out")
+    assert answer.equal
+    assert answer.flights[0].ticks == 201
+    assert answer.stack_left is None
+
+
+def fly_steps(name: str, folder) -> None:
+    floats = LAWS[name].command == "volume change"
+    dive = {"target": 30.0, "duration": 1200.0}
+    made = make_library(load_vehicle("example-float"), **dive) if floats else library(name)
+    asked = Flights(**dive, steps=True) if floats else Flights(duration=60.0, steps=True)
+    with hardware.host_board(hardware.host_program(made, folder)) as port:
+        answer = fly_board(made.vehicle, port, asked, out=folder / "out")
+    assert answer.equal
+    assert [flight.name for flight in answer.flights] == ["golden mission", "steps"]
+    assert len({row["reference_depth_m"] for row in rows(answer, 1)}) == (3 if floats else 2)
+    assert len({row[f"twin_{made.facts['column']}"] for row in rows(answer)}) > 5
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("gcc")
+@pytest.mark.parametrize("name", ["rate", "position-pid"])
+def test_a_float_and_a_positioner_fly_steps_to_the_bit(name, tmp_path):
+    fly_steps(name, tmp_path)
+
+
+@pytest.mark.prove
+@pytest.mark.usefixtures("gcc")
+@pytest.mark.parametrize("name", LAWS)
+def test_every_law_flies_steps_to_the_bit(name, tmp_path):
+    fly_steps(name, tmp_path)
+
+
+def test_what_goes_over_the_wire_is_what_is_logged(feup, host, tmp_path):
+    with host() as port:
+        answer = fly_board(feup, port, SHORT, out=tmp_path / "out")
+    logged = rows(answer)
+    assert [row["time_s"] for row in logged] == pytest.approx([TICK * n for n in range(101)])
+    assert all(row["voltage_V"] == row["twin_voltage_V"] for row in logged)
+    assert all(math.isnan(row["battery_V"]) for row in logged)
+    assert answer.frames["sent"] == 101 + 3 + answer.frames["lost"]  # hello, begin, status
+    assert logged[0]["depth_m"] == pytest.approx(1.5, abs=0.02)
+    assert logged[-1]["depth_m"] == pytest.approx(answer.flights[0].depth, abs=0.02)
+
+
+def faults_as_at_hand(feup, port, asked, folder) -> set[str]:
+    """Fly missions with faults, by the board and by the C at hand; return the kinds of fault."""
+    answer = fly_board(feup, port, asked, out=folder)
+    assert answer.equal
+    assert len(answer.flights) == 1 + asked.faults
+    assert answer.not_flown == ("law hangs",)
+    assert not any("law hangs" in flight.ended for flight in answer.flights)
+    for n, flight in enumerate(answer.flights[1:], 1):
+        beside = fly_one(feup, int(flight.name.split()[-1]), seed=asked.seed)
+        assert flight.reason == beside.reason
+        assert beside.outcome(0).words in flight.ended
+        ran = beside.rows[0][beside.rows[0][:, TRACE["board"]] == 0.0]
+        logged = rows(answer, n)
+        for column, known in (("depth_m", "depth_seen"), ("voltage_V", "command")):
+            here = np.array([row[column] for row in logged], np.float32)
+            np.testing.assert_array_equal(here, ran[:, TRACE[known]].astype(np.float32))
+    return {kind for f in answer.flights for kind in f.ended.split(":")[0].split(" and ")}
+
+
+@pytest.mark.slow
+def test_faults_do_to_the_board_what_they_do_to_the_c_at_hand(feup, host, tmp_path):
+    """Among them what concerns the board itself: resets, and ticks that are lost."""
+    with host() as port:
+        seed, kinds = ON_BOARD
+        assert kinds < faults_as_at_hand(feup, port, replace(SHORT, faults=2, seed=seed), tmp_path)
+
+
+@pytest.mark.prove
+def test_the_catalogue_does_to_the_board_what_it_does_to_the_c_at_hand(feup, host, tmp_path):
+    with host() as port:
+        found = faults_as_at_hand(feup, port, replace(SHORT, faults=60), tmp_path)
+    assert len(found) > 30
+
+
+def test_lost_and_garbled_frames_are_asked_for_again(feup, host, tmp_path, monkeypatch):
+    monkeypatch.setattr(wire, "_ANSWER", 0.1)
+    for what, n, counted in (
+        ("mute", 50, "lost"),
+        ("garbles", 10, "corrupt"),
+        ("deaf", 1501, "corrupt_at_board"),
+    ):
+        with host(what, n) as port:
+            answer = fly_board(feup, port, SHORT, out=tmp_path / "out")
+        assert answer.equal, what
+        assert answer.frames[counted] > 0, what
+        assert answer.frames["sent"] == 104 + answer.frames["lost"], what
+        assert answer.flights[0].ticks == 101
+
+
+@pytest.mark.usefixtures("gcc")
+def test_a_board_that_computes_something_else_is_found_out(feup, made, tmp_path, capsys):
+    name = "src/swb_controller.c"
+    gain = re.search(r"\.k_pz = ([\d.e+-]+)f", made.files[name])
+    assert gain is not None
+    changed = made.files[name].replace(gain[0], f".k_pz = {float(gain[1]) * 1.001:.9g}f")
+    other = replace(made, files={**made.files, name: changed})
+    with hardware.host_board(hardware.host_program(other, tmp_path)) as port:
+        answer = fly_board(feup, port, SHORT, out=tmp_path / "out")
+        line = ["board", "feup-em", "--port", port, "--duration", "30 s"]
+        assert main([*line, "--out", str(tmp_path / "again")]) == 1
+    assert not answer.equal
+    first = answer.flights[0].difference
+    assert first is not None
+    assert first.field == "command"
+    logged = rows(answer)
+    unlike = [n for n, row in enumerate(logged) if row["voltage_V"] != row["twin_voltage_V"]]
+    assert unlike[0] == first.tick
+    assert len(unlike) <= answer.flights[0].unequal
+    assert np.float32(logged[first.tick]["voltage_V"]) == first.board
+    said = capsys.readouterr().out
+    assert f"first differs at tick {first.tick}: command {first.board:.9g} on the board, " in said
+    assert said.splitlines()[-2] == "DIFFERENT"
+
+
+def forms(text: str) -> set[str]:
+    """Return the lines of a text, any number the same, and any digest."""
+    return {
+        re.sub(r"[\d.]+", "0", re.sub(r"library \w+", "library", line))
+        for line in text.splitlines()
+    }
+
+
+def test_the_command_answers_as_its_page_says(host, tmp_path, capsys):
+    line = ["board", "feup-em", "--duration", "30 s", "--out", str(tmp_path / "out"), "--port"]
+    with host() as port:
+        assert main([*line, port, "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert main([*line, port]) == 0
+    said = capsys.readouterr().out
+    assert "golden mission: equal at all 101 ticks, at 2.6" in said
+    assert "stack left: not known on this board\nequal\nwrote " in said
+    docs = hardware.HERE.parents[1] / "docs"
+    shown = forms((docs / "how-to/board.md").read_text("utf-8").replace("/dev/ttyUSB0", port))
+    here = said.replace("not known on this board", "1 bytes").replace(str(tmp_path / "out"), "out")
+    assert forms(here.replace("wrote out", "wrote swimbladder-board")) <= shown
+    page = (docs / "reference/files-written.md").read_text("utf-8")
+    section = page.partition("## board\n")[2].partition("\n## ")[0]
+    in_real_time = {"interval_error"}
+    listed = re.findall(r"^\| `(\w+)` \|", section.partition("| key |")[2], re.MULTILINE)
+    assert set(told) == set(listed) - in_real_time
+    for name in ("flights", "frames", "step"):
+        (row,) = re.findall(rf"^\| `{name}` \|.*$", section, re.MULTILINE)
+        one = told[name][0] if name == "flights" else told[name]
+        inner = {"tick", "field", "board", "twin"}
+        assert set(one) == set(re.findall(r"`(\w+)`", row)) - {name, *inner}
+    assert told["equal"] is True
+    assert told["files"] == [str(tmp_path / "out/golden-mission.csv")]
+    assert told["flights"][0]["ticks"] == 101
+
+
+def test_an_interruption_keeps_the_log(feup, host, tmp_path):
+    def advance(_: float) -> None:
+        raise KeyboardInterrupt
+
+    asked = replace(SHORT, duration=120.0)
+    with host() as port, pytest.raises(KeyboardInterrupt):
+        fly_board(feup, port, asked, out=tmp_path / "out", advance=advance)
+    assert len((tmp_path / "out/golden-mission.csv").read_text().splitlines()) > 200
+
+
+@pytest.mark.parametrize("faults", [0, 1])
+def test_a_cable_that_is_pulled_leaves_the_model_safe(host, faults, tmp_path, capsys):
+    before = 2 + 101 * faults + faults  # answers before the flight: hello, begin, another flight
+    words = ["--faults", "1", "--duration", "30 s"] if faults else []
+    with host("dies", before + 60) as port:
+        out = str(tmp_path / "out")
+        assert main(["board", "feup-em", "--port", port, *words, "--out", out]) == 1
+    name = "fault mission 0" if faults else "golden mission"
+    said = capsys.readouterr().err
+    found = re.search(
+        rf"{port}: the port has gone, at tick 60 \(18 s\) of the {name}; the model had full "
+        r"buoyancy from there on, and ended at (-?[\d.]+) m\. Check the cable and the board's",
+        said,
+    )
+    assert found, said
+    assert float(found[1]) < 1.1  # surfaced, or a metre below it
+    assert f"the log so far is in {out}" in said
+    log = (tmp_path / f"out/{name.replace(' ', '-')}.csv").read_text().splitlines()
+    assert len(log) == 1 + 60
+
+
+def test_a_board_that_answers_nothing(feup, host, tmp_path, monkeypatch):
+    monkeypatch.setattr(wire, "_GREETING", 0.6)
+    nothing = r"no board answers within 0.6 s .* close the serial monitor"
+    with host("silent") as port, pytest.raises(InputError, match=nothing):
+        fly_board(feup, port, SHORT, out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_board_that_falls_silent(feup, host, tmp_path, monkeypatch):
+    monkeypatch.setattr(wire, "_ANSWER", 0.1)
+    silent = "no whole answer in 5 tries, at tick 50"
+    with host("stops", 52) as port, pytest.raises(NoAnswerError, match=silent):
+        fly_board(feup, port, SHORT, out=tmp_path / "out")
+
+
+@pytest.mark.parametrize("percent", [8, 50, 1200])
+def test_another_baud_rate(feup, host, percent, tmp_path, monkeypatch):
+    monkeypatch.setattr(wire, "_GREETING", 0.6)
+    garbage = "what it sends at 115200 baud is no frame .* Give the --baud of the sketch"
+    with host("baud", percent) as port, pytest.raises(InputError, match=garbage):
+        fly_board(feup, port, SHORT, out=tmp_path / "out")
+
+
+@pytest.mark.usefixtures("gcc")
+def test_another_version_of_the_protocol(feup, made, tmp_path):
+    newer = {"#define HIL_PROTOCOL 1u": "#define HIL_PROTOCOL 2u"}
+    program = hardware.host_program(made, tmp_path, newer)
+    versions = "speaks version 2 of the protocol, and this program 1"
+    with hardware.host_board(program) as port, pytest.raises(InputError, match=versions):
+        fly_board(feup, port, SHORT, out=tmp_path / "out")
+
+
+def test_the_library_of_another_vehicle(feup, host, tmp_path):
+    hull = feup.hull.model_copy(update={"depth_limit": 20.0})
+    other = feup.model_copy(update={"hull": hull})
+    both = r"has the library \w{16}, and this vehicle's is \w{16}"
+    with host() as port, pytest.raises(InputError, match=both):
+        fly_board(other, port, SHORT, out=tmp_path / "out")
+
+
+def test_what_the_flight_cannot_be_leaves_nothing(feup, host, tmp_path):
+    out = tmp_path / "out"
+    with host() as port, pytest.raises(InputError, match="duration"):
+        fly_board(feup, port, Flights(duration=-1.0), out=out)
+    assert not out.exists()
+    (out / "golden-mission.csv").mkdir(parents=True)
+    with host() as port, pytest.raises(InputError, match="--out: cannot write the log: Is a dir"):
+        fly_board(feup, port, SHORT, out=out)
+
+
+def test_a_port_that_does_not_exist(capsys, tmp_path):
+    out = str(tmp_path / "out")
+    assert main(["board", "feup-em", "--port", "/dev/no-board", "--out", out]) == 2
+    said = capsys.readouterr().err
+    assert "--port: cannot open the port: No such file or directory (got '/dev/no-board')" in said
+    assert "the log so far" not in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_pyserial(feup, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "serial", None)
+    with pytest.raises(InputError, match=r"pip install 'swimbladder\[serial\]'"):
+        fly_board(feup, "/dev/ttyUSB0", SHORT, out=tmp_path / "out")
+
+
+@pytest.mark.parametrize("faults", [-1, 2.5])
+def test_a_number_of_missions_that_is_none(feup, faults, tmp_path):
+    with pytest.raises(InputError, match="faults: must be a whole number"):
+        fly_board(feup, "/dev/no-board", Flights(faults=faults), out=tmp_path / "out")
