@@ -41,6 +41,7 @@ def _shown(name: str, folder: Path, chip: str) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("frama_c")
 @pytest.mark.parametrize("name", ["cascade", "planned"])
+@pytest.mark.promise("command-within-limits")
 def test_any_bits_for_ever_leave_nothing_undefined_and_the_command_within_its_limits(
     name, tmp_path
 ):
@@ -52,6 +53,7 @@ def test_any_bits_for_ever_leave_nothing_undefined_and_the_command_within_its_li
 @pytest.mark.usefixtures("frama_c")
 @pytest.mark.parametrize("chip", eva.CHIPS)
 @pytest.mark.parametrize("name", LIBRARIES)
+@pytest.mark.promise("command-within-limits")
 def test_so_it_is_for_every_law(name, chip, tmp_path):
     _shown(name, tmp_path, chip)
 
