@@ -224,8 +224,10 @@ LOOPS: Mapping[str, tuple[int, ...]] = {
         7,
         40,
     ),  # bytes and bits of an exponent's difference below 32; 5 bytes of a sum
-    "__divsf3_pse": (25, 25, 24, 8),  # two numbers of 24 bits; a subnormal quotient; bits of a byte
-    "__mulsf3_pse": (48, 24),  # a product of 48 bits; a subnormal one
+    # Two numbers of 24 bits; a quotient below the normal ones; bits of a byte. Such a quotient is 0
+    # at once from 2^-25 to 2^-128 of them, but below that, to 2^-151, shifted out bit by bit.
+    "__divsf3_pse": (25, 25, 152, 8),
+    "__mulsf3_pse": (48, 24),  # a product of 48 bits; a subnormal one, of 2^-125 at least
     "sqrt": (24, 2),  # bits of the root; two more
     "__fp_norm2": (24,),  # bits of a subnormal number
     "__floatsisf": (8, 8),  # bits of the highest byte
