@@ -40,12 +40,12 @@ def _shown(name: str, folder: Path, chip: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("frama_c")
-@pytest.mark.parametrize("name", ["cascade", "planned"])
+@pytest.mark.parametrize("name", ["cascade", "planned", "adrc"])
 @pytest.mark.promise("command-within-limits")
 def test_any_bits_for_ever_leave_nothing_undefined_and_the_command_within_its_limits(
     name, tmp_path
 ):
-    """The paper's law, and the one that `tune` takes, with an AVR's integers."""
+    """The paper's law, and two that `tune` finds gains for, with an AVR's integers."""
     _shown(name, tmp_path, "8 bit")
 
 
