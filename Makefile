@@ -7,12 +7,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 INSTALLED := .venv/installed
 PYTHONS ?= python3.13 python3.12 python3.11 python3
 
-# What the tests of the firmware run: compilers, emulators of AVR chips and Cortex-M, a checker.
-TOOLS := gcc g++ clang avr-gcc avr-size simavr arm-none-eabi-gcc qemu-system-arm cppcheck
+# What the tests of the firmware run: compilers, emulators of AVR chips and Cortex-M, checkers.
+TOOLS := gcc g++ clang avr-gcc avr-size simavr arm-none-eabi-gcc qemu-system-arm cppcheck frama-c
 HEADERS := /usr/include/simavr/sim_avr.h /usr/lib/avr/include/avr/io.h \
   /usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.asan-*.a
 PACKAGES := gcc g++ clang libclang-rt-dev gcc-avr avr-libc simavr libsimavr-dev libelf-dev gcc-arm-none-eabi \
-  libnewlib-arm-none-eabi qemu-system-arm cppcheck
+  libnewlib-arm-none-eabi qemu-system-arm cppcheck frama-c-base
 
 # Where `make prove` begins to draw examples, and how often it draws all of them anew.
 SEED ?= $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')

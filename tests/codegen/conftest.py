@@ -34,6 +34,11 @@ def cppcheck():
 
 
 @pytest.fixture(scope="session")
+def frama_c():
+    _need("frama-c")
+
+
+@pytest.fixture(scope="session")
 def avr():
     _need("gcc", "avr-gcc", "avr-size", "/usr/include/simavr/sim_avr.h")
 

@@ -187,6 +187,7 @@ class TestTheC:
     @pytest.mark.parametrize(
         ("reason", "spoilt", "within"), REASONS, ids=[reason.name for reason, *_ in REASONS]
     )
+    @pytest.mark.promise("pump-and-valve")
     def test_each_reason_brings_it_up_by_its_pump(self, in_c, reason, spoilt, within):
         """A valve that is open closes at once, since the pump is commanded."""
         made, twin = library(), chip.vehicle_twin(library())
@@ -211,6 +212,8 @@ class TestTheC:
         assert after is not None
         assert after <= within
 
+    @pytest.mark.promise("restarted", faults=["board resets"])
+    @pytest.mark.promise("time-limit")
     def test_a_time_limit_and_a_reset_bring_it_up(self, gcc, tmp_path):  # noqa: ARG002
         made = make_library(
             the_float(supervisor=Supervisor(time_limit="300 s")), target=30.0, duration=300.0
@@ -232,6 +235,7 @@ class TestTheDive:
         ("fault", "reason"),
         [({"depth": math.nan}, Reason.DEPTH_MISSING), ({"leak": True}, Reason.LEAK)],
     )
+    @pytest.mark.promise("pump-and-valve", faults=["depth NaN"])
     def test_a_float_that_has_a_reason_surfaces_with_all_its_volume(self, fault, reason):
         """In the plant of missions, from 100 m, sinking, by the pump alone."""
         made, vehicle = library(), the_float()
@@ -248,6 +252,7 @@ class TestTheDive:
         assert rows[-1, 0] < 0.5
         assert rows[-1, 2] == pytest.approx(vehicle.stroke.maximum, abs=1e-6)
 
+    @pytest.mark.promise("depth-limit")
     def test_a_float_that_passes_its_depth_limit_turns_round_above_the_deepest(self):
         """Asked for more than the limit, at twice the speed of its law."""
         vehicle = the_float(supervisor=Supervisor(depth_limit="150 m"))
@@ -265,6 +270,7 @@ class TestTheDive:
         assert 150.0 < depth.max() < 175.0
         assert depth[-1] < 0.5
 
+    @pytest.mark.promise("no-false-alarm")
     def test_no_reason_in_health_with_noise(self):
         made = library(noisy=True)
         board = chip.vehicle_twin(made)
@@ -537,6 +543,7 @@ def test_a_pump_that_stalls_limits_the_depth():
 
 @pytest.mark.avr
 @pytest.mark.usefixtures("avr")
+@pytest.mark.promise("pump-and-valve")
 def test_each_reason_brings_it_up_on_the_chip(tmp_path):
     """By the twin's bits, with one program that begins anew for each of them."""
     own = Supervisor(depth_limit="120 m", time_limit="100 s")

@@ -12,6 +12,8 @@ from tests.vehicles import SAMPLED
     "name",
     [name if name == "cascade" else pytest.param(name, marks=pytest.mark.slow) for name in SAMPLED],
 )
+@pytest.mark.promise("first-reason")
+@pytest.mark.promise("command-within-limits")
 def test_a_short_run_breaks_nothing(name, tmp_path):
     _breaks_nothing(name, tmp_path, runs=2000)
 
@@ -19,6 +21,7 @@ def test_a_short_run_breaks_nothing(name, tmp_path):
 @pytest.mark.prove
 @pytest.mark.usefixtures("clang")
 @pytest.mark.parametrize("name", SAMPLED)
+@pytest.mark.promise("command-within-limits")
 def test_a_long_run_breaks_nothing(name, tmp_path):
     _breaks_nothing(name, tmp_path, runs=100_000)
 

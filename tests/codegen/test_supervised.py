@@ -138,6 +138,7 @@ SEEN = Watched(2.0, 0.1, 1e-5, 12.0, False, 0, 0)
 _STRETCHES = st.lists(st.tuples(_TICKS, st.integers(1, 40)), min_size=1, max_size=12)
 
 
+@pytest.mark.promise("swapped-wires", faults=["board resets"])
 def test_a_reset_leaves_what_the_last_push_did(both):
     """It is taken over after a reset only, and not from memory that holds something else."""
     made, in_c = both
@@ -176,6 +177,7 @@ def test_a_reset_leaves_what_the_last_push_did(both):
         (0, "surface_command", [9.9e-5, 1e-4, 1e-4]),
     ],
 )
+@pytest.mark.promise("swapped-wires", faults=["board resets"])
 def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
     """The sea drives the piston in by 10 cm3 meanwhile, or the first volume is not measured."""
     made = library()
@@ -196,6 +198,7 @@ def test_what_a_push_did_outlives_a_reset(turns, way, volumes):
         (False, 2e-5, False),  # the law had brought it in
     ],
 )
+@pytest.mark.promise("swapped-wires", faults=["dying cell"])
 def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost, turned):
     """A dying cell resets the board at the first tick of every push."""
     made = library()
@@ -215,6 +218,9 @@ def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost
 
 @examples(40)
 @given(stretches=_STRETCHES, anew=st.booleans(), reference=st.sampled_from([3.0, math.nan]))
+@pytest.mark.promise("full-buoyancy")
+@pytest.mark.promise("command-within-limits")
+@pytest.mark.promise("as-in-python")
 def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
     both, stretches, anew, reference
 ):
@@ -294,6 +300,7 @@ def expected_of(law: Law, frame: tuple[Any, ...]) -> tuple[Any, ...]:
         ),
     ],
 )
+@pytest.mark.promise("as-in-python")
 def test_any_numbers_give_the_same_bits(how, tmp_path):
     law = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
     calls = random_calls(1500)
@@ -321,6 +328,7 @@ class Spoilt:
 
 
 @pytest.mark.usefixtures("gcc")
+@pytest.mark.promise("as-in-python", faults=["depth NaN"])
 def test_an_hour_with_faults_is_the_same_to_the_bit(tmp_path):
     made = library()
     in_c, beside = VehicleInC(made, tmp_path), chip.vehicle_twin(made)
@@ -382,6 +390,7 @@ def test_reasons_have_words_in_c(tmp_path):
 @pytest.mark.avr
 @pytest.mark.usefixtures("avr")
 @pytest.mark.parametrize("mcu", chip.MCUS)
+@pytest.mark.promise("as-in-python", faults=["depth NaN"])
 def test_a_fault_latches_on_the_chip_as_in_the_twin(mcu, tmp_path):
     made = library()
     on_chip = chip.vehicle(made, tmp_path, mcu)

@@ -113,10 +113,28 @@ FAULTS = {
     "leak": (lambda: lambda _, s: s._replace(leak=True), Reason.LEAK, 1.2),
     "slow loop": (lambda: lambda _, s: s._replace(lost=1), Reason.TICKS_LOST, 5.2),
 }
+_IN_CATALOGUE = {
+    "no number": "depth NaN",
+    "beyond": "depth out of range",
+    "late": "depth late",
+    "frozen": "depth stuck",
+    "at 0": "depth wrong scale",
+    "no volume": "volume NaN",
+    "stuck": "volume stuck",
+    "battery": "battery drops",
+    "slow loop": "ticks lost",
+}
+
+
+def shows(kind: str) -> Any:
+    """Return a fault as a parameter, with the promise that it shows."""
+    reason = FAULTS[kind][1].words.replace(" ", "-")
+    faults = [_IN_CATALOGUE[kind]] if kind in _IN_CATALOGUE else []
+    return pytest.param(kind, marks=pytest.mark.promise(reason, faults=faults))
 
 
 class TestFaults:
-    @pytest.mark.parametrize("kind", FAULTS)
+    @pytest.mark.parametrize("kind", [*map(shows, FAULTS)])
     def test_each_has_its_reason_in_its_time_and_the_vehicle_comes_up(self, kind):
         make, reason, within = FAULTS[kind]
         flown = fly(fault=make())
@@ -127,13 +145,14 @@ class TestFaults:
         assert flown.ran.finished
 
     @pytest.mark.parametrize("name", [name for name in SAMPLED if name != "cascade"])
-    @pytest.mark.parametrize("kind", ["no number", "frozen", "at 0"])
+    @pytest.mark.parametrize("kind", [shows("no number"), shows("frozen"), shows("at 0")])
     def test_under_every_law(self, name, kind):
         flown = fly(name, fault=FAULTS[kind][0]())
         assert flown.reason is not None
         assert flown.after < 60.0
         assert flown.ran.depth[-1] < 0.5
 
+    @pytest.mark.promise("not-following", faults=["actuator reversed"])
     def test_a_reversed_volume(self):
         """As with a motor's leads swapped: the volume goes where it is not sent."""
         kept: dict[str, float] = {}
@@ -145,6 +164,7 @@ class TestFaults:
         assert flown.reason is Reason.NOT_FOLLOWING
         assert flown.after < 15.0
 
+    @pytest.mark.promise("depth-frozen", faults=["depth stuck"])
     def test_a_frozen_quantised_depth_under_an_integrating_law(self):
         """No noise shows; the volume that leaves gives the sensor away before the sea does."""
         flown = fly(
@@ -158,6 +178,7 @@ class TestFaults:
         assert flown.ran.depth[-1] < 0.5
 
     @pytest.mark.parametrize("name", ["sea-cascade", "adrc", "observer", "planned"])
+    @pytest.mark.promise("not-moving-as-modelled")
     def test_a_clogged_port_of_a_living_sensor(self, name):
         """The depth stands still with its noise, the law goes for half a metre more."""
         kept: dict[str, float] = {}
@@ -170,18 +191,21 @@ class TestFaults:
         assert flown.reason is Reason.NOT_MOVING_AS_MODELLED
         assert flown.ran.depth[-1] < 0.5
 
-    def test_a_bottom_that_was_not_told_of(self):
+    @pytest.mark.promise("not-moving-as-modelled")
+    def test_a_bottom_that_was_not_stated(self):
         """It looks like a sensor that has stopped; the vehicle comes up."""
         flown = fly(setpoints=[(0.0, 6.0)], bottom_depth=4.5, onset=0.0)
         assert flown.reason is Reason.NOT_MOVING_AS_MODELLED
         assert flown.ran.depth[-1] < 0.5
 
+    @pytest.mark.promise("not-moving-as-modelled", faults=["depth drift"])
     def test_a_depth_that_drifts_deeper(self):
         """The law lifts the vehicle; ψ says that its volume belongs elsewhere."""
         flown = fly(fault=lambda t, s: s._replace(depth=s.depth + 0.05 * t))
         assert flown.reason is Reason.NOT_MOVING_AS_MODELLED
         assert flown.ran.depth[-1] < 0.5
 
+    @pytest.mark.promise("depth-limit")
     def test_the_depth_limit(self):
         flown = fly(
             supervisor={"depth_limit": "4 m"}, setpoints=[(0.0, 6.0)], onset=0.0, fault=None
@@ -190,6 +214,7 @@ class TestFaults:
         assert 4.0 < flown.ran.depth.max() < 6.0
         assert flown.ran.depth[-1] < 0.5
 
+    @pytest.mark.promise("depth-limit")
     def test_a_fast_descent_is_turned_round_ahead_of_the_deepest(self):
         """A law that dives at full speed: at the depth limit of 50 m it would be too late."""
         limit = supervisor_parameters(example("cascade")[0], 0.3)
@@ -200,6 +225,7 @@ class TestFaults:
         assert fast.ran.depth.max() < limit.deep.deepest
         assert fast.ran.depth[-1] < 0.5
 
+    @pytest.mark.promise("time-limit", faults=["ticks lost"])
     def test_the_time_limit_counts_lost_ticks(self):
         flown = fly(supervisor={"time_limit": "200 s"}, onset=0.0, fault=lambda _, s: s)
         assert flown.reason is Reason.TIME_LIMIT
@@ -211,6 +237,7 @@ class TestFaults:
         )
         assert sometimes.after == pytest.approx(200.1 / 1.1, abs=0.7)
 
+    @pytest.mark.promise("no-command")
     def test_a_law_that_gives_no_command(self):
         flown = fly(setpoints=[(0.0, 3.0), (150.0, 5.0)])
         assert flown.reason is None
@@ -220,6 +247,7 @@ class TestFaults:
         _, after, _ = SUPERVISOR.step(p, state, seen, 0.0)
         assert reasons_in(after.rescue.reasons) == (Reason.NO_COMMAND,)
 
+    @pytest.mark.promise("not-following", faults=["blocked outward"])
     def test_pushes_that_end_at_one_place(self):
         """Noise drives the volume to and fro; a block holds it back at its peaks only."""
         p = supervisor_parameters(example("cascade")[0], 0.3)
@@ -260,6 +288,7 @@ class TestFaults:
         (5, 20),  # 1 to 5, 3, 4 to 8, 6, 7 to 11, 9, 10 11 12 in the fourth round of six
     ],
 )
+@pytest.mark.promise("debounce")
 def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, bad, bads, at):
     """A good tick takes two bad ones away, of a limit of 12."""
     p = supervisor_parameters(paper(), 0.3)
@@ -282,6 +311,7 @@ def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, 
     ],
 )
 @pytest.mark.parametrize(("period", "at"), [(5, None), (4, 144)])
+@pytest.mark.promise("debounce")
 def test_what_fails_more_than_a_fifth_of_the_time_is_a_reason(bad, limit, reason, period, at):
     """Four quarters a bad tick, one less a good one: of 1 in 4 one is left a round, of 1 in 5 none.
 
@@ -360,6 +390,7 @@ def test_a_turned_push_that_lost_just_what_counts_has_not_fallen():
 
 
 @pytest.mark.parametrize(("noisy", "frozen"), [(0.49, False), (0.5, True), (0.51, True)])
+@pytest.mark.promise("depth-frozen", faults=["depth stuck"])
 def test_a_depth_as_noisy_as_it_takes_is_frozen_when_it_stays(noisy, frozen):
     limits = supervisor_parameters(example("cascade")[0], 0.3).same._replace(
         same_noisy=2, same=NEVER, same_moved=NEVER, noisy=0.5
@@ -417,6 +448,7 @@ def test_the_rate_of_a_positioner_is_what_is_left_within_its_speed():
 
 
 @pytest.mark.parametrize("name", SAMPLED)
+@pytest.mark.promise("no-false-alarm")
 class TestHealthy:
     """What must never be a reason."""
 
@@ -479,6 +511,7 @@ class TestHealthy:
         flown = [fly(name, fault=sea, onset=0.0, seed=seed, **run) for seed in seeds]
         assert [one.reason for one in flown] == [None] * len(flown)
 
+    @pytest.mark.promise("debounce")
     def test_short_failures(self, name):
         """Four seconds blind, a leak's splash, a motor's sag: nothing that a second look mends."""
         tick = example(name)[2]
@@ -497,6 +530,7 @@ class TestHealthy:
 class TestShown:
     """What the dive itself shows: its neutral volume, the sensor's noise, wires swapped."""
 
+    @pytest.mark.promise("not-moving-as-modelled", faults=["small leak"])
     def test_a_leak_that_nothing_reports(self):
         """60 mL/min, seen as a volume that reads too large: 17.5 cm3 of change take 18 s."""
         change = supervisor_parameters(example("cascade")[0], 0.3).motion.neutral_change
@@ -521,6 +555,7 @@ class TestShown:
             _, s, _ = SUPERVISOR.step(p, s, CALM._replace(depth=depth, volume=8.08e-6), 0.0)
         assert (Reason.DEPTH_FROZEN in reasons_in(s.rescue.reasons)) is seen
 
+    @pytest.mark.promise("debounce", faults=["depth dropouts"])
     def test_a_depth_that_fails_a_third_of_the_time_is_none(self):
         rng = np.random.default_rng(4)
         flown = fly(
@@ -549,6 +584,7 @@ class TestTurning:
     """How far down a vehicle still goes decides whether it is too deep."""
 
     @pytest.mark.parametrize("name", ["feup-em", "example-em", "ntnu-bv", "example-eh"])
+    @pytest.mark.promise("depth-limit")
     def test_the_way_to_a_stop_is_that_of_the_motion(self, name):
         vehicle = load_vehicle(name)
         p, rng = (
@@ -578,6 +614,7 @@ class TestTurning:
         assert way_to_stop(p, 0.1, 1e-4, 0.0) > 1e5
 
 
+@pytest.mark.promise("test-pushes")
 class TestReach:
     """A push outward now and then, where nothing else shows whether the actuator can."""
 
@@ -740,7 +777,7 @@ class TestReach:
         p = supervisor_parameters(paper(hull=hull, supervisor=Supervisor(prove_after=given)), 0.3)
         assert (p.proof.unproven, p.proof.same_tried) == ticks
 
-    def test_a_depth_that_stands_tells_from_the_tick_on_that_makes_it_long_enough(self):
+    def test_a_depth_that_stands_counts_from_the_tick_on_that_makes_it_long_enough(self):
         """It is not neutral there: the neutral volume is not what is assumed."""
         p, depth = self.limits, 2.0
         off = 4.0 * p.neutral.neutral_range + 4.0 * p.neutral.psi_range * depth
@@ -778,6 +815,7 @@ class TestSafeAction:
             commands.append(command)
         return commands, s
 
+    @pytest.mark.promise("full-buoyancy")
     def test_it_pushes_rests_and_pushes_again_whatever_the_sensors_say(self):
         p = self.limits
         lying = CALM._replace(depth=math.nan, volume=math.nan)
@@ -818,6 +856,7 @@ class TestSafeAction:
             volume = min(max(volume + 0.3 * drive(0.3 * k, command), least), 3.5e-4)
         return rows
 
+    @pytest.mark.promise("swapped-wires", faults=["actuator reversed"])
     def test_wires_that_are_swapped_are_found_and_the_vehicle_lightened(self):
         p = self.limits
         rows = self.driven(lambda _, u: -p.rate.rate * u, 0.0)
@@ -828,6 +867,7 @@ class TestSafeAction:
         at_the_end = self.driven(lambda _, u: -p.rate.rate * u, -3.5e-4)
         assert at_the_end[-1][1] >= p.volume.volume_high
 
+    @pytest.mark.promise("swapped-wires", faults=["actuator reversed"])
     def test_a_turned_push_at_its_end_is_not_driven_back_by_wires_that_are_mended_unseen(self):
         """The volume is stuck there: a push the wrong way would end at the inner end, unseen."""
         p = self.limits
@@ -841,6 +881,7 @@ class TestSafeAction:
         stuck = self.driven(mended, 0.0, 300.0, stuck_from=30.0)
         assert stuck[-1] == (p.push.away_hold, stuck[120][1])
 
+    @pytest.mark.promise("swapped-wires", faults=["volume NaN"])
     def test_a_turned_push_of_which_nothing_is_seen_is_given_up_where_the_vehicle_sinks(self):
         """The wires are mended before the end, and then the volume is lost."""
         p = self.limits
@@ -868,6 +909,7 @@ class TestSafeAction:
         assert commands[3] == p.push.away_command  # a try
         assert p.push.away_command in commands[12:14]
 
+    @pytest.mark.promise("swapped-wires", faults=["dying cell"])
     def test_a_volume_that_stays_behind_over_a_reset_turns_the_push(self):
         """A dying cell resets the board at the first tick of each push; the wires are swapped."""
         p, volume, s = self.limits, 1e-4, None
@@ -881,11 +923,13 @@ class TestSafeAction:
         assert volume >= p.volume.volume_high
         assert s.push.turns == 4
 
+    @pytest.mark.promise("swapped-wires", faults=["actuator reversed"])
     def test_wires_that_are_mended_are_found_too(self):
         p = self.limits
         rows = self.driven(lambda t, u: (-1.0 if t < 6.0 else 1.0) * p.rate.rate * u, 0.0)
         assert rows[-1] == (p.push.surface_command, pytest.approx(3.5e-4))
 
+    @pytest.mark.promise("swapped-wires", faults=["actuator slow"])
     def test_swapped_wires_of_a_slow_actuator_are_found(self):
         """0.5 % of its speed: it is too slow to be told from one that stands, but it goes away."""
         p = self.limits
@@ -920,12 +964,14 @@ class TestSafeAction:
         assert min(resting) > 3.5e-4 - p.push.away - 2.0 * 0.3e-5
         assert rows[-1][1] > 3.5e-4 - 2.0 * p.push.away
 
+    @pytest.mark.promise("full-buoyancy")
     def test_there_is_no_rest_while_the_vehicle_sinks(self):
         p = self.limits
         rows = self.driven(lambda *_: 0.0, 0.0, 600.0, sinks=0.01)
         last = [command for command, _ in rows[-1000:]]
         assert set(last) == {p.push.surface_command}
 
+    @pytest.mark.promise("swapped-wires")
     def test_a_volume_that_lies_costs_one_try(self):
         """It reads inwards whatever is commanded: the push is turned round once, and back."""
         p = self.limits
@@ -964,6 +1010,7 @@ class TestSafeAction:
         assert grew[80] == p.push.away_command  # it stands, and rises
         assert grew[-1] == p.push.surface_command
 
+    @pytest.mark.promise("swapped-wires", faults=["volume stuck"])
     def test_a_volume_that_lies_and_then_stands_is_not_believed_for_long(self):
         """It read inwards while the piston went out; then it is stuck, and the vehicle sinks."""
         p = self.limits
@@ -987,6 +1034,7 @@ class TestSafeAction:
         assert commands[1] == p.push.away_command
         assert set(commands[2:]) == {p.push.surface_command}
 
+    @pytest.mark.promise("full-buoyancy", faults=["actuator slow"])
     def test_a_slow_actuator_is_pushed_without_rests(self):
         """0.4 % of its speed; one that stands still rests."""
         p = self.limits
@@ -995,6 +1043,8 @@ class TestSafeAction:
         stalled = self.driven(lambda *_: 0.0, 0.0, 600.0)
         assert {command for command, _ in stalled} == {p.push.surface_command, p.push.hold_command}
 
+    @pytest.mark.promise("restarted", faults=["board resets"])
+    @pytest.mark.promise("first-reason")
     def test_the_first_cause_stays_and_the_others_are_gathered(self):
         p = self.limits
         _, s = self.after(1)
@@ -1006,6 +1056,7 @@ class TestSafeAction:
         assert healed.rescue.reasons == s.rescue.reasons
         assert again == p.push.surface_command
 
+    @pytest.mark.promise("release")
     def test_the_weight_goes_where_the_vehicle_does_not_rise(self):
         p = self.limits
         assert self.after(int(p.push.release) - 1)[1].rescue.release is False
@@ -1013,11 +1064,13 @@ class TestSafeAction:
         blind = CALM._replace(depth=math.nan)
         assert self.after(int(p.push.release), blind)[1].rescue.release is True
 
+    @pytest.mark.promise("release")
     def test_the_weight_stays_where_it_rises_or_floats(self):
         flown = fly(fault=lambda _, s: s._replace(leak=True), duration=1500.0)
         assert flown.ran.depth[-1] < 0.5
         assert not flown.vehicle.release
 
+    @pytest.mark.promise("time-limit")
     def test_time_is_counted_beyond_what_16_bits_hold(self):
         p = changed(self.limits, time_blocks=5000, time_ticks=3)
         s = changed(SUPERVISOR.initial(p, CALM, 0.0), block=4999, tick=4095)

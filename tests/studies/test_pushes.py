@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from studies.pushes import drowned, main, way
 
@@ -16,6 +17,7 @@ def test_a_way_is_a_step_or_goes_on_at_its_speed_and_ends_where_it_should():
     assert np.isclose(times[-1], 120.0 + 34.8)
 
 
+@pytest.mark.promise("test-pushes", faults=["blocked outward"])
 def test_pushes_save_the_vehicle_from_blocks_that_take_it_down_without():
     assert drowned("planned", 3.0, math.inf, supervised=False) > 0
     assert drowned("planned", 3.0, math.inf, supervised=True) == 0

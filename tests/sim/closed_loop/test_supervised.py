@@ -80,6 +80,7 @@ def test_the_loop_is_law_and_supervisor_called_in_python(vehicle, where):
         assert ours.depth[-1] < 1.0  # and brought it up
 
 
+@pytest.mark.promise("test-pushes")
 def test_a_push_that_proves_the_motor_is_in_the_loop():
     vehicle = noisy(FEUP)
     alone = sb.simulate(vehicle, supervised=False, seed=4, **STEPS)
@@ -108,6 +109,7 @@ def ramp(to, speed):
         ("cascade", 20.0, 0.1),
     ],
 )
+@pytest.mark.promise("test-pushes", faults=["blocked outward"])
 def test_no_block_of_the_piston_outward_drowns_the_vehicle(name, to, speed):
     """Wherever it is: it is met before the way down, or stops the vehicle at the end of it."""
     vehicle, parameters, tick = example(name)
@@ -130,6 +132,7 @@ def test_no_block_of_the_piston_outward_drowns_the_vehicle(name, to, speed):
 
 
 @pytest.mark.parametrize("kind", ["electrohydraulic", "positioner"])
+@pytest.mark.promise("depth-limit")
 def test_a_law_that_goes_down_too_fast_to_turn_is_stopped_in_time(kind, tmp_path, capsys):
     """The cascade of a new vehicle file goes past the depth from which a slow pump comes up."""
     path = tmp_path / "new.toml"

@@ -139,6 +139,7 @@ def flown(request):
     return run_missions(FEUP, missions=310, healthy=60, seed=5)
 
 
+@pytest.mark.promise("recovered")
 def test_without_the_supervisor_many_are_lost_and_with_it_fewer(flown):
     assert flown.all_lost_without_supervisor > 0.3
     last = flown.lines()[-1]
@@ -147,6 +148,7 @@ def test_without_the_supervisor_many_are_lost_and_with_it_fewer(flown):
     assert last.recoverable - last.recovered < 0.4 * last.lost_without_supervisor
 
 
+@pytest.mark.promise("no-false-alarm")
 def test_healthy_missions_raise_no_alarm(flown):
     assert len(flown.false_alarms) == 0
     assert len(flown.healthy_lost) == 0

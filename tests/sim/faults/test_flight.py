@@ -184,6 +184,7 @@ def test_a_sagging_battery_gives_what_kirchhoff_allows(rig):
     )
 
 
+@pytest.mark.promise("restarted", faults=["law hangs"])
 def test_a_law_that_hangs_is_reset_by_the_watchdog_again_and_again(rig):
     result, flown = rig.fly((Fault.HANG, 6.0, 0, 100, ALWAYS), ticks=400)
     board = flown["board"]
@@ -202,6 +203,7 @@ def test_a_board_that_pauses_does_so_again_and_again(rig):
     assert np.array_equal(np.flatnonzero(flown["lost_ticks"] == 30.0), [129, 179])
 
 
+@pytest.mark.promise("restarted", faults=["board resets"])
 def test_a_board_that_is_reset_begins_its_mission_anew(rig):
     turns = ((0.0, 20.0), (40.0, 21.0), (80.0, 22.0))
     _, well = rig.fly(turns=turns, ticks=200)
@@ -339,6 +341,7 @@ def test_the_deaf_vehicle_is_the_supervised_one_until_there_is_a_reason(rig):
     assert ideal["command"][latched] != 12.0  # its law's again
 
 
+@pytest.mark.promise("test-pushes", faults=["blocked outward"])
 def test_a_piston_blocked_outward_is_found_before_the_vehicle_sinks(rig):
     """1 cm3 above where it holds its depth: found at the top, where that still lifts it."""
     fault_rows = ((Fault.BLOCKED_OUT, 1.4e-3, 0, 150, ALWAYS),)

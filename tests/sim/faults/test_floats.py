@@ -408,6 +408,7 @@ def test_without_a_supply_what_a_pump_has_is_a_share_of_the_nominal_too():
 
 
 @pytest.mark.usefixtures("gcc")
+@pytest.mark.promise("recovered")
 def test_a_campaign_of_shallow_dives(tmp_path):
     flown = run_missions(
         FLOAT, missions=8, healthy=2, seed=3, depths=(15.0, 60.0), keep=tmp_path / "kept"
