@@ -183,6 +183,9 @@ def test_the_golden_trace_is_what_simulate_says(name):
     assert made.golden.command.max() <= np.float32(high)
 
 
+ARM = '-DWORDS="arm\\n"'  # somebody types the word
+
+
 def _sketch(made: Library, folder: Path, name: str, text: str, *more: str) -> str:
     """Compile an example with the library against a stub of Arduino; return what it prints."""
     write_library(made, folder / "library")
@@ -226,7 +229,7 @@ class TestExamples:
             "*depth_m = vehicle.controller.ticks == 2u ? NAN : 2.5f;",
         )
         filled = filled.replace("*volume_m3 = NAN;", "*volume_m3 = -1.2345e-5f;")
-        printed = _sketch(made, tmp_path, board, filled)
+        printed = _sketch(made, tmp_path, board, filled, ARM)
         (tmp_path / "log.csv").write_text(printed)
         log = sb.read_log(tmp_path / "log.csv")
         lines = [line for line in printed.splitlines() if line[0] not in "#t"]
@@ -244,18 +247,50 @@ class TestExamples:
         last = float(printed.splitlines()[-1].split(",")[3])
         assert low - 1e-9 <= last <= high + 1e-9
 
+    def test_nobody_has_armed_it_and_nothing_happens(self, name, tmp_path):
+        """On the bench, without a sensor, or dry: no reason, and no command that moves anything."""
+        text = library(name).files["examples/FloatAVR/FloatAVR.ino"]
+        for seen in ("NAN", "-0.2f"):
+            filled = text.replace("*depth_m = NAN;", f"*depth_m = {seen};")
+            said = _sketch(library(name), tmp_path, "FloatAVR", filled).splitlines()
+            lines = [line.split(",") for line in said if line[0] not in "#t"]
+            assert len(lines) > 12
+            still = "nan" if library(name).law.command == "volume" else "0.000"
+            assert {line[3].lstrip("-") for line in lines} == {still}
+            assert {line[-1] for line in lines} == {"0"}
+            assert "# armed" not in said
+            assert said[3].startswith("# disarmed: a switch, the word arm, or ")
+
+    @pytest.mark.parametrize("name", ["cascade"], indirect=True)
+    @pytest.mark.parametrize(
+        ("how", "tick"), [("switch", 7), ("word", 0), ("another word", None), ("water", 9)]
+    )
+    def test_what_arms_it(self, name, how, tick, tmp_path):
+        text = library(name).files["examples/FloatAVR/FloatAVR.ino"]
+        text = text.replace("*volume_m3 = NAN;", "*volume_m3 = 0.0f;")
+        text = text.replace("*depth_m = NAN;", f"*depth_m = {1.1 if how == 'water' else 0.4}f;")
+        text = text.replace("SWITCH false", f"SWITCH {'true' if how == 'switch' else 'false'}")
+        words = {"word": ARM, "another word": '-DWORDS="alarm\\n"'}.get(how, "-DNOBODY")
+        said = _sketch(library(name), tmp_path, "FloatAVR", text, "-DCLOSES_MS=1000u", words)
+        lines = said.splitlines()[5:]
+        assert ("# armed" in lines) == (tick is not None)
+        if tick is not None:
+            before = lines[: lines.index("# armed")]
+            assert len(before) == tick
+            assert {line.split(",")[3] for line in before} <= {"0.000"}
+
     def test_as_it_is_shipped_it_sees_nothing_and_brings_the_vehicle_up(self, name, tmp_path):
         made = library(name)
         text = made.files["examples/FloatAVR/FloatAVR.ino"]
-        said = _sketch(made, tmp_path, "FloatAVR", text).splitlines()
+        said = _sketch(made, tmp_path, "FloatAVR", text, ARM).splitlines()
         lines = [line.split(",") for line in said if line[0] not in "#t"]
         assert {line[1].lower() for line in lines} == {"nan"}
         first, p = first_command(name), made.supervisor
         (row,) = [n for n, line in enumerate(said) if line.startswith("# full")]
         assert said[row] == "# full buoyancy: depth missing"
-        assert row - 4 == p.volume.blind - 1  # three remarks and the header stand above
+        ticks = row - 6  # four remarks and the header stand above, and that it is armed
+        assert ticks == p.volume.blind - 1
         commands = [float(line[3]) for line in lines]
-        ticks = row - 4
         assert commands[:ticks] == pytest.approx([first] * ticks, abs=1e-9)
         safe = [p.push.surface_command] * (len(commands) - ticks)
         assert commands[ticks:] == pytest.approx(safe, abs=1e-9)
@@ -344,6 +379,8 @@ def test_the_files_of_a_library():
         "library.properties",
         "README.md",
         "src/swb_measurement.h",
+        "src/swb_arming.h",
+        "src/swb_arming.c",
         "src/swb_cascade.h",
         "src/swb_cascade.c",
         "src/swb_controller.h",

@@ -15,6 +15,7 @@ from swimbladder.codegen.clock import ControllerTwin
 from swimbladder.codegen.pump_valve import BoardLaw
 from swimbladder.codegen.tree import Program
 from swimbladder.codegen.twin import twin
+from swimbladder.control.arming import ArmingParameters
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.errors import NoAnswerError
@@ -66,6 +67,7 @@ class BoardProgram:
     first: float  # V, m3 or s: the command until there is one
     limits: tuple[float, float]  # of the command
     supervisor: SupervisorParameters
+    arming: ArmingParameters
     drive: BoardLaw | None  # of a pump and valve
     program: Program
     facts: dict[str, Any]  # for templates

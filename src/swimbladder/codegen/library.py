@@ -18,11 +18,13 @@ from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float3
 from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT
+from swimbladder.control.arming import ARMING, DISARMED, Deck
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.control.supervisor_limits import (
+    arming_parameters,
     command_limits,
     supervisor_parameters,
     time_limit,
@@ -64,6 +66,7 @@ class Library(BoardProgram):
             "tick_s": self.tick_s,
             "parameters": in_float32(self.parameters, self.law),
             "supervisor": in_float32(self.supervisor, SUPERVISOR),
+            "arming": in_float32(self.arming, ARMING),
             "golden": {
                 "start_depth_m": self.mission.start,
                 "target_depth_m": self.mission.target,
@@ -174,6 +177,7 @@ def make_program(
     """
     law, parameters, tick_s = _controller(vehicle)
     limits = supervisor_parameters(vehicle, tick_s, in_pool=in_pool)
+    arming = arming_parameters(vehicle, limits)
     drive, ends = None, command_limits(vehicle, tick_s)
     if vehicle.command == "volume change":
         deepest = min(limits.deep.deepest, limits.depth.depth_most)
@@ -203,12 +207,17 @@ def make_program(
         "header": f"time_s,depth_m,volume_m3,{command['column']},reference_depth_m",
         "limits": limits,
         "units": SUPERVISOR.units,
+        "arming": arming,
+        "arming_units": ARMING.units,
+        "disarmed": DISARMED,
     }
     sources = {"swb_measurement.h": render("swb_measurement.h", {})}
     supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
-    for around, translated in (("controller", write_c99(program)), ("vehicle", supervisor)):
+    on_deck = write_c99(read_law(ARMING, Deck))
+    for translated in (write_c99(program), supervisor, on_deck):
         sources[translated.header_name] = translated.header
         sources[translated.source_name] = translated.source
+    for around in ("controller", "vehicle"):
         for name in (f"swb_{around}.h", f"swb_{around}.c"):
             sources[name] = render(f"{name}.j2", facts)
     return BoardProgram(
@@ -218,6 +227,7 @@ def make_program(
         first=first,
         limits=ends,
         supervisor=limits,
+        arming=arming,
         drive=drive,
         program=program,
         facts=facts,

@@ -17,18 +17,25 @@
 
 #define LED_BUILTIN 13
 #define OUTPUT 1
+#define INPUT_PULLUP 2
 #define HIGH 1
 #define LOW 0
 inline void pinMode(int, int) {}
 inline void digitalWrite(int, int) {}
+extern uint32_t stub_closes_ms; // when every contact to ground closes
+inline int digitalRead(int);
 
-extern uint32_t stub_us;
-inline uint32_t micros() { return stub_us += 4u; }
-inline uint32_t millis() { return stub_us / 1000u; }
+extern uint64_t stub_us;
+inline uint32_t micros() { return static_cast<uint32_t>(stub_us += 4u); }
+inline uint32_t millis() { return static_cast<uint32_t>(stub_us / 1000u); }
+inline int digitalRead(int) { return stub_us - 0xfff00000u >= stub_closes_ms * 1000u ? LOW : HIGH; }
+extern const char *stub_words; // that somebody types
 
 struct StubSerial {
     void begin(unsigned long) {}
     explicit operator bool() const { return false; }
+    int available() const { return *stub_words != '\0'; }
+    int read() { return *stub_words++; }
     void print(const char *text) { printf("%s", text); }
     void print(char c) { printf("%c", c); }
     void print(int n) { printf("%d", n); }
