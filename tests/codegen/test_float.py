@@ -164,7 +164,7 @@ class TestTheC:
             "gcc", *STRICT, "-O2", "-I", tmp_path / "src", *sources, "-o", tmp_path / "check", "-lm"
         )
         said = run(tmp_path / "check", cwd=tmp_path).stdout.decode()
-        assert said == "golden trace: equal, 1501 of 1501 ticks the same\n"
+        assert said == "golden trace: equal, 1521 of 1521 ticks the same\n"
 
     def test_the_golden_mission_dives_and_comes_up(self):
         golden = library().golden
@@ -416,7 +416,7 @@ class TestTheCortexM:
         write_library(made, tmp_path)
         check, golden = tmp_path / "extras" / "check.c", tmp_path / "extras" / "golden.csv"
         said = cortex.execute(made, tmp_path, core, check, golden)
-        assert said == "golden trace: equal, 5401 of 5401 ticks the same\n"
+        assert said == "golden trace: equal, 5421 of 5421 ticks the same\n"
 
     def test_law_and_supervisor_are_those_of_the_twin_to_the_bit(self, core, tmp_path):
         made, twin = library(), chip.vehicle_twin(library())

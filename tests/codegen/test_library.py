@@ -14,10 +14,12 @@ from hypothesis import strategies as st
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin, wait_in_ticks
 from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.vehicle import Controller
+from swimbladder.vehicle import Controller, Supervisor
 from tests.codegen.build import STRICT, run
 from tests.codegen.laws import bits, controlled, example, twin_of
+from tests.codegen.test_supervised import VehicleInC
 from tests.vehicles import SAMPLED, paper
 
 ARDUINO = Path(__file__).parent / "arduino"
@@ -73,14 +75,23 @@ def first_command(name: str) -> float:
     return 0.0 if made.law.command == "voltage" else made.vehicle.stroke.maximum
 
 
-def test_the_c_gives_the_golden_trace_to_the_bit(name, controller):
-    text = library(name).files["extras/golden.csv"].splitlines()
+def test_the_c_gives_the_golden_trace_to_the_bit(name, tmp_path):
+    """Law and supervisor: each command and each reason; at last the sensors fail."""
+    made = library(name)
+    text = made.files["extras/golden.csv"].splitlines()
     assert text[0].startswith("tick,time_s,depth_m,volume_m3,reference_depth_m,")
+    assert text[0].endswith(",supervisor_reason")
     rows = np.array([line.split(",") for line in text[1:]], np.float32)
-    assert len(rows) == 301
-    controller.begin(first_command(name))
-    for tick, _, depth, volume, reference, command in rows:
-        assert bits(controller.tick(depth, volume, reference)) == bits(command), tick
+    gap = made.supervisor.depth.gap
+    assert len(rows) == 301 + gap + 15
+    in_c = VehicleInC(made, tmp_path)
+    for tick, _, depth, volume, reference, command, reason in rows:
+        seen = Watched(depth, math.nan, volume, math.nan, False, 0, 0)
+        said = in_c.tick(seen, reference)
+        assert bits(said[0]) == bits(command), tick
+        assert said[1] == reason
+    assert [int(n) for n in rows[:, 6]] == [0] * (300 + gap) + [Reason.DEPTH_MISSING] * 16
+    assert np.all(rows[-15:, 5] == np.float32(made.supervisor.push.surface_command))
 
 
 def _twin(name: str) -> ControllerTwin:
@@ -209,13 +220,20 @@ class TestExamples:
         text = made.files["examples/GoldenTrace/GoldenTrace.ino"]
         printed = _sketch(made, tmp_path, "GoldenTrace", text)
         assert "golden trace: equal, 100 of 100 ticks the same" in printed
+        assert made.files["examples/GoldenTrace/golden.h"].count(", 4") >= 14  # reasons
 
-    def test_and_different_where_it_is(self, tmp_path):
+    @pytest.mark.parametrize(
+        ("right", "wrong"),
+        [
+            ("bits_of(command) != row[3]", "bits_of(command) != row[3] + (n == 7)"),
+            ("vehicle.reason != reason", "vehicle.reason != reason + (n == 7)"),
+        ],
+    )
+    def test_and_different_where_it_is(self, right, wrong, tmp_path):
         made = library("cascade")
-        text = made.files["examples/GoldenTrace/GoldenTrace.ino"].replace(
-            "bits_of(command) != row[3]", "bits_of(command) != row[3] + (n == 7)"
-        )
-        printed = _sketch(made, tmp_path, "GoldenTrace", text)
+        text = made.files["examples/GoldenTrace/GoldenTrace.ino"]
+        assert text.count(right) == 1
+        printed = _sketch(made, tmp_path, "GoldenTrace", text.replace(right, wrong))
         assert "differs at tick 7: " in printed
         assert "golden trace: DIFFERENT, 99 of 100 ticks the same" in printed
 
@@ -306,15 +324,20 @@ def test_the_whole_golden_trace_can_be_checked_with_any_compiler(name, tmp_path)
     strict = [flag for flag in STRICT if flag != "-ffp-contract=off"]
     run("gcc", *strict, "-O2", "-I", tmp_path / "src", *sources, "-o", tmp_path / "check", "-lm")
     printed = run(tmp_path / "check", cwd=tmp_path).stdout.decode()
-    assert printed == "golden trace: equal, 301 of 301 ticks the same\n"
+    ticks = 301 + made.supervisor.depth.gap + 15
+    assert printed == f"golden trace: equal, {ticks} of {ticks} ticks the same\n"
     golden = tmp_path / "extras" / "golden.csv"
     rows = golden.read_text().splitlines()
-    tick, *numbers, _ = rows[100].split(",")
-    rows[100] = ",".join([tick, *numbers, "0.125"])
+    tick, *numbers, _, reason = rows[100].split(",")
+    rows[100] = ",".join([tick, *numbers, "0.125", reason])
+    *row, reason = rows[-1].split(",")
+    rows[-1] = ",".join([*row, "5"])
     golden.write_text("\n".join(rows) + "\n")
     done = subprocess.run([tmp_path / "check", golden], capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert done.stdout.startswith("differs at tick 99: ")
+    first, last, _ = done.stdout.splitlines()
+    assert first.startswith("differs at tick 99: ")
+    assert last.endswith(", reason 4 instead of 5")
 
 
 @pytest.mark.usefixtures("cppcheck")
@@ -431,3 +454,15 @@ def test_a_controller_that_loses_the_vehicle_gets_no_library():
     mad = Controller(law="cascade", sample_time=0.3, parameters=TABLE_3 | {"k_pV": "-2e5 V/m3"})
     with pytest.raises(NoAnswerError, match="golden mission"):
         make_library(paper(controller=mad), start_depth=3.0, target=1.5, duration=6000.0)
+
+
+def test_a_supervisor_that_a_healthy_vehicle_does_not_satisfy_gets_no_library():
+    vehicle = paper(supervisor=Supervisor(depth_limit="2.5 m"))
+    with pytest.raises(NoAnswerError, match=r"golden mission .* \(depth limit\), and nothing is"):
+        make_library(vehicle, target=2.4)
+
+
+def test_a_time_that_is_over_is_part_of_the_trace():
+    made = make_library(paper(supervisor=Supervisor(time_limit="9 s")), duration=12.0)
+    reasons = [row[4] for row in made.golden.checked]
+    assert reasons == [0] * 30 + [Reason.TIME_LIMIT] * (len(reasons) - 30)

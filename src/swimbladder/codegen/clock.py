@@ -41,7 +41,10 @@ class ControllerTwin:
 
     law: a law's `twin`; low, high: limits of the command; first: the command until there is one;
     seconds: the command is seconds of pump and valve, and the volume need not be measured.
+    `number` is what its numbers are: float32, as in C.
     """
+
+    number: Callable[[float], Any] = np.float32
 
     def __init__(
         self,
@@ -55,8 +58,8 @@ class ControllerTwin:
         seconds: bool = False,
     ) -> None:
         self.law, self.parameters = law, parameters
-        self.tick_s = np.float32(tick_s)
-        self.low, self.high = np.float32(low), np.float32(high)
+        self.tick_s = self.number(tick_s)
+        self.low, self.high = self.number(low), self.number(high)
         self.command, self.seconds = np.float32(first), seconds
         self.state: Any = None
         self.ticks = 0
@@ -70,9 +73,9 @@ class ControllerTwin:
         these.
         """
         if self.waiting == 0:
-            time: Any = np.float32(self.ticks) * self.tick_s
-            seen: tuple[Any, ...] = (time, np.float32(depth), np.float32(volume))
-            self._call(Measurement(*seen), np.float32(reference))
+            time: Any = self.number(self.ticks) * self.tick_s
+            seen: tuple[Any, ...] = (time, self.number(depth), self.number(volume))
+            self._call(Measurement(*seen), self.number(reference))
         self.waiting -= 1
         self.ticks += 1
         return self.command

@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.codegen.c99 import c_field, c_float, c_law, c_number, write_c99
 from swimbladder.codegen.clock import MOST_TURNS, SOON
-from swimbladder.codegen.golden import BoardProgram, Golden, Mission, fly
+from swimbladder.codegen.golden import BoardProgram, Golden, Mission, first_rows, fly
 from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
 from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.subset import read_law
@@ -122,7 +122,8 @@ def make_library(
     facts = made.facts | {
         "start": mission.start,
         "goal": mission.target,
-        "ticks": len(golden.depth),
+        "ticks": len(golden.checked),
+        "flown": len(golden.depth),
         "pool": day,
         "pool_units": POOL.units,
         "day": False,
@@ -134,11 +135,9 @@ def make_library(
         "dive_min": UNDER_WATER,
         "lined": getattr(vehicle.engine, "line", None) is not None,
     }
-    rows = [
-        [f"0x{np.float32(x).view(np.uint32):08x}" for x in row]
-        for row in zip(*(column[:_ON_BOARD] for column in golden[:4]), strict=True)
-    ]
-    facts["rows"] = len(rows)
+    on_board = first_rows(made, golden, _ON_BOARD)
+    rows = [[f"0x{np.float32(x).view(np.uint32):08x}" for x in row[:4]] for row in on_board]
+    facts |= {"rows": len(rows), "unplugged": len(golden.depth)}
     sketch = "Float.ino.j2" if drive is None else "PumpFloat.ino.j2"
     readme = "README.md.j2" if drive is None else "README_float.md.j2"
     files = {
@@ -147,7 +146,9 @@ def make_library(
         **{f"src/{name}": text for name, text in made.sources.items()},
         **_sketches("Float", sketch, facts),
         "examples/GoldenTrace/GoldenTrace.ino": render("GoldenTrace.ino.j2", facts),
-        "examples/GoldenTrace/golden.h": render("golden.h.j2", facts | {"rows": rows}),
+        "examples/GoldenTrace/golden.h": render(
+            "golden.h.j2", facts | {"rows": rows, "reasons": [row[4] for row in on_board]}
+        ),
         "extras/check.c": render("check.c.j2", facts),
         "extras/golden.csv": _table(golden, made.tick_s, made.facts["column"]),
     }
@@ -366,7 +367,8 @@ def meanings(limits: SupervisorParameters) -> list[tuple[int, str, str, str]]:
 
 def _table(golden: Golden, tick_s: float, column: str) -> str:
     """Return the golden trace as CSV, each number with the digits that give its float32 back."""
-    lines = [f"tick,time_s,depth_m,volume_m3,reference_depth_m,{column}"]
-    for n, row in enumerate(zip(*golden[:4], strict=True)):
-        lines.append(",".join([str(n), f"{n * tick_s:.9g}", *map(str, row)]))
+    lines = [f"tick,time_s,depth_m,volume_m3,reference_depth_m,{column},supervisor_reason"]
+    for n, (*numbers, reason) in enumerate(golden.checked):
+        said = map(str, map(np.float32, numbers))
+        lines.append(",".join([str(n), f"{n * tick_s:.9g}", *said, str(reason)]))
     return "\n".join(lines) + "\n"
