@@ -387,7 +387,7 @@ class TestTheSketch:
         (tmp_path / "log.csv").write_text(printed)
         log = sb.read_log(tmp_path / "log.csv")
         lines = [line for line in printed.splitlines() if line[0] not in "#t"]
-        assert printed.splitlines()[5] == (
+        assert printed.splitlines()[6] == (
             "time_s,depth_m,volume_m3,run_s,reference_depth_m,supervisor_reason"
         )
         np.testing.assert_allclose(np.diff(log.time), 1.0, atol=1.01e-3)

@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+import re
 import subprocess
 from functools import cache
 from pathlib import Path
@@ -277,7 +278,7 @@ class TestExamples:
             assert {line[3].lstrip("-") for line in lines} == {still}
             assert {line[-1] for line in lines} == {"0"}
             assert "# armed" not in said
-            assert said[3].startswith("# disarmed: a switch, the word arm, or ")
+            assert said[4].startswith("# disarmed: a switch, the word arm, or ")
 
     @pytest.mark.parametrize("name", ["cascade"], indirect=True)
     @pytest.mark.parametrize(
@@ -290,12 +291,39 @@ class TestExamples:
         text = text.replace("SWITCH false", f"SWITCH {'true' if how == 'switch' else 'false'}")
         words = {"word": ARM, "another word": '-DWORDS="alarm\\n"'}.get(how, "-DNOBODY")
         said = _sketch(library(name), tmp_path, "FloatAVR", text, "-DCLOSES_MS=1000u", words)
-        lines = said.splitlines()[5:]
+        lines = said.splitlines()[6:]
         assert ("# armed" in lines) == (tick is not None)
         if tick is not None:
             before = lines[: lines.index("# armed")]
             assert len(before) == tick
             assert {line.split(",")[3] for line in before} <= {"0.000"}
+
+    @pytest.mark.parametrize("name", ["cascade"], indirect=True)
+    @pytest.mark.parametrize("chip", ["ESP32", "RP2040", "STM32", "TEENSY"])
+    def test_a_sketch_of_another_processor(self, name, chip, tmp_path):
+        """Against stand-ins for what its core has: that is all that is known of these."""
+        board = "FloatESP32RP2040"
+        text = library(name).files[f"examples/{board}/{board}.ino"]
+        said = _sketch(library(name), tmp_path, board, text, ARM, f"-DARDUINO_ARCH_{chip}")
+        assert "# full buoyancy: depth missing" in said
+
+    @pytest.mark.parametrize("name", ["cascade", "position-pid"], indirect=True)
+    def test_the_parts_compile(self, name, tmp_path):
+        made = library(name)
+        parts = re.findall(r"```cpp\n(.*?)```", made.files["extras/parts.md"], re.DOTALL)
+        assert len(parts) == 3
+        text = made.files["examples/FloatAVR/FloatAVR.ino"]
+        for part in parts[:2]:
+            used = text.replace("*depth_m = NAN;", "*depth_m = measured_depth();")
+            used = used.replace("(void)voltage;", "drive_bridge(voltage);")
+            used = used.replace("(void)volume;", "drive_stepper(volume);")
+            begins = "begin_bridge();" if "bridge" in parts[2] else "begin_stepper();"
+            used = used.replace("void setup()\n{", f"void setup()\n{{ begin_depth(); {begins}")
+            shift = used.index("static void read_sensors")
+            program = used[:shift] + part + parts[2] + used[shift:]
+            unused = "-Wno-unused-function"
+            said = _sketch(made, tmp_path, "FloatAVR", program, unused)
+            assert {line.split(",")[1] for line in said.splitlines()[6:]} == {"0.0000"}
 
     def test_as_it_is_shipped_it_sees_nothing_and_brings_the_vehicle_up(self, name, tmp_path):
         made = library(name)
@@ -306,7 +334,7 @@ class TestExamples:
         first, p = first_command(name), made.supervisor
         (row,) = [n for n, line in enumerate(said) if line.startswith("# full")]
         assert said[row] == "# full buoyancy: depth missing"
-        ticks = row - 6  # four remarks and the header stand above, and that it is armed
+        ticks = row - 7  # five remarks and the header stand above, and that it is armed
         assert ticks == p.volume.blind - 1
         commands = [float(line[3]) for line in lines]
         assert commands[:ticks] == pytest.approx([first] * ticks, abs=1e-9)
@@ -403,6 +431,8 @@ def test_the_files_of_a_library():
         "README.md",
         "src/swb_measurement.h",
         "src/swb_arming.h",
+        "src/swb_box.h",
+        "src/swb_box.c",
         "src/swb_arming.c",
         "src/swb_cascade.h",
         "src/swb_cascade.c",
@@ -413,11 +443,14 @@ def test_the_files_of_a_library():
         "src/swb_vehicle.h",
         "src/swb_vehicle.c",
         "examples/FloatAVR/FloatAVR.ino",
+        "examples/FloatAVR/platformio.ini",
         "examples/FloatESP32RP2040/FloatESP32RP2040.ino",
+        "examples/FloatESP32RP2040/platformio.ini",
         "examples/GoldenTrace/GoldenTrace.ino",
         "examples/GoldenTrace/golden.h",
         "extras/check.c",
         "extras/golden.csv",
+        "extras/parts.md",
     }
     said = dict(line.split("=", 1) for line in files["library.properties"].splitlines())
     assert said["name"] == "Swimbladder feup-em"

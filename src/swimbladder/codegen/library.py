@@ -37,7 +37,9 @@ from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
 _ON_BOARD = 100  # rows of the golden trace that a board checks
+_ROW_S, _SAVE_S = 5.0, 600.0  # s, between rows of the black box, and between savings of it
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
+MEGA_ONLY = ("sea-cascade",)  # laws whose sketch takes more than the 32 kB of an ATmega328P
 _OR_MORE = "or say more of the vehicle in its [supervisor] table"
 
 
@@ -133,6 +135,8 @@ def make_library(
         "time_limit": time_limit(made.supervisor),
         "launch_min": LAUNCH,
         "dive_min": UNDER_WATER,
+        "density": vehicle.water.density,
+        "mega_only": made.law.name in MEGA_ONLY,
         "lined": getattr(vehicle.engine, "line", None) is not None,
     }
     on_board = first_rows(made, golden, _ON_BOARD)
@@ -150,6 +154,7 @@ def make_library(
             "golden.h.j2", facts | {"rows": rows, "reasons": [row[4] for row in on_board]}
         ),
         "extras/check.c": render("check.c.j2", facts),
+        "extras/parts.md": render("parts.md.j2", facts),
         "extras/golden.csv": _table(golden, made.tick_s, made.facts["column"]),
     }
     if drive is not None:
@@ -211,6 +216,7 @@ def make_program(
         "arming": arming,
         "arming_units": ARMING.units,
         "disarmed": DISARMED,
+        **_box(vehicle, limits, ends),
     }
     sources = {"swb_measurement.h": render("swb_measurement.h", {})}
     supervisor = write_c99(read_law(SUPERVISOR, Watched), private=True)
@@ -218,7 +224,7 @@ def make_program(
     for translated in (write_c99(program), supervisor, on_deck):
         sources[translated.header_name] = translated.header
         sources[translated.source_name] = translated.source
-    for around in ("controller", "vehicle"):
+    for around in ("controller", "vehicle", "box"):
         for name in (f"swb_{around}.h", f"swb_{around}.c"):
             sources[name] = render(f"{name}.j2", facts)
     return BoardProgram(
@@ -234,6 +240,21 @@ def make_program(
         facts=facts,
         sources=sources,
     )
+
+
+def _box(
+    vehicle: Vehicle, limits: SupervisorParameters, ends: tuple[float, float]
+) -> dict[str, float]:
+    """Return what the black box of a vehicle counts in: ticks, m, m3 and the command's unit."""
+    every = max(1, round(_ROW_S / limits.S_p))
+    volume = 1.1 * max(abs(vehicle.stroke.minimum), abs(vehicle.stroke.maximum))
+    return {
+        "box_every": every,
+        "box_save": max(1, round(_SAVE_S / (every * limits.S_p))),
+        "box_depth": limits.depth.depth_most / 32767.0,
+        "box_volume": volume / 32767.0,
+        "box_command": max(map(abs, ends)) / 127.0,
+    }
 
 
 def _controller(vehicle: Vehicle) -> tuple[Law, Any, float]:
@@ -306,11 +327,13 @@ _BOARDS: dict[str, dict[str, Any]] = {
 
 
 def _sketches(name: str, template: str, facts: Mapping[str, Any]) -> dict[str, str]:
-    """Return a sketch for each kind of board, by its place."""
-    return {
-        f"examples/{name}{board}/{name}{board}.ino": render(template, {**facts, **about})
-        for board, about in _BOARDS.items()
-    }
+    """Return a sketch for each kind of board, and what PlatformIO needs of it, by their places."""
+    files = {}
+    for board, about in _BOARDS.items():
+        folder, known = f"examples/{name}{board}", {**facts, **about}
+        files[f"{folder}/{name}{board}.ino"] = render(template, known)
+        files[f"{folder}/platformio.ini"] = render("platformio.ini.j2", known)
+    return files
 
 
 def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, str]]:

@@ -18,10 +18,12 @@
 #define LED_BUILTIN 13
 #define OUTPUT 1
 #define INPUT_PULLUP 2
+#define HEX 16
 #define HIGH 1
 #define LOW 0
 inline void pinMode(int, int) {}
 inline void digitalWrite(int, int) {}
+inline void analogWrite(int, int) {}
 extern uint32_t stub_closes_ms; // when every contact to ground closes
 inline int digitalRead(int);
 
@@ -40,9 +42,11 @@ struct StubSerial {
     void print(char c) { printf("%c", c); }
     void print(int n) { printf("%d", n); }
     void print(unsigned n) { printf("%u", n); }
+    void print(unsigned n, int) { printf("%X", n); }
     void print(unsigned long n) { printf("%lu", n); }
     void print(float x, int digits) { printf("%.*f", digits, static_cast<double>(x)); }
     template <class T> void println(T x) { print(x), printf("\n"); }
+    void println(unsigned n, int base) { print(n, base), printf("\n"); }
     void println(float x, int digits) { print(x, digits), printf("\n"); }
 };
 extern StubSerial Serial;
