@@ -419,6 +419,22 @@ def test_a_supervised_cascade_fits_the_chip_as_it_should(tmp_path):
     assert max(flight.cycles) < 80_000  # 5 ms at 16 MHz
 
 
+class TestWords:
+    @pytest.mark.parametrize("name", ["feup-em", "ntnu-bv"])
+    def test_what_is_off_is_not_given_as_a_limit(self, name):
+        """No depth that is infinite, no voltage of 0."""
+        p = library(name).supervisor
+        deep = p.deep._replace(depth_limit=math.inf, deepest=math.inf)
+        p = p._replace(deep=deep, board=p.board._replace(battery_low=0.0))
+        p = p._replace(same=p.same._replace(same=NEVER))
+        said = {number: (words, after) for number, _, words, after in meanings(p)}
+        text = str(said)
+        assert " inf " not in text
+        assert "below 0" not in text
+        assert "never of" not in text
+        assert said[3][1] == said[12][1] == "never"
+
+
 class TestNumbers:
     def test_the_papers_vehicle(self):
         """Worked by hand from the paper's numbers."""
