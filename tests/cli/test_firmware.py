@@ -66,8 +66,8 @@ def test_json_is_one_object(capsys, tmp_path):
     assert told["golden"]["target_depth_m"] == 1.2
     assert told["golden"]["ticks"] == 124
     table = (tmp_path / "extras" / "golden.csv").read_text().splitlines()
-    assert len(table) == 125
-    assert table[0].endswith(",reference_volume_m3")
+    assert len(table) == 125 + 11 + 15  # and the sensor that fails
+    assert table[0].endswith(",reference_volume_m3,supervisor_reason")
 
 
 def test_the_library_is_the_same_twice(capsys, tmp_path):

@@ -77,7 +77,7 @@ class Chip:
             run(
                 "gcc", "-O2", "-Wall", "-Wextra", "-Werror", HERE / "host.c", "-o", host, "-lsimavr"
             )
-        self.size = _size(elf)
+        self.size = size_of(elf)
         words = [host, elf, mcu, self._takes.itemsize, self._gives.itemsize, self.size.variables]
         self._process = subprocess.Popen(
             [str(word) for word in words],
@@ -110,7 +110,7 @@ def _packed(scalars: Sequence[str] | int) -> np.dtype[Any]:
     return np.dtype([(f"x{n}", kind) for n, kind in enumerate(kinds)])
 
 
-def _size(elf: Path) -> Size:
+def size_of(elf: Path) -> Size:
     """Return flash (code, constants, first values) and RAM of variables, as avr-size has them."""
     text, data, bss = map(int, run("avr-size", elf, text=True).stdout.splitlines()[1].split()[:3])
     return Size(flash=text + data, variables=data + bss)

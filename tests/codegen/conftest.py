@@ -44,6 +44,11 @@ def avr():
 
 
 @pytest.fixture(scope="session")
+def arduino_core():
+    _need("/usr/share/arduino/hardware/arduino/avr/cores/arduino/main.cpp")
+
+
+@pytest.fixture(scope="session")
 def arm():
     _need("arm-none-eabi-gcc")
 

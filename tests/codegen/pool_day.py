@@ -205,6 +205,7 @@ class SketchInWater:
             "-Wconversion",
             "-Werror",
             "-DTURNS=2000000000L",
+            '-DWORDS="arm\\n"',
             "-I",
             ARDUINO,
             "-I",

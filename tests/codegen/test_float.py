@@ -34,7 +34,7 @@ from swimbladder.vehicle import Oil, PowerLawPump, Sensors, Supervisor
 from tests.codegen import chip, cortex, fuzz
 from tests.codegen.build import STRICT, Compiled, run
 from tests.codegen.laws import bits, flat, split
-from tests.codegen.test_library import LibraryInC, _sketch, compile_sketches
+from tests.codegen.test_library import ARM, LibraryInC, _sketch, compile_sketches
 from tests.codegen.test_supervised import VehicleInC, said_by
 
 NOISE = Sensors(depth_noise="3 cm", depth_quantum="1 cm")
@@ -164,7 +164,7 @@ class TestTheC:
             "gcc", *STRICT, "-O2", "-I", tmp_path / "src", *sources, "-o", tmp_path / "check", "-lm"
         )
         said = run(tmp_path / "check", cwd=tmp_path).stdout.decode()
-        assert said == "golden trace: equal, 1501 of 1501 ticks the same\n"
+        assert said == "golden trace: equal, 1521 of 1521 ticks the same\n"
 
     def test_the_golden_mission_dives_and_comes_up(self):
         golden = library().golden
@@ -389,11 +389,11 @@ class TestTheSketch:
         assert text.count("FILL IN") == 2
         filled = text.replace("return NAN; // (pressure", "return 2.5f; // (pressure")
         filled = filled.replace(f"tick >= {600}ul", "tick >= 2ul")
-        printed = _sketch(made, tmp_path, board, filled)
+        printed = _sketch(made, tmp_path, board, filled, ARM)
         (tmp_path / "log.csv").write_text(printed)
         log = sb.read_log(tmp_path / "log.csv")
         lines = [line for line in printed.splitlines() if line[0] not in "#t"]
-        assert printed.splitlines()[4] == (
+        assert printed.splitlines()[6] == (
             "time_s,depth_m,volume_m3,run_s,reference_depth_m,supervisor_reason"
         )
         np.testing.assert_allclose(np.diff(log.time), 1.0, atol=1.01e-3)
@@ -406,7 +406,7 @@ class TestTheSketch:
     def test_as_it_is_shipped_it_sees_nothing_and_pumps(self, tmp_path):
         made = library()
         text = made.files["examples/FloatAVR/FloatAVR.ino"]
-        said = _sketch(made, tmp_path, "FloatAVR", text).splitlines()
+        said = _sketch(made, tmp_path, "FloatAVR", text, ARM).splitlines()
         (row,) = [n for n, line in enumerate(said) if line.startswith("# full")]
         assert said[row] == "# full buoyancy: depth missing"
         after = [line.split(",") for line in said[row + 1 :]]
@@ -422,7 +422,7 @@ class TestTheCortexM:
         write_library(made, tmp_path)
         check, golden = tmp_path / "extras" / "check.c", tmp_path / "extras" / "golden.csv"
         said = cortex.execute(made, tmp_path, core, check, golden)
-        assert said == "golden trace: equal, 5401 of 5401 ticks the same\n"
+        assert said == "golden trace: equal, 5421 of 5421 ticks the same\n"
 
     def test_law_and_supervisor_are_those_of_the_twin_to_the_bit(self, core, tmp_path):
         made, twin = library(), chip.vehicle_twin(library())

@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+import re
 import subprocess
 from functools import cache
 from pathlib import Path
@@ -14,10 +15,12 @@ from hypothesis import strategies as st
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin, wait_in_ticks
 from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.vehicle import Controller
+from swimbladder.vehicle import Controller, Supervisor
 from tests.codegen.build import STRICT, run
 from tests.codegen.laws import bits, controlled, example, twin_of
+from tests.codegen.test_supervised import VehicleInC
 from tests.vehicles import SAMPLED, paper
 
 ARDUINO = Path(__file__).parent / "arduino"
@@ -73,14 +76,23 @@ def first_command(name: str) -> float:
     return 0.0 if made.law.command == "voltage" else made.vehicle.stroke.maximum
 
 
-def test_the_c_gives_the_golden_trace_to_the_bit(name, controller):
-    text = library(name).files["extras/golden.csv"].splitlines()
+def test_the_c_gives_the_golden_trace_to_the_bit(name, tmp_path):
+    """Law and supervisor: each command and each reason; at last the sensors fail."""
+    made = library(name)
+    text = made.files["extras/golden.csv"].splitlines()
     assert text[0].startswith("tick,time_s,depth_m,volume_m3,reference_depth_m,")
+    assert text[0].endswith(",supervisor_reason")
     rows = np.array([line.split(",") for line in text[1:]], np.float32)
-    assert len(rows) == 301
-    controller.begin(first_command(name))
-    for tick, _, depth, volume, reference, command in rows:
-        assert bits(controller.tick(depth, volume, reference)) == bits(command), tick
+    gap = made.supervisor.depth.gap
+    assert len(rows) == 301 + gap + 15
+    in_c = VehicleInC(made, tmp_path)
+    for tick, _, depth, volume, reference, command, reason in rows:
+        seen = Watched(depth, math.nan, volume, math.nan, False, 0, 0)
+        said = in_c.tick(seen, reference)
+        assert bits(said[0]) == bits(command), tick
+        assert said[1] == reason
+    assert [int(n) for n in rows[:, 6]] == [0] * (300 + gap) + [Reason.DEPTH_MISSING] * 16
+    assert np.all(rows[-15:, 5] == np.float32(made.supervisor.push.surface_command))
 
 
 def _twin(name: str) -> ControllerTwin:
@@ -183,6 +195,9 @@ def test_the_golden_trace_is_what_simulate_says(name):
     assert made.golden.command.max() <= np.float32(high)
 
 
+ARM = '-DWORDS="arm\\n"'  # somebody types the word
+
+
 def _sketch(made: Library, folder: Path, name: str, text: str, *more: str) -> str:
     """Compile an example with the library against a stub of Arduino; return what it prints."""
     write_library(made, folder / "library")
@@ -206,13 +221,20 @@ class TestExamples:
         text = made.files["examples/GoldenTrace/GoldenTrace.ino"]
         printed = _sketch(made, tmp_path, "GoldenTrace", text)
         assert "golden trace: equal, 100 of 100 ticks the same" in printed
+        assert made.files["examples/GoldenTrace/golden.h"].count(", 4") >= 14  # reasons
 
-    def test_and_different_where_it_is(self, tmp_path):
+    @pytest.mark.parametrize(
+        ("right", "wrong"),
+        [
+            ("bits_of(command) != row[3]", "bits_of(command) != row[3] + (n == 7)"),
+            ("vehicle.reason != reason", "vehicle.reason != reason + (n == 7)"),
+        ],
+    )
+    def test_and_different_where_it_is(self, right, wrong, tmp_path):
         made = library("cascade")
-        text = made.files["examples/GoldenTrace/GoldenTrace.ino"].replace(
-            "bits_of(command) != row[3]", "bits_of(command) != row[3] + (n == 7)"
-        )
-        printed = _sketch(made, tmp_path, "GoldenTrace", text)
+        text = made.files["examples/GoldenTrace/GoldenTrace.ino"]
+        assert text.count(right) == 1
+        printed = _sketch(made, tmp_path, "GoldenTrace", text.replace(right, wrong))
         assert "differs at tick 7: " in printed
         assert "golden trace: DIFFERENT, 99 of 100 ticks the same" in printed
 
@@ -226,7 +248,7 @@ class TestExamples:
             "*depth_m = vehicle.controller.ticks == 2u ? NAN : 2.5f;",
         )
         filled = filled.replace("*volume_m3 = NAN;", "*volume_m3 = -1.2345e-5f;")
-        printed = _sketch(made, tmp_path, board, filled)
+        printed = _sketch(made, tmp_path, board, filled, ARM)
         (tmp_path / "log.csv").write_text(printed)
         log = sb.read_log(tmp_path / "log.csv")
         lines = [line for line in printed.splitlines() if line[0] not in "#t"]
@@ -244,18 +266,77 @@ class TestExamples:
         last = float(printed.splitlines()[-1].split(",")[3])
         assert low - 1e-9 <= last <= high + 1e-9
 
+    def test_nobody_has_armed_it_and_nothing_happens(self, name, tmp_path):
+        """On the bench, without a sensor, or dry: no reason, and no command that moves anything."""
+        text = library(name).files["examples/FloatAVR/FloatAVR.ino"]
+        for seen in ("NAN", "-0.2f"):
+            filled = text.replace("*depth_m = NAN;", f"*depth_m = {seen};")
+            said = _sketch(library(name), tmp_path, "FloatAVR", filled).splitlines()
+            lines = [line.split(",") for line in said if line[0] not in "#t"]
+            assert len(lines) > 12
+            still = "nan" if library(name).law.command == "volume" else "0.000"
+            assert {line[3].lstrip("-") for line in lines} == {still}
+            assert {line[-1] for line in lines} == {"0"}
+            assert "# armed" not in said
+            assert said[4].startswith("# disarmed: a switch, the word arm, or ")
+
+    @pytest.mark.parametrize("name", ["cascade"], indirect=True)
+    @pytest.mark.parametrize(
+        ("how", "tick"), [("switch", 7), ("word", 0), ("another word", None), ("water", 9)]
+    )
+    def test_what_arms_it(self, name, how, tick, tmp_path):
+        text = library(name).files["examples/FloatAVR/FloatAVR.ino"]
+        text = text.replace("*volume_m3 = NAN;", "*volume_m3 = 0.0f;")
+        text = text.replace("*depth_m = NAN;", f"*depth_m = {1.1 if how == 'water' else 0.4}f;")
+        text = text.replace("SWITCH false", f"SWITCH {'true' if how == 'switch' else 'false'}")
+        words = {"word": ARM, "another word": '-DWORDS="alarm\\n"'}.get(how, "-DNOBODY")
+        said = _sketch(library(name), tmp_path, "FloatAVR", text, "-DCLOSES_MS=1000u", words)
+        lines = said.splitlines()[6:]
+        assert ("# armed" in lines) == (tick is not None)
+        if tick is not None:
+            before = lines[: lines.index("# armed")]
+            assert len(before) == tick
+            assert {line.split(",")[3] for line in before} <= {"0.000"}
+
+    @pytest.mark.parametrize("name", ["cascade"], indirect=True)
+    @pytest.mark.parametrize("chip", ["ESP32", "RP2040", "STM32", "TEENSY"])
+    def test_a_sketch_of_another_processor(self, name, chip, tmp_path):
+        """Against stand-ins for what its core has: that is all that is known of these."""
+        board = "FloatESP32RP2040"
+        text = library(name).files[f"examples/{board}/{board}.ino"]
+        said = _sketch(library(name), tmp_path, board, text, ARM, f"-DARDUINO_ARCH_{chip}")
+        assert "# full buoyancy: depth missing" in said
+
+    @pytest.mark.parametrize("name", ["cascade", "position-pid"], indirect=True)
+    def test_the_parts_compile(self, name, tmp_path):
+        made = library(name)
+        parts = re.findall(r"```cpp\n(.*?)```", made.files["extras/parts.md"], re.DOTALL)
+        assert len(parts) == 3
+        text = made.files["examples/FloatAVR/FloatAVR.ino"]
+        for part in parts[:2]:
+            used = text.replace("*depth_m = NAN;", "*depth_m = measured_depth();")
+            used = used.replace("(void)voltage;", "drive_bridge(voltage);")
+            used = used.replace("(void)volume;", "drive_stepper(volume);")
+            begins = "begin_bridge();" if "bridge" in parts[2] else "begin_stepper();"
+            used = used.replace("void setup()\n{", f"void setup()\n{{ begin_depth(); {begins}")
+            shift = used.index("static void read_sensors")
+            program = used[:shift] + part + parts[2] + used[shift:]
+            unused = "-Wno-unused-function"
+            said = _sketch(made, tmp_path, "FloatAVR", program, unused)
+            assert {line.split(",")[1] for line in said.splitlines()[6:]} == {"0.0000"}
+
     def test_as_it_is_shipped_it_sees_nothing_and_brings_the_vehicle_up(self, name, tmp_path):
         made = library(name)
         text = made.files["examples/FloatAVR/FloatAVR.ino"]
-        said = _sketch(made, tmp_path, "FloatAVR", text).splitlines()
+        said = _sketch(made, tmp_path, "FloatAVR", text, ARM).splitlines()
         lines = [line.split(",") for line in said if line[0] not in "#t"]
         assert {line[1].lower() for line in lines} == {"nan"}
         first, p = first_command(name), made.supervisor
         (row,) = [n for n, line in enumerate(said) if line.startswith("# full")]
         assert said[row] == "# full buoyancy: depth missing"
-        assert row - 4 == p.volume.blind - 1  # three remarks and the header stand above
+        ticks = row - 7  # five remarks and the header stand above, and that it is armed
+        assert ticks == p.volume.blind - 1
         commands = [float(line[3]) for line in lines]
-        ticks = row - 4
         assert commands[:ticks] == pytest.approx([first] * ticks, abs=1e-9)
         safe = [p.push.surface_command] * (len(commands) - ticks)
         assert commands[ticks:] == pytest.approx(safe, abs=1e-9)
@@ -271,15 +352,20 @@ def test_the_whole_golden_trace_can_be_checked_with_any_compiler(name, tmp_path)
     strict = [flag for flag in STRICT if flag != "-ffp-contract=off"]
     run("gcc", *strict, "-O2", "-I", tmp_path / "src", *sources, "-o", tmp_path / "check", "-lm")
     printed = run(tmp_path / "check", cwd=tmp_path).stdout.decode()
-    assert printed == "golden trace: equal, 301 of 301 ticks the same\n"
+    ticks = 301 + made.supervisor.depth.gap + 15
+    assert printed == f"golden trace: equal, {ticks} of {ticks} ticks the same\n"
     golden = tmp_path / "extras" / "golden.csv"
     rows = golden.read_text().splitlines()
-    tick, *numbers, _ = rows[100].split(",")
-    rows[100] = ",".join([tick, *numbers, "0.125"])
+    tick, *numbers, _, reason = rows[100].split(",")
+    rows[100] = ",".join([tick, *numbers, "0.125", reason])
+    *row, reason = rows[-1].split(",")
+    rows[-1] = ",".join([*row, "5"])
     golden.write_text("\n".join(rows) + "\n")
     done = subprocess.run([tmp_path / "check", golden], capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert done.stdout.startswith("differs at tick 99: ")
+    first, last, _ = done.stdout.splitlines()
+    assert first.startswith("differs at tick 99: ")
+    assert last.endswith(", reason 4 instead of 5")
 
 
 @pytest.mark.usefixtures("cppcheck")
@@ -344,6 +430,10 @@ def test_the_files_of_a_library():
         "library.properties",
         "README.md",
         "src/swb_measurement.h",
+        "src/swb_arming.h",
+        "src/swb_box.h",
+        "src/swb_box.c",
+        "src/swb_arming.c",
         "src/swb_cascade.h",
         "src/swb_cascade.c",
         "src/swb_controller.h",
@@ -353,13 +443,16 @@ def test_the_files_of_a_library():
         "src/swb_vehicle.h",
         "src/swb_vehicle.c",
         "examples/FloatAVR/FloatAVR.ino",
+        "examples/FloatAVR/platformio.ini",
         "examples/FloatESP32RP2040/FloatESP32RP2040.ino",
+        "examples/FloatESP32RP2040/platformio.ini",
         "examples/GoldenTrace/GoldenTrace.ino",
         "examples/GoldenTrace/golden.h",
         "examples/HardwareInTheLoop/HardwareInTheLoop.ino",
         "examples/HardwareInTheLoop/hil.h",
         "extras/check.c",
         "extras/golden.csv",
+        "extras/parts.md",
     }
     said = dict(line.split("=", 1) for line in files["library.properties"].splitlines())
     assert said["name"] == "Swimbladder feup-em"
@@ -396,3 +489,15 @@ def test_a_controller_that_loses_the_vehicle_gets_no_library():
     mad = Controller(law="cascade", sample_time=0.3, parameters=TABLE_3 | {"k_pV": "-2e5 V/m3"})
     with pytest.raises(NoAnswerError, match="golden mission"):
         make_library(paper(controller=mad), start_depth=3.0, target=1.5, duration=6000.0)
+
+
+def test_a_supervisor_that_a_healthy_vehicle_does_not_satisfy_gets_no_library():
+    vehicle = paper(supervisor=Supervisor(depth_limit="2.5 m"))
+    with pytest.raises(NoAnswerError, match=r"golden mission .* \(depth limit\), and nothing is"):
+        make_library(vehicle, target=2.4)
+
+
+def test_a_time_that_is_over_is_part_of_the_trace():
+    made = make_library(paper(supervisor=Supervisor(time_limit="9 s")), duration=12.0)
+    reasons = [row[4] for row in made.golden.checked]
+    assert reasons == [0] * 30 + [Reason.TIME_LIMIT] * (len(reasons) - 30)

@@ -403,7 +403,9 @@ def test_the_files_of_a_library_with_a_pool():
         "src/swb_pool_day.h",
         "src/swb_pool_day.c",
         "examples/PoolDayAVR/PoolDayAVR.ino",
+        "examples/PoolDayAVR/platformio.ini",
         "examples/PoolDayESP32RP2040/PoolDayESP32RP2040.ino",
+        "examples/PoolDayESP32RP2040/platformio.ini",
     }
     readme = made.files["README.md"]
     assert "2 rounds of rest at 3.75 m" in readme

@@ -33,6 +33,9 @@ _CALLS = """\
 #include "swb_vehicle.h"
 int size(void) { return (int)sizeof(swb_vehicle); }
 void begin(void *v, int anew) { swb_vehicle_begin(v, anew != 0); }
+void on(void *v, int anew, int was) { swb_vehicle_switch_on(v, anew != 0, was != 0); }
+void arm(void *v) { swb_vehicle_arm(v); }
+int armed(const void *v) { return swb_vehicle_armed(v) + 2 * swb_vehicle_surfaced(v); }
 float tick(void *memory, const float *in, uint32_t lost, float reference, uint32_t *said)
 {
     swb_vehicle *v = memory;
@@ -84,6 +87,8 @@ class VehicleInC:
         self.c.tick.argtypes = [pointer, pointer, ctypes.c_uint32, number, pointer]
         self.c.tick.restype = number
         self.c.begin.argtypes = [pointer, ctypes.c_int]
+        self.c.on.argtypes = [pointer, ctypes.c_int, ctypes.c_int]
+        self.c.arm.argtypes = self.c.armed.argtypes = [pointer]
         self.c.words.restype = ctypes.c_char_p
         self.begin(anew=False)
 
@@ -410,7 +415,7 @@ def test_a_fault_latches_on_the_chip_as_in_the_twin(mcu, tmp_path):
 @pytest.mark.avr
 @pytest.mark.usefixtures("avr")
 def test_a_supervised_cascade_fits_the_chip_as_it_should(tmp_path):
-    """11 kB of flash, 1 kB of RAM and 5 ms a tick at most, under the law and with a reason."""
+    """12 kB of flash, 1 kB of RAM and 5 ms a tick at most, under the law and with a reason."""
     on_chip = chip.vehicle(library(), tmp_path, "atmega328p")
     flight, beside = chip.fly_supervised(
         library(), on_chip, duration=120.0, spoil=lambda k, seen: seen._replace(leak=k >= 350)
@@ -418,9 +423,25 @@ def test_a_supervised_cascade_fits_the_chip_as_it_should(tmp_path):
     stack = on_chip.close()
     assert beside.reason is Reason.LEAK
     assert flight.unequal == 0
-    assert on_chip.size.flash < 11_000
+    assert on_chip.size.flash < 12_000
     assert on_chip.size.variables + stack < 1000
     assert max(flight.cycles) < 80_000  # 5 ms at 16 MHz
+
+
+class TestWords:
+    @pytest.mark.parametrize("name", ["feup-em", "ntnu-bv"])
+    def test_what_is_off_is_not_given_as_a_limit(self, name):
+        """No depth that is infinite, no voltage of 0."""
+        p = library(name).supervisor
+        deep = p.deep._replace(depth_limit=math.inf, deepest=math.inf)
+        p = p._replace(deep=deep, board=p.board._replace(battery_low=0.0))
+        p = p._replace(same=p.same._replace(same=NEVER))
+        said = {number: (words, after) for number, _, words, after in meanings(p)}
+        text = str(said)
+        assert " inf " not in text
+        assert "below 0" not in text
+        assert "never of" not in text
+        assert said[3][1] == said[12][1] == "never"
 
 
 class TestNumbers:

@@ -129,7 +129,8 @@ def _shown(made: Library) -> Iterator[object]:
             end, there = float(golden.depth.max()), False
     yield f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}"
     moves = f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm"
-    yield f"golden trace: {way} in {len(golden.depth)} ticks; {moves}"
+    ticks = f"{len(golden.depth)} ticks under the supervisor"
+    yield f"golden trace: {way} in {ticks}; {moves}"
     if not there:
         yield (
             f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it tests less "

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from swimbladder.control import supervisor
+from swimbladder.control.arming import DISARMED, ArmingParameters, Deck
 from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.records import numbers
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
@@ -40,7 +41,10 @@ class ControllerTwin:
 
     law: a law's `twin`; low, high: limits of the command; first: the command until there is one;
     seconds: the command is seconds of pump and valve, and the volume need not be measured.
+    `number` is what its numbers are: float32, as in C.
     """
+
+    number: Callable[[float], Any] = np.float32
 
     def __init__(
         self,
@@ -54,8 +58,8 @@ class ControllerTwin:
         seconds: bool = False,
     ) -> None:
         self.law, self.parameters = law, parameters
-        self.tick_s = np.float32(tick_s)
-        self.low, self.high = np.float32(low), np.float32(high)
+        self.tick_s = self.number(tick_s)
+        self.low, self.high = self.number(low), self.number(high)
         self.command, self.seconds = np.float32(first), seconds
         self.state: Any = None
         self.ticks = 0
@@ -69,9 +73,9 @@ class ControllerTwin:
         these.
         """
         if self.waiting == 0:
-            time: Any = np.float32(self.ticks) * self.tick_s
-            seen: tuple[Any, ...] = (time, np.float32(depth), np.float32(volume))
-            self._call(Measurement(*seen), np.float32(reference))
+            time: Any = self.number(self.ticks) * self.tick_s
+            seen: tuple[Any, ...] = (time, self.number(depth), self.number(volume))
+            self._call(Measurement(*seen), self.number(reference))
         self.waiting -= 1
         self.ticks += 1
         return self.command
@@ -108,7 +112,7 @@ class VehicleTwin:
     limits: the supervisor's parameters; supervisor: its `twin` for the bits of the C, SUPERVISOR
     itself for double precision. before: the state at the reset, of which it keeps what the last
     push did. spoil: (tick, what is seen) -> what the board makes of it, to fly with faults. A
-    vehicle is a law that `simulate` flies.
+    vehicle is a law that `simulate` flies. It begins armed, unless it is switched on.
     """
 
     def __init__(
@@ -124,8 +128,12 @@ class VehicleTwin:
         self.controller, self.limits, self.supervisor = controller, limits, supervisor
         self.spoil = spoil
         self.ticks = 0
+        self._disarmed: tuple[Law, ArmingParameters, Any] | None = None
+        self._begin(after_reset, before)
+
+    def _begin(self, after_reset: bool, before: Any = None) -> None:
         nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
-        state = supervisor.initial(limits, nothing, 1.0 if after_reset else 0.0)
+        state = self.supervisor.initial(self.limits, nothing, 1.0 if after_reset else 0.0)
         if after_reset and before is not None:
             push = state.push._replace(turns=before.push.turns)
             soon = before.rescue.reason > 0 and before.push.phase < SOON
@@ -134,6 +142,33 @@ class VehicleTwin:
                 state = state._replace(volume=state.volume._replace(volume=push.pushed))
             state = state._replace(push=push)
         self.state = state
+
+    def switch_on(self, arming: Law, limits: ArmingParameters, *, was_armed: bool = False) -> None:
+        """Begin disarmed, as a board whose power was switched on; was_armed: before, as it kept."""
+        unseen = Deck(math.nan, math.nan)
+        self._disarmed = arming, limits, arming.initial(limits, unseen, 1.0 if was_armed else 0.0)
+
+    def arm(self) -> None:
+        """Arm it, as somebody who stands at it; one that is armed stays as it is."""
+        self._disarmed = None
+
+    @property
+    def armed(self) -> bool:
+        """Whether law and supervisor command."""
+        return self._disarmed is None
+
+    def _held(self, seen: Watched) -> Any:
+        """Return the command that holds a vehicle which is not armed yet; None: it is by now."""
+        assert self._disarmed is not None
+        arming, limits, state = self._disarmed
+        hold, state, _ = arming.step(limits, state, Deck(seen.depth, seen.volume), 0.0)
+        self._disarmed = arming, limits, state
+        if state.deck == DISARMED:
+            return hold
+        self._disarmed = None
+        if state.restarted:
+            self._begin(after_reset=True)
+        return None
 
     @property
     def reason(self) -> Reason | None:
@@ -159,11 +194,15 @@ class VehicleTwin:
 
     def tick(self, seen: Watched, reference: float) -> Any:
         """Return the command from this tick on; `missed` of what is seen is the controller's."""
+        self.ticks += 1
+        if self._disarmed is not None:
+            hold = self._held(seen)
+            if hold is not None:
+                return hold
         wanted = self.controller.command
         if not (self.state.rescue.reason or self.state.restarted):  # else left alone: it may hang
             asked = min(reference, self.state.proof.allowed)  # NaN is the law's business
             wanted = self.controller.tick(seen.depth, seen.volume, asked)
-        self.ticks += 1
         seen = seen._replace(missed=min(self.controller.missed, NEVER), reference=reference)
         if self.controller.seconds:
             seen = seen._replace(volume=0.0)

@@ -1,6 +1,7 @@
-"""The golden trace: a mission flown by a law's twin as the microcontroller will fly it.
+"""The golden trace: a mission flown by the twin of law and supervisor as the board will fly it.
 
-A float is flown by the seconds of pump and valve that its board commands at each tick.
+A float is flown by the seconds of pump and valve that its board commands at each tick. At the end
+of what is checked the sensors fail, so that a board shows that it brings the vehicle up.
 """
 
 import math
@@ -11,12 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.clock import ControllerTwin
+from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
 from swimbladder.codegen.pump_valve import BoardLaw
+from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import Program
 from swimbladder.codegen.twin import twin
+from swimbladder.control.arming import ArmingParameters
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.supervisor import SupervisorParameters
+from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import simulate
@@ -30,6 +33,7 @@ from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Float32s = NDArray[np.float32]
+UNPLUGGED = 15  # ticks of full buoyancy at the end of what is checked
 
 _UP = 2.0 / 3.0  # of a float's golden mission, after which it is to come up
 _LONGER = (
@@ -47,13 +51,18 @@ class Mission(NamedTuple):
 
 
 class Golden(NamedTuple):
-    """What the controller saw and said at each tick, and how far float32 took the vehicle."""
+    """What the vehicle saw and said at each tick of its mission, and how far float32 took it."""
 
     depth: Float32s  # m, measured
     volume: Float32s  # m3, measured
     reference: Float32s  # m, asked for
     command: Float32s  # V or m3, limited; s of pump and valve
-    difference: float  # m, largest from the depths under the law in double precision
+    difference: float  # m, largest from the depths in double precision
+    checked: list[tuple[Any, ...]]  # the first four and the reason; at last the sensors fail
+
+
+class _InDouble(ControllerTwin):
+    number = np.float64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +75,7 @@ class BoardProgram:
     first: float  # V, m3 or s: the command until there is one
     limits: tuple[float, float]  # of the command
     supervisor: SupervisorParameters
+    arming: ArmingParameters
     drive: BoardLaw | None  # of a pump and valve
     program: Program
     facts: dict[str, Any]  # for templates
@@ -75,10 +85,12 @@ class BoardProgram:
         """Return the law in float32."""
         return twin(self.law, self.program)
 
-    def controller(self, law: Law) -> ControllerTwin:
+    def controller(
+        self, law: Law, made_of: type[ControllerTwin] = ControllerTwin
+    ) -> ControllerTwin:
         """Return what calls a law as the board does: the law or its twin."""
         low, high = self.limits
-        return ControllerTwin(
+        return made_of(
             law,
             self.parameters,
             tick_s=self.tick_s,
@@ -88,6 +100,15 @@ class BoardProgram:
             seconds=self.drive is not None,
         )
 
+    def board(self) -> VehicleTwin:
+        """Return what the board is: the twin of law and supervisor."""
+        supervisor = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
+        return VehicleTwin(self.controller(self.twin()), self.supervisor, supervisor=supervisor)
+
+    def in_double(self) -> VehicleTwin:
+        """Return the same in double precision."""
+        return VehicleTwin(self.controller(self.law, _InDouble), self.supervisor)
+
 
 def fly(
     vehicle: Vehicle,
@@ -96,21 +117,22 @@ def fly(
     seed: int | None,
     advance: Advance = silent,
 ) -> Golden:
-    """Return the golden trace of a depth step from rest under the twin of a board's law.
+    """Return the golden trace of a depth step from rest under the twin of law and supervisor.
 
     A float dives, and is to come up after two thirds of the time; its volume is not measured.
     seed: of the vehicle's sensors' noise; None: ideal sensors. Raises NoAnswerError where the
-    vehicle does not come through it, or the float does not dive.
+    vehicle does not come through it, the supervisor brings it up, or the float does not dive.
     """
     if made.drive is not None:
         return _fly_on_seconds(vehicle, made, mission, seed, advance)
-    board = made.controller(made.twin())
+    board = made.board()
     rows: list[tuple[Any, ...]] = []
 
     def every_tick(seen: Measurement, reference: float) -> float:
-        command = board.tick(seen.depth, seen.volume, reference)
-        rows.append((seen.depth, seen.volume, reference, command))
-        return float(command)
+        command = board(seen, reference)
+        reason = _healthy(board, mission)
+        rows.append((seen.depth, seen.volume, reference, command, reason))
+        return command
 
     given: dict[str, Any] = {
         "setpoints": [(0.0, mission.target)],
@@ -125,10 +147,53 @@ def fly(
         way = f"from {mission.start:g} m to {mission.target:g} m"
         ended = f"ended at {flown.time[-1]:g} s: {flown.stop.value}"
         raise NoAnswerError(f"The golden mission {way} {ended}")
-    double = simulate(vehicle, law=made.law, parameters=made.parameters, **given)
-    depth, volume, reference, command = np.array(rows, np.float32).T
+    with np.errstate(all="ignore"):
+        double = simulate(vehicle, law=made.in_double(), **given)
+    depth, volume, reference, command, _ = np.array(rows, np.float32).T
     difference = float(np.abs(flown.depth - double.depth).max())
-    return Golden(depth, volume, reference, command, difference)
+    return Golden(depth, volume, reference, command, difference, unplugged(board, rows))
+
+
+def _healthy(board: VehicleTwin, mission: Mission) -> int:
+    """Return the reason of a vehicle without a fault, 0 or that its time is over.
+
+    Raises NoAnswerError where the supervisor brings it up for another.
+    """
+    if board.reason is None or board.reason is Reason.TIME_LIMIT:
+        return int(board.reason or 0)
+    way = f"from {mission.start:g} m to {mission.target:g} m"
+    at = f"at {board.ticks * float(board.limits.S_p):.4g} s"
+    raise NoAnswerError(
+        f"The golden mission {way}: the supervisor brings the vehicle up {at} "
+        f"({board.reason.words}), and nothing is wrong with it. Give limits that the law keeps to "
+        "in [supervisor], or a mission that the vehicle can do"
+    )
+
+
+def unplugged(board: VehicleTwin, rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+    """Return rows (depth, volume, depth asked for, command, reason), and those that follow them.
+
+    board: has just seen them. From there on its sensors fail, until it brings the vehicle up.
+    """
+    reference = rows[-1][2]
+    blind = Watched(math.nan, 0.0, math.nan, math.nan, False, 0, 0)
+    after = []
+    for _ in range(int(board.limits.depth.gap) + UNPLUGGED):
+        command = board.tick(blind, reference)
+        after.append((math.nan, math.nan, reference, command, int(board.reason or 0)))
+    return rows + after
+
+
+def first_rows(made: BoardProgram, golden: Golden, most: int) -> list[tuple[Any, ...]]:
+    """Return `most` rows for a board with little room: the mission's first, then the sensors fail.
+
+    A row of the mission is there at least.
+    """
+    count = max(most - made.supervisor.depth.gap - UNPLUGGED, 1)
+    board, rows = made.board(), golden.checked[:count]
+    for depth, volume, reference, *_ in rows:
+        board.tick(Watched(depth, 0.0, volume, math.nan, False, 0, 0), reference)
+    return unplugged(board, rows)
 
 
 def _fly_on_seconds(
@@ -138,16 +203,20 @@ def _fly_on_seconds(
     asked = np.where(np.arange(n) < _UP * n, mission.target, 0.0)
     given: dict[str, Any] = {"tick": made.tick_s, "start_depth": mission.start, "asked": asked}
 
-    def flown(law: Law, advance: Advance) -> Array:
-        board = made.controller(law)
+    reasons: list[int] = []
 
+    def flown(board: VehicleTwin, advance: Advance) -> Array:
         def tick(seen: Measurement, reference: float) -> tuple[float, bool]:
-            command = float(board.tick(seen.depth, seen.volume, reference))
-            return command, board.state.drive.wide > 0.0
+            command = board(seen, reference)
+            reasons.append(_healthy(board, mission))
+            return command, board.wide
 
         return fly_float(vehicle, tick, seed=seed, advance=advance, **given)
 
-    rows, double = flown(made.twin(), advance), flown(made.law, silent)
+    board = made.board()
+    rows = flown(board, advance)
+    with np.errstate(all="ignore"):
+        double = flown(made.in_double(), silent)
     if not rows[:, 0].max() > made.parameters.surface.shallow:
         waited = f"has not dived after {_UP * len(asked) * made.tick_s:.4g} s"
         raise NoAnswerError(
@@ -155,7 +224,9 @@ def _fly_on_seconds(
         )
     _, depth, _, command = rows.T.astype(np.float32)
     difference = float(np.abs(rows[:, 0] - double[:, 0]).max())
-    return Golden(depth, np.full_like(depth, np.nan), asked.astype(np.float32), command, difference)
+    volume, asked = np.full_like(depth, np.nan), asked.astype(np.float32)
+    checked = unplugged(board, [*zip(depth, volume, asked, command, reasons[:n], strict=True)])
+    return Golden(depth, volume, asked, command, difference, checked)
 
 
 def fly_float(

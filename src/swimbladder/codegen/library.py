@@ -16,16 +16,18 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from swimbladder.codegen import wire
 from swimbladder.codegen.c99 import CSource, c_field, c_float, c_law, c_number, write_c99
 from swimbladder.codegen.clock import MOST_TURNS, SOON
-from swimbladder.codegen.golden import BoardProgram, Golden, Mission, fly
+from swimbladder.codegen.golden import BoardProgram, Golden, Mission, first_rows, fly
 from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
 from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT
+from swimbladder.control.arming import ARMING, DISARMED, Deck
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.control.supervisor_limits import (
+    arming_parameters,
     command_limits,
     supervisor_parameters,
     time_limit,
@@ -38,8 +40,10 @@ from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
 _ON_BOARD = 100  # rows of the golden trace that a board checks
+_ROW_S, _SAVE_S = 5.0, 600.0  # s, between rows of the black box, and between savings of it
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
 _IN_LOOP, _LOOP_FILES = "examples/HardwareInTheLoop", ("HardwareInTheLoop.ino", "hil.h")
+MEGA_ONLY = ("sea-cascade",)  # laws whose sketch takes more than the 32 kB of an ATmega328P
 _OR_MORE = "or say more of the vehicle in its [supervisor] table"
 
 
@@ -68,6 +72,7 @@ class Library(BoardProgram):
             "tick_s": self.tick_s,
             "parameters": in_float32(self.parameters, self.law),
             "supervisor": in_float32(self.supervisor, SUPERVISOR),
+            "arming": in_float32(self.arming, ARMING),
             "golden": {
                 "start_depth_m": self.mission.start,
                 "target_depth_m": self.mission.target,
@@ -111,7 +116,8 @@ def make_library(
     facts = made.facts | {
         "start": mission.start,
         "goal": mission.target,
-        "ticks": len(golden.depth),
+        "ticks": len(golden.checked),
+        "flown": len(golden.depth),
         "pool": day,
         "pool_units": POOL.units,
         "day": False,
@@ -121,15 +127,15 @@ def make_library(
         "time_limit": time_limit(made.supervisor),
         "launch_min": LAUNCH,
         "dive_min": UNDER_WATER,
+        "density": vehicle.water.density,
+        "mega_only": made.law.name in MEGA_ONLY,
         "lined": getattr(vehicle.engine, "line", None) is not None,
         "protocol": wire.FACTS,
         "library_bytes": ", ".join(f"0x{byte:02x}" for byte in digest(made)),
     }
-    rows = [
-        [f"0x{np.float32(x).view(np.uint32):08x}" for x in row]
-        for row in zip(*(column[:_ON_BOARD] for column in golden[:4]), strict=True)
-    ]
-    facts["rows"] = len(rows)
+    on_board = first_rows(made, golden, _ON_BOARD)
+    rows = [[f"0x{np.float32(x).view(np.uint32):08x}" for x in row[:4]] for row in on_board]
+    facts |= {"rows": len(rows), "unplugged": len(golden.depth)}
     sketch = "Float.ino.j2" if drive is None else "PumpFloat.ino.j2"
     readme = "README.md.j2" if drive is None else "README_float.md.j2"
     files = {
@@ -138,9 +144,12 @@ def make_library(
         **{f"src/{name}": text for name, text in made.sources.items()},
         **_sketches("Float", sketch, facts),
         "examples/GoldenTrace/GoldenTrace.ino": render("GoldenTrace.ino.j2", facts),
-        "examples/GoldenTrace/golden.h": render("golden.h.j2", facts | {"rows": rows}),
+        "examples/GoldenTrace/golden.h": render(
+            "golden.h.j2", facts | {"rows": rows, "reasons": [row[4] for row in on_board]}
+        ),
         **{f"{_IN_LOOP}/{name}": render(f"{name}.j2", facts) for name in _LOOP_FILES},
         "extras/check.c": render("check.c.j2", facts),
+        "extras/parts.md": render("parts.md.j2", facts),
         "extras/golden.csv": _table(golden, made.tick_s, made.facts["column"]),
     }
     if drive is not None:
@@ -194,6 +203,7 @@ def make_program(
     """
     law, parameters, tick_s = _controller(vehicle)
     limits = supervisor_parameters(vehicle, tick_s, in_pool=in_pool)
+    arming = arming_parameters(vehicle, limits)
     drive, ends = None, command_limits(vehicle, tick_s)
     if vehicle.command == "volume change":
         deepest = min(limits.deep.deepest, limits.depth.depth_most)
@@ -223,12 +233,17 @@ def make_program(
         "header": f"time_s,depth_m,volume_m3,{command['column']},reference_depth_m",
         "limits": limits,
         "units": SUPERVISOR.units,
+        "arming": arming,
+        "arming_units": ARMING.units,
+        "disarmed": DISARMED,
+        **_box(vehicle, limits, ends),
     }
     sources = {"swb_measurement.h": render("swb_measurement.h", {})}
-    in_c = (("controller", write_c99(program)), ("vehicle", _supervisor_in_c()))
-    for around, translated in in_c:
+    on_deck = write_c99(read_law(ARMING, Deck))
+    for translated in (write_c99(program), _supervisor_in_c(), on_deck):
         sources[translated.header_name] = translated.header
         sources[translated.source_name] = translated.source
+    for around in ("controller", "vehicle", "box"):
         for name in (f"swb_{around}.h", f"swb_{around}.c"):
             sources[name] = render(f"{name}.j2", facts)
     return BoardProgram(
@@ -238,6 +253,7 @@ def make_program(
         first=first,
         limits=ends,
         supervisor=limits,
+        arming=arming,
         drive=drive,
         program=program,
         facts=facts,
@@ -255,6 +271,21 @@ def digest(made: BoardProgram) -> bytes:
     """Return 8 bytes by which a program's C is known, on a board too."""
     text = "".join(f"{name}\0{made.sources[name]}\0" for name in sorted(made.sources))
     return hashlib.sha256(text.encode("utf-8")).digest()[:8]
+
+
+def _box(
+    vehicle: Vehicle, limits: SupervisorParameters, ends: tuple[float, float]
+) -> dict[str, float]:
+    """Return what the black box of a vehicle counts in: ticks, m, m3 and the command's unit."""
+    every = max(1, round(_ROW_S / limits.S_p))
+    volume = 1.1 * max(abs(vehicle.stroke.minimum), abs(vehicle.stroke.maximum))
+    return {
+        "box_every": every,
+        "box_save": max(1, round(_SAVE_S / (every * limits.S_p))),
+        "box_depth": limits.depth.depth_most / 32767.0,
+        "box_volume": volume / 32767.0,
+        "box_command": max(map(abs, ends)) / 127.0,
+    }
 
 
 def _controller(vehicle: Vehicle) -> tuple[Law, Any, float]:
@@ -327,11 +358,13 @@ _BOARDS: dict[str, dict[str, Any]] = {
 
 
 def _sketches(name: str, template: str, facts: Mapping[str, Any]) -> dict[str, str]:
-    """Return a sketch for each kind of board, by its place."""
-    return {
-        f"examples/{name}{board}/{name}{board}.ino": render(template, {**facts, **about})
-        for board, about in _BOARDS.items()
-    }
+    """Return a sketch for each kind of board, and what PlatformIO needs of it, by their places."""
+    files = {}
+    for board, about in _BOARDS.items():
+        folder, known = f"examples/{name}{board}", {**facts, **about}
+        files[f"{folder}/{name}{board}.ino"] = render(template, known)
+        files[f"{folder}/platformio.ini"] = render("platformio.ini.j2", known)
+    return files
 
 
 def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, str]]:
@@ -388,7 +421,8 @@ def meanings(limits: SupervisorParameters) -> list[tuple[int, str, str, str]]:
 
 def _table(golden: Golden, tick_s: float, column: str) -> str:
     """Return the golden trace as CSV, each number with the digits that give its float32 back."""
-    lines = [f"tick,time_s,depth_m,volume_m3,reference_depth_m,{column}"]
-    for n, row in enumerate(zip(*golden[:4], strict=True)):
-        lines.append(",".join([str(n), f"{n * tick_s:.9g}", *map(str, row)]))
+    lines = [f"tick,time_s,depth_m,volume_m3,reference_depth_m,{column},supervisor_reason"]
+    for n, (*numbers, reason) in enumerate(golden.checked):
+        said = map(str, map(np.float32, numbers))
+        lines.append(",".join([str(n), f"{n * tick_s:.9g}", *said, str(reason)]))
     return "\n".join(lines) + "\n"

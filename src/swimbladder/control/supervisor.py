@@ -248,10 +248,10 @@ class SameWatch(NamedTuple):
 
     same: Count  # ticks in which the depth was the very same
     rose: bool  # at the last new depth
-    sank: bool
+    sank: bool  # the same
     noisy: float  # -, share of ticks in which the depth turned; it stays where it is enough
     same_volume: float  # m3, n1 when the volume had to stay
-    frozen: bool
+    frozen: bool  # it was for too long
 
 
 class ProofWatch(NamedTuple):

@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from swimbladder.control import supervisor
+from swimbladder.control.arming import ArmingParameters
 from swimbladder.control.law import NEVER, Count
 from swimbladder.control.records import field_types, leaves
 from swimbladder.control.registry import bind
@@ -45,6 +46,8 @@ _END_SHARE = 0.05  # of the stroke, next to an end stop
 _WATER_SPEED = 1.0  # m/s, of swell
 _AIR_PRESSURE = 1.0  # m, 100 hPa: more than weather changes the surface's reading
 _AFLOAT = 0.5  # m, below the depth of emergence; weather and waves
+_SUBMERGED = 0.5  # m, below that: neither weather nor a wave over the deck
+_LEAST_UNDER = 3  # ticks
 _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
@@ -238,6 +241,34 @@ def supervisor_parameters(
         ),
     )
     return _for_pump(vehicle, found) if pumps else found
+
+
+def arming_parameters(vehicle: Vehicle, p: SupervisorParameters) -> ArmingParameters:
+    """Return when a vehicle under a supervisor of these numbers counts as under water.
+
+    Raises InputError where a vehicle that sinks would be armed too deep to come up.
+    """
+    given, tick, deepest = vehicle.supervisor, p.S_p, p.deep.deepest
+    usual = min(p.rest.surface + _SUBMERGED, 0.5 * (given.bottom_depth or math.inf))
+    submerged = _either(given.arm_depth, usual)
+    under = max(_LEAST_UNDER, ticks(given.arm_after, tick))
+    armed = submerged + under * p.depth.fastest
+    if armed > deepest:
+        what = f"a vehicle that sinks may be armed at {armed:.3g} m only, below its {deepest:.4g} m"
+        remedy = "Give a smaller arm_depth or arm_after"
+        raise _refused(what, "arm_depth", submerged, "m", remedy)
+    voltage = vehicle.command != "volume"
+    return ArmingParameters(
+        S_p=tick,
+        positioner=0.0 if voltage else 1.0,
+        volume_least=vehicle.stroke.minimum,
+        volume_most=vehicle.stroke.maximum,
+        depth_least=p.depth.depth_least,
+        depth_most=p.depth.depth_most,
+        submerged=submerged,
+        under=under,
+        blind=p.depth.gap,
+    )
 
 
 def command_limits(vehicle: Vehicle, tick_s: float = math.inf) -> tuple[float, float]:

@@ -327,7 +327,7 @@ class Supervisor(Parameters):
     """depth at which it does; not given: 0.9 of where full buoyancy, hull and motor (at
     `battery_low`) still do their part, less what is not known of the trim"""
     time_limit: Annotated[float, Unit("s"), Field(gt=0.0, le=3e9)] | None = None
-    """time since the start at which it does; not given: never"""
+    """time since it was armed at which it does; not given: never"""
     battery_low: Annotated[float, Unit("V"), Field(gt=0.0)] | None = None
     """voltage under load that is too low, for 10 s; not given: 0.8 of the supply's, or none for a
     positioner"""
@@ -359,6 +359,11 @@ class Supervisor(Parameters):
     release_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
     """time of full buoyancy in which it has to rise by 1 m before the drop weight is released; not
     given: twice that of the whole stroke and a minute"""
+    arm_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
+    """depth that arms a vehicle which nobody has armed; not given: 1 m below where it emerges, or
+    half way to `bottom_depth` where that is less"""
+    arm_after: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = 3.0
+    """how long the depth has to be beyond `arm_depth`; three samples at least"""
 
 
 class Vehicle(Parameters):

@@ -41,6 +41,11 @@ void board_switch(uint8_t now)
     on = now;
 }
 
+bool board_arms(void)
+{
+    return true;
+}
+
 bool board_restarted(void)
 {
     return false;

@@ -18,7 +18,11 @@ static struct {
 int main(void)
 {
     uart_begin();
+#ifdef DISARMED
+    swb_vehicle_switch_on(&vehicle, false, false);
+#else
     swb_vehicle_begin(&vehicle, false);
+#endif
     for (;;) {
         uart_read(&in, sizeof in);
 #ifdef BEGINS /* a frame that begins anew, after a reset where it says there is a leak */
