@@ -27,6 +27,7 @@ from tests.codegen.build import Compiled
 from tests.codegen.conftest import gcc  # noqa: F401
 from tests.codegen.laws import bits
 from tests.estimation.motion.pool import campaign
+from tests.vehicles import limited
 
 FEUP = sb.load_vehicle("feup-em")
 
@@ -297,7 +298,7 @@ class TestALaw:
 
         law = LAWS["hover"]
         compiled, same = Compiled(law, tmp_path), twin(law)
-        library = make_library(HOVER, duration=30.0)
+        library = make_library(limited(HOVER), duration=30.0)
         assert library.to_json()["law"] == "hover"
         parameters = library.parameters
         rng = np.random.default_rng(1)
@@ -491,7 +492,9 @@ class TestAnActuator:
 
         monkeypatch.chdir(tmp_path)
         (tmp_path / "dive.toml").write_text(DIVE)
-        for made, mission, law in ((racked(), None, "sea-cascade"), (hosed(), DIVE, "rate")):
+        # a sensor without noise that has bobbed and lies still counts as frozen
+        floating = hosed().with_sensors(depth_noise=0.01)
+        for made, mission, law in ((racked(), None, "sea-cascade"), (floating, DIVE, "rate")):
             v = str(tmp_path / f"{made.actuator.kind}.toml")
             (tmp_path / v).write_text(vehicle_file(made), encoding="utf-8")
             depth = ["--depth", "0:10 m"] if mission is None else ["--depth", "10:500 m"]
@@ -505,8 +508,15 @@ class TestAnActuator:
                 ["tune", v, *depth, "--law", law, "--runs", "20", "--out", str(tmp_path / law)],
                 ["stability", v, *depth],
                 ["compare-laws", v, *depth, "--laws", law, "--runs", "2"],
-                ["firmware", v, *out, *(["--duration", "3 h"] if dive else [])],
-                ["faults", v, "--missions", "3"],
+                [
+                    "firmware",
+                    v,
+                    *out,
+                    "--time-limit",
+                    "20 h",
+                    *(["--duration", "3 h"] if dive else []),
+                ],
+                ["faults", v, "--missions", "3", "--time-limit", "20 h"],
                 *([["mission", v, *dive]] if dive else []),
             ):
                 code = main(words)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
+from swimbladder.sim.faults.draw import course_of
 from swimbladder.vehicle import (
     Controller,
     Drag,
@@ -227,3 +228,18 @@ def by_rule(name: str) -> Vehicle:
     vehicle = load_vehicle(name)
     rate = vehicle.controller is not None and vehicle.controller.law == "rate"
     return vehicle if rate else vehicle.model_copy(update={"controller": None})
+
+
+def limited(vehicle: Vehicle, seconds: float = 7200.0) -> Vehicle:
+    """Return the vehicle with a time limit of its supervisor [s], where it has none."""
+    own = vehicle.supervisor
+    if own.time_limit is not None:
+        return vehicle
+    own = own.model_copy(update={"time_limit": seconds})
+    return vehicle.model_copy(update={"supervisor": own})
+
+
+def usual(vehicle: Vehicle, depths: Any = None, column: Any = None) -> Vehicle:
+    """Return the vehicle with the time that missions with faults take as its limit."""
+    course = course_of(limited(vehicle, 1e6), depths, column)
+    return limited(vehicle, course.takes + course.slack)

@@ -17,10 +17,12 @@ from swimbladder.sim.faults import run_missions
 from swimbladder.sim.faults.single_mission import TRACE_COLUMNS
 from tests.codegen.conftest import gcc
 from tests.quoted import numbers
+from tests.vehicles import usual
 
 __all__ = ["gcc"]
 
-FEW = ["faults", "feup-em", "--missions", "62", "--healthy", "20"]
+LIMIT = ["--time-limit", "1839.8286367098249 s"]
+FEW = ["faults", "feup-em", "--missions", "62", "--healthy", "20", *LIMIT]
 
 
 @pytest.mark.usefixtures("gcc")
@@ -42,7 +44,19 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
     head, row = table[0].split(","), table[1 + number].split(",")
     given = dict(zip(head, row, strict=True))
     assert (
-        main(["faults", "feup-em", "--mission", "7", "--json", "--out", str(tmp_path / "one")]) == 0
+        main(
+            [
+                "faults",
+                "feup-em",
+                *LIMIT,
+                "--mission",
+                "7",
+                "--json",
+                "--out",
+                str(tmp_path / "one"),
+            ]
+        )
+        == 0
     )
     one = json.loads(capsys.readouterr().out)
     assert one["outcomes"]["supervised"] == given["supervised"]
@@ -107,20 +121,20 @@ def test_missions_are_flown_in_the_water_of_a_cast(capsys, tmp_path):
     warm = 8.0 + 14.0 / (1.0 + np.exp((depth - 4.0) / 0.4))
     write_csv(cast, {"pressure_dbar": depth, "temperature_degC": warm, "salinity": 0.0 * depth})
     lake = ["--cast", str(cast), "--latitude", "45", "--column", "pressure_dbar=pressure_dbar@dbar"]
-    words = ["faults", "feup-em", "--missions", "8", "--healthy", "2", *lake]
+    words = ["faults", "feup-em", "--missions", "8", "--healthy", "2", *lake, *LIMIT]
     shallow = ["--depth", "1:5 m"]
     out = ["--out", str(tmp_path / "o"), "--json"]
     assert main([*words, *shallow, *out]) in (0, 1)
     answer = json.loads(capsys.readouterr().out)
     assert answer["water"] == "lake.csv"
-    assert main(["faults", "feup-em", "--mission", "3", *shallow, *out]) == 0
+    assert main(["faults", "feup-em", "--mission", "3", *LIMIT, *shallow, *out]) == 0
     plain = json.loads(capsys.readouterr().out)
     assert plain["water"] is None
     assert main([*words, "--mission", "3", *shallow, *out]) == 0
     assert json.loads(capsys.readouterr().out)["faults"] == plain["faults"]
     column = cast_column(read_cast(cast, latitude=45.0), step=0.1)
     with pytest.raises(InputError) as refused:
-        run_missions(load_vehicle("feup-em"), missions=2, column=column)
+        run_missions(usual(load_vehicle("feup-em"), column=column), missions=2, column=column)
     assert main([*words, *out]) == 2
     assert refused.value.what in json.loads(capsys.readouterr().out)["error"]
 

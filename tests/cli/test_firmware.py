@@ -10,7 +10,8 @@ import pytest
 from swimbladder.cli import main
 from swimbladder.io.presets import preset_text
 
-QUICK = ["firmware", "feup-em", "--duration", "30 s"]
+LIMIT = ["--time-limit", "2 h"]
+QUICK = ["firmware", "feup-em", "--duration", "30 s", *LIMIT]
 
 
 def test_it_writes_a_library_and_says_what_to_do(capsys, tmp_path):
@@ -30,7 +31,9 @@ def test_it_writes_a_library_and_says_what_to_do(capsys, tmp_path):
 
 @pytest.mark.parametrize(("duration", "short"), [("5 s", True), ("60 s", False)])
 def test_a_golden_trace_that_does_not_arrive_is_said(capsys, tmp_path, duration, short):
-    assert main(["firmware", "feup-em", "--duration", duration, "--out", str(tmp_path)]) == 0
+    assert (
+        main(["firmware", "feup-em", *LIMIT, "--duration", duration, "--out", str(tmp_path)]) == 0
+    )
     assert ("before the vehicle has arrived" in capsys.readouterr().out) == short
 
 
@@ -38,6 +41,7 @@ def test_json_is_one_object(capsys, tmp_path):
     code = main(
         [
             "firmware",
+            *LIMIT,
             "ntnu-bv",
             "--law",
             "position-pid",
@@ -92,7 +96,19 @@ def test_another_seed_is_another_trace(tmp_path, capsys):
     for seed in ("1", "2"):
         out = tmp_path / seed
         assert (
-            main(["firmware", str(noisy), "--duration", "9 s", "--seed", seed, "--out", str(out)])
+            main(
+                [
+                    "firmware",
+                    str(noisy),
+                    *LIMIT,
+                    "--duration",
+                    "9 s",
+                    "--seed",
+                    seed,
+                    "--out",
+                    str(out),
+                ]
+            )
             == 0
         )
         traces.append((out / "extras" / "golden.csv").read_text())
@@ -124,7 +140,7 @@ def test_another_seed_is_another_trace(tmp_path, capsys):
     ],
 )
 def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):
-    assert main(["firmware", "feup-em", *options, "--out", str(tmp_path / "out")]) == 2
+    assert main(["firmware", "feup-em", *LIMIT, *options, "--out", str(tmp_path / "out")]) == 2
     assert said in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "out").exists()
 
@@ -137,7 +153,7 @@ def test_a_vehicle_without_a_controller_is_refused(capsys, tmp_path):
         before = "section 3.2: " if place == "sample_time" else ""
         text = text.replace(f'"controller.{place}" = "{before}{line}"\n', "")
     bare.write_text(text[: text.index("# The cascade of Fig. 15")])
-    assert main(["firmware", str(bare), "--out", str(tmp_path / "out")]) == 2
+    assert main(["firmware", str(bare), *LIMIT, "--out", str(tmp_path / "out")]) == 2
     assert "has no controller" in " ".join(capsys.readouterr().err.split())
 
 
@@ -147,6 +163,7 @@ def test_a_controller_that_loses_the_vehicle_is_exit_code_1(capsys, tmp_path):
     code = main(
         [
             "firmware",
+            *LIMIT,
             str(mad),
             "--start",
             "3 m",

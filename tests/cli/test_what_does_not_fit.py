@@ -22,6 +22,7 @@ from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.faults import run_missions
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.vehicle import Controller
+from tests.vehicles import limited, usual
 
 PHASES = """
 schema_version = 1
@@ -47,8 +48,11 @@ COMMANDS = {
     "stability": ([], lambda v, _: stability(v)),
     "analyse": ([], lambda v, _: analyse(v)),
     "compare-laws": ([], lambda v, _: compare_laws(v)),
-    "firmware": ([], lambda v, _: make_library(v, start_depth=1.5, target=3.0, duration=400.0)),
-    "faults": ([], lambda v, _: run_missions(v, missions=20)),
+    "firmware": (
+        ["--time-limit", "2 h"],
+        lambda v, _: make_library(limited(v), start_depth=1.5, target=3.0, duration=400.0),
+    ),
+    "faults": (["--time-limit", "2 h"], lambda v, _: run_missions(limited(v), missions=20)),
     "plan": (["--step", "1:3"], lambda v, _: plan(v, 1.0, 3.0)),
     "mission": (["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
     "campaign": (
@@ -144,7 +148,7 @@ DEEP = {
     "firmware": (
         "feup-em",
         ["--target", "120 m"],
-        lambda v, _: make_library(v, start_depth=1.5, target=120.0, duration=400.0),
+        lambda v, _: make_library(limited(v), start_depth=1.5, target=120.0, duration=400.0),
     ),
     "plan": ("feup-em", ["--step", "1:120"], lambda v, _: plan(v, 1.0, 120.0)),
     "tune": ("feup-em", ["--depth", "0:120 m"], lambda v, _: tune(v, depths=(0.0, 120.0))),
@@ -156,7 +160,7 @@ DEEP = {
     "faults": (
         "feup-em",
         ["--depth", "1:120 m"],
-        lambda v, _: run_missions(v, missions=20, depths=(1.0, 120.0)),
+        lambda v, _: run_missions(usual(v, depths=(1.0, 120.0)), missions=20, depths=(1.0, 120.0)),
     ),
     "mission": ("example-float", ["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
     "campaign": (

@@ -25,7 +25,7 @@ from swimbladder.vehicle import Sensors, Supervisor, Vehicle
 from tests.codegen import fuzz
 from tests.codegen.build import run
 from tests.codegen.laws import controlled, example
-from tests.vehicles import SAMPLED, SWITCHED, pump, stepper
+from tests.vehicles import SAMPLED, SWITCHED, limited, pump, stepper
 
 LEAST = 0.95
 _OTHER_GAINS = {"fastest": 0.0, "jerk": 0.0, "shortest": 0.0, "dead": 5e-6}
@@ -77,7 +77,7 @@ def vehicles(name: str) -> tuple[Vehicle, Vehicle]:
 
 def _libraries(name: str) -> Iterable[Library]:
     for vehicle in vehicles(name):
-        yield make_library(vehicle, duration=100 * example(name).tick)
+        yield make_library(limited(vehicle), duration=100 * example(name).tick)
 
 
 def _run(made: Library, folder: Path) -> None:

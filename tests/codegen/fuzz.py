@@ -23,7 +23,7 @@ from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.pool import PoolOptions
 from tests.codegen.build import run
 from tests.codegen.laws import controlled, example
-from tests.vehicles import SAMPLED
+from tests.vehicles import SAMPLED, limited
 
 HERE = Path(__file__).parent / "fuzzing"
 INPUTS = HERE / "inputs"  # a file for each law, a line for each input, in hexadecimal
@@ -52,7 +52,7 @@ class Fuzzed(NamedTuple):
 def library(name: str) -> Library:
     """Return a law's library; the cascade's has the pool procedure."""
     pool = PoolOptions(4.5, rounds=2) if name == "cascade" else None
-    return make_library(controlled(name), duration=100 * example(name).tick, pool=pool)
+    return make_library(limited(controlled(name)), duration=100 * example(name).tick, pool=pool)
 
 
 def kept_inputs(name: str, folder: Path) -> list[Path]:

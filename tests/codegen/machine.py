@@ -23,6 +23,7 @@ from swimbladder.io.config import load_vehicle
 from tests.codegen import chip
 from tests.codegen.build import run
 from tests.codegen.laws import controlled
+from tests.vehicles import limited
 
 _PLACE = re.compile(r"^(/.*\.[ch]):(\d+)")
 _LINE = re.compile(r"^ *([0-9a-f]+):\t((?:[0-9a-f]{2} )+) *\t([a-z]+)\t?([^;]*)")
@@ -409,7 +410,7 @@ def report(laws: Sequence[str]) -> str:
     ]
     for name in laws:
         floats = LAWS[name].command == "volume change"
-        made = make_library(load_vehicle("example-float") if floats else controlled(name))
+        made = make_library(limited(load_vehicle("example-float") if floats else controlled(name)))
         for mcu in chip.MCUS:
             with tempfile.TemporaryDirectory() as folder:
                 found = bounds(made, Path(folder), mcu)

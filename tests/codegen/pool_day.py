@@ -20,7 +20,7 @@ from swimbladder.vehicle import Sensors
 from tests.codegen.build import STRICT, run
 from tests.codegen.chip import HERE, MCUS, Chip
 from tests.codegen.laws import bits
-from tests.vehicles import paper
+from tests.vehicles import limited, paper
 
 SENSORS = Sensors(depth_noise="2 mm", depth_quantum="5 mm", volume_quantum="0.75 cm3")
 VOLUMES = (30e-6, 60e-6)
@@ -49,7 +49,7 @@ const char *words(int phase) { return swb_pool_words((int8_t)phase); }
 def library() -> Library:
     """Two rounds, 30 and 60 cm3, in a pool of 4.5 m."""
     options = PoolOptions(4.5, first=VOLUMES[0], last=VOLUMES[1], rounds=2)
-    return make_library(paper(sensors=SENSORS), duration=30.0, pool=options)
+    return make_library(limited(paper(sensors=SENSORS)), duration=30.0, pool=options)
 
 
 def day_twin(made: Library) -> PoolTwin:

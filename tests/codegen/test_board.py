@@ -25,6 +25,7 @@ from swimbladder.sim.faults.mission_records import TRACE
 from swimbladder.sim.faults.single_mission import fly_one
 from tests.codegen import chip, hardware
 from tests.codegen.test_library import library
+from tests.vehicles import limited
 
 TICK = 0.3  # s, of feup-em
 SHORT = Flights(duration=30.0)
@@ -33,7 +34,7 @@ ON_BOARD = 1051, {"board resets", "ticks lost"}  # a seed, and what its first tw
 
 @pytest.fixture(scope="module")
 def made():
-    return make_library(load_vehicle("feup-em", sampled=True), duration=30.0)
+    return make_library(limited(load_vehicle("feup-em", sampled=True)), duration=30.0)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ class TestOnAnAtmega:
     @pytest.mark.parametrize("mcu", chip.MCUS)
     def test_it_flies_the_golden_mission_to_the_bit(self, feup, programs, mcu, tmp_path):
         with hardware.avr_board(programs[mcu], mcu) as port:
-            answer = fly_board(feup, port, out=tmp_path)
+            answer = fly_board(limited(feup), port, out=tmp_path)
         (flight,) = answer.flights
         assert answer.equal
         assert flight.ticks == 1335
@@ -80,7 +81,7 @@ class TestOnAnAtmega:
     def test_in_real_time_a_tick_comes_every_sample_time(self, feup, programs, tmp_path):
         with hardware.avr_board(programs["atmega328p"], "atmega328p", speed=1.0) as port:
             short = Flights(duration=3.0)
-            answer = fly_board(feup, port, short, real_time=True, out=tmp_path)
+            answer = fly_board(limited(feup), port, short, real_time=True, out=tmp_path)
         assert answer.equal
         assert answer.flights[0].ticks == 11
         assert answer.flights[0].wall > 10 * TICK
@@ -89,7 +90,7 @@ class TestOnAnAtmega:
     @pytest.mark.prove
     def test_half_a_minute_in_real_time(self, feup, programs, tmp_path):
         with hardware.avr_board(programs["atmega328p"], "atmega328p", speed=1.0) as port:
-            answer = fly_board(feup, port, SHORT, real_time=True, out=tmp_path)
+            answer = fly_board(limited(feup), port, SHORT, real_time=True, out=tmp_path)
         assert answer.equal
         assert answer.flights[0].ticks == 101
         assert answer.speed == pytest.approx(1.0, rel=0.03)
@@ -98,7 +99,9 @@ class TestOnAnAtmega:
     @pytest.mark.prove
     def test_it_flies_faults_to_the_bit(self, feup, programs, tmp_path):
         with hardware.avr_board(programs["atmega2560"], "atmega2560") as port:
-            answer = fly_board(feup, port, replace(SHORT, faults=10, steps=True), out=tmp_path)
+            answer = fly_board(
+                limited(feup), port, replace(SHORT, faults=10, steps=True), out=tmp_path
+            )
         assert answer.equal
         assert len(answer.flights) == 12
         assert sum(bool(flight.reason) for flight in answer.flights) > 5
@@ -108,7 +111,7 @@ class TestOnAnAtmega:
 @pytest.mark.usefixtures("qemu")
 def test_a_cortex_m_flies_to_the_bit(made, feup, tmp_path):
     with hardware.arm_board(made, tmp_path, "cortex-m3") as port:
-        answer = fly_board(feup, port, Flights(duration=60.0), out=tmp_path / "out")
+        answer = fly_board(limited(feup), port, Flights(duration=60.0), out=tmp_path / "out")
     assert answer.equal
     assert answer.flights[0].ticks == 201
     assert answer.stack_left is None
@@ -117,10 +120,10 @@ def test_a_cortex_m_flies_to_the_bit(made, feup, tmp_path):
 def fly_steps(name: str, folder) -> None:
     floats = LAWS[name].command == "volume change"
     dive = {"target": 30.0, "duration": 1200.0}
-    made = make_library(load_vehicle("example-float"), **dive) if floats else library(name)
+    made = make_library(limited(load_vehicle("example-float")), **dive) if floats else library(name)
     asked = Flights(**dive, steps=True) if floats else Flights(duration=60.0, steps=True)
     with hardware.host_board(hardware.host_program(made, folder)) as port:
-        answer = fly_board(made.vehicle, port, asked, out=folder / "out")
+        answer = fly_board(limited(made.vehicle), port, asked, out=folder / "out")
     assert answer.equal
     assert [flight.name for flight in answer.flights] == ["golden mission", "steps"]
     assert len({row["reference_depth_m"] for row in rows(answer, 1)}) == (3 if floats else 2)
@@ -143,7 +146,7 @@ def test_every_law_flies_steps_to_the_bit(name, tmp_path):
 
 def test_what_goes_over_the_wire_is_what_is_logged(feup, host, tmp_path):
     with host() as port:
-        answer = fly_board(feup, port, SHORT, out=tmp_path / "out")
+        answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
     logged = rows(answer)
     assert [row["time_s"] for row in logged] == pytest.approx([TICK * n for n in range(101)])
     assert all(row["voltage_V"] == row["twin_voltage_V"] for row in logged)
@@ -155,13 +158,13 @@ def test_what_goes_over_the_wire_is_what_is_logged(feup, host, tmp_path):
 
 def faults_as_at_hand(feup, port, asked, folder) -> set[str]:
     """Fly missions with faults, by the board and by the C at hand; return the kinds of fault."""
-    answer = fly_board(feup, port, asked, out=folder)
+    answer = fly_board(limited(feup), port, asked, out=folder)
     assert answer.equal
     assert len(answer.flights) == 1 + asked.faults
     assert answer.not_flown == ("law hangs",)
     assert not any("law hangs" in flight.ended for flight in answer.flights)
     for n, flight in enumerate(answer.flights[1:], 1):
-        beside = fly_one(feup, int(flight.name.split()[-1]), seed=asked.seed)
+        beside = fly_one(limited(feup), int(flight.name.split()[-1]), seed=asked.seed)
         assert flight.reason == beside.reason
         assert beside.outcome(0).words in flight.ended
         ran = beside.rows[0][beside.rows[0][:, TRACE["board"]] == 0.0]
@@ -195,7 +198,7 @@ def test_lost_and_garbled_frames_are_asked_for_again(feup, host, tmp_path, monke
         ("deaf", 1501, "corrupt_at_board"),
     ):
         with host(what, n) as port:
-            answer = fly_board(feup, port, SHORT, out=tmp_path / "out")
+            answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
         assert answer.equal, what
         assert answer.frames[counted] > 0, what
         assert answer.frames["sent"] == 104 + answer.frames["lost"], what
@@ -210,8 +213,8 @@ def test_a_board_that_computes_something_else_is_found_out(feup, made, tmp_path,
     changed = made.files[name].replace(gain[0], f".k_pz = {float(gain[1]) * 1.001:.9g}f")
     other = replace(made, files={**made.files, name: changed})
     with hardware.host_board(hardware.host_program(other, tmp_path)) as port:
-        answer = fly_board(feup, port, SHORT, out=tmp_path / "out")
-        line = ["board", "feup-em", "--port", port, "--duration", "30 s"]
+        answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+        line = ["board", "feup-em", "--port", port, "--duration", "30 s", "--time-limit", "2 h"]
         assert main([*line, "--out", str(tmp_path / "again")]) == 1
     assert not answer.equal
     first = answer.flights[0].difference
@@ -236,7 +239,8 @@ def forms(text: str) -> set[str]:
 
 
 def test_the_command_answers_as_its_page_says(host, tmp_path, capsys):
-    line = ["board", "feup-em", "--duration", "30 s", "--out", str(tmp_path / "out"), "--port"]
+    line = ["board", "feup-em", "--duration", "30 s", "--time-limit", "2 h"]
+    line += ["--out", str(tmp_path / "out"), "--port"]
     with host() as port:
         assert main([*line, port, "--json"]) == 0
         told = json.loads(capsys.readouterr().out)
@@ -269,7 +273,7 @@ def test_an_interruption_keeps_the_log(feup, host, tmp_path):
 
     asked = replace(SHORT, duration=120.0)
     with host() as port, pytest.raises(KeyboardInterrupt):
-        fly_board(feup, port, asked, out=tmp_path / "out", advance=advance)
+        fly_board(limited(feup), port, asked, out=tmp_path / "out", advance=advance)
     assert len((tmp_path / "out/golden-mission.csv").read_text().splitlines()) > 200
 
 
@@ -279,7 +283,10 @@ def test_a_cable_that_is_pulled_leaves_the_model_safe(host, faults, tmp_path, ca
     words = ["--faults", "1", "--duration", "30 s"] if faults else []
     with host("dies", before + 60) as port:
         out = str(tmp_path / "out")
-        assert main(["board", "feup-em", "--port", port, *words, "--out", out]) == 1
+        assert (
+            main(["board", "feup-em", "--time-limit", "2 h", "--port", port, *words, "--out", out])
+            == 1
+        )
     name = "fault mission 0" if faults else "golden mission"
     said = capsys.readouterr().err
     found = re.search(
@@ -298,7 +305,7 @@ def test_a_board_that_answers_nothing(feup, host, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_GREETING", 0.6)
     nothing = r"no board answers within 0.6 s .* close the serial monitor"
     with host("silent") as port, pytest.raises(InputError, match=nothing):
-        fly_board(feup, port, SHORT, out=tmp_path / "out")
+        fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -306,7 +313,7 @@ def test_a_board_that_falls_silent(feup, host, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_ANSWER", 0.1)
     silent = "no whole answer in 5 tries, at tick 50"
     with host("stops", 52) as port, pytest.raises(NoAnswerError, match=silent):
-        fly_board(feup, port, SHORT, out=tmp_path / "out")
+        fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
 
 
 @pytest.mark.parametrize("percent", [8, 50, 1200])
@@ -314,7 +321,7 @@ def test_another_baud_rate(feup, host, percent, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_GREETING", 0.6)
     garbage = "what it sends at 115200 baud is no frame .* Give the --baud of the sketch"
     with host("baud", percent) as port, pytest.raises(InputError, match=garbage):
-        fly_board(feup, port, SHORT, out=tmp_path / "out")
+        fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
 
 
 @pytest.mark.usefixtures("gcc")
@@ -323,7 +330,7 @@ def test_another_version_of_the_protocol(feup, made, tmp_path):
     program = hardware.host_program(made, tmp_path, newer)
     versions = "speaks version 2 of the protocol, and this program 1"
     with hardware.host_board(program) as port, pytest.raises(InputError, match=versions):
-        fly_board(feup, port, SHORT, out=tmp_path / "out")
+        fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
 
 
 def test_the_library_of_another_vehicle(feup, host, tmp_path):
@@ -331,22 +338,25 @@ def test_the_library_of_another_vehicle(feup, host, tmp_path):
     other = feup.model_copy(update={"hull": hull})
     both = r"has the library \w{16}, and this vehicle's is \w{16}"
     with host() as port, pytest.raises(InputError, match=both):
-        fly_board(other, port, SHORT, out=tmp_path / "out")
+        fly_board(limited(other), port, SHORT, out=tmp_path / "out")
 
 
 def test_what_the_flight_cannot_be_leaves_nothing(feup, host, tmp_path):
     out = tmp_path / "out"
     with host() as port, pytest.raises(InputError, match="duration"):
-        fly_board(feup, port, Flights(duration=-1.0), out=out)
+        fly_board(limited(feup), port, Flights(duration=-1.0), out=out)
     assert not out.exists()
     (out / "golden-mission.csv").mkdir(parents=True)
     with host() as port, pytest.raises(InputError, match="--out: cannot write the log: Is a dir"):
-        fly_board(feup, port, SHORT, out=out)
+        fly_board(limited(feup), port, SHORT, out=out)
 
 
 def test_a_port_that_does_not_exist(capsys, tmp_path):
     out = str(tmp_path / "out")
-    assert main(["board", "feup-em", "--port", "/dev/no-board", "--out", out]) == 2
+    assert (
+        main(["board", "feup-em", "--time-limit", "2 h", "--port", "/dev/no-board", "--out", out])
+        == 2
+    )
     said = capsys.readouterr().err
     assert "--port: cannot open the port: No such file or directory (got '/dev/no-board')" in said
     assert "the log so far" not in said
@@ -356,10 +366,10 @@ def test_a_port_that_does_not_exist(capsys, tmp_path):
 def test_without_pyserial(feup, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(InputError, match=r"pip install 'swimbladder\[serial\]'"):
-        fly_board(feup, "/dev/ttyUSB0", SHORT, out=tmp_path / "out")
+        fly_board(limited(feup), "/dev/ttyUSB0", SHORT, out=tmp_path / "out")
 
 
 @pytest.mark.parametrize("faults", [-1, 2.5])
 def test_a_number_of_missions_that_is_none(feup, faults, tmp_path):
     with pytest.raises(InputError, match="faults: must be a whole number"):
-        fly_board(feup, "/dev/no-board", Flights(faults=faults), out=tmp_path / "out")
+        fly_board(limited(feup), "/dev/no-board", Flights(faults=faults), out=tmp_path / "out")

@@ -18,7 +18,7 @@ from tests.codegen import chip
 from tests.codegen.laws import bits, random_calls, split, twin_of
 from tests.codegen.odd import ODD, OddParameters, OddState
 from tests.codegen.test_library import library
-from tests.vehicles import SAMPLED
+from tests.vehicles import SAMPLED, limited
 
 pytestmark = [pytest.mark.avr, pytest.mark.usefixtures("avr")]
 
@@ -30,7 +30,7 @@ def name(request) -> str:
 
 @pytest.mark.parametrize("mcu", chip.MCUS)
 def test_the_papers_mission_is_flown_to_the_bit_on_the_chip(mcu, tmp_path):
-    made = make_library(load_vehicle("feup-em"))
+    made = make_library(limited(load_vehicle("feup-em")))
     on_chip = chip.controller(made, tmp_path, mcu)
     flight = chip.fly(made, on_chip)
     stack = on_chip.close()

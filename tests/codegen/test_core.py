@@ -10,7 +10,7 @@ from swimbladder.vehicle import Supervisor
 from tests.codegen import core
 from tests.codegen.test_float import library as float_library
 from tests.codegen.test_library import library
-from tests.vehicles import paper
+from tests.vehicles import limited, paper
 
 pytestmark = [pytest.mark.avr, pytest.mark.usefixtures("avr", "arduino_core")]
 
@@ -48,7 +48,7 @@ def test_the_golden_trace_is_equal_on_the_board(board, tmp_path):
 def test_a_sketch_logs_is_armed_and_tells_after_a_watchdog_why_it_came_up(board, tmp_path):
     """Its depth sensor fails, then hangs the loop; the watchdog bites, and the box is printed."""
     mcu, made_core = board
-    made = make_library(paper(supervisor=Supervisor(patience="0.9 s")), duration=30.0)
+    made = make_library(limited(paper(supervisor=Supervisor(patience="0.9 s"))), duration=30.0)
     text = made.files["examples/FloatAVR/FloatAVR.ino"]
     sensor = (
         "if (ticks == 10u && cause != 8u) { for (;;) {} }"

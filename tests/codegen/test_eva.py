@@ -11,7 +11,7 @@ from swimbladder.io.config import load_vehicle
 from tests.codegen import eva, fuzz
 from tests.codegen.build import run
 from tests.codegen.laws import controlled, example
-from tests.vehicles import SAMPLED
+from tests.vehicles import SAMPLED, limited
 
 LIBRARIES = [*LAWS, "pool day"]
 
@@ -21,8 +21,8 @@ def library(name: str) -> Library:
     if name == "pool day":
         return fuzz.library("cascade")
     if name in SAMPLED:
-        return make_library(controlled(name), duration=100 * example(name).tick)
-    return make_library(load_vehicle("example-float"))
+        return make_library(limited(controlled(name)), duration=100 * example(name).tick)
+    return make_library(limited(load_vehicle("example-float")))
 
 
 def _shown(name: str, folder: Path, chip: str) -> None:

@@ -36,6 +36,7 @@ from tests.codegen.build import STRICT, Compiled, run
 from tests.codegen.laws import bits, flat, split
 from tests.codegen.test_library import ARM, LibraryInC, _sketch, compile_sketches
 from tests.codegen.test_supervised import VehicleInC, said_by
+from tests.vehicles import limited
 
 NOISE = Sensors(depth_noise="3 cm", depth_quantum="1 cm")
 
@@ -55,8 +56,10 @@ def limited_pump(speed: str):
 def library(noisy: bool = False) -> Library:
     """A dive to 30 m and up again, 25 minutes; with noise, 90 minutes of 100 m."""
     if noisy:
-        return make_library(the_float(sensors=NOISE, supervisor=Supervisor(time_limit="2 h")))
-    return make_library(the_float(), target=30.0, duration=1500.0)
+        return make_library(
+            limited(the_float(sensors=NOISE, supervisor=Supervisor(time_limit="2 h")))
+        )
+    return make_library(limited(the_float()), target=30.0, duration=1500.0)
 
 
 def _spoilt(made: Library) -> tuple[list[Watched], list[float]]:
@@ -216,7 +219,9 @@ class TestTheC:
     @pytest.mark.promise("time-limit")
     def test_a_time_limit_and_a_reset_bring_it_up(self, gcc, tmp_path):  # noqa: ARG002
         made = make_library(
-            the_float(supervisor=Supervisor(time_limit="300 s")), target=30.0, duration=300.0
+            limited(the_float(supervisor=Supervisor(time_limit="300 s"))),
+            target=30.0,
+            duration=300.0,
         )
         other, twin = VehicleInC(made, tmp_path), chip.vehicle_twin(made)
         seen = Watched(50.0, 0.1, math.nan, 14.0, False, 0, 0)
@@ -256,7 +261,7 @@ class TestTheDive:
     def test_a_float_that_passes_its_depth_limit_turns_round_above_the_deepest(self):
         """Asked for more than the limit, at twice the speed of its law."""
         vehicle = the_float(supervisor=Supervisor(depth_limit="150 m"))
-        made = make_library(vehicle, target=100.0, duration=300.0)
+        made = make_library(limited(vehicle), target=100.0, duration=300.0)
         board = chip.vehicle_twin(made)
 
         def tick(measured, asked):
@@ -547,7 +552,7 @@ def test_a_pump_that_stalls_limits_the_depth():
 def test_each_reason_brings_it_up_on_the_chip(tmp_path):
     """By the twin's bits, with one program that begins anew for each of them."""
     own = Supervisor(depth_limit="120 m", time_limit="100 s")
-    made = make_library(the_float(supervisor=own), duration=300.0)
+    made = make_library(limited(the_float(supervisor=own)), duration=300.0)
     on_chip = chip.vehicle(made, tmp_path, "atmega2560", "-DBEGINS")
     healthy = Watched(50.0, 0.1, math.nan, 14.0, False, 0, 0)
     found = []
@@ -583,12 +588,12 @@ class TestRefusals:
         }
         own = Supervisor(**{field: given[field]})
         with pytest.raises(InputError) as caught:
-            make_library(the_float(supervisor=own))
+            make_library(limited(the_float(supervisor=own)))
         assert caught.value.field == f"supervisor.{field}"
 
     def test_a_pool_day(self):
         with pytest.raises(InputError) as caught:
-            make_library(the_float(), pool=PoolOptions(4.5))
+            make_library(limited(the_float()), pool=PoolOptions(4.5))
         assert caught.value.field == "--pool"
 
     @pytest.mark.parametrize(
@@ -597,7 +602,7 @@ class TestRefusals:
     )
     def test_a_golden_mission_that_is_none(self, option, value, capsys, tmp_path):
         out = ["--out", str(tmp_path / "library")]
-        assert main(["firmware", "example-float", option, value, *out]) == 2
+        assert main(["firmware", "example-float", "--time-limit", "20 h", option, value, *out]) == 2
         assert f"{option}: " in " ".join(capsys.readouterr().err.split())
 
     def test_a_rate_that_the_polynomial_does_not_follow(self):
@@ -609,7 +614,7 @@ class TestRefusals:
 
     def test_a_voltage_at_which_the_pump_stands(self):
         with pytest.raises(InputError) as caught:
-            make_library(the_float(supervisor=Supervisor(battery_low="0.1 V")))
+            make_library(limited(the_float(supervisor=Supervisor(battery_low="0.1 V"))))
         assert caught.value.field == "supervisor.battery_low"
 
     def test_a_float_that_cannot_dive_gets_no_library(self):
@@ -618,11 +623,11 @@ class TestRefusals:
         shut = {"bypass": None, "internal_pressure": 101325.0}
         vehicle = the_float(actuator=vehicle.actuator.model_copy(update=shut))
         with pytest.raises(NoAnswerError, match="has not dived"):
-            make_library(vehicle, duration=900.0)
+            make_library(limited(vehicle), duration=900.0)
 
     def test_a_float_without_a_controller(self):
         with pytest.raises(InputError) as caught:
-            make_library(the_float(controller=None))
+            make_library(limited(the_float(controller=None)))
         assert caught.value.field == "controller"
 
 

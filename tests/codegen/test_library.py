@@ -21,7 +21,7 @@ from swimbladder.vehicle import Controller, Supervisor
 from tests.codegen.build import STRICT, run
 from tests.codegen.laws import bits, controlled, example, twin_of
 from tests.codegen.test_supervised import VehicleInC
-from tests.vehicles import SAMPLED, paper
+from tests.vehicles import SAMPLED, limited, paper
 
 ARDUINO = Path(__file__).parent / "arduino"
 
@@ -29,7 +29,7 @@ ARDUINO = Path(__file__).parent / "arduino"
 @cache
 def library(name: str) -> Library:
     """A law's library; its golden mission is short, so that the tests are."""
-    return make_library(controlled(name), duration=300 * example(name).tick)
+    return make_library(limited(controlled(name)), duration=300 * example(name).tick)
 
 
 @pytest.fixture(params=SAMPLED, scope="module")
@@ -473,14 +473,14 @@ def test_the_sources_of_an_earlier_law_go_and_what_is_not_ours_stays(tmp_path):
 
 def test_a_name_of_any_letters_stays_a_name_of_a_library():
     vehicle = paper(name='Flöat "7"\n*/')
-    files = make_library(vehicle, duration=3.0).files
+    files = make_library(limited(vehicle), duration=3.0).files
     assert "name=Swimbladder Fl_at _7_" in files["library.properties"]
     assert '#define SWB_VEHICLE "Fl_at _7____"' in files["src/swb_controller.h"]
 
 
 def test_a_vehicle_without_a_controller_is_refused():
     with pytest.raises(InputError, match="has no controller"):
-        make_library(paper(controller=None))
+        make_library(limited(paper(controller=None)))
 
 
 def test_a_controller_that_loses_the_vehicle_gets_no_library():
@@ -488,16 +488,16 @@ def test_a_controller_that_loses_the_vehicle_gets_no_library():
 
     mad = Controller(law="cascade", sample_time=0.3, parameters=TABLE_3 | {"k_pV": "-2e5 V/m3"})
     with pytest.raises(NoAnswerError, match="golden mission"):
-        make_library(paper(controller=mad), start_depth=3.0, target=1.5, duration=6000.0)
+        make_library(limited(paper(controller=mad)), start_depth=3.0, target=1.5, duration=6000.0)
 
 
 def test_a_supervisor_that_a_healthy_vehicle_does_not_satisfy_gets_no_library():
     vehicle = paper(supervisor=Supervisor(depth_limit="2.5 m"))
     with pytest.raises(NoAnswerError, match=r"golden mission .* \(depth limit\), and nothing is"):
-        make_library(vehicle, target=2.4)
+        make_library(limited(vehicle), target=2.4)
 
 
 def test_a_time_that_is_over_is_part_of_the_trace():
-    made = make_library(paper(supervisor=Supervisor(time_limit="9 s")), duration=12.0)
+    made = make_library(limited(paper(supervisor=Supervisor(time_limit="9 s"))), duration=12.0)
     reasons = [row[4] for row in made.golden.checked]
     assert reasons == [0] * 30 + [Reason.TIME_LIMIT] * (len(reasons) - 30)

@@ -12,6 +12,7 @@ from tests.codegen import chip, machine
 from tests.codegen.build import run
 from tests.codegen.laws import controlled
 from tests.codegen.test_eva import library
+from tests.vehicles import limited
 
 PAGE = (Path(__file__).parents[2] / "docs/how-to/firmware.md").read_text(encoding="utf-8")
 _BOUND = r"^\| {} \| {} \| (\d+) B \| (\d+) \| [\d.]+ \|$"
@@ -107,7 +108,7 @@ def test_the_chip_stays_within_the_bounds_whatever_it_sees(tmp_path):
 
 
 def _is_on_the_page(name: str, mcu: str, folder: Path) -> None:
-    found = machine.bounds(make_library(controlled(name)), folder, mcu)
+    found = machine.bounds(make_library(limited(controlled(name))), folder, mcu)
     stack, cycles = page_row(_BOUND, name, mcu)
     assert found.stack == pytest.approx(stack, rel=0.1), "python -m tests.codegen.machine"
     assert found.cycles == pytest.approx(cycles, rel=0.1), "python -m tests.codegen.machine"

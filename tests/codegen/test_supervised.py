@@ -27,7 +27,7 @@ from tests.codegen import chip
 from tests.codegen.build import STRICT, Program, run
 from tests.codegen.laws import bits, changed, controlled, flat, split
 from tests.examples import examples
-from tests.vehicles import paper
+from tests.vehicles import limited, paper
 
 _CALLS = """\
 #include "swb_vehicle.h"
@@ -57,7 +57,7 @@ def library(name: str = "feup-em", **supervisor: Any) -> Library:
     changes = {"supervisor": Supervisor(**dict(supervisor))}
     if name == "feup-em":
         changes["sensors"] = Sensors(depth_noise="2 mm", depth_quantum="5 mm")
-    return make_library(vehicle.model_copy(update=changes), duration=30.0)
+    return make_library(limited(vehicle.model_copy(update=changes)), duration=30.0)
 
 
 class VehicleInC:

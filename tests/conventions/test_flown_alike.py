@@ -13,6 +13,7 @@ from swimbladder.sim.closed_loop import simulate, simulate_ensemble
 from swimbladder.sim.faults.draw import course_of
 from swimbladder.sim.mission.flight import fly_mission
 from tests.quoted import refused
+from tests.vehicles import usual
 
 STEP = {"setpoints": [(0.0, 5.0)], "duration": 60.0, "start_depth": 4.0}
 DIVE = {"setpoints": [(0.0, 100.0)], "duration": 600.0, "start_depth": 0.0}
@@ -79,5 +80,5 @@ def test_missions_with_faults_are_within_the_stroke_in_the_vehicles_own_water_to
     stroke = vehicle.stroke.model_copy(update={"minimum": -3e-6, "maximum": 3e-6})
     short = vehicle.model_copy(update={"hull": hull, "stroke": stroke})
     with refused(InputError, field="--depth", value=250.0):
-        course_of(short, (11.0, 250.0))
-    assert course_of(short, (11.0, 140.0)).depths[:2] == (11.0, 140.0)
+        course_of(usual(short, (11.0, 250.0)), (11.0, 250.0))
+    assert course_of(usual(short, (11.0, 140.0)), (11.0, 140.0)).depths[:2] == (11.0, 140.0)

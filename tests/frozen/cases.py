@@ -158,14 +158,27 @@ CASES: tuple[Case, ...] = (
     _case("mission-rule", "mission example-em mission-rule.toml"),
     _case("campaign", "campaign example-float mission.toml --floats 6"),
     _case("campaign-cast", "campaign example-float mission.toml --floats 4 --cast cast.csv"),
-    *(_case(f"firmware-law-{law}", f"firmware law-{law}.toml --duration 60") for law in LAWS),
     *(
-        _case(f"firmware-{v}", f"firmware {v} --duration 60 {pool}")
+        _case(f"firmware-law-{law}", f"firmware law-{law}.toml --duration 60 --time-limit 7200")
+        for law in LAWS
+    ),
+    *(
+        _case(f"firmware-{v}", f"firmware {v} --duration 60 --time-limit 7200 {pool}")
         for v, pool in (("example-eh", ""), ("example-em", "--pool 4.5~m"))
     ),
-    _case("faults", "faults feup-em --missions 31 --healthy 4", compiler=True),
-    _case("faults-one", "faults feup-em --mission 7", compiler=True),
-    _case("faults-ntnu-bv", "faults ntnu-bv --missions 16 --healthy 2", compiler=True),
+    _case(
+        "faults",
+        "faults feup-em --missions 31 --healthy 4 --time-limit 1839.8286367098249",
+        compiler=True,
+    ),
+    _case(
+        "faults-one", "faults feup-em --mission 7 --time-limit 1839.8286367098249", compiler=True
+    ),
+    _case(
+        "faults-ntnu-bv",
+        "faults ntnu-bv --missions 16 --healthy 2 --time-limit 5503.885375157806",
+        compiler=True,
+    ),
     _case("reproduce", "reproduce"),
     *(_case(f"vehicle-{v}", f"vehicle show {v}", files=False) for v in PRESETS),
     _case("vehicle-list", "vehicle list", files=False),

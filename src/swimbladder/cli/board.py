@@ -8,7 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import aside, compile_notice, progress
-from swimbladder.cli.options import Files, Golden, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.options import (
+    Files,
+    Golden,
+    Options,
+    TimeLimit,
+    VehicleName,
+    flag,
+    grouped,
+    valued,
+)
 from swimbladder.cli.texts import Given
 
 if TYPE_CHECKING:
@@ -34,7 +43,15 @@ class More(Options):
 
 
 @grouped(out=Path("swimbladder-board"))
-def board(vehicle: VehicleName, *, line: Line, golden: Golden, more: More, to: Files) -> None:
+def board(
+    vehicle: VehicleName,
+    *,
+    line: Line,
+    limit: TimeLimit,
+    golden: Golden,
+    more: More,
+    to: Files,
+) -> None:
     """Fly the vehicle's model by the C on a board at a serial port: hardware in the loop.
 
     The board runs the sketch HardwareInTheLoop of the library that firmware writes. It flies the
@@ -48,6 +65,7 @@ def board(vehicle: VehicleName, *, line: Line, golden: Golden, more: More, to: F
     v = load_vehicle(vehicle)
     if v.command != "volume change":
         v = load_vehicle(vehicle, sampled=True)
+    v = limit.on(v)
     given = golden.given() | more.given()
     to.check()
     with progress("loading the simulator"):

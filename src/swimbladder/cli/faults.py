@@ -12,7 +12,7 @@ import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
 from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.options import Files, Options, TimeLimit, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.units import rounded
@@ -42,6 +42,7 @@ def faults(
     vehicle: VehicleName,
     *,
     missions: Missions,
+    limit: TimeLimit,
     cast: CastFile = None,
     reading: CastReading,
     mission: Annotated[str | None, _MISSION] = None,
@@ -58,7 +59,7 @@ def faults(
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import unfinished
 
-    v, asked = load_vehicle(vehicle), missions.read()
+    v, asked = limit.on(load_vehicle(vehicle)), missions.read()
     reach = None if asked["depths"] is None else asked["depths"][1]
     asked["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
     to.check()
@@ -117,7 +118,7 @@ def _shown(flown: Campaign) -> Iterator[object]:
     between = f"between {rounded(depths.least, 3)} and {rounded(depths.most, 3)} m"
     missions = f"{len(flown.faulty)} missions with faults {between} ({depths.limit})"
     law = f"law {course.vehicle.controller.law}"
-    limit = f"time limit {course.time_limit:.0f} s"
+    limit = f"time limit {course.time_limit:.0f} s, C {flown.program}"
     yield f"{course.vehicle.name}{sea}, {law}: {missions}, {limit}"
     yield from labelled("cast", () if course.column is None else course.column.report)
     rows = []

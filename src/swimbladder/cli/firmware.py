@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import compile_notice, progress, quantity
-from swimbladder.cli.options import Files, Golden, Options, VehicleName, grouped, valued
+from swimbladder.cli.options import (
+    Files,
+    Golden,
+    Options,
+    TimeLimit,
+    VehicleName,
+    grouped,
+    valued,
+)
 from swimbladder.cli.texts import Given, with_one_unit
 from swimbladder.errors import InputError
 
@@ -62,6 +70,7 @@ def firmware(
     vehicle: VehicleName,
     law: Annotated[str | None, _LAW] = None,
     *,
+    limit: TimeLimit,
     golden: Golden,
     pool: Pool,
     to: Files,
@@ -82,6 +91,7 @@ def firmware(
     if v.command != "volume change":
         v = load_vehicle(vehicle, sampled=True)
     _check_law(v, law)
+    v = limit.on(v)
     options, asked = pool.options(), golden.given()
     to.check()
     with progress("loading the simulator"):
@@ -110,6 +120,7 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
 
 def _shown(made: Library) -> Iterator[object]:
     """Give what is printed: the law, its golden trace, and what is to be done."""
+    from swimbladder.codegen.library import digest
     from swimbladder.codegen.pool import pool_summary
     from swimbladder.control.supervisor_limits import summary
 
@@ -127,7 +138,10 @@ def _shown(made: Library) -> Iterator[object]:
         there = end <= made.drive.parameters.surface.shallow
         if golden.depth.max() < (1.0 - _ARRIVED) * target:
             end, there = float(golden.depth.max()), False
-    yield f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}"
+    yield (
+        f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}; "
+        f"C {digest(made).hex()}"
+    )
     moves = f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm"
     ticks = f"{len(golden.depth)} ticks under the supervisor"
     yield f"golden trace: {way} in {ticks}; {moves}"

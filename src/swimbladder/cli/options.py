@@ -11,13 +11,16 @@ from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from swimbladder.cli.common import aside, emit_json, progress, quantity, said_as_typed, say
 from swimbladder.cli.texts import Given, depth_pair, names, pairs
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
+
+if TYPE_CHECKING:
+    from swimbladder.vehicle import Vehicle
 
 _UNITS = {
     "DEPTH": "m",
@@ -189,6 +192,24 @@ class Files(Options):
             say(*shown, *(f"wrote {path}" for path in files))
         if not good:
             raise typer.Exit(1)
+
+
+@dataclass(frozen=True)
+class TimeLimit(Options):
+    """How long a mission takes at most, for the supervisor that is flashed."""
+
+    time_limit: Given = valued(
+        "TIME", "The supervisor brings the vehicle up after it ([supervisor] time_limit)."
+    )
+
+    def on(self, vehicle: "Vehicle") -> "Vehicle":
+        """Return the vehicle whose supervisor has it; as it was where none is given."""
+        limit = self.read()["time_limit"]
+        if limit is None:
+            return vehicle
+        check_number(limit, "--time-limit", "s", above=0.0)
+        own = vehicle.supervisor.model_copy(update={"time_limit": limit})
+        return vehicle.model_copy(update={"supervisor": own})
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.codegen.wire import BAUD, Said, Wire
 from swimbladder.control.law import Measurement
 from swimbladder.control.supervisor import SUPERVISOR, Reason, Watched
+from swimbladder.control.supervisor_limits import check_time_limit
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import attributes
 from swimbladder.io.files import check_place, make_folder
@@ -182,6 +183,7 @@ def fly_board(
     NoAnswerError where the board answers no more: the model then gets full buoyancy.
     """
     asked = flights or Flights()
+    check_time_limit(vehicle)
     check_counts(seed=(asked.seed, 0), faults=(asked.faults, 0))
     mission, made = plan_program(vehicle, (asked.start_depth, asked.target, asked.duration))
     faults = _FaultMissions(vehicle, asked)

@@ -28,6 +28,7 @@ from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.control.supervisor_limits import (
     arming_parameters,
+    check_time_limit,
     command_limits,
     supervisor_parameters,
     time_limit,
@@ -67,6 +68,7 @@ class Library(BoardProgram):
         return {
             "vehicle": self.vehicle.name,
             "law": self.law.name,
+            "sha256_of_c": digest(self).hex(),
             "command": self.law.command,
             "command_limits": list(self.limits),
             "tick_s": self.tick_s,
@@ -99,14 +101,16 @@ def make_library(
     start_depth, target [m], duration [s] (`STEP` where not given; a float's also comes up again,
     `DIVE`), seed: of its sensors' noise (None: ideal sensors); pool: the pool that its pool
     procedure is made for (None: it has none).
-    Raises InputError where the vehicle has no controller or does not fit the pool, and
-    NoAnswerError where it does not come through the mission, or through the pool day.
+    Raises InputError where the vehicle has no controller, its supervisor no time limit, or where it
+    does not fit the pool, and NoAnswerError where it does not come through the mission, or through
+    the pool day.
     """
     floats = vehicle.command == "volume change"
     if pool is not None and floats:
         what = f"the pool {BY_VOLTAGE}, and this vehicle has a pump and a valve"
         remedy = "Leave it out, and log a dive of the sketch"
         raise InputError(what, field="--pool", value=pool.depth, unit="m", remedy=remedy)
+    check_time_limit(vehicle)
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
     asked = start_depth, target, duration
     mission, made = plan_program(vehicle, asked, in_pool=pool is not None)

@@ -480,6 +480,18 @@ def _same_ticks(noise: float, quantum: float, tick: float) -> int:
     return max(ticks(_AT_LEAST_S, tick), math.ceil(samples))
 
 
+def check_time_limit(vehicle: Vehicle, remedy: str = "") -> None:
+    """Raise InputError where the supervisor has no time limit: a slow drift has no other remedy."""
+    if vehicle.supervisor.time_limit is None:
+        what = (
+            "no time limit is stated, and nothing else brings up a vehicle whose depth drifts "
+            "slowly"
+        )
+        say = 'Give the longest that a mission takes from arming on, like --time-limit "2 h"'
+        say = f"{say}, or as time_limit in [supervisor]{remedy}"
+        raise InputError(what, field="supervisor.time_limit", remedy=say)
+
+
 def summary(p: SupervisorParameters) -> str:
     """Return what the command line says of the supervisor, one line."""
     battery = f"below {p.board.battery_low:.3g} V" if p.board.battery_low > 0.0 else "not watched"

@@ -11,6 +11,7 @@ from swimbladder.sim.faults.draw import Mission, course_of
 from swimbladder.sim.faults.mission_records import TRACE, Condition, FaultRow
 from swimbladder.sim.faults.run import FaultCampaign, board_of
 from tests.codegen.conftest import gcc
+from tests.vehicles import usual
 
 __all__ = ["gcc"]
 
@@ -104,7 +105,7 @@ def rig_of(request):
         name = asked if isinstance(asked, str) else asked.name
         if name not in made:
             vehicle = load_vehicle(asked) if isinstance(asked, str) else asked
-            course = course_of(vehicle, depths, column)
+            course = course_of(usual(vehicle, depths, column), depths, column)
             boards.append(board_of(course))
             made[name] = Rig(vehicle, FaultCampaign(course, boards[-1]), course)
         return made[name]

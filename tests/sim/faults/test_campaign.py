@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from swimbladder.codegen.library import digest, make_library
 from swimbladder.control.supervisor import Reason
 from swimbladder.design.tuning.region import member, unknowns
 from swimbladder.errors import InputError
@@ -21,6 +22,7 @@ from swimbladder.sim.faults.mission_records import RESULT, FaultRow, Result
 from swimbladder.sim.faults.single_mission import missions_csv
 from swimbladder.vehicle import Supervisor
 from tests.sim.faults.oracle import Fault
+from tests.vehicles import limited, usual
 
 FEUP = load_vehicle("feup-em")
 BEGIN = FaultRow._fields.index("begin")
@@ -62,7 +64,7 @@ def test_vehicles_are_drawn_evenly_from_their_region(name, monkeypatch):
     monkeypatch.setattr(drawing, "member", noted)
     vehicle = load_vehicle(name)
     names, ball = unknowns(vehicle)
-    course = course_of(vehicle, (12.0, 40.0))
+    course = course_of(usual(vehicle, (12.0, 40.0)), (12.0, 40.0))
     for n in range(400):
         drawing._plant(course, np.random.default_rng(n))
     found = np.array(drawn)
@@ -73,7 +75,7 @@ def test_vehicles_are_drawn_evenly_from_their_region(name, monkeypatch):
 
 
 def test_a_mission_depends_on_seed_and_number_only():
-    course = course_of(FEUP, None)
+    course = course_of(usual(FEUP), None)
     one = draw(course, seed=3, number=41, healthy=False)
     again = draw(course, seed=3, number=41, healthy=False)
     for field in dataclasses.fields(one):
@@ -88,7 +90,7 @@ def test_a_mission_depends_on_seed_and_number_only():
 
 
 def test_missions_stay_where_they_may():
-    course = course_of(FEUP, None)
+    course = course_of(usual(FEUP), None)
     drawn = [draw(course, seed=1, number=n, healthy=False) for n in range(300)]
     least, most, _ = course.depths
     for m in drawn:
@@ -105,7 +107,7 @@ def test_missions_stay_where_they_may():
 @pytest.mark.parametrize(("name", "share"), [("feup-em", 0.25), ("example-float", 0.6)])
 def test_the_first_fault_begins_early_enough_to_act(name, share):
     """Evenly from 30 s on within a quarter of the time until it comes up, of a float 0.6 of it."""
-    course = course_of(load_vehicle(name), (12.0, 40.0))
+    course = course_of(usual(load_vehicle(name), (12.0, 40.0)), (12.0, 40.0))
     begun = []
     for number in range(400):
         one = draw(course, seed=2, number=number, healthy=False)
@@ -118,7 +120,7 @@ def test_the_first_fault_begins_early_enough_to_act(name, share):
 @pytest.mark.parametrize("least", [0.0, 1.0])
 def test_a_first_depth_is_drawn_evenly_of_the_range_or_in_its_logarithm_from_above_0_on(least):
     """Three in four evenly in depth, the others in its logarithm where the range has one."""
-    course = course_of(FEUP, None)
+    course = course_of(usual(FEUP), None)
     most = course.depths.most
     course = course._replace(depths=course.depths._replace(least=least))
     first = [drawing._set_points(course, 0.5, np.random.default_rng(n))[1][0] for n in range(2000)]
@@ -136,7 +138,7 @@ def test_a_first_depth_is_drawn_evenly_of_the_range_or_in_its_logarithm_from_abo
 @pytest.fixture(scope="module")
 def flown(request):
     request.getfixturevalue("gcc")
-    return run_missions(FEUP, missions=310, healthy=60, seed=5)
+    return run_missions(usual(FEUP), missions=310, healthy=60, seed=5)
 
 
 @pytest.mark.promise("recovered")
@@ -176,10 +178,10 @@ def test_a_run_that_was_killed_goes_on_to_the_same_end(flown, tmp_path):
         raise KilledError
 
     with pytest.raises(KilledError):
-        run_missions(FEUP, missions=310, healthy=60, seed=5, keep=tmp_path, advance=kill)
+        run_missions(usual(FEUP), missions=310, healthy=60, seed=5, keep=tmp_path, advance=kill)
     kept = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.npy")}
     assert kept
-    again = run_missions(FEUP, missions=310, healthy=60, seed=5, keep=tmp_path)
+    again = run_missions(usual(FEUP), missions=310, healthy=60, seed=5, keep=tmp_path)
     assert same_rows(again.faulty, flown.faulty)
     assert same_rows(again.healthy, flown.healthy)
     for name, written in kept.items():
@@ -258,7 +260,21 @@ def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
 )
 def test_what_cannot_be_flown_is_refused(vehicle, options, said):
     with pytest.raises(InputError, match=said):
-        run_missions(vehicle, **{"missions": 5, **options})
+        run_missions(limited(vehicle), **{"missions": 5, **options})
+
+
+def test_without_a_time_limit_neither_missions_nor_firmware_are_written():
+    """Nothing else brings up a vehicle whose depth drifts; with one both are the same C."""
+    with pytest.raises(InputError, match=r"time_limit: no time limit .* take 1840 s with it"):
+        run_missions(FEUP, missions=5)
+    with pytest.raises(InputError, match="whose depth drifts slowly"):
+        make_library(FEUP, duration=30.0)
+    vehicle = limited(FEUP, 2400.0)
+    flown = run_missions(vehicle, missions=2, healthy=1)
+    made = make_library(vehicle, duration=30.0)
+    assert flown.program == digest(made).hex() == made.to_json()["sha256_of_c"]
+    other = make_library(limited(FEUP, 2500.0), duration=30.0)
+    assert digest(other).hex() != flown.program
 
 
 def test_depths_that_no_rating_limits_say_so():
@@ -266,9 +282,9 @@ def test_depths_that_no_rating_limits_say_so():
     vehicle = load_vehicle("ntnu-bv")
     assert (
         "no rating is stated, give hull.depth_limit or --depth"
-        in course_of(vehicle, None).depths.limit
+        in course_of(usual(vehicle), None).depths.limit
     )
     rated = vehicle.model_copy(
         update={"hull": vehicle.hull.model_copy(update={"depth_limit": 40.0})}
     )
-    assert "rating" not in course_of(rated, None).depths.limit
+    assert "rating" not in course_of(usual(rated), None).depths.limit

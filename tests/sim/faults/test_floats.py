@@ -25,6 +25,7 @@ from swimbladder.sim.faults.kinds import KINDS, VALVE, kinds_of, not_drawn
 from swimbladder.sim.faults.run import run_missions
 from swimbladder.vehicle import PowerLawPump
 from tests.sim.faults.oracle import Fault
+from tests.vehicles import usual
 
 FLOAT, ALWAYS, TICK = load_vehicle("example-float"), math.inf, 1.0
 DEPTHS = (15.0, 420.0)
@@ -369,7 +370,7 @@ def test_what_a_float_cannot_have_is_named():
 
 
 def test_dives_begin_at_the_surface_and_leave_time_for_their_ways():
-    course = course_of(FLOAT, None)
+    course = course_of(usual(FLOAT), None)
     drawn = [draw(course, seed=1, number=n, healthy=False) for n in range(200)]
     for m in drawn:
         assert m.condition.start_depth == 0.0
@@ -385,7 +386,7 @@ def test_dives_begin_at_the_surface_and_leave_time_for_their_ways():
 
 def test_the_time_limit_of_dives_leaves_an_hour_for_coming_up():
     """Two hours, the way down and up at two thirds of the law's speed, and an hour."""
-    course = course_of(FLOAT, DEPTHS)
+    course = course_of(usual(FLOAT, DEPTHS), DEPTHS)
     assert FLOAT.controller.parameters["far_speed"] == "10 cm/s"
     speed = 0.1
     way = DEPTHS[1] - FLOAT.hull.emergence_depth + 1.0  # the last set-point is out of the water
@@ -401,7 +402,7 @@ def test_without_a_supply_what_a_pump_has_is_a_share_of_the_nominal_too():
             "supply": None,
         }
     )
-    course = course_of(measured, (15.0, 60.0))
+    course = course_of(usual(measured, (15.0, 60.0)), (15.0, 60.0))
     drawn = [draw(course, seed=1, number=n, healthy=True).plant for n in range(200)]
     shares = [Plant(*plant).supply for plant in drawn]
     assert stats.kstest(shares, stats.uniform(0.9, 0.1).cdf).pvalue > 1e-3
@@ -411,10 +412,20 @@ def test_without_a_supply_what_a_pump_has_is_a_share_of_the_nominal_too():
 @pytest.mark.promise("recovered")
 def test_a_campaign_of_shallow_dives(tmp_path):
     flown = run_missions(
-        FLOAT, missions=8, healthy=2, seed=3, depths=(15.0, 60.0), keep=tmp_path / "kept"
+        usual(FLOAT, depths=(15.0, 60.0)),
+        missions=8,
+        healthy=2,
+        seed=3,
+        depths=(15.0, 60.0),
+        keep=tmp_path / "kept",
     )
     again = run_missions(
-        FLOAT, missions=8, healthy=2, seed=3, depths=(15.0, 60.0), keep=tmp_path / "kept"
+        usual(FLOAT, depths=(15.0, 60.0)),
+        missions=8,
+        healthy=2,
+        seed=3,
+        depths=(15.0, 60.0),
+        keep=tmp_path / "kept",
     )
     assert np.array_equal(flown.faulty.view(float), again.faulty.view(float), equal_nan=True)
     assert len(flown.false_alarms) == len(flown.healthy_lost) == 0

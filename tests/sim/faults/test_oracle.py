@@ -17,6 +17,7 @@ from tests.layered import SEA as SALT
 from tests.layered import added, density
 from tests.oracle import Machine
 from tests.sim.faults.oracle import COMPARED, Drawn, Fault, Faulty, Layered, follow
+from tests.vehicles import usual
 
 ALWAYS = math.inf
 # A motor whose load does not depend on the direction; and one that stops where it turns, as all
@@ -431,7 +432,7 @@ def test_two_faults_act_one_upon_the_other(rig):
 def test_a_drawn_mission_is_that_of_the_oracle_around_its_onset(number):
     """Vehicle, water, bottom, swell and faults as drawn; with noise, which no plant sees."""
     vehicle = load_vehicle("feup-em")
-    told = fly_one(vehicle, number, seed=3)
+    told = fly_one(usual(vehicle), number, seed=3)
     c, tick = told.mission.condition, told.tick
     fault_rows = [(Fault(int(h[0])), *h[1:]) for h in told.mission.fault_rows]
     for rows in told.rows[:2]:

@@ -126,8 +126,8 @@ class Tuning(gains.Found):
             )
         if math.isfinite(r.energy):
             sentences.append(
-                f"The motor takes {rounded(r.energy, 3):g} J in the "
-                f"{self.step.duration / 60.0:.3g} min of a trial and {rounded(1e3 * r.power, 3):g} "
+                f"The motor takes {rounded(r.energy, 3)} J in the "
+                f"{self.step.duration / 60.0:.3g} min of a trial and {rounded(1e3 * r.power, 3)} "
                 "mW while it holds (region, at its terminals)."
             )
         if self.ballast and math.isfinite(r.ballast):

@@ -32,6 +32,11 @@ _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
 _WATCHED = 10.0  # times the least time of a step
+_TIME_LIMIT = 7200.0  # s, that a mission takes at most where the vehicle does not say
+_LIMITED = (
+    "a mission takes 2 h at most: the supervisor then brings the vehicle up (time_limit in "
+    "[supervisor] of the file written; state yours there)"
+)
 _NEUTRAL, _LEAST_NEUTRAL = 10.0, 50e-6  # times its spread, and m3: how far a filter looks for it
 _IN_WAVES = 2.0  # m, where a vehicle is held in waves
 _ROWS = 201  # depths at which a cast's layers are looked at
@@ -223,6 +228,9 @@ class _Request:
         made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
         if self.supervised:
             made["supervisor"] = vehicle.supervisor  # so that `simulate` flies it as well
+            if vehicle.supervisor.time_limit is None:
+                limited = {"time_limit": _TIME_LIMIT}
+                made["supervisor"] = vehicle.supervisor.model_copy(update=limited)
         return vehicle.model_copy(update=made)
 
     def _assumptions(self, off: NDArray[np.float64]) -> tuple[str, ...]:
@@ -230,6 +238,8 @@ class _Request:
         pumped = self.vehicle.command == "volume change"
         how = trial.SUPERVISED if self.supervised else trial.ALONE
         found = [*self.around.words, self.sensor, how, *_outside(self.depths, self.ends)]
+        if self.supervised and self.vehicle.supervisor.time_limit is None:
+            found.append(_LIMITED)
         found += _in_water(self.column, off, pumped=pumped)
         if math.isfinite(self.supply):
             found.append(f"the supply falls to {self.supply:.3g} V")

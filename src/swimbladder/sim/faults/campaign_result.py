@@ -112,6 +112,7 @@ class Campaign:
     seed: int
     faulty: NDArray[np.void]
     healthy: NDArray[np.void]
+    program: str  # hash of the C that was flown, which `firmware` prints too
 
     @property
     def tick(self) -> float:
@@ -271,6 +272,7 @@ class Campaign:
             "vehicle": self.course.vehicle.name,
             "water": self.course.water,
             "law": self.course.vehicle.controller and self.course.vehicle.controller.law,
+            "sha256_of_c": self.program,
             "seed": self.seed,
             "missions": len(self.faulty),
             "depths_m": [self.course.depths.least, self.course.depths.most],

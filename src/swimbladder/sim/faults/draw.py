@@ -8,7 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.supervisor_limits import cruising_speed, supervisor_parameters
+from swimbladder.control.supervisor_limits import (
+    check_time_limit,
+    cruising_speed,
+    supervisor_parameters,
+)
 from swimbladder.design.tuning.region import member, region, unknowns
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import terminal_speed
@@ -19,6 +23,7 @@ from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.sim.faults.kinds import MOTOR, draw_fault, kinds_of, parts_of
 from swimbladder.sim.faults.mission_records import Condition, FaultRow
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
@@ -101,6 +106,19 @@ class Course(NamedTuple):
         return None if self.column is None else self.column.source
 
     @property
+    def takes(self) -> float:
+        """Time [s] that the longest mission takes, without what comes up slowly at its end."""
+        way = self.depths.most - self.medium.plant.z_surface - UP
+        if self.floats:
+            return DIVE + 2.0 * WAY_SHARE * way / self.ramp
+        return DURATION + way / self.ramp
+
+    @property
+    def slack(self) -> float:
+        """Time [s] beyond that for coming up."""
+        return DIVE_SLACK if self.floats else SLACK
+
+    @property
     def time_limit(self) -> float:
         """Time [s] after which the supervisor brings the vehicle up."""
         limit = self.vehicle.supervisor.time_limit
@@ -114,9 +132,9 @@ def course_of(
     """Return what the missions of a vehicle have in common; depths [m] as asked for, or its own.
 
     column: the water, the vehicle's own where not given; its supervisor is that of its file.
-    The supervisor's time limit is the vehicle's, or leaves time for a way up from the deepest. A
-    float dives from the surface; its law's speed is that of its ways.
-    Raises InputError where the depths are not given and nothing limits them, where the supervisor
+    A float dives from the surface; its law's speed is that of its ways.
+    Raises InputError where the supervisor has no time limit or a shorter one than the missions
+    take, where the depths are not given and nothing limits them, where the supervisor
     would not let the vehicle go there, and where the water ends above or the stroke does not reach
     the neutral volume in it.
     """
@@ -135,22 +153,17 @@ def course_of(
     p = medium.plant
     speed = _rise_speed(medium, where.most)
     ramp = min(cruising_speed(vehicle) if floats else RAMP, speed / 5.0)
-    way = where.most - p.z_surface - UP
-    takes, slack = DURATION + way / ramp, SLACK
-    if floats:
-        takes, slack = DIVE + 2.0 * WAY_SHARE * way / ramp, DIVE_SLACK
-    limit = vehicle.supervisor.time_limit
-    if limit is None:
-        limit = takes + slack
-        supervisor = vehicle.supervisor.model_copy(update={"time_limit": limit})
-        vehicle = vehicle.model_copy(update={"supervisor": supervisor})
-    elif limit < takes:
+    found = Course(vehicle, where, region(vehicle).neutral, speed, ramp, 0.0, medium, column)
+    takes = found.takes
+    check_time_limit(vehicle, f". These missions take {rounded(takes + found.slack, 3)} s with it")
+    limit = found.time_limit
+    if limit < takes:
         what = f"the missions take {takes:.0f} s and would be cut short"
-        remedy = "Leave it out, give more, or ask for less --depth"
+        remedy = "Give more, or ask for less --depth"
         field = "supervisor.time_limit"
         raise InputError(what, field=field, value=limit, unit="s", remedy=remedy)
-    end = limit + slack + 3.0 * way / speed
-    return Course(vehicle, where, region(vehicle).neutral, speed, ramp, end, medium, column)
+    way = where.most - p.z_surface - UP
+    return found._replace(end=limit + found.slack + 3.0 * way / speed)
 
 
 def _tick(vehicle: Vehicle) -> float:

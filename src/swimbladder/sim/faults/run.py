@@ -12,7 +12,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.library import make_program
+from swimbladder.codegen.golden import BoardProgram
+from swimbladder.codegen.library import digest, make_program
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
@@ -39,8 +40,13 @@ Rows = NDArray[np.void]  # of ROW
 
 def sources(course: Course) -> dict[str, str]:
     """Return the C files of a vehicle's controller and supervisor, and what calls them here."""
-    made = make_program(course.vehicle, depths=(course.depths.least,))
+    made = program_of(course)
     return made.sources | {"c_interface.c": c_interface(made.first, floats=course.floats)}
+
+
+def program_of(course: Course) -> BoardProgram:
+    """Return the program that `firmware` writes for the vehicle."""
+    return make_program(course.vehicle, depths=(course.depths.least,))
 
 
 _NO_ROWS = np.zeros((0, len(Trace._fields)))
@@ -181,7 +187,8 @@ def run_missions(
             for numbers, rows in each(partial(_chunk, campaign, seed, kept, well), chunks):
                 table[numbers.start : numbers.stop] = rows
                 advance(len(rows) / (missions + healthy))
-    return Campaign(course=course, seed=seed, faulty=tables[0], healthy=tables[1])
+    program = digest(program_of(course)).hex()
+    return Campaign(course=course, seed=seed, faulty=tables[0], healthy=tables[1], program=program)
 
 
 def _chunk(campaign: FaultCampaign, seed: int, kept: Store, healthy: bool, numbers: range) -> Rows:
