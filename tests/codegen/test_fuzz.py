@@ -65,6 +65,36 @@ def test_without_libfuzzer_random_inputs_do(tmp_path):
             "a reason is among the reasons",
         ),
         (
+            "swb_arming.c",
+            "state->held : 0.0f",
+            "state->held : 1.0f",
+            "is held",
+        ),
+        (
+            "swb_vehicle.c",
+            "if (after_reset && v->arming.deck != SWB_DISARMED) {",
+            "if (after_reset && v->kept == 0u) {",
+            "a power-off disarms, and nothing else does",
+        ),
+        (
+            "swb_arming.c",
+            "state->restarted = !state->surfaced;",
+            "",
+            "power that came under water brings it up",
+        ),
+        (
+            "swb_box.c",
+            "        if (b->reason == 0u) {\n",
+            "        if (true) {\n",
+            "the first reason in the box stays",
+        ),
+        (
+            "swb_box.c",
+            "if (b->armed != 0u && swb_vehicle_surfaced(v)) {",
+            "if (b->armed != 0u) {",
+            "the box keeps what was armed until it is at the surface",
+        ),
+        (
             "swb_controller.c",
             "if (!(next_s > 1.001f * SWB_TICK_S)) {",
             "if (next_s <= 1.001f * SWB_TICK_S && next_s > -1e3f) {",
