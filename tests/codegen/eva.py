@@ -1,10 +1,10 @@
 """The generated C under Frama-C Eva, for any bits as what the sensors say.
 
 Eva (abstract interpretation) follows proof/any_bits.c: a vehicle and its black box in memory that
-held anything, switched on, their tick for ever, armed or begun anew at any of them. What it shows holds for every run at once: nothing read
-that was not written, nothing outside its memory, no shift, sum or conversion of a number that C
-leaves undefined, and a command that is finite and within its limits. Infinities and NaN are numbers
-here, as in IEEE 754: the laws count on them.
+held anything, switched on, their tick for ever, armed or begun anew at any of them. What it shows
+holds for every run at once: nothing read that was not written, nothing outside its memory, no
+shift, sum or conversion of a number that C leaves undefined, and a command that is finite and
+within its limits. Infinities and NaN are numbers here, as in IEEE 754: the laws count on them.
 
 One fact Eva cannot see for itself: that the bits which `swb_known` looks at say whether a number is
 finite. It is given to it as a comment where the controller has asked, and proven for each of the

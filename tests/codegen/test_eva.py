@@ -42,6 +42,7 @@ def _shown(name: str, folder: Path, chip: str) -> None:
 @pytest.mark.usefixtures("frama_c")
 @pytest.mark.parametrize("name", ["cascade", "planned", "adrc"])
 @pytest.mark.promise("command-within-limits")
+@pytest.mark.promise("disarmed-holds")
 def test_any_bits_for_ever_leave_nothing_undefined_and_the_command_within_its_limits(
     name, tmp_path
 ):
@@ -54,6 +55,7 @@ def test_any_bits_for_ever_leave_nothing_undefined_and_the_command_within_its_li
 @pytest.mark.parametrize("chip", eva.CHIPS)
 @pytest.mark.parametrize("name", LIBRARIES)
 @pytest.mark.promise("command-within-limits")
+@pytest.mark.promise("disarmed-holds")
 def test_so_it_is_for_every_law(name, chip, tmp_path):
     _shown(name, tmp_path, chip)
 

@@ -14,6 +14,10 @@ from tests.vehicles import SAMPLED
 )
 @pytest.mark.promise("first-reason")
 @pytest.mark.promise("command-within-limits")
+@pytest.mark.promise("disarmed-holds")
+@pytest.mark.promise("stays-armed")
+@pytest.mark.promise("power-under-water")
+@pytest.mark.promise("black-box")
 def test_a_short_run_breaks_nothing(name, tmp_path):
     _breaks_nothing(name, tmp_path, runs=2000)
 
