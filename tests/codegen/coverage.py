@@ -18,7 +18,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from swimbladder.codegen.c99 import c_law
 from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.control.registry import LAWS
 from swimbladder.vehicle import Sensors, Supervisor, Vehicle
@@ -29,7 +28,7 @@ from tests.vehicles import SAMPLED, SWITCHED, limited, pump, stepper
 
 LEAST = 0.95
 _OTHER_GAINS = {"fastest": 0.0, "jerk": 0.0, "shortest": 0.0, "dead": 5e-6}
-_MISSIONS, _RANDOM = "400", "3000"
+_MISSIONS, _RANDOM = "400", "8000"
 
 
 class Branch(NamedTuple):
@@ -84,10 +83,9 @@ def _run(made: Library, folder: Path) -> None:
     """Compile a library with counters, and run all that tests it."""
     write_library(made, folder / "library")
     src = folder / "library" / "src"
-    law = f"swb_{c_law(made.law.name)}"
     flags = [
         *("-std=c99", "-ffp-contract=off", "-O0", "--coverage", "-I", src, "-I", fuzz.HERE),
-        *(f"-D{n.upper()}={law}_{n}" for n in ("parameters", "state", "initial", "step")),
+        *fuzz.defines(made),
     ]
     harness = [fuzz.HERE / "harness.c", fuzz.HERE / "random.c"]
     check = folder / "library" / "extras" / "check.c"

@@ -1,9 +1,10 @@
 """The generated C under a fuzzer, with the address and undefined-behaviour sanitizers.
 
 ``python -m tests.codegen.fuzz [--seconds N] [--law LAW]...`` builds for each law one program: the
-law, its controller, the supervisor and, for the cascade, the pool procedure. libFuzzer runs it for
-so long, and a table says what it did. fuzzing/harness.c says which promises are watched. Division
-by zero is not looked for: in IEEE 754 it is defined, and the laws count on its infinities.
+law, its controller, the supervisor, the arming, the black box and, for the cascade, the pool
+procedure. libFuzzer runs it for so long, and a table says what it did. fuzzing/harness.c says which
+promises are watched. Division by zero is not looked for: in IEEE 754 it is defined, and the laws
+count on its infinities.
 """
 
 import argparse
@@ -70,6 +71,17 @@ def with_files(made: Library, files: Mapping[str, str]) -> Library:
     return replace(made, files=files)
 
 
+def defines(made: Library) -> list[str]:
+    """Return what tells the harness which law it has, and what else."""
+    law = f"swb_{c_law(made.law.name)}"
+    words = [f"-D{n.upper()}={law}_{n}" for n in ("parameters", "state", "initial", "step")]
+    if "src/swb_pool.c" in made.files:
+        words.append("-DPOOL")
+    if made.law.command == "volume":
+        words.append("-DPOSITIONER")
+    return words
+
+
 def build(made: Library, folder: Path, kind: Literal["libfuzzer", "random", "gcov"]) -> Path:
     """Return a program of a library and the harness.
 
@@ -78,15 +90,6 @@ def build(made: Library, folder: Path, kind: Literal["libfuzzer", "random", "gco
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_library(made, folder / "library")
-    law = f"swb_{c_law(made.law.name)}"
-    defines = [
-        f"-DPARAMETERS={law}_parameters",
-        f"-DSTATE={law}_state",
-        f"-DINITIAL={law}_initial",
-        f"-DSTEP={law}_step",
-    ]
-    if "src/swb_pool.c" in made.files:
-        defines.append("-DPOOL")
     sources = [*sorted((folder / "library" / "src").glob("*.c")), HERE / "harness.c"]
     if kind != "libfuzzer":
         sources.append(HERE / "random.c")
@@ -99,7 +102,7 @@ def build(made: Library, folder: Path, kind: Literal["libfuzzer", "random", "gco
         "clang" if kind == "libfuzzer" else "gcc",
         *_FLAGS,
         *special,
-        *defines,
+        *defines(made),
         "-I",
         folder / "library" / "src",
         *sources,

@@ -65,6 +65,9 @@ _VOLUMES = st.sampled_from([1e-5, -2e-4, math.nan, math.inf, 1.0])
     was_armed=st.booleans(),
     by_hand=st.integers(0, 40),
 )
+@pytest.mark.promise("disarmed-holds")
+@pytest.mark.promise("water-arms")
+@pytest.mark.promise("as-in-python")
 def test_whatever_it_sees_is_met_as_by_the_twin(both, stretches, was_armed, by_hand):
     made, in_c = both
     beside = switched_on(made, was_armed=was_armed)
@@ -89,6 +92,7 @@ def test_whatever_it_sees_is_met_as_by_the_twin(both, stretches, was_armed, by_h
 
 
 class TestAReset:
+    @pytest.mark.promise("stays-armed")
     def test_of_one_that_is_armed_leaves_it_armed(self, both):
         _, in_c = both
         in_c.begin(anew=False)
@@ -99,6 +103,7 @@ class TestAReset:
         assert armed(in_c)
         assert in_c.tick(SEEN._replace(depth=math.nan), 3.0)[1] == Reason.RESTARTED
 
+    @pytest.mark.promise("disarmed-holds")
     def test_of_one_that_is_not_leaves_it_so(self, both):
         """As the reset button, or a serial monitor that is opened, on deck."""
         _, in_c = both
@@ -110,6 +115,7 @@ class TestAReset:
         for _ in range(200):
             assert in_c.tick(SEEN._replace(depth=0.1, leak=True), 3.0)[1:] == (0, 0, 0)
 
+    @pytest.mark.promise("stays-armed")
     def test_that_cost_the_memory_arms(self, both):
         """A brown-out in the dive: nobody knows, and up is the safe way."""
         made, in_c = both
@@ -122,6 +128,7 @@ class TestAReset:
             assert reason == Reason.RESTARTED
             assert command == np.float32(made.supervisor.push.surface_command)
 
+    @pytest.mark.promise("disarmed-holds")
     def test_power_on_is_none_whatever_the_memory_holds(self, both):
         made, in_c = both
         in_c.begin(anew=False)
@@ -147,6 +154,7 @@ class TestAReset:
 
 @pytest.mark.avr
 @pytest.mark.usefixtures("avr")
+@pytest.mark.promise("water-arms")
 def test_on_the_chip_it_is_armed_by_water_as_in_the_twin(tmp_path):
     made = library()
     on_chip, beside = chip.vehicle(made, tmp_path, "atmega328p", "-DDISARMED"), switched_on(made)

@@ -109,6 +109,7 @@ def board(compiled):
     return compiled
 
 
+@pytest.mark.promise("black-box")
 def test_a_restart_does_not_overwrite_the_first_reason(board):
     """The supervisor's own is then `restarted`, 0x1; the box says what was first."""
     board.dive(100)
@@ -126,6 +127,8 @@ def test_a_restart_does_not_overwrite_the_first_reason(board):
 
 
 @pytest.mark.parametrize("lost", [0xFF, 0x55, 0x01])
+@pytest.mark.promise("black-box")
+@pytest.mark.promise("power-under-water")
 def test_it_survives_a_loss_of_power(board, lost):
     board.dive(100)
     for _ in range(40):
@@ -142,6 +145,7 @@ def test_it_survives_a_loss_of_power(board, lost):
     assert board.reason == Reason.DEPTH_MISSING
 
 
+@pytest.mark.promise("black-box")
 def test_a_brown_out_that_costs_the_memory_leaves_what_was_kept(board):
     for _ in range(40):
         board.c.tick(math.nan, ALL)
@@ -180,6 +184,7 @@ def test_the_last_minutes_are_there_and_half_of_what_follows(board):
     assert said[at + 1][2] == 127  # 12 V
 
 
+@pytest.mark.promise("black-box")
 def test_a_new_dive_keeps_the_reason_of_the_first_that_was_not_cleared(board):
     for kind in (math.nan, 1e6):
         for _ in range(40):
@@ -197,6 +202,7 @@ def test_a_new_dive_keeps_the_reason_of_the_first_that_was_not_cleared(board):
     assert (board.earlier, board.earlier_reasons, board.reason) == (0, 0, 0)
 
 
+@pytest.mark.promise("power-under-water")
 def test_a_save_that_the_power_cut_short_counts_as_armed(board):
     board.dive(100)
     for _ in range(17):

@@ -45,7 +45,10 @@ def test_the_golden_trace_is_equal_on_the_board(board, tmp_path):
 
 
 @pytest.mark.parametrize("board", ["atmega328p"], indirect=True)
-def test_a_sketch_logs_is_armed_and_tells_after_a_watchdog_why_it_came_up(board, tmp_path):
+@pytest.mark.promise("disarmed-holds")
+@pytest.mark.promise("stays-armed")
+@pytest.mark.promise("black-box")
+def test_a_sketch_logs_is_armed_and_reports_after_a_watchdog_why_it_came_up(board, tmp_path):
     """Its depth sensor fails, then hangs the loop; the watchdog bites, and the box is printed."""
     mcu, made_core = board
     made = make_library(limited(paper(supervisor=Supervisor(patience="0.9 s"))), duration=30.0)

@@ -14,6 +14,10 @@ from tests.vehicles import SAMPLED
 )
 @pytest.mark.promise("first-reason")
 @pytest.mark.promise("command-within-limits")
+@pytest.mark.promise("disarmed-holds")
+@pytest.mark.promise("stays-armed")
+@pytest.mark.promise("power-under-water")
+@pytest.mark.promise("black-box")
 def test_a_short_run_breaks_nothing(name, tmp_path):
     _breaks_nothing(name, tmp_path, runs=2000)
 
@@ -63,6 +67,36 @@ def test_without_libfuzzer_random_inputs_do(tmp_path):
             "v->reason = (uint8_t)v->state.rescue.reason;",
             "v->reason = seen->leak ? 2u : 0u;",
             "a reason is among the reasons",
+        ),
+        (
+            "swb_arming.c",
+            "state->held : 0.0f",
+            "state->held : 1.0f",
+            "is held",
+        ),
+        (
+            "swb_vehicle.c",
+            "if (after_reset && v->arming.deck != SWB_DISARMED) {",
+            "if (after_reset && v->kept == 0u) {",
+            "a power-off disarms, and nothing else does",
+        ),
+        (
+            "swb_arming.c",
+            "state->restarted = !state->surfaced;",
+            "",
+            "power that came under water brings it up",
+        ),
+        (
+            "swb_box.c",
+            "        if (b->reason == 0u) {\n",
+            "        if (true) {\n",
+            "the first reason in the box stays",
+        ),
+        (
+            "swb_box.c",
+            "if (b->armed != 0u && swb_vehicle_surfaced(v)) {",
+            "if (b->armed != 0u) {",
+            "the box keeps what was armed until it is at the surface",
         ),
         (
             "swb_controller.c",

@@ -266,6 +266,7 @@ class TestExamples:
         last = float(printed.splitlines()[-1].split(",")[3])
         assert low - 1e-9 <= last <= high + 1e-9
 
+    @pytest.mark.promise("disarmed-holds")
     def test_nobody_has_armed_it_and_nothing_happens(self, name, tmp_path):
         """On the bench, without a sensor, or dry: no reason, and no command that moves anything."""
         text = library(name).files["examples/FloatAVR/FloatAVR.ino"]
@@ -284,6 +285,7 @@ class TestExamples:
     @pytest.mark.parametrize(
         ("how", "tick"), [("switch", 7), ("word", 0), ("another word", None), ("water", 9)]
     )
+    @pytest.mark.promise("water-arms")
     def test_what_arms_it(self, name, how, tick, tmp_path):
         text = library(name).files["examples/FloatAVR/FloatAVR.ino"]
         text = text.replace("*volume_m3 = NAN;", "*volume_m3 = 0.0f;")

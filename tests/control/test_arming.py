@@ -48,35 +48,42 @@ def a_vehicle(name="cascade", **supervisor):
 
 
 class TestWhatArms:
+    @pytest.mark.promise("water-arms")
     def test_three_seconds_under_water(self):
         assert (P.submerged, P.under) == (1.0, 10)
         s, tick = after([0.2] * 20 + [1.1] * 20)
         assert tick == 29
         assert not s.restarted
 
+    @pytest.mark.promise("disarmed-holds")
     def test_not_a_splash_nor_a_wave_nor_the_weather(self):
         wave = 0.5 + 0.7 * np.sin(2.0 * np.pi * 0.3 * np.arange(2000) / 6.0)
         assert after([*wave])[1] is None
         assert after([0.9] * 5000)[1] is None
         assert after([-0.9] * 5000)[1] is None
 
+    @pytest.mark.promise("disarmed-holds")
     def test_not_a_sensor_that_is_not_there_or_says_nonsense(self):
         assert after([math.nan] * 5000)[1] is None
         assert after([1e6, -50.0, math.inf] * 2000)[1] is None
 
+    @pytest.mark.promise("water-arms")
     def test_gaps_under_water_do_not_delay_it_for_ever(self):
         assert after([0.2] * 20 + [5.0, math.nan, math.nan] * 30)[1] == 20 + 27
 
+    @pytest.mark.promise("power-under-water")
     def test_a_power_on_in_the_deep_is_a_restart(self):
         s, tick = after([30.0] * 20)
         assert tick == 9
         assert s.restarted
 
+    @pytest.mark.promise("power-under-water")
     def test_a_first_sample_of_zero_is_no_surface(self):
         s, _ = after([0.0, 0.0, *[30.0] * 20])
         assert s.restarted
 
     @pytest.mark.parametrize(("was_armed", "tick"), [(True, 16), (False, None)])
+    @pytest.mark.promise("power-under-water")
     def test_what_was_armed_and_sees_nothing_is_armed(self, was_armed, tick):
         """A loss of power in the dive, with a sensor that fails since: `patience`, then up."""
         s, armed = after([math.nan] * 100, was_armed=was_armed)
@@ -90,6 +97,7 @@ class TestWhatArms:
         assert not s.was_armed
 
     @pytest.mark.parametrize("deck", [0, 1, DISARMED ^ 0x8000, DISARMED ^ 1, 65535])
+    @pytest.mark.promise("stays-armed")
     def test_memory_that_holds_anything_else_is_armed(self, deck):
         s = ARMING.initial(P, Deck(math.nan, math.nan), 0.0)._replace(deck=deck)
         command, s, _ = ARMING.step(P, s, Deck(0.0, 0.0), 7.5)
@@ -98,6 +106,7 @@ class TestWhatArms:
 
 
 class TestOnTheBench:
+    @pytest.mark.promise("disarmed-holds")
     def test_nothing_moves_and_nothing_latches_in_an_hour(self):
         """The very same that a vehicle which is armed takes for a fault within seconds."""
         _, made = a_vehicle()
@@ -114,6 +123,7 @@ class TestOnTheBench:
         assert made.armed
         assert ticks * 0.3 < 60.0
 
+    @pytest.mark.promise("disarmed-holds")
     def test_leak_battery_and_time_are_no_reason_either(self):
         _, made = a_vehicle(time_limit="60 s")
         for _ in range(1000):
@@ -123,6 +133,7 @@ class TestOnTheBench:
         made.tick(BENCH, 3.0)
         assert made.reason is None
 
+    @pytest.mark.promise("stays-armed")
     def test_to_arm_what_is_armed_changes_nothing(self):
         _, made = a_vehicle()
         made.arm()
@@ -131,6 +142,7 @@ class TestOnTheBench:
         made.arm()
         assert made.reason is Reason.LEAK
 
+    @pytest.mark.promise("disarmed-holds")
     def test_a_positioner_keeps_the_first_volume_that_it_measured(self):
         _, made = a_vehicle("position-pid")
         seen = BENCH._replace(volume=math.nan)
@@ -184,6 +196,7 @@ class TestInTheWater:
         )
         return ran, made, armed.index(True) if True in armed else None
 
+    @pytest.mark.promise("water-arms")
     def test_a_heavy_vehicle_that_is_let_go_at_the_surface_does_its_mission(self):
         """40 cm3 heavier than neutral it sinks by itself, and is caught."""
         ran, made, tick = self.flown(start=0.2, trim=4e-5)
@@ -192,6 +205,7 @@ class TestInTheWater:
         assert made.reason is None
         assert ran.depth[-1] == pytest.approx(3.0, abs=0.1)
 
+    @pytest.mark.promise("power-under-water")
     def test_power_that_comes_back_in_the_deep_brings_it_up(self):
         ran, made, tick = self.flown(start=20.0, trim=4e-5)
         assert tick == 9

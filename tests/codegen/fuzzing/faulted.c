@@ -1,6 +1,6 @@
 /* faulted MISSIONS SEED: so many missions with random faults, two at a time, over something that moves
  * as the vehicle's own numbers say, eqs (13) and (16) with linear drag and a motor without a lag. What
- * harness.c asks of the command and of the reasons is asked at every tick. */
+ * harness.c asks of the command, of the reasons and of the black box is asked at every tick. */
 #define LLVMFuzzerTestOneInput harness
 #include "harness.c"
 #include "swb_vehicle.c"
@@ -92,7 +92,7 @@ static swb_seen sensed(world *p, const uint32_t *kinds, const int *from, int tic
     return s;
 }
 
-static void fly(swb_vehicle *v, bool healthy)
+static void fly(board *o, bool healthy)
 {
     const uint32_t kinds[2] = {healthy ? NOTHING : chance(FAULTS), healthy ? NOTHING : chance(FAULTS)};
     const int from[2] = {(int)chance(1500u), (int)chance(1500u)};
@@ -103,7 +103,10 @@ static void fly(swb_vehicle *v, bool healthy)
     float asked = between(0.0f, 6.0f);
     float command = 0.0f;
     p.V = swb_limits.neutral.psi * p.z + p.heavier;
-    swb_vehicle_begin(v, false);
+    start(o, false, false);
+    if (p.z < 1.5f || chance(3u) > 0u) { /* else the water arms it, and it comes up */
+        swb_vehicle_arm(&o->v);
+    }
     for (int tick = 0; tick < last; ++tick) {
         const uint32_t none[2] = {NOTHING, NOTHING};
         const uint32_t *now = tick < until ? kinds : none;
@@ -111,23 +114,15 @@ static void fly(swb_vehicle *v, bool healthy)
         const bool swapped = acts(SWAPPED, now, from, tick)
             || (acts(SWAPPED_AT_TIMES, now, from, tick) && flickers);
         swb_seen s = sensed(&p, now, from, tick);
-        uint8_t reason = v->reason;
-        uint32_t reasons = v->reasons;
-        bool release = v->release;
         if (chance(300u) == 0u) {
             asked = acts(ASKED_DEEP, now, from, tick) ? 500.0f : between(-0.5f, 12.0f);
             asked = acts(ASKED_NAN, now, from, tick) ? NAN : asked;
         }
         if ((acts(RESETS, now, from, tick) && chance(200u) == 0u)
             || (acts(BATTERY_RESETS, now, from, tick) && command > 0.0f && chance(3u) > 0u)) {
-            swb_vehicle_begin(v, true);
-            reason = 0u;
-            reasons = 0u;
-            release = false;
+            start(o, true, false);
         }
-        command = swb_vehicle_tick(v, &s, asked);
-        check_command(command);
-        check_supervisor(v, reason, reasons, release);
+        command = board_tick(o, &s, asked, 1u);
         if (acts(FLOODED, now, from, tick)) {
             p.heavier += 0.001f * swb_limits.deep.largest;
         }
@@ -139,11 +134,11 @@ static void fly(swb_vehicle *v, bool healthy)
 int main(int count, char **words)
 {
     const long missions = count == 3 ? strtol(words[1], NULL, 10) : 0;
-    static swb_vehicle vehicle;
+    static board flown;
     for (long n = 0; n < missions; ++n) {
         state_of_chance = ((uint32_t)strtoul(words[2], NULL, 10) + (uint32_t)n) * 2654435761u | 1u;
         (void)chance(2u);
-        fly(&vehicle, n % 20 == 0);
+        fly(&flown, n % 20 == 0);
     }
     for (int reason = 0; reason < 256; ++reason) {
         must((strcmp(swb_reason((uint8_t)reason), "unknown") == 0) == (reason >= (int)SWB_REASONS),

@@ -1,6 +1,7 @@
 /* What libFuzzer, or random.c, calls with bytes: they become numbers for a law's functions, for its
- * controller, for the vehicle under its supervisor, or for a pool day. The sanitizers look for
- * undefined behaviour, `must` for broken promises. */
+ * controller, for the vehicle under its supervisor, for a board that is switched on, reset and armed,
+ * with its black box, or for a pool day. The sanitizers look for undefined behaviour, `must` for broken
+ * promises. */
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -8,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "swb_box.h"
 #include "swb_vehicle.h"
 #ifdef POOL
 #include "swb_pool_day.h"
@@ -60,6 +62,18 @@ static float number(float low, float high)
     }
     const uint32_t part = (uint32_t)byte() << 8 | byte();
     return low + (high - low) * ((float)part / 65535.0f);
+}
+
+/* Return a count: the largest, or any. */
+static uint16_t word(void)
+{
+    const uint8_t high = byte();
+    return high > 250u ? 65535u : (uint16_t)(high << 8 | byte());
+}
+
+static bool same(float x, float y)
+{
+    return memcmp(&x, &y, sizeof x) == 0;
 }
 
 static void numbers(void *place, size_t size, const void *near)
@@ -170,6 +184,242 @@ static void call_vehicle(void)
     }
 }
 
+/* The arming alone, whatever its parameters and its state are. */
+static void call_arming(void)
+{
+    const swb_arming_parameters p = {.S_p = number(0.0f, 1.0f), .positioner = number(-1.0f, 1.0f),
+        .volume_least = number(-4e-4f, 0.0f), .volume_most = number(0.0f, 4e-4f),
+        .depth_least = number(-2.0f, 0.0f), .depth_most = number(2.0f, 9.0f),
+        .submerged = number(0.0f, 2.0f), .under = word(), .blind = word()};
+    const swb_arming_seen nothing = {.depth = NAN, .volume = NAN};
+    swb_arming_state s;
+    float next_s;
+    swb_arming_initial(&p, &nothing, (float)(byte() % 2u), &s);
+    const uint16_t disarmed = s.deck;
+    s.deck = byte() > 200u ? word() : disarmed;
+    s.under = word();
+    s.above = word();
+    s.blind = word();
+    for (int n = 0; n < 64 && at < end; ++n) {
+        const swb_arming_seen m = {.depth = number(-1.0f, 6.0f), .volume = number(-4e-4f, 4e-4f)};
+        const swb_arming_state before = s;
+        const float wanted = number(-12.0f, 12.0f);
+        const float command = swb_arming_step(&p, &s, &m, wanted, &next_s);
+        if (s.deck != disarmed) {
+            must(same(command, wanted), "an armed one's command is given on");
+            must(before.deck == disarmed || s.deck == before.deck, "who is armed stays so");
+        } else {
+            must(command == 0.0f || same(command, s.held), "who is not is held");
+            must(!known(before.held) || same(s.held, before.held), "where it was first seen");
+        }
+        must(!before.surfaced || s.surfaced, "a surface is not forgotten");
+    }
+}
+
+/* A board: a vehicle and its black box, in memory that a reset leaves as it is. */
+typedef struct {
+    swb_vehicle v;
+    swb_box b;
+    float hold;   /* the command that held a positioner; NAN: none yet */
+    bool anew;    /* begun anew while armed; no tick since */
+} board;
+
+static uint8_t store[SWB_BOX_BYTES]; /* what it keeps without power */
+
+static uint8_t kept(uint16_t place)
+{
+    must(place < SWB_BOX_BYTES, "nothing else is read");
+    return store[place];
+}
+
+static void start(board *o, bool after_reset, bool keeps)
+{
+    const bool armed = after_reset && swb_vehicle_armed(&o->v);
+    const bool was_armed = swb_box_begin(&o->b, after_reset, keeps ? kept : NULL, byte());
+    swb_vehicle_switch_on(&o->v, after_reset, was_armed);
+    must(swb_vehicle_armed(&o->v) == armed, "a power-off disarms, and nothing else does");
+    must(!swb_vehicle_surfaced(&o->v), "a surface is not known at the start");
+    must(o->b.count <= SWB_BOX_ROWS && o->b.next < SWB_BOX_ROWS, "a box has its rows");
+    o->hold = NAN;
+    o->anew = armed;
+}
+
+/* A reset that leaves the memory: the box stays as it was. */
+static void reset(board *o)
+{
+    const swb_box before = o->b;
+    start(o, true, byte() > 100u);
+    must(o->b.reason == before.reason && o->b.reasons == before.reasons
+            && o->b.armed == before.armed && o->b.count == before.count
+            && memcmp(o->b.row, before.row, sizeof before.row) == 0,
+        "a reset changes nothing in the box");
+    must(before.armed == 0u || o->b.resets > before.resets || before.resets == 255u,
+        "a start while armed is counted");
+}
+
+static void lose_memory(board *o)
+{
+    memset(&o->v, byte(), sizeof o->v);
+    memset(&o->b, byte(), sizeof o->b);
+}
+
+static void save(board *o, uint32_t bytes)
+{
+    uint16_t place;
+    uint8_t value;
+    for (uint32_t n = 0; n < bytes && swb_box_save(&o->b, &place, &value); ++n) {
+        must(place < SWB_BOX_BYTES, "nothing else is written");
+        store[place] = value;
+    }
+}
+
+/* The power goes, and what was saved is there again. */
+static void lose_power(board *o)
+{
+    save(o, 3u * SWB_BOX_BYTES);
+    const swb_box before = o->b;
+    lose_memory(o);
+    start(o, false, true);
+    must(o->b.reason == before.reason && o->b.reasons == before.reasons
+            && o->b.armed == before.armed && o->b.earlier == before.earlier
+            && o->b.earlier_reasons == before.earlier_reasons,
+        "the box outlives a loss of power");
+}
+
+/* Give the box numbers that none has, and a sum that fits them: it is begun anew. */
+static void forge(board *o)
+{
+    swb_box *b = &o->b;
+    uint32_t low = 1u, high = 0u;
+    if (byte() % 2u == 0u) {
+        b->next = (uint8_t)(SWB_BOX_ROWS + byte() % (256u - SWB_BOX_ROWS));
+    } else {
+        b->count = (uint8_t)(SWB_BOX_ROWS + 1u + byte() % (255u - SWB_BOX_ROWS));
+    }
+    for (size_t n = 0; n < offsetof(swb_box, sum); ++n) {
+        low = (low + ((const uint8_t *)b)[n]) % 251u;
+        high = (high + low) % 251u;
+    }
+    b->sum = (uint16_t)(high << 8 | low);
+    start(o, true, false);
+    must(b->count == 0u && b->next == 0u && b->reason == 0u, "a sum alone makes no box");
+}
+
+static void check_hold(board *o, float command)
+{
+#ifdef POSITIONER
+    must(!known(o->hold) || command == o->hold, "a positioner that is disarmed is held");
+    must(isnan(command) || (command >= SWB_COMMAND_LEAST && command <= SWB_COMMAND_MOST),
+        "it is held within its limits");
+    o->hold = command;
+#else
+    must(command == 0.0f, "a motor that is disarmed is held");
+    o->hold = command;
+#endif
+}
+
+static void check_box(const board *o, const swb_box *before)
+{
+    const swb_box *b = &o->b;
+    const bool armed = swb_vehicle_armed(&o->v);
+    const bool dives = armed && before->armed == 0u;
+    must(dives || before->reason == 0u || b->reason == before->reason,
+        "the first reason in the box stays");
+    must(dives || (b->reasons & before->reasons) == before->reasons,
+        "the reasons in the box only grow");
+    must(!dives || b->earlier == (before->earlier != 0u ? before->earlier : before->reason),
+        "the first reason that was not cleared stays");
+    must(dives || b->earlier == before->earlier, "it changes with a new dive only");
+    must(!armed || (b->armed == 1u && (b->reasons & o->v.reasons) == o->v.reasons),
+        "what the vehicle has is in the box");
+    must(armed || b->armed == before->armed || swb_vehicle_surfaced(&o->v),
+        "the box keeps what was armed until it is at the surface");
+    must((b->reason == 0u) == (b->reasons == 0u), "a reason is among the box's reasons");
+    must(b->count <= SWB_BOX_ROWS && b->next < SWB_BOX_ROWS, "a box has its rows");
+    must(b->after <= SWB_BOX_ROWS / 2u, "half of the rows are from before the reason");
+    if (b->next != before->next && b->count > 0u) {
+        const swb_box_row newest = swb_box_at(b, (uint8_t)(b->count - 1u));
+        must(newest.reason == o->v.reason, "the newest row is the last one");
+    }
+}
+
+/* A tick of vehicle and box; return the command. */
+static float board_tick(board *o, const swb_seen *s, float reference, uint32_t bytes)
+{
+    swb_vehicle *v = &o->v;
+    const bool armed = swb_vehicle_armed(v);
+    const bool surfaced = swb_vehicle_surfaced(v);
+    const uint8_t reason = v->reason;
+    const uint32_t reasons = v->reasons;
+    const bool release = v->release;
+    const swb_box before = o->b;
+    const uint32_t restarted = 1u << (SWB_REASON_RESTARTED - 1u);
+    const float command = swb_vehicle_tick(v, s, reference);
+    if (!swb_vehicle_armed(v)) {
+        must(!armed, "no tick disarms");
+        must(v->reason == 0u && v->reasons == 0u && !v->release, "disarmed nothing is a reason");
+        check_hold(o, command);
+    } else {
+        check_command(command);
+        check_supervisor(v, reason, reasons, release);
+        must(armed || ((v->reasons & restarted) != 0u) == !surfaced,
+            "power that came under water brings it up, and a first dive does not");
+        must(!o->anew || (v->reasons & restarted) != 0u, "so does a reset while armed");
+        o->anew = false;
+    }
+    swb_box_tick(&o->b, v, s, command);
+    check_box(o, &before);
+    save(o, bytes);
+    return command;
+}
+
+/* A board that is switched on, reset, armed; in between what is seen may stay the same for a while. */
+static void call_board(void)
+{
+    board o;
+    lose_memory(&o);
+    memset(store, byte(), sizeof store);
+    start(&o, byte() > 200u, byte() > 60u);
+    while (at < end) {
+        const uint8_t what = byte();
+        const uint32_t bytes = byte() % 8u * 7u;
+        switch (what % 16u) {
+        case 0:
+            lose_memory(&o);
+            start(&o, what > 128u, byte() > 60u);
+            break;
+        case 1:
+            for (int again = byte(); again >= 0; --again) {
+                reset(&o);
+            }
+            break;
+        case 2:
+            lose_power(&o);
+            break;
+        case 3:
+            swb_box_clear(&o.b);
+            break;
+        case 4:
+        case 5:
+            swb_vehicle_arm(&o.v);
+            must(swb_vehicle_armed(&o.v), "who is armed is");
+            break;
+        case 6:
+            forge(&o);
+            break;
+        default:
+            break;
+        }
+        swb_seen s = seen();
+        const float reference = number(0.0f, 6.0f);
+        const float drift = number(-0.02f, 0.02f);
+        for (int again = byte(); again >= 0; --again) {
+            (void)board_tick(&o, &s, reference, bytes);
+            s.depth += drift;
+        }
+    }
+}
+
 #ifdef POOL
 /* The procedure alone, whatever its numbers and its state are. */
 static void call_procedure(void)
@@ -204,6 +454,8 @@ static void check_pool(swb_pool_day *d, const swb_seen *s, bool may_begin, float
     const int8_t before = swb_pool_phase(d);
     *command = swb_pool_day_tick(d, s, may_begin);
     check_command(*command);
+    must(swb_vehicle_armed(&d->vehicle) || (*command == 0.0f && d->ticks == 0u),
+        "a day that is disarmed is held");
     check_supervisor(&d->vehicle, reason, reasons, release);
     const int8_t now = swb_pool_phase(d);
     must(before < SWB_POOL_DONE || now == before, "a day that is over stays over");
@@ -224,7 +476,12 @@ static void call_pool(void)
 {
     swb_pool_day d;
     float command;
-    swb_pool_day_begin(&d, byte() > 250u);
+    const uint8_t how = byte();
+    if (how > 200u && how <= 250u) {
+        swb_pool_day_switch_on(&d, false, how > 225u);
+    } else {
+        swb_pool_day_begin(&d, how > 250u);
+    }
     while (at < end) {
         swb_seen s = seen();
         const bool may_begin = byte() > 40u;
@@ -272,7 +529,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
 {
     at = bytes;
     end = bytes + count;
-    switch (byte() % 6u) {
+    switch (byte() % 8u) {
     case 0:
         call_law();
         break;
@@ -290,6 +547,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
         swim();
         break;
 #endif
+    case 6:
+        call_board();
+        break;
+    case 7:
+        call_arming();
+        break;
     default:
         call_vehicle();
         break;

@@ -1,6 +1,8 @@
-/* What Frama-C Eva runs, never a processor: a vehicle in memory that held anything, its tick for ever,
- * and any bits as what its sensors say: NaN, infinities and subnormals among them. At any tick the
- * program may begin anew. Eva shows that nothing in it is undefined, and the two assertions. */
+/* What Frama-C Eva runs, never a processor: a vehicle and its black box in memory that held anything,
+ * switched on, their tick for ever, and any bits as what the sensors say: NaN, infinities and subnormals
+ * among them. At any tick it may be armed by hand, and the program may begin anew, after a reset or a
+ * loss of power. Eva shows that nothing in it is undefined, and the assertions. */
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -9,6 +11,7 @@
 #else
 #include "swb_vehicle.h"
 #endif
+#include "swb_box.h"
 #ifdef DRIVE
 #include "swb_drive.h"
 #endif
@@ -41,36 +44,77 @@ static swb_seen any_seen(void)
 
 #ifdef POOL
 static swb_pool_day day;
+#define VEHICLE day.vehicle
 #else
 static swb_vehicle vehicle;
+#define VEHICLE vehicle
 #endif
+static swb_box box;
+static uint8_t store[SWB_BOX_BYTES];
+
+static uint8_t kept(uint16_t at)
+{
+    (void)at;
+    return any_byte;
+}
 
 static void begin(void)
 {
+    const bool after_reset = any_byte != 0u;
+    const bool keeps = any_byte != 0u;
+    const bool was_armed = swb_box_begin(&box, after_reset, keeps ? kept : NULL, any_byte);
 #ifdef POOL
-    swb_pool_day_begin(&day, any_byte != 0u);
+    swb_pool_day_switch_on(&day, after_reset, was_armed);
 #else
-    swb_vehicle_begin(&vehicle, any_byte != 0u);
+    swb_vehicle_switch_on(&vehicle, after_reset, was_armed);
 #endif
 }
 
-static float tick(void)
+static float tick(const swb_seen *seen)
 {
-    const swb_seen seen = any_seen();
 #ifdef POOL
-    return swb_pool_day_tick(&day, &seen, any_byte != 0u);
+    return swb_pool_day_tick(&day, seen, any_byte != 0u);
 #else
-    return swb_vehicle_tick(&vehicle, &seen, any_number());
+    return swb_vehicle_tick(&vehicle, seen, any_number());
 #endif
+}
+
+static void tick_box(const swb_seen *seen, float command)
+{
+    uint16_t at;
+    uint8_t byte;
+    swb_box_tick(&box, &VEHICLE, seen, command);
+    if (swb_box_save(&box, &at, &byte)) {
+        store[at] = byte;
+    }
+    if (any_byte == 0u) {
+        swb_box_clear(&box);
+    }
+    for (uint8_t n = 0; n < box.count; ++n) {
+        (void)swb_box_at(&box, n);
+    }
+}
+
+/* The command that holds a vehicle which is not armed. */
+static void hold(const swb_seen *seen)
+{
+    swb_vehicle copy = VEHICLE;
+    float command;
+    if (swb_vehicle_held(&copy, seen, &command)) {
+#ifdef POSITIONER
+        if (isfinite(command)) { /* else it is to stay where it is */
+            /*@ assert held: SWB_COMMAND_LEAST <= command <= SWB_COMMAND_MOST; */
+        }
+#else
+        /*@ assert held: command == 0.0f; */
+#endif
+    }
 }
 
 int main(void)
 {
-#ifdef POOL
-    any_memory(&day, sizeof day);
-#else
-    any_memory(&vehicle, sizeof vehicle);
-#endif
+    any_memory(&VEHICLE, sizeof VEHICLE);
+    any_memory(&box, sizeof box);
 #ifdef DRIVE
     swb_drive drive;
     swb_drive_begin(&drive, any_bits);
@@ -80,9 +124,20 @@ int main(void)
         if (any_byte == 0u) {
             begin();
         }
-        const float command = tick();
-        /*@ assert finite: \is_finite(command); */
-        /*@ assert within: SWB_COMMAND_LEAST <= command <= SWB_COMMAND_MOST; */
+        if (any_byte == 0u) {
+            swb_vehicle_arm(&VEHICLE);
+        }
+        const swb_seen seen = any_seen();
+        hold(&seen);
+        float command;
+        if (VEHICLE.arming.deck != 0u) {
+            command = tick(&seen);
+        } else {
+            command = tick(&seen);
+            /*@ assert finite: \is_finite(command); */
+            /*@ assert within: SWB_COMMAND_LEAST <= command <= SWB_COMMAND_MOST; */
+        }
+        tick_box(&seen, command);
 #ifdef DRIVE
         swb_drive_command(&drive, command, any_byte != 0u, any_bits);
         (void)swb_drive_outputs(&drive, any_bits);
