@@ -21,7 +21,14 @@ from swimbladder.cli.common import (
     table,
     typed_command,
 )
-from swimbladder.cli.options import AnyVehicle, Files, Options, grouped, valued
+from swimbladder.cli.options import (
+    AnyVehicle,
+    Files,
+    Options,
+    WithoutSupervisor,
+    grouped,
+    valued,
+)
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
@@ -75,6 +82,7 @@ def compare_laws(
     *,
     flights: Flights,
     sensor: Sensor,
+    without_supervisor: WithoutSupervisor = False,
     list_scenarios: Annotated[bool, _LIST_SCENARIOS] = False,
     cast: CastFile = None,
     reading: CastReading,
@@ -88,7 +96,8 @@ def compare_laws(
     What is done is kept in the folder's parts/, so that a stopped comparison goes on there.
     """
     if list_scenarios:
-        _list(vehicle, flights.read()["depths"], to.json)
+        supervised = not without_supervisor
+        _list(vehicle, flights.read()["depths"], supervised=supervised, json=to.json)
         return
     if vehicle is None:
         raise InputError("no vehicle", field="VEHICLE", remedy="Name a preset or a TOML file")
@@ -104,13 +113,17 @@ def compare_laws(
         from swimbladder.design.law_comparison import compare_laws
         from swimbladder.show.report.law_comparison import comparison_files
     with kept(parts), compile_notice(), progress("tuning and flying", 1.0) as advance:
-        found = compare_laws(v, **options, parts=parts, advance=advance)
+        found = compare_laws(
+            v, **options, supervised=not without_supervisor, parts=parts, advance=advance
+        )
     if assumed:
         found = found.assuming(assumed)
     to.answer(found.to_json(), partial(comparison_files, found, typed_command()), _shown(found))
 
 
-def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -> None:
+def _list(
+    vehicle: str | None, depths: tuple[float, float] | None, *, supervised: bool, json: bool
+) -> None:
     """Print the scenarios, with the depths that a vehicle gives them where one is named."""
     from swimbladder.design.law_comparison.contenders import SCENARIOS, place, places, scenarios_of
     from swimbladder.io.config import load_vehicle
@@ -119,7 +132,7 @@ def _list(vehicle: str | None, depths: tuple[float, float] | None, json: bool) -
     flown = SCENARIOS if v is None else scenarios_of(v)
     shown: dict[str, dict[str, Any]] = {one.name: {"words": one.words} for one in flown}
     if v is not None:
-        where = places(v, depths)
+        where = places(v, depths, supervised=supervised)
         for one in flown:
             p = place(one, v, where)
             shown[one.name] |= {"start_m": p.start, "target_m": p.target}

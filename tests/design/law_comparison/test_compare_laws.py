@@ -4,13 +4,17 @@ import math
 
 import pytest
 
+from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.design.law_comparison import SCENARIOS, compare_laws
 from swimbladder.design.law_comparison import run as running
+from swimbladder.design.law_comparison.contenders import places
 from swimbladder.design.law_comparison.run import Asked, least_times
 from swimbladder.design.planning import least_time
+from swimbladder.design.tuning.trial import ALONE, SUPERVISED
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
+from swimbladder.vehicle import Supervisor
 
 FEUP, TANK = load_vehicle("feup-em"), load_vehicle("ntnu-bv")
 FEW = tuple(s for s in SCENARIOS if s.name in ("step-down", "step-uncertain", "hold", "hold-drift"))
@@ -154,3 +158,36 @@ def test_what_cannot_be_is_refused_before_anything_is_done(given, words, tmp_pat
     with pytest.raises(InputError, match=words):
         compared(parts=tmp_path / "parts", **given)
     assert not (tmp_path / "parts").exists()
+
+
+def test_laws_fly_as_flashed_but_for_the_papers():
+    """An own law is flown under its supervisor, and its run is that of `simulate_ensemble`."""
+    hold = tuple(s for s in SCENARIOS if s.name == "hold")
+    noisy = FEUP.with_sensors(depth_noise=2e-3)
+    tight = noisy.model_copy(update={"supervisor": Supervisor(patience="3 s", neutral_range=2e-6)})
+    own = {**noisy.controller.parameters, "k_pV": "902 V/dm3"}
+    other = noisy.controller.model_copy(update={"parameters": own})
+    vehicle = tight.model_copy(update={"controller": other})
+    given = {"laws": ["position-pid"], "depths": (1.0, 6.0), "scenarios": hold, "runs": 4}
+    flashed = compared(vehicle, **given)
+    alone = compared(vehicle, supervised=False, **given)
+    names = [row.who.name for row in flashed.rows]
+    assert names == ["cascade, as in the file", "cascade, the paper's"]
+    # a supervisor that takes the vehicle for faulty ends the runs of the file's law alone
+    assert flashed.rows[0].results["hold"].lost > 0.0
+    assert alone.rows[0].results["hold"].lost == 0.0
+    assert flashed.rows[1].results["hold"].rms == alone.rows[1].results["hold"].rms
+    assert any("the paper's law flies alone" in said for said in flashed.assumptions)
+    assert SUPERVISED in flashed.assumptions
+    assert ALONE in alone.assumptions
+
+
+def test_depths_end_where_the_supervisor_turns_the_vehicle_round():
+    limit = supervisor_parameters(FEUP, 0.3).deep.depth_limit
+    assert limit < 0.8 * 86.0
+    where = places(FEUP)
+    assert where.most == pytest.approx(0.8 * limit)
+    assert "where its supervisor turns it round" in where.words
+    assert places(FEUP, supervised=False).most > 60.0
+    with pytest.raises(NoAnswerError, match="its supervisor turns it round"):
+        places(FEUP, (1.0, limit + 1.0))

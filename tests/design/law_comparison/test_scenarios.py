@@ -35,26 +35,28 @@ def test_the_papers_step_is_among_them():
 
 
 def test_what_ends_the_range_is_named_and_true():
-    stroke = places(FEUP)
+    stroke = places(FEUP, supervised=False)
     end = FEUP.stroke.maximum / FEUP.hull.psi
     assert stroke.most == pytest.approx(0.8 * end)
     assert "leaves the stroke" in stroke.words
     rated = FEUP.hull.model_copy(update={"depth_limit": 20.0})
-    assert "its rating ends" in places(FEUP.model_copy(update={"hull": rated})).words
+    assert (
+        "its rating ends" in places(FEUP.model_copy(update={"hull": rated}), supervised=False).words
+    )
     weak = FEUP.supply.model_copy(update={"voltage": 3.0})
-    weak_places = places(FEUP.model_copy(update={"supply": weak}))
+    weak_places = places(FEUP.model_copy(update={"supply": weak}), supervised=False)
     assert "the motor stalls with 2.7 V" in weak_places.words
     assert weak_places.most == pytest.approx(0.8 * 2.7 / 0.07707)
     free = FEUP.hull.model_copy(update={"depth_limit": None, "psi": 0.0})
     driven = FEUP.actuator.model_copy(update={"depth_voltage": 0.0})
-    endless = places(FEUP.model_copy(update={"hull": free, "actuator": driven}))
+    endless = places(FEUP.model_copy(update={"hull": free, "actuator": driven}), supervised=False)
     assert (endless.most, "no rating" in endless.words) == (10.0, True)
     assert places(load_vehicle("ntnu-bv")).most == 10.0
 
 
 def test_a_range_that_cannot_be_is_refused():
     with refused(NoAnswerError, holds={86.63}):
-        places(FEUP, (0.0, 90.0))
+        places(FEUP, (0.0, 90.0), supervised=False)
     for given in ((5.0, 2.0), (-1.0, 3.0), (0.0, float("inf")), (2.0, 2.0), (0.0, -1.0)):
         with refused(InputError, field="--depth"):
             places(FEUP, given)

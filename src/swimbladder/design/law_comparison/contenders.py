@@ -16,6 +16,7 @@ from pydantic import TypeAdapter
 
 from swimbladder.control.law import Law
 from swimbladder.control.registry import LAWS, bind, controller_of, own_law
+from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.design.linear.depths import neutral_end, stall
 from swimbladder.design.linear.pump_valve import pump_stall
 from swimbladder.design.tuning import tune
@@ -39,6 +40,7 @@ _UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
 _WATCHED = 20.0  # times the least time of a step, that it is watched at least
 _HOUR = 3600.0  # s
 _SLOW = 0.03  # m/s
+_TICK = 0.3  # s, of a supervisor where no controller says it; its depth limit hardly depends on it
 
 
 class Scenario(NamedTuple):
@@ -103,17 +105,20 @@ class Placed(NamedTuple):
         return self.start != self.target
 
 
-def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places:
+def places(
+    vehicle: Vehicle, given: tuple[float, float] | None = None, *, supervised: bool = True
+) -> Places:
     """Return the range of depths: that given [m], or what rating, stroke and supply allow.
 
-    It begins where the hull is under water.
+    supervised: and the supervisor, which turns a vehicle round above that. It begins where the hull
+    is under water.
 
     Raises InputError for no range, NoAnswerError where the vehicle does not reach what was given.
     """
     top = max(vehicle.hull.emergence_depth, 0.0)
     if vehicle.command == "volume change":
         top = max(top, 2.0 * BAND)  # near the surface its processor acts, not the law
-    reach, why = _reach(vehicle)
+    reach, why = _reach(vehicle, supervised=supervised)
     if given is None:
         most = _REACH * reach
         words = f"down to {100.0 * _REACH:.0f} % of {rounded(reach, 3)} m, where {why}"
@@ -136,7 +141,7 @@ def places(vehicle: Vehicle, given: tuple[float, float] | None = None) -> Places
     return Places(least, most, "as given")
 
 
-def _reach(vehicle: Vehicle) -> tuple[float, str]:
+def _reach(vehicle: Vehicle, *, supervised: bool) -> tuple[float, str]:
     """Return the depth [m] that ends the vehicle's range, and what happens there."""
     floats = vehicle.command == "volume change"
     p = body_plant(vehicle) if floats else plant(vehicle)
@@ -147,6 +152,10 @@ def _reach(vehicle: Vehicle) -> tuple[float, str]:
         weak = p._replace(supply=LOW_SUPPLY * p.supply)
         held = stall(weak, depth=0.0, depth_limit=None).holding_depth
         found.append((held, f"the motor stalls with {weak.supply:.3g} V"))
+    if supervised and not floats:
+        own = vehicle.controller
+        limits = supervisor_parameters(vehicle, _TICK if own is None else own.sample_time)
+        found.append((limits.deep.depth_limit, "its supervisor turns it round"))
     if floats:
         found.append((pump_stall(vehicle, depth=0.0).holding_depth, "the pump stalls"))
     return min(found)
@@ -194,6 +203,11 @@ class Contender:
     tuning: str
     parameters: Any
     sample_time: float  # s
+
+    @property
+    def supervised(self) -> bool:
+        """Whether it is flown under the supervisor, as flashed: all but the paper's, and floats."""
+        return self.tuning != PAPER and self.law.ways is None
 
     @property
     def name(self) -> str:
@@ -262,16 +276,22 @@ class Tuner(NamedTuple):
     step: tuple[float, float]  # m, of the trials
     sample_time: float | None  # s
     column: Column | None  # the water of the trials
+    supervised: bool  # as flashed
     runs: int = _TRIALS
 
 
 def tuner(
-    vehicle: Vehicle, where: Places, *, sample_time: float | None, column: Column | None
+    vehicle: Vehicle,
+    where: Places,
+    *,
+    sample_time: float | None,
+    column: Column | None,
+    supervised: bool,
 ) -> Tuner:
     """Return what the laws of a vehicle are tuned for over a range of depths."""
     first = place(scenarios_of(vehicle)[0], vehicle, where)
     depths = (where.least, where.most)
-    return Tuner(depths, (first.start, first.target), sample_time, column)
+    return Tuner(depths, (first.start, first.target), sample_time, column, supervised)
 
 
 def tuned(
@@ -287,9 +307,7 @@ def tuned(
 
     def controller() -> dict[str, Any]:
         try:
-            found = tune(
-                vehicle, law=name, goal=goal, supervised=False, **how._asdict(), advance=tell
-            )
+            found = tune(vehicle, law=name, goal=goal, **how._asdict(), advance=tell)
             assert found.result_vehicle.controller is not None
             return found.result_vehicle.controller.model_dump()
         except SwimbladderError as error:

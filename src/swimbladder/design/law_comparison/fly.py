@@ -43,11 +43,14 @@ def fly_scenario(
 ) -> tuple[trial.Measured, Array, Array]:
     """Return what was measured, and time [s] and depth [m] of the first run, to be looked at.
 
-    drawn: how many, in which water, and from which region where the scenario draws them. Every law
-    meets the same noise, waves, drift and vehicles: those of the seed. Of a float `starts` are all
+    A run that the supervisor ends counts as lost. drawn: how many, in which water, and from which
+    region where the scenario draws them. Every law meets the same noise, waves, drift and vehicles:
+    those of the seed. Of a float `starts` are all
     runs of its drive.
     """
     s, h, column = placed.scenario, who.sample_time, drawn.column
+    before = trial.held_before(h) if who.supervised and drawn.supervised else None
+    whole = placed.duration + (before or 0.0)
     medium = medium_of(vehicle, column, reach=max(placed.start, placed.target))
     given: dict[str, Any] = {"vary": {}}
     runs, seed = drawn.runs, drawn.seed
@@ -57,12 +60,12 @@ def fly_scenario(
     if vehicle.voltage_driven:
         given["vary"]["supply"] = s.supply * plant(vehicle).supply
     if s.swell is not None:
-        time = h * np.arange(schedule([0.0], placed.duration, h).ticks + 1, dtype=np.float64)
+        time = h * np.arange(schedule([0.0], whole, h).ticks + 1, dtype=np.float64)
         given["depth_error"] = depth_error(
             s.swell, vehicle, time, depth=placed.target, runs=runs, seed=seed
         )
     if s.drift > 0.0:
-        given["neutral_change"] = trial.random_walk(s.drift, placed.duration, drawn, sample_time=h)
+        given["neutral_change"] = trial.random_walk(s.drift, whole, drawn, sample_time=h)
     pumped = vehicle.command == "volume change"
     if not pumped:  # neutral is otherwise what its stepper makes of it
         given["start_volume"] = medium.neutral_volume(placed.start)
@@ -71,6 +74,7 @@ def fly_scenario(
         BoundLaw(who.law, who.parameters, h),
         target=placed.target,
         duration=placed.duration,
+        before=before,
         count=runs,
         start_depth=placed.start,
         seed=seed,
@@ -82,7 +86,8 @@ def fly_scenario(
     time, depth = flown.time, flown.depth
     rating = math.inf if vehicle.hull.depth_limit is None else vehicle.hull.depth_limit
     found = trial.measure(flown, s.counted)
-    found = found._replace(lost=np.maximum(found.lost, np.nanmax(depth, axis=0) > rating))
+    lost = np.maximum(found.lost, np.nanmax(depth, axis=0) > rating)
+    found = found._replace(lost=np.maximum(lost, found.alarms))
     if pumped:
         settle = trial.arrivals(time, ~(np.abs(depth - placed.target) <= BAND)) - h
         starts, turns = flown.drive_runs / float(time[-1]), np.zeros(runs)

@@ -27,7 +27,7 @@ from swimbladder.design.law_comparison.contenders import GOALS, Contender, Place
 from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
-from swimbladder.design.tuning.trial import ALONE, Drawn, Trial, summarise
+from swimbladder.design.tuning.trial import ALONE, SUPERVISED, Drawn, Trial, summarise
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import as_json
 from swimbladder.io.progress import Advance, silent
@@ -200,9 +200,17 @@ def _litres(x: float) -> str:
     return f"{3.6e6 * x:.2g} L/h" if math.isfinite(x) else "unknown"
 
 
+_OVER_REGION = "in 95 % of the runs over the 95 % parameter region"
 # What is said of the best: verb, adverb among others, when, scenario, number, and its text.
 _BEST = (
-    ("settles", "soonest", "after a step, in 95 % of the runs", "step-down", "settle_95", _seconds),
+    (
+        "settles",
+        "soonest",
+        f"after a step, {_OVER_REGION}",
+        "step-uncertain",
+        "settle_95",
+        _seconds,
+    ),
     ("holds", "best", "while the trim drifts", "hold-drift", "rms", _millimetres),
     ("moves", "least", "while holding", "hold", "rate", _litres),
 )
@@ -264,6 +272,7 @@ def compare_laws(
     tune_for: Sequence[str] = GOALS,
     parts: Path | None = None,
     column: Column | None = None,
+    supervised: bool = True,
     advance: Advance = silent,
 ) -> LawComparison:
     """Return every law on the same scenarios, each tuned fast and tuned quiet for this vehicle.
@@ -274,7 +283,9 @@ def compare_laws(
     where not given. sample_time [s]: of the tuned laws; the controller's where not given.
     tune_for: goals of `tune`. parts: a folder where what is done is kept; a comparison that was
     stopped goes on there. column: the water of all runs and of the tuner's trials, the
-    vehicle's own where not given. advance: called with the share of the work done.
+    vehicle's own where not given. supervised: whether trials and runs are of law and supervisor, as
+    `firmware` writes them, or of the law alone; the paper's law and those of floats are always
+    alone. advance: called with the share of the work done.
 
     Raises InputError for what cannot be; NoAnswerError where no controller is left to fly.
     """
@@ -285,7 +296,7 @@ def compare_laws(
         raise InputError("must be 0 or more", field="--seed", value=seed, remedy="Give --seed 1")
     everyone = contenders.own(vehicle)
     names, left_out = contenders.choose_laws(vehicle, laws)
-    where = contenders.places(vehicle, depths)
+    where = contenders.places(vehicle, depths, supervised=supervised)
     medium_of(vehicle, column, reach=where.most)  # refuses a cast that ends above
     if column is not None and column.cast is not None:
         asked = None if depths is None else depths[1]
@@ -299,7 +310,9 @@ def compare_laws(
         check_sample_time(vehicle, *by, depths=(where.least, where.most))
     around = region(vehicle)
     store = Store(parts)
-    how = contenders.tuner(vehicle, where, sample_time=sample_time, column=column)
+    how = contenders.tuner(
+        vehicle, where, sample_time=sample_time, column=column, supervised=supervised
+    )
     jobs = [(name, goal) for name in names for goal in tune_for]
     with ThreadPoolExecutor(1) as aside:  # they have a process of their own
         bounding = aside.submit(_bounds, vehicle, placed, store)
@@ -314,7 +327,7 @@ def compare_laws(
             why = "; ".join(f"{name}: {why}" for name, why in left_out.items())
             raise NoAnswerError(f"there is no controller to compare. {why}")
         flying = _FLYING if jobs else _FLYING + _TUNING
-        drawn = Drawn(runs, around, column=column, seed=seed)
+        drawn = Drawn(runs, around, column=column, seed=seed, supervised=supervised)
         rows = _fly_all(vehicle, everyone, placed, drawn, store, lambda x: advance(x * flying))
         bounds, missing = bounding.result()
     return LawComparison(
@@ -328,7 +341,7 @@ def compare_laws(
         no_energy=no_energy(vehicle),
         runs=runs,
         seed=seed,
-        assumptions=_assumptions(vehicle, where.words, around, column),
+        assumptions=_assumptions(vehicle, where.words, around, column, supervised=supervised),
     )
 
 
@@ -370,6 +383,7 @@ def _fly_all(
     advance: Advance,
 ) -> list[Row]:
     """Fly every contender on every scenario; two or more at a time, as kernels let others run."""
+    how = drawn.runs, drawn.seed, drawn.column, drawn.supervised
 
     def one(job: tuple[int, int]) -> tuple[Trial, Trace]:
         who, p = everyone[job[0]], placed[job[1]]
@@ -380,7 +394,7 @@ def _fly_all(
             result = summarise(flown)._asdict() | ({} if p.is_step else _NOT_A_STEP)
             return {"result": result, "time": time.tolist(), "depth": depth.tolist()}
 
-        kept = store.get(flight, "flown", vehicle, *law, *p, drawn.runs, drawn.seed, drawn.column)
+        kept = store.get(flight, "flown", vehicle, *law, *p, *how)
         return Trial(**kept["result"]), Trace(np.array(kept["time"]), np.array(kept["depth"]))
 
     jobs = [*product(range(len(everyone)), range(len(placed)))]
@@ -398,13 +412,21 @@ def _fly_all(
 
 
 def _assumptions(
-    vehicle: Vehicle, range_words: str, around: Region, column: Column | None
+    vehicle: Vehicle,
+    range_words: str,
+    around: Region,
+    column: Column | None,
+    *,
+    supervised: bool,
 ) -> tuple[str, ...]:
     sensors = vehicle.sensors
     noise = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
     if sensors.depth_quantum > 0.0:
         noise += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
-    found = [f"depths {range_words}", noise, ALONE]
+    alone = not supervised or vehicle.command == "volume change"
+    found = [f"depths {range_words}", noise, ALONE if alone else SUPERVISED]
+    if not alone and any(one.tuning == contenders.PAPER for one in contenders.own(vehicle)):
+        found.append("the paper's law flies alone, as the paper has it")
     if vehicle.supply is not None and vehicle.command != "volume change":
         weak = contenders.LOW_SUPPLY * vehicle.supply.voltage
         found.append(f"a low battery gives {weak:.3g} V, which the tuned laws reckon with")

@@ -186,6 +186,11 @@ def _tick(parameters: Any) -> float:
     return _FINEST * whole / math.ceil(whole * _FINEST / _LONGEST)
 
 
+def held_before(sample_time: float) -> float:
+    """Return how long [s] a supervised run holds its depth before what is asked of it."""
+    return max(math.ceil(_BEFORE[0] / sample_time), _BEFORE[1]) * sample_time
+
+
 def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     """Return the runs of a trial as they went."""
     runs, region, supply, column, seed, supervised = drawn[:6]
@@ -198,7 +203,7 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     given: dict[str, Any] = {"target": step.target, "start_depth": step.start}
     duration, before = step.duration, None
     if supervised and bound.law.ways is None:
-        before = max(math.ceil(_BEFORE[0] / bound.sample_time), _BEFORE[1]) * bound.sample_time
+        before = held_before(bound.sample_time)
         duration += before
     neutral = [medium.neutral_volume(z) for z in (step.start, step.target)]
     if bound.law.ways is not None:
@@ -389,7 +394,7 @@ def alarms_in_waves(vehicle: Vehicle, bound: BoundLaw, depth: float, drawn: Draw
     """
     h, found = bound.sample_time, []
     medium = medium_of(vehicle, drawn.column, reach=depth)
-    before = max(math.ceil(_BEFORE[0] / h), _BEFORE[1]) * h
+    before = held_before(h)
     time = h * np.arange(schedule([0.0], HALF_HOUR + before, h).ticks + 1, dtype=np.float64)
     for sea in SEAS:
         waves = depth_error(sea, vehicle, time, depth=depth, runs=_IN_WAVES, seed=drawn.seed)
