@@ -86,9 +86,7 @@ def fits(name, board, folder):
     core.build(made, folder, mcu, "FloatAVR", text, made_core)
 
 
-@pytest.mark.parametrize(
-    ("name", "board"), [("cascade", "atmega328p"), ("rate", "atmega2560")], indirect=["board"]
-)
+@pytest.mark.parametrize(("name", "board"), [("cascade", "atmega328p")], indirect=["board"])
 def test_a_sketch_fits_its_board(name, board, tmp_path):
     fits(name, board, tmp_path)
 

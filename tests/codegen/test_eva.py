@@ -107,7 +107,7 @@ def test_what_is_broken_is_not_shown(kind, tmp_path):
     assert said in eva.left_open(eva.properties(broken, tmp_path, "8 bit"))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.usefixtures("gcc")
 def test_what_eva_is_given_is_so_for_every_number(tmp_path):
     """All 2^32 of them: `swb_known` says what is finite; waits and the box's rows are counts."""

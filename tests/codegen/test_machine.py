@@ -89,7 +89,7 @@ class TestByHand:
             assembled(code, tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_chip_stays_within_the_bounds_whatever_it_sees(tmp_path):
     """Any bits, then a step; the deepest chain of calls is one of NaN, and is reached."""
     made, mcu = library("cascade"), "atmega328p"
