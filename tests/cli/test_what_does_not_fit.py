@@ -22,7 +22,7 @@ from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.faults import run_missions
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.vehicle import Controller
-from tests.vehicles import limited, usual
+from tests.vehicles import limited
 
 PHASES = """
 schema_version = 1
@@ -147,7 +147,7 @@ DEEP = {
     ),
     "firmware": (
         "feup-em",
-        ["--target", "120 m"],
+        ["--target", "120 m", "--time-limit", "2 h"],
         lambda v, _: make_library(limited(v), start_depth=1.5, target=120.0, duration=400.0),
     ),
     "plan": ("feup-em", ["--step", "1:120"], lambda v, _: plan(v, 1.0, 120.0)),
@@ -159,8 +159,8 @@ DEEP = {
     ),
     "faults": (
         "feup-em",
-        ["--depth", "1:120 m"],
-        lambda v, _: run_missions(usual(v, depths=(1.0, 120.0)), missions=20, depths=(1.0, 120.0)),
+        ["--depth", "1:120 m", "--time-limit", "2 h"],
+        lambda v, _: run_missions(limited(v), missions=20, depths=(1.0, 120.0)),
     ),
     "mission": ("example-float", ["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
     "campaign": (

@@ -110,7 +110,8 @@ def test_a_supervisor_that_knows_nothing_of_the_layers_is_refused(column):
     wide = FEUP.model_copy(update={"supervisor": Supervisor(neutral_change=75e-6)})
     found = tune(wide, column=column, **given)
     assert found.region.alarms == 0.0
-    assert found.result_vehicle.supervisor == wide.supervisor
+    limited = wide.supervisor.model_copy(update={"time_limit": 7200.0})
+    assert found.result_vehicle.supervisor == limited
     assert "What limits it is the water of the cast" in found.verdict
 
 
