@@ -77,7 +77,7 @@ def test_the_list_of_scenarios(capsys):
         (["feup-em", "--laws", "foo"], 2, "--laws: no such law (got 'foo')"),
         (["feup-em", "--runs", "1"], 2, "too few runs"),
         (["feup-em", "--depth", "5"], 2, "a colon between"),
-        (["feup-em", "--depth", "0:90 m"], 1, "leaves the stroke"),
+        (["feup-em", "--depth", "0:90 m"], 1, "its supervisor turns it round"),
         (["feup-em", "--depth-noise", "-1 mm"], 2, "greater than or equal to 0"),
         (["feup-em", "--seed", "-1"], 2, "0 or more"),
     ],
