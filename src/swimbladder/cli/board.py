@@ -60,12 +60,7 @@ def board(
     Exit code 1 where board and twin differ, or the board answers no more; the log of each flight is
     written as it grows, and stays.
     """
-    from swimbladder.io.config import load_vehicle
-
-    v = load_vehicle(vehicle)
-    if v.command != "volume change":
-        v = load_vehicle(vehicle, sampled=True)
-    v = limit.on(v)
+    v = limit.flashed(vehicle)
     given = golden.given() | more.given()
     to.check()
     with progress("loading the simulator"):

@@ -21,14 +21,7 @@ from swimbladder.cli.common import (
     table,
     typed_command,
 )
-from swimbladder.cli.options import (
-    AnyVehicle,
-    Files,
-    Options,
-    WithoutSupervisor,
-    grouped,
-    valued,
-)
+from swimbladder.cli.options import AnyVehicle, Files, Options, WithoutSupervisor, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
@@ -96,15 +89,14 @@ def compare_laws(
     What is done is kept in the folder's parts/, so that a stopped comparison goes on there.
     """
     if list_scenarios:
-        supervised = not without_supervisor
-        _list(vehicle, flights.read()["depths"], supervised=supervised, json=to.json)
+        _list(vehicle, flights.read()["depths"], supervised=not without_supervisor, json=to.json)
         return
     if vehicle is None:
         raise InputError("no vehicle", field="VEHICLE", remedy="Name a preset or a TOML file")
     from swimbladder.io.config import load_vehicle
 
     v, assumed = sensor.assumed(load_vehicle(vehicle, sampled=True, pumped=True))
-    options = flights.read()
+    options = flights.read() | {"supervised": not without_supervisor}
     reach = None if options["depths"] is None else options["depths"][1]
     options["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
     to.check()
@@ -113,9 +105,7 @@ def compare_laws(
         from swimbladder.design.law_comparison import compare_laws
         from swimbladder.show.report.law_comparison import comparison_files
     with kept(parts), compile_notice(), progress("tuning and flying", 1.0) as advance:
-        found = compare_laws(
-            v, **options, supervised=not without_supervisor, parts=parts, advance=advance
-        )
+        found = compare_laws(v, **options, parts=parts, advance=advance)
     if assumed:
         found = found.assuming(assumed)
     to.answer(found.to_json(), partial(comparison_files, found, typed_command()), _shown(found))

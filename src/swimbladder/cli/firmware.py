@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.common import compile_notice, progress, quantity
-from swimbladder.cli.options import (
-    Files,
-    Golden,
-    Options,
-    TimeLimit,
-    VehicleName,
-    grouped,
-    valued,
-)
+from swimbladder.cli.options import Files, Golden, Options, TimeLimit, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given, with_one_unit
 from swimbladder.errors import InputError
 
@@ -85,13 +77,8 @@ def firmware(
     Exit code 1 where the controller does not bring the vehicle through that step, or the procedure
     does not come to its end on the vehicle's model.
     """
-    from swimbladder.io.config import load_vehicle
-
-    v = load_vehicle(vehicle)
-    if v.command != "volume change":
-        v = load_vehicle(vehicle, sampled=True)
+    v = limit.flashed(vehicle)
     _check_law(v, law)
-    v = limit.on(v)
     options, asked = pool.options(), golden.given()
     to.check()
     with progress("loading the simulator"):

@@ -202,6 +202,13 @@ class TimeLimit(Options):
         "TIME", "The supervisor brings the vehicle up after it ([supervisor] time_limit)."
     )
 
+    def flashed(self, name: str) -> "Vehicle":
+        """Return the vehicle that a board runs, with it: of motors, or of pump and valve."""
+        from swimbladder.io.config import load_vehicle
+
+        v = load_vehicle(name)
+        return self.on(v if v.command == "volume change" else load_vehicle(name, sampled=True))
+
     def on(self, vehicle: "Vehicle") -> "Vehicle":
         """Return the vehicle whose supervisor has it; as it was where none is given."""
         limit = self.read()["time_limit"]

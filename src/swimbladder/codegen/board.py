@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count, islice
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
@@ -22,11 +23,9 @@ import numpy as np
 from swimbladder.codegen.clock import VehicleTwin
 from swimbladder.codegen.golden import BoardProgram, Mission, fly_float
 from swimbladder.codegen.library import digest, plan_program
-from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.twin import twin
 from swimbladder.codegen.wire import BAUD, Said, Wire
 from swimbladder.control.law import Measurement
-from swimbladder.control.supervisor import SUPERVISOR, Reason, Watched
+from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import check_time_limit
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import attributes
@@ -221,13 +220,8 @@ class _Session:
     def __init__(self, made: BoardProgram, wire: Wire, real_time: bool, out: Path) -> None:
         self.made, self.wire, self.real_time, self.times = made, wire, real_time, Times()
         self.full = made.limits[1]  # the command that makes the vehicle lightest
-        self._law, self._supervisor = made.twin(), twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
+        self.twin = partial(made.board, made.twin())
         self._out = out
-
-    def twin(self, **begun: Any) -> VehicleTwin:
-        """Return the board's twin; begun: as `VehicleTwin` has it."""
-        controller, limits = self.made.controller(self._law), self.made.supervisor
-        return VehicleTwin(controller, limits, supervisor=self._supervisor, **begun)
 
     @contextmanager
     def flight(self, name: str, advance: Advance, share: float) -> Iterator[_Flight]:

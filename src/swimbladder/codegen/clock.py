@@ -6,10 +6,13 @@ command and holds the last one while none is to be had; a vehicle's supervisor o
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 
+from swimbladder.codegen.subset import read_law
+from swimbladder.codegen.twin import twin
 from swimbladder.control import supervisor
 from swimbladder.control.arming import DISARMED, ArmingParameters, Deck
 from swimbladder.control.law import NEVER, Law, Measurement
@@ -34,6 +37,12 @@ def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
         return _MOST_TICKS
     whole = int(ticks)
     return whole + 1 if ticks - np.float32(whole) > np.float32(0.001) else whole
+
+
+@cache
+def supervisor_twin() -> Law:
+    """Return the supervisor in float32, which is every vehicle's."""
+    return twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
 
 
 class ControllerTwin:

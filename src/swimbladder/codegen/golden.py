@@ -12,14 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from swimbladder.codegen.clock import ControllerTwin, VehicleTwin, supervisor_twin
 from swimbladder.codegen.pump_valve import BoardLaw
-from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import Program
 from swimbladder.codegen.twin import twin
 from swimbladder.control.arming import ArmingParameters
 from swimbladder.control.law import Law, Measurement
-from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor import Reason, SupervisorParameters, Watched
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import simulate
@@ -100,10 +99,13 @@ class BoardProgram:
             seconds=self.drive is not None,
         )
 
-    def board(self) -> VehicleTwin:
-        """Return what the board is: the twin of law and supervisor."""
-        supervisor = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
-        return VehicleTwin(self.controller(self.twin()), self.supervisor, supervisor=supervisor)
+    def board(self, law: Law | None = None, **begun: Any) -> VehicleTwin:
+        """Return what the board is: the twin of law and supervisor.
+
+        law: its `twin`, where it was made before; begun: as `VehicleTwin` has it.
+        """
+        controller = self.controller(law or self.twin())
+        return VehicleTwin(controller, self.supervisor, supervisor=supervisor_twin(), **begun)
 
     def in_double(self) -> VehicleTwin:
         """Return the same in double precision."""

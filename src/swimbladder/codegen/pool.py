@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.subset import read_law
+from swimbladder.codegen.clock import supervisor_twin
 from swimbladder.codegen.twin import twin
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import NEVER, Law, Measurement
@@ -22,7 +22,7 @@ from swimbladder.control.protocol import MARGIN, POOL, Does, Phase, PoolParamete
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
-from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor import Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant, plant
@@ -88,8 +88,7 @@ class PoolTwin:
 
 def float32_twin(parameters: PoolParameters, limits: SupervisorParameters) -> PoolTwin:
     """Return the twin that equals the C to the bit."""
-    supervisor = twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
-    return PoolTwin(parameters, limits, procedure=twin(POOL), supervisor=supervisor)
+    return PoolTwin(parameters, limits, procedure=twin(POOL), supervisor=supervisor_twin())
 
 
 def rehearse(

@@ -13,7 +13,14 @@ from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.choice import choose, laws_for
-from swimbladder.design.tuning.promise import Promise, broken, limiting, promise_of
+from swimbladder.design.tuning.promise import (
+    Promise,
+    broken,
+    least_of,
+    limiting,
+    promise_of,
+    trial_of,
+)
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import (
     Drawn,
@@ -94,16 +101,20 @@ def test_what_has_to_be_kept_is_what_is_promised():
 
 
 def test_the_least_time_is_that_of_the_weak_supply():
-    how = {"sample_time": 0.3, "held": 0.0}
-    promise = promise_of(FEUP, "fast", STEP, supply=10.8, **how)
-    assert promise.least == least_time(FEUP, 1.5, 3.0, supply=10.8).time
+    how = {"sample_time": 0.3}
+    least = least_of(FEUP, "fast", STEP[:2], supply=10.8, **how)
+    assert least == least_time(FEUP, 1.5, 3.0, supply=10.8).time
+    asked = {"held": 0.0, "supervised": True}
+    promise = promise_of(FEUP, "fast", least=least, **asked)
+    assert promise.least == least
     assert promise.ballast == 20e-6
+    assert promise_of(FEUP, "fast", least=least, held=0.0, supervised=False).ballast == 0.0
     tiny = FEUP.model_copy(
         update={"stroke": FEUP.stroke.model_copy(update={"minimum": -8e-6, "maximum": 8e-6})}
     )
-    with_little = promise_of(tiny, "fast", Step(1.5, 1.6, 60.0), supply=12.0, **how)
+    with_little = promise_of(tiny, "fast", least=least, **asked)
     assert with_little.ballast == pytest.approx(4e-6)  # a quarter of the stroke
-    assert math.isnan(promise_of(FEUP, "quiet", STEP, supply=12.0, **how).least)
+    assert math.isnan(least_of(FEUP, "quiet", STEP[:2], supply=12.0, **how))
 
 
 def test_trials_have_the_weak_supply_and_the_full_one_and_the_ballast_off_to_either_side():
@@ -158,13 +169,19 @@ def test_the_cause_that_is_taken_away_is_the_one_that_is_named():
     bound = BoundLaw(found.law, found.parameters, 0.3)
     promise = Promise("fast", found.least, 0.0, 20e-6)
     weak = Drawn(40, region(FEUP), 4.0, supervised=True)
-    assert "the supply at 4 V" in limiting(FEUP, bound, found.step, weak, promise)
+
+    def limit(vehicle, drawn, promise):
+        flown = vehicle, bound, found.step, drawn
+        whole = trial_of(*flown, ballast=promise.ballast)
+        return limiting(*flown, promise, whole)
+
+    assert "the supply at 4 V" in limit(FEUP, weak, promise)
     loud = FEUP.with_sensors(depth_noise=40e-3)
     fair = Drawn(40, region(FEUP), 12.0, supervised=True)
-    assert "noise of the depth sensor, 40 mm" in limiting(loud, bound, found.step, fair, promise)
+    assert "noise of the depth sensor, 40 mm" in limit(loud, fair, promise)
     # far more is asked than any controller can do
     soon = promise._replace(least=0.5 * found.least)
-    assert "the vehicle itself" in limiting(FEUP, bound, found.step, fair, soon)
+    assert "the vehicle itself" in limit(FEUP, fair, soon)
 
 
 @pytest.mark.slow

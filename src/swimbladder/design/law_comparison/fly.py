@@ -12,7 +12,6 @@ from swimbladder.design.tuning import trial
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.buoyancy_engine import check_power_known, winding
 from swimbladder.physics.dynamics import plant
-from swimbladder.sim.closed_loop.block import schedule
 from swimbladder.sim.closed_loop.swell import depth_error
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
@@ -60,7 +59,7 @@ def fly_scenario(
     if vehicle.voltage_driven:
         given["vary"]["supply"] = s.supply * plant(vehicle).supply
     if s.swell is not None:
-        time = h * np.arange(schedule([0.0], whole, h).ticks + 1, dtype=np.float64)
+        time = trial.sample_times(whole, h)
         given["depth_error"] = depth_error(
             s.swell, vehicle, time, depth=placed.target, runs=runs, seed=seed
         )

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 from swimbladder.design.tuning import gains
+from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.trial import Trial
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
@@ -25,18 +25,18 @@ def laws_for(vehicle: Vehicle, goal: str) -> list[str]:
     return fit if goal == "fast" or not resting else resting
 
 
-def choose(tunings: Mapping[str, Any], goal: str) -> tuple[str, str]:
+def choose(tunings: Mapping[str, Tuning], goal: str) -> tuple[str, str]:
     """Return the name of the law that is taken, and why in a sentence.
 
-    tunings: a `Tuning` of each law. Those that keep their promises come first, then those that the
+    tunings: one of each law. Those that keep their promises come first, then those that the
     supervisor leaves alone in waves. A fast law: of those that move little, or of all where none
     does, the quietest that is hardly slower than the fastest. For another goal: the best by what
     the goal wants to be small.
     """
-    kept = {name: t for name, t in tunings.items() if not t.unmet} or dict(tunings)
-    calm = {name: t for name, t in kept.items() if not t.waves > 0.0} or kept
     if len(tunings) == 1:
         return next(iter(tunings)), ""
+    kept = {name: t for name, t in tunings.items() if not t.unmet} or dict(tunings)
+    calm = {name: t for name, t in kept.items() if not t.waves > 0.0} or kept
     if goal != "fast":
         order = sorted(calm, key=lambda name: gains.score(goal, calm[name].region, calm[name].held))
         return order[0], _because(order, tunings, goal, f"is the best for {goal}")
@@ -48,19 +48,15 @@ def choose(tunings: Mapping[str, Any], goal: str) -> tuple[str, str]:
     limit = f"at most {3.6e6 * MOVED:.3g} L an hour" if taken.rate <= MOVED else "any volume"
     rest = sorted((n for n in tunings if n not in near), key=lambda n: _time(tunings[n].region))
     share = f"{100.0 * (SOONER - 1.0):.0f} %"
-    return order[0], _because(
-        [*order, *rest],
-        tunings,
-        goal,
-        f"is the quietest of those within {share} of the fastest that moves {limit}",
-    )
+    why = f"is the quietest of those within {share} of the fastest that moves {limit}"
+    return order[0], _because([*order, *rest], tunings, goal, why)
 
 
 def _time(t: Trial) -> float:
     return t.settle_95 if math.isfinite(t.settle_95) else math.inf
 
 
-def _because(order: list[str], tunings: Mapping[str, Any], goal: str, why: str) -> str:
+def _because(order: list[str], tunings: Mapping[str, Tuning], goal: str, why: str) -> str:
     """Return the sentence on a choice; order: the law that is taken, then the runner-up."""
     said = [_figures(tunings[name], goal) for name in order[:2]]
     sentence = f"The law {order[0]} {why} ({said[0]})"
@@ -69,7 +65,7 @@ def _because(order: list[str], tunings: Mapping[str, Any], goal: str, why: str) 
     return f"{sentence}."
 
 
-def _figures(t: Any, goal: str) -> str:
+def _figures(t: Tuning, goal: str) -> str:
     r = t.region
     if goal == "fast":
         settle = f"{r.settle_95:.1f} s" if math.isfinite(r.settle_95) else "never settled"

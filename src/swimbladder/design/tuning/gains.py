@@ -317,13 +317,13 @@ class Search:
         plants, depths = self.region.plants[:count], self.asked.depths[:count]
         loops = partial(margins.loops, linear, plants, depths=depths, delay=self.delay)
         m = margins.worst(loops(), judge=judge, wanted=None if nominal else wanted)
-        short = margins.violated_margins(m, wanted)
-        if short and not margins.violated_margins(m, margins.WANTED):  # within the slack
-            m = margins.worst(loops(), judge=margins.exactly, wanted=margins.WANTED)
-            short = margins.violated_margins(m, margins.WANTED)
-        if not short:
-            return m
         short = margins.violated_margins(m, margins.WANTED)
+        missed = margins.violated_margins(m, wanted)
+        if missed and not short:  # within the slack
+            m = margins.worst(loops(), judge=margins.exactly, wanted=margins.WANTED)
+            short = missed = margins.violated_margins(m, margins.WANTED)
+        if not missed:
+            return m
         rank = (nominal, not m.stable, margins.worst_margin_ratio(m, wanted))
         if self.near is None or rank < self.near[0]:
             self.near = (rank, short)

@@ -6,7 +6,6 @@ could take; a quiet one holds the error allowed; whatever the goal, nearly all v
 
 import math
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import NamedTuple
 
 from swimbladder.design.linear.sampled import BoundLaw
@@ -35,22 +34,37 @@ class Promise(NamedTuple):
 
 
 def promise_of(
-    vehicle: Vehicle, goal: str, step: Step, *, supply: float, sample_time: float, held: float
+    vehicle: Vehicle, goal: str, *, least: float, held: float, supervised: bool
 ) -> Promise:
     """Return what gains for a goal have to keep; held [m rms]: error of the depth allowed.
 
-    The least time is that of the nominal vehicle with its least supply [V].
+    least [s]: the least time of the step. A vehicle finds out how far its ballast is off while it
+    is held before the step, as supervised ones are.
+    """
+    floats = vehicle.command == "volume change"
+    if goal != "fast" or floats:
+        return Promise(goal, least, held if goal != "fast" else 0.0, 0.0, floats)
+    stroke = vehicle.stroke
+    ballast = min(BALLAST, _ROOM * (stroke.maximum - stroke.minimum)) if supervised else 0.0
+    return Promise(goal, least, 0.0, ballast)
+
+
+def least_of(
+    vehicle: Vehicle, goal: str, ends: tuple[float, float], *, supply: float, sample_time: float
+) -> float:
+    """Return the least time [s] of a step between two depths [m]; nan: not known, or no matter.
+
+    It is that of the nominal vehicle with its least supply [V], infinite where it has none.
     """
     if goal != "fast" or vehicle.command == "volume change":
-        floats = vehicle.command == "volume change"
-        return Promise(goal, math.nan, held if goal != "fast" else 0.0, 0.0, floats)
-    least, given = math.nan, Limits(sample_time=sample_time)
+        return math.nan
+    given = Limits(sample_time=sample_time)
     if math.isfinite(supply):
         given["supply"] = supply
-    with suppress(NoAnswerError):  # too many samples
-        least = least_time(vehicle, step.start, step.target, **given).time
-    stroke = vehicle.stroke
-    return Promise(goal, least, 0.0, min(BALLAST, _ROOM * (stroke.maximum - stroke.minimum)))
+    try:
+        return least_time(vehicle, *ends, **given).time
+    except NoAnswerError:  # too many samples
+        return math.nan
 
 
 def broken(promise: Promise, found: Trial) -> Iterator[tuple[str, float]]:
@@ -94,11 +108,10 @@ class Cause(NamedTuple):
     remedy: str
 
 
-_MOTION = frozenset({"a_b", "a_s", "d_l", "d_b", "d_0", "d_t"})
 _CAUSES = (
     Cause(
         "what is not known of the motion (K2, T2 or mass and drag)",
-        _MOTION,
+        frozenset({"a_b", "a_s", "d_l", "d_b", "d_0", "d_t"}),
         "a pool day as `design-experiment` plans it, and `identify` on its logs, narrow that",
     ),
     Cause(
@@ -126,24 +139,38 @@ _SUPERVISOR = (
     "What limits it is the supervisor, which has the motor show that it can turn the vehicle round "
     "before it goes deeper: a faster motor, less psi or a shorter step take less of that."
 )
+_VEHICLE = (
+    "What limits it is the vehicle itself, as well as it is known: a faster motor, a shorter "
+    "sample time, another law or a shorter step would help."
+)
+_TOGETHER = (
+    "What limits it is the uncertainty of all parameters together, of none alone: a pool day as "
+    "`design-experiment` plans it, and `identify` on its logs, narrow it."
+)
 _HELPS = 0.9  # of what it is off, that is left where a cause is taken away
 
 
-def limiting(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn, promise: Promise) -> str:
+def _off(promise: Promise, found: Trial) -> float:
+    """Return how many times too much a trial is off what it has to keep; 0: it keeps all."""
+    return max((times for _, times in broken(promise, found)), default=0.0)
+
+
+def limiting(
+    vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn, promise: Promise, found: Trial
+) -> str:
     """Return what limits gains that do not keep a promise, and what would help, as a sentence.
 
-    Every cause is taken away in turn: what leaves least is what limits.
+    found: their trial. Every cause is taken away in turn: what leaves least is what limits.
     """
 
     def left(vehicle: Vehicle, drawn: Drawn) -> float:
-        flown = trial_of(vehicle, bound, step, drawn, ballast=promise.ballast)
-        return max((x for _, x in broken(promise, flown)), default=0.0)
+        return _off(promise, trial_of(vehicle, bound, step, drawn, ballast=promise.ballast))
 
-    whole, found = left(vehicle, drawn), []
-    region, sensors = drawn.region, vehicle.sensors
-    if region is not None:
-        found = [(left(vehicle, drawn._replace(known=c.known)), c) for c in _CAUSES]
-    outcomes = [(x, f"{c.words}: {c.remedy}") for x, c in found]
+    whole, sensors = _off(promise, found), vehicle.sensors
+    outcomes = []
+    for cause in _CAUSES if drawn.region is not None else ():
+        without = left(vehicle, drawn._replace(known=cause.known))
+        outcomes.append((without, f"{cause.words}: {cause.remedy}"))
     if math.isfinite(drawn.supply):
         supply = _SUPPLY.format(drawn.supply)
         outcomes.append((left(vehicle, drawn._replace(supply=math.inf)), supply))
@@ -155,19 +182,12 @@ def limiting(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn, promis
     if drawn.column is not None:
         outcomes.append((left(vehicle, drawn._replace(column=None)), _LAYERS))
     least, words = min(outcomes, default=(whole, ""), key=lambda one: one[0])
-    if least > _HELPS * whole:
-        nominal = left(vehicle, drawn.nominal)
-        if nominal > _HELPS * whole and drawn.supervised:
-            alone = left(vehicle, drawn.nominal._replace(supervised=False))
-            if alone < _HELPS * nominal:
-                return _SUPERVISOR
-        if nominal > _HELPS * whole:
-            return (
-                "What limits it is the vehicle itself, as well as it is known: a faster motor, a "
-                "shorter sample time, another law or a shorter step would help."
-            )
-        return (
-            "What limits it is the uncertainty of all parameters together, of none alone: "
-            "a pool day as `design-experiment` plans it, and `identify` on its logs, narrow it."
-        )
-    return f"What limits it is {words}."
+    if least <= _HELPS * whole:
+        return f"What limits it is {words}."
+    nominal = left(vehicle, drawn.nominal)
+    if nominal <= _HELPS * whole:
+        return _TOGETHER
+    alone = drawn.nominal._replace(supervised=False)
+    if drawn.supervised and left(vehicle, alone) < _HELPS * nominal:
+        return _SUPERVISOR
+    return _VEHICLE

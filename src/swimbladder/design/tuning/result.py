@@ -72,8 +72,7 @@ class Tuning(gains.Found):
         """What the gains do not keep, and what limits them; empty where they are proven."""
         if not self.unmet:
             return ""
-        name, goal = self.law.name, self.goal
-        what = f"The best gains of the law {name} for {goal} are unproven"
+        what = f"The best gains of the law {self.law.name} for {self.goal} are unproven"
         return f"{what}: {'; '.join(self.unmet)}. {self.limit}"
 
     def loops(self) -> tuple[SampledLoop, ...]:
@@ -134,8 +133,8 @@ class Tuning(gains.Found):
             off = f"With its ballast off by {1e6 * self.ballast:.3g} g to either side"
             sentences.append(f"{off} it settles in {r.ballast:.1f} s.")
         if math.isfinite(self.waves):
-            over = f"takes over in {100.0 * self.waves:.0f} % of them" if self.waves else ""
-            over = over or "never takes over"
+            share = f"takes over in {100.0 * self.waves:.0f} % of them"
+            over = share if self.waves else "never takes over"
             sentences.append(f"In half hours in waves of 1 m the supervisor {over}.")
         if m is None:
             sentences.append(_NO_MARGINS)

@@ -14,7 +14,7 @@ from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
 from swimbladder.design.tuning import gains, trial
 from swimbladder.design.tuning.choice import choose, laws_for
-from swimbladder.design.tuning.promise import broken, limiting, promise_of
+from swimbladder.design.tuning.promise import broken, least_of, limiting, promise_of
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
 from swimbladder.errors import InputError, NoAnswerError
@@ -95,6 +95,15 @@ def tune(
     h = _sample_time(vehicle, sample_time)
     noisy, sensor = _with_noise(vehicle)
     pumped = vehicle.command == "volume change"
+    weak, around = _least_supply(noisy, supply), region(noisy)
+    ends = depths if pumped and step is None else _step(depths, step)
+    for name in names if pumped else ():
+        _check_way(depths, ends, _held(noisy, gains.tunable(name), goal, hold))
+    judged = tuple(sorted({*depths, *ends}))
+    if column is not None and column.cast is not None:
+        check_cast_unit(column.cast, judged[-1], noisy.hull.depth_limit)
+    layers = medium_of(noisy, column, reach=judged[-1]).layers
+    _check_reach(noisy, judged, weak, around, layers)
     request = _Request(
         vehicle=noisy,
         sensor=sensor,
@@ -102,32 +111,32 @@ def tune(
         depths=depths,
         sample_time=h,
         delay=delay * h,
-        supply=_least_supply(noisy, supply),
-        ends=depths if pumped and step is None else _step(depths, step),
+        supply=weak,
+        ends=ends,
         hold=hold,
         runs=runs,
         column=column,
         supervised=supervised and not pumped,
-        around=region(noisy),
+        around=around,
+        judged=judged,
+        off=layers.along(np.linspace(judged[0], judged[-1], _ROWS)),
+        least_time=least_of(noisy, goal, ends, supply=weak, sample_time=h),
     )
-    found: dict[str, Tuning] = {}
-    refused: dict[str, NoAnswerError] = {}
 
-    def one(name: str) -> None:
+    def one(name: str) -> Tuning | NoAnswerError:
         try:
-            found[name] = request.tuned(name, lambda x: advance(x / len(names)))
+            return request.tuned(name, lambda x: advance(x / len(names)))
         except NoAnswerError as error:
-            refused[name] = error
+            return error
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        for _ in each(one, names):
-            pass
-    if not found and len(names) == 1:
-        raise refused[names[0]]
+        outcomes = dict(each(one, names))
+    found = {name: x for name in names if isinstance(x := outcomes[name], Tuning)}
     if not found:
-        why = "; ".join(f"{name}: {refused[name]}" for name in names)
-        raise NoAnswerError(f"no law has gains for this. {why}")
-    taken, why = choose({name: found[name] for name in names if name in found}, goal)
+        why = "; ".join(f"{name}: {outcomes[name]}" for name in names)
+        several = f"no law has gains for this. {why}"
+        raise NoAnswerError(several if len(names) > 1 else str(outcomes[names[0]]))
+    taken, why = choose(found, goal)
     return replace(found[taken], choice=why)
 
 
@@ -148,43 +157,33 @@ class _Request:
     column: Column | None
     supervised: bool
     around: Region
+    judged: tuple[float, ...]  # m, where margins are computed
+    off: NDArray[np.float64]  # m3, that a cast adds to the neutral volume over these depths
+    least_time: float  # s, of the step; nan where it does not count
 
     def tuned(self, name: str, advance: Advance) -> Tuning:
         """Return the gains of the law of that name; raises as `tune` does."""
         vehicle, goal, depths, ends = self.vehicle, self.goal, self.depths, self.ends
-        h, least, around, column = self.sample_time, self.supply, self.around, self.column
+        h, supply, around, judged = self.sample_time, self.supply, self.around, self.judged
         chosen, recipe = gains.tunable(name), gains.recipe_of(name)
         pumped = vehicle.command == "volume change"
         way = abs(ends[1] - ends[0])
         held = _held(vehicle, chosen, goal, self.hold)
-        if pumped and way <= 2.0 * held:
-            what = (
-                f"the way is no longer than the band of {held:g} m to either side that the law "
-                "keeps"
-            )
-            remedy = "Give depths farther apart, like 100:1500, or a narrower band (--hold)"
-            raise gains.refused_depths(what, depths, remedy)
-        judged = tuple(sorted({*depths, *ends}))
-        if column is not None and column.cast is not None:
-            check_cast_unit(column.cast, judged[-1], vehicle.hull.depth_limit)
-        layers = medium_of(vehicle, column, reach=judged[-1]).layers
-        off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
-        _check_reach(vehicle, judged, least, around, layers)
         neutral = around.neutral if pumped else max(_NEUTRAL * around.neutral, _LEAST_NEUTRAL)
-        neutral += float(np.abs(off).max())
+        neutral += float(np.abs(self.off).max())
         setting = gains.setting_of(
-            vehicle, sample_time=h, supply=least, neutral_range=neutral, depths=judged
+            vehicle, sample_time=h, supply=supply, neutral_range=neutral, depths=judged
         )
         long = _WATCH
         if recipe.lasts is not None:
             long = recipe.lasts(setting, way, goal)
         elif goal == "fast":
-            long = _watched(vehicle, least, way, h)
+            long = _watched(vehicle, supply, way, h)
         watched = trial.Step(*ends, long)
-        drawn = trial.Drawn(self.runs, around, least, column, supervised=self.supervised)
-        promise = promise_of(vehicle, goal, watched, supply=least, sample_time=h, held=held)
-        if not self.supervised:
-            promise = promise._replace(ballast=0.0)  # it is what a vehicle has found by holding
+        drawn = trial.Drawn(self.runs, around, supply, self.column, supervised=self.supervised)
+        promise = promise_of(
+            vehicle, goal, least=self.least_time, held=held, supervised=self.supervised
+        )
         asked = gains.Goal(goal, held, judged, watched, drawn, promise.ballast)
         search = gains.Search(chosen, vehicle, setting, asked, self.delay, advance)
         found = search.found()
@@ -194,9 +193,8 @@ class _Request:
         unmet = tuple(words for words, _ in broken(promise, found.region))
         waves = math.nan
         if self.supervised:
-            waves = trial.alarms_in_waves(
-                vehicle, bound, min(max(_IN_WAVES, *depths[:1]), depths[1]), drawn
-            )
+            depth = min(max(_IN_WAVES, depths[0]), depths[1])
+            waves = trial.alarms_in_waves(vehicle, bound, depth, drawn)
         return Tuning(
             result_vehicle=self._vehicle(controller_of(chosen, found.parameters, sample_time=h)),
             law=chosen,
@@ -209,17 +207,22 @@ class _Request:
             delay=self.delay,
             depths=depths,
             judged=judged,
-            supply=least,
+            supply=supply,
             held=held,
             band=trial.arrival_band(bound, watched) if pumped else 0.0,
-            assumptions=self._assumptions(off),
+            assumptions=self._assumptions(),
             plants=around.plants,
             least=promise.least,
             ballast=promise.ballast,
             waves=waves,
             unmet=unmet,
-            limit=limiting(vehicle, bound, watched, drawn, promise) if unmet else "",
+            limit=limiting(vehicle, bound, watched, drawn, promise, found.region) if unmet else "",
         )
+
+    @property
+    def unlimited(self) -> bool:
+        """Whether the supervisor that is flown has no time limit."""
+        return self.supervised and self.vehicle.supervisor.time_limit is None
 
     def _vehicle(self, controller: Controller) -> Vehicle:
         """Return the vehicle with a controller, and where trials had one, with its supervisor."""
@@ -227,20 +230,19 @@ class _Request:
         origin = {"controller.parameters": f"tuned for {self.goal}, {low:g} to {high:g} m"}
         made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
         if self.supervised:
-            made["supervisor"] = vehicle.supervisor  # so that `simulate` flies it as well
-            if vehicle.supervisor.time_limit is None:
-                limited = {"time_limit": _TIME_LIMIT}
-                made["supervisor"] = vehicle.supervisor.model_copy(update=limited)
+            limited = {"time_limit": _TIME_LIMIT} if self.unlimited else {}
+            # so that `simulate` flies it as well
+            made["supervisor"] = vehicle.supervisor.model_copy(update=limited)
         return vehicle.model_copy(update=made)
 
-    def _assumptions(self, off: NDArray[np.float64]) -> tuple[str, ...]:
-        """Return what trials and margins assume; off [m3]: what a cast adds to neutral."""
+    def _assumptions(self) -> tuple[str, ...]:
+        """Return what trials and margins assume."""
         pumped = self.vehicle.command == "volume change"
         how = trial.SUPERVISED if self.supervised else trial.ALONE
         found = [*self.around.words, self.sensor, how, *_outside(self.depths, self.ends)]
-        if self.supervised and self.vehicle.supervisor.time_limit is None:
+        if self.unlimited:
             found.append(_LIMITED)
-        found += _in_water(self.column, off, pumped=pumped)
+        found += _in_water(self.column, self.off, pumped=pumped)
         if math.isfinite(self.supply):
             found.append(f"the supply falls to {self.supply:.3g} V")
         else:
@@ -268,6 +270,14 @@ def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
         raise InputError(what, field="--hold", value=hold, unit="m", remedy=remedy)
     if goal == "energy" and not pumped:
         known_winding(vehicle, instead="tune for quiet, which moves least")
+
+
+def _check_way(depths: tuple[float, float], ends: tuple[float, float], held: float) -> None:
+    """Raise InputError where a float's way [m] is within the band that its law keeps [m]."""
+    if abs(ends[1] - ends[0]) <= 2.0 * held:
+        what = f"the way is no longer than the band of {held:g} m to either side that the law keeps"
+        remedy = "Give depths farther apart, like 100:1500, or a narrower band (--hold)"
+        raise gains.refused_depths(what, depths, remedy)
 
 
 def _supplied(vehicle: Vehicle) -> Plant:

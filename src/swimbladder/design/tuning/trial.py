@@ -191,6 +191,12 @@ def held_before(sample_time: float) -> float:
     return max(math.ceil(_BEFORE[0] / sample_time), _BEFORE[1]) * sample_time
 
 
+def sample_times(duration: float, sample_time: float) -> Array:
+    """Return the times of the samples of a run [s]."""
+    count = schedule([0.0], duration, sample_time).ticks + 1
+    return sample_time * np.arange(count, dtype=np.float64)
+
+
 def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     """Return the runs of a trial as they went."""
     runs, region, supply, column, seed, supervised = drawn[:6]
@@ -206,18 +212,18 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
         before = held_before(bound.sample_time)
         duration += before
     neutral = [medium.neutral_volume(z) for z in (step.start, step.target)]
-    if bound.law.ways is not None:
+    if bound.law.ways is None:
+        given["start_volume"] = neutral[0]
+        if math.isfinite(supply):
+            vary["supply"] = supplies(vehicle, drawn)
+        if region is not None and "V_0" not in drawn.known:
+            h = bound.sample_time
+            given["neutral_change"] = random_walk(region.walk, duration, drawn, sample_time=h)
+    else:
         vehicle = with_supply(vehicle, supply)
         down = np.arange(runs) % 2 == 0
         given["target"], given["start_depth"] = np.where([down, ~down], step.target, step.start)
         given["start_volume"] = np.where(down, *neutral)
-    elif math.isfinite(supply):
-        vary["supply"] = supplies(vehicle, drawn)
-    if bound.law.ways is None:
-        given["start_volume"] = neutral[0]
-    if bound.law.ways is None and region is not None and "V_0" not in drawn.known:
-        h = bound.sample_time
-        given["neutral_change"] = random_walk(region.walk, duration, drawn, sample_time=h)
     given |= {"vary": vary, "seed": seed, "column": column, "count": runs}
     return fly(vehicle, bound, duration=step.duration, before=before, **given)
 
@@ -234,7 +240,7 @@ def random_walk(intensity: float, duration: float, drawn: Drawn, *, sample_time:
     intensity [m3/s^0.5], duration and sample time [s].
     """
     every = max(round(_WALK_EVERY / sample_time), 1)
-    samples = schedule([0.0], duration, sample_time).ticks + 1
+    samples = len(sample_times(duration, sample_time))
     rng = np.random.default_rng([drawn.seed, 1])  # a stream of its own
     size = (samples // every, drawn.runs)
     steps = rng.normal(0.0, intensity * np.sqrt(every * sample_time), size)
@@ -395,7 +401,7 @@ def alarms_in_waves(vehicle: Vehicle, bound: BoundLaw, depth: float, drawn: Draw
     h, found = bound.sample_time, []
     medium = medium_of(vehicle, drawn.column, reach=depth)
     before = held_before(h)
-    time = h * np.arange(schedule([0.0], HALF_HOUR + before, h).ticks + 1, dtype=np.float64)
+    time = sample_times(HALF_HOUR + before, h)
     for sea in SEAS:
         waves = depth_error(sea, vehicle, time, depth=depth, runs=_IN_WAVES, seed=drawn.seed)
         runs = fly(

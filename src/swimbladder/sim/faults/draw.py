@@ -82,7 +82,6 @@ class Course(NamedTuple):
     neutral: float  # m3, how far the neutral volume may be from what is known
     speed: float  # m/s, of full buoyancy half way up from the deepest
     ramp: float  # m/s, at which the depth asked for goes to a set-point
-    end: float  # s
     medium: Medium  # the vehicle in the water
     column: Column | None  # the water; None: the vehicle's own
 
@@ -106,12 +105,16 @@ class Course(NamedTuple):
         return None if self.column is None else self.column.source
 
     @property
+    def rise(self) -> float:
+        """The way [m] from the deepest to where a mission ends."""
+        return self.depths.most - self.medium.plant.z_surface - UP
+
+    @property
     def takes(self) -> float:
         """Time [s] that the longest mission takes, without what comes up slowly at its end."""
-        way = self.depths.most - self.medium.plant.z_surface - UP
         if self.floats:
-            return DIVE + 2.0 * WAY_SHARE * way / self.ramp
-        return DURATION + way / self.ramp
+            return DIVE + 2.0 * WAY_SHARE * self.rise / self.ramp
+        return DURATION + self.rise / self.ramp
 
     @property
     def slack(self) -> float:
@@ -124,6 +127,11 @@ class Course(NamedTuple):
         limit = self.vehicle.supervisor.time_limit
         assert limit is not None
         return limit
+
+    @property
+    def end(self) -> float:
+        """Time [s] at which a mission is over, come up or not."""
+        return self.time_limit + self.slack + 3.0 * self.rise / self.speed
 
 
 def course_of(
@@ -150,20 +158,17 @@ def course_of(
         raise error.but(field="--depth") from None
     if floats:
         check_dive(vehicle)
-    p = medium.plant
     speed = _rise_speed(medium, where.most)
     ramp = min(cruising_speed(vehicle) if floats else RAMP, speed / 5.0)
-    found = Course(vehicle, where, region(vehicle).neutral, speed, ramp, 0.0, medium, column)
+    found = Course(vehicle, where, region(vehicle).neutral, speed, ramp, medium, column)
     takes = found.takes
     check_time_limit(vehicle, f". These missions take {rounded(takes + found.slack, 3)} s with it")
-    limit = found.time_limit
-    if limit < takes:
+    if found.time_limit < takes:
         what = f"the missions take {takes:.0f} s and would be cut short"
         remedy = "Give more, or ask for less --depth"
         field = "supervisor.time_limit"
-        raise InputError(what, field=field, value=limit, unit="s", remedy=remedy)
-    way = where.most - p.z_surface - UP
-    return found._replace(end=limit + found.slack + 3.0 * way / speed)
+        raise InputError(what, field=field, value=found.time_limit, unit="s", remedy=remedy)
+    return found
 
 
 def _tick(vehicle: Vehicle) -> float:

@@ -38,10 +38,10 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.void]  # of ROW
 
 
-def sources(course: Course) -> dict[str, str]:
+def sources(made: BoardProgram) -> dict[str, str]:
     """Return the C files of a vehicle's controller and supervisor, and what calls them here."""
-    made = program_of(course)
-    return made.sources | {"c_interface.c": c_interface(made.first, floats=course.floats)}
+    floats = made.drive is not None
+    return made.sources | {"c_interface.c": c_interface(made.first, floats=floats)}
 
 
 def program_of(course: Course) -> BoardProgram:
@@ -146,7 +146,7 @@ _VOLTAGES, _HEADS, _HEADS_TO = 49, 481, 12000.0  # of a pump's table; m
 
 def board_of(course: Course) -> Board:
     """Return the vehicle's C, compiled for this machine; raises InputError without a compiler."""
-    return Board(sources(course), (UNSUPERVISED, SUPERVISED, IDEAL))
+    return Board(sources(program_of(course)), (UNSUPERVISED, SUPERVISED, IDEAL))
 
 
 def run_missions(
@@ -177,7 +177,8 @@ def run_missions(
             remedy = "Give some hundreds to try, 100000 to prove"
             raise InputError(what, field=field, value=count, remedy=remedy)
     course = course_of(vehicle, depths, column)
-    files = sources(course)
+    made = program_of(course)
+    files = sources(made)
     with Board(files, (UNSUPERVISED, SUPERVISED, IDEAL)) as board:
         kept = Store(keep, course, seed, files)
         campaign, size = FaultCampaign(course, board), FLOATS if course.floats else CHUNK
@@ -187,7 +188,7 @@ def run_missions(
             for numbers, rows in each(partial(_chunk, campaign, seed, kept, well), chunks):
                 table[numbers.start : numbers.stop] = rows
                 advance(len(rows) / (missions + healthy))
-    program = digest(program_of(course)).hex()
+    program = digest(made).hex()
     return Campaign(course=course, seed=seed, faulty=tables[0], healthy=tables[1], program=program)
 
 
