@@ -46,9 +46,8 @@ Contents = Callable[[Mapping[str, Any]], Mapping[str, object]]
 """Returns contents by name, as `show.files.write_all` takes them, from an answer."""
 _VEHICLE = typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
 VehicleName = Annotated[str, _VEHICLE]
-WithoutSupervisor = Annotated[
-    bool, typer.Option("--without-supervisor", help="Fly the law alone, for study.")
-]
+ALONE = "--without-supervisor", "Fly the law alone, for study."
+WithoutSupervisor = Annotated[bool, typer.Option(ALONE[0], help=ALONE[1])]
 AnyVehicle = Annotated[str | None, _VEHICLE]
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")]
 

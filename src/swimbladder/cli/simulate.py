@@ -225,9 +225,11 @@ def simulate(
 
             medium = medium_of(v, water, reach=reach)
         s = _run(v, task, seed, water, False if without_supervisor else None)
+        from swimbladder.sim.closed_loop.supervision import unwatched_words
+
     folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
-    notes = [*_notes(s, water, medium), *_seed_unused(v, seed), *_unsupervised(s)]
+    notes = [*_notes(s, water, medium), *_seed_unused(v, seed), *unwatched_words(v)]
     answer = answer_of(s, task, water, notes)
     to.answer(answer, files, shown(answer))
     if not s.finished:
@@ -295,16 +297,6 @@ def _seed_unused(vehicle: Vehicle, seed: int | None) -> list[str]:
         return []
     lacks = "the vehicle's sensors have neither noise nor quantum (its table [sensors])"
     return [f"--seed {seed} changes nothing: {lacks}"]
-
-
-def _unsupervised(s: Solution) -> list[str]:
-    """Return what has to be said of a float whose supervisor is not flown."""
-    if s.supervised or s.vehicle.command != "volume change":
-        return []
-    if "supervisor" not in s.vehicle.model_fields_set:
-        return []
-    board = "the supervisor of a float watches its board, which commands seconds of pump and valve"
-    return [f"{board}: `swimbladder faults` flies it"]
 
 
 def _run(

@@ -167,6 +167,14 @@ class Mission(Parameters):
         """How long it lasts at most [s]; infinite where that is not given."""
         return math.inf if self.duration is None else self.duration
 
+    @property
+    def least_duration(self) -> float:
+        """How long its phases and cycles last at least, without their ways [s]."""
+        cycle = sum(phase.duration or 0.0 for phase in self.phases)
+        if self.cycles is None:
+            return max(cycle, self.duration or 0.0)
+        return max(cycle, min(self.cycles * cycle, self.span))
+
     def check(self) -> None:
         """Refuse fields that do not go together."""
         if bool(self.setpoints) == bool(self.phases):

@@ -216,7 +216,8 @@ def by_samples(f, *, tick=0.5, row_samples=6.0, band=0.0, unseen=0.0):
     )
     way = made(record(*((name, float) for name in Way._fields)), tuple(Way()))
     tasks, log = np.array([[0.0, band, 0.0]]), np.zeros((1, 1, 3))
-    return Sampled(f, own, way, tasks, np.zeros((1, len(Sums))), log, np.zeros((1, 1), np.int64))
+    sums, noted = np.zeros((1, len(Sums))), np.zeros((1, 1), np.int64)
+    return Sampled(f, own, way, tasks, sums, log, noted, reason=np.zeros(1))
 
 
 def test_a_row_is_kept_every_so_many_samples():

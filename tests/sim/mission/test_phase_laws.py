@@ -462,7 +462,7 @@ def test_the_answer_names_law_and_source(tmp_path, monkeypatch, capsys):
     )
     assert main(["mission", "feup-em", "m.toml", "--out", "o"]) in (0, 1)
     out = capsys.readouterr().out
-    assert "law 'cascade' every 0.3 s" in out
+    assert "law 'cascade' alone flies all phases every 0.3 s" in out
     assert "but for k_pz of the phase" in out
     answer = json.loads(Path("o/mission.json").read_text())
     assert answer["laws"][0]["law"] == "cascade"

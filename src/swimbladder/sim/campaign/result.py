@@ -40,7 +40,10 @@ def good_floats(table: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign:
-    """Floats of one vehicle on one mission; table [n, Fact.COUNT]."""
+    """Floats of one vehicle on one mission; table [n, Fact.COUNT].
+
+    supervised: whether the laws fly under the vehicle's supervisor.
+    """
 
     vehicle: Vehicle
     mission: Mission
@@ -49,6 +52,7 @@ class Campaign:
     seed: int
     table: Array
     energy_unknown: str
+    supervised: bool = False
 
     @property
     def good(self) -> NDArray[np.bool_]:
@@ -133,6 +137,7 @@ class Campaign:
             "vehicle": self.vehicle.name,
             "mission": self.mission.name,
             "waters": [column.source for column in self.columns],
+            "supervised": self.supervised,
             "floats": len(self.table),
             "seed": self.seed,
             "sentence": self.sentence,

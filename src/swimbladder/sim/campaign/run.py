@@ -57,8 +57,9 @@ class Floats:
 
     columns: the waters that floats are drawn into. cycles, span [s]: in the place of the mission's.
     sensitivity: whether the floats are those of a design for Sobol indices, as many as fit into
-    `floats`. store: the zarr folder of the results. Raises InputError for numbers out of range,
-    for cycles without an end, and for a mission that the vehicle cannot do.
+    `floats`. store: the zarr folder of the results. supervised: as of `fly_mission`. Raises
+    InputError for numbers out of range, for cycles without an end, and for a mission that the
+    vehicle cannot do.
     """
 
     vehicle: Vehicle
@@ -71,6 +72,7 @@ class Floats:
     cycles: int | None = None
     span: float | None = None
     sensitivity: bool = False
+    supervised: bool | None = None
 
     def __post_init__(self) -> None:
         """Refuse what cannot be flown; the rest of the work knows that it can."""
@@ -81,7 +83,7 @@ class Floats:
             check_flight(self.vehicle, self.task, column)
         self._most_cycles()
         for column in self.columns:
-            fly_mission(self.vehicle, self.task, column, cycles=1)
+            fly_mission(self.vehicle, self.task, column, cycles=1, supervised=self.supervised)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs: plans are made there again."""
@@ -90,7 +92,10 @@ class Floats:
     @cached_property
     def plans(self) -> list[Plan]:
         """A plan for each water."""
-        return [make_plan(self.vehicle, self.task, column) for column in self.columns]
+        return [
+            make_plan(self.vehicle, self.task, column, supervised=self.supervised)
+            for column in self.columns
+        ]
 
     @property
     def task(self) -> Mission:
@@ -126,6 +131,7 @@ class Floats:
                 "seed": self.seed,
                 "spread": self.spread.model_dump(mode="json"),
                 "energy_unknown": energy,
+                "supervised": self.plans[0].supervised,
             },
             hashes={
                 "vehicle": identity(self.vehicle),
@@ -136,6 +142,7 @@ class Floats:
                 "number of floats": identity(self.floats),
                 "cycles and duration": identity(self.cycles, self.span),
                 "kind of draws": identity(self.sensitivity),
+                "supervisor": identity(self.plans[0].supervised),
                 "version": software(),
             },
         )

@@ -110,6 +110,12 @@ def ask(hooks: Any, S: Any, k: int) -> bool:  # noqa: ARG001
 
 
 @_chosen
+def wanted(hooks: Any, S: Any, k: int, command: float) -> float:  # noqa: ARG001
+    """Return what is wanted of the actuator for the law's command, for the supervisor to see."""
+    return command
+
+
+@_chosen
 def took_over(watch: Any, i: int) -> bool:  # noqa: ARG001
     """Return whether the supervisor of lane i has taken over, so that the law is left alone."""
     return False
@@ -122,9 +128,9 @@ def allowed(watch: Any, i: int, reference: float) -> float:  # noqa: ARG001
 
 
 @_chosen
-def supervise(watch: Any, S: Any, W_: int, i: int, k: int, wanted: float) -> float:  # noqa: ARG001
-    """Return what lane i's supervisor makes of its law's command at tick k."""
-    return wanted
+def supervise(watch: Any, S: Any, W_: int, i: int, k: int, asked: float) -> float:  # noqa: ARG001
+    """Return what lane i's supervisor makes of what is wanted at tick k."""
+    return asked
 
 
 @_chosen

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
-from swimbladder.sim.closed_loop.hooks import allowed, ask, drive, supervise, took_over
+from swimbladder.sim.closed_loop.hooks import allowed, ask, drive, supervise, took_over, wanted
 from swimbladder.sim.closed_loop.rows import N_PLANT, N_STEP, Row
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import ModeLane, ensure_chain
@@ -145,7 +145,7 @@ def decide(S: Array, W_: int, i: int, hooks: Any, law: Like, k: int, tick: float
         kept = command if due else kept
         S[Row.COMMAND * W_ + i] = kept
         scatter_where(due, state, S, row, W_)
-    kept = supervise(law.watch, S, W_, i, k, kept)
+    kept = supervise(law.watch, S, W_, i, k, wanted(hooks, S, k, kept))
     u = limited(S, W_, i, drive(hooks, S, k, kept))
     S[Row.APPLIED * W_ + i] = u
     return u

@@ -32,6 +32,7 @@ from swimbladder.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _LIMITS, _STATE = leaf_names(SupervisorParameters), leaf_names(SupervisorState)
+_DEPTH_LIMIT = _LIMITS.index("depth_limit")
 _N_LIMITS, _N_STATE = len(_LIMITS), len(_STATE)
 _REASON, _ALLOWED = _STATE.index("reason"), _STATE.index("allowed")
 _LIKE_LIMITS: SupervisorParameters = from_numbers(SupervisorParameters, [0.0] * _N_LIMITS)
@@ -54,6 +55,16 @@ class Supervision(NamedTuple):
 
     limits: Array  # of the supervisor, then the least and the largest command
     memory: Array  # [lanes, its state, then the tick at which it took over]
+
+    @property
+    def depth_limit(self) -> float:
+        """The depth [m] at which it turns a vehicle round."""
+        return float(self.limits[_DEPTH_LIMIT])
+
+    @property
+    def reason(self) -> Array:
+        """The number of the reason of the first lane [1], as the kernel changes it; 0: none."""
+        return self.memory[0, _REASON : _REASON + 1]
 
     def over(self, lanes: int) -> Supervision:
         """Return the supervisors of so many lanes, each as the first one of these is now."""
@@ -103,6 +114,14 @@ def battery_voltage(supply: float, sag: float, kappa: float, applied: float, q: 
     """
     drawn = (applied - kappa * q) * (1.0 if applied >= 0.0 else -1.0)
     return supply - max(sag * drawn, 0.0) / (1.0 + sag)
+
+
+def unwatched_words(vehicle: Vehicle) -> list[str]:
+    """Return what has to be said of a float that has a supervisor, which is not flown."""
+    if vehicle.command != "volume change" or "supervisor" not in vehicle.model_fields_set:
+        return []
+    board = "the supervisor of a float watches its board, which commands seconds of pump and valve"
+    return [f"{board}: `swimbladder faults` flies it"]
 
 
 _supervise = inlined(compilable(supervisor.step))

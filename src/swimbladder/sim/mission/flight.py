@@ -66,6 +66,7 @@ def fly_mission(
     seed: int | None = None,
     accuracy: Accuracy | None = None,
     drive_error: DriveError | None = None,
+    supervised: bool | None = None,
     start_volume: float | None = None,
     keep: Path | None = None,
     checked: bool = True,
@@ -75,11 +76,12 @@ def fly_mission(
 
     waves: of `seawater.motion_table`; waves, cycles, span [s]: in the place of the mission's. seed:
     of the sensors' noise, None: they have neither noise nor quantum. drive_error: what the drive
-    gives over what its processor assumes. start_volume [m3]: at a start_depth other than 0, in the
-    place of the neutral one. keep: a folder for what is flown, so that a flight that was killed
-    goes on there, to the same end bit for bit. checked: refuse what cannot be done, by stroke and
-    depths or by the first cycle flown; else it is flown to whatever end it has. advance: called
-    with the share of the mission that was flown.
+    gives over what its processor assumes. supervised: whether its supervisor watches the vehicle,
+    as of `phase_laws.watch_of`. start_volume [m3]: at a start_depth other than 0, in the place of
+    the neutral one. keep: a folder for what is flown, so that a flight that was killed goes on
+    there, to the same end bit for bit. checked: refuse what cannot be done, by stroke and depths or
+    by the first cycle flown; else it is flown to whatever end it has. advance: called with the
+    share of the mission that was flown.
 
     Raises InputError where vehicle, mission and water do not go together, NoAnswerError for a
     mission that cannot be done and as `buoyancy_engine.drive_map` does.
@@ -87,13 +89,14 @@ def fly_mission(
     plan_check.check_flight(vehicle, mission, column)
     mission = plan_check.limited(mission, cycles=cycles, span=span)
     how: dict[str, Any] = dict(waves=waves, accuracy=accuracy, drive_error=drive_error)
+    how["supervised"] = supervised
     plan = make_plan(vehicle, mission, column, **how)
     judge = plan_check.check_reach if checked else plan_check.reach_of
     reach = judge(vehicle, mission, plan)
     state = first_state(plan, mission, seed=seed, volume=start_volume)
     x, at, accounts = state
     laws = [(source_of(n.law), n.law.name, n.sample_time, leaves(n.parameters)) for n in plan.laws]
-    about = (vehicle, mission, column, laws, seed, start_volume)
+    about = (vehicle, mission, column, laws, plan.supervised, seed, start_volume)
     pilot = pilot_of(vehicle, mission, plan, state, seed=seed, volume=start_volume)
     begin = x.copy()
     store = Store(keep, *about, plan.given, plan.table, plan.waves, plan.stages, begin, at.copy())

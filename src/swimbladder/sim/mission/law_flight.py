@@ -106,6 +106,7 @@ class ByLaws:
         bands = [phase.rest_band or 0.0 for phase in mission.phases]
         speeds = [phase.speed or 0.0 for phase in mission.phases]
         self.tasks = np.column_stack([same, bands, speeds])  # in C's order: one kernel for all
+        self.watch = plan.watch.over(1) if plan.watch else ()
         self.random: np.random.Generator | None = None
         if seed is not None:
             self.random = np.random.Generator(np.random.Philox(np.random.SeedSequence([seed, 0])))
@@ -152,6 +153,7 @@ class ByLaws:
         """Return all that `resume` needs to go on from here, beside the phases."""
         block, built = self.running.block, self.running.built
         found = dict(way=self.way, work=block.work, sums=block.books, log=block.log)
+        found |= {"watch": self.watch.memory} if self.watch else {}
         chains = self.running.chains[built == 1]
         return found | dict(noted=block.noted, built=built, chains=chains)
 
@@ -191,10 +193,18 @@ class ByLaws:
             booked=True,
             logged=True,
             layers=medium.layers,
+            watch=self.watch,
         )
         own = self._numbers(law.sample_time)
         block.hooks = Sampled(
-            self.phases, own, now, self.tasks, block.books, log=block.log, noted=block.noted
+            self.phases,
+            own,
+            now,
+            self.tasks,
+            block.books,
+            log=block.log,
+            noted=block.noted,
+            reason=self.watch.reason if self.watch else np.zeros(1),
         )
         self.running = block.begin()
 

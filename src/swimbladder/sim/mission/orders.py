@@ -179,8 +179,13 @@ def hold_parameters(
     return (math.inf if runs else law.far), found
 
 
-def law_facts(vehicle: Vehicle, mission: Mission) -> list[dict[str, Any]]:
-    """Return the law of each phase as plain values: name, sample time, parameters, their source."""
+def law_facts(
+    vehicle: Vehicle, mission: Mission, *, supervised: bool = False
+) -> list[dict[str, Any]]:
+    """Return the law of each phase as plain values: name, sample time, parameters, their source.
+
+    supervised: whether a supervisor watches it.
+    """
     found = []
     laws: Sequence[PhaseLaw | None] = phase_laws(vehicle, mission) or [None] * len(mission.phases)
     for title, phase, law in zip(mission.titles, mission.phases, laws, strict=True):
@@ -189,7 +194,8 @@ def law_facts(vehicle: Vehicle, mission: Mission) -> list[dict[str, Any]]:
             name, numbers, source = law.law.name, law.parameters, law.source
             tick = law.sample_time if law.sampled else None
         facts = {"phase": title, "law": name, "sample_time_s": tick, "parameters": leaves(numbers)}
-        found.append({**facts, "source": source or _rate_source(vehicle, phase)})
+        source = source or _rate_source(vehicle, phase)
+        found.append({**facts, "supervised": supervised, "source": source})
     return found
 
 

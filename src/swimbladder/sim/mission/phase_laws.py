@@ -1,7 +1,8 @@
-"""Which law flies each phase of a mission, and where its numbers come from."""
+"""Which law flies each phase of a mission, where its numbers come from, and what watches it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -14,6 +15,8 @@ from swimbladder.control.registry import bind, check_command, law_by_name
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.hull import heat_expansion
+from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
+from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
 
 
@@ -88,6 +91,48 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
     remedy = "Leave it out: say it by a parameter of the law"
     _refuse_given(mission, why, remedy, speed="m/s", check_interval="s", rest_band="m")
     return flown
+
+
+def watch_of(
+    vehicle: Vehicle, mission: Mission, laws: Sequence[PhaseLaw], supervised: bool | None
+) -> Supervision | tuple[()]:
+    """Return the supervisor over the laws of a mission; () for none, as of `supervision_of`.
+
+    Raises InputError where it cannot be: over a law that is not called at each sample, at several
+    sample times, and where it would bring up a healthy vehicle, by its depth or time limit.
+    """
+    if not any(law.sampled for law in laws):
+        if supervised:
+            what = "a supervisor watches a law that is called at each sample, and none flies this"
+            raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
+        return ()
+    tick = laws[0].sample_time
+    watch = supervision_of(vehicle, tick, supervised)
+    if not watch:
+        return ()
+    alone = "fly the law alone (--without-supervisor)"
+    for index, law in enumerate(laws):
+        if law.sample_time != tick:
+            what = f"the supervisor is called every {tick:g} s, with the law of the first phase"
+            field, value = f"phases[{index}].sample_time", law.sample_time
+            remedy = f"Leave it out, or {alone}"
+            raise InputError(what, field=field, value=value, unit="s", remedy=remedy)
+    limit = watch.depth_limit
+    for index, phase in enumerate(mission.phases):
+        if phase.depth is not None and phase.depth > limit:
+            what = f"the supervisor turns the vehicle round at {limit:.4g} m"
+            remedy = "Ask for less depth, or say more of the vehicle in its [supervisor] table"
+            field, value = f"phases[{index}].depth", phase.depth
+            raise InputError(
+                what, field=field, value=value, unit="m", remedy=f"{remedy}; or {alone}"
+            )
+    whole = vehicle.supervisor.time_limit or math.inf
+    if (takes := mission.least_duration) > whole:
+        what = f"the mission takes {rounded(takes, 3)} s at least, and would be cut short"
+        remedy = f"Give more, or ask for less; or {alone}"
+        field = "supervisor.time_limit"
+        raise InputError(what, field=field, value=whole, unit="s", remedy=remedy)
+    return watch
 
 
 def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
@@ -188,12 +233,15 @@ def _check_physics(vehicle: Vehicle, mission: Mission) -> None:
 
 def law_words(facts: Sequence[dict[str, Any]]) -> list[str]:
     """Return a line for each law of a mission: which phases it flies, and whose numbers it has."""
-    lines: dict[tuple[str, str], list[str]] = {}
+    lines: dict[tuple[str, str, str], list[str]] = {}
     for one in facts:
-        every = "" if one["sample_time_s"] is None else f" every {one['sample_time_s']:g} s"
-        lines.setdefault((f"{one['law']!r}{every}", one["source"]), []).append(one["phase"])
+        law, every = f"{one['law']!r} flies", ""
+        if one["sample_time_s"] is not None:
+            watched = "and supervisor fly" if one["supervised"] else "alone flies"
+            law, every = f"{one['law']!r} {watched}", f" every {one['sample_time_s']:g} s"
+        lines.setdefault((law, every, one["source"]), []).append(one["phase"])
     return [
-        f"law {law} flies {', '.join(names) if len(lines) > 1 else 'all phases'}; its numbers: "
-        f"{source}"
-        for (law, source), names in lines.items()
+        f"law {law} {', '.join(names) if len(lines) > 1 else 'all phases'}{every}; the law's "
+        f"numbers: {source}"
+        for (law, every, source), names in lines.items()
     ]

@@ -16,13 +16,14 @@ from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column, check_motion, look_up
 from swimbladder.sim.closed_loop.floats import surfacing_of
 from swimbladder.sim.closed_loop.pumped import BOARD
+from swimbladder.sim.closed_loop.supervision import Supervision
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Lane, Records, Table
 from swimbladder.sim.mission.core.hooks import DEAD
 from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Holding, Kind, Phases
 from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
-from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws
+from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws, watch_of
 from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.sim.mission.water import medium_for, waves_of
 from swimbladder.vehicle import Vehicle
@@ -61,6 +62,12 @@ class Plan:
     laws: tuple[PhaseLaw, ...] = ()  # of each phase; none: the mission's own rule flies
     water: Medium | None = None  # the vehicle as of its file in the water in which the laws fly it
     back: float = math.inf  # m, see `return_depth`
+    watch: Supervision | tuple[()] = ()  # the supervisor over the laws, as it begins
+
+    @property
+    def supervised(self) -> bool:
+        """Whether a supervisor watches the laws."""
+        return bool(self.watch)
 
     @property
     def longest(self) -> float:
@@ -139,14 +146,16 @@ def make_plan(
     waves: Array | None = None,
     accuracy: Accuracy | None = None,
     drive_error: DriveError | None = None,
+    supervised: bool | None = None,
 ) -> Plan:
     """Return a mission as the kernel takes it.
 
     waves: of `mission.water.waves_of`, in the place of the mission's. drive_error: what the drive
-    gives over what its processor assumes. Raises InputError for a temperature at the start of a
-    hull that has the water's.
+    gives over what its processor assumes. supervised: as of `phase_laws.watch_of`, which raises its
+    InputError; another is raised for a temperature at the start of a hull that has the water's.
     """
     laws = phase_laws(vehicle, mission)
+    watch = watch_of(vehicle, mission, laws, supervised)
     _check_warmth(vehicle, mission)
     given = given_of(vehicle, column, bottom=mission.bottom, accuracy=accuracy or Accuracy())
     table, why = make_table(vehicle, column)
@@ -165,7 +174,7 @@ def make_plan(
     for n, law in enumerate(() if sampled else laws):
         up, pause = surfacing_of(vehicle, leaves(law.parameters))
         stages["law"][n, [0, DEAD]] = up.slack / stages["speed"][n] ** 2, pause
-    plan = Plan(given, table, moving, stages, why, laws, water)
+    plan = Plan(given, table, moving, stages, why, laws, water, watch=watch)
     back = return_depth(vehicle, mission, plan)
     limit = vehicle.hull.depth_limit or math.inf
     given["deepest"] = mission.safety.deepest or min(limit, back)

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.supervisor import Reason
 from swimbladder.physics.hull import linear_psi
-from swimbladder.sim.engine.rodas.records import Account, Stop
+from swimbladder.sim.closed_loop.supervision import Alarm
+from swimbladder.sim.engine.rodas.records import Account, Note, Stop
 from swimbladder.sim.mission.books import MissionBooks, close_books, drawn_energy
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import Flight
@@ -91,7 +93,16 @@ class MissionResult:
     @cached_property
     def laws(self) -> list[dict[str, Any]]:
         """The law of each phase, its parameters and where they come from."""
-        return law_facts(self.flight.vehicle, self.flight.mission)
+        f = self.flight
+        return law_facts(f.vehicle, f.mission, supervised=f.plan.supervised)
+
+    @property
+    def alarm(self) -> Alarm | None:
+        """Why and when the supervisor took over; None: it did not, or there is none."""
+        notes = self.flight.notes
+        for note in notes[notes["what"] == Note.ALARM]:
+            return Alarm(Reason(int(note["number"])), float(note["t"]))
+        return None
 
     @property
     def cycles(self) -> int:
@@ -179,6 +190,8 @@ class MissionResult:
             "sentence": self.sentence,
             "completed": self.completed,
             "stop": f.stop.name.lower().replace("_", "-"),
+            "supervised": f.plan.supervised,
+            "alarm": self.alarm,
             "laws": self.laws,
             "reasons": self.reasons,
             "notes": self.notes,

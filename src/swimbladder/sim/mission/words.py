@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swimbladder.physics.buoyancy_engine import oil_note
+from swimbladder.sim.closed_loop.supervision import unwatched_words
 from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission import shortfall
 from swimbladder.sim.mission.prepare import HELD, cost_words
@@ -23,6 +24,7 @@ REASONS = {
     Stop.LOST: "it sank and did not come up again: it is lost",
     Stop.BATTERY_EMPTY: "the battery ran empty: it is lost",
     Stop.LEFT_WATER: "the hull left the water: check mass, waterplane area and height",
+    Stop.ALARM: "the supervisor took over and brought it up",
     Stop.STUCK: "it changed its mode 200 times in no time: a fault of the model, please report it",
 }
 _MORE_TIME = "Give it a longer timeout (a park a longer duration), more speed, or a wider tolerance"
@@ -42,7 +44,7 @@ def holding_words(result: MissionResult) -> list[str]:
 def note_words(result: MissionResult) -> list[str]:
     """Return what of the files changes nothing here, or makes the answer say nothing."""
     oil = oil_note(result.flight.vehicle)
-    found = [] if oil is None else [oil]
+    found = [*unwatched_words(result.flight.vehicle), *([] if oil is None else [oil])]
     found += cost_words(result.flight.mission, result.flight.plan.laws)
     sensors = result.flight.vehicle.sensors
     by_time = result.flight.plan.given["by_volume"] == 0.0
@@ -68,6 +70,10 @@ def reason_words(result: MissionResult) -> list[str]:
     flown = f"{result.cycles} of {asked:.0f} cycles, " if np.isfinite(asked) else ""
     flown = "" if result.flight.stop is Stop.FINISHED else flown
     found = [f"{REASONS[result.flight.stop]}, after {flown}{span_words(result.flight.duration)}"]
+    if (alarm := result.alarm) is not None:
+        found.append(
+            f"the supervisor took over after {span_words(alarm.time)}: {alarm.reason.words}"
+        )
     if result.flight.stop is Stop.BATTERY_EMPTY:
         found.append(shortfall.battery_words(result.flight))
     numbers = {title: n for n, title in enumerate(result.flight.mission.titles)}

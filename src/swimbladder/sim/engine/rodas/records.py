@@ -185,7 +185,7 @@ AT = record(
     ("new_law", np.int64),  # 1: the law is to begin anew
     ("draws", np.int64),  # random numbers drawn
     ("seed", np.int64),  # -1: sensors without noise
-    ("alarm", np.int64),  # 1: too deep, all is pumped out
+    ("alarm", np.int64),  # 1: too deep, all is pumped out; 2: the supervisor took over
     ("steps", np.int64),
     ("rejected", np.int64),
     ("stop", np.int64),
@@ -260,6 +260,7 @@ class Note(IntEnum):
     TOO_DEEP = 13
     CYCLE = 14  # is over; its number
     AFLOAT = 15  # with all volume out
+    ALARM = 16  # the supervisor takes over; its reason
 
 
 # A note of something that happened.
@@ -278,6 +279,7 @@ class Stop(IntEnum):
     BATTERY_EMPTY = 6
     LEFT_WATER = 7
     STUCK = 8
+    ALARM = 9  # the supervisor took over, and it came up
 
 
 WORK = (12, 8)  # y, its error, k1, k2 of the cubic, two rows of guards, and the stages of a step

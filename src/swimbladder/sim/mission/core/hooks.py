@@ -65,7 +65,7 @@ def turn(f: Phases) -> bool:
     p, x, at = f.lane.p, f.lane.x, f.lane.at
     over = False
     if at.new_phase == 0 and at.stop == 0 and x.t >= x.t_end:
-        if at.alarm == 1:
+        if at.alarm != 0:
             at.stop = Stop.LOST
         else:
             over = next_phase(f)
@@ -177,18 +177,21 @@ def enter_time(f: Phases, depth: float, h: float, arrived: bool) -> None:
 
 
 @inlined
-def raise_alarm(f: Phases) -> None:
-    """Note that the vehicle is too deep: it comes up, or is lost."""
+def raise_alarm(f: Phases, reason: float) -> None:
+    """Note that it is too deep, or that its supervisor took over: it comes up, or is lost."""
     x = f.lane.x
-    note(f.lane, Note.TOO_DEEP, x.w)
-    f.lane.at.alarm = 1
+    if reason == 0.0:
+        note(f.lane, Note.TOO_DEEP, x.w)
+    else:
+        note(f.lane, Note.ALARM, reason)
+    f.lane.at.alarm = 1 if reason == 0.0 else 2
     x.t_end = x.t + RESCUE
 
 
 @part
 def _alarm(f: Phases) -> None:
     """Move the volume to its upper limit, in runs as long as the pump stands."""
-    raise_alarm(f)
+    raise_alarm(f, 0.0)
     if f.lane.at.doing != Doing.NOTHING:
         end_run(f.lane)
     press_out(f.lane)

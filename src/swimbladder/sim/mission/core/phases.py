@@ -65,7 +65,7 @@ def awaited_level(f: Phases) -> float:
     """Return the depth at which the phase arrives [m], negative from below, 0: not awaited."""
     x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
-    if at.arrived == 1 or at.alarm == 1 or stage.kind == Kind.SURFACE:
+    if at.arrived == 1 or at.alarm != 0 or stage.kind == Kind.SURFACE:
         return 0.0
     if x.z < stage.depth:
         return float(stage.depth - stage.tolerance)
@@ -120,8 +120,8 @@ def afloat(f: Phases) -> bool:
     p = f.lane.p
     if at.place != 1 or x.v < p.v_max - FULL * (p.v_max - p.v_min):
         return False
-    if at.alarm == 1:
-        at.stop = Stop.PASSED_DEPTH
+    if at.alarm != 0:
+        at.stop = Stop.PASSED_DEPTH if at.alarm == 1 else Stop.ALARM
     elif at.arrived == 0 and f.stages[at.phase].kind == Kind.SURFACE:
         note(f.lane, Note.AFLOAT, 0.0)
         x.t_afloat = x.t - x.t_cycle

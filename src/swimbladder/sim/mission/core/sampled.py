@@ -1,10 +1,10 @@
 """The phases of a mission by laws that sample, as hooks of the closed loop: `closed_loop.hooks`.
 
 At each sample the last one is entered in the accounts of the mission, the phases go on, and it is
-decided whether the law is called. Where it is not, an input is held instead: all volume out to
-surface or after the alarm, at rest within a `rest_band`, and to dive from afloat, until the vehicle
-has no more volume than makes it neutral at the surface: a law takes the volume that it begins with
-for the neutral one.
+decided whether the law is called. Where it is not, an input is held in the place of its command,
+which a supervisor then sees: all volume out to surface or after an alarm, at rest within a
+`rest_band`, and to dive from afloat, until the vehicle has no more volume than makes it neutral at
+the surface: a law takes the volume that it begins with for the neutral one.
 """
 
 import math
@@ -90,6 +90,7 @@ class Sampled(NamedTuple):
     sums: Array  # [1, Sums] of the block's lane, emptied at each sample
     log: Array  # [1, n, 3], its passages from mode to mode, likewise
     noted: NDArray[np.int64]  # [1, 1], how many
+    reason: Array  # [1], why the supervisor took over, 0: it has not
 
 
 @part
@@ -158,8 +159,8 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
     rows = g.lane.counts[0]
     row(g)
     settle(g)
-    if at.stop == 0 and at.alarm == 0 and x.z > g.lane.p.deepest:
-        raise_alarm(g)
+    if at.stop == 0 and at.alarm == 0 and (f.reason[0] != 0.0 or x.z > g.lane.p.deepest):
+        raise_alarm(g, f.reason[0])
     if due or at.stop != 0 or at.arrived != arrived or at.alarm != alarm:
         _close_row(f, rows - 1)
     else:
@@ -259,7 +260,7 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
     now.called, now.begins = 0.0, 0.0
     surface, nearly = g.stages[at.phase].kind == Kind.SURFACE, FULL * (p.v_max - p.v_min)
     more = x.v - f.own.neutral_top
-    if at.alarm == 1 or (surface and (x.z <= p.shallow or at.arrived == 1)):
+    if at.alarm != 0 or (surface and (x.z <= p.shallow or at.arrived == 1)):
         now.rests = 0.0
         if moves:
             now.held = p.v_max
@@ -326,8 +327,8 @@ def _ask(f: Sampled, S: Array, k: int) -> bool:  # noqa: ARG001
 
 
 @inlined
-def _drive(f: Sampled, S: Array, k: int, command: float) -> float:  # noqa: ARG001
+def _wanted(f: Sampled, S: Array, k: int, command: float) -> float:  # noqa: ARG001
     return float(command if f.now.called != 0.0 else f.now.held)
 
 
-hook_in(Sampled, begin=_begin, sense=_sense, ask=_ask, drive=_drive, starts=_starts)
+hook_in(Sampled, begin=_begin, sense=_sense, ask=_ask, wanted=_wanted, starts=_starts)
