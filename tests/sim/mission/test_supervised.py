@@ -11,6 +11,7 @@ from swimbladder.control.supervisor import Reason
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.campaign.run import MOST, Fact, Floats
 from swimbladder.sim.engine.rodas.records import Stop
@@ -20,7 +21,7 @@ from swimbladder.sim.mission.result import MissionResult
 from swimbladder.vehicle import Supervisor
 from swimbladder.vehicle.spread import Spread
 from tests.quoted import refused
-from tests.sim.mission.test_phase_laws import FILES, flown, simulated, steps
+from tests.sim.mission.test_phase_laws import DIVE, FILES, flown, simulated, steps
 
 SHALLOW = {"kind": "hold", "depth": 1.5, "tolerance": 1.2, "duration": 120.0}
 DEEP = {"kind": "hold", "depth": 6.0, "tolerance": 1.2, "duration": 200.0}
@@ -58,6 +59,19 @@ def test_a_vehicle_without_the_table_flies_its_law_alone():
     assert over.plan.supervised
     assert MissionResult(alone, alone.reach).to_json()["supervised"] is False
     assert alone.rows.tobytes() != over.rows.tobytes()
+
+
+@pytest.mark.parametrize("name", ["cascade", "planned", "adrc", "position-pid"])
+def test_it_dives_again_and_again(name):
+    """It bobs at the surface, under water for moments: the law does not take over there."""
+    descend = {"kind": "descend", "depth": 8.0, "speed": 0.05, "tolerance": 1.0}
+    task = Mission(cycles=3, phases=[descend, *DIVE[1:]])
+    for supervised in (False, True):
+        flight = flown(watched(name), task, seed=1, checked=False, supervised=supervised)
+        found = MissionResult(flight, flight.reach)
+        assert found.completed, found.reasons
+        assert found.alarm is None
+        np.testing.assert_allclose(np.diff(flight.cycles["t_end"]), 700.0, atol=60.0)
 
 
 @pytest.mark.promise("time-limit")

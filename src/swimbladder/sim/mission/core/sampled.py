@@ -67,6 +67,7 @@ class Way(NamedTuple):
     begins: float = 0.0  # 1: it begins anew
     held: float = 0.0  # V or m3 in its place
     rests: float = 0.0  # 1: it rests
+    dives: float = 0.0  # 1: it floats, or has not got rid yet of what lets it
     seen: float = math.nan  # m, depth at the last check, nan: there was none
     check: float = 0.0  # s, time of the next
     pause: float = CHECK  # s between the two
@@ -260,13 +261,16 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
     now.called, now.begins = 0.0, 0.0
     surface, nearly = g.stages[at.phase].kind == Kind.SURFACE, FULL * (p.v_max - p.v_min)
     more = x.v - f.own.neutral_top
+    dives = now.dives != 0.0 or (not called and at.place == modes.EMERGING)
+    now.dives = 0.0
     if at.alarm != 0 or (surface and (x.z <= p.shallow or at.arrived == 1)):
-        now.rests = 0.0
+        now.rests, now.dives = 0.0, 1.0
         if moves:
             now.held = p.v_max
         else:
             now.held = _holding(S) if x.v >= p.v_max - nearly else S[Row.PLANT + modes.SUPPLY]
-    elif not called and at.place == modes.EMERGING and more > nearly:
+    elif dives and more > nearly:
+        now.dives = 1.0  # also where it bobs under: the law takes what it begins with for neutral
         # all of it in a sample, but for what the supply lacks
         u = S[Row.PLANT + modes.FRICTION] + more / (f.own.tick * S[Row.PLANT + modes.GAIN])
         now.held = f.own.neutral_top if moves else -min(u, S[Row.PLANT + modes.SUPPLY])
