@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.options import ALONE, Files, Options, VehicleName, flag, grouped, valued
 from swimbladder.cli.texts import Given, Several
 from swimbladder.errors import NoAnswerError
 
@@ -40,6 +40,7 @@ class Asked(Options):
         "LAW", "With --robustness: this law too, tuned first.", name="--law", read=_all
     )
     draws: int = valued("N", "Vehicles of each trial.", 200)
+    alone: bool = flag(*ALONE)
 
 
 @grouped(out=Path("swimbladder-stability"))
@@ -47,7 +48,8 @@ def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     r"""Say how stable a vehicle is under its law: small motions, limit cycles, large motions.
 
     Eigenvalues and margins over all that is not known of the vehicle; limit cycles of dead zones,
-    quanta and limits, foretold and simulated; maps of what it recovers from. Exit code 1 says
+    quanta and limits, foretold and simulated; maps of what it recovers from. Maps and --robustness
+    fly law and supervisor, as flashed, where the file has a table [supervisor]. Exit code 1 says
     that it is unstable, and with which parameters. A run that was killed goes on where it was.
     """
     from swimbladder.io.config import load_vehicle
@@ -56,6 +58,7 @@ def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     v = load_vehicle(vehicle)
     options = asked.given()
     options["maps"] = not options.pop("no_maps")
+    options["supervised"] = False if options.pop("alone") else None
     to.check()
     keep = unfinished(to.out)
     with progress("loading the simulator"):
@@ -87,7 +90,7 @@ def _shown(found: Stability) -> Iterator[object]:
     """Give what is printed, the answer first."""
     from swimbladder.design.stability.run import cycle_rows, robustness_rows
 
-    yield f"{found.vehicle}, law {found.law}, sampled every {found.sample_time:g} s"
+    yield f"{found.vehicle}, {found.flown}, sampled every {found.sample_time:g} s"
     yield from ("", *found.sentences)
     if found.cycles:
         headings = ["limit cycle from", "kind", "predicted", "every", "simulated", "every", "error"]

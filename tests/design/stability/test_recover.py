@@ -1,5 +1,8 @@
 """Maps of recovery lie within what any controller can do, and a killed run goes on."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,12 +10,14 @@ from swimbladder.control.registry import bind
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability import recover
 from swimbladder.design.stability.recover import Recovery, Verdict, holdable_depth, recovery_maps
+from swimbladder.design.tuning.trial import held_before
 from swimbladder.io.config import load_vehicle
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate
 
 FEUP = load_vehicle("feup-em")
+ADRC = load_vehicle(str(Path(__file__).parents[2] / "frozen" / "inputs" / "law-adrc.toml"))
 LAW, NUMBERS = bind(FEUP.controller)
 OPTIONS = dict(depths=(0.0, 95.0), cells=9)
 
@@ -88,3 +93,41 @@ def test_a_run_that_was_killed_goes_on(tmp_path, monkeypatch, maps):
     assert Store(tmp_path / "parts", "another").get(lambda: 2, "x") == 2
     parts.forget()
     assert not (tmp_path / "parts").exists()
+
+
+@pytest.fixture(scope="module")
+def pair():
+    """Maps of a law alone, which learns what disturbs it, and of it under its supervisor."""
+    shallow = OPTIONS | {"depths": (0.0, 10.0)}
+    law, numbers = bind(ADRC.controller)
+    bound = BoundLaw(law, numbers, 0.3)
+    alone = Recovery(ADRC, bound, within=600.0, band=0.05, parts=Store(None))
+    return [recovery_maps(one, **shallow) for one in (alone, replace(alone, supervised=True))]
+
+
+def test_a_supervisor_brings_up_what_the_law_would_lose(pair):
+    """Cell by cell: no start is lost that the law alone does not lose."""
+    saved = 0
+    for alone, both in zip(*pair, strict=True):
+        lost = both.verdicts == Verdict.LOST
+        assert not (lost & (alone.verdicts != Verdict.LOST)).any(), both.name
+        saved += int(((alone.verdicts == Verdict.LOST) & ~lost).sum())
+    assert saved > 0
+
+
+def test_a_supervised_step_is_the_simulation_of_its_start(pair):
+    """It comes after a time at rest, which its seconds do not count."""
+    steps = pair[1][0]
+    assert steps.count(Verdict.RECOVERED) > 0.6 * steps.asked
+    j, i = np.argwhere(steps.verdicts == Verdict.RECOVERED)[-1]
+    start, before = float(steps.x[i]), held_before(0.3)
+    run = simulate(
+        ADRC,
+        setpoints=[(0.0, start), (before, start + float(steps.y[j]))],
+        duration=before + 1800.0,
+        start_depth=start,
+        supervised=True,
+    )
+    assert run.alarm is None
+    outside = np.flatnonzero(np.abs(run.depth - run.reference) > 0.05)
+    assert steps.seconds[j, i] == pytest.approx(run.time[outside[-1] + 1] - before, abs=0.31)

@@ -1,7 +1,7 @@
 """From where a law brings a vehicle back, with supply, stroke and hull as they are: by simulation.
 
-Each cell of a map is a run. Beside it stands what no controller can do (see `reach`): the map must
-lie within it, or one of the two is wrong.
+Each cell of a map is a run, of law and supervisor where the file has one. Beside it stands
+what no controller can do (see `reach`): the map must lie within it, or one of the two is wrong.
 
 From outside the null-controllable set of its falling no controller does. With psi > 0 a vehicle
 below its neutral depth falls ever faster. The body
@@ -42,7 +42,7 @@ from scipy.optimize import brentq
 from swimbladder.design.linear.depths import neutral_end
 from swimbladder.design.linear.pump_valve import moved_by_volume
 from swimbladder.design.linear.sampled import BoundLaw
-from swimbladder.design.tuning.trial import arrivals, fly
+from swimbladder.design.tuning.trial import arrivals, fly, held_before
 from swimbladder.io.progress import Advance, silent
 from swimbladder.io.tables import rows_csv
 from swimbladder.jobs import Store
@@ -151,6 +151,7 @@ class Verdict(IntEnum):
     SLOW = 2  # in the band later, and stays
     UNSETTLED = 3  # not in the band at the end, but not lost
     LOST = 4  # falls, and no controller can stop it any more
+    BROUGHT_UP = 5  # by the supervisor, which took over
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,6 +198,7 @@ class Recovery:
     within: float  # s, in which it is to be back
     band: float  # m
     parts: Store  # of runs that are done
+    supervised: bool = False  # whether the law flies under the vehicle's supervisor
 
     @property
     def deepest(self) -> float:
@@ -205,11 +207,12 @@ class Recovery:
         return rating if self.bound.law.ways is not None and rating is not None else math.inf
 
     def run(
-        self, starts: Array, asked: NDArray[np.bool_], advance: Advance
+        self, starts: Array, asked: NDArray[np.bool_], rests: bool, advance: Advance
     ) -> tuple[NDArray[np.int64], Array]:
         """Return verdicts and times [s] of runs.
 
-        starts [4, rows, columns]: depth [m], set-point [m], speed [m/s], volume [m3].
+        starts [4, rows, columns]: depth [m], set-point [m], speed [m/s], volume [m3]. rests:
+        whether a supervised one is at rest for a while before the set-point is given.
         """
         verdicts = np.full(asked.shape, int(Verdict.NOT_ASKED))
         seconds = np.full(asked.shape, math.nan)
@@ -217,19 +220,24 @@ class Recovery:
         for first in range(0, len(cells), _CHUNK):
             rows, columns = cells[first : first + _CHUNK].T
             some = starts[:, rows, columns]
-            found = self.parts.get(partial(self._chunk, *some), "map", some)
+            found = self.parts.get(partial(self._chunk, rests, *some), "map", rests, some)
             verdicts[rows, columns] = found["verdicts"]
             seconds[rows, columns] = found["seconds"]
             advance(len(rows) / len(cells))
         return verdicts, seconds
 
-    def _chunk(self, depth: Array, target: Array, speed: Array, volume: Array) -> dict[str, Any]:
+    def _chunk(
+        self, rests: bool, depth: Array, target: Array, speed: Array, volume: Array
+    ) -> dict[str, Any]:
+        before = held_before(self.bound.sample_time) if rests and self.supervised else None
         p = plant(moved_by_volume(self.vehicle))
         runs = fly(
             self.vehicle,
             self.bound,
             target=target,
             duration=_WATCHED * self.within,
+            before=before,
+            supervised=self.supervised,
             start_depth=depth,
             start_speed=speed,
             start_volume=volume,
@@ -237,14 +245,15 @@ class Recovery:
         deep = np.nan_to_num(runs.depth, nan=math.inf).max(axis=0) > self.deepest
         since = arrivals(runs.time, ~(np.abs(runs.depth - target) <= self.band))
         lost = deep | runs.stopped
-        there = np.isfinite(since) & ~lost
+        alarm = runs.alarm > 0
+        there = np.isfinite(since) & ~lost & ~alarm
         ends = np.stack([runs.depth[-1], runs.speed[-1], runs.volume[-1]], axis=1).tolist()
         for k in np.flatnonzero(~there & ~lost):
             lost[k] = falls(p, **dict(zip(("depth", "speed", "volume"), ends[k], strict=True)))
-        cases = [there & (since <= self.within), there, lost]
-        ranks = [int(v) for v in (Verdict.RECOVERED, Verdict.SLOW, Verdict.LOST)]
+        cases = [there & (since <= self.within), there, lost, alarm]
+        ranks = (Verdict.RECOVERED, Verdict.SLOW, Verdict.LOST, Verdict.BROUGHT_UP)
         return {
-            "verdicts": np.select(cases, ranks, int(Verdict.UNSETTLED)),
+            "verdicts": np.select(cases, [int(v) for v in ranks], int(Verdict.UNSETTLED)),
             "seconds": np.where(there, since, math.nan),
         }
 
@@ -269,7 +278,8 @@ def recovery_maps(
 
     def add(starts: tuple[ArrayLike, ...], asked: NDArray[np.bool_], **about: Any) -> None:
         stacked = np.stack(np.broadcast_arrays(*starts))
-        verdicts, seconds = recovery.run(stacked, asked, lambda x: advance(0.25 * x))
+        rests = about["name"] == "steps"
+        verdicts, seconds = recovery.run(stacked, asked, rests, lambda x: advance(0.25 * x))
         maps.append(Map(verdicts=verdicts, seconds=seconds, **about))
 
     add(

@@ -33,6 +33,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.outside import source_of
+from swimbladder.sim.closed_loop.supervision import supervision_of
 from swimbladder.units import length
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import no_such
@@ -56,7 +57,13 @@ class Stability:
     stood: tuple[Stood, ...]
     unmet: tuple[str, ...]  # what could not be looked at, and why
     decided: Decided | None = None  # of a law of volume changes, in the place of `around`
+    supervised: bool = False  # maps and wrong gains fly law and supervisor
     beyond: str = ""  # why part of the depths asked for is out of reach, whatever the law
+
+    @property
+    def flown(self) -> str:
+        """Who flies: "law adrc and supervisor"."""
+        return f"law {self.law} {'and supervisor' if self.supervised else 'alone'}"
 
     @property
     def _small(self) -> Around | Decided | None:
@@ -80,7 +87,8 @@ class Stability:
             small = self._small.sentences(self.depths)
         beyond = (self.beyond,) if self.beyond else ()
         large = (*map(_cycle_words, self.cycles), *map(self._map_words, self.maps))
-        return (*beyond, *small, *large, *self._stood_words(), *self.unmet)
+        between = (_BETWEEN,) if self.supervised else ()
+        return (*beyond, *small, *between, *large, *self._stood_words(), *self.unmet)
 
     def _map_words(self, m: Map) -> str:
         said = (
@@ -89,6 +97,8 @@ class Stability:
             f"{m.count(Verdict.SLOW)} later, {m.count(Verdict.UNSETTLED)} are not there in "
             f"{3.0 * self.within:g} s, {m.count(Verdict.LOST)} are lost"
         )
+        if self.supervised:
+            said += f", {m.count(Verdict.BROUGHT_UP)} are brought up by the supervisor"
         hopeless = int((m.hopeless & (m.verdicts != int(Verdict.NOT_ASKED))).sum())
         return f"{said}; from {hopeless} of them no controller could come back."
 
@@ -121,7 +131,9 @@ class Stability:
     def to_json(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
-            **as_json(self, "vehicle law sample_time_s depths_m stable sentences region=words"),
+            **as_json(
+                self, "vehicle law supervised sample_time_s depths_m stable sentences region=words"
+            ),
             "linear": None if self.around is None else self.around.to_json(),
             **({} if self.decided is None else {"decisions": self.decided.to_json()}),
             "cycles_depth_m": self.depth,
@@ -241,6 +253,10 @@ def _settling(s: Stood) -> str:
 
 _NOT_LINEAR = "Limit cycles are predicted for loops that are linear and stable at rest."
 _RATE_LIMIT = "The actuator takes a volume: its rate limit has no describing function here."
+_BETWEEN = (
+    "So are margins and limit cycles: of the law, between the supervisor's pushes. Maps and wrong "
+    "gains are of both together, as flashed."
+)
 _SOON = 600.0  # s, in which a disturbance is to be gone
 _AROUND = 1.5  # times its tolerance: a law of volume changes lets it drift to the edge of that
 _BAND = 0.05  # m, from the set-point, that counts as there
@@ -262,6 +278,7 @@ def stability(
     with_robustness: bool = False,
     laws: Sequence[str] = (),
     draws: int = 200,
+    supervised: bool | None = None,
     keep: Path | None = None,
     advance: Advance = silent,
 ) -> Stability:
@@ -272,8 +289,9 @@ def stability(
     volume changes one and a half times the whole way and an hour. cells: of a map, to a side.
     voltage_quantum: of the motor's driver [V]. maps: whether to draw where it recovers from.
     with_robustness: whether to try wrong gains and late commands, over `draws` from the region; of
-    the own law, and of `laws`, which are tuned first. keep: folder for what is done, so that a
-    killed run goes on. advance: called with the share of the work that is done.
+    the own law, and of `laws`, which are tuned first. supervised: whether maps and wrong gains fly
+    under the vehicle's supervisor, as flashed; None: where its file has one. keep: folder for what
+    is done, so that a killed run goes on. advance: called with the share of the work that is done.
 
     Raises InputError for what cannot be, and for a vehicle without a controller.
     """
@@ -303,7 +321,8 @@ def stability(
     h = vehicle.controller.sample_time
     bound = BoundLaw(law, numbers, h if law.ways is None else math.nan)
     low, high = depths
-    parts = Store(keep, vehicle, source_of(law), depths, within, _BAND)
+    watched = bool(supervision_of(vehicle, h, supervised))
+    parts = Store(keep, vehicle, source_of(law), depths, within, watched, _BAND)
     unmet: list[str] = []
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         at, decided, around = _cycle_depth(vehicle, depths), None, None
@@ -328,17 +347,17 @@ def stability(
         advance(0.2)
         found: tuple[Map, ...] = ()
         if maps:
-            recovery = Recovery(vehicle, bound, within, band, parts)
+            recovery = Recovery(vehicle, bound, within, band, parts, watched)
             found = recovery_maps(recovery, depths, cells, lambda x: advance(0.4 * x))
         stood: list[Stood] = []
         if with_robustness:
             start, target = usual_step(max(low, vehicle.hull.emergence_depth), high)
             step = Step(start, target, math.ceil(within / h) * h)
             others = [name for name in dict.fromkeys(laws) if name != law.name]
-            chosen = [bound, *(_tuned(vehicle, name, depths, parts) for name in others)]
+            chosen = [bound, *(_tuned(vehicle, name, depths, parts, watched) for name in others)]
             share = 0.3 / len(chosen)
             for one in chosen:
-                drawn = Drawn(draws, region(vehicle))
+                drawn = Drawn(draws, region(vehicle), supervised=watched)
                 stood += robustness(vehicle, one, step, drawn, parts, lambda x: advance(share * x))
     return Stability(
         vehicle=vehicle.name,
@@ -354,6 +373,7 @@ def stability(
         band=band,
         stood=tuple(stood),
         unmet=tuple(unmet),
+        supervised=watched,
         beyond=_beyond(vehicle, depths[1]),
         decided=decided,
     )
@@ -431,12 +451,15 @@ def _simulated(vehicle: Vehicle, bound: BoundLaw, one: Predicted, depth: float) 
     return hold(held, off, period, quantised=quantised)
 
 
-def _tuned(vehicle: Vehicle, name: str, depths: tuple[float, float], parts: Store) -> BoundLaw:
-    """Return a law of another name, tuned for depths [m]."""
+def _tuned(
+    vehicle: Vehicle, name: str, depths: tuple[float, float], parts: Store, supervised: bool
+) -> BoundLaw:
+    """Return a law of another name, tuned for depths [m]; supervised: under the supervisor."""
     law, goal = gains.tunable(name), gains.goals_of(gains.recipe_of(name))[0]
 
     def values() -> list[float]:
-        found = tune(vehicle, law=name, goal=goal, depths=depths, runs=_TUNED, supervised=False)
+        how: dict[str, Any] = dict(goal=goal, depths=depths, runs=_TUNED, supervised=supervised)
+        found = tune(vehicle, law=name, **how)
         return [float(np.asarray(x)) for x in numbers(found.parameters)]
 
     kept = parts.get(values, "tuned", name, source_of(law), depths)

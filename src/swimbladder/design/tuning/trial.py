@@ -132,15 +132,17 @@ def fly(
     target: ArrayLike,
     duration: float,
     before: float | None = None,
+    supervised: bool = False,
     **given: Any,
 ) -> Runs:
     """Return runs to a depth `target` [m] under a law with these parameters.
 
     target: of a float 0 is the surface. duration [s]. before [s]: for so long they hold the depth
-    where they start, under the vehicle's supervisor, and then go on under it; not given: the law
-    flies alone. What is returned begins as the target is given. Without a sample time the vehicle's
-    own water acts by psi alone. given: arguments of `simulate_ensemble`; there are as many runs as
-    `count` says, or as one of the numbers has.
+    where they start, under the vehicle's supervisor, and then go on under it. supervised: whether
+    they fly under it all the same where before is not given; else the law flies alone. What is
+    returned begins as the target is given. Without a sample time the vehicle's own water acts by
+    psi alone. given: arguments of `simulate_ensemble`; there are as many runs as `count` says, or
+    as one of the numbers has.
     """
     many = (target, *given.get("vary", {}).values())
     many += tuple(given[name] for name in given if name.startswith("start_"))
@@ -159,7 +161,7 @@ def fly(
         parameters=parameters,
         keep="trajectory",
         sample_time=sample_time,
-        supervised=before is not None,
+        supervised=supervised or before is not None,
         **given | {"count": max(given.get("count", 1), *map(np.size, many))},
     )
     known = {str(name): values.to_numpy() for name, values in data.variables.items()}

@@ -15,6 +15,7 @@ from swimbladder.units import length
 
 _CAME_BACK = {Verdict.RECOVERED: Ink.BLUE, Verdict.SLOW: Ink.SKY, Verdict.UNSETTLED: Ink.ORANGE}
 _COLORS = _CAME_BACK | {Verdict.NOT_ASKED: "#FFFFFF", Verdict.LOST: Ink.VERMILION}
+_COLORS |= {Verdict.BROUGHT_UP: Ink.PURPLE}
 
 
 @styled
@@ -32,10 +33,12 @@ def draw_recovery(found: Stability) -> Figure:
         Verdict.UNSETTLED: f"not in {3.0 * found.within:g} s",
         Verdict.LOST: "lost",
     }
+    if found.supervised:
+        labels[Verdict.BROUGHT_UP] = "brought up by the supervisor"
     handles: list[Any] = [Patch(color=_COLORS[v], label=text) for v, text in labels.items()]
     handles += [line for axes in panels for line in axes.get_lines()][:1]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    figure.suptitle(f"{found.vehicle}, law {found.law}", fontsize=10.5)
+    figure.suptitle(f"{found.vehicle}, {found.flown}", fontsize=10.5)
     return figure
 
 
