@@ -21,7 +21,7 @@ from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_depths, check_dive
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
-from swimbladder.sim.faults.kinds import MOTOR, draw_fault, kinds_of, parts_of
+from swimbladder.sim.faults.kinds import KINDS, MOTOR, On, Op, draw_fault, kinds_of, parts_of
 from swimbladder.sim.faults.mission_records import Condition, FaultRow
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
@@ -43,6 +43,7 @@ SLACK, DIVE_SLACK = 180.0, 3600.0  # s, for coming up
 WAY_SHARE = 1.5  # that the ways of a float take longer than at its law's speed: it slows down
 SETTLE = 30.0  # s before anything may fail
 LATEST, LATEST_DIVE = 0.25, 0.6  # of the duration, of the first onset: it has longer to act
+REACHES = 3.0  # m, of a depth that drifts before the mission ends, where the time limit lets it
 BOOT = 2.0  # s that the board needs from a reset to its first tick
 DRIFT = 1000.0  # s, in which trim drifts by what is not known of it; half a mission at least
 SWELL = 0.005  # of the stroke, the least; ten times as much the most
@@ -225,9 +226,11 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
             times.append(times[0] + random.uniform(0.0, SECOND_WITHIN))
         for fault, time in zip(faults, times, strict=True):
             first, second, lasts = draw_fault(fault, random)
-            begin = math.ceil(time / tick)
+            begin = 0.0 if KINDS[fault].from_start else math.ceil(time / tick)
             end = begin + max(1.0, round(lasts / tick)) if math.isfinite(lasts) else math.inf
             fault_rows.append(FaultRow(float(fault), first, second, begin, end))
+    latest = turns[-1] + course.time_limit - course.takes
+    turns[-1] = min(max([turns[-1], *(reached(row, tick) for row in fault_rows)]), latest)
     quiet = max([turns[-1], *times])
     return Mission(
         number=number,
@@ -240,6 +243,15 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
         layers=course.medium.layers,
         drive=drive,
     )
+
+
+def reached(row: FaultRow, tick: float) -> float:
+    """Return when a fault's drift of the depth is as far as a mission waits for [s]; else 0."""
+    kind = KINDS.get(int(row.kind))
+    if kind is None or (kind.on, kind.op) != (On.DEPTH, Op.PLUS_RATE):
+        return 0.0
+    time = row.begin * tick + REACHES / abs(row.first)
+    return time if time < row.end * tick else 0.0
 
 
 def _plant(
