@@ -386,7 +386,6 @@ def test_what_a_float_cannot_have_is_named():
             Fault.VOLUME_NAN,
             Fault.VOLUME_STUCK,
             Fault.VOLUME_DRIFT,
-            Fault.VOLUME_TEMPERATURE,
             Fault.ENCODER_SLIP,
             Fault.SENSORS_STUCK,
         )

@@ -199,7 +199,7 @@ BEGIN, END = 60, 130
 # Severity, in the unit that the oracle takes it in: what the catalogue says has to be the same.
 SEVERE = {
     Fault.DEPTH_RANGE: (-400.0, 0, "m"),
-    Fault.DEPTH_DROPOUTS: (0.7, 0, ""),
+    Fault.DEPTH_DROPOUTS: (0.3, 0, ""),
     Fault.DEPTH_LATE: (6.0, 1, "s"),
     Fault.DEPTH_OLD: (4.5, 0, "s"),
     Fault.DEPTH_JUMP: (-7.0, 0, "m"),
@@ -209,7 +209,6 @@ SEVERE = {
     Fault.DEPTH_SCALE: (-0.25, 0, ""),
     Fault.DEPTH_NOISE: (2.0, 0, "m"),
     Fault.VOLUME_DRIFT: (0.01, 0, "1/s"),
-    Fault.VOLUME_TEMPERATURE: (-0.05, 15.0, ""),
     Fault.ENCODER_SLIP: (0.6, 0, ""),
     Fault.PORT_CLOGGED: (0.1, 0, ""),
     Fault.PORT_OUT: (0.2, 0, ""),
@@ -225,7 +224,7 @@ SEVERE = {
     Fault.BATTERY_DROP: (0.4, 0, ""),
     Fault.BATTERY_CELL: (0.3, 0, ""),
     Fault.BATTERY_DEAD: (30.0, 0, "s"),
-    Fault.TICKS_LOST: (0.6, 0, ""),
+    Fault.TICKS_LOST: (0.4, 0, ""),
     Fault.PAUSE: (3.0, 6.0, "s"),
     Fault.RESETS: (6.0, 0, "s"),
     Fault.HANG: (3.0, 0, "s"),
@@ -284,12 +283,9 @@ def seen_volume(fault, true, begin, end, tick, stroke):
     on = (k >= begin) & (k < end)
     if fault == Fault.VOLUME_NAN:
         return np.where(on, math.nan, true)
-    first, second, _ = SEVERE.get(fault, (0.0, 0.0, ""))
     if fault == Fault.ENCODER_SLIP:  # what it missed while the fault lasted it misses for good
         steps = np.diff(true, prepend=true[0])
-        return true - np.cumsum(np.where(on & (steps > 0.0), first * steps, 0.0))
-    if fault == Fault.VOLUME_TEMPERATURE:
-        return np.where(on, true + stroke * warmed(begin, tick, first, second), true)
+        return true - np.cumsum(np.where(on & (steps > 0.0), SEVERE[fault][0] * steps, 0.0))
     if fault in (Fault.VOLUME_STUCK, Fault.SENSORS_STUCK):
         return np.where(on, true[begin], true)
     if fault == Fault.VOLUME_DRIFT:  # strokes, from end to end, a second
@@ -347,7 +343,7 @@ def test_each_kind_of_fault_does_what_it_is_said_to_do_and_only_while_it_lasts(r
     if fault == Fault.DEPTH_DROPOUTS:
         gone = np.isnan(flown["depth_seen"])
         assert not gone[~on].any()
-        assert stats.binomtest(gone[on].sum(), on.sum(), first).pvalue > 1e-3
+        assert stats.binomtest(gone[on].sum(), on.sum(), 1.0 - first).pvalue > 1e-3
         assert np.array_equal(flown["depth_seen"][~gone], flown["depth"][~gone])
     elif fault == Fault.DEPTH_NOISE:
         noise = (flown["depth_seen"] - flown["depth"]) / first
@@ -361,7 +357,7 @@ def test_each_kind_of_fault_does_what_it_is_said_to_do_and_only_while_it_lasts(r
     board = flown["board"]
     if fault == Fault.TICKS_LOST:
         assert not board[~on].any()
-        assert stats.binomtest(int(board[on].sum()), on.sum(), first).pvalue > 1e-3
+        assert stats.binomtest(int(board[on].sum()), on.sum(), 1.0 - first).pvalue > 1e-3
     elif fault == Fault.HANG:  # what hangs when the fault ends is still reset
         assert np.array_equal(board, ran(fault, 221, BEGIN, end, tick, 7)[:221])
     else:
@@ -554,7 +550,7 @@ def test_one_fault_in_seven_ends_within_five_minutes_where_it_can():
 def test_a_board_loses_the_share_of_ticks_that_is_drawn(share):
     """A binomial number of them, which lies within its middle 0.9999."""
     acts = np.ones((len(On), 2))
-    acts[On.TICKS, 1], acts[On.HANG, 1] = share, 0.0
+    acts[On.TICKS, 0], acts[On.HANG, 1] = 1.0 - share, 0.0
     lost = sum(board_misses(acts, 0.1)[0] for _ in range(5000))
     least, most = stats.binom.interval(0.9999, 5000, share)
     assert max(least, 0.0) <= lost <= most

@@ -73,6 +73,13 @@ def outcomes(results: Array, tick: float) -> Array:
     return found
 
 
+def reason_words(code: float) -> str:
+    """Return a reason in words; of a code that bits which flipped have made, as the C has it."""
+    if code == 0.0:
+        return ""
+    return Reason(int(code)).words if code in set(Reason) else "unknown"
+
+
 class Line(NamedTuple):
     """What became of the missions of one kind."""
 
@@ -248,8 +255,7 @@ class Campaign:
 
     def reason(self, number: int) -> str:
         """Return the supervisor's reason in a mission, in words; empty where it had none."""
-        code = int(self.result(0, "reason")[number])
-        return Reason(code).words if code else ""
+        return reason_words(self.result(0, "reason")[number])
 
     def description(self, number: int) -> str:
         """Return what happened to a mission, in a line."""

@@ -120,7 +120,7 @@ def see_depth(
         depth = q[On.READS, 1]
     depth, older = _held(kept, _DEPTH, q[On.OLD], depth, k, tick)
     missing = q[On.DEPTH_MISSING, 0] == 0.0
-    if q[On.DROPOUTS, 1] > 0.0 and np.random.random() < q[On.DROPOUTS, 1]:  # noqa: NPY002
+    if q[On.DROPOUTS, 0] < 1.0 and np.random.random() >= q[On.DROPOUTS, 0]:  # noqa: NPY002
         missing = True
     return (math.nan if missing else depth), age + older
 
@@ -302,7 +302,7 @@ def pump_share(pump: PumpTable, base: Array, q: Array, z: float) -> tuple[float,
 def board_misses(q: Array, tick: float) -> tuple[bool, bool, int]:
     """Return (whether this tick is lost, whether the board is reset, ticks a law hangs for)."""
     lost = q[On.PAUSE, 0] == 0.0
-    if q[On.TICKS, 1] > 0.0 and np.random.random() < q[On.TICKS, 1]:  # noqa: NPY002
+    if q[On.TICKS, 0] < 1.0 and np.random.random() >= q[On.TICKS, 0]:  # noqa: NPY002
         lost = True
     return lost, q[On.RESET, 0] == 0.0, math.ceil(q[On.HANG, 1] / tick)
 

@@ -21,7 +21,7 @@ class On(IntEnum):
     READS = 2  # m, in the place of the depth
     LATE = 3  # s, by which it comes late; factor 0: the driver says so
     OLD = 4  # s, after which a new one comes; factor 0: none does
-    DROPOUTS = 5  # share of depths that is not measured
+    DROPOUTS = 5  # share of depths that is measured
     DEPTH_MISSING = 6
     VOLUME = 7  # strokes, that the sensor measures
     VOLUME_OLD = 8
@@ -38,7 +38,7 @@ class On(IntEnum):
     CHARGE = 19  # the battery's open-circuit voltage
     CELL = 20  # the same, while the motor is driven
     SAG = 21  # the battery's resistance over the motor's
-    TICKS = 22  # share that is lost
+    TICKS = 22  # share that comes
     PAUSE = 23
     RESET = 24
     HANG = 25  # s
