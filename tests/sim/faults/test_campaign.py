@@ -15,7 +15,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.faults import draw as drawing
 from swimbladder.sim.faults import run_missions
-from swimbladder.sim.faults.campaign_result import Outcome, outcomes, rule_of_three
+from swimbladder.sim.faults.campaign_result import Outcome, outcomes, reason_words, rule_of_three
 from swimbladder.sim.faults.draw import course_of, draw
 from swimbladder.sim.faults.kinds import FAULTS, KINDS, draw_fault, kinds_of
 from swimbladder.sim.faults.mission_records import RESULT, FaultRow, Result
@@ -187,6 +187,21 @@ def test_a_law_too_slow_for_its_time_limit_raises_no_false_alarm(flown):
     judged = dataclasses.replace(flown, healthy=table)
     assert judged.too_slow.tolist() == [3]
     assert judged.false_alarms.tolist() == [5]
+
+
+def test_a_drift_that_its_time_limit_cuts_short_is_named(flown):
+    table, limit = flown.faulty.copy(), flown.course.time_limit
+    table["faults"] = [(0.0, math.nan, math.nan, math.nan, math.nan)] * 2
+    begin, rate = 100.0, 3.0 / (limit - 100.0 * flown.tick)
+    for number, (severity, end) in enumerate(
+        [(0.99 * rate, math.inf), (-1.01 * rate, math.inf), (0.99 * rate, 3000.0)]
+    ):
+        table["faults"][number][number % 2] = float(DRIFT), severity, 0.0, begin, end
+    assert dataclasses.replace(flown, faulty=table).cut_short.tolist() == [0]
+
+
+def test_a_reason_that_flipped_bits_have_made_is_unknown():
+    assert [reason_words(code) for code in (0.0, 2.0, 64.0)] == ["", "leak", "unknown"]
 
 
 def test_what_nothing_can_save_is_not_counted_on(flown):

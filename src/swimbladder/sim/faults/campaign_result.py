@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
-from swimbladder.sim.faults.draw import STAY, Course
+from swimbladder.sim.faults.draw import STAY, Course, reached
 from swimbladder.sim.faults.kinds import KINDS, not_drawn
 from swimbladder.sim.faults.mission_records import FaultRow, Result
 
@@ -210,6 +210,15 @@ class Campaign:
         return _results(self.healthy, 0, "reason")
 
     @property
+    def cut_short(self) -> NDArray[np.intp]:
+        """Numbers of the missions whose time limit acts before their depth is off by 3 m."""
+        ends = [
+            max(reached(FaultRow(*row), self.tick) for row in rows)
+            for rows in self.faulty["faults"].tolist()
+        ]
+        return np.flatnonzero(np.array(ends) > self.course.time_limit)
+
+    @property
     def healthy_lost(self) -> NDArray[np.intp]:
         """Numbers of the healthy missions that did not end at the surface."""
         found = outcomes(self.healthy["flights"][:, 0], self.tick)
@@ -288,6 +297,7 @@ class Campaign:
             "lost": self.lost,
             "lost_early": self.lost_early,
             "filled": self.filled,
+            "cut_short": self.cut_short,
             "lost_share_without_supervisor": self.lost_without_supervisor,
             "lost_share_without_supervisor_of_all": self.all_lost_without_supervisor,
             "kinds": [line._asdict() for line in self.lines()],
