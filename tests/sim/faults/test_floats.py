@@ -353,6 +353,24 @@ def test_a_board_that_misses_ticks_leaves_pump_and_valve_off(rig):
     assert np.isnan(flown["volume_seen"]).all()
 
 
+def test_a_pump_that_runs_for_a_whole_tick_of_a_slow_clock_runs_until_the_next(rig):
+    """What is on for a part of one is off by then."""
+    _, flown = rig.fly(
+        (Fault.CLOCK_WRONG, -0.6, 0, 4, ALWAYS),
+        depth=400.0,
+        turns=((0.0, 340.0), (20.0, 460.0)),
+        volume=math.nan,
+        ticks=120,
+        ramp=math.inf,
+        full=TICK,
+    )
+    waits = np.flatnonzero(flown["board"] == 1.0)
+    assert len(waits) == pytest.approx(0.6 * 117, abs=1.0)
+    before, now = flown["applied"][waits - 1], flown["applied"][waits]
+    assert np.array_equal(now, np.where(np.abs(before) == TICK, before, 0.0))
+    assert {-TICK, 0.0, TICK} >= set(now) > {0.0}
+
+
 def test_the_battery_sags_with_the_depth_right_up_to_the_surface(rig):
     """In the last metre as well, where a head that is rounded up would leave it even."""
     _, flown = rig.fly(

@@ -40,6 +40,7 @@ Array = NDArray[np.float64]
 OWN, FULL, EARLY = 0, 1, 2
 _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
 MOST_TURNS = 8  # set-points of a mission
+_WHOLE = 1.0 - 1e-6  # of a tick: a command so long is one of all of it
 _NEARLY = 0.01  # of the stroke: a volume so near its largest is all out
 
 
@@ -108,6 +109,7 @@ class FlightState(NamedTuple):
     must_begin: float = 1.0  # 1: its begin is to be called before its tick
     begun: float = 0.0  # tick that its clock counts from
     ahead: float = 0.0  # of a tick, that its clock is fast by
+    waits: float = 0.0  # 1: its clock has no tick at this one
     turn: float = 0.0  # set-point
     asked: float = 0.0  # m
     commanded: float = 0.0  # 1: full buoyancy is commanded
@@ -321,6 +323,7 @@ def _ask(faults: Faults, S: Array, k: int) -> bool:
     m = faults.flight
     c, now, turns = m.condition, m.now, m.turns
     ticks, now.ahead = effects.ticks_now(m.acts, now.ahead)
+    now.waits = 0.0
     now.begun -= ticks - 1
     effects.flip(m.acts, faults.board.memory)
     while now.turn + 1 < turns.shape[0] and turns[int(now.turn) + 1] <= k - now.begun:
@@ -348,8 +351,8 @@ def _ask(faults: Faults, S: Array, k: int) -> bool:
     elif missed:
         now.board = _MISSED
         now.lost += 1
-    elif ticks == 0:  # for the board there is no tick yet
-        now.board = _MISSED
+    elif ticks == 0:
+        now.board, now.waits = _MISSED, 1.0
     elif k >= now.full_at:
         now.command, now.commanded = c.full, 1.0
     else:
@@ -397,7 +400,7 @@ def _drive(faults: Faults, S: Array, k: int, command: float) -> float:
             result.latched, result.reason = k, said[0]
         if said[1] != 0.0 and math.isnan(result.released):
             result.released = k
-    _hand_on(now, faults.stepper, said)
+    _hand_on(now, faults.stepper, said, c.tick)
     volume = S[Row.V] + S[Row.LOST]
     way = S[Row.APPLIED] - (volume if m.base[modes.POSITIONER] != 0.0 else 0.0)
     u = effects.driven(m.acts, S[Row.LOW_U], S[Row.HIGH_U], now.command, way, m.kept)
@@ -430,12 +433,16 @@ def _throttle(faults: Faults, stepper: Any, S: Array, u: float) -> None:
 
 
 @inlined
-def _hand_on(now: Any, stepper: Any, said: Any) -> None:
-    """Give a float's drive its command; what is on goes off where none comes."""
+def _hand_on(now: Any, stepper: Any, said: Any, tick: float) -> None:
+    """Give a float's drive its command; what is on goes off where none comes.
+
+    What is on for a whole tick of a slow clock is so until its next one.
+    """
     if stepper is not None:
-        if now.board != _RAN:
+        on = now.waits != 0.0 and abs(now.command) >= _WHOLE * tick
+        if now.board != _RAN and not on:
             now.command = 0.0
-        stepper.wide[0] = said[3] if now.ran != 0.0 else 0.0
+        stepper.wide[0] = said[3] if now.ran != 0.0 or on else 0.0
 
 
 class Room(threading.local):
