@@ -383,16 +383,17 @@ def test_a_depth_that_comes_late_is_as_old_as_its_latency_or_all_that_is_kept(la
     assert seen == [(k - age, 0.5 * age) for k, age in enumerate(ages)]
 
 
-@pytest.mark.parametrize("share", [0.29, -0.29])
+@pytest.mark.parametrize("share", [0.29, -0.29, 1.7])
 def test_a_clock_that_is_wrong_ticks_twice_or_not_at_all(rig, share):
-    """To the bit the commands of the twin, called as often as the board's clock ticks."""
+    """To the bit the commands of the twin, called as often as the board's clock ticks, or twice."""
     vehicle, tick, n, begin = rig.vehicle, rig.tick, 600, 100
     law, parameters, _ = choose_law(vehicle, None, None, None)
     low, high = command_limits(vehicle)
     board = ControllerTwin(twin(law), parameters, tick_s=tick, low=low, high=high)
     turns = ((0.0, 20.0), (300.0, 22.0))
-    _, flown = rig.fly((Fault.CLOCK_WRONG, share, 0, begin, ALWAYS), turns=turns, ticks=n)
-    ahead = 0.0
+    ahead, fault = 0.0, (Fault.CLOCK_WRONG, share, 0, begin, ALWAYS)
+    _, flown = rig.fly(fault, turns=turns, ticks=n)
+    share = min(share, 1.0)
     for k in range(n):
         ahead += share if k >= begin else 0.0
         whole = math.trunc(ahead)
