@@ -27,10 +27,10 @@ from swimbladder.sim.engine.layers import Layers, layered
 from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.faults import fault_effects as effects
 from swimbladder.sim.faults.c_interface import call_begin, call_tick
-from swimbladder.sim.faults.draw import Mission
+from swimbladder.sim.faults.draw import WAVES, Mission
 from swimbladder.sim.faults.fault_effects import MOST, NOTHING_KEPT, PumpTable
 from swimbladder.sim.faults.kinds import On
-from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, record_type
+from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, Wave, record_type
 from swimbladder.vehicle import Sensors
 
 Array = NDArray[np.float64]
@@ -137,6 +137,7 @@ FLIGHT = np.dtype(
         ("kept", np.float64, NOTHING_KEPT.shape),  # what the faults remember
         ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
         ("depths", np.float64, (MOST_TURNS,)),  # m
+        ("waves", np.float64, (WAVES, len(Wave._fields))),
     ]
 )
 
@@ -300,12 +301,23 @@ def _act_on_pump(
 
 
 @inlined
+def _read_of_waves(waves: Array, depth: float, t: float) -> float:
+    """Return what the depth's sensor reads of the sea [m] at a depth [m] and time [s]."""
+    read = 0.0
+    if waves[0, 0] != 0.0:
+        for n in range(waves.shape[0]):
+            fades = math.exp(-waves[n, 1] * max(depth, 0.0))
+            read += waves[n, 0] * fades * math.cos(waves[n, 2] * t + waves[n, 3])
+    return read
+
+
+@inlined
 def _sense(faults: Faults, S: Array, k: int) -> None:
     """Write what the sensors give, with their faults."""
     m = faults.flight
     c, now, kept = m.condition, m.now, m.kept
     noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
-    depth = S[Row.Z] + S[Row.DEPTH_NOISE] * noise
+    depth = S[Row.Z] + _read_of_waves(m.waves, S[Row.Z], k * c.tick) + S[Row.DEPTH_NOISE] * noise
     S[Row.SEEN_DEPTH], now.age = effects.see_depth(
         m.acts, k, c.tick, depth, S[Row.DEPTH_QUANTUM], kept, faults.late
     )
@@ -475,6 +487,7 @@ def fly(mission: Mission, how: int, functions: tuple[int, int], room: Room, reco
     m["fault_rows"][: len(mission.fault_rows)] = mission.fault_rows
     m["turns"][: len(mission.turns)] = mission.turns
     m["depths"][: len(mission.depths)] = mission.depths
+    m["waves"] = mission.waves
     board = Board(*functions, room.memory, np.zeros(8, np.float32), np.zeros(4, np.float32))
     stepper, start = None, np.array([[0.0], [c.start_volume], [c.start_depth], [0.0]])
     if room.model is not None:
