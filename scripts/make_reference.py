@@ -21,6 +21,7 @@ from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.physics.seawater import InternalWave, Swell
+from swimbladder.sim.faults.kinds import KINDS, Kind, Range
 from swimbladder.units import _UNITS
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in, tags_of
@@ -241,6 +242,31 @@ def units() -> Iterator[str]:
         yield f"| {_KINDS[names[0]]} | {', '.join(f'`{name}`' for name in names)} |"
 
 
+def faults() -> Iterator[str]:
+    """Yield the kinds of faults, a table for each family."""
+    families = dict[str, list[Kind]]()
+    for kind in KINDS.values():
+        families.setdefault(kind.family, []).append(kind)
+    for family, kinds in families.items():
+        yield from ("", f"### {family.capitalize()}", "")
+        yield from ("| kind | what fails | severity | why in this range |", "|---|---|---|---|")
+        for kind in kinds:
+            how = [f"needs {kind.needs}"] if kind.needs else []
+            how += ["from the start of the mission"] if kind.from_start else []
+            how += [] if kind.may_end else ["for good"]
+            words = kind.words + (f" ({'; '.join(how)})" if how else "")
+            sizes = ", then ".join(size(one) for one in (kind.first, kind.second) if one)
+            yield f"| {kind.name} | {words} | {sizes} | {kind.why} |"
+
+
+def size(one: Range) -> str:
+    """Return what a severity is drawn from."""
+    if not one.log:
+        return "either of two"
+    sign = "±" if one.either else ""
+    return f"{sign}{one.least:.3g} to {sign}{one.most:.3g} {one.unit}".rstrip()
+
+
 MADE: dict[str, Callable[[], Iterator[str]]] = {
     "vehicle": vehicle,
     "laws": laws,
@@ -248,6 +274,7 @@ MADE: dict[str, Callable[[], Iterator[str]]] = {
     "plan": plan,
     "log": log,
     "units": units,
+    "faults": faults,
 }
 
 

@@ -29,7 +29,7 @@ from tests.vehicles import limited
 
 TICK = 0.3  # s, of feup-em
 SHORT = Flights(duration=30.0)
-ON_BOARD = 1051, {"board resets", "ticks lost"}  # a seed, and what its first two missions have
+ON_BOARD = 228, {"board resets", "ticks lost"}  # a seed, and what its first two missions have
 
 
 @pytest.fixture(scope="module")
@@ -161,14 +161,17 @@ def faults_as_at_hand(feup, port, asked, folder) -> set[str]:
     answer = fly_board(limited(feup), port, asked, out=folder)
     assert answer.equal
     assert len(answer.flights) == 1 + asked.faults
-    assert answer.not_flown == ("law hangs",)
-    assert not any("law hangs" in flight.ended for flight in answer.flights)
+    assert answer.not_flown == ("law hangs", "law waits for ever", "bit flips")
+    assert not any(name in flight.ended for name in answer.not_flown for flight in answer.flights)
     for n, flight in enumerate(answer.flights[1:], 1):
         beside = fly_one(limited(feup), int(flight.name.split()[-1]), seed=asked.seed)
         assert flight.reason == beside.reason
         assert beside.outcome(0).words in flight.ended
         ran = beside.rows[0][beside.rows[0][:, TRACE["board"]] == 0.0]
         logged = rows(answer, n)
+        if len(logged) > len(ran):  # a fast clock has two ticks at some of the trace's
+            assert "clock" in flight.ended
+            continue
         for column, known in (("depth_m", "depth_seen"), ("voltage_V", "command")):
             here = np.array([row[column] for row in logged], np.float32)
             np.testing.assert_array_equal(here, ran[:, TRACE[known]].astype(np.float32))

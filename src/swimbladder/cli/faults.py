@@ -152,6 +152,11 @@ def _shown(flown: Campaign) -> Iterator[object]:
             f"{len(flown.filled)} of the recovered surfaced no later than with full buoyancy 60 s "
             "after fault onset, and were then filled by a leak at full buoyancy: no command helps"
         )
+    if len(flown.cut_short):
+        yield (
+            f"in {len(flown.cut_short)} missions the time limit acts before the depth has drifted "
+            'by 3 m: --time-limit "9 h" leaves time for all'
+        )
     if flown.lost_without_supervisor < MILD:
         few = f"less than {MILD:.0%} of the recoverable missions were lost"
         yield f"the faults are mild for this law: without the supervisor {few}"

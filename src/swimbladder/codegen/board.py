@@ -420,14 +420,14 @@ def _fly_depths(
 
 _TICK = ctypes.CFUNCTYPE(ctypes.c_float, ctypes.c_void_p, *[ctypes.POINTER(ctypes.c_float)] * 2)
 _BEGIN = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int)
-_HANGS = frozenset(number for number, kind in KINDS.items() if kind.on == On.HANG)
+_INSIDE = frozenset(n for n, kind in KINDS.items() if kind.on in (On.HANG, On.FLIP, On.WAITS))
 
 
 class _FaultMissions:
     """Missions of a seed's catalogue that a board can fly, and its functions, called by address.
 
-    A law that hangs is found out by asking it, which is undone in the memory of a board at hand;
-    missions with that fault are not flown.
+    A law that hangs is found out by asking it, which is undone in the memory of a board at hand,
+    and bits flip there; missions with faults inside the board are not flown.
     """
 
     size = 1  # bytes of memory here: the board has its own
@@ -439,13 +439,13 @@ class _FaultMissions:
             course = course_of(vehicle, asked.depths)
             self._campaign = FaultCampaign(course, self)
             drawn = (draw(course, seed=asked.seed or 0, number=n, healthy=False) for n in count())
-            able = (mission for mission in drawn if not _HANGS.intersection(mission.faults))
+            able = (mission for mission in drawn if not _INSIDE.intersection(mission.faults))
             self.missions += islice(able, asked.faults)
 
     @property
     def not_flown(self) -> tuple[str, ...]:
         """Faults that no mission has."""
-        return tuple(KINDS[n].name for n in sorted(_HANGS)) if self.missions else ()
+        return tuple(KINDS[n].name for n in sorted(_INSIDE)) if self.missions else ()
 
     def fly(self, flight: _Flight, mission: FaultMission) -> None:
         """Fly a mission to its end."""

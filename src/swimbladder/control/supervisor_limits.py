@@ -48,6 +48,8 @@ _AIR_PRESSURE = 1.0  # m, 100 hPa: more than weather changes the surface's readi
 _AFLOAT = 0.5  # m, below the depth of emergence; weather and waves
 _SUBMERGED = 0.5  # m, below that: neither weather nor a wave over the deck
 _LEAST_UNDER = 3  # ticks
+_OVERSTATED = 4.0  # by so much the noise of a depth may be
+_ROUNDED = 5e-3  # m, quantum to which a driver may round without a word
 _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
@@ -468,9 +470,12 @@ def _same_ticks(noise: float, quantum: float, tick: float) -> int:
     """Return how many samples of the very same depth noise makes as good as impossible.
 
     White noise leaves a sample in its quantum with a chance of erf(q/(2 sqrt(2) sigma)) at most.
+    What is stated may be too much noise, and a driver may round. A sensor that has shown noise is
+    held against that (`same_noisy`); this is for one that never did.
     """
     if noise == 0.0:
         return NEVER
+    noise, quantum = noise / _OVERSTATED, max(quantum, _ROUNDED)
     chance = math.erf(quantum / (2.0 * math.sqrt(2.0) * noise))
     if chance >= 1.0:
         return NEVER

@@ -37,6 +37,7 @@ class Rig:
         bottom=math.inf,
         volume=None,
         supply=None,
+        waves=None,
         **changes,
     ):
         """Return (result, columns by name); harms: (fault, first, second, begin, end).
@@ -89,6 +90,7 @@ class Rig:
             turns=np.array([tick for tick, _ in turns]),
             depths=np.array([asked for _, asked in turns]),
             layers=medium.layers,
+            **({} if waves is None else {"waves": np.array(waves)}),
         )
         assert len(p) == len(Plant._fields)
         result, rows = self.campaign.traced(mission, who, how)

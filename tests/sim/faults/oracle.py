@@ -87,6 +87,7 @@ class Faulty:
             self.oracle.mode.turn = 0
         self.applied = volume if machine.positioner else 0.0
         self.way = 0.0  # in which the driver last was on
+        self.flows = 1.0  # which way the flow through a port was last driven
         self.stops = {}  # what blocks the actuator, by fault: found where it begins
 
     def on(self, kind, k):
@@ -119,6 +120,9 @@ class Faulty:
             if not m.k_emf > 0.0:  # nothing is known of it: all that grows with speed counts as it
                 m.R, m.k_emf = 1.0, self.healthy.k_v / self.healthy.k_u
             m.R_b = max(m.R_b, share * m.R)
+        length = m.V_max - m.V_min
+        m.k_l += length * sum(first for first, _, _ in self.on(Fault.CREEP, k))
+        m.V_0 += length * sum(first for first, _, _ in self.on(Fault.WEIGHT, k))
         stroke, V = m.V_max - m.V_min, o.state[1]
         for n, (fault, first, _, begin, _) in enumerate(self.fault_rows):
             if fault in (Fault.BLOCKED_OUT, Fault.BLOCKED_IN) and k >= begin:
@@ -128,6 +132,24 @@ class Faulty:
         m.V_min = max([m.V_min] + [stop for sign, stop in self.stops.values() if sign < 0.0])
         m.E *= self.charge(k)
         return m
+
+    def throttle(self, m, k):
+        """Let the ports take what the driver drives: slower, and out under a larger load."""
+        healthy, (_, V, z, _) = self.healthy, self.oracle.state
+        if m.positioner:
+            way = self.applied - V
+            drives = abs(way) > 1e-12 * (healthy.V_max - healthy.V_min)
+        else:
+            way = self.applied - healthy.k_z * z / healthy.k_u
+            drives = abs(way) > 0.01 * healthy.E
+        if drives:
+            self.flows = math.copysign(1.0, way)
+        outward = self.flows > 0.0
+        kinds = Fault.PORT_CLOGGED, Fault.PORT_OUT if outward else Fault.PORT_IN
+        share = math.prod([first for kind in kinds for first, _, _ in self.on(kind, k)])
+        load = share * (2.0 - share) if outward else share
+        m.rate, m.k_u, m.T_b = m.rate * share, m.k_u * share, m.T_b * share
+        m.k_z, m.k_z_back = m.k_z * load, m.k_z_back * load
 
     def charge(self, k):
         """Return the battery's open-circuit voltage as a share of the healthy one."""
@@ -190,6 +212,7 @@ class Faulty:
         m.lost = lost
         battery = self.terminals(m)
         self.applied = self.driver(m, k, command)
+        self.throttle(m, k)
         _, V, z, w = o.state
         row = (z, w, V, self.applied, battery, water)
         if wait:

@@ -15,7 +15,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.faults import draw as drawing
 from swimbladder.sim.faults import run_missions
-from swimbladder.sim.faults.campaign_result import Outcome, outcomes, rule_of_three
+from swimbladder.sim.faults.campaign_result import Outcome, outcomes, reason_words, rule_of_three
 from swimbladder.sim.faults.draw import course_of, draw
 from swimbladder.sim.faults.kinds import FAULTS, KINDS, draw_fault, kinds_of
 from swimbladder.sim.faults.mission_records import RESULT, FaultRow, Result
@@ -26,6 +26,7 @@ from tests.vehicles import limited, usual
 
 FEUP = load_vehicle("feup-em")
 BEGIN = FaultRow._fields.index("begin")
+DRIFT = FAULTS["DEPTH_DRIFT"]
 
 
 def same(a, b):
@@ -38,7 +39,7 @@ def same_rows(a, b):
 
 def test_the_catalogue_has_every_kind():
     assert list(KINDS) == list(FAULTS.values())
-    families = {"sensor", "actuator", "battery", "timing", "leak"}
+    families = {"sensor", "actuator", "battery", "timing", "program", "leak", "weight"}
     assert {kind.family for kind in KINDS.values()} == families
     assert len({kind.name for kind in KINDS.values()}) == len(KINDS)
     random = np.random.default_rng(1)
@@ -48,6 +49,7 @@ def test_the_catalogue_has_every_kind():
             sizes = np.abs(drawn[:, 0])
             assert kind.first.least <= sizes.min() <= sizes.max() <= kind.first.most
             assert (drawn[:, 0].min() < 0.0) == kind.first.either
+            assert kind.why
         assert np.isinf(drawn[:, 2]).all() != kind.may_end
     assert Fault.BATTERY_DROP not in kinds_of(load_vehicle("ntnu-bv"))
 
@@ -97,7 +99,8 @@ def test_missions_stay_where_they_may():
         assert least <= min(m.depths[:-1]) <= max(m.depths[:-1]) <= most
         assert m.depths[-1] < 0.0
         assert np.all(np.diff(m.turns) > 0.0)
-        assert m.fault_rows[0, BEGIN] * course.tick > 29.9
+        early = KINDS[m.faults[0]].from_start
+        assert m.fault_rows[0, BEGIN] == 0.0 if early else m.fault_rows[0, BEGIN] * course.tick > 29
         assert max(m.depths[:-1]) < m.plant[-1]
     assert {m.faults[0] for m in drawn} == set(kinds_of(FEUP))
     assert 0.4 < np.mean([len(m.faults) == 2 for m in drawn]) < 0.6
@@ -111,10 +114,32 @@ def test_the_first_fault_begins_early_enough_to_act(name, share):
     begun = []
     for number in range(400):
         one = draw(course, seed=2, number=number, healthy=False)
+        if KINDS[one.faults[0]].from_start or DRIFT in one.faults:  # begins, or ends, otherwise
+            continue
         latest = share * one.turns[-1]
         first = 30.0 / course.tick
         begun.append((one.fault_rows[0, BEGIN] - first) / (latest - first))
     assert stats.kstest(begun, "uniform").pvalue > 0.01
+
+
+@pytest.mark.parametrize("hours", [1.0, 10.0])
+def test_a_mission_lasts_until_a_drift_is_3_m_or_its_time_limit_acts(hours):
+    """From 0.1 mm/s on that takes up to 8 h 20 min; one that ends by itself is not waited for."""
+    course = course_of(limited(FEUP, hours * 3600.0), None)
+    room = course.time_limit - course.takes
+    lasted, cut = [], 0
+    for number in range(600):
+        one = draw(course, seed=9, number=number, healthy=False)
+        rates = [row for row in one.fault_rows if row[0] == DRIFT]
+        needed = [row[BEGIN] * course.tick + 3.0 / abs(row[1]) for row in rates]
+        waits = [t for row, t in zip(rates, needed, strict=True) if t < row[4] * course.tick]
+        end = min(max([1200.0, *waits]), 1200.0 + room)
+        assert one.turns[-1] * course.tick == pytest.approx(end, abs=course.tick)
+        assert one.condition.quiet_at >= one.turns[-1]
+        lasted.append(end)
+        cut += max([0.0, *waits]) > end
+    assert 4.0 * 1200.0 < max(lasted) < 31_000.0 if hours > 9.0 else max(lasted) == 1200.0 + room
+    assert (cut > 0) == (hours < 9.0)
 
 
 @pytest.mark.parametrize("least", [0.0, 1.0])
@@ -162,6 +187,21 @@ def test_a_law_too_slow_for_its_time_limit_raises_no_false_alarm(flown):
     judged = dataclasses.replace(flown, healthy=table)
     assert judged.too_slow.tolist() == [3]
     assert judged.false_alarms.tolist() == [5]
+
+
+def test_a_drift_that_its_time_limit_cuts_short_is_named(flown):
+    table, limit = flown.faulty.copy(), flown.course.time_limit
+    table["faults"] = [(0.0, math.nan, math.nan, math.nan, math.nan)] * 2
+    begin, rate = 100.0, 3.0 / (limit - 100.0 * flown.tick)
+    for number, (severity, end) in enumerate(
+        [(0.99 * rate, math.inf), (-1.01 * rate, math.inf), (0.99 * rate, 3000.0)]
+    ):
+        table["faults"][number][number % 2] = float(DRIFT), severity, 0.0, begin, end
+    assert dataclasses.replace(flown, faulty=table).cut_short.tolist() == [0]
+
+
+def test_a_reason_that_flipped_bits_have_made_is_unknown():
+    assert [reason_words(code) for code in (0.0, 2.0, 64.0)] == ["", "leak", "unknown"]
 
 
 def test_what_nothing_can_save_is_not_counted_on(flown):

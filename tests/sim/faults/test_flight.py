@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.integrate import solve_ivp
 
 import swimbladder as sb
@@ -12,7 +13,7 @@ from swimbladder.codegen.twin import twin
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
-from swimbladder.sim.faults.fault_effects import NOTHING_KEPT, _held, see_depth
+from swimbladder.sim.faults.fault_effects import NOTHING_KEPT, _held, flip, see_depth
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN
 from swimbladder.sim.faults.kinds import On
 from swimbladder.sim.faults.mission_records import RESULT, Result
@@ -380,3 +381,86 @@ def test_a_depth_that_comes_late_is_as_old_as_its_latency_or_all_that_is_kept(la
     effects[On.LATE] = 0.0, latency
     seen = [see_depth(effects, k, 0.5, float(k), 0.0, NOTHING_KEPT.copy(), late) for k in range(6)]
     assert seen == [(k - age, 0.5 * age) for k, age in enumerate(ages)]
+
+
+@pytest.mark.parametrize("share", [0.29, -0.29, 1.7])
+def test_a_clock_that_is_wrong_ticks_twice_or_not_at_all(rig, share):
+    """To the bit the commands of the twin, called as often as the board's clock ticks, or twice."""
+    vehicle, tick, n, begin = rig.vehicle, rig.tick, 600, 100
+    law, parameters, _ = choose_law(vehicle, None, None, None)
+    low, high = command_limits(vehicle)
+    board = ControllerTwin(twin(law), parameters, tick_s=tick, low=low, high=high)
+    turns = ((0.0, 20.0), (300.0, 22.0))
+    ahead, fault = 0.0, (Fault.CLOCK_WRONG, share, 0, begin, ALWAYS)
+    _, flown = rig.fly(fault, turns=turns, ticks=n)
+    share = min(share, 1.0)
+    for k in range(n):
+        ahead += share if k >= begin else 0.0
+        whole = math.trunc(ahead)
+        ahead -= whole
+        for _ in range(1 + whole):
+            board.tick(flown["depth_seen"][k], flown["volume_seen"][k], flown["reference"][k])
+        assert flown["command"][k] == board.command
+        assert flown["board"][k] == (whole < 0)
+    assert board.ticks == pytest.approx(n + share * (n - begin), abs=1.0)
+    turned = int(np.argmax(flown["reference"] == 22.0))
+    assert turned == pytest.approx(begin + 200 / (1.0 + share), abs=1.0)
+
+
+def test_a_bit_that_flips_is_one_of_all_that_are_remembered():
+    """One at a time, and each as often."""
+    effects = np.ones((len(On), 2))
+    flips = np.zeros((4, 8))
+    for n in range(4000):
+        effects[On.FLIP, 0] = float(n % 2)
+        memory = np.array([3, 0, 255, 77], np.uint8)
+        before = np.unpackbits(memory).reshape(4, 8)
+        flip(effects, memory)
+        flips += before != np.unpackbits(memory).reshape(4, 8)
+    assert flips.sum() == 2000
+    assert stats.chisquare(flips.ravel()).pvalue > 1e-3
+
+
+def test_flipped_bits_bring_down_no_more_than_the_vehicle(rig):
+    """Whatever the board remembers, its C comes back with a command in its limits, or none."""
+    for who in ("supervised", "unsupervised"):
+        _, flown = rig.fly((Fault.BIT_FLIPS, 0.3, 0, 20, ALWAYS), who=who, ticks=3000)
+        assert np.abs(flown["applied"][np.isfinite(flown["applied"])]).max() <= 12.0
+
+
+def test_a_law_that_waits_is_called_once_more_and_no_longer(rig):
+    """From its next call on its command holds: for as long as a controller waits at most."""
+    _, flown = rig.fly((Fault.LAW_WAITS, 0, 0, 100, ALWAYS), ticks=600, target=21.0)
+    assert len(set(flown["command"][100:])) == 1
+    assert len(set(flown["command"][:100])) > 50
+    assert flown["depth"][-1] > 25.0 or flown["depth"][-1] < 1.0
+
+
+@pytest.mark.parametrize(
+    ("fault", "severity", "asked"),
+    [
+        (Fault.SETPOINT_NAN, 0.0, math.nan),
+        (Fault.SETPOINT_INFINITE, -1e39, -1e39),
+        (Fault.SETPOINT_ABSURD, 12000.0, 12000.0),
+    ],
+)
+def test_a_depth_that_cannot_be_asked_for(rig, fault, severity, asked):
+    _, flown = rig.fly((fault, severity, 0, 100, 200), ticks=300, target=21.0)
+    on = np.arange(301) // 100 == 1
+    assert np.all(flown["reference"][~on] == 21.0)
+    assert np.array_equal(flown["reference"][on], np.full(100, asked), equal_nan=True)
+    if fault == Fault.SETPOINT_ABSURD:  # full speed downwards
+        assert flown["command"][150] == -12.0
+    else:  # the law gives no number, and the command before it holds
+        assert len(set(flown["command"][99:200])) == 1
+
+
+def test_a_weight_taken_on_at_the_surface_is_heavy_with_all_volume_out(rig):
+    """What `filled` says of a leak it says of a weight: no command helps."""
+    weight = (Fault.WEIGHT, 1.2, 0, 1200, ALWAYS)
+    result, flown = rig.fly(
+        (Fault.DEPTH_NAN, 0, 0, 0, ALWAYS), weight, ticks=3000, how=2, full_after=0.0, stay=9e9
+    )
+    assert flown["depth"][:1200].min() < 1.0
+    assert flown["depth"][-1] > 20.0
+    assert result[RESULT.filled] == 1.0

@@ -59,6 +59,10 @@ class Machine:
             if fault == kind and begin <= k < end:
                 yield first, (k - begin) * TICK
 
+    def on_port(self, kind, k):
+        yield from self.on(Fault.PORT_CLOGGED, k)
+        yield from self.on(kind, k)
+
     def head(self, z):
         return (
             FLOAT.water.specific_weight * z
@@ -84,28 +88,37 @@ class Machine:
         """Return what the pump delivers [m3/s], and the battery's voltage then [V]."""
         supply, _ = self.battery(k)
         load = math.prod(first for first, _ in self.on(Fault.WEAK, k))
+        port = math.prod(first for first, _ in self.on_port(Fault.PORT_OUT, k))
+        load *= 2.0 - port
         head = FLOAT.water.specific_weight * z * (load - 1.0) + self.head(z)
         fed = FLOAT.model_copy(update={"supply": supply})
         run = pump_run(fed, FLOAT.actuator.pump, np.array([head]))
-        speed = math.prod(first for first, _ in self.on(Fault.SLOW, k))
+        speed = port * math.prod(first for first, _ in self.on(Fault.SLOW, k))
         if any(self.on(Fault.STALLED, k)):
             speed = 0.0
         E, R = supply.voltage, supply.internal_resistance
         sags = 0.5 * (E + math.sqrt(max(E * E - 4.0 * R * float(run.power[0]), 0.0)))
         return speed * float(run.rate[0]), sags
 
-    def valve(self, k, z):
+    def valve(self, k, z, runs):
+        """Return what comes in through an open valve, and whatever is open [m3/s]."""
         shut = any(self.on(Fault.VALVE_SHUT, k))
         flow = float(valve_flow(FLOAT.actuator.valve, np.array([self.head(z)]))[0])
+        port = math.prod(first for first, _ in self.on_port(Fault.PORT_IN, k))
         leaks = [*self.on(Fault.VALVE_OPEN, k), *self.on(Fault.VALVE_LEAKS, k)]
-        return (0.0 if shut else flow), flow * sum(first for first, _ in leaks)
+        leaks += self.on(Fault.PUMP_BYPASS if runs else Fault.CHECK_VALVE, k)
+        return (0.0 if shut else port * flow), flow * sum(first for first, _ in leaks)
 
     def lost(self, k):
         leaks = [*self.on(Fault.LEAK_SMALL, k), *self.on(Fault.LEAK_LARGE, k)]
         water = sum(rate * since for rate, since in leaks)
         drift, swell, omega, phase = self.sea
         fades = math.exp(-(omega**2) / 9.80665 * self.x[0])
-        return water, water + drift * k * TICK + swell * fades * math.cos(omega * k * TICK + phase)
+        stroke = FLOAT.stroke.maximum - FLOAT.stroke.minimum
+        weight = stroke * sum(first for first, _ in self.on(Fault.WEIGHT, k))
+        return water, weight + water + drift * k * TICK + swell * fades * math.cos(
+            omega * k * TICK + phase
+        )
 
     def driver(self, k, command):
         """Return the seconds that pump or valve get of a command."""
@@ -139,11 +152,11 @@ class Machine:
 
         def rhs(_t, x, does):
             z, w, V = x
-            gives, leaks = self.valve(k, z)
+            gives, leaks = self.valve(k, z, does in (1, 2))
             healthy = self.pump(-1, z)[0]
-            rate = {1: rate_at_begin * healthy, 0: 0.0, -1: -gives}[does]
+            rate = {1: rate_at_begin * healthy, 0: 0.0, 2: 0.0, -1: -gives}[does]
             rate -= leaks if does >= 0 else 0.0
-            if does == 0 and leaks == 0.0:
+            if does in (0, 2) and leaks == 0.0:
                 rate -= FLOAT.actuator.leakage * self.head(z) if low < V else 0.0
             if (low >= V and rate < 0.0) or (high <= V and rate > 0.0):
                 rate = 0.0
@@ -168,7 +181,7 @@ class Machine:
             self.pumps = False
         for length, does in [*parts, (TICK - left, 0)]:
             if length > 1e-9:
-                self.go(rhs, length, 0 if does == 2 else does, low, high)
+                self.go(rhs, length, does, low, high)
         self.pumps = self.pumps and self.x[2] < high
         return row
 
@@ -277,12 +290,18 @@ SEVERE = {
     Fault.BATTERY_DROP: 0.4,
     Fault.BATTERY_CELL: 0.3,
     Fault.BATTERY_DEAD: 60.0,
+    Fault.PORT_CLOGGED: 0.3,
+    Fault.PORT_OUT: 0.4,
+    Fault.PORT_IN: 0.2,
+    Fault.CHECK_VALVE: 0.05,
+    Fault.PUMP_BYPASS: 0.05,
+    Fault.WEIGHT: -0.01,
     Fault.VALVE_OPEN: 0.3,
     Fault.VALVE_LEAKS: 5e-3,
     Fault.LEAK_SMALL: 3e-7,
     Fault.LEAK_LARGE: 5e-6,
 }
-PLANT = ("actuator", "battery", "leak")
+PLANT = ("actuator", "battery", "leak", "weight")
 
 
 @pytest.mark.parametrize(
@@ -300,6 +319,7 @@ def test_each_fault_of_pump_valve_battery_and_hull_is_that_of_radau(rig, fault):
         ramp=math.inf,
     )
     acts = {"actuator": ("volume",), "battery": ("battery",), "leak": ("water", "depth")}
+    acts["weight"] = ("depth",)
     for name in acts[KINDS[fault].family]:
         assert np.array_equal(flown[name][:12], well[name][:12])
         assert not np.array_equal(flown[name], well[name])
@@ -333,6 +353,24 @@ def test_a_board_that_misses_ticks_leaves_pump_and_valve_off(rig):
     assert np.isnan(flown["volume_seen"]).all()
 
 
+def test_a_pump_that_runs_for_a_whole_tick_of_a_slow_clock_runs_until_the_next(rig):
+    """What is on for a part of one is off by then."""
+    _, flown = rig.fly(
+        (Fault.CLOCK_WRONG, -0.6, 0, 4, ALWAYS),
+        depth=400.0,
+        turns=((0.0, 340.0), (20.0, 460.0)),
+        volume=math.nan,
+        ticks=120,
+        ramp=math.inf,
+        full=TICK,
+    )
+    waits = np.flatnonzero(flown["board"] == 1.0)
+    assert len(waits) == pytest.approx(0.6 * 117, abs=1.0)
+    before, now = flown["applied"][waits - 1], flown["applied"][waits]
+    assert np.array_equal(now, np.where(np.abs(before) == TICK, before, 0.0))
+    assert {-TICK, 0.0, TICK} >= set(now) > {0.0}
+
+
 def test_the_battery_sags_with_the_depth_right_up_to_the_surface(rig):
     """In the last metre as well, where a head that is rounded up would leave it even."""
     _, flown = rig.fly(
@@ -360,7 +398,16 @@ def test_what_a_float_cannot_have_is_named():
     assert {KINDS[f].name for f in kinds} | named == {kind.name for kind in KINDS.values()}
     assert {Fault.VOLUME_NAN, Fault.REVERSED, Fault.SWITCH_OPEN} & kinds == set()
     assert {Fault.VALVE_OPEN, Fault.DRIVER_LOST, Fault.BATTERY_SAG} <= kinds
-    assert out["a measured volume"] == ["volume NaN", "volume stuck", "volume drift"]
+    assert out["a measured volume"] == [
+        KINDS[fault].name
+        for fault in (
+            Fault.VOLUME_NAN,
+            Fault.VOLUME_STUCK,
+            Fault.VOLUME_DRIFT,
+            Fault.ENCODER_SLIP,
+            Fault.SENSORS_STUCK,
+        )
+    ]
     pump = PowerLawPump(delivery=1e-6, slip=0.0, idle_power=5.0, power_per_pressure=1e-6)
     measured = FLOAT.model_copy(
         update={"actuator": FLOAT.actuator.model_copy(update={"pump": pump})}

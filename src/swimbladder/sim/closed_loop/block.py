@@ -79,12 +79,14 @@ class Block:
     loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `hooks`
     lanes: int = field(init=False)
     work: Array = field(init=False)  # [rows, lanes]
+    built: NDArray[np.uint8] = field(init=False)  # [lanes, COUNT], see `advance.ModeLane`
 
     def __post_init__(self) -> None:
         """Lay the lanes out."""
         p, names = Plant(*self.plants), leaf_names(self.law.parameters)
         lanes = self.lanes = self.plants.shape[1]
         work = self.work = _aligned(rows(len(names), len(leaf_names(self.law.state))), lanes)
+        self.built = np.zeros((lanes, COUNT), np.uint8)
         work[Row.Q : Row.Q + 4] = self.start
         work[Row.PLANT : Row.PLANT + len(p)] = self.plants
         own = work[Row.LAW : Row.LAW + len(names)]
@@ -201,7 +203,7 @@ class Running:
     def __init__(self, block: Block, chains: Array) -> None:
         self.block, self.chains = block, chains
         self._law = like_of(block.law, block.parameters, block.watch)
-        self.built = np.zeros((block.lanes, COUNT), np.uint8)
+        self.built = block.built
         self.lanes = Lanes(
             S=block.work.reshape(-1),
             token=(0.0,) * block.lanes,

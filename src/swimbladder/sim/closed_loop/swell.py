@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import Hull, Vehicle
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,12 @@ def amplitude(swell: Swell) -> float:
     return swell.height * math.sqrt(2.0 / (16.0 * len(swell.periods)))
 
 
+def share_read(k: float, hull: Hull) -> float:
+    """Return the share of exp(-k z) that a hull's sensor reads of a wave of wave number k [1/m]."""
+    half = 0.5 * k * hull.height
+    return 1.0 - math.exp(-k * (0.5 * hull.height - hull.emergence_depth)) * math.sinh(half) / half
+
+
 def depth_error(
     swell: Swell, vehicle: Vehicle, time: Array, *, depth: float, runs: int, seed: int
 ) -> Array:
@@ -51,15 +57,12 @@ def depth_error(
     time [s, samples]; depth [m]: of the sensor, about which the vehicle is held. The phases of the
     waves are each run's own.
     """
-    g, hull = vehicle.water.gravity, vehicle.hull
-    middle = depth - hull.emergence_depth + 0.5 * hull.height
+    g = vehicle.water.gravity
     size = (runs, len(swell.periods))
     phases = np.random.default_rng([seed, 2]).uniform(0.0, 2.0 * math.pi, size)
     found: Array = np.zeros((len(time), runs))
     for n, period in enumerate(swell.periods):
         k = wavenumber(period, g)
-        half = 0.5 * k * hull.height
-        mean = math.exp(-k * middle) * math.sinh(half) / half
-        read = amplitude(swell) * (math.exp(-k * depth) - mean)
+        read = amplitude(swell) * math.exp(-k * depth) * share_read(k, vehicle.hull)
         found += read * np.cos((2.0 * math.pi / period) * time[:, None] + phases[None, :, n])
     return found

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
-from swimbladder.sim.faults.draw import STAY, Course
+from swimbladder.sim.faults.draw import STAY, Course, reached
 from swimbladder.sim.faults.kinds import KINDS, not_drawn
 from swimbladder.sim.faults.mission_records import FaultRow, Result
 
@@ -71,6 +71,13 @@ def outcomes(results: Array, tick: float) -> Array:
     ended = (found != Outcome.SURFACED) & (found != Outcome.STOPPED)
     found[ended & ~np.isnan(r.up) & (r.filled == 1.0)] = Outcome.FILLED
     return found
+
+
+def reason_words(code: float) -> str:
+    """Return a reason in words; of a code that bits which flipped have made, as the C has it."""
+    if code == 0.0:
+        return ""
+    return Reason(int(code)).words if code in set(Reason) else "unknown"
 
 
 class Line(NamedTuple):
@@ -203,6 +210,15 @@ class Campaign:
         return _results(self.healthy, 0, "reason")
 
     @property
+    def cut_short(self) -> NDArray[np.intp]:
+        """Numbers of the missions whose time limit acts before their depth is off by 3 m."""
+        ends = [
+            max(reached(FaultRow(*row), self.tick) for row in rows)
+            for rows in self.faulty["faults"].tolist()
+        ]
+        return np.flatnonzero(np.array(ends) > self.course.time_limit)
+
+    @property
     def healthy_lost(self) -> NDArray[np.intp]:
         """Numbers of the healthy missions that did not end at the surface."""
         found = outcomes(self.healthy["flights"][:, 0], self.tick)
@@ -248,8 +264,7 @@ class Campaign:
 
     def reason(self, number: int) -> str:
         """Return the supervisor's reason in a mission, in words; empty where it had none."""
-        code = int(self.result(0, "reason")[number])
-        return Reason(code).words if code else ""
+        return reason_words(self.result(0, "reason")[number])
 
     def description(self, number: int) -> str:
         """Return what happened to a mission, in a line."""
@@ -282,6 +297,7 @@ class Campaign:
             "lost": self.lost,
             "lost_early": self.lost_early,
             "filled": self.filled,
+            "cut_short": self.cut_short,
             "lost_share_without_supervisor": self.lost_without_supervisor,
             "lost_share_without_supervisor_of_all": self.all_lost_without_supervisor,
             "kinds": [line._asdict() for line in self.lines()],

@@ -1,7 +1,7 @@
 """Mission n of a seed: the vehicle, the water, what is asked of it, and what fails when."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import NamedTuple
 
@@ -19,10 +19,11 @@ from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_depths, check_dive
+from swimbladder.sim.closed_loop.swell import Swell, amplitude, share_read, wavenumber
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
-from swimbladder.sim.faults.kinds import MOTOR, draw_fault, kinds_of, parts_of
-from swimbladder.sim.faults.mission_records import Condition, FaultRow
+from swimbladder.sim.faults.kinds import KINDS, MOTOR, On, Op, draw_fault, kinds_of, parts_of
+from swimbladder.sim.faults.mission_records import Condition, FaultRow, Wave
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
@@ -43,11 +44,16 @@ SLACK, DIVE_SLACK = 180.0, 3600.0  # s, for coming up
 WAY_SHARE = 1.5  # that the ways of a float take longer than at its law's speed: it slows down
 SETTLE = 30.0  # s before anything may fail
 LATEST, LATEST_DIVE = 0.25, 0.6  # of the duration, of the first onset: it has longer to act
+REACHES = 3.0  # m, of a depth that drifts before the mission ends, where the time limit lets it
 BOOT = 2.0  # s that the board needs from a reset to its first tick
 DRIFT = 1000.0  # s, in which trim drifts by what is not known of it; half a mission at least
 SWELL = 0.005  # of the stroke, the least; ten times as much the most
 BAND = 1.0  # m under the surface: a hull bobs in the swell
 BROWN_OUT = 0.45  # of the nominal supply; a 5 V regulator under a 12 V battery
+MISSTATED, COARSE = 4.0, 5e-3  # times the noise; m
+WAVES = 3  # that a sea is made of
+HEIGHTS = (1.0, 2.0, 10.0), (0.5, 1.0, 2.5)  # m: of the highest seas, by a mission's least depth
+SWELLS, WIND_SEA = (8.0, 10.0, 12.0), (4.0, 5.0, 6.0)  # s
 LOW_SUPPLY = 0.9  # of the nominal one, as tune assumes
 
 
@@ -72,6 +78,7 @@ class Mission:
     depths: Array  # m
     layers: Layers = NO_LAYERS  # of the water
     drive: tuple[float, float] = (1.0, 1.0)  # of a float: pump and valve over what is known
+    waves: Array = field(default_factory=lambda: np.zeros((WAVES, len(Wave._fields))))
 
 
 class Course(NamedTuple):
@@ -225,21 +232,34 @@ def draw(course: Course, *, seed: int, number: int, healthy: bool) -> Mission:
             times.append(times[0] + random.uniform(0.0, SECOND_WITHIN))
         for fault, time in zip(faults, times, strict=True):
             first, second, lasts = draw_fault(fault, random)
-            begin = math.ceil(time / tick)
+            begin = 0.0 if KINDS[fault].from_start else math.ceil(time / tick)
             end = begin + max(1.0, round(lasts / tick)) if math.isfinite(lasts) else math.inf
             fault_rows.append(FaultRow(float(fault), first, second, begin, end))
+    latest = turns[-1] + course.time_limit - course.takes
+    turns[-1] = min(max([turns[-1], *(reached(row, tick) for row in fault_rows)]), latest)
     quiet = max([turns[-1], *times])
+    condition = _condition(course, p, random, start=targets[0], quiet=quiet)
     return Mission(
         number=number,
         faults=faults,
         plant=np.array(list(p.values())),
-        condition=_condition(course, p, random, start=targets[0], quiet=quiet),
+        condition=_misstated(course, condition, random),
         fault_rows=np.array(fault_rows, float).reshape(-1, len(FaultRow._fields)),
         turns=np.ceil(np.array(turns) / tick),
         depths=np.array(targets),
+        waves=_waves(course, random, nearest=min(targets[:-1])),
         layers=course.medium.layers,
         drive=drive,
     )
+
+
+def reached(row: FaultRow, tick: float) -> float:
+    """Return when a fault's drift of the depth is as far as a mission waits for [s]; else 0."""
+    kind = KINDS.get(int(row.kind))
+    if kind is None or (kind.on, kind.op) != (On.DEPTH, Op.PLUS_RATE):
+        return 0.0
+    time = row.begin * tick + REACHES / abs(row.first)
+    return time if time < row.end * tick else 0.0
 
 
 def _plant(
@@ -265,6 +285,41 @@ def _plant(
     p["V_0"] += random.uniform(-1.0, 1.0) * course.neutral
     p["supply"] *= random.uniform(LOW_SUPPLY, 1.0)
     return p, one.drive
+
+
+def _misstated(course: Course, c: Condition, random: np.random.Generator) -> Condition:
+    """Return a condition whose depth sensor is not what the file says, in three of four missions.
+
+    Quieter or noisier than stated by up to a factor, or with a quantum that is not stated.
+    """
+    kind, factor = int(random.integers(4)), MISSTATED ** random.random()
+    stated = course.vehicle.sensors
+    if stated.depth_noise > 0.0 and kind < 2:
+        return c._replace(depth_noise=c.depth_noise * (factor if kind else 1.0 / factor))
+    if (stated.depth_noise > 0.0 or stated.depth_quantum > 0.0) and kind == 2:
+        return c._replace(depth_quantum=max(c.depth_quantum, COARSE))
+    return c
+
+
+def _waves(course: Course, random: np.random.Generator, *, nearest: float) -> Array:
+    """Return the waves of the sea that a mission is flown in [WAVES, len(Wave)]: half have none.
+
+    nearest [m]: to the surface, of its set-points. A float begins there, where no team launches in
+    more than half of that.
+    """
+    rough, height = random.random() < 0.5, random.random()
+    swell, phases = random.random() < 0.5, random.uniform(0.0, 2.0 * math.pi, WAVES)
+    most = float(np.interp(nearest, *HEIGHTS)) if not course.floats else 0.5 * HEIGHTS[1][-1]
+    sea = Swell(height * most, SWELLS if swell else WIND_SEA)
+    if not rough:
+        return np.zeros((WAVES, len(Wave._fields)))
+    g, hull = course.vehicle.water.gravity, course.vehicle.hull
+    found = []
+    for period, phase in zip(sea.periods, phases.tolist(), strict=True):
+        k = wavenumber(period, g)
+        read = amplitude(sea) * share_read(k, hull)
+        found.append(Wave(read, k, 2.0 * math.pi / period, phase))
+    return np.array(found)
 
 
 def _set_points(

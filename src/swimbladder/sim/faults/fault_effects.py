@@ -6,7 +6,7 @@ generator that compiled code has in each thread; a flight seeds it.
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,14 +20,17 @@ Array = NDArray[np.float64]
 
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
 MOST = 4  # faults of a mission
-_DEPTH, _DEPTH_AT, _VOLUME, _VOLUME_AT, _LOOSE, _BLOCKED = range(6)
+_DEPTH, _DEPTH_AT, _VOLUME, _VOLUME_AT, _LOOSE, _FLOWS, _FROM, _SLIPPED, _BLOCKED = range(9)
 _ACTED = _BLOCKED + MOST  # from these two on a number for each fault
 NOTHING_KEPT = np.zeros(_ACTED + MOST)
 """What is kept from tick to tick, at the start."""
 NOTHING_KEPT[[_DEPTH_AT, _VOLUME_AT]] = -math.inf
+NOTHING_KEPT[_FROM] = math.nan
 _HELD_BACK = 1.0  # s on end, that a block stops the actuator before it counts as acting
 _ROUNDS = 8  # in which the current through a battery's resistance settles
 _TOUCHES = 1e-12  # of the stroke, so near a block the actuator is at it
+_FLOWING = 0.01  # of the supply, or of the stroke: a smaller command sets no flow in motion
+_SLOWEST, _FASTEST = -0.9, 1.0  # by which a clock is off
 
 BLOCKED_OUT, BLOCKED_IN = FAULTS["BLOCKED_OUT"], FAULTS["BLOCKED_IN"]
 
@@ -62,6 +65,8 @@ def act(fault_rows: Array, k: int, tick: float, q: Array) -> None:
             f = -1.0
         elif op == Op.RUNS and since < first:
             f, s = 0.0, 1.0
+        elif op == Op.SETTLES:
+            s = first * (1.0 - math.exp(-since / fault_rows[n, _SECOND]))
         elif op in (Op.CUTS, Op.NEVER_CUTS):
             on += 1 if first >= 0.5 else 0
             s = 1.0 if op == Op.CUTS else -1.0
@@ -73,7 +78,9 @@ def act(fault_rows: Array, k: int, tick: float, q: Array) -> None:
             or (op == Op.EVERY and (k - begin) % max(1.0, math.floor(first / tick)) == 0.0)
         ):
             f = 0.0
-        q[on, 0], q[on, 1] = f * q[on, 0], f * q[on, 1] + s
+        for what in (on, EFFECTS[kind, 2]):
+            if what >= 0:
+                q[what, 0], q[what, 1] = f * q[what, 0], f * q[what, 1] + s
 
 
 @part
@@ -113,9 +120,19 @@ def see_depth(
         depth = q[On.READS, 1]
     depth, older = _held(kept, _DEPTH, q[On.OLD], depth, k, tick)
     missing = q[On.DEPTH_MISSING, 0] == 0.0
-    if q[On.DROPOUTS, 1] > 0.0 and np.random.random() < q[On.DROPOUTS, 1]:  # noqa: NPY002
+    if q[On.DROPOUTS, 0] < 1.0 and np.random.random() >= q[On.DROPOUTS, 0]:  # noqa: NPY002
         missing = True
     return (math.nan if missing else depth), age + older
+
+
+@part
+def slipped(q: Array, volume: float, kept: Array) -> float:
+    """Return what a sensor of the volume is off by [m3] that has missed some of its motion."""
+    moved, share = volume - kept[_FROM], q[On.SLIP, 1]
+    kept[_FROM] = volume
+    if moved * share > 0.0:
+        kept[_SLIPPED] -= abs(share) * moved
+    return float(kept[_SLIPPED])
 
 
 @part
@@ -168,15 +185,40 @@ def acted(
 
 
 @part
-def change_plant(base: Array, p: Array, q: Array, volume: float, shift: float) -> None:
+def _let_through(base: Array, p: Array, q: Array, kept: Array) -> None:
+    """Set the speed and the load of the plant p for the way that its port lets the flow go."""
+    share, load = q[On.PORT_IN, 0], 1.0
+    if kept[_FLOWS] >= 0.0:
+        share = q[On.PORT_OUT, 0]
+        load = 2.0 - share
+    for n in (modes.GAIN, modes.RATE):
+        p[n] = base[n] * q[On.SPEED, 0] * share
+    for n in (modes.LOAD_DRIVE, modes.LOAD_BACK):
+        p[n] = base[n] * q[On.LOAD, 0] * load
+
+
+@part
+def turn_flow(base: Array, p: Array, q: Array, effort: float, kept: Array) -> bool:
+    """Turn the flow through a throttled port the way that it is driven; return whether it turned.
+
+    effort: what is commanded beyond what holds the actuator, over the supply or the stroke.
+    """
+    if abs(effort) <= _FLOWING or effort * kept[_FLOWS] > 0.0:
+        return False
+    kept[_FLOWS] = math.copysign(1.0, effort)
+    if q[On.PORT_OUT, 0] == 1.0 and q[On.PORT_IN, 0] == 1.0:
+        return False
+    _let_through(base, p, q, kept)
+    return True
+
+
+@part
+def change_plant(base: Array, p: Array, q: Array, volume: float, shift: float, kept: Array) -> None:
     """Set what faults change in the plant p of the healthy one `base`, where one begins or ends.
 
     volume [m3]: where the actuator is. shift [m3]: what volumes are counted less by, see `flight`.
     """
-    for n in (modes.GAIN, modes.RATE):
-        p[n] = base[n] * q[On.SPEED, 0]
-    for n in (modes.LOAD_DRIVE, modes.LOAD_BACK):
-        p[n] = base[n] * q[On.LOAD, 0]
+    _let_through(base, p, q, kept)
     sags, cuts_in, cuts_out = q[On.SAG, 1], q[On.SWITCH_IN, 1], q[On.SWITCH_OUT, 1]
     p[modes.SAG], p[modes.KAPPA] = max(base[modes.SAG], sags), base[modes.KAPPA]
     if sags > 0.0 and p[modes.KAPPA] <= 0.0:  # not known: all that is lost with speed is it
@@ -184,6 +226,8 @@ def change_plant(base: Array, p: Array, q: Array, volume: float, shift: float) -
     p[modes.SWITCH_IN] = base[modes.SWITCH_IN] if cuts_in == 0.0 else cuts_in * math.inf
     p[modes.SWITCH_OUT] = base[modes.SWITCH_OUT] if cuts_out == 0.0 else -cuts_out * math.inf
     stroke = base[modes.V_MAX] - base[modes.V_MIN]
+    p[modes.K_L] = base[modes.K_L] + q[On.CREEP, 1] * stroke
+    p[modes.V_0] = base[modes.V_0] + q[On.WEIGHT, 1] * stroke
     if q[On.BLOCK_OUT, 0] == 0.0:
         p[modes.V_MAX] = min(p[modes.V_MAX], volume + q[On.BLOCK_OUT, 1] * stroke - shift)
     if q[On.BLOCK_IN, 0] == 0.0:
@@ -242,14 +286,15 @@ def pump_share(pump: PumpTable, base: Array, q: Array, z: float) -> tuple[float,
 
     That is its voltage [V] at the board, while the pump runs, and what it has without load.
     """
-    head, volts = q[On.LOAD, 0] * z * pump.per_metre, emf(base, q, True)
+    load, volts = q[On.LOAD, 0] * (2.0 - q[On.PORT_OUT, 0]), emf(base, q, True)
+    head = load * z * pump.per_metre
     more = max(q[On.SAG, 1] * pump.motor - pump.resistance, 0.0)  # ohm
     current = _between(pump.current, volts * pump.per_volt, head)
     for _ in range(_ROUNDS if more > 0.0 else 0):
         current = _between(pump.current, (volts - more * current) * pump.per_volt, head)
     rate = _between(pump.rate, (volts - more * current) * pump.per_volt, head)
     well = _between(pump.rate, pump.nominal * pump.per_volt, z * pump.per_metre)
-    share = q[On.SPEED, 0] * rate / well if well > 0.0 else 0.0
+    share = q[On.SPEED, 0] * q[On.PORT_OUT, 0] * rate / well if well > 0.0 else 0.0
     return share, volts - (pump.resistance + more) * current, emf(base, q, False)
 
 
@@ -257,6 +302,37 @@ def pump_share(pump: PumpTable, base: Array, q: Array, z: float) -> tuple[float,
 def board_misses(q: Array, tick: float) -> tuple[bool, bool, int]:
     """Return (whether this tick is lost, whether the board is reset, ticks a law hangs for)."""
     lost = q[On.PAUSE, 0] == 0.0
-    if q[On.TICKS, 1] > 0.0 and np.random.random() < q[On.TICKS, 1]:  # noqa: NPY002
+    if q[On.TICKS, 0] < 1.0 and np.random.random() >= q[On.TICKS, 0]:  # noqa: NPY002
         lost = True
     return lost, q[On.RESET, 0] == 0.0, math.ceil(q[On.HANG, 1] / tick)
+
+
+@part
+def ticks_now(q: Array, ahead: float) -> tuple[int, float]:
+    """Return how many ticks the board's clock has at this one, and how many it is then ahead by.
+
+    ahead: of a whole tick, before it.
+    """
+    ahead += min(max(q[On.CLOCK, 1], _SLOWEST), _FASTEST)
+    ticks = 1
+    if ahead >= 1.0:
+        ticks = 2
+    elif ahead <= -1.0:
+        ticks = 0
+    return ticks, ahead - (ticks - 1)
+
+
+@part
+def asked(q: Array, depth: float) -> float:
+    """Return the depth that the board is asked for [m]."""
+    if q[On.ASKED, 0] == 0.0:
+        return math.nan
+    return float(q[On.ASKED, 1]) if q[On.ASKED, 1] != 0.0 else depth
+
+
+@part
+def flip(q: Array, memory: Any) -> None:
+    """Flip a bit of what the board remembers, where one flips at this tick."""
+    if q[On.FLIP, 0] == 0.0:
+        at = int(np.random.random() * memory.shape[0])  # noqa: NPY002
+        memory[at] ^= np.uint8(1 << int(8.0 * np.random.random()))  # noqa: NPY002

@@ -27,10 +27,10 @@ from swimbladder.sim.engine.layers import Layers, layered
 from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.faults import fault_effects as effects
 from swimbladder.sim.faults.c_interface import call_begin, call_tick
-from swimbladder.sim.faults.draw import Mission
+from swimbladder.sim.faults.draw import WAVES, Mission
 from swimbladder.sim.faults.fault_effects import MOST, NOTHING_KEPT, PumpTable
 from swimbladder.sim.faults.kinds import On
-from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, record_type
+from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, Wave, record_type
 from swimbladder.vehicle import Sensors
 
 Array = NDArray[np.float64]
@@ -40,6 +40,7 @@ Array = NDArray[np.float64]
 OWN, FULL, EARLY = 0, 1, 2
 _RAN, _MISSED, _OFF = 0.0, 1.0, 2.0
 MOST_TURNS = 8  # set-points of a mission
+_WHOLE = 1.0 - 1e-6  # of a tick: a command so long is one of all of it
 _NEARLY = 0.01  # of the stroke: a volume so near its largest is all out
 
 
@@ -49,7 +50,8 @@ class Board(NamedTuple):
     begin: int
     tick: int
     memory: Any  # bytes that it remembers
-    seen: Any  # [7] float32: depth, its age, volume, battery, leak, lost ticks, depth asked for
+    # [8] float32: depth, its age, volume, battery, leak, lost ticks, depth asked for, law waits
+    seen: Any
     said: Any  # [4] float32: reason, release, whether its law was called, whether by the bypass
 
 
@@ -59,15 +61,21 @@ class Nothing(NamedTuple):
     nothing: float
 
 
-def _step(
-    board: Board, state: Nothing, measurement: Measurement, reference: float
-) -> tuple[float, Nothing, float]:
+@inlined
+def _call(board: Board, depth: float, volume: float, reference: float) -> float:
+    """Return what the board commands of what it sees now and is asked for."""
     seen = board.seen
-    seen[0], seen[2], seen[6] = measurement.depth, measurement.volume, reference
+    seen[0], seen[2], seen[6] = depth, volume, reference
     command: float = call_tick(  # type: ignore[call-arg]
         board.tick, board.memory.ctypes.data, seen.ctypes.data, board.said.ctypes.data
     )
-    return float(command), state, 0.0
+    return float(command)
+
+
+def _step(
+    board: Board, state: Nothing, measurement: Measurement, reference: float
+) -> tuple[float, Nothing, float]:
+    return _call(board, measurement.depth, measurement.volume, reference), state, 0.0
 
 
 def _initial(_board: Board, _measurement: Measurement, _reference: float) -> Nothing:
@@ -100,6 +108,8 @@ class FlightState(NamedTuple):
     restarted: float = 0.0  # 1: it was reset, and remembers what outlives that
     must_begin: float = 1.0  # 1: its begin is to be called before its tick
     begun: float = 0.0  # tick that its clock counts from
+    ahead: float = 0.0  # of a tick, that its clock is fast by
+    waits: float = 0.0  # 1: its clock has no tick at this one
     turn: float = 0.0  # set-point
     asked: float = 0.0  # m
     commanded: float = 0.0  # 1: full buoyancy is commanded
@@ -127,6 +137,7 @@ FLIGHT = np.dtype(
         ("kept", np.float64, NOTHING_KEPT.shape),  # what the faults remember
         ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
         ("depths", np.float64, (MOST_TURNS,)),  # m
+        ("waves", np.float64, (WAVES, len(Wave._fields))),
     ]
 )
 
@@ -141,6 +152,7 @@ class Faults(NamedTuple):
     late: Array  # depths seen before
     stepper: Any  # what moves a float, see `closed_loop.pumped`; None of other vehicles
     pump: PumpTable
+    built: Any  # see `advance.ModeLane`, of the lane
     record: Array  # [ticks, len(Trace)] or no rows
 
 
@@ -167,7 +179,8 @@ def _filled(faults: Faults, S: Array, afloat: bool) -> float:
         return -1.0
     if afloat:
         return 0.0
-    neutral = base[modes.V_0] + base[modes.PSI] * S[Row.Z] + layered(faults.layers, S[Row.Z])[0]
+    own = S[Row.PLANT + modes.V_0]  # a weight may have changed it
+    neutral = own + base[modes.PSI] * S[Row.Z] + layered(faults.layers, S[Row.Z])[0]
     return 1.0 if before == 0.0 and S[Row.V] < neutral else before
 
 
@@ -211,7 +224,7 @@ def _begin(faults: Faults, S: Array, k: int, built: Any) -> bool:
     S[Row.LEAK] = m.acts[On.WATER, 1]
     changed = effects.changes(fault_rows, k)
     if changed:
-        effects.change_plant(m.base, p, m.acts, S[Row.V] + S[Row.LOST], S[Row.LOST])
+        effects.change_plant(m.base, p, m.acts, S[Row.V] + S[Row.LOST], S[Row.LOST], m.kept)
     if now.acts < fault_rows.shape[0]:
         now.acts = effects.acted(m.base, p, fault_rows, k, c.tick, S[Row.V], m.kept)
         if now.acts > 0 and math.isnan(result.acting):
@@ -236,16 +249,24 @@ def _act_on_drive(
 
 
 @inlined
+def _go_on(S: Array, p: Array) -> None:
+    """Give a positioner on its way its speed of now, also one that could not move."""
+    moves = int(S[Row.MODE]) % 10
+    if moves == modes.MOVING_OUT:
+        S[Row.Q] = p[modes.RATE]
+    elif moves == modes.MOVING_IN:
+        S[Row.Q] = -p[modes.RATE]
+
+
+@inlined
 def _act_on_motor(faults: Faults, S: Array, p: Array, built: Any, changed: bool) -> None:
     """Let the faults act on a motor or positioner, and on its battery."""
     m, now = faults.flight, faults.flight.now
     if changed:
         built[:] = 0
-        moves = int(S[Row.MODE]) % 10
-        if moves == modes.MOVING_OUT:  # a positioner on its way, also one that could not move
-            S[Row.Q] = p[modes.RATE]
-        elif moves == modes.MOVING_IN:
-            S[Row.Q] = -p[modes.RATE]
+        _go_on(S, p)
+        if int(S[Row.MODE]) % 10 == modes.UPPER and S[Row.Q] < p[modes.K_L] * S[Row.Z]:
+            S[Row.MODE] -= modes.UPPER - modes.FORWARD  # what leaks now comes off the end stop
     if m.base[modes.POSITIONER] != 0.0:
         now.battery = np.nan
         return
@@ -266,7 +287,8 @@ def _act_on_pump(
         at.rests = 0
         x.h = min(x.h, 1.0)
         given.v_min, given.v_max = p[modes.V_MIN] + S[Row.LOST], p[modes.V_MAX] + S[Row.LOST]
-        given.flow, given.open = now.flow * m.acts[On.VALVE, 0], m.acts[On.OPEN, 1]
+        given.flow = now.flow * m.acts[On.VALVE, 0] * m.acts[On.PORT_IN, 0]
+        given.open, given.open_running = m.acts[On.OPEN, 1], m.acts[On.OPEN_RUNNING, 1]
     share, loaded, unloaded = effects.pump_share(faults.pump, m.base, m.acts, max(S[Row.Z], 0.0))
     given.delivery = now.delivery * share
     if share <= 0.0:
@@ -279,16 +301,28 @@ def _act_on_pump(
 
 
 @inlined
+def _read_of_waves(waves: Array, depth: float, t: float) -> float:
+    """Return what the depth's sensor reads of the sea [m] at a depth [m] and time [s]."""
+    read = 0.0
+    if waves[0, 0] != 0.0:
+        for n in range(waves.shape[0]):
+            fades = math.exp(-waves[n, 1] * max(depth, 0.0))
+            read += waves[n, 0] * fades * math.cos(waves[n, 2] * t + waves[n, 3])
+    return read
+
+
+@inlined
 def _sense(faults: Faults, S: Array, k: int) -> None:
     """Write what the sensors give, with their faults."""
     m = faults.flight
     c, now, kept = m.condition, m.now, m.kept
     noise, other = np.random.normal(), np.random.normal()  # noqa: NPY002
-    depth = S[Row.Z] + S[Row.DEPTH_NOISE] * noise
+    depth = S[Row.Z] + _read_of_waves(m.waves, S[Row.Z], k * c.tick) + S[Row.DEPTH_NOISE] * noise
     S[Row.SEEN_DEPTH], now.age = effects.see_depth(
         m.acts, k, c.tick, depth, S[Row.DEPTH_QUANTUM], kept, faults.late
     )
-    volume = S[Row.V] + S[Row.LOST] + S[Row.VOLUME_NOISE] * other
+    volume = S[Row.V] + S[Row.LOST]
+    volume += effects.slipped(m.acts, volume, kept) + S[Row.VOLUME_NOISE] * other
     stroke = m.base[modes.V_MAX] - m.base[modes.V_MIN]
     seen = effects.see_volume(m.acts, k, c.tick, volume, S[Row.VOLUME_QUANTUM], stroke, kept)
     S[Row.SEEN_VOLUME] = seen if faults.stepper is None else math.nan  # not measured by a float
@@ -300,10 +334,14 @@ def _ask(faults: Faults, S: Array, k: int) -> bool:
     """Return whether the board runs at tick k; where it does not, set what it commands."""
     m = faults.flight
     c, now, turns = m.condition, m.now, m.turns
+    ticks, now.ahead = effects.ticks_now(m.acts, now.ahead)
+    now.waits = 0.0
+    now.begun -= ticks - 1
+    effects.flip(m.acts, faults.board.memory)
     while now.turn + 1 < turns.shape[0] and turns[int(now.turn) + 1] <= k - now.begun:
         now.turn += 1
     now.asked += max(-c.ramp, min(c.ramp, m.depths[int(now.turn)] - now.asked))
-    S[Row.REFERENCE] = now.asked
+    S[Row.REFERENCE] = effects.asked(m.acts, now.asked)
     missed, reset, now.hangs = effects.board_misses(m.acts, c.tick)
     if k >= now.full_at:
         now.hangs, now.hung_until = 0, -1  # what misses ticks or is reset does so here as well
@@ -325,10 +363,15 @@ def _ask(faults: Faults, S: Array, k: int) -> bool:
     elif missed:
         now.board = _MISSED
         now.lost += 1
+    elif ticks == 0:
+        now.board, now.waits = _MISSED, 1.0
     elif k >= now.full_at:
         now.command, now.commanded = c.full, 1.0
     else:
         _prepare(faults, S)
+        if ticks > 1 and now.hangs == 0:
+            _call(faults.board, S[Row.SEEN_DEPTH], S[Row.SEEN_VOLUME], S[Row.REFERENCE])
+            faults.board.seen[5] = 0.0
         now.ran = 1.0
     return bool(now.ran != 0.0)
 
@@ -349,6 +392,7 @@ def _prepare(faults: Faults, S: Array) -> None:
     board.seen[3] = now.battery * (1.0 + c.battery_noise * now.noise)
     board.seen[4] = 1.0 if S[Row.WATER] > c.leak_input else 0.0
     board.seen[5] = now.lost
+    board.seen[7] = 1.0 if faults.flight.acts[On.WAITS, 0] == 0.0 else 0.0
     if now.hangs > 0:
         _keep(board.memory, faults.before)
 
@@ -368,28 +412,49 @@ def _drive(faults: Faults, S: Array, k: int, command: float) -> float:
             result.latched, result.reason = k, said[0]
         if said[1] != 0.0 and math.isnan(result.released):
             result.released = k
-    _hand_on(now, faults.stepper, said)
+    _hand_on(now, faults.stepper, said, c.tick)
     volume = S[Row.V] + S[Row.LOST]
     way = S[Row.APPLIED] - (volume if m.base[modes.POSITIONER] != 0.0 else 0.0)
     u = effects.driven(m.acts, S[Row.LOW_U], S[Row.HIGH_U], now.command, way, m.kept)
     u = limited(S, 1, 0, u)
+    _throttle(faults, faults.stepper, S, u)
     if faults.record.shape[0] > k:
         row = faults.record[k]
         wet = 1.0 if S[Row.WATER] > c.leak_input else 0.0
         row[0], row[1], row[2], row[3], row[4] = S[Row.Z], S[Row.W], volume, now.command, u
-        row[5], row[6], row[7], row[8] = now.battery, now.asked, S[Row.SEEN_DEPTH], now.age
+        row[5], row[6], row[7] = now.battery, S[Row.REFERENCE], S[Row.SEEN_DEPTH]
+        row[8] = now.age
         row[9], row[10], row[11], row[12] = S[Row.SEEN_VOLUME], wet, now.lost, now.board
         row[13], row[14] = result.reason, S[Row.WATER]
     return float(u)
 
 
 @inlined
-def _hand_on(now: Any, stepper: Any, said: Any) -> None:
-    """Give a float's drive its command; what is on goes off where none comes."""
+def _throttle(faults: Faults, stepper: Any, S: Array, u: float) -> None:
+    """Let a throttled port take the flow of what the driver gives."""
+    if stepper is None:
+        m, p = faults.flight, S[Row.PLANT : Row.PLANT + N_PLANT]
+        effort = (u - m.base[modes.LOAD_DRIVE] * S[Row.Z]) / m.base[modes.SUPPLY]
+        if m.base[modes.POSITIONER] != 0.0:
+            way = u - S[Row.V] - S[Row.LOST]
+            still = 1e-12 * (m.base[modes.V_MAX] - m.base[modes.V_MIN])
+            effort = 0.0 if abs(way) < still else math.copysign(1.0, way)
+        if effects.turn_flow(m.base, p, m.acts, effort, m.kept):
+            faults.built[:] = 0
+            _go_on(S, p)
+
+
+@inlined
+def _hand_on(now: Any, stepper: Any, said: Any, tick: float) -> None:
+    """Give a float's drive its command; what is on goes off where none comes.
+
+    What is on for a whole tick of a slow clock is so until its next one.
+    """
     if stepper is not None:
-        if now.board != _RAN:
+        on = now.waits != 0.0 and abs(now.command) >= _WHOLE * tick
+        if now.board != _RAN and not on:
             now.command = 0.0
-        stepper.wide[0] = said[3] if now.ran != 0.0 else 0.0
+        stepper.wide[0] = said[3] if now.ran != 0.0 or on else 0.0
 
 
 class Room(threading.local):
@@ -422,7 +487,8 @@ def fly(mission: Mission, how: int, functions: tuple[int, int], room: Room, reco
     m["fault_rows"][: len(mission.fault_rows)] = mission.fault_rows
     m["turns"][: len(mission.turns)] = mission.turns
     m["depths"][: len(mission.depths)] = mission.depths
-    board = Board(*functions, room.memory, np.zeros(7, np.float32), np.zeros(4, np.float32))
+    m["waves"] = mission.waves
+    board = Board(*functions, room.memory, np.zeros(8, np.float32), np.zeros(4, np.float32))
     stepper, start = None, np.array([[0.0], [c.start_volume], [c.start_depth], [0.0]])
     if room.model is not None:
         rates = np.array(mission.drive)[:, None]
@@ -445,7 +511,7 @@ def fly(mission: Mission, how: int, functions: tuple[int, int], room: Room, reco
     )
     block.parameters = board
     block.hooks = Faults(
-        m, board, room.before, mission.layers, room.late, stepper, room.pump, record
+        m, board, room.before, mission.layers, room.late, stepper, room.pump, block.built, record
     )
     work = block.work[:, 0]
     work[Row.APPLIED] = c.start_volume if p.positioner != 0.0 else 0.0

@@ -21,7 +21,7 @@ class On(IntEnum):
     READS = 2  # m, in the place of the depth
     LATE = 3  # s, by which it comes late; factor 0: the driver says so
     OLD = 4  # s, after which a new one comes; factor 0: none does
-    DROPOUTS = 5  # share of depths that is not measured
+    DROPOUTS = 5  # share of depths that is measured
     DEPTH_MISSING = 6
     VOLUME = 7  # strokes, that the sensor measures
     VOLUME_OLD = 8
@@ -38,11 +38,21 @@ class On(IntEnum):
     CHARGE = 19  # the battery's open-circuit voltage
     CELL = 20  # the same, while the motor is driven
     SAG = 21  # the battery's resistance over the motor's
-    TICKS = 22  # share that is lost
+    TICKS = 22  # share that comes
     PAUSE = 23
     RESET = 24
     HANG = 25  # s
     WATER = 26  # m3/s that come in
+    OPEN_RUNNING = 27  # as OPEN, while the pump runs
+    PORT_OUT = 28  # flow of the port outward; what is closed of it adds to the load
+    PORT_IN = 29
+    CREEP = 30  # strokes/(m s), by which the pressure drives the actuator in
+    SLIP = 31  # share of the motion outward that the volume sensor misses; below 0: inward
+    WEIGHT = 32  # strokes, that the neutral volume is larger by
+    CLOCK = 33  # share by which the board's ticks come too often
+    FLIP = 34  # 0: a bit of what the board remembers flips
+    ASKED = 35  # m, in the place of the depth asked for; 0: not a number
+    WAITS = 36  # 0: the law says that it need not be called again
 
 
 class Op(IntEnum):
@@ -64,6 +74,7 @@ class Op(IntEnum):
     EVERY = 13  # 0 each time so long [s] has passed
     CUTS = 14  # s is 1, on the next thing in `On` from a severity of 0.5 on
     NEVER_CUTS = 15  # the same, -1
+    SETTLES = 16  # s goes to the severity within a time constant, the second one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,9 +105,12 @@ class Kind:
     words: str
     on: On
     op: Op
+    also: On | None = None  # a second thing that it acts on in the same way
+    why: str = ""  # the severities have this range
     first: Range | None = None
     second: Range | None = None
     may_end: bool = True  # one in seven lasts for 5 to 300 s only
+    from_start: bool = False  # it is there when the mission begins
     needs: str = ""  # what a vehicle has to have, of `parts_of`
 
     def size(self, severity: float) -> str:
@@ -106,12 +120,14 @@ class Kind:
 
 MOTOR, SWITCHES, VALVE = "a motor on a battery", "limit switches", "a pump and a valve"
 VOLUME, TURNS = "a measured volume", "a drive that can turn the other way"
+DRIVEN_BACK = "a motor that the pressure drives back"
 
 
 def _kind(row: dict[str, Any]) -> Kind:
     """Return a kind as a table of the catalogue has it."""
     made: dict[str, Any] = {end: Range(**row[end]) for end in ("first", "second") if end in row}
-    made |= {"on": On[row["on"]], "op": Op[row["op"]]}
+    made |= {name: On[row[name]] for name in ("on", "also") if name in row}
+    made |= {"op": Op[row["op"]]}
     return Kind(**row | made)
 
 
@@ -120,8 +136,13 @@ _TABLES = tomllib.loads(_CATALOGUE)
 FAULTS: Mapping[str, int] = {name: number for number, name in enumerate(_TABLES, 1)}
 """Number of a kind of fault in the kernel, by its name in the catalogue."""
 KINDS: Mapping[int, Kind] = dict(enumerate(map(_kind, _TABLES.values()), 1))
-EFFECTS = np.array([(-1, -1), *((kind.on, kind.op) for kind in KINDS.values())])
-"""What a kind of fault acts on and how, by its number, for the kernels."""
+EFFECTS = np.array(
+    [
+        (-1, -1, -1),
+        *((k.on, k.op, -1 if k.also is None else k.also) for k in KINDS.values()),
+    ]
+)
+"""What a kind of fault acts on, how, and on what else, by its number, for the kernels."""
 
 _ENDS, _LASTS = 0.15, Range(least=5.0, most=300.0, unit="s")
 
@@ -133,7 +154,7 @@ def parts_of(vehicle: Vehicle) -> frozenset[str]:
         return frozenset({VALVE, MOTOR} if isinstance(a.pump, DatasheetPump) else {VALVE})
     parts = {VOLUME, TURNS}
     if vehicle.voltage_driven:
-        parts.add(MOTOR)
+        parts |= {MOTOR, DRIVEN_BACK}
         if vehicle.stroke.switch_margin is not None:
             parts.add(SWITCHES)
     return frozenset(parts)

@@ -36,6 +36,15 @@ class Condition(NamedTuple):
     seed: float  # of the noise, a whole number below 2^32
 
 
+class Wave(NamedTuple):
+    """A wave of the sea, of which the depth's sensor reads amplitude exp(-k z) cos(w t + phase)."""
+
+    amplitude: float = 0.0  # m, at the surface
+    k: float = 0.0  # 1/m
+    omega: float = 0.0  # rad/s
+    phase: float = 0.0  # rad
+
+
 class FaultRow(NamedTuple):
     """A fault as the kernel takes it; kind 0: none."""
 

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.registry import own_law
-from swimbladder.control.supervisor import Reason
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
-from swimbladder.sim.faults.campaign_result import Campaign, Outcome, outcomes
+from swimbladder.sim.faults.campaign_result import Campaign, Outcome, outcomes, reason_words
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
 from swimbladder.sim.faults.flight import FULL, OWN
 from swimbladder.sim.faults.kinds import KINDS
@@ -108,8 +107,7 @@ class Flown:
     @property
     def reason(self) -> str:
         """Its reason in words; empty without one."""
-        code = int(self.results[0].reason)
-        return Reason(code).words if code else ""
+        return reason_words(self.results[0].reason)
 
     def outcome(self, flight: int) -> Outcome:
         """Return how a flight ended."""

@@ -91,8 +91,10 @@ def rate_of(p: Any, table: Array, doing: int, shut: bool, z: float, V: float, dz
 @part
 def _drive_rate(p: Any, table: Array, doing: int, z: float, V: float) -> Any:
     rate, slope = _asked_rate(p, table, doing, z, V)
-    if p.open > 0.0 and doing != Doing.LETTING_IN:
-        lets, by_depth = _positive(table, p.step, Table.RATE_IN, z, -p.open)
+    runs = doing == Doing.PUMPING or doing == Doing.PRIMING
+    opens = p.open_running if runs else p.open
+    if opens > 0.0 and doing != Doing.LETTING_IN:
+        lets, by_depth = _positive(table, p.step, Table.RATE_IN, z, -opens)
         rate, slope = rate + lets, slope + by_depth
         if rate <= 0.0 and p.v_min >= V:
             return 0.0, 0.0

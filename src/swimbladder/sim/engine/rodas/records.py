@@ -124,6 +124,7 @@ _VEHICLE: tuple[tuple[str, type], ...] = (
     ("volume_noise", float),  # m3, of a measured volume, 1 sigma
     ("volume_quantum", float),  # m3, its quantum
     ("open", float),  # -, of the valve's flow that comes in whatever is commanded
+    ("open_running", float),  # -, the same while the pump runs
 )
 # Its oil line between pump and check valve; without one the oil is incompressible.
 _LINE: tuple[tuple[str, type], ...] = (
