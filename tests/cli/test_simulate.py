@@ -342,9 +342,16 @@ def test_a_vehicle_without_a_controller_is_told_so(capsys, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_made(capsys, tmp_path):
+@pytest.mark.parametrize("out", ["file", "file/out"])
+def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_simulated(
+    capsys, tmp_path, monkeypatch, out
+):
+    def run(*_):
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr("swimbladder.cli.simulate._run", run)
     (tmp_path / "file").write_text("x")
-    assert main(["simulate", "feup-em", "--out", str(tmp_path / "file" / "out")]) == 2
+    assert main(["simulate", "feup-em", "--out", str(tmp_path / out)]) == 2
     assert "Choose another folder with --out" in capsys.readouterr().err
 
 
