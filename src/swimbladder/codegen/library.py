@@ -36,7 +36,7 @@ from swimbladder.control.supervisor_limits import (
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
-from swimbladder.sim.closed_loop.checks import check_sample_time
+from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
@@ -45,7 +45,6 @@ _ROW_S, _SAVE_S = 5.0, 600.0  # s, between rows of the black box, and between sa
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
 _IN_LOOP, _LOOP_FILES = "examples/HardwareInTheLoop", ("HardwareInTheLoop.ino", "hil.h")
 MEGA_ONLY = ("sea-cascade",)  # laws whose sketch takes more than the 32 kB of an ATmega328P
-_OR_MORE = "or say more of the vehicle in its [supervisor] table"
 
 
 STEP = Mission(1.5, 3.0, 400.0)
@@ -189,9 +188,7 @@ def plan_program(
     mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
     for name, depth in (("start", mission.start), ("target", mission.target)):
         if depth > limit:
-            what = "deeper than the supervisor allows"
-            remedy = f"Give up to {limit:.4g} m, {_OR_MORE}"
-            raise InputError(what, field=f"--{name}", value=depth, unit="m", remedy=remedy)
+            raise turned_round(depth, limit, f"--{name}")
     made = make_program(vehicle, depths=mission[:2], in_pool=in_pool)
     if floats:
         _check_dive(mission, made.parameters.surface.shallow)
