@@ -105,7 +105,7 @@ def _shown(answer: BoardAnswer) -> Iterator[object]:
     from swimbladder.codegen.library import digest
 
     made, times = answer.made, answer.times
-    where = f"{answer.port}, {answer.baud} baud, library {digest(made).hex()}"
+    where = f"{answer.port}, {answer.baud} baud, C {digest(made).hex()}"
     yield f"{answer.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s on {where}"
     yield from map(_said, answer.flights)
     if answer.not_flown:

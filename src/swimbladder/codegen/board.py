@@ -155,7 +155,7 @@ class BoardAnswer:
         return {
             "vehicle": self.vehicle.name,
             "law": self.made.law.name,
-            "library": digest(self.made).hex(),
+            "sha256_of_c": digest(self.made).hex(),
             **attributes(self, keys),
             "flights": [flight.to_json() for flight in self.flights],
             "late_ticks": self.times.late if self.real_time else None,

@@ -134,7 +134,7 @@ def make_library(
         "mega_only": made.law.name in MEGA_ONLY,
         "lined": getattr(vehicle.engine, "line", None) is not None,
         "protocol": wire.FACTS,
-        "library_bytes": ", ".join(f"0x{byte:02x}" for byte in digest(made)),
+        "c_bytes": ", ".join(f"0x{byte:02x}" for byte in digest(made)),
     }
     on_board = first_rows(made, golden, _ON_BOARD)
     rows = [[f"0x{np.float32(x).view(np.uint32):08x}" for x in row[:4]] for row in on_board]

@@ -57,7 +57,7 @@ class Said(NamedTuple):
 class Wire:
     """A board at the end of a serial line; a context that closes it.
 
-    Opening it waits until the board answers. digest: of the library that the board is to have.
+    Opening it waits until the board answers. digest: of the C that the board is to have.
     Raises InputError where the port or the board at it is not the right one.
     """
 
@@ -119,7 +119,7 @@ class Wire:
             what = f"the board speaks version {version} of the protocol, and this program {VERSION}"
             raise problem(what, remedy=f"Flash {_SKETCH}, written by this version")
         if theirs != digest:
-            what = f"the board has the library {theirs.hex()}, and this vehicle's is {digest.hex()}"
+            what = f"the board has the C {theirs.hex()}, and this vehicle's is {digest.hex()}"
             remedy = f"Flash {_SKETCH}, for this vehicle and without --pool; or give its vehicle"
             raise problem(what, remedy=remedy)
 
