@@ -495,7 +495,8 @@ def test_a_controller_that_loses_the_vehicle_gets_no_library():
 
 def test_a_supervisor_that_a_healthy_vehicle_does_not_satisfy_gets_no_library():
     vehicle = paper(supervisor=Supervisor(depth_limit="2.5 m"))
-    with pytest.raises(NoAnswerError, match=r"golden mission .* \(depth limit\), and nothing is"):
+    said = r"golden mission .* \(depth limit or too fast to turn\), and nothing is"
+    with pytest.raises(NoAnswerError, match=said):
         make_library(limited(vehicle), target=2.4)
 
 
