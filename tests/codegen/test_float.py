@@ -34,7 +34,14 @@ from swimbladder.vehicle import Oil, PowerLawPump, Sensors, Supervisor
 from tests.codegen import chip, cortex, fuzz
 from tests.codegen.build import STRICT, Compiled, run
 from tests.codegen.laws import bits, flat, split
-from tests.codegen.test_library import ARM, LibraryInC, _sketch, compile_sketches
+from tests.codegen.test_library import (
+    ARM,
+    OTHERS,
+    LibraryInC,
+    _sketch,
+    compile_sketches,
+    tried_on,
+)
 from tests.codegen.test_supervised import VehicleInC, said_by
 from tests.vehicles import limited
 
@@ -407,6 +414,13 @@ class TestTheSketch:
         # launched with all volume out: the pump makes sure of it, then the bypass opens
         assert runs[0] == 1.0
         assert log.volume[0] == pytest.approx(3e-4)
+
+    @pytest.mark.parametrize("chip", OTHERS)
+    def test_on_another_processor(self, chip, tmp_path):
+        board = "FloatESP32RP2040"
+        text = library().files[f"examples/{board}/{board}.ino"]
+        said = tried_on(library(), chip, board, text, tmp_path)
+        assert "# full buoyancy: depth missing" in said
 
     def test_as_it_is_shipped_it_sees_nothing_and_pumps(self, tmp_path):
         made = library()
