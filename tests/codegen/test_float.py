@@ -13,7 +13,7 @@ import pytest
 import swimbladder as sb
 from swimbladder.cli import main
 from swimbladder.codegen.golden import fly_float
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, make_library, plan_program, write_library
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.twin import twin
@@ -390,6 +390,17 @@ class TestThePins:
         assert not any(pins.wait(2.0))
         pins.command(1e9)
         assert sum(x == PUMP for x in pins.wait(5.0)) == pytest.approx(1250, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("depths", "target"),
+    [(None, 100.0), ((0.0, 150.0), 100.0), ((300.0, 900.0), 300.0), ((0, 60), 30)],
+)
+def test_the_first_depth_is_one_that_the_law_was_tuned_for(depths, target):
+    vehicle = limited(load_vehicle("example-float"))
+    own = vehicle.controller.model_copy(update={"depths": depths})
+    mission, _ = plan_program(vehicle.model_copy(update={"controller": own}))
+    assert mission.target == target
 
 
 @pytest.mark.usefixtures("gcc")

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin, wait_in_ticks
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, make_library, plan_program, write_library
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.vehicle import Controller, Supervisor
+from swimbladder.vehicle import Controller, Supervisor, Vehicle
 from tests.codegen.build import STRICT, run
 from tests.codegen.laws import bits, controlled, example, twin_of
 from tests.codegen.test_supervised import VehicleInC
@@ -522,6 +522,50 @@ def test_a_supervisor_that_a_healthy_vehicle_does_not_satisfy_gets_no_library():
     said = r"golden mission .* \(depth limit or too fast to turn\), and nothing is"
     with pytest.raises(NoAnswerError, match=said):
         make_library(limited(vehicle), target=2.4)
+
+
+def for_depths(*depths: float, supervisor: Supervisor | None = None) -> Vehicle:
+    """Return the paper's vehicle whose controller was tuned for depths [m]."""
+    vehicle = paper(supervisor=supervisor or Supervisor())
+    own = vehicle.controller.model_copy(update={"depths": depths or None})
+    return limited(vehicle.model_copy(update={"controller": own}))
+
+
+class TestTheFirstDepth:
+    """The depth that the sketch begins with: where the law was tuned, above the supervisor's."""
+
+    @pytest.mark.parametrize(
+        ("depths", "limit", "step"),
+        [
+            ((), None, (1.5, 3.0)),
+            ((0.0, 10.0), None, (1.5, 3.0)),
+            ((5.0, 20.0), None, (6.5, 8.0)),
+            ((0.0, 2.0), None, (0.6, 2.0)),
+            ((), "2 m", (0.6, 2.0)),
+            ((5.0, 20.0), "6 m", (5.3, 6.0)),
+        ],
+    )
+    def test_it_is_within(self, depths, limit, step):
+        mission, _ = plan_program(for_depths(*depths, supervisor=Supervisor(depth_limit=limit)))
+        assert mission[:2] == pytest.approx(step)
+
+    def test_the_sketch_has_it(self):
+        made = make_library(for_depths(5.0, 20.0), duration=30.0)
+        text = made.files["examples/FloatAVR/FloatAVR.ino"]
+        assert "static float reference_depth = 8.0f;" in text
+        assert made.golden.reference[0] == 8.0
+
+    @pytest.mark.parametrize("target", [4.9, 20.1])
+    def test_another_one_is_refused(self, target):
+        said = rf"--target: the controller was tuned for 5 to 20 m, .* \(got {target}, .* m\)"
+        with pytest.raises(InputError, match=said):
+            plan_program(for_depths(5.0, 20.0), (None, target, None))
+        plan_program(for_depths(5.0, 20.0), (None, 20.0, None))
+
+    def test_the_supervisor_has_the_last_word(self):
+        vehicle = for_depths(5.0, 20.0, supervisor=Supervisor(depth_limit="10 m"))
+        with pytest.raises(InputError, match="supervisor turns the vehicle round at 10 m"):
+            plan_program(vehicle, (None, 15.0, None))
 
 
 def test_a_time_that_is_over_is_part_of_the_trace():

@@ -33,6 +33,7 @@ from swimbladder.control.supervisor_limits import (
     supervisor_parameters,
     time_limit,
 )
+from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
@@ -49,7 +50,8 @@ MEGA_ONLY = ("sea-cascade",)  # laws whose sketch takes more than the 32 kB of a
 
 STEP = Mission(1.5, 3.0, 400.0)
 DIVE = Mission(0.0, 100.0, 5400.0)
-"""What a float does instead; its target is half the depth limit where that is less."""
+"""What a float does instead. Of both other depths where the controller is for others, or the
+supervisor turns the vehicle round above."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,17 +184,32 @@ def plan_program(
     """
     floats = vehicle.command == "volume change"
     limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
-    usual = DIVE if floats else STEP
-    if floats and usual.target > limit:
-        usual = usual._replace(target=0.5 * limit)
+    tuned = None if vehicle.controller is None else vehicle.controller.depths
+    least, most = tuned or (max(vehicle.hull.emergence_depth, 0.0), limit)
+    usual = _usual(floats, least, min(most, limit))
     mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
     for name, depth in (("start", mission.start), ("target", mission.target)):
         if depth > limit:
             raise turned_round(depth, limit, f"--{name}")
+    if tuned and not least <= mission.target <= most:
+        what = f"the controller was tuned for {least:g} to {most:g} m, and the sketch begins here"
+        remedy = "Give a depth within these, or tune for others (`swimbladder tune --depth`)"
+        raise InputError(what, field="--target", value=mission.target, unit="m", remedy=remedy)
     made = make_program(vehicle, depths=mission[:2], in_pool=in_pool)
     if floats:
         _check_dive(mission, made.parameters.surface.shallow)
     return mission, made
+
+
+def _usual(floats: bool, least: float, most: float) -> Mission:
+    """Return the golden mission where none is asked for, between two depths [m]."""
+    if floats:
+        deepest = DIVE.target if DIVE.target <= most else 0.5 * most
+        return DIVE._replace(target=max(deepest, least))
+    if least <= STEP.start and STEP.target <= most:
+        return STEP
+    start, target = usual_step(least, most)
+    return STEP._replace(start=start, target=target)
 
 
 def make_program(

@@ -228,7 +228,8 @@ class _Request:
         """Return the vehicle with a controller, and where trials had one, with its supervisor."""
         vehicle, (low, high) = self.vehicle, self.depths
         origin = {"controller.parameters": f"tuned for {self.goal}, {low:g} to {high:g} m"}
-        made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
+        own = controller.model_copy(update={"depths": self.depths})
+        made = {"controller": own, "provenance": {**vehicle.provenance, **origin}}
         if self.supervised:
             limited = {"time_limit": _TIME_LIMIT} if self.unlimited else {}
             # so that `simulate` flies it as well
