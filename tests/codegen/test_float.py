@@ -463,18 +463,27 @@ class TestTheCortexM:
         assert twin.reason is Reason.DEPTH_MISSING
 
 
+EMPTY_BOX = (
+    "# black box: none 0x0000, starts while armed: {}, cause of the last one: {}, "
+    "an earlier dive: none 0x0000"
+)
+
+
 @pytest.mark.usefixtures("qemu")
+@pytest.mark.promise("black-box")
 def test_a_board_without_arduino_runs_pump_and_valves(tmp_path):
     """On an emulated Cortex-M3: what the log commands is what its pins were on for."""
     made = library()
     write_library(made, tmp_path)
     board = tmp_path / "extras" / "board.c"
     said = cortex.execute(made, tmp_path, "cortex-m3", cortex.HERE / "board.c", more=[board])
-    *lines, last = said.splitlines()
-    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    flown, last, after = re.split(r"^(# on: .*\n)", said, flags=re.MULTILINE)
+    (tmp_path / "log.csv").write_text(flown)
     log = sb.read_log(tmp_path / "log.csv")
     assert np.all(np.diff(log.time) == 1.0)
-    rows = [line.split(",") for line in lines[1:]]
+    box, _, *lines = flown.splitlines()
+    assert box == EMPTY_BOX.format(0, 0)
+    rows = [line.split(",") for line in lines]
     run = np.array([float(row[3]) for row in rows])
     pump, valve, bypass, both = map(int, re.findall(r"\d+", last))
     assert both == 0
@@ -489,6 +498,20 @@ def test_a_board_without_arduino_runs_pump_and_valves(tmp_path):
     for n, row in enumerate(rows):
         seen = Watched(float(row[1]), math.nan, math.nan, math.nan, False, 0, 0)
         assert float(twin.tick(seen, float(row[4]))) == pytest.approx(run[n], abs=5.1e-4), n
+    boxes = re.split(r"^(?=# black box: )", after, flags=re.MULTILINE)[1:]
+    missing = "# black box: depth missing 0x0008, starts while armed: {}, cause of the last one: {}"
+    for box, start, cause in zip(boxes, (1, 2), (0, 8), strict=False):
+        first, *kept = box.splitlines()
+        assert first == missing.format(start, cause) + ", an earlier dive: none 0x0000"
+        kept = [line.split(",") for line in kept if line.startswith("# box: ")]
+        assert len(kept) == 48
+        assert kept[-1][0] == "# box: 0 s"
+        assert [float(line[1]) for line in kept[:20]] == pytest.approx([2.5] * 20, abs=0.05)
+        (found,) = [n for n in range(1, 48) if kept[n][4] == "4" and kept[n - 1][4] == "0"]
+        assert 20 < found < 30  # half of it is what was before
+        assert kept[found][1] == "nan"
+        assert float(kept[found][3]) == 1.0  # the pump, of the whole tick
+    assert boxes[2].strip() == EMPTY_BOX.format(0, 8)
 
 
 def test_random_numbers_give_the_same_bits(gcc, tmp_path):  # noqa: ARG001
