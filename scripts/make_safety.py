@@ -92,7 +92,7 @@ def wrong(said: dict[str, dict[str, str]], found: list[Shown]) -> Iterator[str]:
     page = (ROOT / "docs" / "explanation" / "supervisor.md").read_text(encoding="utf-8")
     headings = {line.lstrip("# ") for line in page.splitlines() if line.startswith("#")}
     for reason in Reason:
-        if reason.words.replace(" ", "-") not in said:
+        if reason.name.lower().replace("_", "-") not in said:
             yield f"scripts/promises.toml has no promise for the reason {reason.words}"
     for name, text in said.items():
         if text["explained"] not in headings:

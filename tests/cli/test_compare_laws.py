@@ -77,7 +77,13 @@ def test_the_list_of_scenarios(capsys):
         (["feup-em", "--laws", "foo"], 2, "--laws: no such law (got 'foo')"),
         (["feup-em", "--runs", "1"], 2, "too few runs"),
         (["feup-em", "--depth", "5"], 2, "a colon between"),
-        (["feup-em", "--depth", "0:90 m"], 1, "its supervisor turns it round"),
+        (
+            ["feup-em", "--depth", "0:90 m"],
+            2,
+            "--depth: the supervisor turns the vehicle round at 49.98 m (got 90.0, expected unit "
+            "m). Ask for less depth, or say more of the vehicle in its [supervisor] table.",
+        ),
+        (["feup-em", "--depth", "0:90 m", "--without-supervisor"], 1, "leaves the stroke"),
         (["feup-em", "--depth-noise", "-1 mm"], 2, "greater than or equal to 0"),
         (["feup-em", "--seed", "-1"], 2, "0 or more"),
     ],

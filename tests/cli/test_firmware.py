@@ -123,7 +123,7 @@ def test_another_seed_is_another_trace(tmp_path, capsys):
         (["--law", "cascad"], "Did you mean cascade?"),
         (["--target", "-1 m"], "--target"),
         (["--target", "3 s"], "--target"),
-        (["--start", "200 m"], "deeper than the supervisor allows"),
+        (["--start", "200 m"], "supervisor turns the vehicle round at 49.98 m"),
         (["--duration", "0.1 s"], "shorter than one sample"),
         (["--duration", "0 s"], "above 0"),
         (["--pool", "4.5 s"], "--pool"),

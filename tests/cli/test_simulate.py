@@ -342,9 +342,16 @@ def test_a_vehicle_without_a_controller_is_told_so(capsys, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_made(capsys, tmp_path):
+@pytest.mark.parametrize("out", ["file", "file/out"])
+def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_simulated(
+    capsys, tmp_path, monkeypatch, out
+):
+    def run(*_):
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr("swimbladder.cli.simulate._run", run)
     (tmp_path / "file").write_text("x")
-    assert main(["simulate", "feup-em", "--out", str(tmp_path / "file" / "out")]) == 2
+    assert main(["simulate", "feup-em", "--out", str(tmp_path / out)]) == 2
     assert "Choose another folder with --out" in capsys.readouterr().err
 
 
@@ -414,14 +421,15 @@ def test_the_supervisor_of_the_file_is_flown_and_its_alarm_answers_no(
     told = answer(capsys, file, *out, code=1)
     assert told["supervised"] is True
     assert told["law"] == "cascade"
-    assert told["alarm"]["reason"] == "depth limit"
+    reason = "depth limit or too fast to turn"
+    assert told["alarm"]["reason"] == reason
     at = {event["kind"]: event["time_s"] for event in told["events"]}
-    assert at["the supervisor took over: depth limit"] == told["alarm"]["time_s"] < 60.0
+    assert at[f"the supervisor took over: {reason}"] == told["alarm"]["time_s"] < 60.0
     assert told["deepest_m"] < 3.0
     assert main(["simulate", file, *out]) == 1
     said = capsys.readouterr()
     assert said.out.startswith("feup-em, law cascade and supervisor, 400.2 s in")
-    assert f"took over at {told['alarm']['time_s']:.6g} s: depth limit" in said.err
+    assert f"took over at {told['alarm']['time_s']:.6g} s: {reason}" in said.err
     alone = answer(capsys, file, "--without-supervisor", *out)
     assert (alone["supervised"], alone["alarm"]) == (False, None)
     assert alone["deepest_m"] > 3.0

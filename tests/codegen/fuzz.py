@@ -1,10 +1,10 @@
 """The generated C under a fuzzer, with the address and undefined-behaviour sanitizers.
 
 ``python -m tests.codegen.fuzz [--seconds N] [--law LAW]...`` builds for each law one program: the
-law, its controller, the supervisor, the arming, the black box and, for the cascade, the pool
-procedure. libFuzzer runs it for so long, and a table says what it did. fuzzing/harness.c says which
-promises are watched. Division by zero is not looked for: in IEEE 754 it is defined, and the laws
-count on its infinities.
+law, its controller, the supervisor, the arming, the black box, for the cascade the pool procedure
+and for a float pump and valve on their pins. libFuzzer runs it for so long, and a table says what
+it did. fuzzing/harness.c says which promises are watched. Division by zero is not looked for: in
+IEEE 754 it is defined, and the laws count on its infinities.
 """
 
 import argparse
@@ -22,9 +22,11 @@ from typing import Literal, NamedTuple
 from swimbladder.codegen.c99 import c_law
 from swimbladder.codegen.library import Library, make_library, write_library
 from swimbladder.codegen.pool import PoolOptions
+from swimbladder.control.registry import LAWS
+from swimbladder.io.config import load_vehicle
 from tests.codegen.build import run
 from tests.codegen.laws import controlled, example
-from tests.vehicles import SAMPLED, limited
+from tests.vehicles import limited
 
 HERE = Path(__file__).parent / "fuzzing"
 INPUTS = HERE / "inputs"  # a file for each law, a line for each input, in hexadecimal
@@ -51,7 +53,9 @@ class Fuzzed(NamedTuple):
 
 @cache
 def library(name: str) -> Library:
-    """Return a law's library; the cascade's has the pool procedure."""
+    """Return a law's library; the cascade's has the pool procedure, a float's is a dive to 30 m."""
+    if LAWS[name].command == "volume change":
+        return make_library(limited(load_vehicle("example-float")), target=30.0, duration=1500.0)
     pool = PoolOptions(4.5, rounds=2) if name == "cascade" else None
     return make_library(limited(controlled(name)), duration=100 * example(name).tick, pool=pool)
 
@@ -79,6 +83,8 @@ def defines(made: Library) -> list[str]:
         words.append("-DPOOL")
     if made.law.command == "volume":
         words.append("-DPOSITIONER")
+    if made.law.command == "volume change":
+        words.append("-DPUMPS")
     return words
 
 
@@ -202,14 +208,14 @@ def main() -> int:
     """Run from the command line; 1 where something broke."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=int, default=60, help="for each law (60)")
-    parser.add_argument("--law", action="append", choices=SAMPLED, help="only this one")
+    parser.add_argument("--law", action="append", choices=[*LAWS], help="only this one")
     parser.add_argument(
         "--keep", type=Path, default=Path("fuzz-broken"), help="folder for inputs that break it"
     )
     given = parser.parse_args()
     if not has_libfuzzer():
         parser.error("clang with libFuzzer is not installed (make tools)")
-    table, well = report(given.law or SAMPLED, given.seconds, given.keep)
+    table, well = report(given.law or [*LAWS], given.seconds, given.keep)
     print(table)
     return 0 if well else 1
 

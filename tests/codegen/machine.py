@@ -6,7 +6,7 @@ refused. The time between two marks is bounded by the longest path: the cycles o
 Instruction Set Manual (Microchip DS40002198, AVRe+), every condition taken the dearer way, and
 every loop run as often as it can be. For loops of C that is what their `for` says, read beside the
 code; for those of avr-libc's arithmetic it stands in `LOOPS`. It is a bound for any numbers, not a
-time that occurs. ``python -m tests.codegen.machine [LAW...]`` prints a table.
+time that occurs. ``python -m tests.codegen.machine [LAW...]`` prints a table, with a pool day.
 """
 
 import re
@@ -23,7 +23,13 @@ from swimbladder.io.config import load_vehicle
 from tests.codegen import chip
 from tests.codegen.build import run
 from tests.codegen.laws import controlled
+from tests.codegen.pool_day import library as pool_library
+from tests.codegen.pool_day import pool_chip
 from tests.vehicles import limited
+
+POOL_DAY = "pool day"
+NAMES = (*LAWS, POOL_DAY)
+"""What the table has."""
 
 _PLACE = re.compile(r"^(/.*\.[ch]):(\d+)")
 _LINE = re.compile(r"^ *([0-9a-f]+):\t((?:[0-9a-f]{2} )+) *\t([a-z]+)\t?([^;]*)")
@@ -342,8 +348,12 @@ class Bounds(NamedTuple):
 
 
 def bounds(made: Library, folder: Path, mcu: str) -> Bounds:
-    """Return what a library's law and supervisor take at most, in the program that `chip` runs."""
-    chip.vehicle(made, folder, mcu, "-g").close()
+    """Return what a library takes at most, in the program that `chip` runs.
+
+    That is law and supervisor, or of a library with a pool day the day and its supervisor.
+    """
+    program_of = chip.vehicle if made.pool is None else pool_chip
+    program_of(made, folder, mcu, "-g").close()
     program = Program(folder / f"{mcu}.elf", long_calls=mcu == "atmega2560")
     numbers = len(leaf_names(made.law.state))
 
@@ -402,15 +412,22 @@ def components(graph: Mapping[int, list[tuple[int, int]]]) -> list[list[int]]:
     return found
 
 
+def library(name: str) -> Library:
+    """Return a law's library, or that of a pool day."""
+    if name == POOL_DAY:
+        return pool_library()
+    floats = LAWS[name].command == "volume change"
+    return make_library(limited(load_vehicle("example-float") if floats else controlled(name)))
+
+
 def report(laws: Sequence[str]) -> str:
-    """Return a table of the bounds for each law with its supervisor, on each chip."""
+    """Return a table of the bounds for each law, or a pool day, under a supervisor on each chip."""
     rows = [
         "| law + supervisor | chip | stack, at most | cycles per tick, at most | ms at 16 MHz |",
         "|---|---|---|---|---|",
     ]
     for name in laws:
-        floats = LAWS[name].command == "volume change"
-        made = make_library(limited(load_vehicle("example-float") if floats else controlled(name)))
+        made = library(name)
         for mcu in chip.MCUS:
             with tempfile.TemporaryDirectory() as folder:
                 found = bounds(made, Path(folder), mcu)
@@ -421,4 +438,4 @@ def report(laws: Sequence[str]) -> str:
 
 
 if __name__ == "__main__":
-    print(report(sys.argv[1:] or [*LAWS]))
+    print(report(sys.argv[1:] or NAMES))

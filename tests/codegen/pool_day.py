@@ -139,11 +139,11 @@ def said_by(beside: PoolTwin, seen: Watched, *, may_begin: bool) -> tuple[Any, .
     return command, int(beside.watch.rescue.reasons), int(state.phase), int(state.gave_up_in)
 
 
-def pool_chip(made: Library, folder: Path, mcu: str) -> Chip:
+def pool_chip(made: Library, folder: Path, mcu: str, *flags: str) -> Chip:
     """Return a chip that runs a pool day: what is seen, may it begin -> command, bits, phase."""
     write_library(made, folder / "library")
     sources = sorted((folder / "library" / "src").glob("*.c"))
-    return Chip(folder, mcu, [*sources, HERE / "pool.c"], inputs=7, outputs=3)
+    return Chip(folder, mcu, [*sources, HERE / "pool.c"], inputs=7, outputs=3, flags=flags)
 
 
 def fly_on_chip(made: Library, chip: Chip) -> tuple[int, int]:

@@ -17,8 +17,9 @@ import pytest
 from swimbladder.cli import main
 from swimbladder.codegen import wire
 from swimbladder.codegen.board import BoardAnswer, Flights, fly_board
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import digest, make_library
 from swimbladder.control.registry import LAWS
+from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.faults.mission_records import TRACE
@@ -29,6 +30,8 @@ from tests.vehicles import limited
 
 TICK = 0.3  # s, of feup-em
 SHORT = Flights(duration=30.0)
+BEGINS = 5  # frames: begin, three ticks on deck, arm
+BESIDE = 1 + BEGINS + BEGINS + 5 + 1 + 5 + 1  # the golden mission: hello, reset flight, status
 ON_BOARD = 228, {"board resets", "ticks lost"}  # a seed, and what its first two missions have
 
 
@@ -66,8 +69,9 @@ class TestOnAnAtmega:
     def test_it_flies_the_golden_mission_to_the_bit(self, feup, programs, mcu, tmp_path):
         with hardware.avr_board(programs[mcu], mcu) as port:
             answer = fly_board(limited(feup), port, out=tmp_path)
-        (flight,) = answer.flights
+        flight, reset = answer.flights
         assert answer.equal
+        assert (reset.name, reset.reason, reset.ended) == ("reset", "restarted", "armed as before")
         assert flight.ticks == 1335
         # SciPy's LSODA in double precision: 3.016 m after 400 s (tests/cli/test_simulate.py).
         assert flight.depth == pytest.approx(3.016, abs=5e-4)
@@ -85,7 +89,7 @@ class TestOnAnAtmega:
         assert answer.equal
         assert answer.flights[0].ticks == 11
         assert answer.flights[0].wall > 10 * TICK
-        assert len(answer.times.intervals) == 10
+        assert len(answer.times.intervals) == 10 + 4 + 4  # and of the reset flight
 
     @pytest.mark.prove
     def test_half_a_minute_in_real_time(self, feup, programs, tmp_path):
@@ -103,7 +107,7 @@ class TestOnAnAtmega:
                 limited(feup), port, replace(SHORT, faults=10, steps=True), out=tmp_path
             )
         assert answer.equal
-        assert len(answer.flights) == 12
+        assert len(answer.flights) == 13
         assert sum(bool(flight.reason) for flight in answer.flights) > 5
 
 
@@ -125,7 +129,7 @@ def fly_steps(name: str, folder) -> None:
     with hardware.host_board(hardware.host_program(made, folder)) as port:
         answer = fly_board(limited(made.vehicle), port, asked, out=folder / "out")
     assert answer.equal
-    assert [flight.name for flight in answer.flights] == ["golden mission", "steps"]
+    assert [flight.name for flight in answer.flights] == ["golden mission", "steps", "reset"]
     assert len({row["reference_depth_m"] for row in rows(answer, 1)}) == (3 if floats else 2)
     assert len({row[f"twin_{made.facts['column']}"] for row in rows(answer)}) > 5
 
@@ -151,7 +155,7 @@ def test_what_goes_over_the_wire_is_what_is_logged(feup, host, tmp_path):
     assert [row["time_s"] for row in logged] == pytest.approx([TICK * n for n in range(101)])
     assert all(row["voltage_V"] == row["twin_voltage_V"] for row in logged)
     assert all(math.isnan(row["battery_V"]) for row in logged)
-    assert answer.frames["sent"] == 101 + 3 + answer.frames["lost"]  # hello, begin, status
+    assert answer.frames["sent"] == 101 + BESIDE + answer.frames["lost"]
     assert logged[0]["depth_m"] == pytest.approx(1.5, abs=0.02)
     assert logged[-1]["depth_m"] == pytest.approx(answer.flights[0].depth, abs=0.02)
 
@@ -160,10 +164,10 @@ def faults_as_at_hand(feup, port, asked, folder) -> set[str]:
     """Fly missions with faults, by the board and by the C at hand; return the kinds of fault."""
     answer = fly_board(limited(feup), port, asked, out=folder)
     assert answer.equal
-    assert len(answer.flights) == 1 + asked.faults
+    assert len(answer.flights) == 2 + asked.faults
     assert answer.not_flown == ("law hangs", "law waits for ever", "bit flips")
     assert not any(name in flight.ended for name in answer.not_flown for flight in answer.flights)
-    for n, flight in enumerate(answer.flights[1:], 1):
+    for n, flight in enumerate(answer.flights[1:-1], 1):
         beside = fly_one(limited(feup), int(flight.name.split()[-1]), seed=asked.seed)
         assert flight.reason == beside.reason
         assert beside.outcome(0).words in flight.ended
@@ -175,7 +179,7 @@ def faults_as_at_hand(feup, port, asked, folder) -> set[str]:
         for column, known in (("depth_m", "depth_seen"), ("voltage_V", "command")):
             here = np.array([row[column] for row in logged], np.float32)
             np.testing.assert_array_equal(here, ran[:, TRACE[known]].astype(np.float32))
-    return {kind for f in answer.flights for kind in f.ended.split(":")[0].split(" and ")}
+    return {kind for f in answer.flights[:-1] for kind in f.ended.split(":")[0].split(" and ")}
 
 
 @pytest.mark.slow
@@ -204,7 +208,7 @@ def test_lost_and_garbled_frames_are_asked_for_again(feup, host, tmp_path, monke
             answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
         assert answer.equal, what
         assert answer.frames[counted] > 0, what
-        assert answer.frames["sent"] == 104 + answer.frames["lost"], what
+        assert answer.frames["sent"] == 101 + BESIDE + answer.frames["lost"], what
         assert answer.flights[0].ticks == 101
 
 
@@ -230,18 +234,58 @@ def test_a_board_that_computes_something_else_is_found_out(feup, made, tmp_path,
     assert np.float32(logged[first.tick]["voltage_V"]) == first.board
     said = capsys.readouterr().out
     assert f"first differs at tick {first.tick}: command {first.board:.9g} on the board, " in said
-    assert said.splitlines()[-2] == "DIFFERENT"
+    assert said.splitlines()[-3] == "DIFFERENT"
+
+
+@pytest.mark.promise("disarmed-holds")
+@pytest.mark.promise("stays-armed")
+def test_it_is_disarmed_until_it_is_armed_over_the_wire_and_armed_after_a_reset(made, host):
+    """As boards are: nothing is a reason on deck, and nothing less than power off disarms."""
+    deck = Watched(0.0, 0.0, 0.0, math.nan, True, 0, 0)  # with a leak, which would be a reason
+    under = Watched(2.0, 0.0, 0.0, math.nan, False, 0, 0)
+    with host() as port, wire.Wire(port, digest(made)) as line:
+        for _ in range(2):
+            line.begin(after_reset=False)
+            dry = [line.tick(deck, 3.0)[0] for _ in range(50)]
+            assert {(said.armed, said.command, said.reasons) for said in dry} == {(False, 0.0, 0)}
+            line.begin(after_reset=True)  # the reset button, on deck
+            assert not line.tick(deck, 3.0)[0].armed
+            line.arm()
+            said = [line.tick(under, 3.0)[0] for _ in range(5)]
+            assert all(one.armed and one.reason == 0 for one in said)
+            assert any(one.command != 0.0 for one in said)
+            line.begin(after_reset=True)
+            after = line.tick(under, 3.0)[0]
+            assert (after.armed, after.reason) == (True, Reason.RESTARTED)
+            assert after.command == 12.0
+
+
+@pytest.mark.usefixtures("gcc")
+@pytest.mark.parametrize(
+    ("right", "wrong", "flight", "tick"),
+    [
+        ("switch_on(&hil_vehicle, after_reset, false)", "begin(&hil_vehicle, after_reset)", 0, -3),
+        ("        swb_vehicle_arm(&hil_vehicle);", "        ;", 0, 0),
+        ("(&hil_vehicle, after_reset, false)", "(&hil_vehicle, false, false)", 1, 5),
+    ],
+)
+def test_a_board_that_arms_otherwise_is_found_out(feup, made, tmp_path, right, wrong, flight, tick):
+    program = hardware.host_program(made, tmp_path, {right: wrong})
+    with hardware.host_board(program) as port:
+        answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+    first = answer.flights[flight].difference
+    assert first is not None
+    assert (first.field, first.tick) == ("armed", tick)
+    assert not answer.equal
+    assert answer.flights[1].ended == ("armed as before" if tick < 0 else "NOT armed as before")
 
 
 def forms(text: str) -> set[str]:
     """Return the lines of a text, any number the same, and any digest."""
-    return {
-        re.sub(r"[\d.]+", "0", re.sub(r"library \w+", "library", line))
-        for line in text.splitlines()
-    }
+    return {re.sub(r"[\d.]+", "0", re.sub(r" C \w{16}", " C", line)) for line in text.splitlines()}
 
 
-def test_the_command_answers_as_its_page_says(host, tmp_path, capsys):
+def test_the_command_answers_as_its_page_says(made, host, tmp_path, capsys):
     line = ["board", "feup-em", "--duration", "30 s", "--time-limit", "2 h"]
     line += ["--out", str(tmp_path / "out"), "--port"]
     with host() as port:
@@ -266,7 +310,9 @@ def test_the_command_answers_as_its_page_says(host, tmp_path, capsys):
         inner = {"tick", "field", "board", "twin"}
         assert set(one) == set(re.findall(r"`(\w+)`", row)) - {name, *inner}
     assert told["equal"] is True
-    assert told["files"] == [str(tmp_path / "out/golden-mission.csv")]
+    assert told["sha256_of_c"] == digest(made).hex()
+    assert f"115200 baud, C {told['sha256_of_c']}\n" in said
+    assert told["files"] == [str(tmp_path / f"out/{f}.csv") for f in ("golden-mission", "reset")]
     assert told["flights"][0]["ticks"] == 101
 
 
@@ -282,7 +328,8 @@ def test_an_interruption_keeps_the_log(feup, host, tmp_path):
 
 @pytest.mark.parametrize("faults", [0, 1])
 def test_a_cable_that_is_pulled_leaves_the_model_safe(host, faults, tmp_path, capsys):
-    before = 2 + 101 * faults + faults  # answers before the flight: hello, begin, another flight
+    # answers before the flight: hello, another flight, and what begins each
+    before = 1 + 101 * faults + BEGINS * (1 + faults)
     words = ["--faults", "1", "--duration", "30 s"] if faults else []
     with host("dies", before + 60) as port:
         out = str(tmp_path / "out")
@@ -315,7 +362,7 @@ def test_a_board_that_answers_nothing(feup, host, tmp_path, monkeypatch):
 def test_a_board_that_falls_silent(feup, host, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_ANSWER", 0.1)
     silent = "no whole answer in 5 tries, at tick 50"
-    with host("stops", 52) as port, pytest.raises(NoAnswerError, match=silent):
+    with host("stops", 1 + BEGINS + 50) as port, pytest.raises(NoAnswerError, match=silent):
         fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
 
 
@@ -329,9 +376,9 @@ def test_another_baud_rate(feup, host, percent, tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("gcc")
 def test_another_version_of_the_protocol(feup, made, tmp_path):
-    newer = {"#define HIL_PROTOCOL 1u": "#define HIL_PROTOCOL 2u"}
+    newer = {"#define HIL_PROTOCOL 2u": "#define HIL_PROTOCOL 3u"}
     program = hardware.host_program(made, tmp_path, newer)
-    versions = "speaks version 2 of the protocol, and this program 1"
+    versions = "speaks version 3 of the protocol, and this program 2"
     with hardware.host_board(program) as port, pytest.raises(InputError, match=versions):
         fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
 
@@ -339,7 +386,7 @@ def test_another_version_of_the_protocol(feup, made, tmp_path):
 def test_the_library_of_another_vehicle(feup, host, tmp_path):
     hull = feup.hull.model_copy(update={"depth_limit": 20.0})
     other = feup.model_copy(update={"hull": hull})
-    both = r"has the library \w{16}, and this vehicle's is \w{16}"
+    both = r"has the C \w{16}, and this vehicle's is \w{16}"
     with host() as port, pytest.raises(InputError, match=both):
         fly_board(limited(other), port, SHORT, out=tmp_path / "out")
 

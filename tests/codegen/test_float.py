@@ -13,7 +13,7 @@ import pytest
 import swimbladder as sb
 from swimbladder.cli import main
 from swimbladder.codegen.golden import fly_float
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, make_library, plan_program, write_library
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.twin import twin
@@ -34,7 +34,14 @@ from swimbladder.vehicle import Oil, PowerLawPump, Sensors, Supervisor
 from tests.codegen import chip, cortex, fuzz
 from tests.codegen.build import STRICT, Compiled, run
 from tests.codegen.laws import bits, flat, split
-from tests.codegen.test_library import ARM, LibraryInC, _sketch, compile_sketches
+from tests.codegen.test_library import (
+    ARM,
+    OTHERS,
+    LibraryInC,
+    _sketch,
+    compile_sketches,
+    tried_on,
+)
 from tests.codegen.test_supervised import VehicleInC, said_by
 from tests.vehicles import limited
 
@@ -385,6 +392,17 @@ class TestThePins:
         assert sum(x == PUMP for x in pins.wait(5.0)) == pytest.approx(1250, abs=2)
 
 
+@pytest.mark.parametrize(
+    ("depths", "target"),
+    [(None, 100.0), ((0.0, 150.0), 100.0), ((300.0, 900.0), 300.0), ((0, 60), 30)],
+)
+def test_the_first_depth_is_one_that_the_law_was_tuned_for(depths, target):
+    vehicle = limited(load_vehicle("example-float"))
+    own = vehicle.controller.model_copy(update={"depths": depths})
+    mission, _ = plan_program(vehicle.model_copy(update={"controller": own}))
+    assert mission.target == target
+
+
 @pytest.mark.usefixtures("gcc")
 class TestTheSketch:
     @pytest.mark.parametrize("board", ["FloatAVR", "FloatESP32RP2040"])
@@ -407,6 +425,13 @@ class TestTheSketch:
         # launched with all volume out: the pump makes sure of it, then the bypass opens
         assert runs[0] == 1.0
         assert log.volume[0] == pytest.approx(3e-4)
+
+    @pytest.mark.parametrize("chip", OTHERS)
+    def test_on_another_processor(self, chip, tmp_path):
+        board = "FloatESP32RP2040"
+        text = library().files[f"examples/{board}/{board}.ino"]
+        said = tried_on(library(), chip, board, text, tmp_path)
+        assert "# full buoyancy: depth missing" in said
 
     def test_as_it_is_shipped_it_sees_nothing_and_pumps(self, tmp_path):
         made = library()
@@ -438,18 +463,27 @@ class TestTheCortexM:
         assert twin.reason is Reason.DEPTH_MISSING
 
 
+EMPTY_BOX = (
+    "# black box: none 0x0000, starts while armed: {}, cause of the last one: {}, "
+    "an earlier dive: none 0x0000"
+)
+
+
 @pytest.mark.usefixtures("qemu")
+@pytest.mark.promise("black-box")
 def test_a_board_without_arduino_runs_pump_and_valves(tmp_path):
     """On an emulated Cortex-M3: what the log commands is what its pins were on for."""
     made = library()
     write_library(made, tmp_path)
     board = tmp_path / "extras" / "board.c"
     said = cortex.execute(made, tmp_path, "cortex-m3", cortex.HERE / "board.c", more=[board])
-    *lines, last = said.splitlines()
-    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    flown, last, after = re.split(r"^(# on: .*\n)", said, flags=re.MULTILINE)
+    (tmp_path / "log.csv").write_text(flown)
     log = sb.read_log(tmp_path / "log.csv")
     assert np.all(np.diff(log.time) == 1.0)
-    rows = [line.split(",") for line in lines[1:]]
+    box, _, *lines = flown.splitlines()
+    assert box == EMPTY_BOX.format(0, 0)
+    rows = [line.split(",") for line in lines]
     run = np.array([float(row[3]) for row in rows])
     pump, valve, bypass, both = map(int, re.findall(r"\d+", last))
     assert both == 0
@@ -464,6 +498,20 @@ def test_a_board_without_arduino_runs_pump_and_valves(tmp_path):
     for n, row in enumerate(rows):
         seen = Watched(float(row[1]), math.nan, math.nan, math.nan, False, 0, 0)
         assert float(twin.tick(seen, float(row[4]))) == pytest.approx(run[n], abs=5.1e-4), n
+    boxes = re.split(r"^(?=# black box: )", after, flags=re.MULTILINE)[1:]
+    missing = "# black box: depth missing 0x0008, starts while armed: {}, cause of the last one: {}"
+    for box, start, cause in zip(boxes, (1, 2), (0, 8), strict=False):
+        first, *kept = box.splitlines()
+        assert first == missing.format(start, cause) + ", an earlier dive: none 0x0000"
+        kept = [line.split(",") for line in kept if line.startswith("# box: ")]
+        assert len(kept) == 48
+        assert kept[-1][0] == "# box: 0 s"
+        assert [float(line[1]) for line in kept[:20]] == pytest.approx([2.5] * 20, abs=0.05)
+        (found,) = [n for n in range(1, 48) if kept[n][4] == "4" and kept[n - 1][4] == "0"]
+        assert 20 < found < 30  # half of it is what was before
+        assert kept[found][1] == "nan"
+        assert float(kept[found][3]) == 1.0  # the pump, of the whole tick
+    assert boxes[2].strip() == EMPTY_BOX.format(0, 8)
 
 
 def test_random_numbers_give_the_same_bits(gcc, tmp_path):  # noqa: ARG001

@@ -2,15 +2,15 @@
 
 import pytest
 
+from swimbladder.control.registry import LAWS
 from tests.codegen import fuzz
 from tests.codegen.build import run
-from tests.vehicles import SAMPLED
 
 
 @pytest.mark.usefixtures("clang")
 @pytest.mark.parametrize(
     "name",
-    [name if name == "cascade" else pytest.param(name, marks=pytest.mark.slow) for name in SAMPLED],
+    [name if name == "cascade" else pytest.param(name, marks=pytest.mark.slow) for name in LAWS],
 )
 @pytest.mark.promise("first-reason")
 @pytest.mark.promise("command-within-limits")
@@ -24,7 +24,7 @@ def test_a_short_run_breaks_nothing(name, tmp_path):
 
 @pytest.mark.prove
 @pytest.mark.usefixtures("clang")
-@pytest.mark.parametrize("name", SAMPLED)
+@pytest.mark.parametrize("name", LAWS)
 @pytest.mark.promise("command-within-limits")
 def test_a_long_run_breaks_nothing(name, tmp_path):
     _breaks_nothing(name, tmp_path, runs=100_000)
@@ -112,6 +112,25 @@ def test_what_is_broken_is_found(file, good, bad, said, tmp_path):
     text = made.files[f"src/{file}"]
     assert text.count(good) == 1
     broken = made.files | {f"src/{file}": text.replace(good, bad)}
+    program = fuzz.build(fuzz.with_files(made, broken), tmp_path, "random")
+    with pytest.raises(AssertionError, match=said):
+        run(program, "20000", "1")
+
+
+@pytest.mark.usefixtures("gcc")
+@pytest.mark.parametrize(
+    ("good", "bad", "said"),
+    [
+        ("d->on = d->wanted;", "d->on = d->wanted | d->last;", "one of them is on at a time"),
+        ("(d->off_us == 0u || d->last", "(true || d->last", "after the hold-off only"),
+        ("-(int32_t)SWB_GRACE_US", "-3 * (int32_t)SWB_TICK_US", "goes off where no command"),
+    ],
+)
+@pytest.mark.promise("pump-and-valve")
+def test_what_is_broken_of_pump_and_valve_is_found(good, bad, said, tmp_path):
+    made, name = fuzz.library("rate"), "src/swb_drive.c"
+    assert made.files[name].count(good) == 1
+    broken = made.files | {name: made.files[name].replace(good, bad)}
     program = fuzz.build(fuzz.with_files(made, broken), tmp_path, "random")
     with pytest.raises(AssertionError, match=said):
         run(program, "20000", "1")

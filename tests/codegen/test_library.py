@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin, wait_in_ticks
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, make_library, plan_program, write_library
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.vehicle import Controller, Supervisor
+from swimbladder.vehicle import Controller, Supervisor, Vehicle
 from tests.codegen.build import STRICT, run
 from tests.codegen.laws import bits, controlled, example, twin_of
 from tests.codegen.test_supervised import VehicleInC
@@ -196,6 +196,31 @@ def test_the_golden_trace_is_what_simulate_says(name):
 
 
 ARM = '-DWORDS="arm\\n"'  # somebody types the word
+# What a compiler for each row of the README's table of boards defines, but for AVR.
+OTHERS = {
+    "ESP32": ["-DARDUINO_ARCH_ESP32"],
+    "RP2040, Arduino-Pico core": ["-DARDUINO_ARCH_RP2040"],
+    "RP2040, Mbed core": ["-DARDUINO_ARCH_RP2040", "-DARDUINO_ARCH_MBED"],
+    "STM32": ["-DARDUINO_ARCH_STM32"],
+    "SAMD, Teensy, others": ["-DARDUINO_ARCH_SAMD"],
+}
+
+
+def tried_on(made: Library, chip: str, sketch: str, text: str, folder) -> str:
+    """Return what a sketch prints that is compiled against stand-ins of a chip's core.
+
+    That this is all that is known of it stands in the README, in the chip's row.
+    """
+    rows = [row.strip("| ").split(" | ") for row in made.files["README.md"].splitlines()]
+    said = {row[0]: row[5] for row in rows if len(row) == 6 and row[0] in {*OTHERS, AVRS}}
+    assert set(said) == {*OTHERS, AVRS}
+    assert said[AVRS] == "with Arduino's own core, on an emulator"  # test_core.py
+    assert said[chip].startswith("**against stand-ins of ")
+    assert said[chip].endswith(": that is all**")
+    return _sketch(made, folder, sketch, text, ARM, *OTHERS[chip])
+
+
+AVRS = "Uno, Nano, Mega (AVR)"
 
 
 def _sketch(made: Library, folder: Path, name: str, text: str, *more: str) -> str:
@@ -301,12 +326,11 @@ class TestExamples:
             assert {line.split(",")[3] for line in before} <= {"0.000"}
 
     @pytest.mark.parametrize("name", ["cascade"], indirect=True)
-    @pytest.mark.parametrize("chip", ["ESP32", "RP2040", "STM32", "TEENSY"])
+    @pytest.mark.parametrize("chip", OTHERS)
     def test_a_sketch_of_another_processor(self, name, chip, tmp_path):
-        """Against stand-ins for what its core has: that is all that is known of these."""
         board = "FloatESP32RP2040"
         text = library(name).files[f"examples/{board}/{board}.ino"]
-        said = _sketch(library(name), tmp_path, board, text, ARM, f"-DARDUINO_ARCH_{chip}")
+        said = tried_on(library(name), chip, board, text, tmp_path)
         assert "# full buoyancy: depth missing" in said
 
     @pytest.mark.parametrize("name", ["cascade", "position-pid"], indirect=True)
@@ -495,8 +519,53 @@ def test_a_controller_that_loses_the_vehicle_gets_no_library():
 
 def test_a_supervisor_that_a_healthy_vehicle_does_not_satisfy_gets_no_library():
     vehicle = paper(supervisor=Supervisor(depth_limit="2.5 m"))
-    with pytest.raises(NoAnswerError, match=r"golden mission .* \(depth limit\), and nothing is"):
+    said = r"golden mission .* \(depth limit or too fast to turn\), and nothing is"
+    with pytest.raises(NoAnswerError, match=said):
         make_library(limited(vehicle), target=2.4)
+
+
+def for_depths(*depths: float, supervisor: Supervisor | None = None) -> Vehicle:
+    """Return the paper's vehicle whose controller was tuned for depths [m]."""
+    vehicle = paper(supervisor=supervisor or Supervisor())
+    own = vehicle.controller.model_copy(update={"depths": depths or None})
+    return limited(vehicle.model_copy(update={"controller": own}))
+
+
+class TestTheFirstDepth:
+    """The depth that the sketch begins with: where the law was tuned, above the supervisor's."""
+
+    @pytest.mark.parametrize(
+        ("depths", "limit", "step"),
+        [
+            ((), None, (1.5, 3.0)),
+            ((0.0, 10.0), None, (1.5, 3.0)),
+            ((5.0, 20.0), None, (6.5, 8.0)),
+            ((0.0, 2.0), None, (0.6, 2.0)),
+            ((), "2 m", (0.6, 2.0)),
+            ((5.0, 20.0), "6 m", (5.3, 6.0)),
+        ],
+    )
+    def test_it_is_within(self, depths, limit, step):
+        mission, _ = plan_program(for_depths(*depths, supervisor=Supervisor(depth_limit=limit)))
+        assert mission[:2] == pytest.approx(step)
+
+    def test_the_sketch_has_it(self):
+        made = make_library(for_depths(5.0, 20.0), duration=30.0)
+        text = made.files["examples/FloatAVR/FloatAVR.ino"]
+        assert "static float reference_depth = 8.0f;" in text
+        assert made.golden.reference[0] == 8.0
+
+    @pytest.mark.parametrize("target", [4.9, 20.1])
+    def test_another_one_is_refused(self, target):
+        said = rf"--target: the controller was tuned for 5 to 20 m, .* \(got {target}, .* m\)"
+        with pytest.raises(InputError, match=said):
+            plan_program(for_depths(5.0, 20.0), (None, target, None))
+        plan_program(for_depths(5.0, 20.0), (None, 20.0, None))
+
+    def test_the_supervisor_has_the_last_word(self):
+        vehicle = for_depths(5.0, 20.0, supervisor=Supervisor(depth_limit="10 m"))
+        with pytest.raises(InputError, match="supervisor turns the vehicle round at 10 m"):
+            plan_program(vehicle, (None, 15.0, None))
 
 
 def test_a_time_that_is_over_is_part_of_the_trace():

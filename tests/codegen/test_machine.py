@@ -6,13 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swimbladder.codegen.library import make_library
-from swimbladder.control.registry import LAWS
 from tests.codegen import chip, machine
 from tests.codegen.build import run
-from tests.codegen.laws import controlled
+from tests.codegen.pool_day import pool_chip
 from tests.codegen.test_eva import library
-from tests.vehicles import limited
 
 PAGE = (Path(__file__).parents[2] / "docs/how-to/firmware.md").read_text(encoding="utf-8")
 _BOUND = r"^\| {} \| {} \| (\d+) B \| (\d+) \| [\d.]+ \|$"
@@ -107,26 +104,42 @@ def test_the_chip_stays_within_the_bounds_whatever_it_sees(tmp_path):
     assert max(flight.cycles) > 20_000
 
 
+@pytest.mark.prove
+def test_so_it_does_in_a_pool_day(tmp_path):
+    made, mcu = machine.library(machine.POOL_DAY), "atmega328p"
+    found = machine.bounds(made, tmp_path / "bound", mcu)
+    on_chip = pool_chip(made, tmp_path / "flown", mcu)
+    rng = np.random.default_rng(7)
+    for n in range(1500):
+        numbers = rng.integers(0, 2**32, 5, np.uint32).view("f4")
+        numbers = numbers if n % 3 else (1.5, 0.1, 1e-5, 12.0, 0.0)  # it goes on at times
+        on_chip.answer(*numbers, float(rng.integers(0, 3)), 1.0)
+    stack = on_chip.close()
+    assert max(on_chip.cycles) <= found.cycles
+    assert found.stack - 10 < stack <= found.stack
+
+
 def _is_on_the_page(name: str, mcu: str, folder: Path) -> None:
-    found = machine.bounds(make_library(limited(controlled(name))), folder, mcu)
+    found = machine.bounds(machine.library(name), folder, mcu)
     stack, cycles = page_row(_BOUND, name, mcu)
     assert found.stack == pytest.approx(stack, rel=0.1), "python -m tests.codegen.machine"
     assert found.cycles == pytest.approx(cycles, rel=0.1), "python -m tests.codegen.machine"
 
 
-def test_the_bounds_of_the_paper_s_law_are_on_the_page(tmp_path):
-    _is_on_the_page("cascade", "atmega328p", tmp_path)
+@pytest.mark.parametrize("name", ["cascade", machine.POOL_DAY])
+def test_the_bounds_of_the_paper_s_law_and_its_pool_day_are_on_the_page(name, tmp_path):
+    _is_on_the_page(name, "atmega328p", tmp_path)
 
 
 @pytest.mark.prove
 @pytest.mark.parametrize("mcu", chip.MCUS)
-@pytest.mark.parametrize("name", [n for n in LAWS if LAWS[n].command != "volume change"])
+@pytest.mark.parametrize("name", machine.NAMES)
 def test_the_bounds_of_every_law_are_on_the_page(name, mcu, tmp_path):
     _is_on_the_page(name, mcu, tmp_path)
 
 
 @pytest.mark.parametrize("mcu", chip.MCUS)
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", machine.NAMES)
 def test_what_was_measured_is_within_the_bounds(name, mcu):
     stack, cycles = page_row(_BOUND, name, mcu)
     measured_stack, measured_cycles = page_row(_MEASURED, name, mcu)

@@ -128,7 +128,7 @@ _IN_CATALOGUE = {
 
 def shows(kind: str) -> Any:
     """Return a fault as a parameter, with the promise that it shows."""
-    reason = FAULTS[kind][1].words.replace(" ", "-")
+    reason = FAULTS[kind][1].name.lower().replace("_", "-")
     faults = [_IN_CATALOGUE[kind]] if kind in _IN_CATALOGUE else []
     return pytest.param(kind, marks=pytest.mark.promise(reason, faults=faults))
 

@@ -55,8 +55,9 @@ def board(
     """Fly the vehicle's model by the C on a board at a serial port: hardware in the loop.
 
     The board runs the sketch HardwareInTheLoop of the library that firmware writes. It flies the
-    golden mission (see firmware), steps, missions with faults (see faults); every command and all
-    that the supervisor says is compared with the float32 twin to the bit. Needs pyserial.
+    golden mission (see firmware), steps, missions with faults (see faults), each from a board that
+    is disarmed and then armed, and a reset; every command and all that the supervisor says is
+    compared with the float32 twin to the bit. Needs pyserial.
     Exit code 1 where board and twin differ, or the board answers no more; the log of each flight is
     written as it grows, and stays.
     """
@@ -105,7 +106,7 @@ def _shown(answer: BoardAnswer) -> Iterator[object]:
     from swimbladder.codegen.library import digest
 
     made, times = answer.made, answer.times
-    where = f"{answer.port}, {answer.baud} baud, library {digest(made).hex()}"
+    where = f"{answer.port}, {answer.baud} baud, C {digest(made).hex()}"
     yield f"{answer.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s on {where}"
     yield from map(_said, answer.flights)
     if answer.not_flown:

@@ -215,6 +215,7 @@ def simulate(
     v = load_vehicle(vehicle, sampled=True, pumped=True, weighed=True)
     with step.said_as_typed(**_FIELDS) if mission is None else contextlib.nullcontext():
         task = _mission(v, mission, step)
+    to.check()
     casts = reading.casts(cast)
     warn_of_mass(v)
     with step.said_as_typed(**_FIELDS) if mission is None else asked_of(mission, task):

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
-from swimbladder.codegen.clock import VehicleTwin
+from swimbladder.codegen.clock import VehicleTwin, arming_twin
 from swimbladder.codegen.golden import BoardProgram, Mission, fly_float
 from swimbladder.codegen.library import digest, plan_program
 from swimbladder.codegen.wire import BAUD, Said, Wire
@@ -43,12 +43,13 @@ from swimbladder.sim.faults.mission_records import Result
 from swimbladder.sim.faults.run import FaultCampaign
 from swimbladder.vehicle import Vehicle
 
+_ON_DECK, _RESET = 3, 5  # ticks before it is armed; before and after a reset
 _LATE = 0.1  # of a sample time, by which a tick may be late
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flights:
-    """What is flown: the golden mission, steps to and fro, and missions of the catalogue of faults.
+    """What is flown: the golden mission, steps to and fro, missions with faults, and a reset.
 
     start_depth, target [m], duration [s]: of the golden mission, see `library.make_library`; seed:
     of noise and faults; depths [m]: of the missions with faults, as `sim.faults` has them.
@@ -66,7 +67,7 @@ class Flights:
 class Difference(NamedTuple):
     """Where a board first said something else than its twin."""
 
-    tick: int
+    tick: int  # of the flight; below 0: on deck, before it was armed
     field: str  # of `wire.Said`
     board: float
     twin: float
@@ -155,7 +156,7 @@ class BoardAnswer:
         return {
             "vehicle": self.vehicle.name,
             "law": self.made.law.name,
-            "library": digest(self.made).hex(),
+            "sha256_of_c": digest(self.made).hex(),
             **attributes(self, keys),
             "flights": [flight.to_json() for flight in self.flights],
             "late_ticks": self.times.late if self.real_time else None,
@@ -189,7 +190,7 @@ def fly_board(
     check_place(out)
     with Wire(port, digest(made), baud=baud) as wire:
         session = _Session(made, wire, real_time, out)
-        share = 1.0 / (1 + asked.steps + len(faults.missions))
+        share = 1.0 / (2 + asked.steps + len(faults.missions))
         found = []
         for name, turns in _set_points(made, mission, asked.steps):
             with session.flight(name, advance, share) as flight:
@@ -199,6 +200,9 @@ def fly_board(
             with session.flight(f"fault mission {one.number}", advance, share) as flight:
                 faults.fly(flight, one)
             found.append(flight.answer)
+        with session.flight("reset", advance, share) as flight:
+            _reset(flight, vehicle, mission.start)
+        found.append(flight.answer)
         stack, corrupt = wire.status()
     return BoardAnswer(
         vehicle=vehicle,
@@ -262,14 +266,44 @@ class _Flight:
         self._due, self._last = 0.0, -1  # s, us: of the next tick, and of the last by its clock
 
     def begin(self, *, after_reset: bool) -> None:
-        """Switch the board on, or reset it."""
+        """Switch the board on and arm it after some ticks on deck; or reset it, armed as it is."""
+        self._twin = self.session.twin(before=self._twin.state, after_reset=after_reset)
+        self._clock, self._last = 0, -1
         if self.stopped is None:
             try:
                 self.session.wire.begin(after_reset=after_reset)
+                if not after_reset:
+                    self._arm()
             except BaseException as error:
                 self.stopped = error
-        self._twin = self.session.twin(before=self._twin.state, after_reset=after_reset)
-        self._clock, self._last = 0, -1
+
+    def _arm(self) -> None:
+        """See that the board is disarmed on deck as its twin is, and arm both."""
+        limits, wire = self.session.made.arming, self.session.wire
+        self._twin.switch_on(arming_twin(), limits)
+        deck = Watched(limits.submerged - 1.0, 0.0, 0.0, math.nan, False, 0, 0)
+        for n in range(-_ON_DECK, 0):
+            self._said_by_both(n, _in_float32(deck), np.float32(0.0))
+        wire.arm()
+        self._twin.arm()
+
+    def _said_by_both(
+        self, n: int, seen: Watched, reference: Any
+    ) -> tuple[Said, Said, int, int, float]:
+        """Return what board and twin say at tick n, compared.
+
+        And when the board began and how long it took [us], and the time until its answer [s].
+        """
+        asked = time.perf_counter()
+        said, began, took = self.session.wire.tick(seen, float(reference))
+        trip = time.perf_counter() - asked
+        expected, answer = _said(self._twin, self._twin.tick(seen, reference)), self.answer
+        different = [name for name in Said._fields if _bits(said, name) != _bits(expected, name)]
+        if different:
+            both = (float(getattr(one, different[0])) for one in (said, expected))
+            answer.difference = answer.difference or Difference(n, different[0], *both)
+            answer.unequal += 1
+        return said, expected, began, took, trip
 
     def tick(self, seen: Watched, reference: float) -> Said:
         """Return what the board says, or what is safe where it says nothing any more."""
@@ -278,7 +312,7 @@ class _Flight:
                 return self._compared(_in_float32(seen), np.float32(reference))
             except BaseException as error:
                 self.stopped = error
-        return Said(self.session.full, math.nan, 0, 0, 0, False, False)
+        return Said(True, self.session.full, math.nan, 0, 0, 0, False, False)
 
     def _compared(self, seen: Watched, reference: Any) -> Said:
         """Ask board and twin, compare and note what they say."""
@@ -286,15 +320,7 @@ class _Flight:
         if not answer.ticks:
             self._begin_log()
         self._wait(1 + seen.lost)
-        asked = time.perf_counter()
-        said, began, took = self.session.wire.tick(seen, float(reference))
-        trip = time.perf_counter() - asked
-        expected = _said(self._twin, self._twin.tick(seen, reference))
-        different = [n for n in Said._fields if _bits(said, n) != _bits(expected, n)]
-        if different:
-            both = (float(getattr(one, different[0])) for one in (said, expected))
-            answer.difference = answer.difference or Difference(answer.ticks, different[0], *both)
-            answer.unequal += 1
+        said, expected, began, took, trip = self._said_by_both(answer.ticks, seen, reference)
         if said.reason and not answer.reason:
             answer.reason = Reason(said.reason).words
         times.steps.append(took * 1e-6)
@@ -344,6 +370,7 @@ def _in_float32(seen: Watched) -> Watched:
 def _said(board: VehicleTwin, command: Any) -> Said:
     """Return what a twin says beside its command at a tick."""
     return Said(
+        armed=board.armed,
         command=command,
         allowed=board.state.proof.allowed,
         reasons=sum(1 << (reason - 1) for reason in board.reasons),
@@ -416,6 +443,23 @@ def _fly_depths(
     )
     flight.answer.depth = float(flown.depth[-1])
     flight.answer.ended = "" if flown.finished else flown.stop.value
+
+
+def _reset(flight: _Flight, vehicle: Vehicle, depth: float) -> None:
+    """Reset the board under way: it stays armed, and says why it brings the vehicle up.
+
+    The vehicle rests at the depth [m] meanwhile.
+    """
+    made, answer = flight.session.made, flight.answer
+    volume = vehicle.neutral_volume(depth) if made.drive is None else math.nan
+    seen = Watched(depth, 0.0, volume, math.nan, False, 0, 0)
+    said: list[Said] = []
+    for after_reset in (False, True):
+        flight.begin(after_reset=after_reset)
+        said += [flight.tick(seen, depth) for _ in range(_RESET)]
+    stays = said[-1].armed and said[-1].reason == Reason.RESTARTED
+    answer.ended, answer.depth = "armed as before" if stays else "NOT armed as before", depth
+    flight.advance(1.0)
 
 
 _TICK = ctypes.CFUNCTYPE(ctypes.c_float, ctypes.c_void_p, *[ctypes.POINTER(ctypes.c_float)] * 2)

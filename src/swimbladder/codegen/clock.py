@@ -14,7 +14,7 @@ import numpy as np
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control import supervisor
-from swimbladder.control.arming import DISARMED, ArmingParameters, Deck
+from swimbladder.control.arming import ARMING, DISARMED, ArmingParameters, Deck
 from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.records import numbers
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
@@ -43,6 +43,12 @@ def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
 def supervisor_twin() -> Law:
     """Return the supervisor in float32, which is every vehicle's."""
     return twin(SUPERVISOR, read_law(SUPERVISOR, Watched))
+
+
+@cache
+def arming_twin() -> Law:
+    """Return what arms a vehicle in float32, which is every vehicle's."""
+    return twin(ARMING, read_law(ARMING, Deck))
 
 
 class ControllerTwin:

@@ -33,10 +33,11 @@ from swimbladder.control.supervisor_limits import (
     supervisor_parameters,
     time_limit,
 )
+from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
-from swimbladder.sim.closed_loop.checks import check_sample_time
+from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
@@ -45,12 +46,12 @@ _ROW_S, _SAVE_S = 5.0, 600.0  # s, between rows of the black box, and between sa
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
 _IN_LOOP, _LOOP_FILES = "examples/HardwareInTheLoop", ("HardwareInTheLoop.ino", "hil.h")
 MEGA_ONLY = ("sea-cascade",)  # laws whose sketch takes more than the 32 kB of an ATmega328P
-_OR_MORE = "or say more of the vehicle in its [supervisor] table"
 
 
 STEP = Mission(1.5, 3.0, 400.0)
 DIVE = Mission(0.0, 100.0, 5400.0)
-"""What a float does instead; its target is half the depth limit where that is less."""
+"""What a float does instead. Of both other depths where the controller is for others, or the
+supervisor turns the vehicle round above."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +136,7 @@ def make_library(
         "mega_only": made.law.name in MEGA_ONLY,
         "lined": getattr(vehicle.engine, "line", None) is not None,
         "protocol": wire.FACTS,
-        "library_bytes": ", ".join(f"0x{byte:02x}" for byte in digest(made)),
+        "c_bytes": ", ".join(f"0x{byte:02x}" for byte in digest(made)),
     }
     on_board = first_rows(made, golden, _ON_BOARD)
     rows = [[f"0x{np.float32(x).view(np.uint32):08x}" for x in row[:4]] for row in on_board]
@@ -183,19 +184,32 @@ def plan_program(
     """
     floats = vehicle.command == "volume change"
     limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
-    usual = DIVE if floats else STEP
-    if floats and usual.target > limit:
-        usual = usual._replace(target=0.5 * limit)
+    tuned = None if vehicle.controller is None else vehicle.controller.depths
+    least, most = tuned or (max(vehicle.hull.emergence_depth, 0.0), limit)
+    usual = _usual(floats, least, min(most, limit))
     mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
     for name, depth in (("start", mission.start), ("target", mission.target)):
         if depth > limit:
-            what = "deeper than the supervisor allows"
-            remedy = f"Give up to {limit:.4g} m, {_OR_MORE}"
-            raise InputError(what, field=f"--{name}", value=depth, unit="m", remedy=remedy)
+            raise turned_round(depth, limit, f"--{name}")
+    if tuned and not least <= mission.target <= most:
+        what = f"the controller was tuned for {least:g} to {most:g} m, and the sketch begins here"
+        remedy = "Give a depth within these, or tune for others (`swimbladder tune --depth`)"
+        raise InputError(what, field="--target", value=mission.target, unit="m", remedy=remedy)
     made = make_program(vehicle, depths=mission[:2], in_pool=in_pool)
     if floats:
         _check_dive(mission, made.parameters.surface.shallow)
     return mission, made
+
+
+def _usual(floats: bool, least: float, most: float) -> Mission:
+    """Return the golden mission where none is asked for, between two depths [m]."""
+    if floats:
+        deepest = DIVE.target if DIVE.target <= most else 0.5 * most
+        return DIVE._replace(target=max(deepest, least))
+    if least <= STEP.start and STEP.target <= most:
+        return STEP
+    start, target = usual_step(least, most)
+    return STEP._replace(start=start, target=target)
 
 
 def make_program(

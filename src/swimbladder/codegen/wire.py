@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 from swimbladder.control.supervisor import Watched
 from swimbladder.errors import InputError, NoAnswerError
 
-VERSION = 1
+VERSION = 2
 BAUD = 115_200
 _START, _AROUND = 0x7E, 6  # of a frame; bytes that are not payload
-_HELLO, _BEGIN, _TICK, _STATUS, _CORRUPT = b"HBTSN"
-_TICK_OUT, _TICK_IN = struct.Struct("<4fIfB"), struct.Struct("<2f2I2H3B")
+_HELLO, _BEGIN, _ARM, _TICK, _STATUS, _CORRUPT = b"HBATSN"
+_TICK_OUT, _TICK_IN = struct.Struct("<4fIfB"), struct.Struct("<2f2I2H4B")
 _BEGIN_OUT, _STATUS_IN = struct.Struct("<B"), struct.Struct("<IH")
 FACTS = {
     "version": VERSION,
@@ -31,7 +31,7 @@ FACTS = {
     "around": _AROUND,
     "begin_bytes": _BEGIN_OUT.size,
     "tick_bytes": _TICK_OUT.size,
-    **dict(zip(("hello", "begin", "tick", "status", "corrupt"), "HBTSN", strict=True)),
+    **dict(zip(("hello", "begin", "arm", "tick", "status", "corrupt"), "HBATSN", strict=True)),
 }
 """What the board's end has to know, for its template."""
 
@@ -43,8 +43,9 @@ _SKETCH = "examples/HardwareInTheLoop of the library that `swimbladder firmware`
 
 
 class Said(NamedTuple):
-    """What a board, or its twin, makes of a tick; the first two as float32."""
+    """What a board, or its twin, makes of a tick; command and allowed as float32."""
 
+    armed: bool  # law and supervisor command
     command: float  # V, m3, or s of pump and valve
     allowed: float  # m, the deepest that the law is asked for
     reasons: int  # bit n - 1 of reason n
@@ -57,7 +58,7 @@ class Said(NamedTuple):
 class Wire:
     """A board at the end of a serial line; a context that closes it.
 
-    Opening it waits until the board answers. digest: of the library that the board is to have.
+    Opening it waits until the board answers. digest: of the C that the board is to have.
     Raises InputError where the port or the board at it is not the right one.
     """
 
@@ -79,8 +80,12 @@ class Wire:
         self._serial.close()
 
     def begin(self, *, after_reset: bool) -> None:
-        """Begin the vehicle anew, as after switching on or after a reset."""
+        """Begin the vehicle anew: disarmed, as after switching on, or as after a reset."""
         self._ask(_BEGIN, _BEGIN_OUT.pack(after_reset))
+
+    def arm(self) -> None:
+        """Arm the vehicle, as the word on a sketch's serial line does."""
+        self._ask(_ARM, b"")
 
     def tick(self, seen: Watched, reference: float) -> tuple[Said, int, int]:
         """Return what the board makes of what is seen and of the depth asked for [m].
@@ -90,7 +95,9 @@ class Wire:
         numbers = (seen.depth, seen.depth_age, seen.volume, seen.battery, int(seen.lost))
         answer = self._ask(_TICK, _TICK_OUT.pack(*numbers, reference, seen.leak))
         command, allowed, began, took, reasons, missed, reason, *bits = _TICK_IN.unpack(answer)
-        return Said(command, allowed, reasons, missed, reason, *map(bool, bits)), began, took
+        release, wide, armed = map(bool, bits)
+        said = Said(armed, command, allowed, reasons, missed, reason, release, wide)
+        return said, began, took
 
     def status(self) -> tuple[int | None, int]:
         """Return (bytes of stack never used, None: not known; corrupt frames that it received)."""
@@ -119,7 +126,7 @@ class Wire:
             what = f"the board speaks version {version} of the protocol, and this program {VERSION}"
             raise problem(what, remedy=f"Flash {_SKETCH}, written by this version")
         if theirs != digest:
-            what = f"the board has the library {theirs.hex()}, and this vehicle's is {digest.hex()}"
+            what = f"the board has the C {theirs.hex()}, and this vehicle's is {digest.hex()}"
             remedy = f"Flash {_SKETCH}, for this vehicle and without --pool; or give its vehicle"
             raise problem(what, remedy=remedy)
 

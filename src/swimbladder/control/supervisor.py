@@ -353,6 +353,8 @@ class Reason(IntEnum):
     @property
     def words(self) -> str:
         """What the sketch logs."""
+        if self is Reason.DEPTH_LIMIT:
+            return "depth limit or too fast to turn"
         return self.name.lower().replace("_", " ")
 
 

@@ -112,7 +112,7 @@ def field_unit(model: type[BaseModel], name: str) -> str | None:
     """Return the unit of field `name` of a parameter class, None where it has none."""
     info = model.model_fields[name]
     found = [item for item in info.metadata if isinstance(item, Unit)]
-    for argument in get_args(info.annotation):
+    for argument in (a for one in get_args(info.annotation) for a in (one, *get_args(one))):
         found += [i for i in getattr(argument, "__metadata__", ()) if isinstance(i, Unit)]
     return found[0].text if found else None
 

@@ -315,6 +315,16 @@ class Controller(Parameters):
     """time between two samples"""
     parameters: LawNumbers = Field(default_factory=dict)
     """parameters of the law, as it names them"""
+    depths: tuple[Annotated[float, Unit("m"), Field(ge=0.0)], ...] | None = None
+    """the least and the greatest depth that the law was tuned for; not given: not known"""
+
+    def check(self) -> None:
+        """Refuse depths that are no range."""
+        if self.depths is not None and not (
+            len(self.depths) == 2 and self.depths[0] < self.depths[1]
+        ):
+            remedy = 'Give the least and the greatest, like ["0 m", "10 m"], or leave it out'
+            raise refusal("no range of depths", remedy, "depths")
 
 
 class Supervisor(Parameters):

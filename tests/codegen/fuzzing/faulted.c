@@ -1,5 +1,6 @@
 /* faulted MISSIONS SEED: so many missions with random faults, two at a time, over something that moves
- * as the vehicle's own numbers say, eqs (13) and (16) with linear drag and a motor without a lag. What
+ * as the vehicle's own numbers say, eqs (13) and (16) with linear drag and a motor without a lag; a
+ * float's drag is quadratic, its pump and valve have a rate each, and it dives ten times as deep. What
  * harness.c asks of the command, of the reasons and of the black box is asked at every tick. */
 #define LLVMFuzzerTestOneInput harness
 #include "harness.c"
@@ -39,11 +40,33 @@ static bool acts(uint32_t kind, const uint32_t *kinds, const int *from, int tick
     return (kinds[0] == kind && tick >= from[0]) || (kinds[1] == kind && tick >= from[1]);
 }
 
+#ifdef PUMPS
+#define MOST 3e-4f /* m3, to either side */
+#define SCALE 10.0f
+#else
+#define MOST swb_limits.deep.largest
+#define SCALE 1.0f
+#endif
+
+/* Return the volume that the drag of a speed takes [m3]. */
+static float drag(float speed)
+{
+#ifdef PUMPS
+    return 1.1e-3f * speed * (speed < 0.0f ? -speed : speed);
+#else
+    return swb_limits.motion.drag_linear * speed;
+#endif
+}
+
 static void move(world *p, float command, bool stuck, bool blocked, float share)
 {
     const swb_supervisor_parameters *l = &swb_limits;
-    const float most = l->deep.largest;
+    const float most = MOST;
+#ifdef PUMPS /* of the tick's seconds it pumps at the one, and lets in at the other */
+    float rate = l->per_tick * command * (command > 0.0f ? 1e-6f : 3e-6f);
+#else
     float rate = l->rate.rate * (command - l->rate.load_drive * p->z);
+#endif
     if (l->rate.positioner > 0.0f) {
         rate = (command - p->V) * l->per_tick;
         rate = rate > l->rate.rate ? l->rate.rate : rate < -l->rate.rate ? -l->rate.rate : rate;
@@ -56,7 +79,7 @@ static void move(world *p, float command, bool stuck, bool blocked, float share)
     for (int n = 0; n < 8; ++n) {
         const float dt = 0.125f * l->S_p;
         const float beyond = l->neutral.psi * p->z + p->heavier - p->V;
-        p->w += dt * l->deep.force * (beyond - l->motion.drag_linear * p->w);
+        p->w += dt * l->deep.force * (beyond - drag(p->w));
         p->w = p->w > 2.0f ? 2.0f : p->w < -2.0f ? -2.0f : p->w;
         p->z += dt * p->w;
         if (p->z < 0.0f || p->z > l->deep.deepest) {
@@ -70,7 +93,7 @@ static swb_seen sensed(world *p, const uint32_t *kinds, const int *from, int tic
 {
 #define ACTS(kind) acts(kind, kinds, from, tick)
     const float noise = 0.002f * (between(-1.0f, 1.0f) + between(-1.0f, 1.0f));
-    const float size = swb_limits.volume.volume_high;
+    const float size = MOST;
     swb_seen s = {.depth = 0.005f * (float)(int)((p->z + noise) * 200.0f), .depth_age = 0.1f,
         .volume = p->V, .battery = chance(2u) ? 14.0f : NAN, .leak = ACTS(LEAK)};
     if (!ACTS(DEPTH_FROZEN) && !ACTS(DEPTH_LIVES_ON)) {
@@ -99,8 +122,8 @@ static void fly(board *o, bool healthy)
     const int until = chance(3u) == 0u ? 1000 + (int)chance(1500u) : 100000;
     const float rate = between(0.2f, 1.0f);
     const int last = healthy ? 14000 : 4000;
-    world p = {.z = between(0.0f, 3.0f), .heavier = between(-0.05f, 0.05f) * swb_limits.deep.largest};
-    float asked = between(0.0f, 6.0f);
+    world p = {.z = between(0.0f, 3.0f), .heavier = between(-0.05f, 0.05f) * MOST};
+    float asked = SCALE * between(0.0f, 6.0f);
     float command = 0.0f;
     p.V = swb_limits.neutral.psi * p.z + p.heavier;
     start(o, false, false);
@@ -115,7 +138,7 @@ static void fly(board *o, bool healthy)
             || (acts(SWAPPED_AT_TIMES, now, from, tick) && flickers);
         swb_seen s = sensed(&p, now, from, tick);
         if (chance(300u) == 0u) {
-            asked = acts(ASKED_DEEP, now, from, tick) ? 500.0f : between(-0.5f, 12.0f);
+            asked = acts(ASKED_DEEP, now, from, tick) ? SCALE * 500.0f : SCALE * between(-0.5f, 12.0f);
             asked = acts(ASKED_NAN, now, from, tick) ? NAN : asked;
         }
         if ((acts(RESETS, now, from, tick) && chance(200u) == 0u)
@@ -124,7 +147,7 @@ static void fly(board *o, bool healthy)
         }
         command = board_tick(o, &s, asked, 1u);
         if (acts(FLOODED, now, from, tick)) {
-            p.heavier += 0.001f * swb_limits.deep.largest;
+            p.heavier += 0.001f * MOST;
         }
         move(&p, swapped ? -command : command, acts(STUCK, now, from, tick),
             acts(BLOCKED, now, from, tick), acts(WEAK, now, from, tick) ? 0.2f * rate : 1.0f);

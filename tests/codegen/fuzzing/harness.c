@@ -11,6 +11,9 @@
 
 #include "swb_box.h"
 #include "swb_vehicle.h"
+#ifdef PUMPS
+#include "swb_drive.h"
+#endif
 #ifdef POOL
 #include "swb_pool_day.h"
 #endif
@@ -525,6 +528,44 @@ static void swim(void)
 }
 #endif
 
+#ifdef PUMPS
+/* Pump and valves on their pins, at any times and commands. */
+static void call_drive(void)
+{
+    swb_drive d;
+    uint32_t now = (uint32_t)byte() << 24;
+    uint32_t silent = 0u; /* us since the last command, or since it was switched on */
+    uint32_t off = 0u;    /* us since anything was on */
+    uint8_t last = 0u;
+    uint8_t before = 0u;
+    swb_drive_begin(&d, now);
+    while (at < end) {
+        const uint8_t kind = byte();
+        const uint32_t step = kind < 3u ? 0x50000000u : (uint32_t)kind << (kind % 13u);
+        now += step;
+        silent += step; /* what is on is off after the longest step */
+        off = off > 0xffffffffu - step ? 0xffffffffu : off + step;
+        if (byte() > 120u) {
+            swb_drive_command(&d, number(-1.5f * SWB_TICK_S, 1.5f * SWB_TICK_S), byte() > 127u, now);
+            silent = 0u;
+        }
+        const uint8_t on = swb_drive_outputs(&d, now);
+        must(on == 0u || on == SWB_PUMP || on == SWB_VALVE || on == SWB_BYPASS,
+            "one of them is on at a time");
+        must(on == 0u || on == last || last == 0u || off >= SWB_HOLD_OFF_US,
+            "another one is on after the hold-off only");
+        silent = on == before ? silent : 0u;
+        before = on;
+        must(on == 0u || silent <= SWB_TICK_US + SWB_GRACE_US + SWB_HOLD_OFF_US,
+            "what is on goes off where no command comes");
+        if (on != 0u) {
+            last = on;
+            off = 0u;
+        }
+    }
+}
+#endif
+
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
 {
     at = bytes;
@@ -545,6 +586,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
         break;
     case 4:
         swim();
+        break;
+#endif
+#ifdef PUMPS
+    case 5:
+        call_drive();
         break;
 #endif
     case 6:

@@ -189,5 +189,5 @@ def test_depths_end_where_the_supervisor_turns_the_vehicle_round():
     assert where.most == pytest.approx(0.8 * limit)
     assert "where its supervisor turns it round" in where.words
     assert places(FEUP, supervised=False).most > 60.0
-    with pytest.raises(NoAnswerError, match="its supervisor turns it round"):
+    with pytest.raises(InputError, match=r"say more of the vehicle in its \[supervisor\] table"):
         places(FEUP, (1.0, limit + 1.0))

@@ -13,11 +13,13 @@ from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.choice import choose, laws_for
+from swimbladder.design.tuning.gains import Search
 from swimbladder.design.tuning.promise import (
     Promise,
     broken,
     least_of,
     limiting,
+    limiting_margins,
     promise_of,
     trial_of,
 )
@@ -32,9 +34,10 @@ from swimbladder.design.tuning.trial import (
     supplies,
     traces,
 )
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_text
+from swimbladder.vehicle import Identified
 
 FEUP = load_vehicle("feup-em").with_sensors(depth_noise=2e-3)
 STEP = Step(1.5, 3.0, 144.0)
@@ -160,6 +163,88 @@ def test_a_region_too_wide_is_an_answer_of_no_with_what_narrows_it(capsys, tmp_p
     assert not answer["proven"]
     assert answer["unmet"]
     assert "unproven" in streams.err
+
+
+def known_to(preset: str, **sigma: float):
+    """Return a preset whose numbers were identified, each to a share of itself."""
+    numbers = {"K2": 7936.0, "T2": 36.3, "K1": 4.44e-4, "T1": 0.09, "drag_quadratic": 10.96}
+    known = Identified(
+        names=tuple(sigma),
+        values=tuple(numbers[name] for name in sigma),
+        covariance=np.diag([(sigma[name] * numbers[name]) ** 2 for name in sigma]).tolist(),
+    )
+    return load_vehicle(preset).model_copy(update={"identified": known})
+
+
+@pytest.mark.parametrize(
+    ("sigma", "cause", "remedy"),
+    [
+        ({"K2": 0.45, "T2": 0.3}, "motion (K2, T2 or mass and drag)", "a pool day as"),
+        ({"K1": 0.6, "T1": 0.6}, "motor (K1, T1)", "`identify-actuator`, narrow that"),
+    ],
+)
+def test_a_region_too_wide_for_a_law_is_a_no_with_what_narrows_it(sigma, cause, remedy):
+    """K2 to 45 % ended with "drag: must be <= 0.3", a bound on how floats may differ."""
+    vehicle = known_to("feup-em", **sigma).with_sensors(depth_noise=2e-3)
+    with pytest.raises(NoAnswerError) as said:
+        tune(vehicle, law="adrc", depths=(0.0, 5.0), step=(1.5, 3.0), runs=20)
+    assert "no gains of the law 'adrc' have the margins over the region" in str(said.value)
+    assert f"What limits it is what is not known of the {cause}: " in str(said.value)
+    assert remedy in str(said.value)
+    narrow = region(vehicle).knowing({"a_b", "a_s", "d_l", "d_b", "d_0", "d_t", "gain", "T1"})
+    assert set(narrow.plants) == {region(vehicle).plants[0]}
+
+
+def test_what_limits_margins_is_what_they_are_there_without():
+    wide = region(known_to("feup-em", K2=0.1, K1=0.1))
+    motion, motor = ({p.a_b for p in wide.plants}, {p.gain for p in wide.plants})
+    assert min(len(motion), len(motor)) > 1
+
+    def sole(*names: str):
+        return lambda r: all(len({getattr(p, name) for p in r.plants}) == 1 for name in names)
+
+    assert "of the motion" in limiting_margins(wide, sole("a_b"))
+    assert "of the motor" in limiting_margins(wide, sole("gain"))
+    assert "of all parameters together" in limiting_margins(wide, sole("a_b", "gain"))
+    assert "another law would help" in limiting_margins(wide, lambda _: False)
+
+
+def test_floats_that_differ_more_than_is_represented_are_a_no():
+    vehicle = known_to("example-float", drag_quadratic=0.45)
+    said = r"drag is identified to 45 % \(1 sigma\).*logs of more dives.*`identify --cast`"
+    with pytest.raises(NoAnswerError, match=said):
+        tune(vehicle, depths=(0.0, 1000.0))
+    region(known_to("example-float", drag_quadratic=0.29))
+
+
+@pytest.mark.slow
+def test_a_law_without_gains_does_not_fit_and_the_others_are_chosen_from(monkeypatch):
+    why = {
+        "cascade": NoAnswerError("no gains of the law 'cascade' have the margins"),
+        "planned": InputError("the law planned assumes drag", field="motion.drag"),
+    }
+    found = Search.found
+
+    def of_some(self):
+        if self.law.name in why:
+            raise why[self.law.name]
+        return found(self)
+
+    monkeypatch.setattr(Search, "found", of_some)
+    monkeypatch.setattr("swimbladder.design.tuning.run.laws_for", lambda *_: [*why, "adrc"])
+    given = {"depths": (0.0, 5.0), "step": (1.5, 3.0), "runs": 20}
+    tuned = tune(FEUP, **given)
+    assert tuned.law.name == "adrc"
+    assert tuned.choice == "The law adrc is the only one that has gains for this."
+    assert tuned.unfit == {name: str(error) for name, error in why.items()}
+    assert tuned.to_json()["unfit"] == tuned.unfit
+    for name, error in why.items():
+        assert f"The law {name} does not fit: {error}" in tuned.sentences
+    monkeypatch.setattr("swimbladder.design.tuning.run.laws_for", lambda *_: [*why])
+    with pytest.raises(NoAnswerError, match=r"gains for this\. cascade: no .*; planned: motion"):
+        tune(FEUP, **given)
+    with pytest.raises(InputError, match=r"motion\.drag"):
+        tune(FEUP, law="planned", **given)
 
 
 @pytest.mark.slow

@@ -425,6 +425,7 @@ def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     assert f'<td class="n">{answer["margins"]["peak_sensitivity"]:.2f}</td>' in page
     assert "http" not in page.replace("http://www.w3.org", "")
     assert load_vehicle(out / "vehicle.toml").controller.law == "adrc"
+    assert load_vehicle(out / "vehicle.toml").controller.depths == (0.0, 5.0)
     simulate = ["simulate", str(out / "vehicle.toml"), "--start", "1.5", "--target", "3"]
     assert (
         main(

@@ -28,6 +28,7 @@ from swimbladder.io.progress import Advance
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import body_plant, plant
 from swimbladder.physics.seawater import Column
+from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.swell import Swell
 from swimbladder.units import rounded
@@ -40,6 +41,7 @@ _UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
 _WATCHED = 20.0  # times the least time of a step, that it is watched at least
 _HOUR = 3600.0  # s
 _SLOW = 0.03  # m/s
+_TURNED = "its supervisor turns it round"
 _TICK = 0.3  # s, of a supervisor where no controller says it; its depth limit hardly depends on it
 
 
@@ -113,7 +115,8 @@ def places(
     supervised: and the supervisor, which turns a vehicle round above that. It begins where the hull
     is under water.
 
-    Raises InputError for no range, NoAnswerError where the vehicle does not reach what was given.
+    Raises InputError for no range and for one beyond the supervisor's, NoAnswerError where the
+    vehicle itself does not reach what was given.
     """
     top = max(vehicle.hull.emergence_depth, 0.0)
     if vehicle.command == "volume change":
@@ -133,6 +136,8 @@ def places(
     if not (given[0] >= 0.0 and least < most < math.inf):
         remedy = "Give the least and the greatest, like 0:10"
         raise refused_depths("no range of depths under water", given, remedy)
+    if most >= reach and why == _TURNED:
+        raise turned_round(most, reach, "--depth")
     if most >= reach:
         raise NoAnswerError(
             f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Compare laws for "
@@ -155,7 +160,7 @@ def _reach(vehicle: Vehicle, *, supervised: bool) -> tuple[float, str]:
     if supervised and not floats:
         own = vehicle.controller
         limits = supervisor_parameters(vehicle, _TICK if own is None else own.sample_time)
-        found.append((limits.deep.depth_limit, "its supervisor turns it round"))
+        found.append((limits.deep.depth_limit, _TURNED))
     if floats:
         found.append((pump_stall(vehicle, depth=0.0).holding_depth, "the pump stalls"))
     return min(found)

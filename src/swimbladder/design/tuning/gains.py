@@ -15,7 +15,7 @@ margins, and the first few of these are tried, with few runs while they are comp
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import margins
-from swimbladder.design.tuning.promise import OVERSHOOT, SETTLED, trial_of
+from swimbladder.design.tuning.promise import OVERSHOOT, SETTLED, limiting_margins, trial_of
 from swimbladder.design.tuning.region import Member, Region, neutral_walk
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, traces
 from swimbladder.errors import InputError, NoAnswerError
@@ -273,6 +273,7 @@ class Search:
     delay: float  # s, from sample to command
     report: Advance
     near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
+    kept: list[tuple[float, Any]] = field(default_factory=list)  # what the nominal one has
 
     def found(self) -> Found:
         """Return the best tuning parameters found.
@@ -335,7 +336,7 @@ class Search:
         every = list(grid(self.recipe, goal, self.setting, self.asked.held))
         if not self.recipe.linear:
             return every
-        kept = []
+        kept = self.kept = []
         for tuning in every:
             self.report(0.3 / len(every))
             if self.over(tuning, wanted, margins.roughly, nominal=True) is not None:
@@ -410,9 +411,15 @@ class Search:
             nearest = "none makes a loop that is stable over it"
         raise NoAnswerError(
             f"no gains of the law {name!r} have the margins over the region at a sample time of "
-            f"{self.setting.sample_time:g} s: {nearest}. A shorter sample time, a faster motor or "
-            "parameters known better would help"
+            f"{self.setting.sample_time:g} s: {nearest}. {limiting_margins(self.region, self.held)}"
         )
+
+    def held(self, region: Region) -> bool:
+        """Say whether some tuning with margins for the nominal vehicle has them over a region."""
+        drawn = self.asked.drawn._replace(region=region)
+        other = replace(self, asked=self.asked._replace(drawn=drawn), near=None)
+        over = partial(other.over, wanted=_tightened(margins.WANTED), judge=margins.roughly)
+        return any(over(tuning, nominal=False) is not None for _, tuning in self.kept)
 
     def _refuse_alarms(self, tuning: Any, over: Trial) -> None:
         """Raise NoAnswerError where the supervisor takes over healthy vehicles."""

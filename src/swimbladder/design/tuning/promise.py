@@ -5,12 +5,13 @@ could take; a quiet one holds the error allowed; whatever the goal, nearly all v
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.planning import least_time
 from swimbladder.design.planning.task import Limits
+from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, settling_off_ballast, trial
 from swimbladder.errors import NoAnswerError
 from swimbladder.vehicle import Vehicle
@@ -147,6 +148,24 @@ _TOGETHER = (
     "What limits it is the uncertainty of all parameters together, of none alone: a pool day as "
     "`design-experiment` plans it, and `identify` on its logs, narrow it."
 )
+_NOT_NARROWED = "A shorter sample time, a faster motor or another law would help."
+
+
+def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
+    """Return what keeps a law from its margins over a region, and what would help, as a sentence.
+
+    held: whether the law has gains with the margins over a region. Every cause is taken away in
+    turn; what is known of the nominal vehicle only is none.
+    """
+    for cause in _CAUSES:
+        without = region.knowing(cause.known)
+        if without.plants != region.plants and held(without):
+            return f"What limits it is {cause.words}: {cause.remedy}."
+    if held(region._replace(plants=region.plants[:1])):
+        return _TOGETHER
+    return _NOT_NARROWED
+
+
 _HELPS = 0.9  # of what it is off, that is left where a cause is taken away
 
 

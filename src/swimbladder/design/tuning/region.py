@@ -7,8 +7,10 @@ It is looked at in the middle, at the ends of its axes and at points drawn from 
 with the supply full and low.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from swimbladder.design.linear.pump_valve import moved_by_volume, with_drag
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import INPUTS, Spread
@@ -28,6 +31,12 @@ WALK = 1e-6 / 60.0  # m3/s^0.5, likewise: 1 cm3 per root hour
 FLOATS = ("drag", "psi", "pump", "valve")
 """What is uncertain of a pump and valve: factors, psi in m3/m."""
 
+_DIVES = "logs of more dives, at other speeds, and `identify --cast` on all of them, narrow it"
+_NARROWED = {
+    "drag": _DIVES,
+    "mass": _DIVES,
+    "pump": "logged runs at other depths, and `energy --fit` or `identify --cast`, narrow it",
+}
 _DRAWN = 16  # points of the boundary beside the ends of the axes
 _LEVEL = 0.95  # of the probability that the ellipsoid holds
 
@@ -40,6 +49,11 @@ class Region(NamedTuple):
     walk: float  # m3/s^0.5, intensity of its random walk
     words: tuple[str, ...]
     drives: tuple[tuple[float, float], ...] = ()  # of pumps and valves: what each gives of its rate
+
+    def knowing(self, fields: Collection[str]) -> Region:
+        """Return the region where these fields of `Plant` are those of the nominal vehicle."""
+        known = {name: getattr(self.plants[0], name) for name in fields}
+        return self._replace(plants=tuple(p._replace(**known) for p in self.plants))
 
 
 class Member(NamedTuple):
@@ -99,8 +113,8 @@ def region(vehicle: Vehicle, *, drawn: int = _DRAWN) -> Region:
     """Return the region of a vehicle's parameters that holds 95 % of the probability."""
     known = vehicle.identified
     names, _ = unknowns(vehicle)
-    spread = _spread(vehicle)
     if names == FLOATS:
+        spread = _spread(vehicle)
         words = [
             f"{', '.join(names)} within their {100.0 * _LEVEL:g} % region, "
             + ("as identified" if known else "by the usual spread of floats")
@@ -128,7 +142,20 @@ def region(vehicle: Vehicle, *, drawn: int = _DRAWN) -> Region:
 
 
 def _spread(vehicle: Vehicle) -> Spread:
-    return Spread() if vehicle.identified is None else Spread().identified(vehicle)
+    """Return how floats differ; raises NoAnswerError where they differ more than is represented."""
+    if vehicle.identified is None:
+        return Spread()
+    try:
+        return Spread().identified(vehicle)
+    except InputError as error:
+        if error.field not in _NARROWED:
+            raise
+        raise NoAnswerError(
+            f"no law of volume changes is tuned for this: {error.field} is identified to "
+            f"{100.0 * float(str(error.value)):.3g} % (1 sigma), and floats that differ by more "
+            f"than 30 % are not represented. What limits it is the region of {error.field}: "
+            f"{_NARROWED[error.field]}"
+        ) from None
 
 
 def _float(vehicle: Vehicle, p: Plant, s: Array) -> Member:

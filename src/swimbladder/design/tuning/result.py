@@ -1,6 +1,7 @@
 """`Tuning`: the gains that were found, for a person and for JSON, with what they guarantee."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -50,6 +51,7 @@ class Tuning(gains.Found):
     unmet: tuple[str, ...] = ()
     limit: str = ""
     choice: str = ""  # why this law, where none was named
+    unfit: Mapping[str, str] = field(default_factory=dict)  # and why others have no gains for this
 
     @property
     def proven(self) -> bool:
@@ -97,7 +99,8 @@ class Tuning(gains.Found):
     @property
     def sentences(self) -> tuple[str, ...]:
         """What a person wants to know first."""
-        first = tuple(filter(None, (self.verdict, self.choice)))
+        unfit = (f"The law {name} does not fit: {why}" for name, why in self.unfit.items())
+        first = (*filter(None, (self.verdict, self.choice)), *unfit)
         if self.law.ways is not None:
             return (*first, *self._float_sentences)
         m, r, n = self.margins, self.region, self.nominal
@@ -186,7 +189,7 @@ class Tuning(gains.Found):
             "nominal": as_json(self.nominal, TRIAL),
             "region": as_json(self.region, TRIAL),
             **as_json(
-                self, "proven unmet limit choice least_time_s=least waves ballast_m3=ballast"
+                self, "proven unmet limit choice unfit least_time_s=least waves ballast_m3=ballast"
             ),
             **as_json(self.region, "settle2_off_ballast_s=ballast"),
         }

@@ -17,7 +17,7 @@ from swimbladder.design.tuning.choice import choose, laws_for
 from swimbladder.design.tuning.promise import broken, least_of, limiting, promise_of
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import each
 from swimbladder.physics.buoyancy_engine import known_winding
@@ -123,21 +123,28 @@ def tune(
         least_time=least_of(noisy, goal, ends, supply=weak, sample_time=h),
     )
 
-    def one(name: str) -> Tuning | NoAnswerError:
+    def one(name: str) -> Tuning | SwimbladderError:
         try:
             return request.tuned(name, lambda x: advance(x / len(names)))
-        except NoAnswerError as error:
+        except SwimbladderError as error:
+            if law is not None:
+                raise
             return error
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         outcomes = dict(each(one, names))
     found = {name: x for name in names if isinstance(x := outcomes[name], Tuning)}
+    unfit = {name: error for name in names if isinstance(error := outcomes[name], SwimbladderError)}
+    if len(unfit) == len(names) == 1:
+        raise unfit[names[0]]
     if not found:
-        why = "; ".join(f"{name}: {outcomes[name]}" for name in names)
-        several = f"no law has gains for this. {why}"
-        raise NoAnswerError(several if len(names) > 1 else str(outcomes[names[0]]))
+        why = "; ".join(f"{name}: {str(reason).rstrip('.')}" for name, reason in unfit.items())
+        raise NoAnswerError(f"no law has gains for this. {why}")
     taken, why = choose(found, goal)
-    return replace(found[taken], choice=why)
+    if len(found) == 1 < len(names):
+        why = f"The law {taken} is the only one that has gains for this."
+    reasons = {name: str(error) for name, error in unfit.items()}
+    return replace(found[taken], choice=why, unfit=reasons)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,7 +235,8 @@ class _Request:
         """Return the vehicle with a controller, and where trials had one, with its supervisor."""
         vehicle, (low, high) = self.vehicle, self.depths
         origin = {"controller.parameters": f"tuned for {self.goal}, {low:g} to {high:g} m"}
-        made = {"controller": controller, "provenance": {**vehicle.provenance, **origin}}
+        own = controller.model_copy(update={"depths": self.depths})
+        made = {"controller": own, "provenance": {**vehicle.provenance, **origin}}
         if self.supervised:
             limited = {"time_limit": _TIME_LIMIT} if self.unlimited else {}
             # so that `simulate` flies it as well

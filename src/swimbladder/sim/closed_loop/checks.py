@@ -39,6 +39,16 @@ def check_depths(
         _check_stroke(vehicle, medium, depth, field)
 
 
+def turned_round(depth: float, limit: float, field: str) -> InputError:
+    """Return the error for a depth [m] beyond that at which the supervisor turns a vehicle round.
+
+    limit [m]: that depth. field: where the depth was asked for.
+    """
+    what = f"the supervisor turns the vehicle round at {limit:.4g} m"
+    remedy = "Ask for less depth, or say more of the vehicle in its [supervisor] table"
+    return InputError(what, field=field, value=depth, unit="m", remedy=remedy)
+
+
 def check_dive(vehicle: Vehicle) -> None:
     """Raise NoAnswerError where a vehicle that floats can let nothing in."""
     top = max(vehicle.hull.emergence_depth, 0.0)

@@ -18,7 +18,7 @@ from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
-from swimbladder.sim.closed_loop.checks import check_depths, check_dive
+from swimbladder.sim.closed_loop.checks import check_depths, check_dive, turned_round
 from swimbladder.sim.closed_loop.swell import Swell, amplitude, share_read, wavenumber
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
@@ -192,9 +192,7 @@ def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None
             asked, remedy = f"{depths[0]:g}:{depths[1]:g}", 'Write it like "1:40 m"'
             raise refused(what, value=asked, unit="m", remedy=remedy)
         if depths[1] > limit:
-            what = f"the supervisor turns the vehicle round at {limit:.4g} m"
-            remedy = "Ask for less depth, or say more of the vehicle in its [supervisor] table"
-            raise refused(what, value=f"{depths[1]:g} m", remedy=remedy)
+            raise turned_round(depths[1], limit, "--depth")
         return Range(*depths, "as asked")
     if not math.isfinite(limit):
         remedy = 'Say how deep it goes, like "1:40 m", or give hull.depth_limit'

@@ -15,6 +15,7 @@ from swimbladder.control.registry import bind, check_command, law_by_name
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.hull import heat_expansion
+from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
 from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
@@ -120,12 +121,8 @@ def watch_of(
     limit = watch.depth_limit
     for index, phase in enumerate(mission.phases):
         if phase.depth is not None and phase.depth > limit:
-            what = f"the supervisor turns the vehicle round at {limit:.4g} m"
-            remedy = "Ask for less depth, or say more of the vehicle in its [supervisor] table"
-            field, value = f"phases[{index}].depth", phase.depth
-            raise InputError(
-                what, field=field, value=value, unit="m", remedy=f"{remedy}; or {alone}"
-            )
+            refused = turned_round(phase.depth, limit, f"phases[{index}].depth")
+            raise refused.but(remedy=f"{refused.remedy}; or {alone}")
     whole = vehicle.supervisor.time_limit or math.inf
     if (takes := mission.least_duration) > whole:
         what = f"the mission takes {rounded(takes, 3)} s at least, and would be cut short"
