@@ -350,7 +350,7 @@ def test_a_rate_and_a_way_of_just_what_counts_do_not_count():
     for rate, stops in ((1e-7, 0), (math.nextafter(1e-7, 0.0), 1), (-1e-7, 0)):
         assert watch_stops(p, s.rate, 2e-6, rate, s.rate.top).stops == stops
     begun = changed(s, unproven=3, shown=1.0)
-    at = enough(p, p.proof.ready)
+    at = enough(p, p.proof.ready) + p.push.grown
     begun = changed(begun, z1=2.0)
 
     def then(beyond: float) -> Any:
@@ -688,6 +688,7 @@ class TestReach:
         assert needed == pytest.approx(
             way + p.proof.sinks + 1.5 * p.proof.per_jump * (p.proof.reach - p.proof.sinks)
         )
+        needed = needed + p.push.grown  # and so much more, so that it is sure
         almost = [(2.0, neutral + 0.99 * needed, 3.5)]
         there = [(2.0, neutral + 1.01 * needed, 3.5)]
         assert self.after(p, heavy * 5, **late) == [0.0] * 5  # it stays where it is
@@ -751,20 +752,21 @@ class TestReach:
         self.held(p, **{k: v for k, v in holding.items() if k != "shown"}, z1=1.9)
         assert self.allowed == 2.0
 
-    def test_a_push_ends_where_it_has_to(self):
-        """A tick of its command moves the volume by what it lacks, and a little more."""
-        for vehicle, rate in ((paper(), 0.444e-3 * 75e-4), (load_vehicle("ntnu-bv"), None)):
-            p = supervisor_parameters(vehicle, vehicle.controller.sample_time)
-            seen = CALM._replace(depth=3.0, volume=1e-7)
-            lacks = 0.2 * p.proof.crawl
-            command, more = outward(p, seen, lacks), lacks + p.proof.crawl
-            if rate is None:
-                assert command == pytest.approx(seen.volume + more)
-            else:
-                load = vehicle.actuator.depth_voltage * 3.0
-                assert rate * (command - load) * p.S_p == pytest.approx(more)
-            assert outward(p, seen, 1.0) == p.push.surface_command
-            assert outward(p, seen, math.nan) == p.push.surface_command
+    @pytest.mark.parametrize("friction", [0.0, 0.5])
+    def test_a_push_ends_where_it_has_to(self, friction):
+        """A tick of its command moves the volume by what it lacks, and a quarter or so more."""
+        vehicle, rate = paper(), 0.444e-3 * 75e-4
+        p = supervisor_parameters(vehicle, 0.3)
+        p = p._replace(rate=p.rate._replace(friction=friction))
+        seen = CALM._replace(depth=30.0)
+        quarter = rate * 3.0 * 0.3
+        for lacks in (0.01 * quarter, 0.3 * quarter, 0.9 * quarter, 1.5 * quarter):
+            command = outward(p, seen, lacks)
+            moved = rate * (command - vehicle.actuator.depth_voltage * 30.0 - friction) * 0.3
+            assert lacks < moved - p.proof.least_way < lacks + quarter
+        assert outward(p, seen, 4.0 * quarter) == p.push.surface_command
+        positioner = supervisor_parameters(load_vehicle("ntnu-bv"), 0.5)
+        assert outward(positioner, seen, 1e-8) == positioner.push.surface_command
 
     @pytest.mark.parametrize("name", LAWS)
     def test_a_block_next_to_where_a_push_ends_counts_as_a_stop(self, name):
@@ -772,7 +774,7 @@ class TestReach:
         for sensors in (NOISY, NOISY.model_copy(update={"volume_noise": 2e-6})):
             p = supervisor_parameters(vehicle.model_copy(update={"sensors": sensors}), tick)
             if p.proof.same_tried < NEVER and p.rate.stop_rate < math.inf:
-                assert p.proof.crawl * p.per_tick > p.rate.stop_rate
+                assert p.proof.least_way * p.per_tick > p.rate.stop_rate
 
     def test_a_jump_takes_what_a_way_of_bounded_rate_needs(self):
         """The volume that a block at the middle of the way leaves has to stop it there."""

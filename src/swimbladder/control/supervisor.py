@@ -40,6 +40,7 @@ class PushLimits(NamedTuple):
 
     surface_command: Annotated[float, "V or m3"]  # that makes the vehicle lightest
     hold_command: Annotated[float, "V or m3"]  # that keeps it so
+    quarter: Annotated[float, "V or m3"]  # of it
     away_command: Annotated[float, "V or m3"]  # that makes it heaviest; with swapped wires lightest
     away_hold: Annotated[float, "V or m3"]  # that then keeps it lightest enough
     push: Annotated[Count, "ticks"]  # ticks of the surface command at first
@@ -118,7 +119,7 @@ class ProofLimits(NamedTuple):
     lead: Annotated[float, "1/(m2 s)"]  # what a volume adds to a speed while its low pass lags
     per_jump: Annotated[float, "1/m"]  # 1/a jump of the depth asked for that takes all of reach
     ready: Annotated[float, "m"]  # a jump that a push makes ready for at least
-    crawl: Annotated[float, "m3"]  # by which a push aims beyond what it has to reach
+    least_way: Annotated[float, "m3"]  # of a push in a tick: one that a block ends is a stop
     ahead: Annotated[float, "m3"]  # what the way down adds where nobody knows how far it goes
 
 
@@ -393,6 +394,7 @@ _BLOCK = 4096  # ticks that the fine count of time holds
 _MOST_LOST = _BLOCK - 1  # ticks that are counted at once
 _REASONS = 15
 _ANY = 1e6  # m, any depth
+_QUARTERS = 4
 _STEPS = 14  # of six that a stop takes without drag and compression
 
 
@@ -712,7 +714,7 @@ def watch_proof(
     reach = p.proof.reach + p.proof.ahead
     if known:
         reach = enough(p, max(asked - seen.depth, p.proof.ready))
-    lacks = reach + brake - beyond
+    lacks = reach + brake + p.push.grown - beyond
     if lacks < 0.0 or seen.volume > p.volume.volume_high:
         return 0.0, has_shown(seen)
     slow = abs(seen.depth - s.motion.z1) <= p.rest.still_distance
@@ -741,13 +743,21 @@ def watch_proof(
 
 
 def outward(p: SupervisorParameters, seen: Watched, lacks: float) -> float:
-    """Return the command that moves the volume out by what it lacks, and a little more."""
-    way = lacks + p.proof.crawl
-    command = seen.volume + way
-    if p.rate.positioner == 0.0:
-        load = p.rate.load_drive * seen.depth + p.rate.friction
-        command = load + way * p.per_tick / p.rate.rate
-    return max(p.push.away_command, min(p.push.surface_command, command))
+    """Return the command that moves the volume out by what it lacks, and a part of a tick more.
+
+    A positioner goes at its rate. A motor gets as many quarters as its load takes, and the way.
+    """
+    if p.rate.positioner > 0.0:
+        return p.push.surface_command
+    load = p.rate.load_drive * seen.depth + p.rate.friction
+    needs = lacks + p.rate.rate * load * p.S_p + p.proof.least_way
+    command = 0.0
+    way = 0.0
+    for _ in range(_QUARTERS):
+        if needs > way:
+            command = command + p.push.quarter
+        way = way + p.rate.rate * p.push.quarter * p.S_p
+    return min(p.push.surface_command, command)
 
 
 def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:

@@ -54,7 +54,7 @@ _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
 _MOVED_SHARE = 0.025  # of half the stroke, with which a depth cannot stay the same
 _REACH, _AHEAD = 2.0, 2.0  # of that, by which a push shows that it can, and more for the way down
 _READY = 1.5  # m, of a step that a push makes ready for at least
-_CRAWL = 0.25  # of the full rate, with which a push ends at least: above what counts as a stop
+_ABOVE_STOP = 1.1  # of what counts as a stop, that a push asks for at least
 _SINKS = 0.6  # of that, by which the vehicle is heavy
 # On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
 # within 0.16 of that. 0.42 means sigma above the quantum: a sample is then the same with a chance
@@ -63,7 +63,7 @@ _NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.42, 0.005, 44
 _GROWN_SHARE = 2e-3  # of half the stroke
 _STILL_S = 5.0
 _UNPROVEN_S = 30.0  # s, in which what was shown of the actuator counts
-_HOLDING, _EARLY = 2.4, 2.2  # times it, while a law holds a depth; when it is shown there
+_HOLDING, _EARLY = 2.5, 2.3  # times it, while a law holds a depth; when it is shown there
 _BLOCKED_SHARE = 0.585  # of the speed of a way without drag, that a block at its middle meets
 _LONGEST_JUMP = 20.0  # m
 _REST_S, _LEAST_PUSH_S = 20.0, 10.0
@@ -127,7 +127,7 @@ def supervisor_parameters(
         tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
         if not (own_law_rests(vehicle) if rests is None else rests):
             holding, early = ticks(_HOLDING * after, tick), ticks(_EARLY * after, tick)
-    stop_rate = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
+    stop_rate = stopped = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
     if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
         stop_rate = math.inf
     found = SupervisorParameters(
@@ -136,6 +136,7 @@ def supervisor_parameters(
         push=supervisor.PushLimits(
             surface_command=p.supply if voltage else p.V_max,
             hold_command=hold if voltage else p.V_max,
+            quarter=0.25 * p.supply if voltage else 0.25 * (p.V_max - p.V_min),
             away_command=-p.supply if voltage else p.V_min,
             away_hold=0.0 if voltage else p.V_min,
             push=ticks(2.0 * stroke_s, tick),
@@ -199,7 +200,7 @@ def supervisor_parameters(
             lead=p.a_b * tau,
             per_jump=_per_jump(p, _REACH * moved, full_rate),
             ready=_READY,
-            crawl=max(_CRAWL * full_rate, 0.0 if stop_rate == math.inf else 1.5 * stop_rate) * tick,
+            least_way=_ABOVE_STOP * stopped * tick,
             ahead=_AHEAD * moved,
         ),
         neutral=supervisor.NeutralLimits(
