@@ -53,7 +53,8 @@ _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
 _MOVED_SHARE = 0.025  # of half the stroke, with which a depth cannot stay the same
 _REACH, _AHEAD = 2.0, 2.0  # of that, by which a push shows that it can, and more for the way down
-_READY = 1.5  # m, of a step that a push makes ready for at least
+_READY, _LEAST_READY = 1.5, 0.5  # m, of a step that a law's holding makes ready for; the least
+_LEFT_ALONE = 5e-3  # m, by which that may move the vehicle
 _ABOVE_STOP = 1.1  # of what counts as a stop, that a push asks for at least
 _SINKS = 0.6  # of that, by which the vehicle is heavy
 # On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
@@ -119,13 +120,19 @@ def supervisor_parameters(
     grown = max(_GROWN_SHARE * half, 6.0 * sensors.volume_noise + 2.0 * sensors.volume_quantum)
     moved = _MOVED_SHARE * half
     proof = tried = holding = early = NEVER
+    reach, sinks = _REACH * moved, _SINKS * moved
+    per_jump = _per_jump(p, reach, full_rate)
+    # out and back at its rate, a volume moves the vehicle by 2 a_b V^3/rate^2 or so
+    leaves = (0.5 * _LEFT_ALONE * full_rate * full_rate / p.a_b) ** (1.0 / 3.0) - sinks - grown
+    ready = min(_READY, max(leaves, 0.0) / (max(p.psi, 0.0) + per_jump * (reach - sinks)))
     # with psi <= 0 a vehicle that sinks comes to rest by itself, and a push may be dear
     # and in a pool it would end the very sinking that is measured
     if given.prove_after is not None or (p.psi > 0.0 and not in_pool):
         after = given.prove_after or _UNPROVEN_S
         proof = holding = ticks(after, tick)
         tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
-        if not (own_law_rests(vehicle) if rests is None else rests):
+        moves = not (own_law_rests(vehicle) if rests is None else rests)
+        if moves and ready >= _LEAST_READY:
             holding, early = ticks(_HOLDING * after, tick), ticks(_EARLY * after, tick)
     stop_rate = stopped = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
     if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
@@ -194,12 +201,12 @@ def supervisor_parameters(
             unproven=proof,
             holding=holding,
             early=early,
-            sinks=_SINKS * moved,
-            reach=_REACH * moved,
+            sinks=sinks,
+            reach=reach,
             per_speed=math.sqrt(max(p.psi, 0.0) / p.a_b),
             lead=p.a_b * tau,
-            per_jump=_per_jump(p, _REACH * moved, full_rate),
-            ready=_READY,
+            per_jump=per_jump,
+            ready=ready,
             least_way=_ABOVE_STOP * stopped * tick,
             ahead=_AHEAD * moved,
         ),
