@@ -61,7 +61,13 @@ def test_without_libfuzzer_random_inputs_do(tmp_path):
             "command",
             "the command is within its limits",
         ),
-        ("swb_controller.c", "if (!swb_known(command) || ", "if (", "the command is finite"),
+        ("swb_controller.c", "!swb_known(command) || ", "", "the command is finite"),
+        (
+            "swb_controller.c",
+            " || c->waiting > SWB_MOST_WAIT",
+            "",
+            "the law is called again, in time",
+        ),
         (
             "swb_vehicle.c",
             "v->reason = (uint8_t)v->state.rescue.reason;",

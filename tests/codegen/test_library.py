@@ -1,6 +1,7 @@
 """The Arduino library: what is in it, and that it does what its twin did."""
 
 import ctypes
+import dataclasses
 import math
 import re
 import subprocess
@@ -158,6 +159,53 @@ def test_it_holds_while_nothing_is_measured_and_recovers(name):
     commands = [twin.tick(*row) for row in seen[50:150]]
     assert twin.missed == 0
     assert len(set(commands)) > 1
+
+
+@pytest.mark.parametrize("name", ["deadband"], indirect=True)
+@pytest.mark.promise("no-command", faults=["law hangs"])
+def test_a_law_that_waits_for_longer_than_it_may_gives_no_command(name, tmp_path):
+    """It holds what it commanded, is asked again at each tick, and the vehicle is brought up."""
+    made, header = library(name), "src/swb_controller.h"
+    most = f"#define SWB_MOST_WAIT {made.most_wait}u"
+    assert most in made.files[header]
+    less = made.files[header].replace(most, "#define SWB_MOST_WAIT 2u")
+    short = dataclasses.replace(made, most_wait=2, files=made.files | {header: less})
+    board, in_c = short.board(), VehicleInC(short, tmp_path)
+    seen = Watched(1.5, 0.0, 6e-6, math.nan, False, 0, 0)
+    commands = []
+    for n in range(60):
+        row = seen._replace(depth=1.5 + 1e-3 * (n % 5))
+        command = board.tick(row, 1.5)
+        said = in_c.tick(row, 1.5)
+        assert bits(said[0]) == bits(command)
+        assert said[1] == int(board.reason or 0)
+        commands.append(float(command))
+    assert board.reason is Reason.NO_COMMAND
+    late = int(made.supervisor.board.missed)
+    first = commands.index(float(made.supervisor.push.surface_command))
+    assert first + 1 == late
+    assert len(set(commands[:first])) == 1
+
+
+def test_a_board_whose_memory_changed_calls_its_law_again(name):
+    """A count of ticks to wait that no call can have given is none."""
+    twin, (low, high) = _twin(name), library(name).limits
+    twin.most = library(name).most_wait
+    twin.tick(2.0, 0.0, 2.0)
+    twin.waiting = twin.most + 1
+    assert twin.sleep(100) == 0
+    twin.tick(2.0, 1e-6, 2.0)
+    assert twin.missed == 0
+    assert 0 <= twin.waiting < twin.most
+    assert low <= twin.command <= high
+
+
+def test_a_law_that_may_wait_for_longer_than_the_board_counts_is_refused():
+    vehicle = limited(controlled("deadband"))
+    numbers = {**vehicle.controller.parameters, "longest": 1e6}
+    controller = vehicle.controller.model_copy(update={"parameters": numbers})
+    with pytest.raises(InputError, match="may wait for 1e\\+06 s, longer than the board counts"):
+        make_library(vehicle.model_copy(update={"controller": controller}))
 
 
 @pytest.mark.parametrize("name", ["cascade"], indirect=True)

@@ -17,7 +17,9 @@ from swimbladder.control.supervisor import (
     SameWatch,
     Watched,
     count_time,
+    enough,
     expected_rate,
+    outward,
     reasons_in,
     times,
     watch_motion,
@@ -348,11 +350,12 @@ def test_a_rate_and_a_way_of_just_what_counts_do_not_count():
     for rate, stops in ((1e-7, 0), (math.nextafter(1e-7, 0.0), 1), (-1e-7, 0)):
         assert watch_stops(p, s.rate, 2e-6, rate, s.rate.top).stops == stops
     begun = changed(s, unproven=3, shown=1.0)
-    at = p.proof.reach
+    at = enough(p, p.proof.ready) + p.push.grown
+    begun = changed(begun, z1=2.0)
 
     def then(beyond: float) -> Any:
-        seen = CALM._replace(volume=beyond, reference=2.0)
-        return watch_proof(p, begun, seen, neutral=0.0, speed=0.0, tried=False).unproven
+        seen = CALM._replace(depth=2.0, volume=beyond, reference=2.0)
+        return watch_proof(p, begun, seen, neutral=0.0, tried=False)[1].unproven
 
     assert [then(beyond) for beyond in (at, math.nextafter(at, math.inf))] == [4, 0]
 
@@ -399,6 +402,24 @@ def test_a_depth_as_noisy_as_it_takes_is_frozen_when_it_stays(noisy, frozen):
     for _ in range(2):
         watch = watch_sameness(limits, watch, 2.0, 2.0, 0.0, old=False, resting=False)
     assert watch.frozen is (frozen and watch.noisy >= limits.noisy)
+
+
+@pytest.mark.promise("depth-frozen", faults=["depth stuck"])
+def test_a_hull_that_bobs_shows_no_noise():
+    """What turns the depth afloat may be the hull; what turns it under water is the sensor."""
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    limits = p.same._replace(same=NEVER, same_moved=NEVER)
+    for resting in (True, False):
+        watch = SUPERVISOR.initial(p, CALM, 0.0).same
+        before = 0.1
+        for tick in range(400):
+            depth = 0.1 + (0.001 if tick % 2 else -0.001)
+            watch = watch_sameness(limits, watch, depth, before, 0.0, old=False, resting=resting)
+            before = depth
+        assert (watch.noisy >= limits.noisy) is not resting
+        for _ in range(limits.same_noisy):
+            watch = watch_sameness(limits, watch, before, before, 0.0, old=False, resting=resting)
+        assert watch.frozen is not resting
 
 
 def test_a_depth_stands_still_after_all_its_ticks():
@@ -643,7 +664,7 @@ class TestReach:
         level = [(2.0, neutral - 0.9 * p.proof.sinks)]
         heavy = [(2.0, neutral - 1.1 * p.proof.sinks)]
         reach = p.proof.reach + p.proof.ahead
-        pushed = [(2.0, neutral), (2.0, neutral + 0.9 * reach), (2.0, neutral + 1.1 * reach)]
+        pushed = [(2.0, neutral), (2.0, neutral + 0.5 * reach), (2.0, neutral + 1.1 * reach)]
         full = p.push.surface_command
         assert self.after(p, level * 3, **late) == [0.0] * 3
         assert self.after(p, heavy * 3) == [0.0] * 3  # it has shown it of late
@@ -655,35 +676,137 @@ class TestReach:
         assert again.index(full) == p.proof.unproven
 
     def test_it_is_shown_before_the_law_is_asked_for_anything_deeper(self):
+        """Under a law that rests, which shows nothing while it holds."""
         p, full = self.limits, self.limits.push.surface_command
-        neutral, late = p.neutral.psi * 2.0, {"unproven": int(self.limits.proof.unproven)}
+        p = p._replace(proof=p.proof._replace(early=NEVER))
+        neutral, late = p.neutral.psi * 2.0, {"unproven": int(self.limits.proof.holding)}
         held = [(2.0, neutral, 2.0)]
         heavy = [(2.0, neutral - 3.0 * p.proof.sinks, 2.0)]
         deeper = [(2.0, neutral, 3.5)]
         way = p.neutral.psi * 1.5
-        almost = [(2.0, neutral + 0.99 * p.proof.reach + way, 3.5)]
-        there = [(2.0, neutral + 1.01 * p.proof.reach + way, 3.5)]
+        needed = enough(p, 1.5)
+        assert needed == pytest.approx(
+            way + p.proof.sinks + 1.5 * p.proof.per_jump * (p.proof.reach - p.proof.sinks)
+        )
+        needed = needed + p.push.grown  # and so much more, so that it is sure
+        almost = [(2.0, neutral + 0.99 * needed, 3.5)]
+        there = [(2.0, neutral + 1.01 * needed, 3.5)]
         assert self.after(p, heavy * 5, **late) == [0.0] * 5  # it stays where it is
         assert self.allowed == 2.0
-        assert self.after(p, held + deeper * 2 + almost, **late) == [0.0] + [full] * 3
+        last = outward(p, CALM._replace(depth=2.0, volume=almost[0][1]), 0.01 * needed)
+        pushed = self.after(p, held + deeper * 2 + almost, **late)
+        assert pushed == pytest.approx([0.0, full, full, last])
         assert self.allowed == 2.0
-        assert self.after(p, held + deeper + almost + there, **late) == [0.0, full, full, 0.0]
+        pushed = self.after(p, held + deeper + almost + there, **late)
+        assert pushed == pytest.approx([0.0, full, last, 0.0])
         assert self.allowed == 3.5
         assert self.after(p, held + deeper * 5) == [0.0] * 6  # it has shown it of late
-        assert self.allowed == 3.5
+        assert self.allowed == pytest.approx(3.5 + p.rest.still_distance)
         higher = [(2.0, neutral, 1.0)]  # what was asked for since is what counts
         assert self.after(p, higher + held, **late) == [0.0, full]
         assert self.allowed == 1.0
 
-    @pytest.mark.parametrize(("to", "share"), [(2.1, 0.1), (2.5, 0.5), (3.0, 1.0), (5.0, 1.0)])
-    def test_a_jump_takes_what_stops_the_vehicle_at_its_end(self, to, share):
-        """All of the reach from a metre on, since a long way is fast; of a short one a share."""
+    def held(self, p: Any, *, z1: float = 2.0, **state: Any) -> float:
+        """Return the command under a law that holds 2 m, which has shown all it has to."""
+        at = {"z1": z1, "z2": 2.0, "settled": 5, "since": 0, "depth": 2.0} | state
+        volume = at.pop("volume", p.neutral.psi * 2.0)
+        (command,) = self.after(p, [(at["depth"], volume, 2.0)], shown=1.0, **at)
+        return command
+
+    def test_a_law_that_holds_a_depth_shows_it_there_before_anything_deeper_is_asked(self):
         p, full = self.limits, self.limits.push.surface_command
+        assert p.proof.unproven < p.proof.early < p.proof.holding < NEVER
+        early = {"unproven": int(p.proof.early)}
+        assert self.held(p, unproven=p.proof.early - 1) == 0.0
+        assert self.held(p, **early) == full
+        twice = [(2.0, p.neutral.psi * 2.0, 2.0)] * 2
+        assert self.after(p, twice, **early) == [full] * 2
+        assert self.allowed == 2.0
+        # neither under way, nor away from the depth asked for or the neutral volume
+        still, off = p.rest.still_distance, p.proof.sinks
+        assert self.held(p, **early, z1=2.0 + 1.1 * still) == 0.0
+        assert self.held(p, **early, depth=2.0 + 1.1 * still) == 0.0
+        neutral = p.neutral.psi * 2.0
+        assert self.held(p, **early, volume=neutral - 1.1 * off) == 0.0
+        assert self.held(p, **early, volume=neutral - 0.9 * off) == full
+        # a law that rests is left to rest
+        resting = p._replace(proof=p.proof._replace(early=NEVER, holding=p.proof.unproven))
+        assert self.held(resting, **early) == 0.0
+
+    def test_what_it_showed_while_it_held_lets_a_step_begin_at_once(self):
+        p = self.limits
+        p = p._replace(proof=p.proof._replace(early=NEVER))
+        holding = {"unproven": int(p.proof.holding) - 1, "allowed": 2.0, "shown_for": 2.0}
+        neutral = p.neutral.psi * 2.0
+        enough_for = neutral + enough(p, p.proof.ready)
+        rows = [(2.0, neutral, 2.0), (2.0, neutral, 2.0 + p.proof.ready)]
+        assert self.after(p, rows[:1], **holding | {"shown": enough_for + 1e-8}) == [0.0]
+        assert self.allowed > 2.0 + p.proof.ready
+        assert self.after(p, rows, **holding | {"shown": enough_for + 1e-8}) == [0.0] * 2
+        assert self.after(p, rows[:1], **holding | {"shown": enough_for - 1e-8}) == [0.0]
+        assert self.allowed == 2.0
+        # nor while it moves, nor once it is too long ago
+        begun = holding | {"shown": 1.0}
+        assert self.after(p, rows[:1], **begun | {"unproven": p.proof.holding}) == [0.0]
+        assert self.allowed == 2.0
+        self.held(p, **{k: v for k, v in holding.items() if k != "shown"}, z1=1.9)
+        assert self.allowed == 2.0
+
+    @pytest.mark.parametrize("friction", [0.0, 0.5])
+    def test_a_push_ends_where_it_has_to(self, friction):
+        """A tick of its command moves the volume by what it lacks, and a quarter or so more."""
+        vehicle, rate = paper(), 0.444e-3 * 75e-4
+        p = supervisor_parameters(vehicle, 0.3)
+        p = p._replace(rate=p.rate._replace(friction=friction))
+        seen = CALM._replace(depth=30.0)
+        quarter = rate * 3.0 * 0.3
+        for lacks in (0.01 * quarter, 0.3 * quarter, 0.9 * quarter, 1.5 * quarter):
+            command = outward(p, seen, lacks)
+            moved = rate * (command - vehicle.actuator.depth_voltage * 30.0 - friction) * 0.3
+            assert lacks < moved - p.proof.least_way < lacks + quarter
+        assert outward(p, seen, 4.0 * quarter) == p.push.surface_command
+        positioner = supervisor_parameters(load_vehicle("ntnu-bv"), 0.5)
+        assert outward(positioner, seen, 1e-8) == positioner.push.surface_command
+
+    @pytest.mark.parametrize("name", LAWS)
+    def test_a_block_next_to_where_a_push_ends_counts_as_a_stop(self, name):
+        vehicle, _, tick = example(name)
+        for sensors in (NOISY, NOISY.model_copy(update={"volume_noise": 2e-6})):
+            p = supervisor_parameters(vehicle.model_copy(update={"sensors": sensors}), tick)
+            if p.proof.same_tried < NEVER and p.rate.stop_rate < math.inf:
+                assert p.proof.least_way * p.per_tick > p.rate.stop_rate
+
+    def test_a_jump_takes_what_a_way_of_bounded_rate_needs(self):
+        """The volume that a block at the middle of the way leaves has to stop it there."""
+        p, of = self.limits, plant(paper())
+        rate, a_b, jump = of.gain * of.supply, of.a_b, 1.0 / p.proof.per_jump
+        time = (32.0 * jump / (a_b * rate)) ** (1.0 / 3.0)
+
+        n, pieces = 40_000, np.array([-1.0, 1.0, 1.0, -1.0])
+        h = time / n
+        volume = np.cumsum(np.repeat(pieces, n // 4)) * rate * h
+        speed = np.cumsum(-a_b * volume) * h
+        assert (speed[-1], volume[-1]) == pytest.approx((0.0, 0.0), abs=1e-4)
+        assert np.sum(speed) * h == pytest.approx(jump, rel=1e-3)
+        fastest = speed.max()
+        assert fastest == pytest.approx(2.0 * jump / time, rel=1e-3)
+        share = p.proof.reach / (p.proof.per_speed * fastest)
+        assert share == pytest.approx(0.585, rel=2e-3)
+
+    @pytest.mark.parametrize(("to", "share"), [(2.1, 0.1), (2.5, 0.5), (3.0, 1.0), (5.0, 3.0)])
+    def test_a_jump_takes_what_stops_the_vehicle_at_its_end(self, to, share):
+        """All of the reach from some metres on, since a long way is fast; of a short one a share.
+
+        From the depth on that it has, where the law may be asked for more than it is.
+        """
+        p, full = self.limits, self.limits.push.surface_command
+        share = min(share * p.proof.per_jump, 1.0)
         spare = p.proof.sinks + share * (p.proof.reach - p.proof.sinks)
         rows = [(2.0, p.neutral.psi * 2.0, asked) for asked in (2.0, to, to)]
         for more, commands in ((1e-8, [0.0] * 3), (-1e-8, [0.0, full, full])):
-            shown = {"shown": p.neutral.psi * to + spare + more, "shown_for": 2.0}
-            assert self.after(p, rows, **shown) == commands
+            for ahead in (2.0, to - 1e-3):
+                shown = {"shown": p.neutral.psi * to + spare + more, "shown_for": ahead}
+                assert self.after(p, rows, **shown, allowed=ahead) == commands
 
     def test_what_it_showed_counts_as_deep_as_it_reached_above_the_neutral_volume(self):
         p, full = self.limits, self.limits.push.surface_command

@@ -19,7 +19,7 @@ from swimbladder.control.law import NEVER, Law, Measurement
 from swimbladder.control.records import numbers
 from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
 
-_MOST_TICKS = 1_000_000
+MOST_TICKS = 1_000_000
 SOON = 3  # ticks: a push that lasted longer has been judged before a reset
 MOST_TURNS = 4  # turns of a push that gained the other way round
 
@@ -33,8 +33,8 @@ def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
         if not np.float32(next_s) > np.float32(1.001) * np.float32(tick_s):
             return 1
         ticks = np.float32(next_s) / np.float32(tick_s)
-    if ticks >= np.float32(_MOST_TICKS):
-        return _MOST_TICKS
+    if ticks >= np.float32(MOST_TICKS):
+        return MOST_TICKS
     whole = int(ticks)
     return whole + 1 if ticks - np.float32(whole) > np.float32(0.001) else whole
 
@@ -55,7 +55,8 @@ class ControllerTwin:
     """What the microcontroller does at every tick, in float32.
 
     law: a law's `twin`; low, high: limits of the command; first: the command until there is one;
-    seconds: the command is seconds of pump and valve, and the volume need not be measured.
+    seconds: the command is seconds of pump and valve, and the volume need not be measured; most:
+    ticks that the law may wait: one that wants to wait for longer gave no command.
     `number` is what its numbers are: float32, as in C.
     """
 
@@ -71,8 +72,9 @@ class ControllerTwin:
         high: float,
         first: float = 0.0,
         seconds: bool = False,
+        most: int = MOST_TICKS,
     ) -> None:
-        self.law, self.parameters = law, parameters
+        self.law, self.parameters, self.most = law, parameters, most
         self.tick_s = self.number(tick_s)
         self.low, self.high = self.number(low), self.number(high)
         self.command, self.seconds = np.float32(first), seconds
@@ -84,10 +86,10 @@ class ControllerTwin:
     def tick(self, depth: float, volume: float, reference: float) -> Any:
         """Return the command from this tick on, of measurements at it [m, m3] and the depth asked.
 
-        Where the law's command or new state is not finite, only `missed` is changed: it counts
-        these.
+        Where the law's command or new state is not finite, or it wants to wait for too long, only
+        `missed` is changed: it counts these.
         """
-        if self.waiting == 0:
+        if not 0 < self.waiting <= self.most:
             time: Any = self.number(self.ticks) * self.tick_s
             seen: tuple[Any, ...] = (time, self.number(depth), self.number(volume))
             self._call(Measurement(*seen), self.number(reference))
@@ -97,7 +99,7 @@ class ControllerTwin:
 
     def sleep(self, ticks: int) -> int:
         """Pass over ticks in which the command held, `waiting` at most; return how many."""
-        slept = min(ticks, self.waiting)
+        slept = min(ticks, self.waiting if self.waiting <= self.most else 0)
         self.waiting -= slept
         self.ticks += slept
         return slept
@@ -112,13 +114,14 @@ class ControllerTwin:
                 return
             state = self.law.initial(self.parameters, seen, reference)
         command, after, next_s = self.law.step(self.parameters, state, seen, reference)
-        if not all(map(math.isfinite, (command, *numbers(after)))):
+        waiting = wait_in_ticks(next_s, self.tick_s)
+        if waiting > self.most or not all(map(math.isfinite, (command, *numbers(after)))):
             self.missed += 1
             return
         self.state = after
         self.missed = 0
         self.command = min(max(command, self.low), self.high)
-        self.waiting = wait_in_ticks(next_s, self.tick_s)
+        self.waiting = waiting
 
 
 class VehicleTwin:

@@ -72,6 +72,7 @@ class BoardProgram:
     parameters: Any
     tick_s: float
     first: float  # V, m3 or s: the command until there is one
+    most_wait: int  # ticks
     limits: tuple[float, float]  # of the command
     supervisor: SupervisorParameters
     arming: ArmingParameters
@@ -97,6 +98,7 @@ class BoardProgram:
             high=high,
             first=self.first,
             seconds=self.drive is not None,
+            most=self.most_wait,
         )
 
     def board(self, law: Law | None = None, **begun: Any) -> VehicleTwin:

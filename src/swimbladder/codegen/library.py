@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.codegen import wire
 from swimbladder.codegen.c99 import CSource, c_field, c_float, c_law, c_number, write_c99
-from swimbladder.codegen.clock import MOST_TURNS, SOON
+from swimbladder.codegen.clock import MOST_TICKS, MOST_TURNS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, first_rows, fly
 from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
 from swimbladder.codegen.pump_valve import board_law
@@ -41,6 +41,7 @@ from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
+_LATER = 1.0  # ticks, by which a law may be called later than it says
 _ON_BOARD = 100  # rows of the golden trace that a board checks
 _ROW_S, _SAVE_S = 5.0, 600.0  # s, between rows of the black box, and between savings of it
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
@@ -231,6 +232,7 @@ def make_program(
         check_sample_time(vehicle, law, parameters, tick_s, depths=list(depths))
     program = read_law(law)
     first = vehicle.stroke.maximum if law.command == "volume" else 0.0
+    most_wait = _most_wait(law, parameters, limits)
     command = dict(zip(("unit", "ends", "digits", "column"), _COMMANDS[law.command], strict=True))
     plain = re.sub(r"[^\w .-]", "_", vehicle.name, flags=re.ASCII)
     release = re.match(r"\d+\.\d+\.\d+", version("swimbladder"))
@@ -243,6 +245,7 @@ def make_program(
         "low": ends[0],
         "high": ends[1],
         "first": first,
+        "most_wait": most_wait,
         "soon": SOON,
         "most_turns": MOST_TURNS,
         **command,
@@ -269,6 +272,7 @@ def make_program(
         parameters=parameters,
         tick_s=tick_s,
         first=first,
+        most_wait=most_wait,
         limits=ends,
         supervisor=limits,
         arming=arming,
@@ -277,6 +281,23 @@ def make_program(
         facts=facts,
         sources=sources,
     )
+
+
+def _most_wait(law: Law, parameters: Any, limits: SupervisorParameters) -> int:
+    """Return the ticks that a board's law may wait: as it says, or as a command may fail to come.
+
+    Raises InputError where that is longer than the board counts.
+    """
+    least = limits.board.missed
+    if law.longest_wait is None:
+        return least
+    longest = law.longest_wait(parameters)
+    most = longest / limits.S_p + _LATER
+    if not most <= MOST_TICKS:
+        what = f"the law {law.name} may wait for {longest:g} s, longer than the board counts"
+        remedy = f"Give parameters with which it waits for {MOST_TICKS * limits.S_p:.3g} s at most"
+        raise InputError(what, field="controller.parameters", remedy=remedy)
+    return max(least, math.ceil(most))
 
 
 @cache

@@ -1,5 +1,6 @@
 """What a board knows of its pump and valves: rates over depth as polynomials, volumes, times."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,6 +91,7 @@ def board_law(
         longest=longest,
         longest_for_law=min(longest, pause),
         pause=pause,
+        longest_wait=law.longest_wait(parameters) if law.longest_wait else math.inf,
         volume_least=stroke.minimum,
         volume_most=stroke.maximum,
         beyond=_BEYOND * whole,

@@ -362,6 +362,7 @@ DEADBAND = Law(
     initial=initial,
     volume_gain="k_pV",
     band="band",
+    longest_wait=lambda p: max(p.interval, p.longest),
     recipe=Recipe(
         gains=_gains, linear=False, sleeps=(0.2, 0.3, 0.4, 0.5, 0.6), bands=(1.0, 2.0, 3.5)
     ),

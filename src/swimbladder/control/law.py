@@ -74,9 +74,11 @@ class Law:
     volume_gain, from a volume error to the voltage [V/m3]; dead_zone, volume error at which the
     motor rests [m3]; near, depth error within which the volume is moved by events [m]; band, depth
     error that is left alone [m]. With dead_zone and near at 0 the law is linear around rest, where
-    it is so at all. Of a law that changes the volume when it asks to be called: ways, from its
-    parameters to the speeds it asks for; roundings, bands and steps, at 0 of which what it decides
-    follows what it sees without a gap.
+    it is so at all. longest_wait: from its parameters to the longest that it waits for its next
+    call [s]; a board takes one that waits for longer for broken, and of a law that has none one
+    that waits for longer than a command may fail to come. Of a law that changes the volume when it
+    asks to be called: ways, from its parameters to the speeds it asks for; roundings, bands and
+    steps, at 0 of which what it decides follows what it sees without a gap.
     """
 
     name: str
@@ -91,6 +93,7 @@ class Law:
     dead_zone: str = ""
     near: str = ""
     band: str = ""
+    longest_wait: Callable[[Any], float] | None = None
     ways: Callable[[Any], Sequence[Way]] | None = None
     roundings: tuple[str, ...] = ()
 
@@ -100,6 +103,13 @@ class Law:
         from swimbladder.control.records import units
 
         return units(self.parameters)
+
+    def rests(self, parameters: Any) -> bool:
+        """Return whether the actuator rests where a law of such parameters holds a depth."""
+        from swimbladder.control.records import leaves
+
+        values = leaves(parameters)
+        return any(values[n] > 0.0 for n in (self.dead_zone, self.near, self.band) if n)
 
 
 STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accelerate

@@ -110,6 +110,7 @@ class DriveParameters(NamedTuple):
     longest: Annotated[float, "s"]  # of a run
     longest_for_law: Annotated[float, "s"]  # of a run of the law: over at its next call
     pause: Annotated[float, "s"]  # between two samples while it comes up or begins to dive
+    longest_wait: Annotated[float, "s"]  # for which a law may wait that is not broken
     volume_least: Annotated[float, "m3"]
     volume_most: Annotated[float, "m3"]
     beyond: Annotated[float, "m3"]  # pumped beyond that at the surface, to be sure
@@ -290,7 +291,7 @@ def timed(law: Law) -> Law:
                     inner = first(parameters.law, now, reference)
                     s = s._replace(anew=0.0)
                 wanted, inner, pause = called(parameters.law, inner, now, reference)
-                s = s._replace(wait=pause)
+                s = s._replace(wait=pause if pause <= p.longest_wait else math.nan)
                 if wanted != 0.0:
                     s = change(p, s, wanted, p.longest_for_law)
             if who != OUT and who != WAIT:

@@ -324,6 +324,7 @@ RATE = Law(
     step=step,
     initial=initial,
     band="tolerance",
+    longest_wait=lambda p: max(p.dead, p.run),
     ways=ways,
     roundings=("speed_band", "speed_step", "volume_step"),
     recipe=Recipe(

@@ -40,6 +40,7 @@ class PushLimits(NamedTuple):
 
     surface_command: Annotated[float, "V or m3"]  # that makes the vehicle lightest
     hold_command: Annotated[float, "V or m3"]  # that keeps it so
+    quarter: Annotated[float, "V or m3"]  # of it
     away_command: Annotated[float, "V or m3"]  # that makes it heaviest; with swapped wires lightest
     away_hold: Annotated[float, "V or m3"]  # that then keeps it lightest enough
     push: Annotated[Count, "ticks"]  # ticks of the surface command at first
@@ -110,11 +111,15 @@ class ProofLimits(NamedTuple):
 
     same_tried: Annotated[Count, "ticks"]  # ticks of it after which it is pushed outward to see
     unproven: Annotated[Count, "ticks"]  # ticks after which it has to show anew that it can
+    holding: Annotated[Count, "ticks"]  # the same while the law holds a depth
+    early: Annotated[Count, "ticks"]  # ticks after which it shows it there before it has to
     sinks: Annotated[float, "m3"]  # before it is heavier by so much
     reach: Annotated[float, "m3"]  # by so much beyond the neutral volume
     per_speed: Annotated[float, "m2 s"]  # more per speed: it stops before psi z outgrows it
     lead: Annotated[float, "1/(m2 s)"]  # what a volume adds to a speed while its low pass lags
     per_jump: Annotated[float, "1/m"]  # 1/a jump of the depth asked for that takes all of reach
+    ready: Annotated[float, "m"]  # a jump that a push makes ready for at least
+    least_way: Annotated[float, "m3"]  # of a push in a tick: one that a block ends is a stop
     ahead: Annotated[float, "m3"]  # what the way down adds where nobody knows how far it goes
 
 
@@ -391,6 +396,7 @@ _BLOCK = 4096  # ticks that the fine count of time holds
 _MOST_LOST = _BLOCK - 1  # ticks that are counted at once
 _REASONS = 15
 _ANY = 1e6  # m, any depth
+_QUARTERS = 4
 _STEPS = 14  # of six that a stop takes without drag and compression
 
 
@@ -599,14 +605,15 @@ def watch_sameness(
 ) -> SameWatch:
     """Count the ticks of the very same depth; a sample that is not new, `old`, says nothing.
 
-    Noise that turns the depth more often than on the edge between two quanta is seen for good.
+    Noise that turns the depth more often than on the edge between two quanta is seen for good; what
+    turns it where the vehicle rests may be how a hull bobs.
     """
     same = s.same
     if not old:
         rose = depth < before
         sank = depth > before
         same = 0 if rose or sank else more(same, 1)
-        if s.noisy < p.noisy:
+        if s.noisy < p.noisy and not resting:
             fro = 1.0 if (rose and s.sank) or (sank and s.rose) else 0.0
             s = s._replace(noisy=smoothed(s.noisy, fro, p.noisy_weight))
         s = s._replace(rose=rose, sank=sank)
@@ -684,46 +691,75 @@ def has_shown(seen: Watched) -> ProofWatch:
     return ProofWatch(0, seen.volume, deepest, deepest)
 
 
+def enough(p: SupervisorParameters, jump: float) -> float:
+    """Return how far beyond the neutral volume the actuator has to reach for a jump [m] down."""
+    share = min(jump * p.proof.per_jump, 1.0)
+    return p.proof.sinks + p.neutral.psi * jump + share * (p.proof.reach - p.proof.sinks)
+
+
 def watch_proof(
-    p: SupervisorParameters,
-    s: SupervisorState,
-    seen: Watched,
-    neutral: float,
-    speed: float,
-    tried: bool,
-) -> ProofWatch:
+    p: SupervisorParameters, s: SupervisorState, seen: Watched, neutral: float, tried: bool
+) -> tuple[float, ProofWatch]:
     """Ask for a push outward before a vehicle that has shown none of late goes deeper.
 
+    Return what the volume lacks of what is to be shown [m3], and what is known by now.
     What it showed counts for some time, and as deep and as fast as what it reached is above the
     volume that stops it there. Until it has shown it again the law is asked for nothing deeper.
-    Where nobody knows what is asked for, a vehicle that is heavy goes deeper. tried: it is to show
-    it anyway.
+    Where a law holds a depth and moves the volume anyway, it is shown before anything deeper is
+    asked for. Where nobody knows what is asked for, a vehicle that is heavy goes deeper. tried: it
+    is to show it anyway.
     """
     proof, asked, beyond = s.proof, seen.reference, seen.volume - neutral
     known = math.isfinite(asked)
+    speed = (seen.depth - s.motion.z1) * p.motion.per_tau
     brake = p.proof.per_speed * max(speed - p.proof.lead * beyond, 0.0)
-    way = p.proof.ahead
+    reach = p.proof.reach + p.proof.ahead
     if known:
-        way = max(p.neutral.psi * (asked - seen.depth), 0.0)
-    if beyond > p.proof.reach + way + brake or seen.volume > p.volume.volume_high:
-        return has_shown(seen)
-    old = proof.unproven >= p.proof.unproven
+        reach = enough(p, max(asked - seen.depth, p.proof.ready))
+    lacks = reach + brake + p.push.grown - beyond
+    if lacks < 0.0 or seen.volume > p.volume.volume_high:
+        return 0.0, has_shown(seen)
+    slow = abs(seen.depth - s.motion.z1) <= p.rest.still_distance
+    old = proof.unproven >= (p.proof.holding if slow and known else p.proof.unproven)
     spare = proof.shown - neutral - brake
     due, shown_for, allowed = tried, proof.shown_for, proof.allowed
+    near = seen.depth + p.proof.ready
+    begun = seen.depth if allowed <= shown_for else allowed
     if not known:
         due = due or ((old or spare < p.proof.sinks) and beyond < -p.proof.sinks)
-    elif asked > allowed:
-        jump = min((asked - allowed) * p.proof.per_jump, 1.0)
-        needed = p.neutral.psi * (asked - allowed) + jump * (p.proof.reach - p.proof.sinks)
-        due = due or old or spare < p.proof.sinks + needed
-        if not due:
-            allowed = asked
-            if jump >= 1.0:
-                shown_for = asked
+    elif asked > allowed and (tried or old or spare < enough(p, asked - begun)):
+        due = True
     else:
         allowed = asked
+        if slow and spare >= enough(p, asked - seen.depth):
+            shown_for = max(shown_for, asked)
+        if slow and not old and spare >= enough(p, p.proof.ready):
+            near = near + p.rest.still_distance
+            allowed = max(asked, near)
+            shown_for = max(shown_for, near)
         due = due or (spare < p.proof.sinks and asked > shown_for)
-    return ProofWatch(NEVER if due else more(proof.unproven, 1), proof.shown, shown_for, allowed)
+        if slow and proof.unproven >= p.proof.early and abs(beyond) <= p.proof.sinks:
+            due = due or abs(seen.depth - asked) <= p.rest.still_distance
+    unproven = NEVER if due else more(proof.unproven, 1)
+    return lacks, ProofWatch(unproven, proof.shown, shown_for, allowed)
+
+
+def outward(p: SupervisorParameters, seen: Watched, lacks: float) -> float:
+    """Return the command that moves the volume out by what it lacks, and a part of a tick more.
+
+    A positioner goes at its rate. A motor gets as many quarters as its load takes, and the way.
+    """
+    if p.rate.positioner > 0.0:
+        return p.push.surface_command
+    load = p.rate.load_drive * seen.depth + p.rate.friction
+    needs = lacks + p.rate.rate * load * p.S_p + p.proof.least_way
+    command = 0.0
+    way = 0.0
+    for _ in range(_QUARTERS):
+        if needs > way:
+            command = command + p.push.quarter
+        way = way + p.rate.rate * p.push.quarter * p.S_p
+    return min(p.push.surface_command, command)
 
 
 def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:
@@ -865,7 +901,6 @@ def step(
     n = volume - p.neutral.psi * depth - p.neutral.neutral
     room = p.neutral.neutral_range + p.neutral.psi_range * abs(depth)
     resting = rests(p.rest, depth, n, room)
-    speed = 0.0
     if good:
         s = s._replace(rest=watch_still(p.rest, s.rest, depth))
         stands = s.rest.still >= p.rest.still
@@ -874,7 +909,6 @@ def step(
         before, n1 = s.depth.depth, s.motion.n1
         old = seen.depth_age >= p.S_p
         s = s._replace(same=watch_sameness(p.same, s.same, depth, before, n1, old, resting))
-        speed = (depth - s.motion.z1) * p.motion.per_tau
         s = s._replace(deep=watch_deep(p, s, depth, n, volume))
         since = 0
     s = s._replace(board=watch_board(p.board, s.board, seen))
@@ -882,9 +916,10 @@ def step(
     if asks and measured and not resting and s.motion.known >= p.motion.known:
         neutral = volume - n + s.motion.own
         tried = s.same.same >= p.proof.same_tried
-        s = s._replace(proof=watch_proof(p, s, seen, neutral, speed, tried))
+        lacks, proof = watch_proof(p, s, seen, neutral, tried)
+        s = s._replace(proof=proof)
         if s.proof.unproven == NEVER:
-            wanted = p.push.surface_command
+            wanted = outward(p, seen, lacks)
     elif asks and measured:
         if volume > s.proof.shown:
             s = s._replace(proof=has_shown(seen))

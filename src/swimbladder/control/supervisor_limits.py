@@ -55,7 +55,9 @@ _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
 _MOVED_SHARE = 0.025  # of half the stroke, with which a depth cannot stay the same
 _REACH, _AHEAD = 2.0, 2.0  # of that, by which a push shows that it can, and more for the way down
-_PER_JUMP = 1.0  # 1/m; a way from rest of so much comes to half the speed of a long one
+_READY, _LEAST_READY = 1.5, 0.5  # m, of a step that a law's holding makes ready for; the least
+_LEFT_ALONE = 5e-3  # m, by which that may move the vehicle
+_ABOVE_STOP = 1.1  # of what counts as a stop, that a push asks for at least
 _SINKS = 0.6  # of that, by which the vehicle is heavy
 # On the edge between two quanta noise turns the depth in a quarter of the ticks; the mean of 200 is
 # within 0.16 of that. 0.42 means sigma above the quantum: a sample is then the same with a chance
@@ -64,6 +66,9 @@ _NOISY, _NOISY_WEIGHT, _SAME_NOISY = 0.42, 0.005, 44
 _GROWN_SHARE = 2e-3  # of half the stroke
 _STILL_S = 5.0
 _UNPROVEN_S = 30.0  # s, in which what was shown of the actuator counts
+_HOLDING, _EARLY = 2.5, 2.3  # times it, while a law holds a depth; when it is shown there
+_BLOCKED_SHARE = 0.585  # of the speed of a way without drag, that a block at its middle meets
+_LONGEST_JUMP = 20.0  # m
 _REST_S, _LEAST_PUSH_S = 20.0, 10.0
 _RELEASE_S = 60.0
 _RISE = 1.0  # m
@@ -77,10 +82,11 @@ _Limits = TypeVar("_Limits")
 
 
 def supervisor_parameters(
-    vehicle: Vehicle, sample_time: float, *, in_pool: bool = False
+    vehicle: Vehicle, sample_time: float, *, in_pool: bool = False, rests: bool | None = None
 ) -> SupervisorParameters:
     """Return the supervisor's numbers for a vehicle at a sample time [s].
 
+    rests: whether its law lets the actuator rest where it holds a depth; None: as its own does.
     Raises InputError where full buoyancy would not bring the vehicle up from its depth limit.
     """
     pumps = vehicle.command == "volume change"
@@ -115,13 +121,22 @@ def supervisor_parameters(
     floor = _either(given.bottom_depth, math.inf)
     grown = max(_GROWN_SHARE * half, 6.0 * sensors.volume_noise + 2.0 * sensors.volume_quantum)
     moved = _MOVED_SHARE * half
-    proof = tried = NEVER
+    proof = tried = holding = early = NEVER
+    reach, sinks = _REACH * moved, _SINKS * moved
+    per_jump = _per_jump(p, reach, full_rate)
+    # out and back at its rate, a volume moves the vehicle by 2 a_b V^3/rate^2 or so
+    leaves = (0.5 * _LEFT_ALONE * full_rate * full_rate / p.a_b) ** (1.0 / 3.0) - sinks - grown
+    ready = min(_READY, max(leaves, 0.0) / (max(p.psi, 0.0) + per_jump * (reach - sinks)))
     # with psi <= 0 a vehicle that sinks comes to rest by itself, and a push may be dear
     # and in a pool it would end the very sinking that is measured
     if given.prove_after is not None or (p.psi > 0.0 and not in_pool):
-        proof = ticks(given.prove_after or _UNPROVEN_S, tick)
+        after = given.prove_after or _UNPROVEN_S
+        proof = holding = ticks(after, tick)
         tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
-    stop_rate = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
+        moves = not (own_law_rests(vehicle) if rests is None else rests)
+        if moves and ready >= _LEAST_READY:
+            holding, early = ticks(_HOLDING * after, tick), ticks(_EARLY * after, tick)
+    stop_rate = stopped = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
     if voltage and tick <= p.T1:  # the motor's own lag would look like a stop
         stop_rate = math.inf
     found = SupervisorParameters(
@@ -130,6 +145,7 @@ def supervisor_parameters(
         push=supervisor.PushLimits(
             surface_command=p.supply if voltage else p.V_max,
             hold_command=hold if voltage else p.V_max,
+            quarter=0.25 * p.supply if voltage else 0.25 * (p.V_max - p.V_min),
             away_command=-p.supply if voltage else p.V_min,
             away_hold=0.0 if voltage else p.V_min,
             push=ticks(2.0 * stroke_s, tick),
@@ -185,11 +201,15 @@ def supervisor_parameters(
         proof=supervisor.ProofLimits(
             same_tried=tried,
             unproven=proof,
-            sinks=_SINKS * moved,
-            reach=_REACH * moved,
+            holding=holding,
+            early=early,
+            sinks=sinks,
+            reach=reach,
             per_speed=math.sqrt(max(p.psi, 0.0) / p.a_b),
             lead=p.a_b * tau,
-            per_jump=_PER_JUMP,
+            per_jump=per_jump,
+            ready=ready,
+            least_way=_ABOVE_STOP * stopped * tick,
             ahead=_AHEAD * moved,
         ),
         neutral=supervisor.NeutralLimits(
@@ -390,6 +410,29 @@ def cruising_speed(vehicle: Vehicle) -> float:
     """Return the largest speed that a float's law asks for [m/s]; 0.1 where it does not say."""
     given = {} if vehicle.controller is None else leaves(bind(vehicle.controller)[1])
     return float(given.get("far_speed", _SPEED))
+
+
+def own_law_rests(vehicle: Vehicle) -> bool:
+    """Return whether a vehicle's own law lets the actuator rest where it holds a depth."""
+    if vehicle.controller is None:
+        return False
+    law, numbers, *_ = bind(vehicle.controller)
+    return law.rests(numbers)
+
+
+def _per_jump(p: Plant, reach: float, rate: float) -> float:
+    """Return 1/the jump [1/m] for which a volume has to reach so far [m3] at a rate [m3/s].
+
+    A vehicle whose volume rate is bounded goes a way d from rest to rest in (32 d/(a_b rate))^(1/3)
+    without drag, at twice d over that in its middle, where it has turned from less to more volume
+    than neutral. A volume that is blocked from there on stops it while it is above the neutral one
+    by sqrt(psi/a_b) times its speed.
+    """
+    slope = _BLOCKED_SHARE * math.sqrt(max(p.psi, 0.0) / p.a_b) * 2.0
+    if slope * rate <= 0.0:
+        return 1.0 / _LONGEST_JUMP
+    jump: float = (reach / slope) ** 1.5 / math.sqrt(p.a_b * rate / 32.0)
+    return 1.0 / min(jump, _LONGEST_JUMP)
 
 
 def ticks(seconds: float, tick: float) -> int:

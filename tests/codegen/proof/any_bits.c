@@ -136,6 +136,7 @@ int main(void)
             command = tick(&seen);
             /*@ assert finite: \is_finite(command); */
             /*@ assert within: SWB_COMMAND_LEAST <= command <= SWB_COMMAND_MOST; */
+            /*@ assert called: VEHICLE.controller.waiting < SWB_MOST_WAIT; */
         }
         tick_box(&seen, command);
 #ifdef DRIVE

@@ -80,16 +80,50 @@ def test_the_loop_is_law_and_supervisor_called_in_python(vehicle, where):
         assert ours.depth[-1] < 1.0  # and brought it up
 
 
+def flown_by(name, *, supervised, **how):
+    """Return runs of a law's example from 1.5 m, in noise."""
+    vehicle, parameters, tick = example(name)
+    given = {"law": LAWS[name], "parameters": parameters, "sample_time": tick, "seed": 4}
+    given |= {"start_depth": 1.5, "supervised": supervised}
+    return simulate_ensemble(noisy(vehicle), **given, **how)
+
+
 @pytest.mark.promise("test-pushes")
 def test_a_push_that_proves_the_motor_is_in_the_loop():
-    vehicle = noisy(FEUP)
-    alone = sb.simulate(vehicle, supervised=False, seed=4, **STEPS)
-    under = sb.simulate(vehicle, supervised=True, seed=4, **STEPS)
-    pushed = (under.voltage == 12.0) & (under.command < 11.0)
-    assert np.unique(np.floor(under.time[pushed])).tolist() == [100.0]  # before it goes deeper
-    assert not ((alone.voltage == 12.0) & (alone.command < 11.0)).any()
-    held = under.time < 99.0
-    assert (under.depth[held] == alone.depth[held]).all()
+    """Before a vehicle goes deeper, where its law rests while it holds a depth."""
+    given = {"setpoints": [(0.0, 1.5), (100.0, 3.0)], "duration": 130.0, "count": 1}
+    runs = [
+        flown_by("observer", supervised=supervised, keep="trajectory", **given)
+        for supervised in (False, True)
+    ]
+    alone, under = (run["volume"].to_numpy().ravel() for run in runs)
+    before = runs[0]["time"].to_numpy() <= 100.0
+    assert (under[before] == alone[before]).all()
+    assert under[~before].max() > alone[~before].max() + 5e-6
+
+
+@pytest.mark.parametrize("name", ["planned", "adrc"])
+@pytest.mark.promise("no-cost")
+def test_a_law_that_moves_the_volume_anyway_steps_under_it_as_it_does_alone(name):
+    """What a step needs was shown while the law held: whenever in the turn of pushes it comes."""
+    for at in (120.0, 140.0, 160.0):
+        given = {"setpoints": [(0.0, 1.5), (at, 3.0)], "duration": at + 60.0, "count": 20}
+        alone, under = (
+            flown_by(name, supervised=supervised, **given)["settle2"].to_numpy()
+            for supervised in (False, True)
+        )
+        assert np.median(under) <= np.median(alone) + 0.3 + 1e-9  # a sample
+
+
+@pytest.mark.promise("no-cost")
+def test_what_is_shown_while_a_law_holds_leaves_the_depth_where_it_was():
+    held = {"setpoints": [(0.0, 1.5)], "duration": 1200.0, "count": 20}
+    alone, under = (flown_by("adrc", supervised=supervised, **held) for supervised in (False, True))
+    extra = (under["actuator_travel"] - alone["actuator_travel"]).to_numpy()
+    assert (extra > 100e-6).all()  # m3: it was pushed
+    assert np.median(extra) * 3.0 < 3e-3  # at most 3 L/h
+    assert float(under["rms_error"].max()) < 5e-3
+    assert not under["alarm"].any()
 
 
 def ramp(to, speed):

@@ -245,7 +245,7 @@ def simulate_ensemble(
         recorded=keep == "trajectory",
         booked=books and not pumped,
     )
-    watch = supervision_of(vehicle, tick, supervised)
+    watch = supervision_of(vehicle, tick, supervised, rests=chosen.rests(numbers))
     run = _Run(lay_out, own, values, seed, model, watch)
     work = np.empty((int(Row.STEP), count))
     samples = clock.ticks + 1 if keep == "trajectory" else 0

@@ -186,7 +186,7 @@ def simulate(
             check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
-    watch = supervision_of(vehicle, tick, supervised)
+    watch = supervision_of(vehicle, tick, supervised, rests=chosen.rests(numbers))
     values = {name: np.array([value]) for name, value in leaves(numbers).items()}
     lay_out = partial(
         Block,

@@ -86,11 +86,12 @@ class Supervision(NamedTuple):
 
 
 def supervision_of(
-    vehicle: Vehicle, tick: float, supervised: bool | None
+    vehicle: Vehicle, tick: float, supervised: bool | None, *, rests: bool | None = None
 ) -> Supervision | tuple[()]:
     """Return the supervisor over one lane of a vehicle at a sample time [s]; () for none.
 
-    supervised: whether there is one; None: where the vehicle has a table of it.
+    supervised: whether there is one; None: where the vehicle has a table of it. rests: whether the
+    law under it lets the actuator rest, as `supervisor_parameters` has it.
     Raises InputError where it cannot be, and as `supervisor_parameters` does.
     """
     pumps, given = vehicle.command == "volume change", "supervisor" in vehicle.model_fields_set
@@ -99,7 +100,7 @@ def supervision_of(
         raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
     if pumps or not (given if supervised is None else supervised):
         return ()
-    p = supervisor_parameters(vehicle, tick)
+    p = supervisor_parameters(vehicle, tick, rests=rests)
     nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
     begun = [*numbers(supervisor.initial(p, nothing, 0.0)), math.nan]
     limits = np.array([*numbers(p), *command_limits(vehicle, tick)], np.float64)
