@@ -98,13 +98,11 @@ def test_the_c_gives_the_golden_trace_to_the_bit(name, tmp_path):
 
 def _twin(name: str) -> ControllerTwin:
     made = library(name)
-    low, high = made.limits
     return ControllerTwin(
         twin_of(name),
         made.parameters,
         tick_s=made.tick_s,
-        low=low,
-        high=high,
+        limits=made.limits,
         first=first_command(name),
     )
 

@@ -40,7 +40,7 @@ def a_vehicle(name="cascade", **supervisor):
     vehicle = vehicle.model_copy(update={"supervisor": Supervisor(**supervisor)})
     low, high = command_limits(vehicle)
     first = 0.0 if vehicle.voltage_driven else high
-    law = ControllerTwin(LAWS[name], parameters, tick_s=tick, low=low, high=high, first=first)
+    law = ControllerTwin(LAWS[name], parameters, tick_s=tick, limits=(low, high), first=first)
     limits = supervisor_parameters(vehicle, tick)
     made = VehicleTwin(law, limits)
     made.switch_on(ARMING, arming_parameters(vehicle, limits))

@@ -59,7 +59,7 @@ def fly(name="cascade", *, fault=None, onset=300.0, sensors=NOISY, supervisor=No
     vehicle = vehicle.model_copy(update={"sensors": sensors, "supervisor": own})
     low, high = command_limits(vehicle)
     first = 0.0 if vehicle.voltage_driven else high
-    law = ControllerTwin(LAWS[name], parameters, tick_s=tick, low=low, high=high, first=first)
+    law = ControllerTwin(LAWS[name], parameters, tick_s=tick, limits=(low, high), first=first)
     latched: list[int] = []
     start = math.ceil(onset / tick - 1e-9)
 

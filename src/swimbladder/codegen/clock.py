@@ -54,7 +54,7 @@ def arming_twin() -> Law:
 class ControllerTwin:
     """What the microcontroller does at every tick, in float32.
 
-    law: a law's `twin`; low, high: limits of the command; first: the command until there is one;
+    law: a law's `twin`; limits: of the command; first: the command until there is one;
     seconds: the command is seconds of pump and valve, and the volume need not be measured; most:
     ticks that the law may wait: one that wants to wait for longer gave no command.
     `number` is what its numbers are: float32, as in C.
@@ -68,15 +68,14 @@ class ControllerTwin:
         parameters: Any,
         *,
         tick_s: float,
-        low: float,
-        high: float,
+        limits: tuple[float, float],
         first: float = 0.0,
         seconds: bool = False,
         most: int = MOST_TICKS,
     ) -> None:
         self.law, self.parameters, self.most = law, parameters, most
         self.tick_s = self.number(tick_s)
-        self.low, self.high = self.number(low), self.number(high)
+        self.low, self.high = map(self.number, limits)
         self.command, self.seconds = np.float32(first), seconds
         self.state: Any = None
         self.ticks = 0

@@ -89,13 +89,11 @@ class BoardProgram:
         self, law: Law, made_of: type[ControllerTwin] = ControllerTwin
     ) -> ControllerTwin:
         """Return what calls a law as the board does: the law or its twin."""
-        low, high = self.limits
         return made_of(
             law,
             self.parameters,
             tick_s=self.tick_s,
-            low=low,
-            high=high,
+            limits=self.limits,
             first=self.first,
             seconds=self.drive is not None,
             most=self.most_wait,

@@ -34,7 +34,7 @@ def test_a_mission_without_faults_is_that_of_simulate_with_the_twin(
     law, parameters, tick = choose_law(vehicle, None, None, None)
     low, high = command_limits(vehicle)
     first = 0.0 if law.command == "voltage" else vehicle.stroke.maximum
-    board = ControllerTwin(twin(law), parameters, tick_s=tick, low=low, high=high, first=first)
+    board = ControllerTwin(twin(law), parameters, tick_s=tick, limits=(low, high), first=first)
     solution = sb.simulate(
         vehicle,
         law=lambda seen, asked: float(board.tick(seen.depth, seen.volume, asked)),
@@ -389,7 +389,7 @@ def test_a_clock_that_is_wrong_ticks_twice_or_not_at_all(rig, share):
     vehicle, tick, n, begin = rig.vehicle, rig.tick, 600, 100
     law, parameters, _ = choose_law(vehicle, None, None, None)
     low, high = command_limits(vehicle)
-    board = ControllerTwin(twin(law), parameters, tick_s=tick, low=low, high=high)
+    board = ControllerTwin(twin(law), parameters, tick_s=tick, limits=(low, high))
     turns = ((0.0, 20.0), (300.0, 22.0))
     ahead, fault = 0.0, (Fault.CLOCK_WRONG, share, 0, begin, ALWAYS)
     _, flown = rig.fly(fault, turns=turns, ticks=n)
