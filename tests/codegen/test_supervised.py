@@ -17,7 +17,14 @@ from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.records import numbers
-from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor import (
+    SUPERVISOR,
+    Reason,
+    SupervisorParameters,
+    Watched,
+    initial,
+    step,
+)
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
@@ -222,7 +229,7 @@ def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost
 
 
 @examples(40)
-@given(stretches=_STRETCHES, anew=st.booleans(), reference=st.sampled_from([3.0, math.nan]))
+@given(stretches=_STRETCHES, anew=st.booleans(), reference=st.sampled_from([3.0, *_ODD]))
 @pytest.mark.promise("full-buoyancy")
 @pytest.mark.promise("command-within-limits")
 @pytest.mark.promise("as-in-python")
@@ -253,6 +260,39 @@ def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
                 calm = (np.float32(p.push.hold_command), np.float32(p.push.away_hold))
                 assert got[0] in (np.float32(p.push.surface_command), *calm, turned)
     assert latched or not anew
+
+
+@pytest.mark.promise("no-command", faults=["set-point NaN", "set-point infinite"])
+@pytest.mark.parametrize("reference", [math.nan, math.inf, -math.inf])
+def test_a_set_point_that_is_no_depth_brings_it_up(both, reference):
+    made, in_c = both
+    beside = chip.vehicle_twin(made)
+    in_c.begin(anew=False)
+    at_once = math.ceil(2.0 * 5.0 / made.tick_s)  # twice the patience
+    for k in range(2 * at_once):
+        seen = SEEN._replace(volume=float(np.float32(1e-5 + 1e-9 * k)))
+        wanted = 2.0 if k < at_once else reference
+        expected, got = said_by(beside, seen, wanted), in_c.tick(seen, wanted)
+        assert (bits(got[0]), got[1:]) == (bits(expected[0]), expected[1:])
+        assert k >= at_once or got[1] == 0
+    assert got[1] == Reason.NO_COMMAND
+    assert got[0] == np.float32(made.supervisor.push.surface_command)
+
+
+@pytest.mark.promise("full-buoyancy", faults=["bit flips"])
+def test_bits_that_flip_do_not_undo_full_buoyancy(both):
+    """Of the reasons after the first, and of what a push did before there was one."""
+    made, _ = both
+    p = made.supervisor
+    begun = initial(p, SEEN, 0.0)
+    latched = begun._replace(rescue=begun.rescue._replace(reason=int(Reason.LEAK), reasons=0))
+    turned = begun._replace(push=begun.push._replace(turns=16384))
+    for begins, seen in ((latched, SEEN), (turned, SEEN._replace(leak=True))):
+        state = begins
+        for _ in range(p.board.leak + 1):
+            command, state, _ = step(p, state, seen, 0.0)
+        assert command == p.push.surface_command
+        assert state.rescue.reason == Reason.LEAK
 
 
 def random_calls(count: int) -> list[tuple[Any, ...]]:

@@ -218,7 +218,9 @@ class VehicleTwin:
                 return hold
         wanted = self.controller.command
         if not (self.state.rescue.reason or self.state.restarted):  # else left alone: it may hang
-            asked = min(reference, self.state.proof.allowed)  # NaN is the law's business
+            asked = min(reference, self.state.proof.allowed)
+            if not math.isfinite(reference):  # the law's business, which gives no command
+                asked = math.nan
             wanted = self.controller.tick(seen.depth, seen.volume, asked)
         seen = seen._replace(missed=min(self.controller.missed, NEVER), reference=reference)
         if self.controller.seconds:

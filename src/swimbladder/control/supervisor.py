@@ -846,7 +846,11 @@ def bring_up(
     depth = s.depth.depth
     if s.rescue.reason == 0:
         reason = first_of(s.rescue.reasons)
-        s = s._replace(rescue=s.rescue._replace(reason=reason, from_depth=depth))
+        turns = s.push.turns if s.restarted else 0  # of a push before the reset; of none otherwise
+        s = s._replace(
+            push=s.push._replace(turns=turns),
+            rescue=s.rescue._replace(reason=reason, from_depth=depth),
+        )
     up = depth <= p.rest.surface
     volume = s.volume.volume
     high = volume >= p.volume.volume_high
@@ -930,7 +934,8 @@ def step(
         command=wanted,
     )
     s = s._replace(rescue=s.rescue._replace(reasons=reasons_of(p, s)))
-    if s.rescue.reasons > 0:
+    r = s.rescue
+    if r.reasons > 0 or r.reason > 0:  # a bit that flips does not end it
         s = bring_up(p, s, good, lost)
     return s.command, s, p.S_p
 
