@@ -239,7 +239,7 @@ def test_a_law_without_gains_does_not_fit_and_the_others_are_chosen_from(monkeyp
     assert tuned.unfit == {name: str(error) for name, error in why.items()}
     assert tuned.to_json()["unfit"] == tuned.unfit
     for name, error in why.items():
-        assert f"The law {name} does not fit: {error}" in tuned.sentences
+        assert f"The law {name} does not fit: {str(error).rstrip('.')}." in tuned.sentences
     monkeypatch.setattr("swimbladder.design.tuning.run.laws_for", lambda *_: [*why])
     with pytest.raises(NoAnswerError, match=r"gains for this\. cascade: no .*; planned: motion"):
         tune(FEUP, **given)

@@ -99,7 +99,8 @@ class Tuning(gains.Found):
     @property
     def sentences(self) -> tuple[str, ...]:
         """What a person wants to know first."""
-        unfit = (f"The law {name} does not fit: {why}" for name, why in self.unfit.items())
+        named = ((name, why.rstrip(".")) for name, why in self.unfit.items())
+        unfit = (f"The law {name} does not fit: {why}." for name, why in named)
         first = (*filter(None, (self.verdict, self.choice)), *unfit)
         if self.law.ways is not None:
             return (*first, *self._float_sentences)
