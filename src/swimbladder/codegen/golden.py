@@ -90,7 +90,7 @@ class BoardProgram:
     ) -> ControllerTwin:
         """Return what calls a law as the board does: the law or its twin."""
         low, high = self.limits
-        return made_of(
+        made = made_of(
             law,
             self.parameters,
             tick_s=self.tick_s,
@@ -98,8 +98,9 @@ class BoardProgram:
             high=high,
             first=self.first,
             seconds=self.drive is not None,
-            most=self.most_wait,
         )
+        made.most = self.most_wait
+        return made
 
     def board(self, law: Law | None = None, **begun: Any) -> VehicleTwin:
         """Return what the board is: the twin of law and supervisor.
