@@ -800,6 +800,7 @@ class TestReach:
         From the depth on that it has, where the law may be asked for more than it is.
         """
         p, full = self.limits, self.limits.push.surface_command
+        p = p._replace(proof=p.proof._replace(early=NEVER))
         share = min(share * p.proof.per_jump, 1.0)
         spare = p.proof.sinks + share * (p.proof.reach - p.proof.sinks)
         rows = [(2.0, p.neutral.psi * 2.0, asked) for asked in (2.0, to, to)]

@@ -55,12 +55,13 @@ class ControllerTwin:
     """What the microcontroller does at every tick, in float32.
 
     law: a law's `twin`; limits: of the command; first: the command until there is one;
-    seconds: the command is seconds of pump and valve, and the volume need not be measured; most:
-    ticks that the law may wait: one that wants to wait for longer gave no command.
+    seconds: the command is seconds of pump and valve, and the volume need not be measured.
+    `most` is the ticks that the law may wait: one that wants to wait for longer gave no command.
     `number` is what its numbers are: float32, as in C.
     """
 
     number: Callable[[float], Any] = np.float32
+    most: int = MOST_TICKS
 
     def __init__(
         self,
@@ -71,9 +72,8 @@ class ControllerTwin:
         limits: tuple[float, float],
         first: float = 0.0,
         seconds: bool = False,
-        most: int = MOST_TICKS,
     ) -> None:
-        self.law, self.parameters, self.most = law, parameters, most
+        self.law, self.parameters = law, parameters
         self.tick_s = self.number(tick_s)
         self.low, self.high = map(self.number, limits)
         self.command, self.seconds = np.float32(first), seconds

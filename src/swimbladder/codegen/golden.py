@@ -89,15 +89,16 @@ class BoardProgram:
         self, law: Law, made_of: type[ControllerTwin] = ControllerTwin
     ) -> ControllerTwin:
         """Return what calls a law as the board does: the law or its twin."""
-        return made_of(
+        made = made_of(
             law,
             self.parameters,
             tick_s=self.tick_s,
             limits=self.limits,
             first=self.first,
             seconds=self.drive is not None,
-            most=self.most_wait,
         )
+        made.most = self.most_wait
+        return made
 
     def board(self, law: Law | None = None, **begun: Any) -> VehicleTwin:
         """Return what the board is: the twin of law and supervisor.

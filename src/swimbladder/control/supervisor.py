@@ -738,7 +738,10 @@ def watch_proof(
             allowed = max(asked, near)
             shown_for = max(shown_for, near)
         due = due or (spare < p.proof.sinks and asked > shown_for)
-        if slow and proof.unproven >= p.proof.early and abs(beyond) <= p.proof.sinks:
+        late = proof.unproven >= p.proof.early
+        if p.proof.early < NEVER:
+            late = late or proof.shown - neutral < enough(p, p.proof.ready)
+        if slow and late and abs(beyond) <= p.proof.sinks:
             due = due or abs(seen.depth - asked) <= p.rest.still_distance
     unproven = NEVER if due else more(proof.unproven, 1)
     return lacks, ProofWatch(unproven, proof.shown, shown_for, allowed)

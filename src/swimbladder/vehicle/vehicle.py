@@ -361,8 +361,8 @@ class Supervisor(Parameters):
     the sensor make as good as impossible"""
     prove_after: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
     """before it goes deeper a vehicle is pushed outward for a moment where its actuator has not
-    shown for so long that it can (for 2.5 times as long while a law holds a depth, and pushed after
-    2.3 times it there if the law does not rest), and so is one whose depth was the very same for so
+    shown for so long that it can (for 3.2 times as long while a law holds a depth, and pushed after
+    3 times it there if the law does not rest), and so is one whose depth was the very same for so
     long; not given: 30 s, or never where psi is not above 0"""
     hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = None
     """voltage that keeps the volume at its largest; not given: what the sea's load takes where it
