@@ -108,7 +108,8 @@ def watch_of(
             raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
         return ()
     tick = laws[0].sample_time
-    watch = supervision_of(vehicle, tick, supervised)
+    rests = any(law.law.rests(law.parameters) for law in laws)
+    watch = supervision_of(vehicle, tick, supervised, rests=rests)
     if not watch:
         return ()
     alone = "fly the law alone (--without-supervisor)"
