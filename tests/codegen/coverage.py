@@ -71,7 +71,7 @@ def vehicles(name: str) -> tuple[Vehicle, Vehicle]:
     own = first.controller.model_copy(update={"parameters": given | other})
     made = (pump if volts else stepper)(
         drag=SWITCHED,
-        sensors=Sensors(depth_noise="2 mm", depth_quantum="5 mm"),
+        sensors=Sensors(depth_noise="8 mm", depth_quantum="5 mm"),
         controller=own,
         supervisor=Supervisor(time_limit="40 min", bottom_depth="9 m"),
     )
@@ -87,7 +87,7 @@ def floats() -> tuple[Vehicle, Vehicle]:
         update={
             "actuator": first.actuator.model_copy(update=plain),
             "controller": first.controller.model_copy(update={"parameters": own}),
-            "sensors": Sensors(depth_noise="2 mm", depth_quantum="5 mm"),
+            "sensors": Sensors(depth_noise="8 mm", depth_quantum="5 mm"),
             "supervisor": Supervisor(time_limit="40 min", bottom_depth="90 m"),
         }
     )

@@ -427,9 +427,9 @@ def test_reasons_have_words_in_c(tmp_path):
     assert [number for number, *_ in meanings(library().supervisor)] == list(range(1, 16))
     p = library().supervisor
     said = " ".join(readme.split())
-    above = f"not been {p.proof.reach * 1e6:.3g} cm3 above the one that is neutral there"
-    assert f"{above} in the last 30 s" in said
-    assert "the command is 12 V, whatever the law says" in said
+    takes = f"as a step like that takes (up to {p.proof.reach * 1e6:.3g} cm3) in the last 30 s"
+    assert takes in said
+    assert "the command is up to 12 V, whatever the law says" in said
 
 
 @pytest.mark.avr

@@ -30,6 +30,7 @@ DRIVE = DriveParameters(
     short_2=0.0,
     head_0=1e4,
     head_1=1e4,
+    longest_wait=1e5,
     valve_flow=1e-8,
     bypass_flow=1e-7,
     quantum=0.01,

@@ -938,7 +938,7 @@ def step(
     )
     s = s._replace(rescue=s.rescue._replace(reasons=reasons_of(p, s)))
     r = s.rescue
-    if r.reasons > 0 or r.reason > 0:  # a bit that flips does not end it
+    if more(r.reasons, r.reason) > 0:  # a bit that flips does not end it
         s = bring_up(p, s, good, lost)
     return s.command, s, p.S_p
 

@@ -67,7 +67,7 @@ def test_a_pump_that_beats_a_valve_that_is_stuck_open_fills_an_empty_bladder(sha
     """One that is beaten leaves it empty, and draws down a volume that is there."""
     lane = lane_of(load_vehicle("example-float"), np.zeros((0, 6)))
     p, table = lane.p, lane.table
-    p["open"] = share
+    p["open"] = p["open_running"] = share
     out, lets = (look(table, p["step"], n, DEEP)[0] for n in (Table.RATE_OUT, Table.RATE_IN))
     net = out - share * lets
     for volume in (p["v_min"], p["v_min"] + 1e-5):
