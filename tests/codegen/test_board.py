@@ -73,8 +73,8 @@ class TestOnAnAtmega:
         assert answer.equal
         assert (reset.name, reset.reason, reset.ended) == ("reset", "restarted", "armed as before")
         assert flight.ticks == 1335
-        # SciPy's LSODA in double precision: 3.016 m after 400 s (tests/cli/test_simulate.py), by the
-        # law alone; the supervisor shows the actuator every 90 s, which moves the vehicle 5 mm
+        # SciPy's LSODA in double precision: 3.016 m after 400 s (tests/cli/test_simulate.py), by
+        # the law alone; the supervisor shows the actuator every 90 s, which moves it by 5 mm
         assert flight.depth == pytest.approx(3.016, abs=6e-3)
         assert answer.speed > 5.0  # 60 on a free core
         assert 2e-3 < max(answer.times.steps) < 4e-3  # docs/how-to/firmware.md: 2.9 ms
