@@ -172,10 +172,13 @@ class Campaign:
         """Numbers of those lost that full buoyancy 60 s after the first of two faults recovers.
 
         60 s after the second acts it does not: it is too late by then, or the second is a block
-        that has not shown before.
+        that has not shown before. A fault that is there from the start is no first one: full
+        buoyancy 60 s later comes before the other has begun.
         """
         ideal: NDArray[np.bool_] = self.outcome(3) == Outcome.SURFACED
-        return np.flatnonzero(ideal & ~self.recoverable & ~self.came_up(0, ideal=3))
+        there = [number for number, kind in KINDS.items() if kind.from_start]
+        begun = np.isin([self.fault_row(which, "kind") for which in (0, 1)], there).any(axis=0)
+        return np.flatnonzero(ideal & ~self.recoverable & ~self.came_up(0, ideal=3) & ~begun)
 
     @cached_property
     def detection_time(self) -> Array:
