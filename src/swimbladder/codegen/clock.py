@@ -85,8 +85,8 @@ class ControllerTwin:
     def tick(self, depth: float, volume: float, reference: float) -> Any:
         """Return the command from this tick on, of measurements at it [m, m3] and the depth asked.
 
-        Where the law's command or new state is not finite, or it wants to wait for too long, only
-        `missed` is changed: it counts these.
+        Where no depth is asked for, the law's command or new state is not finite, or it wants to
+        wait for too long, only `missed` is changed: it counts these.
         """
         if not 0 < self.waiting <= self.most:
             time: Any = self.number(self.ticks) * self.tick_s
@@ -106,8 +106,11 @@ class ControllerTwin:
     def _call(self, seen: Measurement, reference: Any) -> None:
         self.waiting = 1
         state = self.state
+        if not math.isfinite(reference):
+            self.missed += 1
+            return
         if state is None:
-            needed = (seen.depth, 0.0 if self.seconds else seen.volume, reference)
+            needed = (seen.depth, 0.0 if self.seconds else seen.volume)
             if not all(map(math.isfinite, needed)):
                 self.missed += 1
                 return
@@ -218,9 +221,8 @@ class VehicleTwin:
                 return hold
         wanted = self.controller.command
         if not (self.state.rescue.reason or self.state.restarted):  # else left alone: it may hang
-            asked = min(reference, self.state.proof.allowed)
-            if not math.isfinite(reference):  # the law's business, which gives no command
-                asked = math.nan
+            known = math.isfinite(reference)  # else the controller asks its law for nothing
+            asked = min(reference, self.state.proof.allowed) if known else reference
             wanted = self.controller.tick(seen.depth, seen.volume, asked)
         seen = seen._replace(missed=min(self.controller.missed, NEVER), reference=reference)
         if self.controller.seconds:

@@ -1,6 +1,7 @@
 """A flight in which things fail: against `simulate`, SciPy and what each fault is said to do."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from scipy.integrate import solve_ivp
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin
 from swimbladder.codegen.twin import twin
+from swimbladder.control.supervisor import Reason
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
+from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.sim.faults.fault_effects import NOTHING_KEPT, _held, flip, see_depth
@@ -20,6 +23,7 @@ from swimbladder.sim.faults.mission_records import RESULT, Result
 from tests.sim.faults.oracle import Fault
 
 ALWAYS = math.inf
+FILES = Path(__file__).parents[2] / "frozen" / "inputs"
 
 
 @pytest.mark.parametrize(
@@ -437,6 +441,19 @@ def test_a_law_that_waits_is_called_once_more_and_no_longer(rig):
     assert len(set(flown["command"][100:])) == 1
     assert len(set(flown["command"][:100])) > 50
     assert flown["depth"][-1] > 25.0 or flown["depth"][-1] < 1.0
+
+
+@pytest.mark.promise("no-command", faults=["set-point NaN", "law waits for ever"])
+@pytest.mark.parametrize("fault", [Fault.SETPOINT_NAN, Fault.SETPOINT_INFINITE, Fault.LAW_WAITS])
+@pytest.mark.parametrize("name", ["adrc", "observer", "planned"])
+def test_whatever_law_gets_no_depth_or_no_turn_is_taken_over_from(rig_of, name, fault):
+    """Some laws would hold the last depth for ever, a leak's vehicle too."""
+    own = load_vehicle(str(FILES / f"law-{name}.toml")).model_copy(update={"name": name})
+    vehicle = rig_of(own)
+    result, flown = vehicle.fly((fault, 1e39, 0, 200, ALWAYS), who="supervised", ticks=900)
+    assert flown["reason"][-1] == Reason.NO_COMMAND
+    assert result[RESULT.latched] * vehicle.tick < 60.0 + 15.0
+    assert flown["depth"][-1] < 10.0
 
 
 @pytest.mark.parametrize(

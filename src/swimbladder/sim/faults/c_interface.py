@@ -123,9 +123,9 @@ def c_interface(first: float, *, floats: bool) -> str:
     """Return the C; first: the controller's command until there is one.
 
     seen: depth, its age, volume, battery, leak, lost ticks, depth asked for, and 1 for a law that
-    waits for ever once it was called. said: the reason of
-    the supervisor, whether a weight is to be released, whether the law was called, and of floats
-    whether a command below 0 is for the bypass. That of
-    ideal detection is supervised until there is a reason, which it ignores: its law goes on.
+    wants to wait for ever, which is no command. said: the reason of the supervisor, whether a
+    weight is to be released, whether the law was called, and of floats whether a command below 0 is
+    for the bypass. That of ideal detection is supervised until there is a reason, which it ignores:
+    its law goes on.
     """
     return render("c_interface.c.j2", {"first": first, "floats": floats})

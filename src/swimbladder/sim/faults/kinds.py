@@ -52,7 +52,7 @@ class On(IntEnum):
     CLOCK = 33  # share by which the board's ticks come too often
     FLIP = 34  # 0: a bit of what the board remembers flips
     ASKED = 35  # m, in the place of the depth asked for; 0: not a number
-    WAITS = 36  # 0: the law says that it need not be called again
+    WAITS = 36  # 0: the law wants to wait for ever, which is no command
 
 
 class Op(IntEnum):
