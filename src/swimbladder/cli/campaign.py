@@ -12,7 +12,7 @@ import typer
 
 from swimbladder.cli.casts import CastReading, warn_of_mass
 from swimbladder.cli.common import asked_of, compile_notice, emit_json, kept, progress, say, table
-from swimbladder.cli.options import ALONE, Files, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
@@ -40,7 +40,7 @@ class Flown(Options):
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
     span: Given = valued("TIME", "After it no cycle begins.", name="--duration")
     seed: int = valued(None, "Of all that is drawn.", 1, min=0)
-    alone: bool = flag(*ALONE)
+    supervised: bool = watched()
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,6 @@ def campaign(
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     asked, who = how.read(), work.read()
-    asked["supervised"] = False if asked.pop("alone") else None
     to.check()
     casts = reading.casts(cast, task.latitude)
     warn_of_mass(v)

@@ -14,7 +14,7 @@ import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, refuse_doubted_unit, warn_of_mass
 from swimbladder.cli.common import aside, asked_of, compile_notice, kept, labelled, progress, table
-from swimbladder.cli.options import ALONE, Files, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued, watched
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError, SwimbladderError
 
@@ -45,7 +45,7 @@ class Flown(Options):
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
     duration: Given = valued("TIME", "No cycle begins after this time.")
     seed: int | None = valued(None, "Seed of the sensors' noise (no noise).", min=0)
-    alone: bool = flag(*ALONE)
+    supervised: bool = watched()
     begin: Given = valued("TIME", "Start, ISO 8601, for netCDF (2000-01-01).", read=_moment)
 
 
@@ -78,7 +78,6 @@ def mission(
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     asked = how.read()
     asked["span"] = asked.pop("duration")
-    asked["supervised"] = False if asked.pop("alone") else None
     begin = asked.pop("begin") or _BEGIN
     to.check()
     keep = unfinished(to.out)

@@ -46,8 +46,8 @@ Contents = Callable[[Mapping[str, Any]], Mapping[str, object]]
 """Returns contents by name, as `show.files.write_all` takes them, from an answer."""
 _VEHICLE = typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
 VehicleName = Annotated[str, _VEHICLE]
-ALONE = "--without-supervisor", "Fly the law alone, for study."
-WithoutSupervisor = Annotated[bool, typer.Option(ALONE[0], help=ALONE[1])]
+_ALONE, _ALONE_HELP = "--without-supervisor", "Fly the law alone, for study."
+WithoutSupervisor = Annotated[bool, typer.Option(_ALONE, help=_ALONE_HELP)]
 AnyVehicle = Annotated[str | None, _VEHICLE]
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")]
 
@@ -74,6 +74,18 @@ def valued(
 def flag(name: str, help: str, default: bool = False) -> Any:
     """Return a field of a group: an option without a value."""
     return valued(None, help, default, name=name)
+
+
+def watched() -> Any:
+    """Return a field `supervised`: False for the law alone, None for what the vehicle's file says.
+
+    Of `Options.read`; the option itself is a flag.
+    """
+
+    def supervised(alone: bool, _: str) -> bool | None:
+        return False if alone else None
+
+    return valued(None, _ALONE_HELP, False, name=_ALONE, read=supervised)
 
 
 def _read(text: Any, option: str, about: Mapping[str, Any]) -> Any:

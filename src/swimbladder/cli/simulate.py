@@ -226,7 +226,7 @@ def simulate(
 
             medium = medium_of(v, water, reach=reach)
         s = _run(v, task, seed, water, False if without_supervisor else None)
-        from swimbladder.sim.closed_loop.supervision import unwatched_words
+    from swimbladder.sim.closed_loop.supervision import unwatched_words
 
     folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
-from swimbladder.cli.options import ALONE, Files, Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
 from swimbladder.cli.texts import Given, Several
 from swimbladder.errors import NoAnswerError
 
@@ -40,7 +40,7 @@ class Asked(Options):
         "LAW", "With --robustness: this law too, tuned first.", name="--law", read=_all
     )
     draws: int = valued("N", "Vehicles of each trial.", 200)
-    alone: bool = flag(*ALONE)
+    supervised: bool = watched()
 
 
 @grouped(out=Path("swimbladder-stability"))
@@ -58,7 +58,6 @@ def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     v = load_vehicle(vehicle)
     options = asked.given()
     options["maps"] = not options.pop("no_maps")
-    options["supervised"] = False if options.pop("alone") else None
     to.check()
     keep = unfinished(to.out)
     with progress("loading the simulator"):

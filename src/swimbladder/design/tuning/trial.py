@@ -27,7 +27,7 @@ from swimbladder.physics.electric import electrical_power, largest_voltage, wind
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
-from swimbladder.sim.closed_loop.swell import Swell, depth_error
+from swimbladder.sim.closed_loop.swell import SEAS, depth_error
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.vehicle import Vehicle
 
@@ -60,8 +60,6 @@ _SHARE = 0.02  # of the step
 _USUAL = 1.5  # m, of a step
 _BEFORE = 120.0, 400  # s and samples, in which a supervisor gets to know the vehicle before a step
 _OFF_RUNS = 20  # with the ballast off, half of them to either side
-SEAS = Swell(1.0, (8.0, 10.0, 12.0)), Swell(1.0, (4.0, 5.0, 6.0))
-"""A swell and a wind sea, in which no supervisor must take a healthy vehicle for a faulty one."""
 HALF_HOUR, _IN_WAVES = 1800.0, 10  # s, runs in each sea
 ALONE = "the law flies alone, without the supervisor that `firmware` writes beside it"
 SUPERVISED = (
@@ -398,7 +396,7 @@ def settling_off_ballast(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: D
 def alarms_in_waves(vehicle: Vehicle, bound: BoundLaw, depth: float, drawn: Drawn) -> float:
     """Return the share of half hours at a depth [m] in which waves alarm the supervisor.
 
-    The seas of `SEAS`, half of the runs in each; the nominal vehicle, held at the depth.
+    The seas of `swell.SEAS`, half of the runs in each; the nominal vehicle, held at the depth.
     """
     h, found = bound.sample_time, []
     medium = medium_of(vehicle, drawn.column, reach=depth)

@@ -33,6 +33,10 @@ class Swell(NamedTuple):
     periods: tuple[float, ...]
 
 
+SEAS = Swell(1.0, (8.0, 10.0, 12.0)), Swell(1.0, (4.0, 5.0, 6.0))
+"""A swell and a wind sea, in which no supervisor must take a healthy vehicle for a faulty one."""
+
+
 def wavenumber(period: float, g: float) -> float:
     """Return the wave number k [1/m] of a wave in deep water: w^2 = g k."""
     return (2.0 * math.pi / period) ** 2 / g

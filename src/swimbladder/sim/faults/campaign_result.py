@@ -212,7 +212,7 @@ class Campaign:
         """The code of the supervisor's reason in each healthy mission; 0: it had none."""
         return _results(self.healthy, 0, "reason")
 
-    @property
+    @cached_property
     def cut_short(self) -> NDArray[np.intp]:
         """Numbers of the missions whose time limit acts before their depth is off by 3 m."""
         ends = [

@@ -19,7 +19,7 @@ from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_depths, check_dive, turned_round
-from swimbladder.sim.closed_loop.swell import Swell, amplitude, share_read, wavenumber
+from swimbladder.sim.closed_loop.swell import SEAS, amplitude, share_read, wavenumber
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers
 from swimbladder.sim.faults.kinds import KINDS, MOTOR, On, Op, draw_fault, kinds_of, parts_of
@@ -51,9 +51,8 @@ SWELL = 0.005  # of the stroke, the least; ten times as much the most
 BAND = 1.0  # m under the surface: a hull bobs in the swell
 BROWN_OUT = 0.45  # of the nominal supply; a 5 V regulator under a 12 V battery
 MISSTATED, COARSE = 4.0, 5e-3  # times the noise; m
-WAVES = 3  # that a sea is made of
+WAVES = len(SEAS[0].periods)  # that a sea is made of
 HEIGHTS = (1.0, 2.0, 10.0), (0.5, 1.0, 2.5)  # m: of the highest seas, by a mission's least depth
-SWELLS, WIND_SEA = (8.0, 10.0, 12.0), (4.0, 5.0, 6.0)  # s
 LOW_SUPPLY = 0.9  # of the nominal one, as tune assumes
 
 
@@ -308,9 +307,9 @@ def _waves(course: Course, random: np.random.Generator, *, nearest: float) -> Ar
     rough, height = random.random() < 0.5, random.random()
     swell, phases = random.random() < 0.5, random.uniform(0.0, 2.0 * math.pi, WAVES)
     most = float(np.interp(nearest, *HEIGHTS)) if not course.floats else 0.5 * HEIGHTS[1][-1]
-    sea = Swell(height * most, SWELLS if swell else WIND_SEA)
     if not rough:
         return np.zeros((WAVES, len(Wave._fields)))
+    sea = SEAS[0 if swell else 1]._replace(height=height * most)
     g, hull = course.vehicle.water.gravity, course.vehicle.hull
     found = []
     for period, phase in zip(sea.periods, phases.tolist(), strict=True):
