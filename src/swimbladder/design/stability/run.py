@@ -254,8 +254,8 @@ def _settling(s: Stood) -> str:
 _NOT_LINEAR = "Limit cycles are predicted for loops that are linear and stable at rest."
 _RATE_LIMIT = "The actuator takes a volume: its rate limit has no describing function here."
 _BETWEEN = (
-    "So are margins and limit cycles: of the law, between the supervisor's pushes. Maps and wrong "
-    "gains are of both together, as flashed."
+    "Eigenvalues, margins and limit cycles are those of the law, between the supervisor's pushes; "
+    "maps and wrong gains are of both together, as flashed."
 )
 _SOON = 600.0  # s, in which a disturbance is to be gone
 _AROUND = 1.5  # times its tolerance: a law of volume changes lets it drift to the edge of that

@@ -44,7 +44,7 @@ def draw_campaign(flown: Campaign) -> Figure:
         fate.barh(rows, share, left=left, color=color, label=label, height=0.75)
         left += share
     fate.set_yticks(rows, [line.name for line in lines])
-    fate.set(xlim=(0.0, 100.0), xlabel="missions [%]")
+    fate.set(xlim=(0.0, 100.0), ylim=(-0.7, len(lines) - 0.3), xlabel="missions [%]")
     fate.grid(visible=False, axis="y")
     figure.legend(loc="outside lower center", ncols=2)
     for row, line in zip(rows, lines, strict=True):
