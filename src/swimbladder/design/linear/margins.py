@@ -22,6 +22,8 @@ from swimbladder.design.linear.models import Array, StateSpace, balancing_scale
 Complex = NDArray[np.complex128]
 
 _NEAR = 1e-3  # how far from the circle rounding may carry an eigenvalue of a cluster
+_MAXIMA, _FLAT = 5, 1e-13  # maxima of a grid that are refined, until a peak is known to so much
+_ROUNDS, _PARTS = 20, np.linspace(0.0, 1.0, 9)
 
 
 def crossing_frequencies(loop: StateSpace) -> Array:
@@ -253,21 +255,29 @@ def _root(f: Callable[[float], float], low: float, high: float) -> float:
 def _peak(
     size: Callable[[Complex], Array], L: Callable[[ArrayLike], Complex], w: Array, response: Complex
 ) -> Limit:
-    """Largest size of L and where, the grid's largest few maxima refined."""
-    from scipy.optimize import minimize_scalar
+    """Largest size of L and where, the grid's largest few maxima refined.
 
+    Each between its neighbours, where there is one maximum, by points that are evenly apart in the
+    logarithm, then between the neighbours of the largest of these, until they are as large.
+    """
     values = size(response)
-    best = (float(values[-1]), float(w[-1]))
     inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
-    for i in sorted([0, *inner], key=lambda i: -values[i])[:5]:
-        best = max(best, (float(values[i]), float(w[i])))
-        found = minimize_scalar(
-            lambda x: -float(size(L(math.exp(x)))[0]),
-            bounds=(math.log(w[max(i - 1, 0)]), math.log(w[i + 1])),
-            method="bounded",
-            options={"xatol": 1e-10},
-        )
-        best = max(best, (-float(found.fun), math.exp(float(found.x))))
+    around = np.array(sorted([0, *inner], key=lambda i: -values[i])[:_MAXIMA])
+    best = max((float(values[i]), float(w[i])) for i in [*around, -1])
+    low, high = np.log(w[np.maximum(around - 1, 0)]), np.log(w[around + 1])
+    for _ in range(_ROUNDS):
+        x = low[:, None] + (high - low)[:, None] * _PARTS
+        found = size(L(np.exp(x.ravel()))).reshape(x.shape)
+        rows, at = np.arange(len(x)), np.argmax(found, axis=1)
+        largest = found[rows, at]
+        top = int(np.argmax(largest))
+        best = max(best, (float(largest[top]), math.exp(float(x[top, at[top]]))))
+        before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(_PARTS) - 1)
+        missed = largest - np.minimum(found[rows, before], found[rows, after])
+        rough = (missed > _FLAT * best[0]) & (largest + missed >= best[0])
+        if not rough.any():
+            break
+        low, high = x[rows, before][rough], x[rows, after][rough]
     return best
 
 
