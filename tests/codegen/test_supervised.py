@@ -183,8 +183,8 @@ def test_a_reset_leaves_what_the_last_push_did(both):
 @pytest.mark.parametrize(
     ("turns", "way", "volumes"),
     [
-        (4, "away_command", [9e-5, 9e-5, 9e-5]),
-        (4, "away_command", [math.nan, 9e-5, 9e-5]),
+        (7, "away_command", [9e-5, 9e-5, 9e-5]),
+        (7, "away_command", [math.nan, 9e-5, 9e-5]),
         (0, "surface_command", [math.nan, 1e-4, 1e-4]),
         (0, "surface_command", [9.9e-5, 1e-4, 1e-4]),
     ],

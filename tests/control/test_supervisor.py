@@ -249,6 +249,25 @@ class TestFaults:
         _, after, _ = SUPERVISOR.step(p, state, seen, 0.0)
         assert reasons_in(after.rescue.reasons) == (Reason.NO_COMMAND,)
 
+    @pytest.mark.promise("no-command", faults=["set-point absurd"])
+    @pytest.mark.parametrize("absurd", [-3e38, -20.0, 141.0, 3e38])
+    def test_a_set_point_that_no_vehicle_can_have(self, absurd):
+        """It is passed over for as long as the law may give no command; a spell of it is not."""
+        p = supervisor_parameters(example("cascade")[0], 0.3)
+        assert -20.0 < p.depth.depth_least < -1.0
+        assert p.deep.deepest < p.depth.depth_most < 141.0
+
+        def reasons(ticks: int, of: int) -> tuple[Reason, ...]:
+            s = SUPERVISOR.initial(p, CALM, 0.0)
+            for k in range(10 * ticks):
+                asked = absurd if k % of < ticks else 3.0
+                seen = CALM._replace(depth=3.0 + 1e-3 * (k % 2), reference=asked)
+                _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            return reasons_in(s.rescue.reasons)
+
+        assert Reason.NO_COMMAND not in reasons(p.board.missed - 1, p.board.missed)
+        assert reasons(p.board.missed, 10 * p.board.missed)[-1] is Reason.NO_COMMAND
+
     @pytest.mark.promise("not-following", faults=["blocked outward"])
     def test_pushes_that_end_at_one_place(self):
         """Noise drives the volume to and fro; a block holds it back at its peaks only."""
@@ -388,7 +407,7 @@ def test_a_turned_push_that_lost_just_what_counts_has_not_fallen():
     s = PushWatch(phase=0, pushed=0.0, astray=p.push.astray, turns=3)
     p = p._replace(volume=p.volume._replace(volume_low=-1e-4))
     for lost, turns in ((2e-6, 3), (math.nextafter(2e-6, 1.0), 1)):
-        after = watch_push(p, s, -lost, True, sinks=False, high=False, blind=False)
+        after = watch_push(p, s, -lost, True, sinks=False, rises=False, high=False, blind=False)
         assert after.turns == turns
 
 
@@ -939,16 +958,23 @@ class TestSafeAction:
             commands.append(command)
         return commands, s
 
-    @pytest.mark.promise("full-buoyancy")
-    def test_it_pushes_rests_and_pushes_again_whatever_the_sensors_say(self):
+    @pytest.mark.promise("full-buoyancy", faults=["port throttled outward"])
+    @pytest.mark.parametrize("up", [False, True])
+    def test_it_pushes_rests_and_pushes_again_whatever_the_sensors_say(self, up):
+        """Nothing tells a port that hardly lets through from one that is shut: it goes on for long.
+
+        At the surface there is time, and a motor that stands is to be spared.
+        """
         p = self.limits
+        rest, again = int(p.push.rest), int(p.push.again)
+        assert p.push.stall * 0.3 >= 300.0
+        once = again if up else again * math.ceil(p.push.stall / again)
+        first = int(p.push.push) if up else once
+        turn = [p.push.hold_command] * rest + [p.push.surface_command] * once
+        expected = [p.push.surface_command] * first + turn * 40
         lying = CALM._replace(depth=math.nan, volume=math.nan)
-        commands, _ = self.after(1500, lying)
-        push, rest, again = int(p.push.push), int(p.push.rest), int(p.push.again)
-        turn = [p.push.hold_command] * rest + [p.push.surface_command] * again
-        expected = [p.push.surface_command] * push + turn * 10
-        assert commands == expected[:1500]
-        assert self.after(1500)[0] == commands
+        for seen in [WET._replace(depth=0.0)] if up else [lying, WET]:
+            assert self.after(3000, seen)[0] == expected[:3000]
 
     def driven(
         self,
@@ -957,14 +983,15 @@ class TestSafeAction:
         seconds: float = 60.0,
         *,
         sinks: float = 0.0,
+        depth: float = 2.0,
         least: float = -3.5e-4,
         lost: Any = lambda _: False,
         stuck_from: float = math.inf,
     ) -> list[tuple[float, float]]:
         """Return (command, volume) of a leaking vehicle; drive: (time, command) -> m3/s.
 
-        sinks [m/s]; least [m3]: where it ends inwards; lost: whether the volume is not seen at t;
-        stuck_from [s]: it reads the same from then on.
+        sinks [m/s], from a depth [m]; least [m3]: where it ends inwards; lost: whether the volume
+        is not seen at t; stuck_from [s]: it reads the same from then on.
         """
         p, n = self.limits, round(seconds / 0.3)
         s = SUPERVISOR.initial(p, WET, 1.0)
@@ -973,7 +1000,7 @@ class TestSafeAction:
         for k in range(n):
             read = volume if 0.3 * k < stuck_from else read
             seen = WET._replace(
-                volume=math.nan if lost(0.3 * k) else read, depth=2.0 + sinks * 0.3 * k
+                volume=math.nan if lost(0.3 * k) else read, depth=depth + sinks * 0.3 * k
             )
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
             rows.append((command, volume))
@@ -1045,7 +1072,7 @@ class TestSafeAction:
             command, s, _ = SUPERVISOR.step(p, s, WET._replace(volume=volume), 0.0)
             volume = min(volume - 0.3 * p.rate.rate * command, 3.5e-4)
         assert volume >= p.volume.volume_high
-        assert s.push.turns == 4
+        assert s.push.turns == 7
 
     @pytest.mark.promise("swapped-wires", faults=["actuator reversed"])
     def test_wires_that_are_mended_are_found_too(self):
@@ -1107,6 +1134,45 @@ class TestSafeAction:
         tried = commands.count(p.push.away_command) * 0.3
         assert 0.0 < tried < 5.0
         assert commands[-1] == p.push.surface_command
+
+    @pytest.mark.promise("full-buoyancy", faults=["actuator weak at depth"])
+    @pytest.mark.parametrize(
+        ("depth", "sinks", "tried"),
+        [(30.0, -0.05, False), (30.0, 0.05, True), (0.1, 0.0, False), (2.0, 0.0, True)],
+    )
+    def test_a_volume_that_goes_while_the_vehicle_rises_or_is_up_is_let_go(
+        self, depth, sinks, tried
+    ):
+        """The motor wins as the load falls; a try the other way would cost 12 cm3 and more."""
+        rows = self.driven(
+            lambda _, u: -2e-6 if u > 0.0 else -5e-5, 2e-4, 40.0, sinks=sinks, depth=depth
+        )
+        assert (self.limits.push.away_command in {command for command, _ in rows}) is tried
+
+    @pytest.mark.promise("full-buoyancy", faults=["ticks lost", "volume drift"])
+    def test_what_falls_over_ticks_that_are_lost_falls_slowly(self):
+        """The reading of the volume drifts by 1 cm3/s, and a tick in 60 comes."""
+        p = self.limits
+        s, commands = SUPERVISOR.initial(p, WET, 1.0), []
+        for k in range(60):
+            time = 18.0 * (k // 2) + 0.3 * (k % 2)
+            seen = WET._replace(volume=3e-4 - 1e-6 * time, lost=59 if k % 2 == 0 else 0)
+            command, s, _ = SUPERVISOR.step(p, s, seen._replace(depth=50.0 - 0.3 * time), 0.0)
+            commands.append(command)
+        assert p.push.away_command not in commands
+
+    @pytest.mark.promise("full-buoyancy", faults=["bit flips"])
+    @pytest.mark.parametrize("bit", [1, 2, 4])
+    def test_a_bit_of_the_turns_that_flips_is_got_over_without_a_sensor(self, bit):
+        """Both sensors are stuck: nothing else would tell that the push goes the wrong way."""
+        commands, s = self.after(30)
+        s = s._replace(push=s.push._replace(turns=s.push.turns ^ bit))
+        commands = []
+        for _ in range(30):
+            command, s, _ = SUPERVISOR.step(self.limits, s, WET, 0.0)
+            commands.append(command)
+        assert commands.count(self.limits.push.away_command) <= self.limits.push.astray + 1
+        assert set(commands[10:]) == {self.limits.push.surface_command}
 
     def test_a_volume_that_creeps_inwards_by_itself_costs_two_seconds(self):
         """0.15 % of the stroke a second, whatever is commanded, as beside a motor that is slow."""

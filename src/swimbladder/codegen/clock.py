@@ -21,7 +21,7 @@ from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParamet
 
 MOST_TICKS = 1_000_000
 SOON = 3  # ticks: a push that lasted longer has been judged before a reset
-MOST_TURNS = 4  # turns of a push that gained the other way round
+MOST_TURNS = 7  # turns of a push that gained the other way round
 
 
 def wait_in_ticks(next_s: Any, tick_s: Any) -> int:

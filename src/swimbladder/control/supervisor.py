@@ -46,8 +46,10 @@ class PushLimits(NamedTuple):
     push: Annotated[Count, "ticks"]  # ticks of the surface command at first
     again: Annotated[Count, "ticks"]  # ticks of it after a rest
     rest: Annotated[Count, "ticks"]  # ticks of the hold command in between
+    stall: Annotated[Count, "ticks"]  # ticks of pushing that gain nothing before it rests, if deep
     grown: Annotated[float, "m3"]  # by which the volume is known to have grown
     away: Annotated[float, "m3"]  # by which a push that drives it away is known
+    away_fast: Annotated[float, "m3"]  # in a tick, as fast as one that does drives it
     astray: Annotated[Count, "ticks"]  # ticks in which a push moves it nowhere
     release: Annotated[Count, "ticks"]  # ticks in which it has to rise
     rise: Annotated[float, "m"]  # by so much
@@ -176,12 +178,12 @@ class DeepLimits(NamedTuple):
 
 
 class BoardLimits(NamedTuple):
-    """What battery, leak sensor and law may do."""
+    """What battery, leak sensor, law and mission may do."""
 
     battery_low: Annotated[float, "V"]
     battery: Annotated[Count, "ticks"]  # ticks below it
     leak: Annotated[Count, "ticks"]  # ticks of leak
-    missed: Annotated[Count, "ticks"]  # calls without a command
+    missed: Annotated[Count, "ticks"]  # calls without a command, ticks of an impossible set-point
 
 
 class TimeLimits(NamedTuple):
@@ -291,7 +293,7 @@ class RestWatch(NamedTuple):
 
 
 class BoardWatch(NamedTuple):
-    """Battery, leak sensor and law."""
+    """Battery, leak sensor, law and mission."""
 
     battery: Count  # ticks
     leak: Count  # ticks
@@ -304,7 +306,7 @@ class PushWatch(NamedTuple):
     phase: Count  # ticks of the safe action, in its turn of pushes and rests
     pushed: float  # m3, volume as far out as the push has brought it
     astray: Count  # ticks since a push moved it out
-    turns: Count  # of the push: 1 for good the way it was; 2 tried, 3 as it fell, 4 as it grew so
+    turns: Count  # of the push: 1 for good the way it was; 2 tried, 3 as it fell, 7 as it grew so
 
 
 class Rescue(NamedTuple):
@@ -395,6 +397,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
 _BLOCK = 4096  # ticks that the fine count of time holds
 _MOST_LOST = _BLOCK - 1  # ticks that are counted at once
 _REASONS = 15
+_GREW = 7  # turns of a push that gained the other way round: no single bit makes it of 0, 1 or 2
 _ANY = 1e6  # m, any depth
 _QUARTERS = 4
 _STEPS = 14  # of six that a stop takes without drag and compression
@@ -674,14 +677,17 @@ def watch_deep(
     return tally(wrong, s.deep, p.deep.deep)
 
 
-def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched) -> BoardWatch:
-    """Count the ticks of a low battery, of a leak, and the calls without a command."""
+def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched, impossible: bool) -> BoardWatch:
+    """Count the ticks of a low battery, of a leak, and without a command or a possible set-point.
+
+    impossible: the set-point is none that any vehicle can have.
+    """
     low = p.battery_low > 0.0 and seen.battery < p.battery_low
     battery = tally(low, s.battery, p.battery)
     leak = tally(seen.leak, s.leak, p.leak)
     missed = s.missed
     if missed < p.missed:
-        missed = min(seen.missed, p.missed)
+        missed = more(missed, 1) if impossible else min(seen.missed, p.missed)
     return s._replace(battery=battery, leak=leak, missed=missed)
 
 
@@ -812,32 +818,38 @@ def watch_push(
     volume: float,
     measured: bool,
     sinks: bool,
+    rises: bool,
     high: bool,
     blind: bool,
 ) -> PushWatch:
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
-    At the inner end little is lost by trying; a try ends at a tick that is lost, or does not see
-    the volume. What a turned push gained stays turned until the volume falls, or stands while the
-    vehicle sinks. A rest in which the sea drives it in is over.
+    A motor whose wires are swapped drives it away at its full rate. What falls more slowly the sea
+    may drive back: it is tried the other way unless the vehicle rises or is up. One that stands
+    is tried at the inner end only, where little is lost. A tick that is lost, or does not see the
+    volume, begins no such try and ends any. What a turned push gained stays turned until the volume
+    falls, or stands while the vehicle sinks. A rest in which the sea drives it in is over. Numbers
+    of turns that there are not, of bits that flipped, are none.
     """
-    turns = s.turns
+    turns = s.turns if s.turns < 4 or s.turns == _GREW else 0
     gained = volume - s.pushed
     if measured and gained > p.push.grown:
-        return s._replace(pushed=volume, astray=0, turns=4 if turns > 1 else turns)
+        return s._replace(pushed=volume, astray=0, turns=_GREW if turns > 1 else turns)
     late = s.astray >= p.push.astray
     inward = gained < -p.push.grown
     fell = gained < -p.push.away or (inward and late and turns == 3)
+    fast = gained < -(p.push.away_fast + times(s.astray, p.push.away_fast))
     patience = p.push.push if high else p.push.again
     stands = turns > 1 and sinks and not inward and s.astray >= patience
-    if turns == 2 or not (blind or turns > 3 or volume >= p.volume.volume_low):
+    if turns == 2 or not (blind or turns == _GREW or volume >= p.volume.volume_low):
         stands = late
-    s = s._replace(astray=more(s.astray, 1))
+    s = s._replace(astray=more(s.astray, 1), turns=turns)
     if fell:
         s = s._replace(pushed=volume)
+    away = fell and (turns > 0 or fast or not (rises or blind))
     if fell and s.phase >= p.push.push:
         s = s._replace(astray=0, phase=less(p.push.push, p.push.again))
-    elif turns != 1 and (fell or stands or (blind and 1 < turns < 4)):
+    elif turns != 1 and (away or stands or (blind and 1 < turns < _GREW)):
         s = s._replace(astray=0, turns=1 if turns > 1 else (3 if fell else 2), phase=0)
     return s
 
@@ -862,7 +874,9 @@ def bring_up(
     sinks = moves and moved > 0.0
     measured = s.volume.measured
     blind = lost > 0 or not measured
-    s = s._replace(push=watch_push(p, s.push, volume, measured, sinks, high, blind))
+    s = s._replace(push=s.push._replace(astray=more(s.push.astray, lost)))
+    rises = good and (up or moved < -p.rest.still_distance)
+    s = s._replace(push=watch_push(p, s.push, volume, measured, sinks, rises, high, blind))
     command = p.push.surface_command if s.push.phase < p.push.push else p.push.hold_command
     phase = more(s.push.phase, 1)
     if s.push.turns > 1:
@@ -872,8 +886,12 @@ def bring_up(
             command = p.push.away_hold
             phase = p.push.push
     elif phase >= p.push.push:
-        gains = (moves or s.push.astray < p.push.again) and not high
-        if sinks or gains or phase >= more(p.push.push, p.push.rest):
+        patience = p.push.again if good and up else p.push.stall
+        gains = (moves or s.push.astray < patience) and not high
+        if phase >= more(p.push.push, p.push.rest):
+            s = s._replace(push=s.push._replace(astray=0))
+            phase = less(p.push.push, p.push.again)
+        elif sinks or gains:
             phase = less(p.push.push, p.push.again)
     window = more(s.rescue.window, 1)
     s = s._replace(
@@ -918,7 +936,8 @@ def step(
         s = s._replace(same=watch_sameness(p.same, s.same, depth, before, n1, old, resting))
         s = s._replace(deep=watch_deep(p, s, depth, n, volume))
         since = 0
-    s = s._replace(board=watch_board(p.board, s.board, seen))
+    impossible = seen.reference < p.depth.depth_least or seen.reference > p.depth.depth_most
+    s = s._replace(board=watch_board(p.board, s.board, seen, impossible))
     asks = p.proof.same_tried < NEVER and good
     if asks and measured and not resting and s.motion.known >= p.motion.known:
         neutral = volume - n + s.motion.own

@@ -42,6 +42,7 @@ _RATE_LEAST_POSITIONER = 0.15  # a position that is read off by as much as its d
 _STOP_SHARE = 0.15  # of the full rate: what is asked for in a push that a block ends
 _STOPS = 6  # of them; the chance that healthy ones end twice at one place is some percent
 _AWAY = 5.0  # times what is known to have grown
+_AWAY_FAST = 0.5  # of the full rate
 _END_SHARE = 0.05  # of the stroke, next to an end stop
 _WATER_SPEED = 1.0  # m/s, of swell
 _AIR_PRESSURE = 1.0  # m, 100 hPa: more than weather changes the surface's reading
@@ -70,6 +71,7 @@ _HOLDING, _EARLY = 3.2, 3.0  # times it, while a law holds a depth; when it is s
 _BLOCKED_SHARE = 0.585  # of the speed of a way without drag, that a block at its middle meets
 _LONGEST_JUMP = 20.0  # m
 _REST_S, _LEAST_PUSH_S = 20.0, 10.0
+_STALL_S = 300.0  # a motor may stand still for that long under its full voltage
 _RELEASE_S = 60.0
 _RISE = 1.0  # m
 _DEEPEST = 12000.0  # m, deeper than any sea
@@ -151,8 +153,10 @@ def supervisor_parameters(
             push=ticks(2.0 * stroke_s, tick),
             again=ticks(max(_LEAST_PUSH_S, 0.5 * stroke_s), tick),
             rest=ticks(_REST_S, tick),
+            stall=ticks(max(_STALL_S, 2.0 * stroke_s), tick),
             grown=grown,
             away=_AWAY * grown + (p.T1 * full_rate if voltage else 0.0),
+            away_fast=_AWAY_FAST * full_rate * tick,
             astray=ticks(follow, tick),
             release=ticks(given.release_time or 2.0 * stroke_s + _RELEASE_S, tick),
             rise=_RISE,
@@ -380,10 +384,10 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
     light = vehicle.drag.rising_ratio
     fastest = p.depth.fastest / math.sqrt(min(light, 1.0))
     again = ticks(_LEAST_PUSH_S + start * deep.per_turn_rate, tick)
-    push = _off(p.push, "grown away astray", zero="hold_command away_command away_hold")
+    push = _off(p.push, "grown away away_fast astray", zero="hold_command away_command away_hold")
     rest = ticks(_AFLOAT_REST_S, tick)
     return p._replace(
-        push=push._replace(surface_command=tick, again=again, rest=rest),
+        push=push._replace(surface_command=tick, again=again, rest=rest, stall=again),
         depth=p.depth._replace(fastest=fastest, step=p.depth.step + fastest - p.depth.fastest),
         volume=supervisor.VolumeLimits(NEVER, -1.0, 1.0, -1.0, 1.0),
         rate=_off(p.rate, "rate_least stop_rate following", zero="rate"),

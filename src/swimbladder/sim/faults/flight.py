@@ -167,15 +167,15 @@ def _keep(source: Any, target: Any) -> None:
 def _filled(faults: Faults, S: Array, afloat: bool) -> float:
     """Return 1 once a vehicle is heavy with all its volume out since it was at the surface.
 
-    0: all out, and not heavy; -1: not all out, or not there. What is filled stays so until it is
-    at the surface again.
+    All: as far as the actuator comes, where it is blocked. 0: all out, and not heavy; -1: not all
+    out, or not there. What is filled stays so until it is at the surface again.
     """
     base = faults.flight.base
     before: float = faults.flight.result.filled
     if before > 0.0 and not afloat:
         return before
     stroke = base[modes.V_MAX] - base[modes.V_MIN]
-    if S[Row.V] + S[Row.LOST] < base[modes.V_MAX] - _NEARLY * stroke:
+    if S[Row.V] + S[Row.LOST] < S[Row.PLANT + modes.V_MAX] - _NEARLY * stroke:
         return -1.0
     if afloat:
         return 0.0
