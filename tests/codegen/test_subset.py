@@ -97,6 +97,7 @@ def test_nothing_of_double_precision_is_in_the_c():
 
 
 @example(3.4028234663852886e38)
+@example(48313712.0)  # 48313710 is halfway to the float below
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_a_literal_is_the_float32_it_stands_for(x):
     text = c_float(x).removesuffix("f")

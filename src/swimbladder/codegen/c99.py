@@ -94,7 +94,13 @@ def c_float(value: float) -> str:
     if math.isinf(value):
         return "INFINITY" if value > 0.0 else "-INFINITY"
     with np.errstate(all="ignore"):
-        return f"{np.float32(value)!s}f"
+        single = np.float32(value)
+        text, x = str(single), float(single)
+        neighbours = [float(np.nextafter(single, np.float32(end))) for end in (-np.inf, np.inf)]
+    # The fewest digits may stand halfway to a neighbour: not every compiler rounds that to even.
+    if any(2.0 * (float(text) - x) == other - x for other in neighbours):
+        text = repr(float(f"{x:.9g}"))  # decimals of 9 digits lie closer than floats
+    return f"{text}f"
 
 
 def remarks(kind: type | None) -> dict[str, str]:
