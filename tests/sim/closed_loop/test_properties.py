@@ -16,6 +16,7 @@ from swimbladder.vehicle import (
     Hull,
     IdentifiedActuator,
     PhysicalMotion,
+    Positioner,
     Stroke,
     Supply,
     UnifiedActuator,
@@ -165,6 +166,24 @@ def light(
     share=None,
     speed=0.0,
     targets=[0.0],
+    seed=None,
+)
+@example(  # a positioner that rounding moved to and fro at 12 m, and hardly anything else
+    vehicle=light(
+        K1=1.0,
+        T1=1.0,
+        k_l=0.0,
+        stroke=0.0009118819655545162,
+        psi=1.0421508177765899e-05,
+        area=0.049787068367863944,
+        mass=7.38905609893065,
+    ).model_copy(update={"actuator": Positioner(speed=0.09118819655545163, piston_area=0.01)}),
+    tick=0.05,
+    strength=0.01,
+    start="deep",
+    share=None,
+    speed=0.0,
+    targets=[12.0],
     seed=None,
 )
 @given(

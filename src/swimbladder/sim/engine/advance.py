@@ -16,7 +16,7 @@ from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.books import Account, decays, enter, enter_bend, enter_blow
 from swimbladder.sim.engine.cache import compiled, inlined, shared
 from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS, TICKS, accept, build_chain, leap
-from swimbladder.sim.engine.crossings import at_stop, may_hide, note, put_at_limit
+from swimbladder.sim.engine.crossings import at_stop, may_hide, note, put_at_limit, put_volume
 from swimbladder.sim.engine.layers import Layers
 from swimbladder.sim.engine.modes import COUNT, event, first_mode
 
@@ -117,10 +117,7 @@ def advance(lane: ModeLane, mode: int, u: float, h: float, t: float) -> Any:
                 enter_blow(x[0], q, x[3], w, books)
             note(log, noted, t + h * (TICKS - remaining) / TICKS, mode, new)
             if new % 10 == modes.HOLDING:  # the last part of a tick
-                target = max(p[modes.V_MIN], min(p[modes.V_MAX], u))
-                if books.shape[0] > 0:
-                    books[Account.PUMPED] += target - x[1]
-                x[1] = target
+                put_volume(p, max(p[modes.V_MIN], min(p[modes.V_MAX], u)), x, books)
             x[0], x[3], mode = q, w, new
         ensure_chain(lane, mode, h)
         applied = u

@@ -83,23 +83,27 @@ def at_stop(p: Array, mode: int, x: Array) -> Any:
 
 
 @part
+def put_volume(p: Array, volume: float, x: Array, accounts: Array) -> None:
+    """Put V at a volume less than a tick away, as if the motor had worked for it."""
+    moved = volume - x[1]
+    x[1] = volume
+    if accounts.shape[0] > 0 and moved != 0.0:
+        raised = x[2] * moved
+        load = p[modes.LOAD_DRIVE] if moved > 0.0 else p[modes.LOAD_BACK]
+        accounts[Account.PUMPED] += moved
+        accounts[Account.Z_DV] += raised
+        accounts[Account.Z_Q] += raised
+        accounts[Account.LOAD_Q] += load * raised
+        accounts[Account.U_Q] += load * raised
+
+
+@part
 def put_at_limit(p: Array, mode: int, x: Array, books: Array) -> None:
     """Put V or z at the end stop or the bottom that was reached: less than a tick of the way."""
     act, _, where = split(mode)
-    moved = 0.0
     if act == modes.UPPER:
-        moved = p[modes.V_MAX] - x[1]
-        x[1] = p[modes.V_MAX]
+        put_volume(p, p[modes.V_MAX], x, books)
     elif act in (modes.LOWER, modes.LOWER_SPINNING):
-        moved = p[modes.V_MIN] - x[1]
-        x[1] = p[modes.V_MIN]
-    if books.shape[0] > 0 and moved != 0.0:  # as if the motor had worked for it
-        raised = x[2] * moved
-        load = p[modes.LOAD_DRIVE] if moved > 0.0 else p[modes.LOAD_BACK]
-        books[Account.PUMPED] += moved
-        books[Account.Z_DV] += raised
-        books[Account.Z_Q] += raised
-        books[Account.LOAD_Q] += load * raised
-        books[Account.U_Q] += load * raised
+        put_volume(p, p[modes.V_MIN], x, books)
     if where == modes.BOTTOM:
         x[2] = p[modes.Z_BOTTOM]
