@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import swimbladder.design.analysis
@@ -275,6 +275,40 @@ def decades(low, high):
     integral=decades(-5, 0),
     derivative=decades(0, 3),
     depth=st.just(0.0) | decades(-1, 3.5),
+)
+@example(  # LAPACK's QZ iteration did not converge for the pencil of |L| = 1, nor for the next
+    K1=1e-5,
+    T1=0.1,
+    area=1e-4,
+    load=0.0,
+    k_l=0.0,
+    psi=-1.0,
+    softness=1e-8,
+    mass=1.0,
+    k_dl=10.0,
+    h=0.1,
+    k_pV=1e9,
+    k_pz=1e-8,
+    integral=10.0**-1.5,
+    derivative=1.0,
+    depth=0.0,
+)
+@example(
+    K1=10.0**-3.2421875,
+    T1=0.14669926516401602,
+    area=10.0**-3.5,
+    load=0.0,
+    k_l=0.0,
+    psi=-1.0,
+    softness=1e-6,
+    mass=10.0**0.875,
+    k_dl=10.0,
+    h=10.0**-1.28125,
+    k_pV=1e8,
+    k_pz=1e-7,
+    integral=1.0,
+    derivative=1.0,
+    depth=0.0,
 )
 @examples(60)
 def test_any_vehicle_gets_an_answer(

@@ -67,10 +67,27 @@ def _eigenvalues(left: Array, right: Array) -> Complex:
     """Finite eigenvalues of the pencil left - z right."""
     from scipy.linalg import eig
 
-    above, below = eig(left, right, right=False, homogeneous_eigvals=True)
+    pairs: Any
+    try:
+        pairs = eig(left, right, right=False, homogeneous_eigvals=True)
+    except np.linalg.LinAlgError:  # LAPACK's QZ iteration does not always converge
+        pairs = _inverted(left, right)
+    above, below = pairs
     finite = np.abs(below) > 1e-12 * np.abs(above)
     found: Any = above[finite] / below[finite]
     return found  # type: ignore[no-any-return]
+
+
+def _inverted(left: Array, right: Array) -> tuple[Complex, Complex]:
+    """Return numerators and denominators of a pencil's eigenvalues, of a matrix without a pencil.
+
+    With M = left - s right, those of M^-1 right are 1/(z - s): 0 where z is infinite. No z on the
+    unit circle is near one of the shifts s, of which the one with the best conditioned M is taken.
+    """
+    matrices = {s: left - s * right for s in (-3.0, -2.0, -1.5, 1.5, 2.0, 3.0)}
+    shift = min(matrices, key=lambda s: float(np.linalg.cond(matrices[s])))
+    found = np.linalg.eigvals(np.linalg.solve(matrices[shift], right)).astype(np.complex128)
+    return 1.0 + shift * found, found
 
 
 class Margins(NamedTuple):
