@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from swimbladder.design.pool_day.segments import (
@@ -99,15 +99,35 @@ def test_one_release_is_one_experiment(seed, noise, jitter, size, tick, gain, qu
 
 @examples(25)
 @given(seed=st.integers(0, 10_000))
+@example(seed=222)  # three depths of five on one side
+@example(seed=531)
+@example(seed=2814)  # two volumes in a second, that a mean under way followed
 def test_spikes_gone_samples_and_repeats_change_no_phase(seed):
     rng = np.random.default_rng(seed)
-    t, z, v, rest = day(rng)
-    z = np.where(rng.random(len(t)) < 0.02, z + rng.normal(size=len(t)) * 3.0, z)
+    t, sound, v, rest = day(rng)
+    z = np.where(rng.random(len(t)) < 0.02, sound + rng.normal(size=len(t)) * 3.0, sound)
     v = np.where(rng.random(len(t)) < 0.005, v + 1e-4, v)
     kept = rng.random(len(t)) > 0.1
-    t, z, v = (np.repeat(x[kept], 2) for x in (t, z, v))
+    t, z, sound, v = (x[kept] for x in (t, z, sound, v))
+    for i in range(len(t)):  # a median of five depths bears two
+        latest = slice(max(i - 4, 0), i + 1)
+        if np.count_nonzero(z[latest] != sound[latest]) > 2:
+            z[i] = sound[i]
+    t, z, v = (np.repeat(x, 2) for x in (t, z, v))
     (cut,) = cuts_of(events_of(t, z, v))
     assert abs(cut.released - rest) <= 1.5
+
+
+def test_three_spikes_of_five_depths_are_a_motion_and_the_rest_is_refused():
+    t, z, v, rest = day(np.random.default_rng(1))
+    before = int(np.searchsorted(t, rest - 10.0))
+    for faults, cuts in ((2, 1), (3, 0)):
+        spiked = z.copy()
+        spiked[before : before + faults] -= 1.5
+        found = events_of(t, spiked, v)
+        assert len(cuts_of(found)) == cuts
+        refused = [e.why for e in found if isinstance(e, Refused)]
+        assert (Why.NOT_AT_REST in refused) == (cuts == 0)
 
 
 def test_what_is_fed_twice_or_is_no_number_is_left_out():

@@ -392,7 +392,7 @@ class Glide:
         if self._halted(recent):
             return self.end(End.STOPPED)
         if self._off == 0:  # follows a leak
-            self.volume += 0.1 * (float(recent[:, VOLUME].mean()) - self.volume)
+            self.volume += 0.1 * (float(np.median(recent[:, VOLUME])) - self.volume)
         return []
 
     def _believe(self) -> list[Event]:
