@@ -310,6 +310,23 @@ def decades(low, high):
     derivative=1.0,
     depth=0.0,
 )
+@example(  # four poles at 1: z I - A was singular to rounding at the lowest frequencies
+    K1=1e-4,
+    T1=1.0,
+    area=1e-4,
+    load=0.0,
+    k_l=0.0,
+    psi=0.0,
+    softness=1e-5,
+    mass=1.0,
+    k_dl=0.0,
+    h=1.0,
+    k_pV=1e8,
+    k_pz=1e-6,
+    integral=1e-5,
+    derivative=10.0,
+    depth=0.0,
+)
 @examples(60)
 def test_any_vehicle_gets_an_answer(
     K1, T1, area, load, k_l, psi, softness, mass, k_dl, h, k_pV, k_pz, integral, derivative, depth

@@ -17,6 +17,7 @@ from swimbladder.design.linear.margins import (
     frequency_response,
     largest_delay,
     loop_margins,
+    response,
     spectral_radius,
 )
 from swimbladder.design.linear.models import StateSpace
@@ -332,6 +333,23 @@ def test_margins_do_not_depend_on_how_the_crossings_were_found(loop):
     found = loop_margins(loop)
     with no_convergence():
         np.testing.assert_allclose(loop_margins(loop), found, rtol=1e-6)
+
+
+def test_L_keeps_its_digits_close_to_poles_at_one():
+    """A motor, volume, speed, depth and integral of numbers large and small: state after state."""
+    A = np.eye(5)
+    A[:4, 0] = 0.37, 0.63, -3608.0, -1296.0
+    A[2:4, 1], A[3, 2], A[4, 3] = (-9806.65, -4903.325), 1.0, 1e-11
+    b, c = 1e-4, 1e8
+    loop = system(A, [b, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1e-6 * c, c], 1.0)
+    w = np.geomspace(1e-8, 1.0, 30)
+    d = -2.0 * np.sin(0.5 * w) ** 2 + 1j * np.sin(w)  # z - 1
+    rate = b / (d + 0.63)
+    volume = 0.63 * rate / d
+    speed = (-3608.0 * rate - 9806.65 * volume) / d
+    depth = (-1296.0 * rate - 4903.325 * volume + speed) / d
+    expected = c * (1e-6 * depth + 1e-11 * depth / d)
+    np.testing.assert_allclose(response(loop)(w), expected, rtol=1e-6)
 
 
 def test_double_crossing_close_to_half_the_sampling_frequency():

@@ -12,6 +12,7 @@ crossing can hide between the points of a grid.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,8 +34,7 @@ def crossing_frequencies(loop: StateSpace) -> Array:
     eigenvalues: whoever needs a crossing brackets it between these frequencies.
     """
     assert loop.sample_time is not None
-    scale = balancing_scale(loop.A - loop.B @ loop.C)
-    A, B, C = loop.A * scale / scale[:, None], loop.B / scale[:, None], loop.C * scale
+    A, B, C = _balanced(loop)
     largest_B, largest_C = np.abs(B).max(), np.abs(C).max()
     if largest_B > 0.0 and largest_C > 0.0:  # both of one size, their product the same
         unit = math.sqrt(largest_B / largest_C)
@@ -43,6 +43,15 @@ def crossing_frequencies(loop: StateSpace) -> Array:
     near = found[np.abs(np.abs(found) - 1.0) < _NEAR]
     angles = np.abs(np.angle(near))
     return np.unique(angles[angles > 0.0]) / loop.sample_time
+
+
+def _balanced(loop: StateSpace) -> tuple[Array, Array, Array]:
+    """A, B and C in units of the states in which A - B C has elements of like size.
+
+    In others the solution of (z I - A) x = B loses all digits near a multiple pole at 1.
+    """
+    scale = balancing_scale(loop.A - loop.B @ loop.C)
+    return loop.A * scale / scale[:, None], loop.B / scale[:, None], loop.C * scale
 
 
 def _real_axis(A: Array, B: Array, C: Array) -> Complex:
@@ -195,7 +204,9 @@ def _sample_time(loop: StateSpace) -> float:
 def response(loop: StateSpace) -> Callable[[ArrayLike], Complex]:
     """L at each of some frequencies [rad/s]."""
     h = _sample_time(loop)
-    return lambda w: loop.at(np.exp(1j * np.asarray(w) * h))[:, 0, 0]
+    A, B, C = _balanced(loop)
+    balanced = replace(loop, A=A, B=B, C=C)
+    return lambda w: balanced.at(np.exp(1j * np.asarray(w) * h))[:, 0, 0]
 
 
 Limit = tuple[float, float]  # a margin, and its frequency [rad/s]
