@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from swimbladder.cli import main
@@ -195,6 +195,7 @@ _SEEN = st.builds(
 
 
 @examples(60)
+@example(seen=[(Watched(0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, z), 34, False) for z in (0.0, 140.0)])
 @given(st.lists(st.tuples(_SEEN, st.integers(1, 80), st.booleans()), min_size=1, max_size=12))
 def test_anything_seen_is_met_as_by_the_twin(day, seen):
     beside = day_twin(library())

@@ -81,7 +81,7 @@ class PoolTwin:
         go = -1.0 if self.watch.rescue.reason > 0 else 1.0 if may_begin else 0.0
         measured = Measurement(0.0, seen.depth, seen.volume)
         wanted, self.state, _ = self.procedure.step(self.parameters, self.state, measured, go)
-        seen = seen._replace(missed=0)
+        seen = seen._replace(missed=0, reference=math.nan)  # a day is asked for no depth
         command, self.watch, _ = self.supervisor.step(self.limits, self.watch, seen, wanted)
         return command
 
