@@ -191,7 +191,7 @@ def loop_margins(loop: StateSpace) -> Margins | None:
     # S - T over 2; at infinite gain it is -1/2.
     skew, w_disk = _peak(lambda x: np.abs(0.5 * (1.0 - x) / (1.0 + x)), L, w, values)
     disk = (min(1.0 / skew, 2.0), w_disk)
-    found = (*_gains(loop, w, values), *_phases(loop, w, values), sensitivity, disk)
+    found = (*_gains(loop, L, w, values), *_phases(L, w, values), sensitivity, disk)
     return Margins(*(value for value, _ in found), *(frequency for _, frequency in found))
 
 
@@ -201,7 +201,10 @@ def _sample_time(loop: StateSpace) -> float:
     return loop.sample_time
 
 
-def response(loop: StateSpace) -> Callable[[ArrayLike], Complex]:
+Response = Callable[[ArrayLike], Complex]  # L at frequencies [rad/s]
+
+
+def response(loop: StateSpace) -> Response:
     """L at each of some frequencies [rad/s]."""
     h = _sample_time(loop)
     A, B, C = _balanced(loop)
@@ -212,9 +215,8 @@ def response(loop: StateSpace) -> Callable[[ArrayLike], Complex]:
 Limit = tuple[float, float]  # a margin, and its frequency [rad/s]
 
 
-def _gains(loop: StateSpace, w: Array, values: Complex) -> tuple[Limit, Limit]:
+def _gains(loop: StateSpace, L: Response, w: Array, values: Complex) -> tuple[Limit, Limit]:
     """The nearest gains up and down at which a root of 1 + k L really leaves the unit circle."""
-    L = response(loop)
     candidates = [(float(-1.0 / values[-1].real), float(w[-1]))] if values[-1].real < 0.0 else []
     steady = _steady(loop)
     if steady is not None and steady < 0.0:
@@ -256,9 +258,8 @@ def _steady(loop: StateSpace) -> float | None:
     return float((loop.C @ np.linalg.solve(matrix, loop.B) + loop.D)[0, 0])
 
 
-def _phases(loop: StateSpace, w: Array, values: Complex) -> tuple[Limit, Limit]:
+def _phases(L: Response, w: Array, values: Complex) -> tuple[Limit, Limit]:
     """Smallest turn that brings L to -1, and smallest delay, each with its frequency."""
-    L = response(loop)
     with np.errstate(divide="ignore"):
         log = np.log(np.abs(values))
     phase, delay = (math.inf, math.nan), (math.inf, math.nan)
@@ -280,9 +281,7 @@ def _root(f: Callable[[float], float], low: float, high: float) -> float:
     return float(brentq(f, low, high, xtol=1e-15, rtol=1e-14))
 
 
-def _peak(
-    size: Callable[[Complex], Array], L: Callable[[ArrayLike], Complex], w: Array, response: Complex
-) -> Limit:
+def _peak(size: Callable[[Complex], Array], L: Response, w: Array, response: Complex) -> Limit:
     """Largest size of L and where, the grid's largest few maxima refined.
 
     Each between its neighbours, where there is one maximum, by points that are evenly apart in the
