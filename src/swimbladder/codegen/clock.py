@@ -21,7 +21,6 @@ from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParamet
 
 MOST_TICKS = 1_000_000
 SOON = 3  # ticks: a push that lasted longer has been judged before a reset
-MOST_TURNS = 7  # turns of a push that gained the other way round
 
 
 def wait_in_ticks(next_s: Any, tick_s: Any) -> int:
@@ -157,7 +156,7 @@ class VehicleTwin:
         if after_reset and before is not None:
             push = state.push._replace(turns=before.push.turns)
             soon = before.rescue.reason > 0 and before.push.phase < SOON
-            if soon and push.turns < MOST_TURNS:
+            if soon and push.turns < supervisor.GREW:
                 push = push._replace(pushed=before.volume.volume)
                 state = state._replace(volume=state.volume._replace(volume=push.pushed))
             state = state._replace(push=push)

@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.codegen import wire
 from swimbladder.codegen.c99 import CSource, c_field, c_float, c_law, c_number, write_c99
-from swimbladder.codegen.clock import MOST_TICKS, MOST_TURNS, SOON
+from swimbladder.codegen.clock import MOST_TICKS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, first_rows, fly
 from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
 from swimbladder.codegen.pump_valve import board_law
@@ -25,7 +25,7 @@ from swimbladder.control.arming import ARMING, DISARMED, Deck
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
 from swimbladder.control.registry import own_law
-from swimbladder.control.supervisor import SUPERVISOR, Reason, SupervisorParameters, Watched
+from swimbladder.control.supervisor import GREW, SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.control.supervisor_limits import (
     arming_parameters,
     check_time_limit,
@@ -247,7 +247,7 @@ def make_program(
         "first": first,
         "most_wait": most_wait,
         "soon": SOON,
-        "most_turns": MOST_TURNS,
+        "most_turns": GREW,
         **command,
         "parameters": parameters,
         "reasons": Reason,

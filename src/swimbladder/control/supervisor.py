@@ -397,7 +397,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
 _BLOCK = 4096  # ticks that the fine count of time holds
 _MOST_LOST = _BLOCK - 1  # ticks that are counted at once
 _REASONS = 15
-_GREW = 7  # turns of a push that gained the other way round: no single bit makes it of 0, 1 or 2
+GREW = 7  # turns of a push that gained the other way round: no single bit makes it of 0, 1 or 2
 _ANY = 1e6  # m, any depth
 _QUARTERS = 4
 _STEPS = 14  # of six that a stop takes without drag and compression
@@ -831,17 +831,17 @@ def watch_push(
     falls, or stands while the vehicle sinks. A rest in which the sea drives it in is over. Numbers
     of turns that there are not, of bits that flipped, are none.
     """
-    turns = s.turns if s.turns < 4 or s.turns == _GREW else 0
+    turns = s.turns if s.turns < 4 or s.turns == GREW else 0
     gained = volume - s.pushed
     if measured and gained > p.push.grown:
-        return s._replace(pushed=volume, astray=0, turns=_GREW if turns > 1 else turns)
+        return s._replace(pushed=volume, astray=0, turns=GREW if turns > 1 else turns)
     late = s.astray >= p.push.astray
     inward = gained < -p.push.grown
     fell = gained < -p.push.away or (inward and late and turns == 3)
     fast = gained < -(p.push.away_fast + times(s.astray, p.push.away_fast))
     patience = p.push.push if high else p.push.again
     stands = turns > 1 and sinks and not inward and s.astray >= patience
-    if turns == 2 or not (blind or turns == _GREW or volume >= p.volume.volume_low):
+    if turns == 2 or not (blind or turns == GREW or volume >= p.volume.volume_low):
         stands = late
     s = s._replace(astray=more(s.astray, 1), turns=turns)
     if fell:
@@ -849,7 +849,7 @@ def watch_push(
     away = fell and (turns > 0 or fast or not (rises or blind))
     if fell and s.phase >= p.push.push:
         s = s._replace(astray=0, phase=less(p.push.push, p.push.again))
-    elif turns != 1 and (away or stands or (blind and 1 < turns < _GREW)):
+    elif turns != 1 and (away or stands or (blind and 1 < turns < GREW)):
         s = s._replace(astray=0, turns=1 if turns > 1 else (3 if fell else 2), phase=0)
     return s
 
