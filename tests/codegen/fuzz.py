@@ -164,6 +164,8 @@ def fuzz(made: Library, folder: Path, *, seconds: int = 0, runs: int = -1, seed:
         "-max_len=4096",
         f"-max_total_time={seconds}",
         f"-runs={runs}",
+        "-malloc_limit_mb=256",
+        "-rss_limit_mb=0",  # the sanitizer's own memory, which differs between machines
         "-print_final_stats=1",
         f"-artifact_prefix={folder}/",
     ]
