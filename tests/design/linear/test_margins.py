@@ -352,6 +352,25 @@ def test_L_keeps_its_digits_close_to_poles_at_one():
     np.testing.assert_allclose(response(loop)(w), expected, rtol=1e-6)
 
 
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 14))
+@examples(25)
+def test_response_solves_the_equations_at_each_frequency(seed, n):
+    """Backward stable: it is the exact response of a loop that differs by rounding."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(-3.0, 0.0, (n, 1))
+    A[rng.uniform(size=(n, n)) < 0.3] = 0.0  # rows that need no elimination, or an exchange
+    loop = replace(system(A, *rng.standard_normal((2, n)), 0.3), D=rng.standard_normal((1, 1)))
+    w = np.array([1e-3, 0.1, 1.0, 5.0, math.pi / 0.3])
+    z = np.exp(1j * 0.3 * w)
+    inverses = [np.linalg.inv(point * np.eye(n) - A) for point in z]
+    expected = [(loop.C @ inverse @ loop.B + loop.D)[0, 0] for inverse in inverses]
+    size = [
+        np.linalg.norm(loop.C @ inverse) * np.linalg.norm(inverse @ loop.B) for inverse in inverses
+    ]
+    bound = 1e-13 * np.array(size) * (1.0 + np.linalg.norm(A)) + 1e-14
+    assert np.all(np.abs(response(loop)(w) - expected) <= bound)
+
+
 def test_double_crossing_close_to_half_the_sampling_frequency():
     """The phase hovers around 180 degrees there, by less than a grid resolves, and still decides.
 

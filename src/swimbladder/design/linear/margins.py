@@ -12,7 +12,6 @@ crossing can hide between the points of a grid.
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -206,10 +205,11 @@ Response = Callable[[ArrayLike], Complex]  # L at frequencies [rad/s]
 
 def response(loop: StateSpace) -> Response:
     """L at each of some frequencies [rad/s]."""
+    from swimbladder.design.linear.response import resolvent
+
     h = _sample_time(loop)
-    A, B, C = _balanced(loop)
-    balanced = replace(loop, A=A, B=B, C=C)
-    return lambda w: balanced.at(np.exp(1j * np.asarray(w) * h))[:, 0, 0]
+    at, direct = resolvent(*_balanced(loop)), loop.D[0, 0]
+    return lambda w: at(np.exp(1j * h * np.atleast_1d(w))) + direct
 
 
 Limit = tuple[float, float]  # a margin, and its frequency [rad/s]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Measurement
 from swimbladder.control.rate import RateParameters
 from swimbladder.control.records import leaves
-from swimbladder.design.linear.margins import Margins, loop_margins, spectral_radius
+from swimbladder.design.linear.margins import Margins, loop_margins, response, spectral_radius
 from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.linear.pump_valve import (
     Decision,
@@ -239,7 +239,7 @@ def roughly(loop: StateSpace) -> Margins:
     if spectral_radius(loop.A - loop.B @ loop.C) >= 1.0:
         return _LOST
     assert loop.sample_time is not None  # a loop that was sampled
-    L = loop.at(np.exp(1j * math.pi * np.logspace(-_DECADES, 0.0, _POINTS)))[:, 0, 0]
+    L = response(loop)(math.pi / loop.sample_time * np.logspace(-_DECADES, 0.0, _POINTS))
     size = np.log(np.abs(L))
     phase = np.abs(np.angle(-L))
     crossing = np.flatnonzero(size[:-1] * size[1:] <= 0.0)

@@ -111,6 +111,7 @@ class Block:
         if self.seeds is not None:
             streams = map(np.random.SeedSequence, self.seeds)
             self.noise = [np.random.Generator(np.random.Philox(stream)) for stream in streams]
+        self._drawn: tuple[int, Array] | None = None  # of the chunk that begins at this tick
         samples = self.clock.ticks + 1 if self.recorded else 0
         self.record = np.full((len(RECORDED), samples, lanes), np.nan)
         self.books = np.zeros((lanes, len(Account) if self.booked else 0))
@@ -174,12 +175,23 @@ class Block:
         """
         if self.noise is None and self.depth_error is None:
             return np.zeros((0, 2, self.lanes))
-        found = np.zeros((last - first, 2, self.lanes))
-        for i, generator in enumerate(self.noise or ()):
-            found[:, :, i] = generator.standard_normal((last - first, 2))
+        found = self._noise_of(first, last)
         if self.depth_error is not None:
+            found = found.copy()
             found[:, 0] = found[:, 0] * sigma + self.depth_error[first:last]
         return found
+
+    def _noise_of(self, first: int, last: int) -> Array:
+        """Return the noise of some ticks, [ticks, 2, lanes]; it is drawn for a chunk at once."""
+        if self.noise is None:
+            return np.zeros((last - first, 2, self.lanes))
+        begin = first - first % _CHUNK  # no span goes over the end of a chunk
+        if self._drawn is None or self._drawn[0] != begin:
+            drawn = np.empty((min(_CHUNK, self.clock.ticks + 1 - begin), 2, self.lanes))
+            for i, generator in enumerate(self.noise):
+                drawn[:, :, i] = generator.standard_normal(drawn.shape[:2])
+            self._drawn = begin, drawn
+        return self._drawn[1][first - begin : last - begin]
 
 
 def _aligned(rows: int, lanes: int) -> Array:
