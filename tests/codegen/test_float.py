@@ -15,7 +15,6 @@ from swimbladder.cli import main
 from swimbladder.codegen.golden import fly_float
 from swimbladder.codegen.library import Library, make_library, plan_program, write_library
 from swimbladder.codegen.pool import PoolOptions
-from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.pump_valve import delivery, valve_rate
@@ -27,6 +26,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.seawater import uniform_column
+from swimbladder.sim.closed_loop.board_law import board_law
 from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.units import parse_quantity

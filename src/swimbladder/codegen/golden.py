@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin, supervisor_twin
-from swimbladder.codegen.pump_valve import BoardLaw
 from swimbladder.codegen.tree import Program
 from swimbladder.codegen.twin import twin
 from swimbladder.control.arming import ArmingParameters
@@ -23,6 +22,7 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.block import Block
+from swimbladder.sim.closed_loop.board_law import BoardLaw
 from swimbladder.sim.closed_loop.floats import float_model
 from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.rows import Row

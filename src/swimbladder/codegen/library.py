@@ -18,7 +18,6 @@ from swimbladder.codegen.c99 import CSource, c_field, c_float, c_law, c_number, 
 from swimbladder.codegen.clock import MOST_TICKS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, first_rows, fly
 from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
-from swimbladder.codegen.pump_valve import board_law
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT
 from swimbladder.control.arming import ARMING, DISARMED, Deck
@@ -37,6 +36,7 @@ from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
+from swimbladder.sim.closed_loop.board_law import board_law
 from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle

@@ -78,7 +78,8 @@ class Law:
     call [s]; a board takes one that waits for longer for broken, and of a law that has none one
     that waits for longer than a command may fail to come. Of a law that changes the volume when it
     asks to be called: ways, from its parameters to the speeds it asks for; roundings, bands and
-    steps, at 0 of which what it decides follows what it sees without a gap.
+    steps, at 0 of which what it decides follows what it sees without a gap. within: the law that it
+    is made around, see `control.around`.
     """
 
     name: str
@@ -96,6 +97,7 @@ class Law:
     longest_wait: Callable[[Any], float] | None = None
     ways: Callable[[Any], Sequence[Way]] | None = None
     roundings: tuple[str, ...] = ()
+    within: Law | None = None
 
     @property
     def units(self) -> Mapping[str, str]:

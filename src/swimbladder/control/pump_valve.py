@@ -20,9 +20,9 @@ Everywhere else the law decides.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
 from typing import Annotated, Any, NamedTuple
 
+from swimbladder.control.around import State, around, law_initial, law_step
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.rate import whole
 
@@ -243,70 +243,61 @@ def due(p: DriveParameters, s: DriveState) -> bool:
     return s.ran * p.tick >= abs(s.run) and s.since * p.tick >= s.wait - _DUE * p.tick
 
 
-def _record(name: str, **kinds: type[Any]) -> Any:
-    """Return a NamedTuple of named tuples."""
-    made: Any = namedtuple(name, kinds)  # type: ignore[misc]  # its fields are not known to mypy
-    made.__annotations__ = kinds
-    return made
-
-
 def timed(law: Law) -> Law:
     """Return the law of a board whose `law` commands changes of volume: it commands seconds.
 
     Its parameters and its state are those of the law, of the surface and of the drive.
     """
-    called, first = law.step, law.initial
-    Timed = _record("Timed", law=law.parameters, surface=SurfacingParameters, drive=DriveParameters)
-    TimedState = _record("TimedState", law=law.state, surface=SurfacingState, drive=DriveState)
-
-    def initial(parameters: Any, measurement: Measurement, reference: float) -> Any:
-        p, depth, volume = parameters.surface, measurement.depth, measurement.volume
-        if not math.isfinite(volume):
-            volume = p.full if depth <= p.shallow else p.neutral
-        drive = DriveState(asked=reference, last=depth, volume=volume)
-        inner = first(parameters.law, measurement, reference)
-        return TimedState(inner, SurfacingState(depth, 0.0), drive)
-
-    def step(
-        parameters: Any, state: Any, measurement: Measurement, reference: float
-    ) -> tuple[float, Any, float]:
-        """Return the seconds of this tick [s], the state, and a tick [s]."""
-        p, inner, top, depth = parameters.drive, state.law, state.surface, measurement.depth
-        if reference != state.drive.asked:
-            top = SurfacingState(state.drive.last, top.dives)
-        s = seen(p, state.drive, measurement, reference)
-        if due(p, s):
-            s = s._replace(since=0.0, run=0.0, ran=0.0, wait=p.pause)
-            who, wanted, top = at_surface(
-                parameters.surface, top, depth, s.volume, reference, s.floats
-            )
-            if who == OUT:
-                s = pump_out(p, s, wanted)
-                top = SurfacingState(depth, 0.0)
-            elif who == IN and wanted != 0.0:
-                s = take_in(p, s, wanted)
-            elif who == LAW:
-                now = Measurement(s.clock * p.tick, depth, s.volume)
-                if s.anew > 0.0 and math.isfinite(depth):
-                    inner = first(parameters.law, now, reference)
-                    s = s._replace(anew=0.0)
-                wanted, inner, pause = called(parameters.law, inner, now, reference)
-                s = s._replace(wait=pause if pause <= p.longest_wait else math.nan)
-                if wanted != 0.0:
-                    s = change(p, s, wanted, p.longest_for_law)
-            if who != OUT and who != WAIT:
-                s = s._replace(floats=0.0)
-            if who != LAW:
-                s = s._replace(anew=1.0)
-        command = seconds(p, s)
-        return command, TimedState(inner, top, advanced(p, s, command)), p.tick
-
-    return Law(
-        name=law.name,
+    return around(
+        law,
+        "Timed",
+        _step,
+        _initial,
+        parameters={"surface": SurfacingParameters, "drive": DriveParameters},
+        state={"surface": SurfacingState, "drive": DriveState},
         summary=f"{law.summary}; in seconds of pump and valve",
-        command="volume change",
-        parameters=Timed,
-        state=TimedState,
-        step=step,
-        initial=initial,
+        longest_wait=None,
+        ways=None,
     )
+
+
+def _initial(parameters: Any, measurement: Measurement, reference: float) -> Any:
+    p, depth, volume = parameters.surface, measurement.depth, measurement.volume
+    if not math.isfinite(volume):
+        volume = p.full if depth <= p.shallow else p.neutral
+    drive = DriveState(asked=reference, last=depth, volume=volume)
+    inner = law_initial(parameters.law, measurement, reference)
+    return State(inner, SurfacingState(depth, 0.0), drive)
+
+
+def _step(
+    parameters: Any, state: Any, measurement: Measurement, reference: float
+) -> tuple[float, Any, float]:
+    """Return the seconds of this tick [s], the state, and a tick [s]."""
+    p, inner, top, depth = parameters.drive, state.law, state.surface, measurement.depth
+    if reference != state.drive.asked:
+        top = SurfacingState(state.drive.last, top.dives)
+    s = seen(p, state.drive, measurement, reference)
+    if due(p, s):
+        s = s._replace(since=0.0, run=0.0, ran=0.0, wait=p.pause)
+        who, wanted, top = at_surface(parameters.surface, top, depth, s.volume, reference, s.floats)
+        if who == OUT:
+            s = pump_out(p, s, wanted)
+            top = SurfacingState(depth, 0.0)
+        elif who == IN and wanted != 0.0:
+            s = take_in(p, s, wanted)
+        elif who == LAW:
+            now = Measurement(s.clock * p.tick, depth, s.volume)
+            if s.anew > 0.0 and math.isfinite(depth):
+                inner = law_initial(parameters.law, now, reference)
+                s = s._replace(anew=0.0)
+            wanted, inner, pause = law_step(parameters.law, inner, now, reference)
+            s = s._replace(wait=pause if pause <= p.longest_wait else math.nan)
+            if wanted != 0.0:
+                s = change(p, s, wanted, p.longest_for_law)
+        if who != OUT and who != WAIT:
+            s = s._replace(floats=0.0)
+        if who != LAW:
+            s = s._replace(anew=1.0)
+    command = seconds(p, s)
+    return command, State(inner, top, advanced(p, s, command)), p.tick

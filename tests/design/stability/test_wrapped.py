@@ -28,7 +28,7 @@ def test_every_law_of_the_registry_is_wrapped():
     for law in LAWS.values():
         form = wrapped_law(law)
         assert wrapped_law(law) is form
-        assert form.parameters.__annotations__["inner"] is law.parameters
+        assert form.parameters.__annotations__["law"] is law.parameters
         fields, own = leaf_names(form.parameters), leaf_names(law.parameters)
         assert fields[: len(own)] == own
         assert set(form.units) >= set(fields) - {"S_p"}
@@ -90,7 +90,7 @@ def test_a_sleeping_law_sleeps_as_long_when_late():
         before = state
         _, state, wait = law.step(parameters, state, now, 2.0)
         assert wait == 0.5 * H
-        if state.inner.voltage != before.inner.voltage or k == 0:
+        if state.law.voltage != before.law.voltage or k == 0:
             waits.append(0.5 * H * k)
     # Woken when it asked to be, each time.
     expected, t = [], 0.0

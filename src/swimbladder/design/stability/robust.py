@@ -8,15 +8,14 @@ parameters stands in this module: so its compiled kernel is found again.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from itertools import product
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.control.law import Law
+from swimbladder.control.around import State, around, law_initial, law_step
+from swimbladder.control.law import Law, Measurement
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.sampled import BoundLaw, loop_of
 from swimbladder.design.tuning.margins import at_rest
@@ -27,14 +26,37 @@ from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
 
-_STEP = """
-def step(parameters, state, measurement, reference):
+_GIVEN = {"gain": "", "late": "", "quantum": "V", "tick": "s", "rest": "V"}
+_KEPT = {"next": "V", "left": ""}
+
+
+def wrapped_law(law: Law) -> Law:
+    """Return the wrapped form of a law, always the same."""
+    return around(
+        law,
+        "Wrapped",
+        _step,
+        _initial,
+        parameters={f"w_{name}": Annotated[float, unit] for name, unit in _GIVEN.items()},
+        state={f"w_{name}": Annotated[float, unit] for name, unit in _KEPT.items()},
+        name=f"{law.name}, wrapped",
+    )
+
+
+def _initial(parameters: Any, measurement: Measurement, reference: float) -> Any:
     p = parameters
-    inner = state.inner
+    return State(law_initial(p.law, measurement, reference), p.w_rest, 0.0)
+
+
+def _step(
+    parameters: Any, state: Any, measurement: Measurement, reference: float
+) -> tuple[float, Any, float]:
+    p = parameters
+    inner = state.law
     held = command = state.w_next
     left = state.w_left - 0.5 * p.w_tick
     if p.w_late < 0.5 or state.w_left <= 0.25 * p.w_tick:
-        raw, inner, wait = law_step(p.inner, inner, measurement, reference)
+        raw, inner, wait = law_step(p.law, inner, measurement, reference)
         command = p.w_gain * raw
         if p.w_quantum > 0.0:
             command = p.w_quantum * math.floor(command / p.w_quantum + 0.5)
@@ -43,42 +65,6 @@ def step(parameters, state, measurement, reference):
         ticks = max(math.ceil(wait / p.w_tick - 1e-9), 1)
         left = ticks * p.w_tick - 0.5 * p.w_tick
     return held, State(inner, command, left), 0.5 * p.w_tick
-
-
-def initial(parameters, measurement, reference):
-    p = parameters
-    return State(law_initial(p.inner, measurement, reference), p.w_rest, 0.0)
-"""
-
-
-def _record(name: str, inner: type[Any], more: Mapping[str, str]) -> Any:
-    """Return a class of named tuples in this module: a law's own, and more numbers with units."""
-    make: Any = NamedTuple
-    numbers = [(field, Annotated[float, unit]) for field, unit in more.items()]
-    globals()[name] = made = make(name, [("inner", inner), *numbers])
-    made.__module__ = __name__
-    return made
-
-
-_WRAPPED: dict[type[Any], Law] = {}  # by the law's parameters: its kernel is found by these
-
-
-def wrapped_law(law: Law) -> Law:
-    """Return the wrapped form of a law, always the same."""
-    if law.parameters in _WRAPPED:
-        return _WRAPPED[law.parameters]
-    name = "".join(part.title() for part in law.name.split("-"))
-    given = {"w_gain": "", "w_late": "", "w_quantum": "V", "w_tick": "s", "w_rest": "V"}
-    kept = {"w_next": "V", "w_left": ""}
-    Parameters = _record(f"Wrapped{name}Parameters", law.parameters, given)
-    State = _record(f"Wrapped{name}State", law.state, kept)
-    space = {"__name__": __name__, "math": math, "State": State}
-    space |= {"law_step": law.step, "law_initial": law.initial}
-    exec(_STEP, space)  # one for each law: the compiler finds it by its parameters
-    made = {"parameters": Parameters, "state": State}
-    made |= {name: space[name] for name in ("step", "initial")}
-    _WRAPPED[law.parameters] = replace(law, name=f"{law.name}, wrapped", recipe=None, **made)
-    return _WRAPPED[law.parameters]
 
 
 def wrapped(

@@ -56,7 +56,10 @@ def source_of(law: Law) -> str:
 
 
 def _is_own(law: Law) -> bool:
-    return all(f.__module__.startswith(_OWN) for f in (law.step, law.initial))
+    """Whether the types of a law are there when a process begins, so that its kernel is kept."""
+    return law.within is None and all(
+        f.__module__.startswith(_OWN) for f in (law.step, law.initial)
+    )
 
 
 @cache
