@@ -325,7 +325,7 @@ class TestALaw:
         assert "hover" in kept
         assert "hover" not in out
         form, law = wrapped_law(LAWS["hover"]), LAWS["hover"]
-        assert form.parameters.__annotations__["inner"] is law.parameters
+        assert form.parameters.__annotations__["law"] is law.parameters
 
     def test_an_edit_of_its_source_gives_its_kernels_and_answers_another_name(self):
         def name(text):

@@ -442,11 +442,13 @@ def preset_line(capsys: pytest.CaptureFixture[str], out: tuple[str, str]) -> str
     return capsys.readouterr().out.partition("\n")[0]
 
 
-def test_a_float_with_a_table_of_it_is_told_where_its_supervisor_is_flown(
+def test_a_float_with_a_table_of_it_is_flown_under_its_supervisor(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     text = preset_text("example-float") + "\n[supervisor]\n"
     given = ["--target", "50", "--duration", "2 h", "--out", str(tmp_path / "out")]
     told = answer(capsys, vehicle_file(tmp_path, text=text), *given)
-    assert told["supervised"] is False
-    assert any("`swimbladder faults` flies it" in note for note in told["notes"])
+    assert told["supervised"] is True
+    assert told["alarm"] is None
+    alone = answer(capsys, vehicle_file(tmp_path, text=text), "--without-supervisor", *given)
+    assert alone["supervised"] is False

@@ -282,6 +282,48 @@ class TestTheDive:
         assert 150.0 < depth.max() < 175.0
         assert depth[-1] < 0.5
 
+    def test_simulate_flies_the_board_tick_by_tick(self):
+        """Law and supervisor in the loop do what those of the board do that is flown beside it."""
+        vehicle = the_float(supervisor=Supervisor(time_limit="2 h"))
+        board = make_library(vehicle, target=100.0, duration=300.0).in_double()
+        asked = np.where(np.arange(9001) < 4000, 100.0, 20.0)
+
+        def tick(seen, reference):
+            return float(board(seen, reference)), board.wide
+
+        rows = fly_float(vehicle, tick, tick=1.0, start_depth=0.0, asked=asked)
+        turns = [(0.0, 100.0), (4000.0, 20.0)]
+        flown = sb.simulate(vehicle, setpoints=turns, duration=9000.0, start_depth=0.0)
+        assert board.reason is Reason.TIME_LIMIT is flown.alarm.reason
+        assert flown.alarm.time == pytest.approx(7200.0, abs=1.0)
+        assert set(flown.drive) >= {0.0, 1.0, 2.0}
+        np.testing.assert_allclose(flown.depth, rows[:, 0], rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(flown.volume, rows[:, 2], rtol=0.0, atol=1e-12)
+        alone = sb.simulate(
+            vehicle, setpoints=turns, duration=9000.0, start_depth=0.0, supervised=False
+        )
+        assert alone.alarm is None
+        assert alone.depth[-1] > 10.0 > flown.depth[-1]
+
+    def test_an_ensemble_flies_the_board_in_every_lane(self):
+        vehicle = the_float(supervisor=Supervisor(time_limit="1 h"))
+        given = {"setpoints": [(0.0, 100.0)], "duration": 5400.0, "start_depth": 0.0}
+        pump = np.array([1.0, 0.8, 1.0])
+        many = sb.simulate_ensemble(
+            vehicle, count=3, vary={"pump": pump}, keep="trajectory", **given
+        )
+        one = sb.simulate(vehicle, **given)
+        assert np.all(many["alarm"] == Reason.TIME_LIMIT)
+        assert np.array_equal(many["depth"].sel(lane=0), one.depth)
+        assert np.array_equal(many["depth"].sel(lane=2), one.depth)
+        assert not np.array_equal(many["depth"].sel(lane=1), one.depth)
+
+    def test_a_function_is_not_flown_as_the_law_of_a_board(self):
+        vehicle = the_float(supervisor=Supervisor(time_limit="1 h"))
+        given = {"setpoints": [(0.0, 100.0)], "duration": 60.0, "start_depth": 0.0}
+        with pytest.raises(InputError, match="takes seconds of pump and valve"):
+            sb.simulate(vehicle, law=lambda *_: 0.0, supervised=True, **given)
+
     @pytest.mark.promise("no-false-alarm")
     def test_no_reason_in_health_with_noise(self):
         made = library(noisy=True)

@@ -226,11 +226,9 @@ def simulate(
 
             medium = medium_of(v, water, reach=reach)
         s = _run(v, task, seed, water, False if without_supervisor else None)
-    from swimbladder.sim.closed_loop.supervision import unwatched_words
-
     folder = make_folder(to.out)
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
-    notes = [*_notes(s, water, medium), *_seed_unused(v, seed), *unwatched_words(v)]
+    notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
     answer = answer_of(s, task, water, notes)
     to.answer(answer, files, shown(answer))
     if not s.finished:

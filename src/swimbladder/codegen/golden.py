@@ -255,12 +255,12 @@ def fly_float(
     stepper, start = float_model(vehicle, medium, None, reach=deepest).lanes(
         {}, plants, np.array([[0.0], [math.nan], [start_depth], [0.0]])
     )
-    stepper, measured = stepper._replace(wide=np.zeros(1)), []
+    stepper, measured = stepper._replace(seconds=True), []
 
     def commanded(seen: Measurement, reference: float) -> float:
         """Return the board's command, for a volume that is not measured."""
         measured.append(seen.depth)
-        command, stepper.wide[0] = board(seen._replace(volume=math.nan), reference)
+        command, block.work[Row.WIDE, 0] = board(seen._replace(volume=math.nan), reference)
         return command
 
     law, held, _ = as_law(vehicle, commanded, tick)

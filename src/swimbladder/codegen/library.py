@@ -36,7 +36,7 @@ from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
-from swimbladder.sim.closed_loop.board_law import board_law
+from swimbladder.sim.closed_loop.board_law import board_law, board_reach
 from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
@@ -225,8 +225,7 @@ def make_program(
     arming = arming_parameters(vehicle, limits)
     drive, ends = None, command_limits(vehicle, tick_s)
     if vehicle.command == "volume change":
-        deepest = min(limits.deep.deepest, limits.depth.depth_most)
-        drive = board_law(vehicle, law, parameters, tick_s, deepest=deepest)
+        drive = board_law(vehicle, law, parameters, tick_s, deepest=board_reach(limits))
         law, parameters = drive.law, drive.parameters
     else:
         check_sample_time(vehicle, law, parameters, tick_s, depths=list(depths))

@@ -121,16 +121,16 @@ class DriveState(NamedTuple):
 
     asked: float  # m, depth asked for last
     last: float  # m, depth measured last
-    clock: float = 0.0  # ticks, since the law began
-    since: float = 0.0  # ticks, since the last sample of the law
-    wait: float = 0.0  # s, from that to the next
-    run: float = 0.0  # s, of the run: positive pump, negative valve
-    ran: float = 0.0  # ticks of it
-    wide: float = 0.0  # -, 1: it is the bypass that is open
-    primes: float = 0.0  # m3, that its start still falls short
-    volume: float = 0.0  # m3, what the runs since the surface make it
-    floats: float = 0.0  # -, 1: all volume is out, pumped a little beyond
-    anew: float = 1.0  # -, 1: the law begins anew when it is called
+    clock: float  # ticks, since the law began
+    since: float  # ticks, since the last sample of the law
+    wait: float  # s, from that to the next
+    run: float  # s, of the run: positive pump, negative valve
+    ran: float  # ticks of it
+    wide: float  # -, 1: it is the bypass that is open
+    primes: float  # m3, that its start still falls short
+    volume: float  # m3, what the runs since the surface make it
+    floats: float  # -, 1: all volume is out, pumped a little beyond
+    anew: float  # -, 1: the law begins anew when it is called
 
 
 def delivery(p: DriveParameters, depth: float) -> float:
@@ -265,7 +265,7 @@ def _initial(parameters: Any, measurement: Measurement, reference: float) -> Any
     p, depth, volume = parameters.surface, measurement.depth, measurement.volume
     if not math.isfinite(volume):
         volume = p.full if depth <= p.shallow else p.neutral
-    drive = DriveState(asked=reference, last=depth, volume=volume)
+    drive = DriveState(reference, depth, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, volume, 0.0, 1.0)
     inner = law_initial(parameters.law, measurement, reference)
     return State(inner, SurfacingState(depth, 0.0), drive)
 

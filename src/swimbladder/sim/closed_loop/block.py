@@ -96,7 +96,7 @@ class Block:
         positioner = p.positioner != 0.0
         work[Row.LOW_U] = np.where(positioner, np.maximum(p.V_min, p.switch_in), -p.supply)
         work[Row.HIGH_U] = np.where(positioner, np.minimum(p.V_max, p.switch_out), p.supply)
-        if self.stepper is not None and self.stepper.wide is not None:
+        if self.stepper is not None and self.stepper.seconds is not None:
             work[Row.LOW_U], work[Row.HIGH_U] = -self.clock.tick, self.clock.tick
         for name in ("depth_noise", "depth_quantum", "volume_noise", "volume_quantum"):
             work[Row[name.upper()]] = getattr(self.sensors, name)
@@ -205,8 +205,8 @@ def like_of(law: Law, parameters: Any, watch: Any = ()) -> Like:
     """Return what the compiler knows the numbers of a law by."""
     fields = leaf_names(law.state)
     state = from_numbers(law.state, [0.0] * len(fields))
-    row = fields.index("volume_reference") if "volume_reference" in fields else -1
-    return Like(parameters, state, row, watch)
+    row, wide = (fields.index(n) if n in fields else -1 for n in ("volume_reference", "wide"))
+    return Like(parameters, state, row, watch, wide)
 
 
 class Running:

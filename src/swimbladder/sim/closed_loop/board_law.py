@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law
 from swimbladder.control.pump_valve import DriveParameters, timed
 from swimbladder.control.records import leaves
+from swimbladder.control.supervisor import SupervisorParameters
+from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
 from swimbladder.physics.buoyancy_engine import drive_map
@@ -97,6 +99,21 @@ def board_law(
         beyond=_BEYOND * whole,
     )
     return BoardLaw(made, made.parameters(parameters, surface, board), rate_error, start_error)
+
+
+def flashed_law(vehicle: Vehicle, law: Law, parameters: Any, tick: float) -> tuple[Law, Any]:
+    """Return a law of volume changes, and its parameters, as the board of a vehicle flies them.
+
+    tick [s]. Raises InputError as `board_law` and `supervisor_parameters` do.
+    """
+    limits = supervisor_parameters(vehicle, tick)
+    board = board_law(vehicle, law, parameters, tick, deepest=board_reach(limits))
+    return board.law, board.parameters
+
+
+def board_reach(limits: SupervisorParameters) -> float:
+    """Return the depth [m] down to which a board knows what its pump delivers."""
+    return min(limits.deep.deepest, limits.depth.depth_most)
 
 
 def _fitted(

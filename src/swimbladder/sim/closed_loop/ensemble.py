@@ -24,6 +24,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.block import Block, schedule, work_space
+from swimbladder.sim.closed_loop.board_law import flashed_law
 from swimbladder.sim.closed_loop.checks import check_dive, check_sample_time
 from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
 from swimbladder.sim.closed_loop.lanes import Schedule
@@ -215,6 +216,9 @@ def simulate_ensemble(
         spread(given.pop(name, 1.0), count, f"vary[{name!r}]", "")
         for name in (RATES if pumped else ())
     ]
+    watch = supervision_of(vehicle, tick, supervised, rests=chosen.rests(numbers))
+    if watch and pumped:
+        chosen, numbers = flashed_law(vehicle, chosen, numbers, tick)
     plants, values = vary_plants(medium.plant, numbers, given, count)
     lanes = Plant(*plants)
     model = float_model(vehicle, medium, column, reach=reach) if pumped else None
@@ -245,7 +249,6 @@ def simulate_ensemble(
         recorded=keep == "trajectory",
         booked=books and not pumped,
     )
-    watch = supervision_of(vehicle, tick, supervised, rests=chosen.rests(numbers))
     run = _Run(lay_out, own, values, seed, model, watch)
     work = np.empty((int(Row.STEP), count))
     samples = clock.ticks + 1 if keep == "trajectory" else 0
@@ -321,8 +324,9 @@ class _Run:
         own: dict[str, Any] = {name: array[..., lanes] for name, array in self.own.items()}
         values = {name: array[lanes] for name, array in self.values.items()}
         if self.model is not None:
+            seconds = True if self.watch else None
             own["stepper"], own["start"] = self.model.lanes(
-                values, own["plants"], own["start"], rates=own.pop("rates")
+                values, own["plants"], own["start"], rates=own.pop("rates"), seconds=seconds
             )
         seeds = None if self.seed is None else [[self.seed, int(i)] for i in lanes]
         watch = self.watch.over(self.together) if self.watch else ()

@@ -58,13 +58,14 @@ class FloatModel:
         *,
         noted: int = 0,
         rates: Array | None = None,
+        seconds: bool | None = None,
     ) -> tuple[Pumped, Array]:
         """Return a stepper of lanes that start at (q, V, z, w) [4, lanes], and these states.
 
         parameters: of the law by name, each [lanes]; plants [len(Plant), lanes]: of the body; what
         a lane has of its own is taken from there. A volume V that is nan: neutral, or at a depth
         of 0 all out. noted: room for what happens with its time. rates: of pump and valve over
-        what the processor knows [len(RATES), lanes].
+        what the processor knows [len(RATES), lanes]. seconds: True: the law commands seconds.
         """
         count = plants.shape[1]
         given = np.array([self.given] * count, self.given.dtype)
@@ -106,6 +107,7 @@ class FloatModel:
             work=np.zeros((count, *WORK)),
             board=board,
             segment=np.zeros((count, SEGMENT)),
+            seconds=seconds,
         )
         return stepper, np.stack([np.zeros(count), x["v"], x["z"], x["w"]])
 
@@ -178,13 +180,16 @@ def run_float(
     ticks: int,
     lay_out: Callable[..., Block],
     run: Callable[[Block], SingleRun],
+    *,
+    seconds: bool | None = None,
 ) -> Solution:
     """Return the motion of a float from (q, V, z, w) [4, 1], with its V as `FloatModel.lanes` has.
 
-    parameters: of the law by name, each [1]. lay_out: a block of what else holds.
+    parameters: of the law by name, each [1]. lay_out: a block of what else holds. seconds: as
+    `FloatModel.lanes` has it.
     """
-    plants = np.array(model.plant)[:, None]
-    stepper, start = model.lanes(parameters, plants, start, noted=_ROOM + 4 * ticks)
+    plants, room = np.array(model.plant)[:, None], _ROOM + 4 * ticks
+    stepper, start = model.lanes(parameters, plants, start, noted=room, seconds=seconds)
     begin, emerges = stepper.x[0].copy(), bool(stepper.at["place"][0] == 1)
     found = run(lay_out(parts=1, start=start, stepper=stepper))
     return assemble(

@@ -48,6 +48,7 @@ class Like(NamedTuple):
     state: Any
     volume_row: int  # of the volume reference in the state, -1 without
     watch: Any = ()  # the supervisor over it, see `supervision`
+    wide_row: int = -1  # of what says in the state of a law of seconds that the bypass is open
 
 
 class Room(NamedTuple):

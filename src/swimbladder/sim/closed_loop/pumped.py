@@ -6,9 +6,9 @@ next call of the law at most; what lies between is read off the cubic of the las
 
 The processor calls the law when it asked to be called and no run of pump or valve lasts. Near the
 surface it acts itself, see `control.pump_valve`; afterwards the law begins anew. Where
-`Pumped.wide` is given the law does all that itself, as that of a board does: it is called at every
-tick, and commands the seconds of it for which the pump is to run, or, below 0, a valve is to be
-open.
+`Pumped.seconds` is given the law does all that itself, as that of a board does: it is called at
+every tick, knows no volume that is measured, and commands the seconds of the tick for which the
+pump is to run, or, below 0, valve or bypass (`Row.WIDE`) are to be open.
 """
 
 import math
@@ -73,7 +73,7 @@ class Pumped(NamedTuple):
     work: Array  # [lanes, *WORK]
     board: Array  # [lanes, BOARD]: the parameters of `control.pump_valve`, and see below
     segment: Array  # [lanes, SEGMENT]: begin and end of the last step [s], z, w, V there, Doing
-    wide: Any = None  # [lanes] of a law that commands seconds; 1: those below 0 are of the bypass
+    seconds: bool | None = None  # True: the law commands seconds of the tick
 
 
 N_UP = len(SurfacingParameters._fields)
@@ -107,22 +107,29 @@ def run_for(lane: Lane, length: float, wide: float, tick: float) -> None:
 
 @part
 def _decide(
-    s: Any, wide: Any, lanes: Lanes, i: int, hooks: Any, law: Like, k: int, tick: float
+    s: Any, seconds: bool | None, lanes: Lanes, i: int, hooks: Any, law: Like, k: int, tick: float
 ) -> None:
     """Let the processor of lane i act where it is time, and start the run that follows."""
     S, W_ = lanes.S, len(lanes.token)
     p, x, at, accounts = s.given[i], s.x[i], s.at[i], s.accounts[i]
     lane = Lane(p, s.table, s.waves, x, at, accounts, s.notes[i], s.counts[i], s.work[i])
-    if wide is None:  # pruned before types are inferred
+    if seconds is None:  # pruned before types are inferred
         _change(lane, s.board[i], lanes, i, hooks, law, k, tick)
         return
+    if law.wide_row >= 0:
+        S[Row.SEEN_VOLUME * W_ + i] = np.nan
     length = decide(S, W_, i, hooks, law, k, tick)
+    if law.wide_row >= 0:
+        row = Row.LAW + extent(law.parameters) + law.wide_row
+        S[Row.WIDE * W_ + i] = S[row * W_ + i]
     if abs(length) < 1e30:
-        run_for(lane, length, wide[i], tick)
+        run_for(lane, length, S[Row.WIDE * W_ + i], tick)
     else:
         S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = LAW_NOT_FINITE, k
     rate = rate_of(p, s.table, at.doing, at.shut == 1, x.z, x.v, x.w)
     S[Row.Q * W_ + i] = rate[0]
+    if law.wide_row >= 0:
+        S[Row.APPLIED * W_ + i] = at.doing
 
 
 @part
@@ -239,7 +246,7 @@ def _move(s: Any, lanes: Lanes, i: int, hooks: Any, k: int, tick: float, ahead: 
         S[Row.STOPPED * W_ + i], S[Row.STOP_TICK * W_ + i] = why, k
     rate = rate_of(p, s.table, int(doing), at.shut == 1, z, v, w)[0]
     commit(S, W_, i, (0.0,), (rate, v - lost, z, w))
-    if s.wide is None:
+    if s.seconds is None:
         S[Row.APPLIED * W_ + i] = doing
 
 
@@ -259,14 +266,14 @@ def decide_lanes(
     for i in range(W_):
         judge(S, W_, i, since)
         if S[Row.STOPPED * W_ + i] == 0.0:
-            _decide(stepper, stepper.wide, lanes, i, hooks, law, k, tick)
+            _decide(stepper, stepper.seconds, lanes, i, hooks, law, k, tick)
 
 
 @part
 def move_lanes(stepper: Any, lanes: Lanes, hooks: Any, k: int, tick: float, last: int) -> None:
     """Bring every lane to the end of tick k; no step goes beyond the begin of tick `last`."""
     W_ = len(lanes.token)
-    ahead = (last if len(hooks) == 0 and stepper.wide is None else k + 1) * tick
+    ahead = (last if len(hooks) == 0 and stepper.seconds is None else k + 1) * tick
     for i in range(W_):
         if lanes.S[Row.STOPPED * W_ + i] == 0.0:
             _move(stepper, lanes, i, hooks, k, tick, ahead)

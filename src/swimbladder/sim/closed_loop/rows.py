@@ -57,9 +57,10 @@ class Row(IntEnum):
     SWELL_OMEGA = 44  # rad/s
     SWELL_PHASE = 45  # rad
     SWELL_DECAY = 46  # 1/m
-    STEP = 47  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
-    PLANT = 91
-    LAW = 118  # parameters, then state
+    WIDE = 47  # 1: seconds below 0 are of the bypass, not of the valve, see `pumped`
+    STEP = 48  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
+    PLANT = 92
+    LAW = 119  # parameters, then state
 
 
 N_STEP = 44

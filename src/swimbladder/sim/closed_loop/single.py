@@ -23,6 +23,7 @@ from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.block import Block, schedule
+from swimbladder.sim.closed_loop.board_law import flashed_law
 from swimbladder.sim.closed_loop.checks import check_depths, check_dive, check_sample_time
 from swimbladder.sim.closed_loop.floats import float_model, run_float
 from swimbladder.sim.closed_loop.rows import Row
@@ -187,6 +188,13 @@ def simulate(
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
     watch = supervision_of(vehicle, tick, supervised, rests=chosen.rests(numbers))
+    pumped = vehicle.command == "volume change"
+    if watch and pumped:
+        if function is not None:
+            what = "the board under a supervisor takes seconds of pump and valve, from its own law"
+            remedy = "Leave it out, or fly a Law"
+            raise InputError(what, field="supervised", value=supervised, remedy=remedy)
+        chosen, numbers = flashed_law(vehicle, chosen, numbers, tick)
     values = {name: np.array([value]) for name, value in leaves(numbers).items()}
     lay_out = partial(
         Block,
@@ -202,13 +210,14 @@ def simulate(
         watch=watch,
     )
     fly = partial(run_single, function=function, advance=advance)
-    if vehicle.command == "volume change":
+    if pumped:
         if parts is not None:
             what = "the steps of a float are as long as its motion lets"
             raise InputError(what, field="parts", value=parts, remedy="Leave it out")
         model = float_model(vehicle, medium, column, reach=reach)
         start[1] = math.nan if start_volume is None else start_volume
-        return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
+        seconds = True if watch else None
+        return run_float(model, values, start[:, None], clock.ticks, lay_out, fly, seconds=seconds)
     divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
     block = lay_out(parts=divided, start=start[:, None], booked=True, logged=True)
     run = fly(block)

@@ -1,7 +1,8 @@
 """The supervisor in the loop: it stands between law and driver, as on the board.
 
-It sees what the sensors give, and the battery of a motor. Once it has taken over, the law is left
-alone. The vehicles of an ensemble differ; what it holds them against is that of one, as flashed.
+It sees what the sensors give, and the battery of a motor; of a pump and valve neither volume nor
+battery. Once it has taken over, the law is left alone. The vehicles of an ensemble differ; what it
+holds them against is that of one, as flashed.
 """
 
 from __future__ import annotations
@@ -21,7 +22,6 @@ from swimbladder.control.supervisor import (
     Watched,
 )
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
-from swimbladder.errors import InputError
 from swimbladder.sim.closed_loop.dispatch import compilable, gather, scatter_where
 from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.rows import Row
@@ -94,11 +94,8 @@ def supervision_of(
     law under it lets the actuator rest, as `supervisor_parameters` has it.
     Raises InputError where it cannot be, and as `supervisor_parameters` does.
     """
-    pumps, given = vehicle.command == "volume change", "supervisor" in vehicle.model_fields_set
-    if supervised and pumps:
-        what = "the supervisor of a pump and valve is that of its board, which commands seconds"
-        raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
-    if pumps or not (given if supervised is None else supervised):
+    given = "supervisor" in vehicle.model_fields_set
+    if not (given if supervised is None else supervised):
         return ()
     p = supervisor_parameters(vehicle, tick, rests=rests)
     nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
@@ -115,14 +112,6 @@ def battery_voltage(supply: float, sag: float, kappa: float, applied: float, q: 
     """
     drawn = (applied - kappa * q) * (1.0 if applied >= 0.0 else -1.0)
     return supply - max(sag * drawn, 0.0) / (1.0 + sag)
-
-
-def unwatched_words(vehicle: Vehicle) -> list[str]:
-    """Return what has to be said of a float that has a supervisor, which is not flown."""
-    if vehicle.command != "volume change" or "supervisor" not in vehicle.model_fields_set:
-        return []
-    board = "the supervisor of a float watches its board, which commands seconds of pump and valve"
-    return [f"{board}: `swimbladder faults` flies it"]
 
 
 _supervise = inlined(compilable(supervisor.step))
@@ -145,12 +134,13 @@ def _watch(limits: Array, memory: Array, seen: Any, wanted: float, k: int) -> An
 
 def _supervise_lane(watch: Supervision, S: Array, W_: int, i: int, k: int, wanted: float) -> Any:
     plant = Row.PLANT * W_ + i
-    battery = np.nan
-    if S[plant + modes.POSITIONER * W_] == 0.0:
+    battery, kind = np.nan, S[plant + modes.POSITIONER * W_]
+    if kind == 0.0:
         supply, sag = S[plant + modes.SUPPLY * W_], S[plant + modes.SAG * W_]
         kappa, q = S[plant + modes.KAPPA * W_], S[Row.Q * W_ + i]
         battery = battery_voltage(supply, sag, kappa, S[Row.APPLIED * W_ + i], q)
     depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
+    volume = 0.0 if np.isnan(kind) else volume  # of a pump and valve: it is not watched
     seen = Watched(depth, 0.0, volume, battery, False, 0, 0, S[Row.REFERENCE * W_ + i])
     return _watch(watch.limits, watch.memory[i], seen, wanted, k)
 

@@ -412,7 +412,7 @@ def _drive(faults: Faults, S: Array, k: int, command: float) -> float:
             result.latched, result.reason = k, said[0]
         if said[1] != 0.0 and math.isnan(result.released):
             result.released = k
-    _hand_on(now, faults.stepper, said, c.tick)
+    _hand_on(now, faults.stepper, said, S, c.tick)
     volume = S[Row.V] + S[Row.LOST]
     way = S[Row.APPLIED] - (volume if m.base[modes.POSITIONER] != 0.0 else 0.0)
     u = effects.driven(m.acts, S[Row.LOW_U], S[Row.HIGH_U], now.command, way, m.kept)
@@ -445,7 +445,7 @@ def _throttle(faults: Faults, stepper: Any, S: Array, u: float) -> None:
 
 
 @inlined
-def _hand_on(now: Any, stepper: Any, said: Any, tick: float) -> None:
+def _hand_on(now: Any, stepper: Any, said: Any, S: Array, tick: float) -> None:
     """Give a float's drive its command; what is on goes off where none comes.
 
     What is on for a whole tick of a slow clock is so until its next one.
@@ -454,7 +454,7 @@ def _hand_on(now: Any, stepper: Any, said: Any, tick: float) -> None:
         on = now.waits != 0.0 and abs(now.command) >= _WHOLE * tick
         if now.board != _RAN and not on:
             now.command = 0.0
-        stepper.wide[0] = said[3] if now.ran != 0.0 or on else 0.0
+        S[Row.WIDE] = said[3] if now.ran != 0.0 or on else 0.0
 
 
 class Room(threading.local):
@@ -493,7 +493,7 @@ def fly(mission: Mission, how: int, functions: tuple[int, int], room: Room, reco
     if room.model is not None:
         rates = np.array(mission.drive)[:, None]
         stepper, start = room.model.lanes({}, mission.plant[:, None], start, rates=rates)
-        stepper = stepper._replace(wide=np.zeros(1))
+        stepper = stepper._replace(seconds=True)
     sensors = {name: getattr(c, name) for name in Sensors.model_fields}
     turn = np.zeros(int(c.end) + 1, np.int64)
     block = Block(

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swimbladder.physics.buoyancy_engine import oil_note
-from swimbladder.sim.closed_loop.supervision import unwatched_words
 from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission import shortfall
 from swimbladder.sim.mission.prepare import HELD, cost_words
 
 if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
+    from swimbladder.vehicle import Vehicle
 
 REASONS = {
     Stop.FINISHED: "the mission came to its end",
@@ -44,7 +44,7 @@ def holding_words(result: MissionResult) -> list[str]:
 def note_words(result: MissionResult) -> list[str]:
     """Return what of the files changes nothing here, or makes the answer say nothing."""
     oil = oil_note(result.flight.vehicle)
-    found = [*unwatched_words(result.flight.vehicle), *([] if oil is None else [oil])]
+    found = [*_unwatched(result.flight.vehicle), *([] if oil is None else [oil])]
     found += cost_words(result.flight.mission, result.flight.plan.laws)
     sensors = result.flight.vehicle.sensors
     by_time = result.flight.plan.given["by_volume"] == 0.0
@@ -150,3 +150,10 @@ def span_words(seconds: float | None) -> str:
     if days:
         return f"{days} d {hours} h"
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"
+
+
+def _unwatched(vehicle: Vehicle) -> list[str]:
+    """Return what has to be said of a float that has a supervisor, which is not flown."""
+    if vehicle.command != "volume change" or "supervisor" not in vehicle.model_fields_set:
+        return []
+    return ["the mission's own rule flies it, without its supervisor: `simulate` flies that"]
