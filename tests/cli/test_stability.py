@@ -5,7 +5,10 @@ import json
 import pytest
 
 from swimbladder.cli import main
+from swimbladder.design.stability import stability
+from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.presets import preset_text
 from swimbladder.io.vehicle_file import vehicle_file
 
 QUICK = ["--cells", "5", "--within", "200 s"]
@@ -99,11 +102,16 @@ def test_a_positioner_has_eigenvalues_and_maps_but_no_describing_function(capsys
 
 
 def test_a_float_is_followed_from_decision_to_decision(capsys, tmp_path):
-    out = tmp_path / "out"
-    command = ["stability", "example-float", "--depth", "100:500 m", "--cells", "5"]
+    """By its law alone, also where its file has a table of a supervisor."""
+    out, path = tmp_path / "out", tmp_path / "watched.toml"
+    path.write_text(preset_text("example-float") + "\n[supervisor]\n", encoding="utf-8")
+    command = ["stability", str(path), "--depth", "100:500 m", "--cells", "5"]
     assert main([*command, "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["linear"] is None
+    assert answer["supervised"] is False
+    with pytest.raises(InputError, match="without a supervisor"):
+        stability(load_vehicle(path), depths=(100.0, 500.0), supervised=True)
     decisions = answer["decisions"]
     assert 0.0 < decisions["largest_eigenvalue"] < 1.0
     assert {w["way"] for w in decisions["ways"]} == {"far", "near", "ascent"}

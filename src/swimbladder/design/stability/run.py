@@ -290,8 +290,9 @@ def stability(
     voltage_quantum: of the motor's driver [V]. maps: whether to draw where it recovers from.
     with_robustness: whether to try wrong gains and late commands, over `draws` from the region; of
     the own law, and of `laws`, which are tuned first. supervised: whether maps and wrong gains fly
-    under the vehicle's supervisor, as flashed; None: where its file has one. keep: folder for what
-    is done, so that a killed run goes on. advance: called with the share of the work that is done.
+    under the vehicle's supervisor, as flashed; None: where its file has one; those of a law of
+    volume changes never do. keep: folder for what is done, so that a killed run goes on. advance:
+    called with the share of the work that is done.
 
     Raises InputError for what cannot be, and for a vehicle without a controller.
     """
@@ -321,7 +322,11 @@ def stability(
     h = vehicle.controller.sample_time
     bound = BoundLaw(law, numbers, h if law.ways is None else math.nan)
     low, high = depths
-    watched = bool(supervision_of(vehicle, h, supervised))
+    if supervised and law.ways is not None:
+        what = "maps of a law of volume changes are of its decisions, without a supervisor"
+        remedy = "Leave it out; `simulate` and `faults` fly both"
+        raise InputError(what, field="supervised", value=supervised, remedy=remedy)
+    watched = law.ways is None and bool(supervision_of(vehicle, h, supervised))
     parts = Store(keep, vehicle, source_of(law), depths, within, watched, _BAND)
     unmet: list[str] = []
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
