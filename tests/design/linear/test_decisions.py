@@ -10,7 +10,7 @@ from swimbladder.control.registry import bind
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.pump_valve import (
     Delivery,
-    decision_map,
+    decision_maps,
     decision_of,
     drive_rates,
     moved_by_volume,
@@ -36,10 +36,12 @@ def test_where_the_speed_follows_at_once_the_eigenvalue_is_that_of_the_ratio(sha
     p = PLANT._replace(a_b=1e4 * PLANT.a_b, d_t=1e4 * PLANT.d_t, psi=0.0)
     d = decision_of(LAW, OWN, WAYS["far"], down=True)
     ratio = share * OWN.coefficient / drag_coefficient(p, OWN.far_speed)
-    found = np.linalg.eigvals(decision_map(p, d, Delivery(share, 0.0)))
+    found = np.linalg.eigvals(decision_maps([p], d, [Delivery(share, 0.0)])[0])
     largest = found[np.argmax(np.abs(found))]
     assert largest == pytest.approx(1.0 - ratio, abs=2e-3)
-    assert (spectral_radius(decision_map(p, d, Delivery(share, 0.0))) < 1.0) == (0.0 < ratio < 2.0)
+    assert (spectral_radius(decision_maps([p], d, [Delivery(share, 0.0)])[0]) < 1.0) == (
+        0.0 < ratio < 2.0
+    )
 
 
 def test_it_samples_when_the_law_does_and_acts_only_where_it_does():
@@ -105,7 +107,7 @@ def test_the_map_is_that_of_flights_that_differ_a_little(name, down, psi, drive)
     asked = abs(flown.actions[0][0, 1])
     share = drive[0] if d.pumps else drive[1]
     wait = (asked + rates.start_volume[0]) / rates.pump[0] if d.pumps else asked / rates.valve[0]
-    M = decision_map(p, d, Delivery(share, wait))
+    M = decision_maps([p], d, [Delivery(share, wait)])[0]
     expected = M @ before
     size = np.abs(expected).max(axis=1, keepdims=True)
     np.testing.assert_allclose(after / size, expected / size, atol=0.06)
@@ -116,6 +118,6 @@ def test_pumping_longer_than_the_speed_needs_makes_it_unstable():
     slow = OWN._replace(slow_speed=0.005, near_speed=0.005, far_speed=0.005, dead=10.0, run=10.0)
     way = LAW.ways(slow)[0]
     d = decision_of(LAW, slow, way, down=True, faster=False)
-    assert spectral_radius(decision_map(PLANT, d, Delivery(1.0, 0.0))) < 1.0
-    assert spectral_radius(decision_map(PLANT, d, Delivery(1.0, 20.0))) > 1.0
+    assert spectral_radius(decision_maps([PLANT], d, [Delivery(1.0, 0.0)])[0]) < 1.0
+    assert spectral_radius(decision_maps([PLANT], d, [Delivery(1.0, 20.0)])[0]) > 1.0
     assert math.isfinite(d.period)

@@ -46,7 +46,7 @@ def test_the_search_finds_what_random_points_of_the_region_have():
         s = random.normal(size=4)
         one = member(FLOAT, s / np.linalg.norm(s) * random.uniform() ** 0.25)
         for d in decisions_of(BOUND):
-            assert radius_of(FLOAT, one, d, rates, 2) <= found.radius + 1e-6
+            assert radius_of(FLOAT, [one], d, rates, 2) <= found.radius + 1e-6
     assert all(w.ratio == pytest.approx(1.0, rel=1e-3) for w in found.ways)
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from swimbladder.cli import main
-from swimbladder.design.linear.sampled import _exponential
+from swimbladder.design.linear.models import exponential_of
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_text
@@ -91,8 +91,8 @@ def test_an_exponential_is_that_of_scipy():
     random = np.random.default_rng(1)
     for size, scale in ((1, 1.0), (4, 0.1), (5, 3.0), (6, 30.0)):
         matrix = scale * (random.standard_normal((size, size)) - size * np.eye(size))
-        np.testing.assert_allclose(_exponential(matrix), expm(matrix), rtol=1e-9, atol=1e-13)
-    np.testing.assert_array_equal(_exponential(np.zeros((3, 3))), np.eye(3))
+        np.testing.assert_allclose(exponential_of(matrix), expm(matrix), rtol=1e-9, atol=1e-13)
+    np.testing.assert_array_equal(exponential_of(np.zeros((3, 3))), np.eye(3))
 
 
 def test_a_run_shorter_than_a_sample_is_one_sample():

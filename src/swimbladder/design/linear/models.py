@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from swimbladder.physics.dynamics import Plant, State, acceleration, motor_rhs
 
 Array = NDArray[np.float64]
+_TERMS = 19  # of the series: 0.5^19/19! is below the rounding of a double
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,6 +187,23 @@ def balancing_scale(A: Array) -> Array:
     _, (scale, _) = matrix_balance(A, permute=False, separate=True)
     exponents = np.log2(scale)
     return np.asarray(np.exp2(np.clip(exponents - np.round(np.median(exponents)), -30.0, 30.0)))
+
+
+def exponential_of(matrices: Array) -> Array:
+    """Return e^M of a matrix, or of each of a stack of like size [..., n, n].
+
+    By the series of matrices that are halved first and squared after; as SciPy's `expm`, whose
+    import takes longer than a simulation, and which goes through a stack one by one.
+    """
+    halvings = max(math.frexp(float(np.abs(matrices).sum(axis=-2).max()))[1] + 1, 0)
+    term: Array = np.broadcast_to(np.eye(matrices.shape[-1]), matrices.shape)
+    found = term
+    for k in range(1, _TERMS):
+        term = term @ matrices / (k * 2.0**halvings)
+        found = found + term
+    for _ in range(halvings):
+        found = found @ found
+    return found
 
 
 def polynomials(system: StateSpace) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -37,6 +37,7 @@ from swimbladder.control.law import Law, Measurement, Way
 from swimbladder.control.rate import RATE
 from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.depths import Stall
+from swimbladder.design.linear.models import exponential_of
 from swimbladder.physics.buoyancy_engine import drive_map, running_pump
 from swimbladder.physics.dynamics import Plant, drag_law, even_drag
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
@@ -270,21 +271,26 @@ def decision_of(
     return Decision(way, sign * way.speed, faster, samples, tuple(slopes), largest)
 
 
-def decision_map(p: Plant, d: Decision, delivery: Delivery) -> Array:
-    """Return M [3, 3] of (dw, e, u) from just after one decision to just after the next."""
-    from scipy.linalg import expm
+def decision_maps(plants: Sequence[Plant], d: Decision, deliveries: Sequence[Delivery]) -> Array:
+    """Return M [n, 3, 3] of (dw, e, u) from just after one decision to just after the next.
 
-    # The third is the way since the decision.
-    A = np.array([[-drag_slope(p, d.speed), p.a_b, 0.0], [p.psi, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    given, start = np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0])
-    given[1, 2] = -delivery.share
-    late = min(delivery.delay, d.period)
-    until = expm(A * late) @ start
-
-    def at(t: float) -> Array:
-        found = expm(A * t) @ start if t < late else expm(A * (t - late)) @ (until + given)
-        return np.asarray(found)
-
-    M = at(d.period).copy()
-    M[2] = sum(s * at(t)[2] for s, t in zip(d.slopes, d.samples, strict=True))
+    Of each plant with its delivery.
+    """
+    a = np.array([p.a_b for p in plants])
+    A = np.zeros((len(a), 1, 3, 3))  # of (dw, a e, the way since the decision)
+    A[:, 0, 0, 0] = [-drag_slope(p, d.speed) for p in plants]
+    A[:, 0, 0, 1] = A[:, 0, 2, 0] = 1.0
+    A[:, 0, 1, 0] = [p.a_b * p.psi for p in plants]
+    t = np.array(d.samples)[None, :, None, None]
+    late = np.minimum([one.delay for one in deliveries], d.period)[:, None, None, None]
+    given = np.zeros((len(a), 1, 3, 3))
+    given[:, 0, 1, 2] = -a * [one.share for one in deliveries]
+    before = exponential_of(A * np.minimum(t, late)) @ np.diag([1.0, 1.0, 0.0])
+    found = exponential_of(A * np.maximum(t - late, 0.0)) @ (
+        before + np.where(t < late, 0.0, given)
+    )
+    M = found[:, -1]
+    M[:, 2] = np.array(d.slopes) @ found[:, :, 2]
+    M[:, 1] /= a[:, None]
+    M[:, :, 1] *= a[:, None]
     return M

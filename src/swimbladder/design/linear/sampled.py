@@ -27,10 +27,9 @@ from swimbladder.design.linear.margins import (
     loop_margins,
     spectral_radius,
 )
-from swimbladder.design.linear.models import Array, StateSpace, linearise
+from swimbladder.design.linear.models import Array, StateSpace, exponential_of, linearise
 from swimbladder.physics.dynamics import Plant
 
-_TERMS = 19  # of the series: 0.5^19/19! is below the rounding of a double
 _INPUTS = ("depth", "volume", "reference")
 
 
@@ -140,27 +139,12 @@ def command_slope(law: LinearLaw, input: str) -> float:
     return float(C @ np.linalg.solve(np.eye(len(B)) - A, B) + system.D[0, 0])
 
 
-def _exponential(matrix: Array) -> Array:
-    """Return e^matrix, by the series of a matrix that is halved first and squared after.
-
-    As SciPy's `expm`, whose import takes longer than a simulation.
-    """
-    halvings = max(math.frexp(float(np.abs(matrix).sum(axis=0).max()))[1] + 1, 0)
-    term = found = np.eye(len(matrix))
-    for k in range(1, _TERMS):
-        term = term @ matrix / (k * 2.0**halvings)
-        found = found + term
-    for _ in range(halvings):
-        found = found @ found
-    return found
-
-
 def _held(A: Array, B: Array, h: float) -> tuple[Array, Array]:
     """State and input matrix of a step of h [s] with the input held."""
     n, m = B.shape
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n:] = A * h, B * h
-    exponential = _exponential(block)
+    exponential = exponential_of(block)
     return exponential[:n, :n], exponential[:n, n:]
 
 

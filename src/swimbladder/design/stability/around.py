@@ -207,7 +207,7 @@ def around_decisions(vehicle: Vehicle, bound: BoundLaw, *, depths: Sequence[floa
     pieces = [(d, k) for d in decisions for k in range(len(depths))]
 
     def radius(one: Member, piece: tuple[Decision, int]) -> float:
-        return margins.radius_of(vehicle, one, piece[0], rates, piece[1])
+        return margins.radius_of(vehicle, [one], piece[0], rates, piece[1])
 
     grid: list[Point] = []
     for s in with_middle(vehicle):

@@ -9,7 +9,6 @@ decision; the band in which they are caught has to be narrower than the one that
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +23,7 @@ from swimbladder.design.linear.pump_valve import (
     Decision,
     Delivery,
     DriveRates,
-    decision_map,
+    decision_maps,
     decision_of,
     with_drag,
 )
@@ -95,11 +94,17 @@ def going(vehicle: Vehicle, p: Plant, speed: float) -> Plant:
     return with_drag(p, vehicle.drag.rising_ratio if speed < 0.0 else 1.0)
 
 
-def radius_of(vehicle: Vehicle, one: Member, d: Decision, rates: DriveRates, k: int) -> float:
-    """Return the largest eigenvalue's modulus at depth k of `rates`, any change."""
-    p = going(vehicle, one.plant, d.speed)
-    maps = (decision_map(p, d, x) for x in deliveries(vehicle, one, d, rates, k))
-    return max(spectral_radius(M) for M in maps)
+def radius_of(
+    vehicle: Vehicle, members: Sequence[Member], d: Decision, rates: DriveRates, k: int
+) -> float:
+    """Return the largest eigenvalue's modulus of members at depth k of `rates`, any change."""
+    each = [
+        (going(vehicle, one.plant, d.speed), x)
+        for one in members
+        for x in deliveries(vehicle, one, d, rates, k)
+    ]
+    maps = decision_maps([p for p, _ in each], d, [x for _, x in each])
+    return float(np.abs(np.linalg.eigvals(maps)).max())
 
 
 def in_water(medium: Medium, one: Member, depth: float) -> Member:
@@ -115,8 +120,8 @@ def largest_radius(
 ) -> float:
     """Return the largest eigenvalue's modulus over members of a region, ways and depths [-]."""
     decisions, radii = decisions_of(bound), []
-    for one, (k, depth) in product(members, enumerate(rates.depths)):
-        there = in_water(medium, one, depth)
+    for k, depth in enumerate(rates.depths):
+        there = [in_water(medium, one, depth) for one in members]
         radii += [radius_of(vehicle, there, d, rates, k) for d in decisions]
     return max(radii)
 
