@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -212,6 +213,7 @@ class SampledLoop:
     command_delay: float = 0.0  # s, from a sample to its command
     depth_delay: float = 0.0  # s, age of the depth that the law sees
 
+    @cached_property
     def _sampled(self) -> tuple[StateSpace, StateSpace]:
         """The plant from sample to sample, and the law."""
         delays = {"command_delay": self.command_delay, "depth_delay": self.depth_delay}
@@ -219,7 +221,7 @@ class SampledLoop:
 
     def broken_at_command(self) -> StateSpace:
         """Return the loop from the command at the plant to minus the command of the law."""
-        p, k = self._sampled()
+        p, k = self._sampled
         seen = [k.inputs.index(name) for name in p.outputs]
         none = np.zeros((len(p.states), len(k.states)))
         A = np.block([[p.A, none], [k.B[:, seen] @ p.C, k.A]])
@@ -228,7 +230,7 @@ class SampledLoop:
 
     def broken_at_depth(self) -> StateSpace:
         """Return the loop from the depth that the law sees to minus the depth; V stays fed back."""
-        p, k = self._sampled()
+        p, k = self._sampled
         depth, volume = k.inputs.index("depth"), k.inputs.index("volume")
         V = p.C[[p.outputs.index("volume")]]
         z = p.C[[p.outputs.index("depth")]]
