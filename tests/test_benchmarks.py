@@ -129,7 +129,7 @@ def test_the_nearest_errors_are_taken_where_they_jump() -> None:
             bracket(run, wanted)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_quick_run(tmp_path, capsys) -> None:
     target = tmp_path / "scores.json"
     assert main(["--quick", "--json", str(target)]) == 0

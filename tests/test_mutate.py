@@ -111,7 +111,7 @@ def test_an_edit_elsewhere_draws_the_same_mutants_again():
     assert changes(source)[1] == first
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_survivors_are_listed_and_a_second_run_takes_up_where_the_first_was(tree, capsys):
     before = {path: path.read_bytes() for path in tree.rglob("*") if path.is_file()}
     assert run(tree, "--number", "3", "--seed", "3", "--least", "0", "--jobs", "2") == 0
@@ -180,6 +180,7 @@ def test_tests_that_fail_without_a_change_and_stale_entries_are_refused(tree):
     assert (tree / "src" / "tiny.py").read_text() == SOURCE
 
 
+@pytest.mark.prove
 def test_what_noticed_a_mutant_is_asked_first_when_tests_are_added(tree, monkeypatch):
     (tree / "tests" / "test_more.py").write_text(
         "from tiny import clipped\ndef test_two():\n    assert clipped(2.5) == 2.0\n"

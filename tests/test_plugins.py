@@ -500,14 +500,14 @@ class TestAnActuator:
             depth = ["--depth", "0:10 m"] if mission is None else ["--depth", "10:500 m"]
             dive = [] if mission is None else [str(tmp_path / "dive.toml")]
             out = ["--out", str(tmp_path / f"fw-{law}")]
+            compared = ["compare-laws", v, *depth, "--laws", law, "--runs", "2"]
             for words in (
                 ["vehicle", "show", v],
                 ["simulate", v, "--duration", "60"],
                 ["analyse", v],
                 ["energy", v],
                 ["tune", v, *depth, "--law", law, "--runs", "20", "--out", str(tmp_path / law)],
-                ["stability", v, *depth],
-                ["compare-laws", v, *depth, "--laws", law, "--runs", "2"],
+                ["stability", v, *depth, "--no-maps"],
                 [
                     "firmware",
                     v,
@@ -517,7 +517,7 @@ class TestAnActuator:
                     *(["--duration", "3 h"] if dive else []),
                 ],
                 ["faults", v, "--missions", "3", "--time-limit", "20 h"],
-                *([["mission", v, *dive]] if dive else []),
+                *([["mission", v, *dive], compared] if dive else []),
             ):
                 code = main(words)
                 said = capsys.readouterr()

@@ -9,7 +9,7 @@ import pytest
 from swimbladder.control.registry import LAWS
 from tests.codegen import coverage, fuzz
 
-QUICK = ("cascade", "planned", "rate")
+QUICK = ("cascade", "rate")
 
 
 @pytest.mark.slow

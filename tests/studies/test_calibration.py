@@ -17,7 +17,7 @@ RARELY = 1e-4
 CAMPAIGNS = 100
 
 
-@pytest.fixture(scope="module", params=["paper", "random"])
+@pytest.fixture(scope="module", params=["paper", pytest.param("random", marks=pytest.mark.prove)])
 def found(request, tmp_path_factory):
     (scenario,) = (s for s in SCENARIOS if s.name == request.param)
     jobs = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2

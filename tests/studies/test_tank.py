@@ -80,8 +80,8 @@ def test_a_hull_that_warms_is_as_if_the_piston_were_farther_out(tmp_path):
     )
 
 
+@pytest.mark.prove
 @pytest.mark.data
-@pytest.mark.slow
 def test_logs_that_taught_nothing_are_predicted_ten_seconds_ahead(data_dir):
     """Thresholds well inside what all splits of the logs gave (docs/explanation/filter.md)."""
     folder = data_dir / "ntnu_bv"

@@ -84,6 +84,7 @@ def rms(errors):
     return np.sqrt(np.mean(errors**2, axis=0))
 
 
+@pytest.mark.prove
 def test_the_planned_set_is_better_than_the_papers_in_no_more_time(design, campaigns):
     """Realised errors, the same vehicles and the same pool time."""
     assert design.chosen.time <= design.against.time

@@ -101,8 +101,12 @@ def test_the_worst_over_a_region_is_no_better_than_any_of_it():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("supervised", [True, False])
-@pytest.mark.parametrize("law", ["planned", "sea-cascade", "adrc"])
+@pytest.mark.parametrize(
+    "supervised", [True, pytest.param(False, marks=pytest.mark.prove, id="alone")]
+)
+@pytest.mark.parametrize(
+    "law", ["planned", pytest.param("sea-cascade", marks=pytest.mark.prove), "adrc"]
+)
 def test_fast_settles_near_the_bound_over_the_whole_region(law, supervised):
     """As flashed a second later: the motor has to prove itself before the vehicle goes deeper."""
     found = tune(
@@ -136,7 +140,7 @@ def test_fast_settles_near_the_bound_over_the_whole_region(law, supervised):
     assert answer.closed_loop.at_depth.peak_sensitivity < 1.6
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_quiet_holds_a_depth_and_hardly_moves():
     coarse = NOISY.sensors.model_copy(update={"depth_quantum": 5e-3})
     vehicle = NOISY.model_copy(update={"sensors": coarse})
@@ -218,7 +222,7 @@ def test_a_walk_takes_the_vehicle_as_far_off_as_reckoned_with():
     assert np.std(z) == pytest.approx(distance / math.sqrt(20.0), rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_sensor_too_bad_for_a_fast_law_is_said():
     sensors = FEUP.sensors.model_copy(update={"depth_noise": 0.05})
     vehicle = FEUP.model_copy(update={"sensors": sensors})

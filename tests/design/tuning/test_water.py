@@ -85,7 +85,7 @@ def test_vehicles_that_are_drawn_have_its_density(column):
         assert np.array_equal(wet[name], own_[name])
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_tuning_says_and_feels_it(column):
     given = {"law": "planned", "depths": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
     given["supervised"] = False

@@ -58,7 +58,7 @@ def test_without_noise_the_motor_is_found_exactly():
     assert found.parameters["rate"].ci95[0] == pytest.approx(Motor().K_out * 11.4, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     ("case", "logs"),
     [("steps", 120), pytest.param("steps, gains differ by 1 %", 60, marks=pytest.mark.prove)],
@@ -123,7 +123,7 @@ def differing(levels, motor, share, random):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "levels",
     [

@@ -421,6 +421,7 @@ def test_what_cannot_be_identified(scene) -> None:
         identify_deep([deep], [column], vehicle)
 
 
+@pytest.mark.prove
 @pytest.mark.data
 def test_the_book_of_real_dives_closes(data_dir) -> None:
     """Six dives to 500, 1000, 1500 and 2000 dbar, one set of parameters: 4 mL rms."""
@@ -440,6 +441,7 @@ def test_the_book_of_real_dives_closes(data_dir) -> None:
     assert fit.identified("pump_delivery")
 
 
+@pytest.mark.prove
 @pytest.mark.data
 def test_a_real_dive_predicted_from_the_others(data_dir) -> None:
     """46 hours to 1500 dbar and back in one go: arrivals twice as good as at constant speed."""

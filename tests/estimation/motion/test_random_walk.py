@@ -73,7 +73,7 @@ def campaign(seed, count=4, **change):
     return [made(100 * seed + i, **change)[0] for i in range(count)]
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_parameters_and_the_walk_are_found_with_honest_intervals():
     """Of 30 campaigns the 95 % intervals hold the truth as often as they should."""
     runs = 30

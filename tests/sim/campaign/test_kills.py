@@ -173,7 +173,7 @@ def test_killed_processes(tmp_path, undisturbed):
     disturbed(tmp_path, "processes", ["process", "client"], undisturbed)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_killed_dask(tmp_path, undisturbed):
     disturbed(tmp_path, "dask", ["worker 0", "client", "scheduler"], undisturbed)
 

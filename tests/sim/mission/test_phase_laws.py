@@ -35,6 +35,7 @@ from swimbladder.vehicle import HullPart, Load
 from tests.quoted import numbers, refused
 from tests.vehicles import SAMPLED
 
+QUICK = ("cascade", "adrc", "position-pid")  # `make prove` takes the others
 FILES = Path(__file__).parents[2] / "frozen" / "inputs"
 
 
@@ -67,7 +68,10 @@ def simulated(vehicle, flight, **more):
     return found, samples
 
 
-@pytest.mark.parametrize("name", SAMPLED)
+@pytest.mark.parametrize(
+    "name",
+    [n if n in QUICK else pytest.param(n, marks=pytest.mark.prove) for n in SAMPLED],
+)
 @pytest.mark.parametrize("seed", [None, 3])
 def test_every_law_flies_as_it_is_simulated(name, seed):
     vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))

@@ -34,7 +34,10 @@ def watched(name, **given):
     return vehicle.model_copy(update={"sensors": sensors, "supervisor": Supervisor(**given)})
 
 
-@pytest.mark.parametrize("name", ["cascade", "planned", "adrc", "position-pid"])
+@pytest.mark.parametrize(
+    "name",
+    ["cascade", pytest.param("planned", marks=pytest.mark.prove), "adrc", "position-pid"],
+)
 @pytest.mark.parametrize("seed", [None, 3])
 def test_law_and_supervisor_fly_as_they_are_simulated(name, seed):
     vehicle, task = watched(name), steps(SHALLOW, DEEP)
