@@ -312,7 +312,7 @@ class TestALaw:
             assert bits(in_c, *state_in_c, wait_in_c) == bits(command, *after, wait)
             state = after
 
-    @pytest.mark.slow
+    @pytest.mark.prove
     def test_it_is_tuned_as_the_cascade_is(self):
         given = {"goal": "quiet", "depths": (0.0, 5.0), "runs": 20}
         own, other = tune(FEUP, law="cascade", **given), tune(FEUP, law="hover", **given)

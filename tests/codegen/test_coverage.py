@@ -9,7 +9,7 @@ import pytest
 from swimbladder.control.registry import LAWS
 from tests.codegen import coverage, fuzz
 
-QUICK = ("cascade", "rate")
+QUICK = ("cascade",)
 
 
 @pytest.mark.slow

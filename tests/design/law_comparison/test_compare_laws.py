@@ -24,6 +24,7 @@ def compared(vehicle=TANK, **given):
     return compare_laws(vehicle, **({"runs": 3, "scenarios": FEW} | given))
 
 
+@pytest.mark.prove
 def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
     b = compared(tune_for=["fast"])
     names = ["position-pid, as in the file", "position-observer, fast"]

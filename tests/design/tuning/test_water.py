@@ -101,6 +101,7 @@ def test_tuning_says_and_feels_it(column):
     assert wet.region != even.region
 
 
+@pytest.mark.prove
 def test_a_supervisor_that_knows_nothing_of_the_layers_is_refused(column):
     """They move the neutral volume by more than it allows; one that allows it flies."""
     given = {"law": "planned", "depths": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}

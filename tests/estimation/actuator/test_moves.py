@@ -132,7 +132,7 @@ def test_the_ramp_is_as_long_as_it_is():
     assert "ramp of 0.3 s" in said.sentence
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_motor_alone_is_not_taken_for_a_soft_start():
     for k in range(25):
         random = np.random.default_rng([9, k])

@@ -142,6 +142,7 @@ def test_the_truth_closes_the_book(scene) -> None:
     assert start_volume(body, TRUTH, dive, until=5400.0) == pytest.approx(start, abs=0.5e-6)
 
 
+@pytest.mark.prove
 def test_intervals_hold_as_often_as_they_say() -> None:
     """Dives of the whole mission model, in waves, with a cast that errs: 95 % intervals.
 

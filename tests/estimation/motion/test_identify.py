@@ -292,7 +292,7 @@ def test_neutral_volumes_that_walk():
     assert found.to_json()["random_walk"]["neutral_walk"]["unit"] == "m3/s^0.5"
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_posterior_on_request():
     pytest.importorskip("emcee")
     found = identify(campaign(42)[4:], FEUP_EM, fixed={"psi": 4.04e-6}, posterior=5, **QUICK)

@@ -11,7 +11,6 @@ from swimbladder.control import supervisor
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
-from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.vehicle import Supervisor
@@ -221,8 +220,3 @@ def test_what_the_battery_shows_is_that_of_a_source_with_a_resistance():
     assert full == pytest.approx(emf - inside * current, rel=1e-12)
     assert battery_voltage(emf, inside / resistance, kappa, -emf, -q) == pytest.approx(full)
     assert battery_voltage(emf, inside / resistance, kappa, u, u / kappa) == emf  # no current
-
-
-def test_pump_and_valve_say_where_their_supervisor_is_flown():
-    with pytest.raises(InputError, match="see `faults`"):
-        sb.simulate(load_vehicle("example-float"), supervised=True, **STEPS)
