@@ -57,7 +57,7 @@ def header(path):
 
 def test_what_simulate_writes(capsys, tmp_path):
     columns, keys = rows("files-written.md", "simulate")
-    floats = {"volume_change_m3", "volume_rate_m3_s", "drive"}
+    floats = {"volume_change_m3", "run_s", "volume_rate_m3_s", "drive"}
     columns = {name: meaning for name, meaning in columns.items() if name not in floats}
     told = answer(
         capsys, "simulate", "example-em", "--duration", "30", "--netcdf", "--out", str(tmp_path)

@@ -41,8 +41,9 @@ def write_files(
 
     from swimbladder.io.tables import write_csv
 
+    asked = "run_s" if s.supervised else "volume_change_m3"
     known = attributes(s, _COLUMNS) | {
-        "volume_change_m3": np.where(np.isnan(s.drive), np.nan, s.command),
+        asked: np.where(np.isnan(s.drive), np.nan, s.command),
         "volume_rate_m3_s": np.where(np.isnan(s.drive), np.nan, s.motor_rate),
         "drive": s.drive,
     }

@@ -140,7 +140,7 @@ _OF_DRIVE = {  # of a float: account, unit, what it is
     "pumped": (FloatAccount.PUMPED, "m3", "volume pressed out"),
 }
 _TRAJECTORIES = {name: VARIABLES[name] for name in ("depth", "speed", "volume")}
-_TRAJECTORIES["command"] = {"long_name": "command of the law, V or m3"}
+_TRAJECTORIES["command"] = {"long_name": "command of the law, V or m3; s of a float's board"}
 
 
 def simulate_ensemble(

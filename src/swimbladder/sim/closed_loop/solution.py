@@ -233,8 +233,9 @@ class Solution:
     depth [m], speed [m/s, down], volume [m3], motor_rate [m3/s, before leakage], reference [m],
     command as the law gave it, voltage [V] as applied (nan: a positioner), volume_reference [m3]
     (nan: the law has none), current [A] and power [W] at the sample (nan where not known). Of a
-    pump and valve the command is the change of volume asked for at the sample [m3], the motor rate
-    what they move, and drive what they do: 0 nothing, 1 pump, 2 valve, 3 bypass, 4 the pump runs
+    pump and valve the command is the change of volume asked for at the sample [m3], under its
+    supervisor the seconds of it that the pump is to run, below 0 a valve [s], the motor rate what
+    they move, and drive what they do: 0 nothing, 1 pump, 2 valve, 3 bypass, 4 the pump runs
     and does not deliver yet (nan: another actuator).
 
     supervised: whether the law was flown under the vehicle's supervisor, as flashed. alarm: why and
