@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
@@ -272,11 +272,15 @@ def test_margins_are_of_one_input_and_one_output():
 def test_random_loops_stand_until_the_margin_and_not_beyond(seed):
     """Random plants, resonant and unstable ones among them, judged by eigenvalues only."""
     rng = np.random.default_rng(seed)
-    n = int(rng.integers(2, 7))
-    A = rng.normal(size=(n, n)) / math.sqrt(n)
-    loop = system(A, rng.normal(size=n), rng.normal(size=n) * rng.uniform(0.05, 1.0), 1.0)
-    found = loop_margins(loop)
-    assume(found is not None)
+    found = None
+    for _ in range(50):  # most loops that are drawn are not stable
+        n = int(rng.integers(2, 7))
+        A = rng.normal(size=(n, n)) / math.sqrt(n)
+        loop = system(A, rng.normal(size=n), rng.normal(size=n) * rng.uniform(0.05, 1.0), 1.0)
+        found = loop_margins(loop)
+        if found is not None:
+            break
+    assert found is not None
 
     def radius(k):
         return spectral_radius(loop.A - k * loop.B @ loop.C)
