@@ -252,10 +252,10 @@ def fly_float(
     deepest, n = max(start_depth, *asked), len(asked)
     medium = medium_of(vehicle, None, reach=deepest)
     plants = np.array(medium.plant)[:, None]
-    stepper, start = float_model(vehicle, medium, None, reach=deepest).lanes(
+    stepper, start = float_model(vehicle, medium, None, reach=deepest, seconds=True).lanes(
         {}, plants, np.array([[0.0], [math.nan], [start_depth], [0.0]])
     )
-    stepper, measured = stepper._replace(seconds=True), []
+    measured: list[float] = []
 
     def commanded(seen: Measurement, reference: float) -> float:
         """Return the board's command, for a volume that is not measured."""

@@ -221,7 +221,9 @@ def simulate_ensemble(
         chosen, numbers = flashed_law(vehicle, chosen, numbers, tick)
     plants, values = vary_plants(medium.plant, numbers, given, count)
     lanes = Plant(*plants)
-    model = float_model(vehicle, medium, column, reach=reach) if pumped else None
+    model = None
+    if pumped:
+        model = float_model(vehicle, medium, column, reach=reach, seconds=bool(watch))
     V0 = lanes.psi * z0 + lanes.V_0 + layers.along(z0)
     if model is not None:
         V0 = np.full(count, np.nan)  # as its stepper has it
@@ -324,9 +326,8 @@ class _Run:
         own: dict[str, Any] = {name: array[..., lanes] for name, array in self.own.items()}
         values = {name: array[lanes] for name, array in self.values.items()}
         if self.model is not None:
-            seconds = True if self.watch else None
             own["stepper"], own["start"] = self.model.lanes(
-                values, own["plants"], own["start"], rates=own.pop("rates"), seconds=seconds
+                values, own["plants"], own["start"], rates=own.pop("rates")
             )
         seeds = None if self.seed is None else [[self.seed, int(i)] for i in lanes]
         watch = self.watch.over(self.together) if self.watch else ()

@@ -49,6 +49,7 @@ class FloatModel:
     given: Any  # of `engine.rodas.prepare.given_of`
     table: Array  # [n, 2 len(Table)]
     energy_unknown: str  # why no electrical energy is known; "" where it is
+    seconds: bool = False  # whether the law is a board's, which commands seconds
 
     def lanes(
         self,
@@ -58,14 +59,13 @@ class FloatModel:
         *,
         noted: int = 0,
         rates: Array | None = None,
-        seconds: bool | None = None,
     ) -> tuple[Pumped, Array]:
         """Return a stepper of lanes that start at (q, V, z, w) [4, lanes], and these states.
 
         parameters: of the law by name, each [lanes]; plants [len(Plant), lanes]: of the body; what
         a lane has of its own is taken from there. A volume V that is nan: neutral, or at a depth
         of 0 all out. noted: room for what happens with its time. rates: of pump and valve over
-        what the processor knows [len(RATES), lanes]. seconds: True: the law commands seconds.
+        what the processor knows [len(RATES), lanes].
         """
         count = plants.shape[1]
         given = np.array([self.given] * count, self.given.dtype)
@@ -107,7 +107,7 @@ class FloatModel:
             work=np.zeros((count, *WORK)),
             board=board,
             segment=np.zeros((count, SEGMENT)),
-            seconds=seconds,
+            seconds=self.seconds or None,
         )
         return stepper, np.stack([np.zeros(count), x["v"], x["z"], x["w"]])
 
@@ -135,19 +135,24 @@ def surfacing_of(
 
 
 def float_model(
-    vehicle: Vehicle, medium: Medium, column: Column | None, *, reach: float
+    vehicle: Vehicle,
+    medium: Medium,
+    column: Column | None,
+    *,
+    reach: float,
+    seconds: bool = False,
 ) -> FloatModel:
     """Return a float in the water of a column, or in its own where that is None.
 
     medium: of `water.medium_of`, which refuses a column that ends above. reach: the greatest depth
-    that it is asked to go to [m].
+    that it is asked to go to [m]. seconds: whether the law is a board's, which commands seconds.
     """
     if column is None:
         column = uniform_column(vehicle.water, _MARGIN * max(reach, 0.0) + _BELOW)
     table, why = make_table(vehicle, column)
     given = given_of(vehicle, column, bottom=medium.plant.z_bottom, accuracy=_EXACT)
     given["shallow"] = _shallow(vehicle.hull)
-    return FloatModel(vehicle, column, medium.plant, given, table, why)
+    return FloatModel(vehicle, column, medium.plant, given, table, why, seconds)
 
 
 def _shallow(hull: Hull) -> float:
@@ -180,16 +185,13 @@ def run_float(
     ticks: int,
     lay_out: Callable[..., Block],
     run: Callable[[Block], SingleRun],
-    *,
-    seconds: bool | None = None,
 ) -> Solution:
     """Return the motion of a float from (q, V, z, w) [4, 1], with its V as `FloatModel.lanes` has.
 
-    parameters: of the law by name, each [1]. lay_out: a block of what else holds. seconds: as
-    `FloatModel.lanes` has it.
+    parameters: of the law by name, each [1]. lay_out: a block of what else holds.
     """
-    plants, room = np.array(model.plant)[:, None], _ROOM + 4 * ticks
-    stepper, start = model.lanes(parameters, plants, start, noted=room, seconds=seconds)
+    plants = np.array(model.plant)[:, None]
+    stepper, start = model.lanes(parameters, plants, start, noted=_ROOM + 4 * ticks)
     begin, emerges = stepper.x[0].copy(), bool(stepper.at["place"][0] == 1)
     found = run(lay_out(parts=1, start=start, stepper=stepper))
     return assemble(

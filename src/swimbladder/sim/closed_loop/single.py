@@ -214,10 +214,9 @@ def simulate(
         if parts is not None:
             what = "the steps of a float are as long as its motion lets"
             raise InputError(what, field="parts", value=parts, remedy="Leave it out")
-        model = float_model(vehicle, medium, column, reach=reach)
+        model = float_model(vehicle, medium, column, reach=reach, seconds=bool(watch))
         start[1] = math.nan if start_volume is None else start_volume
-        seconds = True if watch else None
-        return run_float(model, values, start[:, None], clock.ticks, lay_out, fly, seconds=seconds)
+        return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
     divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
     block = lay_out(parts=divided, start=start[:, None], booked=True, logged=True)
     run = fly(block)

@@ -493,7 +493,6 @@ def fly(mission: Mission, how: int, functions: tuple[int, int], room: Room, reco
     if room.model is not None:
         rates = np.array(mission.drive)[:, None]
         stepper, start = room.model.lanes({}, mission.plant[:, None], start, rates=rates)
-        stepper = stepper._replace(seconds=True)
     sensors = {name: getattr(c, name) for name in Sensors.model_fields}
     turn = np.zeros(int(c.end) + 1, np.int64)
     block = Block(

@@ -70,7 +70,9 @@ class FaultCampaign:
         model = None
         if course.floats:
             reach = course.vehicle.hull.depth_limit or BEYOND * course.depths.most
-            model = float_model(course.vehicle, course.medium, course.column, reach=reach)
+            model = float_model(
+                course.vehicle, course.medium, course.column, reach=reach, seconds=True
+            )
         late = math.ceil(latest.most / tick) + 2
         self._room = Room(board.size, late, model, pump_table(course.vehicle))
         limits = supervisor_parameters(course.vehicle, tick)
