@@ -46,7 +46,6 @@ _ON_BOARD = 100  # rows of the golden trace that a board checks
 _ROW_S, _SAVE_S = 5.0, 600.0  # s, between rows of the black box, and between savings of it
 LAUNCH, UNDER_WATER = 10, 60  # min, of the mission in a float's sketch
 _IN_LOOP, _LOOP_FILES = "examples/HardwareInTheLoop", ("HardwareInTheLoop.ino", "hil.h")
-MEGA_ONLY = ("sea-cascade",)  # laws whose sketch takes more than the 32 kB of an ATmega328P
 
 
 STEP = Mission(1.5, 3.0, 400.0)
@@ -134,7 +133,6 @@ def make_library(
         "launch_min": LAUNCH,
         "dive_min": UNDER_WATER,
         "density": vehicle.water.density,
-        "mega_only": made.law.name in MEGA_ONLY,
         "lined": getattr(vehicle.engine, "line", None) is not None,
         "protocol": wire.FACTS,
         "c_bytes": ", ".join(f"0x{byte:02x}" for byte in digest(made)),
