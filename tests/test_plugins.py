@@ -487,45 +487,46 @@ class TestAnActuator:
         assert pytest.approx(0.444e-3, rel=1e-3) == now.K1  # what EM was made for
 
     @pytest.mark.slow
-    def test_every_command_takes_it(self, tmp_path, capsys, monkeypatch):
+    @pytest.mark.parametrize("kind", ["rack", pytest.param("hose", marks=pytest.mark.prove)])
+    def test_every_command_takes_it(self, tmp_path, capsys, monkeypatch, kind):
         from swimbladder.io.vehicle_file import vehicle_file
 
         monkeypatch.chdir(tmp_path)
         (tmp_path / "dive.toml").write_text(DIVE)
         # a sensor without noise that has bobbed and lies still counts as frozen
-        floating = hosed().with_sensors(depth_noise=0.01)
-        for made, mission, law in ((racked(), None, "sea-cascade"), (floating, DIVE, "rate")):
-            v = str(tmp_path / f"{made.actuator.kind}.toml")
-            (tmp_path / v).write_text(vehicle_file(made), encoding="utf-8")
-            depth = ["--depth", "0:10 m"] if mission is None else ["--depth", "10:500 m"]
-            dive = [] if mission is None else [str(tmp_path / "dive.toml")]
-            out = ["--out", str(tmp_path / f"fw-{law}")]
-            compared = ["compare-laws", v, *depth, "--laws", law, "--runs", "2"]
-            for words in (
-                ["vehicle", "show", v],
-                ["simulate", v, "--duration", "60"],
-                ["analyse", v],
-                ["energy", v],
-                ["tune", v, *depth, "--law", law, "--runs", "20", "--out", str(tmp_path / law)],
-                ["stability", v, *depth, "--no-maps"],
-                [
-                    "firmware",
-                    v,
-                    *out,
-                    "--time-limit",
-                    "20 h",
-                    *(["--duration", "3 h"] if dive else []),
-                ],
-                ["faults", v, "--missions", "3", "--time-limit", "20 h"],
-                *([["mission", v, *dive], compared] if dive else []),
-            ):
-                code = main(words)
-                said = capsys.readouterr()
-                assert code in (0, 1), (words, said.err)
-                assert said.out, words
-            kept = sb.load_vehicle(tmp_path / law / "vehicle.toml")
-            assert kept.actuator == made.actuator
-            assert kept.controller.law == law
+        made = racked() if kind == "rack" else hosed().with_sensors(depth_noise=0.01)
+        mission, law = (None, "sea-cascade") if kind == "rack" else (DIVE, "rate")
+        v = str(tmp_path / f"{made.actuator.kind}.toml")
+        (tmp_path / v).write_text(vehicle_file(made), encoding="utf-8")
+        depth = ["--depth", "0:10 m"] if mission is None else ["--depth", "10:500 m"]
+        dive = [] if mission is None else [str(tmp_path / "dive.toml")]
+        out = ["--out", str(tmp_path / f"fw-{law}")]
+        compared = ["compare-laws", v, *depth, "--laws", law, "--runs", "2"]
+        for words in (
+            ["vehicle", "show", v],
+            ["simulate", v, "--duration", "60"],
+            ["analyse", v],
+            ["energy", v],
+            ["tune", v, *depth, "--law", law, "--runs", "20", "--out", str(tmp_path / law)],
+            ["stability", v, *depth, "--no-maps"],
+            [
+                "firmware",
+                v,
+                *out,
+                "--time-limit",
+                "20 h",
+                *(["--duration", "3 h"] if dive else []),
+            ],
+            ["faults", v, "--missions", "3", "--time-limit", "20 h"],
+            *([["mission", v, *dive], compared] if dive else []),
+        ):
+            code = main(words)
+            said = capsys.readouterr()
+            assert code in (0, 1), (words, said.err)
+            assert said.out, words
+        kept = sb.load_vehicle(tmp_path / law / "vehicle.toml")
+        assert kept.actuator == made.actuator
+        assert kept.controller.law == law
 
 
 @pytest.mark.usefixtures("hover")

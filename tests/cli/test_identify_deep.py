@@ -161,6 +161,7 @@ def test_casts_of_one_file(capsys, tmp_path, files):
     assert main([*start, str(dive), "--cast-where", "dive=1,2", *out]) == 0
 
 
+@pytest.mark.prove
 def test_logs_of_two_floats(capsys, tmp_path, files):
     """Of the same dive, once with valve runs as logged and once with twice their seconds."""
     _, _, dive = files

@@ -77,7 +77,7 @@ def test_a_wiener_process_that_is_set_to_zero_costs_what_it_should():
     assert found == pytest.approx(2.0 * 0.01 * math.sqrt(price / 6.0), rel=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_sixty_starts_an_hour_cannot_hold_it_and_the_observer_is_near_what_can():
     prices = [12e3, 16e3]
     bound = fewest(ISSUE, 10.0, prices, grid=COARSE)

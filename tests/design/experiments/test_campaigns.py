@@ -92,6 +92,7 @@ def test_the_planned_set_is_better_than_the_papers_in_no_more_time(design, campa
     assert (theirs / ours > 3.0).all(), (ours, theirs)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", ["planned", "paper"])
 def test_the_deviation_predicted_is_the_scatter_that_comes(campaigns, name):
     """Within its sampling error: the squares of 60 errors over the predicted deviation."""

@@ -105,7 +105,7 @@ def test_the_worst_over_a_region_is_no_better_than_any_of_it():
     "supervised", [True, pytest.param(False, marks=pytest.mark.prove, id="alone")]
 )
 @pytest.mark.parametrize(
-    "law", ["planned", pytest.param("sea-cascade", marks=pytest.mark.prove), "adrc"]
+    "law", [*(pytest.param(n, marks=pytest.mark.prove) for n in ("planned", "sea-cascade")), "adrc"]
 )
 def test_fast_settles_near_the_bound_over_the_whole_region(law, supervised):
     """As flashed a second later: the motor has to prove itself before the vehicle goes deeper."""
@@ -255,6 +255,7 @@ def test_a_positioner_is_tuned_too():
     assert [axes.get_ylabel() for axes in draw_tuning(found).axes][-1] == "volume asked for [cm³]"
 
 
+@pytest.mark.prove
 def test_the_sensitivity_that_is_drawn_is_that_of_the_margins():
     found = tune(NOISY, law="observer", depths=(0.0, 5.0), step=(1.5, 3.0), runs=20)
     figure = draw_sensitivity(found)
@@ -303,6 +304,7 @@ def test_a_supervised_trial_is_that_of_a_hold_and_a_step_as_flashed():
     assert runs.alarm.tolist() == [0] * 5
 
 
+@pytest.mark.prove
 def test_healthy_vehicles_that_a_supervisor_takes_over_are_an_answer_of_no(capsys, tmp_path):
     tight = tmp_path / "tight.toml"
     table = '\n[supervisor]\nbattery_low = "11.5 V"\n'  # and the supply falls to 10.8 V
@@ -405,7 +407,7 @@ def test_gains_that_lack_a_margin_are_nearer_than_ones_that_are_not_stable():
         tune(FEUP, law="sea-cascade", sample_time=60.0, runs=20)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     out = tmp_path / "tuned"
     command = ["tune", "feup-em", "--depth-noise", "2 mm", "--depth", "0:5 m", "--step", "1.5:3 m"]

@@ -17,7 +17,14 @@ IN = MOTOR.K_in * (12.0 - MOTOR.dead_zone + MOTOR.load)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["moves", "moves, speeds differ by 1 %", "moves, 10 % outliers"])
+@pytest.mark.parametrize(
+    "case",
+    [
+        "moves",
+        pytest.param("moves, speeds differ by 1 %", marks=pytest.mark.prove),
+        pytest.param("moves, 10 % outliers", marks=pytest.mark.prove),
+    ],
+)
 def test_intervals_hold_the_truth_as_often_as_they_say(case):
     scores = score(case, 8, seed=21)
     assert all(s.significant >= 7 for s in scores.values())

@@ -278,6 +278,7 @@ SHORT = 4.5e-6  # m3
 AS_FILED = {"pump_delivery": 1.0, "valve": 1.0, "bypass": 1.0, "pump_start": 0.0, "pump_slip": 0.0}
 
 
+@pytest.mark.prove
 def test_what_starts_fall_short_by_counts_once(scene) -> None:
     """A vehicle just as its file: each start 4.5 mL short, and the file that comes out says so."""
     plain, _, column = scene
