@@ -19,7 +19,7 @@ PACKAGES := gcc g++ clang libclang-rt-dev gcc-avr avr-libc arduino-core-avr sima
 SEED ?= $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
 ROUNDS ?= 10
 
-.PHONY: help demo test prove lint format bench calibrate lock python tools clean
+.PHONY: help demo test tests prove lint format bench calibrate lock python tools clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
@@ -28,7 +28,10 @@ demo: $(INSTALLED) ## Reproduce the paper and write the report
 	@$(BIN)/swimbladder reproduce --out report/paper
 	@echo "The report is in $(CURDIR)/report/paper"
 
-test: lint ## Lint, check types and layers, and run every test
+test: $(INSTALLED) ## Lint, check types and layers, and run every test
+	@$(MAKE) --no-print-directory --jobs=2 lint tests
+
+tests: $(INSTALLED)
 	@PYTHONDONTWRITEBYTECODE= $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 prove: SEED := $(SEED)

@@ -12,9 +12,16 @@ from tests.frozen.snapshot import cleaned, code_of, run
 from tests.frozen.store import FOLDER, load, path_of
 
 CASE = Case("a-case", ("simulate",))
+LONG = ("tune-planned", "tune-position-observer")  # `make prove` takes them
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, id=case.name, marks=pytest.mark.prove if case.name in LONG else ())
+        for case in CASES
+    ],
+)
 def test_a_case_is_as_it_was(case):
     if case.compiler and not any(map(shutil.which, ("cc", "gcc", "clang"))):
         pytest.skip("no C compiler")
