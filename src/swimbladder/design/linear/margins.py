@@ -12,6 +12,7 @@ crossing can hide between the points of a grid.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -205,11 +206,10 @@ Response = Callable[[ArrayLike], Complex]  # L at frequencies [rad/s]
 
 def response(loop: StateSpace) -> Response:
     """L at each of some frequencies [rad/s]."""
-    from swimbladder.design.linear.response import resolvent
-
     h = _sample_time(loop)
-    at, direct = resolvent(*_balanced(loop)), loop.D[0, 0]
-    return lambda w: at(np.exp(1j * h * np.atleast_1d(w))) + direct
+    A, B, C = _balanced(loop)
+    balanced = replace(loop, A=A, B=B, C=C)
+    return lambda w: balanced.at(np.exp(1j * h * np.asarray(w)))[:, 0, 0]
 
 
 Limit = tuple[float, float]  # a margin, and its frequency [rad/s]

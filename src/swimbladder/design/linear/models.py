@@ -56,11 +56,10 @@ class StateSpace:
 
     def at(self, points: ArrayLike) -> NDArray[np.complex128]:
         """Return C (p I - A)^-1 B + D at each complex p, of shape (points, outputs, inputs)."""
+        from swimbladder.design.linear.response import resolvent
+
         p = np.atleast_1d(np.asarray(points, dtype=np.complex128))
-        matrices = p[:, None, None] * np.eye(len(self.states)) - self.A
-        columns = np.broadcast_to(self.B.astype(np.complex128), (len(p), *self.B.shape))
-        found: Any = self.C @ np.linalg.solve(matrices, columns) + self.D
-        return found  # type: ignore[no-any-return]
+        return resolvent(self.A, self.B, self.C, p) + self.D
 
     def to_control(self) -> Any:
         """Return the system as a python-control StateSpace."""
