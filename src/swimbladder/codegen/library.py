@@ -27,6 +27,7 @@ from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import GREW, SUPERVISOR, Reason, SupervisorParameters, Watched
 from swimbladder.control.supervisor_limits import (
     arming_parameters,
+    board_reach,
     check_time_limit,
     command_limits,
     supervisor_parameters,
@@ -36,7 +37,7 @@ from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import InputError
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
-from swimbladder.sim.closed_loop.board_law import board_law, board_reach
+from swimbladder.sim.closed_loop.board_law import board_law
 from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle

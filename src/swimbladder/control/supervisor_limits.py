@@ -297,6 +297,11 @@ def arming_parameters(vehicle: Vehicle, p: SupervisorParameters) -> ArmingParame
     )
 
 
+def board_reach(p: SupervisorParameters) -> float:
+    """Return the depth [m] down to which a board knows what its pump delivers."""
+    return min(p.deep.deepest, p.depth.depth_most)
+
+
 def command_limits(vehicle: Vehicle, tick_s: float = math.inf) -> tuple[float, float]:
     """Return the least and the largest command: of the supply [V], of the stroke [m3].
 

@@ -56,7 +56,7 @@ def draw_campaign(flown: Campaign) -> Figure:
     soon.set_xscale("log")
     soon.axvline(60.0, color=Ink.ORANGE, lw=1.0, ls="--")
     style.plain_log_ticks(soon, "x")
-    soon.set_xlabel("detection time [s]: median (dot), 95 % (bar);\ndashed: 60 s")
+    soon.set_xlabel("detection time [s]: median (dot),\n95 % (bar); dashed: 60 s")
     style.label_panels([fate, soon])
     vehicle = flown.course.vehicle
     law = "" if vehicle.controller is None else f", law {vehicle.controller.law}"

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law
 from swimbladder.control.pump_valve import DriveParameters, timed
 from swimbladder.control.records import leaves
-from swimbladder.control.supervisor import SupervisorParameters
-from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.sim.closed_loop.floats import surfacing_of
+from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 _BEYOND = 0.05  # of the stroke, pumped beyond what lacks at the surface: what seeped in, and errors
@@ -101,19 +100,19 @@ def board_law(
     return BoardLaw(made, made.parameters(parameters, surface, board), rate_error, start_error)
 
 
-def flashed_law(vehicle: Vehicle, law: Law, parameters: Any, tick: float) -> tuple[Law, Any]:
-    """Return a law of volume changes, and its parameters, as the board of a vehicle flies them.
+def flown_law(
+    vehicle: Vehicle, law: Law, parameters: Any, tick: float, supervised: bool | None
+) -> tuple[Law, Any, Supervision | tuple[()]]:
+    """Return (law, parameters, supervisor) of a vehicle as they are flown.
 
-    tick [s]. Raises InputError as `board_law` and `supervisor_parameters` do.
+    tick [s]. supervised: as of `supervision_of`. Under a supervisor a law of volume changes is that
+    of its board. Raises InputError as `board_law` and `supervision_of` do.
     """
-    limits = supervisor_parameters(vehicle, tick)
-    board = board_law(vehicle, law, parameters, tick, deepest=board_reach(limits))
-    return board.law, board.parameters
-
-
-def board_reach(limits: SupervisorParameters) -> float:
-    """Return the depth [m] down to which a board knows what its pump delivers."""
-    return min(limits.deep.deepest, limits.depth.depth_most)
+    watch = supervision_of(vehicle, tick, supervised, rests=law.rests(parameters))
+    if watch and vehicle.command == "volume change":
+        board = board_law(vehicle, law, parameters, tick, deepest=watch.reach)
+        law, parameters = board.law, board.parameters
+    return law, parameters, watch
 
 
 def _fitted(

@@ -24,14 +24,14 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.block import Block, schedule, work_space
-from swimbladder.sim.closed_loop.board_law import flashed_law
+from swimbladder.sim.closed_loop.board_law import flown_law
 from swimbladder.sim.closed_loop.checks import check_dive, check_sample_time
 from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
 from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.rows import RECORDED, Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
 from swimbladder.sim.closed_loop.solution import TIME, VARIABLES, cf_attributes, close_books
-from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
+from swimbladder.sim.closed_loop.supervision import Supervision
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.chain import base_steps, book_steps
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
@@ -216,9 +216,7 @@ def simulate_ensemble(
         spread(given.pop(name, 1.0), count, f"vary[{name!r}]", "")
         for name in (RATES if pumped else ())
     ]
-    watch = supervision_of(vehicle, tick, supervised, rests=chosen.rests(numbers))
-    if watch and pumped:
-        chosen, numbers = flashed_law(vehicle, chosen, numbers, tick)
+    chosen, numbers, watch = flown_law(vehicle, chosen, numbers, tick, supervised)
     plants, values = vary_plants(medium.plant, numbers, given, count)
     lanes = Plant(*plants)
     model = None

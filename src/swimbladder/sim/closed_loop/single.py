@@ -23,7 +23,7 @@ from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.block import Block, schedule
-from swimbladder.sim.closed_loop.board_law import flashed_law
+from swimbladder.sim.closed_loop.board_law import flown_law
 from swimbladder.sim.closed_loop.checks import check_depths, check_dive, check_sample_time
 from swimbladder.sim.closed_loop.floats import float_model, run_float
 from swimbladder.sim.closed_loop.rows import Row
@@ -35,7 +35,6 @@ from swimbladder.sim.closed_loop.solution import (
     close_books,
     name_events,
 )
-from swimbladder.sim.closed_loop.supervision import supervision_of
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.vehicle import Vehicle
@@ -187,14 +186,12 @@ def simulate(
             check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
     start = check_start(medium, start_depth, start_volume, start_speed)
     clock = schedule(times, duration, tick)
-    watch = supervision_of(vehicle, tick, supervised, rests=chosen.rests(numbers))
     pumped = vehicle.command == "volume change"
-    if watch and pumped:
-        if function is not None:
-            what = "the board under a supervisor takes seconds of pump and valve, from its own law"
-            remedy = "Leave it out, or fly a Law"
-            raise InputError(what, field="supervised", value=supervised, remedy=remedy)
-        chosen, numbers = flashed_law(vehicle, chosen, numbers, tick)
+    if pumped and supervised and function is not None:
+        what = "the board under a supervisor takes seconds of pump and valve, from its own law"
+        remedy = "Leave it out, or fly a Law"
+        raise InputError(what, field="supervised", value=supervised, remedy=remedy)
+    chosen, numbers, watch = flown_law(vehicle, chosen, numbers, tick, supervised)
     values = {name: np.array([value]) for name, value in leaves(numbers).items()}
     lay_out = partial(
         Block,

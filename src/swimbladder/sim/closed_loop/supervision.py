@@ -21,7 +21,7 @@ from swimbladder.control.supervisor import (
     SupervisorState,
     Watched,
 )
-from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
+from swimbladder.control.supervisor_limits import board_reach, command_limits, supervisor_parameters
 from swimbladder.sim.closed_loop.dispatch import compilable, gather, scatter_where
 from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.rows import Row
@@ -62,6 +62,11 @@ class Supervision(NamedTuple):
         return float(self.limits[_DEPTH_LIMIT])
 
     @property
+    def reach(self) -> float:
+        """The depth [m] down to which the board under it knows what its pump delivers."""
+        return board_reach(from_numbers(SupervisorParameters, self.limits.tolist()))
+
+    @property
     def reason(self) -> Array:
         """The number of the reason of the first lane [1], as the kernel changes it; 0: none."""
         return self.memory[0, _REASON : _REASON + 1]
@@ -92,7 +97,7 @@ def supervision_of(
 
     supervised: whether there is one; None: where the vehicle has a table of it. rests: whether the
     law under it lets the actuator rest, as `supervisor_parameters` has it.
-    Raises InputError where it cannot be, and as `supervisor_parameters` does.
+    Raises InputError as `supervisor_parameters` does.
     """
     given = "supervisor" in vehicle.model_fields_set
     if not (given if supervised is None else supervised):
