@@ -81,7 +81,7 @@ def test_two_hours_of_holding_with_another_sensor_raise_no_alarm(
 ):
     as_flashed = supervision_of(noisy(stated), 0.3, True)
     monkeypatch.setattr(
-        "swimbladder.sim.closed_loop.ensemble.supervision_of", lambda *_, **__: as_flashed
+        "swimbladder.sim.closed_loop.board_law.supervision_of", lambda *_, **__: as_flashed
     )
     held = {"setpoints": [(0.0, 2.0)], "start_depth": 2.0, "duration": 7200.0}
     runs = simulate_ensemble(noisy(noise, quantum), **held, count=20, seed=3, supervised=True)
