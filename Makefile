@@ -92,7 +92,8 @@ clean: ## Remove .venv and everything that was generated
 .venv/locked: requirements.lock
 	@test -x $(BIN)/python || { python=$$($(MAKE) --silent python) && $$python -m venv .venv; }
 	@echo "Installing requirements.lock into .venv"
-	@$(PIP) --only-binary=:all: -r requirements.lock
+	@$(PIP) --no-compile --only-binary=:all: -r requirements.lock
+	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true
 	@touch $@
 
 $(INSTALLED): .venv/locked pyproject.toml

@@ -16,7 +16,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # The first example of a property may compile a kernel. The examples are the same in every run, so
 # that a change is judged by what it changes; `make prove` hunts for new ones (profile "prove", with
 # --hypothesis-seed), and what it finds is kept as an @example.
-hypothesis.settings.register_profile("swimbladder", deadline=None, derandomize=True)
+hypothesis.settings.register_profile(
+    "swimbladder", deadline=None, derandomize=True, max_examples=60
+)
 hypothesis.settings.register_profile(
     "prove",
     deadline=None,

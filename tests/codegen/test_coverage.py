@@ -9,14 +9,10 @@ import pytest
 from swimbladder.control.registry import LAWS
 from tests.codegen import coverage, fuzz
 
-QUICK = ("cascade",)
 
-
-@pytest.mark.slow
+@pytest.mark.prove
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize(
-    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.prove) for n in LAWS]
-)
+@pytest.mark.parametrize("name", LAWS)
 def test_nearly_all_branches_are_taken_and_the_rest_has_reasons(name):
     found = coverage.taken(name)
     files = {branch.file for branch in found.counts}

@@ -10,7 +10,10 @@ from tests.codegen.build import run
 @pytest.mark.usefixtures("clang")
 @pytest.mark.parametrize(
     "name",
-    ["cascade", *(pytest.param(name, marks=pytest.mark.slow) for name in ("adrc", "rate"))],
+    [
+        pytest.param("cascade", marks=pytest.mark.prove),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("adrc", "rate")),
+    ],
 )
 @pytest.mark.promise("first-reason")
 @pytest.mark.promise("command-within-limits")

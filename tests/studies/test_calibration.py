@@ -17,7 +17,7 @@ RARELY = 1e-4
 CAMPAIGNS = 100
 
 
-@pytest.fixture(scope="module", params=["paper", pytest.param("random", marks=pytest.mark.prove)])
+@pytest.fixture(scope="module", params=["paper", "random"])
 def found(request, tmp_path_factory):
     (scenario,) = (s for s in SCENARIOS if s.name == request.param)
     jobs = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2
@@ -25,7 +25,7 @@ def found(request, tmp_path_factory):
     return scenario, study(scenario, campaigns=CAMPAIGNS, seed=1, jobs=jobs, folder=folder)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_intervals_hold_the_truth_as_often_as_they_say(found):
     scenario, campaigns = found
     assert all(f["identified"] for f in campaigns)
@@ -35,7 +35,7 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say(found):
         assert binom.cdf(hits, CAMPAIGNS, 0.95) > RARELY, f"{name}: {hits} of {CAMPAIGNS}"
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_truth_is_as_far_away_as_the_intervals_say(found):
     scenario, campaigns = found
     squares = sum(f["distance"] ** 2 for f in campaigns)
@@ -47,7 +47,7 @@ def test_the_truth_is_as_far_away_as_the_intervals_say(found):
     assert freedom / 1.2**2 < low
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_intervals_are_about_as_narrow_as_can_be(found):
     scenario, campaigns = found
     for name in scenario.names:

@@ -94,7 +94,7 @@ def test_a_part_is_that_of_the_vehicle_asked_for(tmp_path):
     assert Store(None).read("x") is None
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
     sensors = FEUP.sensors.model_copy(update={"depth_noise": 2e-3})
     noisy = FEUP.model_copy(update={"sensors": sensors})

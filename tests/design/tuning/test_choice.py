@@ -140,7 +140,7 @@ def test_trials_have_the_weak_supply_and_the_full_one_and_the_ballast_off_to_eit
     assert (np.diff(off.depth[early, 1::2], axis=0)[1:] < 0.0).all()
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_region_too_wide_is_an_answer_of_no_with_what_narrows_it(capsys, tmp_path):
     """Its K2 known to a factor: the gains overshoot, and the answer is a pool day."""
     wide = tmp_path / "wide.toml"

@@ -320,6 +320,7 @@ def test_healthy_vehicles_that_a_supervisor_takes_over_are_an_answer_of_no(capsy
     assert ALONE in json.loads(capsys.readouterr().out)["assumptions"]
 
 
+@pytest.mark.prove
 def test_a_law_that_sleeps_is_judged_by_trials_alone():
     found = tune(
         NOISY, law="deadband", goal="quiet", hold=0.05, depths=(0.0, 5.0), step=(1.5, 3.0), runs=20

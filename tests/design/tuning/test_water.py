@@ -133,7 +133,7 @@ def test_the_commands_have_the_options_of_a_cast(command, lake, tmp_path, capsys
     assert "lake.csv ends at 15 m" in " ".join(capsys.readouterr().err.split())
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_compare_laws_says_whose_water_it_is(lake, tmp_path, capsys):
     command = [
         "compare-laws",

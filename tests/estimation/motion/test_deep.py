@@ -254,6 +254,7 @@ def two_dives(vehicle, column, values, runs=RUNS):
     return [log for log, _ in found], [dive for _, dive in found]
 
 
+@pytest.mark.prove
 def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
     """Two dives with a valve that lets in 0.9, and two with 1.0 of its file's."""
     vehicle, _, column = scene
