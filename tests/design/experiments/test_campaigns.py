@@ -13,7 +13,7 @@ from swimbladder.io.logs import Log
 from swimbladder.io.plan import load_plan, plan_file
 from tests.design.experiments.truth import Vehicle, depths, run
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.prove
 
 NAMES = ("K2", "T2", "psi")
 CAMPAIGNS = 60
@@ -84,7 +84,6 @@ def rms(errors):
     return np.sqrt(np.mean(errors**2, axis=0))
 
 
-@pytest.mark.prove
 def test_the_planned_set_is_better_than_the_papers_in_no_more_time(design, campaigns):
     """Realised errors, the same vehicles and the same pool time."""
     assert design.chosen.time <= design.against.time
@@ -92,7 +91,6 @@ def test_the_planned_set_is_better_than_the_papers_in_no_more_time(design, campa
     assert (theirs / ours > 3.0).all(), (ours, theirs)
 
 
-@pytest.mark.prove
 @pytest.mark.parametrize("name", ["planned", "paper"])
 def test_the_deviation_predicted_is_the_scatter_that_comes(campaigns, name):
     """Within its sampling error: the squares of 60 errors over the predicted deviation."""
@@ -114,7 +112,6 @@ def test_the_covariance_predicted_is_the_one_reported(campaigns, name):
     assert np.median(np.abs(said - expected)) < 0.02
 
 
-@pytest.mark.prove
 def test_the_error_with_drift_is_the_one_that_comes(design, vehicle, setting, tmp_path):
     """Neutral volumes that drift, of which the fit does not know: the vehicle as it was given."""
     path = tmp_path / "plan.toml"

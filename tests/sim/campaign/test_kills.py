@@ -168,7 +168,7 @@ def disturbed(folder, executor, victims, undisturbed, *, count=160):
     assert again <= WORKERS * kills, f"{again} chunks flown again after {kills} kills"
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_killed_processes(tmp_path, undisturbed):
     disturbed(tmp_path, "processes", ["process", "client"], undisturbed)
 
