@@ -16,11 +16,12 @@ from swimbladder.design.law_comparison.contenders import (
 )
 from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.trial import Drawn
-from swimbladder.errors import NoAnswerError
+from swimbladder.design.tuning.trial import ALONE, BOARD, Drawn
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.templates import vehicle_template
 from swimbladder.sim.closed_loop import simulate_ensemble
+from swimbladder.vehicle import Supervisor
 from tests.quoted import refused
 
 FLOAT = load_vehicle("example-float")
@@ -32,19 +33,22 @@ def test_a_float_steps_by_its_bands_and_not_near_the_surface():
     assert scenarios_of(load_vehicle("feup-em")) is not FLOAT_SCENARIOS
     where = places(FLOAT)
     assert where.least >= BAND
-    assert where.most == pytest.approx(0.8 * 2000.0)
+    assert where.most == pytest.approx(0.8 * 1800.0)  # where the supervisor turns it round
+    assert places(FLOAT, supervised=False).most == pytest.approx(0.8 * 2000.0)
     placed = [place(one, FLOAT, where) for one in FLOAT_SCENARIOS]
     assert all(where.least <= z <= where.most for p in placed for z in (p.start, p.target))
     assert all(abs(p.target - p.start) > 2.0 * BAND for p in placed if p.is_step)
     with refused(NoAnswerError):
-        places(FLOAT, (50.0, 3000.0))
+        places(FLOAT, (50.0, 3000.0), supervised=False)
 
 
-def test_what_is_measured_is_that_of_the_flights():
+@pytest.mark.parametrize("supervised", [False, True])
+def test_what_is_measured_is_that_of_the_flights(supervised):
     numbers = bind(FLOAT.controller)[1]
     who = Contender(law=RATE, tuning="as in the file", parameters=numbers, sample_time=1.0)
     placed = place(SOME[0], FLOAT, places(FLOAT, (50.0, 400.0)))
-    flown, time, _ = fly_scenario(FLOAT, who, placed, Drawn(2, region(FLOAT)))
+    drawn = Drawn(2, region(FLOAT), supervised=supervised)
+    flown, time, _ = fly_scenario(FLOAT, who, placed, drawn)
     same = simulate_ensemble(
         FLOAT,
         count=2,
@@ -54,6 +58,7 @@ def test_what_is_measured_is_that_of_the_flights():
         keep="trajectory",
         books=True,
         seed=1,
+        supervised=supervised,
     )
     error = np.abs(same["depth"].to_numpy() - placed.target)
     settled = float(flown.settle[0])
@@ -63,6 +68,30 @@ def test_what_is_measured_is_that_of_the_flights():
     assert flown.power == pytest.approx(power)
     assert no_energy(FLOAT) is None
     assert time[-1] <= placed.duration
+
+
+def test_as_flashed_seconds_of_the_pump_are_flown_and_the_supervisor_s_depth_ends_the_range():
+    told = {}
+    for supervised in (False, True):
+        found = compare_laws(
+            FLOAT,
+            laws=["cascade"],
+            runs=2,
+            depths=(50.0, 400.0),
+            scenarios=SOME[:1],
+            supervised=supervised,
+        )
+        told[supervised] = found.rows[0].results["step-small"]
+        assert (ALONE in found.assumptions) is not supervised
+        assert (BOARD in found.assumptions) is supervised
+    assert told[True].energy != told[False].energy
+    assert told[True].energy == pytest.approx(told[False].energy, rel=0.05)
+    assert told[True].alarms == 0.0
+    low = FLOAT.model_copy(update={"supervisor": Supervisor(depth_limit=300.0)})
+    assert places(low).most == pytest.approx(0.8 * 300.0)
+    assert places(low, supervised=False).most > 300.0
+    with refused(InputError, field="--depth", value=400.0):
+        places(low, (50.0, 400.0))
 
 
 def test_a_float_whose_pump_has_a_supply_of_its_own_is_tuned(tmp_path):

@@ -15,7 +15,17 @@ from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.gains import float_score, setting_of
 from swimbladder.design.tuning.margins import in_water
 from swimbladder.design.tuning.region import FLOATS, member, region
-from swimbladder.design.tuning.trial import Drawn, Step, Trial, draw, energy_of, fly, trial
+from swimbladder.design.tuning.trial import (
+    ALONE,
+    BOARD,
+    Drawn,
+    Step,
+    Trial,
+    draw,
+    energy_of,
+    fly,
+    trial,
+)
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle as load_file
@@ -53,6 +63,34 @@ def sea(tmp_path_factory):
     head = "Pressure [dbar],Temperature (deg C),Salinity [PSU]"
     np.savetxt(path, rows, delimiter=",", fmt="%.4f", header=head, comments="")
     return path
+
+
+def test_its_figures_are_of_law_seconds_and_supervisor_as_flashed(fast):
+    bound = BoundLaw(fast.law, fast.parameters)
+    flashed, alone = (
+        trial(FLOAT, bound, fast.step, Drawn(20, AROUND, fast.supply, supervised=s, tick=1.0))
+        for s in (True, False)
+    )
+    assert fast.region == flashed
+    assert fast.region != alone
+    assert fast.region.settle_95 == pytest.approx(alone.settle_95, rel=0.02)
+    assert fast.region.alarms == 0.0
+    assert BOARD in fast.assumptions
+    assert "supervisor" in fast.vehicle.model_fields_set
+    assert (
+        fast.vehicle.supervisor.time_limit is None
+    )  # a float's mission takes days: `firmware` asks
+    told = tune(FLOAT, depths=DEPTHS, runs=20, supervised=False)
+    assert told.region == alone
+    assert ALONE in told.assumptions
+    assert "supervisor" not in told.vehicle.model_fields_set
+
+
+def test_a_supervisor_that_ends_the_flight_or_turns_it_round_is_a_no():
+    with pytest.raises(NoAnswerError, match="brings it up: time limit"):
+        tune(changed("supervisor", time_limit=3600.0), depths=DEPTHS, runs=20)
+    with refused(InputError, field="--depth", value=300.0):
+        tune(changed("supervisor", depth_limit=250.0), depths=DEPTHS, runs=20)
 
 
 def test_the_fast_law_is_sooner_there_than_the_one_it_had(fast):
@@ -104,12 +142,16 @@ def test_each_goal_prefers_what_it_is_about():
     )
 
 
-def test_the_energy_of_actions_is_that_of_the_ledger():
+@pytest.mark.parametrize("supervised", [False, True])
+def test_the_energy_of_actions_is_that_of_the_ledger(supervised):
     """Rates and powers at the depth of each action, against the loop's own integral."""
     step = Step(*DEPTHS, 14400.0)
-    drawn = Drawn(4, None)
+    drawn = Drawn(4, None, supervised=supervised, tick=1.0)
     asked = {"target": [300.0, 100.0], "start_depth": [100.0, 300.0], "duration": step.duration}
-    flown = fly(FLOAT, BOUND, **asked)
+    flown = fly(FLOAT, BOUND, **asked, supervised=supervised, tick=1.0)
+    assert [len(acts) for acts in flown.actions] == flown.drive_runs.tolist()
+    moved = np.array([acts[:, 1].sum() for acts in flown.actions])
+    assert moved == pytest.approx(flown.volume[-1] - flown.volume[0], abs=2e-6)
     for lane in range(2):
         assert energy_of(FLOAT, flown, lane).sum() == pytest.approx(flown.energy[lane], rel=0.02)
     found = trial(FLOAT, BOUND, step, drawn)
@@ -184,6 +226,9 @@ def test_in_the_water_of_a_cast_it_is_flown_there(sea):
         tune(FLOAT, depths=(100.0, 900.0), runs=20, column=column)
 
 
+SOFT = changed("hull", psi=2e-6)
+
+
 @pytest.mark.parametrize(
     ("vehicle", "options", "words"),
     [
@@ -193,7 +238,7 @@ def test_in_the_water_of_a_cast_it_is_flown_there(sea):
         (FLOAT, {"hold": 0.2}, "keeps it within 0.2 m"),
         (changed("sensors", depth_noise=0.2), {"hold": 0.5}, "is lost in it"),
         (changed("hull", psi=-4e-6), {"depths": (2.0, 40.0), "hold": 0.4}, "no setting"),
-        (changed("hull", psi=2e-6), {"depths": (2.0, 100.0)}, "hull gives way"),
+        (SOFT, {"depths": (2.0, 100.0), "supervised": False}, "hull gives way"),
         (changed("actuator", longest_run=2.0), {}, "the pump needs"),
     ],
 )

@@ -157,7 +157,7 @@ def _reach(vehicle: Vehicle, *, supervised: bool) -> tuple[float, str]:
         weak = p._replace(supply=LOW_SUPPLY * p.supply)
         held = stall(weak, depth=0.0, depth_limit=None).holding_depth
         found.append((held, f"the motor stalls with {weak.supply:.3g} V"))
-    if supervised and not floats:
+    if supervised:
         own = vehicle.controller
         limits = supervisor_parameters(vehicle, _TICK if own is None else own.sample_time)
         found.append((limits.deep.depth_limit, _TURNED))
@@ -211,8 +211,8 @@ class Contender:
 
     @property
     def supervised(self) -> bool:
-        """Whether it is flown under the supervisor, as flashed: all but the paper's, and floats."""
-        return self.tuning != PAPER and self.law.ways is None
+        """Whether it is flown under the supervisor, as flashed: all but the paper's."""
+        return self.tuning != PAPER
 
     @property
     def name(self) -> str:

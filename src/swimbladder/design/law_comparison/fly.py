@@ -48,7 +48,9 @@ def fly_scenario(
     runs of its drive.
     """
     s, h, column = placed.scenario, who.sample_time, drawn.column
-    before = trial.held_before(h) if who.supervised and drawn.supervised else None
+    supervised = who.supervised and drawn.supervised
+    pumped = vehicle.command == "volume change"
+    before = trial.held_before(h) if supervised and not pumped else None
     whole = placed.duration + (before or 0.0)
     medium = medium_of(vehicle, column, reach=max(placed.start, placed.target))
     given: dict[str, Any] = {"vary": {}}
@@ -65,7 +67,6 @@ def fly_scenario(
         )
     if s.drift > 0.0:
         given["neutral_change"] = trial.random_walk(s.drift, whole, drawn, sample_time=h)
-    pumped = vehicle.command == "volume change"
     if not pumped:  # neutral is otherwise what its stepper makes of it
         given["start_volume"] = medium.neutral_volume(placed.start)
     flown = trial.fly(
@@ -74,6 +75,7 @@ def fly_scenario(
         target=placed.target,
         duration=placed.duration,
         before=before,
+        supervised=supervised,
         count=runs,
         start_depth=placed.start,
         seed=seed,

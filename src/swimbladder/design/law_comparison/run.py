@@ -27,7 +27,7 @@ from swimbladder.design.law_comparison.contenders import GOALS, Contender, Place
 from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
-from swimbladder.design.tuning.trial import ALONE, SUPERVISED, Drawn, Trial, summarise
+from swimbladder.design.tuning.trial import ALONE, BOARD, SUPERVISED, Drawn, Trial, summarise
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import as_json
 from swimbladder.io.progress import Advance, silent
@@ -284,8 +284,8 @@ def compare_laws(
     tune_for: goals of `tune`. parts: a folder where what is done is kept; a comparison that was
     stopped goes on there. column: the water of all runs and of the tuner's trials, the
     vehicle's own where not given. supervised: whether trials and runs are of law and supervisor, as
-    `firmware` writes them, or of the law alone; the paper's law and those of floats are always
-    alone. advance: called with the share of the work done.
+    `firmware` writes them, or of the law alone; the paper's law is always alone. advance: called
+    with the share of the work done.
 
     Raises InputError for what cannot be; NoAnswerError where no controller is left to fly.
     """
@@ -423,9 +423,9 @@ def _assumptions(
     noise = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
     if sensors.depth_quantum > 0.0:
         noise += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
-    alone = not supervised or vehicle.command == "volume change"
-    found = [f"depths {range_words}", noise, ALONE if alone else SUPERVISED]
-    if not alone and any(one.tuning == contenders.PAPER for one in contenders.own(vehicle)):
+    together = BOARD if vehicle.command == "volume change" else SUPERVISED
+    found = [f"depths {range_words}", noise, together if supervised else ALONE]
+    if supervised and any(one.tuning == contenders.PAPER for one in contenders.own(vehicle)):
         found.append("the paper's law flies alone, as the paper has it")
     if vehicle.supply is not None and vehicle.command != "volume change":
         weak = contenders.LOW_SUPPLY * vehicle.supply.voltage

@@ -471,7 +471,7 @@ class Search:
             )
         scored = []
         for radius, tuning in kept:
-            few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]))
+            few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]), supervised=False)
             scored.append((self.tried(tuning, few)[0], radius, tuning))
             self.report(0.5 / len(kept))
         scored.sort(key=lambda one: one[0])
@@ -479,6 +479,7 @@ class Search:
         final = [(self.tried(tuning, drawn), radius) for _, radius, tuning in again]
         (_, tuning, over), radius = min(final, key=lambda one: one[0][0])
         span = abs(step.target - step.start)
+        self._refuse_alarms(tuning, over)
         if over.settled < _ARRIVE or not over.rms <= _LOST * held:
             raise NoAnswerError(
                 f"no setting of the law {name!r} brings the float over {span:g} m and keeps it "

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind, check_command, controller_of, own_law
+from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
 from swimbladder.design.tuning import gains, trial
@@ -24,6 +25,7 @@ from swimbladder.physics.buoyancy_engine import known_winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.layers import Layers
 from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
@@ -71,7 +73,7 @@ def tune(
     given, of a pump and valve the whole range. hold [m rms]: error allowed to a quiet law (9.5 mm)
     or one that saves energy (5 cm); of a pump and valve the tolerance, that of its law or 10 m.
     supervised: whether the trials fly law and supervisor, as `firmware` writes them, or the law
-    alone; of a pump and valve always alone. advance: called with the share of the work done.
+    alone. advance: called with the share of the work done.
     column: the water that the trials are flown in and that stroke and neutral volume are held
     against; margins are those of the vehicle's own psi and density, decisions of a pump and valve
     with psi as that water has it.
@@ -104,6 +106,10 @@ def tune(
         check_cast_unit(column.cast, judged[-1], noisy.hull.depth_limit)
     layers = medium_of(noisy, column, reach=judged[-1]).layers
     _check_reach(noisy, judged, weak, around, layers)
+    if supervised:
+        limit = supervisor_parameters(noisy, h).deep.depth_limit
+        if judged[-1] > limit:
+            raise turned_round(judged[-1], limit, "--depth" if depths[1] > limit else "--step")
     request = _Request(
         vehicle=noisy,
         sensor=sensor,
@@ -116,7 +122,7 @@ def tune(
         hold=hold,
         runs=runs,
         column=column,
-        supervised=supervised and not pumped,
+        supervised=supervised,
         around=around,
         judged=judged,
         off=layers.along(np.linspace(judged[0], judged[-1], _ROWS)),
@@ -187,7 +193,9 @@ class _Request:
         elif goal == "fast":
             long = _watched(vehicle, supply, way, h)
         watched = trial.Step(*ends, long)
-        drawn = trial.Drawn(self.runs, around, supply, self.column, supervised=self.supervised)
+        drawn = trial.Drawn(
+            self.runs, around, supply, self.column, supervised=self.supervised, tick=h
+        )
         promise = promise_of(
             vehicle, goal, least=self.least_time, held=held, supervised=self.supervised
         )
@@ -199,7 +207,7 @@ class _Request:
         nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
         unmet = tuple(words for words, _ in broken(promise, found.region))
         waves = math.nan
-        if self.supervised:
+        if self.supervised and not pumped:
             depth = min(max(_IN_WAVES, depths[0]), depths[1])
             waves = trial.alarms_in_waves(vehicle, bound, depth, drawn)
         return Tuning(
@@ -228,8 +236,12 @@ class _Request:
 
     @property
     def unlimited(self) -> bool:
-        """Whether the supervisor that is flown has no time limit."""
-        return self.supervised and self.vehicle.supervisor.time_limit is None
+        """Whether the supervisor that is flown gets a time limit, as it has none.
+
+        How many days a float's mission takes nobody but its owner knows; `firmware` asks.
+        """
+        pumped = self.vehicle.command == "volume change"
+        return self.supervised and self.vehicle.supervisor.time_limit is None and not pumped
 
     def _vehicle(self, controller: Controller) -> Vehicle:
         """Return the vehicle with a controller, and where trials had one, with its supervisor."""
@@ -246,7 +258,8 @@ class _Request:
     def _assumptions(self) -> tuple[str, ...]:
         """Return what trials and margins assume."""
         pumped = self.vehicle.command == "volume change"
-        how = trial.SUPERVISED if self.supervised else trial.ALONE
+        together = trial.BOARD if pumped else trial.SUPERVISED
+        how = together if self.supervised else trial.ALONE
         found = [*self.around.words, self.sensor, how, *_outside(self.depths, self.ends)]
         if self.unlimited:
             found.append(_LIMITED)

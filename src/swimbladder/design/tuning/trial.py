@@ -61,6 +61,10 @@ _USUAL = 1.5  # m, of a step
 _BEFORE = 120.0, 400  # s and samples, in which a supervisor gets to know the vehicle before a step
 _OFF_RUNS = 20  # with the ballast off, half of them to either side
 HALF_HOUR, _IN_WAVES = 1800.0, 10  # s, runs in each sea
+BOARD = (
+    "law, seconds of pump and valve, and supervisor fly together, as `firmware` writes them; what "
+    "the gains are chosen by is of the law alone"
+)
 ALONE = "the law flies alone, without the supervisor that `firmware` writes beside it"
 SUPERVISED = (
     "the law flies under the vehicle's supervisor, as `firmware` writes both; a step comes after "
@@ -90,9 +94,10 @@ class Drawn(NamedTuple):
     supply: float = math.inf  # V; the vehicle's where infinite
     column: Column | None = None  # the water, the vehicle's own where None
     seed: int = 1
-    supervised: bool = False  # as `firmware` writes law and supervisor; of a float never
+    supervised: bool = False  # as `firmware` writes law and supervisor
     known: frozenset[str] = frozenset()  # of the region: fields of `Plant` that are not drawn
     ballast: float = 0.0  # m3, by which every other neutral volume is off to either side
+    tick: float = math.nan  # s, of the board of a supervised float
 
     @property
     def nominal(self) -> Drawn:
@@ -107,7 +112,7 @@ class Runs(NamedTuple):
     depth: Array  # m
     speed: Array  # m/s, positive down
     volume: Array  # m3
-    command: Array  # V, m3; of a law of volume changes the change that it asks for there
+    command: Array  # V, m3; of a law of volume changes the change that it asks for there, or s
     target: Array  # m
     settle: Array  # s, to 2 % for good; nan: never
     overshoot: Array  # -, of the step
@@ -115,12 +120,27 @@ class Runs(NamedTuple):
     drive_runs: Array  # of pump and valve; nan of a motor
     stopped: NDArray[np.bool_]  # ended early: out of the water, or far too deep
     alarm: NDArray[np.int64]  # number of the supervisor's reason to take over; 0: none
+    seconds: bool = False  # whether the command is of a float's board: of this tick, + the pump
 
     @property
     def actions(self) -> list[Array]:
-        """Times [s] of changes of volume and how much they ask for [m3], each [actions, 2]."""
+        """Times [s] of changes of volume and how large they are [m3], each [actions, 2].
+
+        That is what a law asks for, of a board what a run over several ticks has changed.
+        """
+        if self.seconds:
+            return [*map(self._runs_of, range(self.command.shape[1]))]
         acts = [(own != 0.0, own) for own in self.command.T]
         return [np.stack([self.time[some], own[some]], axis=1) for some, own in acts]
+
+    def _runs_of(self, lane: int) -> Array:
+        way = np.sign(np.nan_to_num(self.command[:-1, lane]))
+        turns = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0))
+        begin, end = turns[:-1], turns[1:]
+        moving = way[begin] != 0.0
+        begin, end = begin[moving], end[moving]
+        moved = np.abs(self.volume[end, lane] - self.volume[begin, lane])
+        return np.stack([self.time[begin], way[begin] * moved], axis=1)
 
 
 def fly(
@@ -131,6 +151,7 @@ def fly(
     duration: float,
     before: float | None = None,
     supervised: bool = False,
+    tick: float = math.nan,
     **given: Any,
 ) -> Runs:
     """Return runs to a depth `target` [m] under a law with these parameters.
@@ -139,14 +160,15 @@ def fly(
     where they start, under the vehicle's supervisor, and then go on under it. supervised: whether
     they fly under it all the same where before is not given; else the law flies alone. What is
     returned begins as the target is given. Without a sample time the vehicle's own water acts by
-    psi alone. given: arguments of `simulate_ensemble`; there are as many runs as `count` says, or
-    as one of the numbers has.
+    psi alone; tick [s]: that of its board, which is in the place of one. given: arguments of
+    `simulate_ensemble`; there are as many runs as `count` says, or as one of the numbers has.
     """
+    supervised = supervised or before is not None
     many = (target, *given.get("vary", {}).values())
     many += tuple(given[name] for name in given if name.startswith("start_"))
     law, parameters, sample_time = bound
     if math.isnan(sample_time):
-        sample_time = _tick(parameters)
+        sample_time = tick if supervised else _tick(parameters)
         if given.get("column") is None:
             plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
             vehicle = vehicle.model_copy(update={"hull": plain})
@@ -159,7 +181,7 @@ def fly(
         parameters=parameters,
         keep="trajectory",
         sample_time=sample_time,
-        supervised=supervised or before is not None,
+        supervised=supervised,
         **given | {"count": max(given.get("count", 1), *map(np.size, many))},
     )
     known = {str(name): values.to_numpy() for name, values in data.variables.items()}
@@ -176,6 +198,7 @@ def fly(
         drive_runs=drive_runs,
         stopped=known["stop"] != 0,
         alarm=known.get("alarm", np.zeros(len(unknown), np.int64)),
+        seconds=supervised and vehicle.command == "volume change",
     )
 
 
@@ -224,6 +247,7 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
         down = np.arange(runs) % 2 == 0
         given["target"], given["start_depth"] = np.where([down, ~down], step.target, step.start)
         given["start_volume"] = np.where(down, *neutral)
+        given |= {"supervised": supervised, "tick": drawn.tick}
     given |= {"vary": vary, "seed": seed, "column": column, "count": runs}
     return fly(vehicle, bound, duration=step.duration, before=before, **given)
 
