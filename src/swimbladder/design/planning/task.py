@@ -13,11 +13,10 @@ from typing import NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.depths import stall
-from swimbladder.design.linear.models import Array, linearise, operating_point
+from swimbladder.design.linear.models import Array, exponential_of, linearise, operating_point
 from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.physics.dynamics import Plant, drag_law, plant
@@ -60,18 +59,11 @@ def steps_along(p: Plant, h: float, speed: Array, back: NDArray[np.bool_]) -> St
     drag, slope = drag_along(p, w)
     M[:, 3, 3] = -slope
     M[:, 3, 5] = p.a_b * p.V_0 + slope * w - drag
-    E = _exponential(M * h)
+    E = exponential_of(M * h)
     A, B, c = E[:, :4, :4].copy(), E[:, :4, 4].copy(), E[:, :4, 5].copy()
     if p.positioner:
         A[:, 0, :], B[:, 0] = 0.0, 1.0
     return Steps(A, B, c)
-
-
-def _exponential(M: Array) -> Array:
-    """Return the exponentials [n, k, k]; of matrices that are all alike, only one is computed."""
-    if (M[0] == M).all():
-        return np.broadcast_to(expm(M[0]), M.shape)
-    return np.asarray(expm(M))
 
 
 def _of_positioner(p: Plant) -> Array:
