@@ -87,14 +87,14 @@ def mission(
         column = water(v, task, read)
         with progress("loading the simulator"):
             from swimbladder.sim.mission.flight import fly_mission
-            from swimbladder.sim.mission.phase_laws import phase_laws
+            from swimbladder.sim.mission.orders import flown_laws
             from swimbladder.sim.mission.plan_check import limited
             from swimbladder.sim.mission.prepare import cost_words
             from swimbladder.sim.mission.result import MissionResult
 
         with suppress(SwimbladderError):  # the flight raises it, after what is to be checked first
             flight = limited(task, cycles=asked["cycles"], span=asked["span"])
-            aside(*cost_words(flight, phase_laws(v, flight)))
+            aside(*cost_words(flight, flown_laws(v, flight, asked.get("supervised"))[0]))
         with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
             flown = fly_mission(v, task, column, **asked, keep=keep, advance=advance)
         found = MissionResult(flown, flown.reach)

@@ -310,7 +310,7 @@ class TestRest:
         held = MissionResult(flight, flight.reach).held["park"]
         assert held["share"] > 0.99
         most = 0.2 if seed is None else 0.3  # of the samples; noise looks like drift
-        assert flight.whole["looks"] < most * awake.whole["looks"]
+        assert flight.whole["calls"] < most * awake.whole["calls"]
         assert len(flight.rows) < len(awake.rows)
         still = flight.rows["z"][flight.rows["doing"] == Doing.NOTHING]
         assert len(still) > 100

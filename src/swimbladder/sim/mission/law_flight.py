@@ -1,5 +1,6 @@
 """What flies a mission by laws that sample: a block of the closed loop for each law in turn."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,9 @@ from swimbladder.sim.closed_loop.lanes import OVER, Schedule
 from swimbladder.sim.closed_loop.rows import Row, rows
 from swimbladder.sim.closed_loop.solution import StopReason
 from swimbladder.sim.engine.chain import book_steps
+from swimbladder.sim.engine.modes import POSITIONER
 from swimbladder.sim.engine.rodas.records import Stop
+from swimbladder.sim.mission.core.board import Boarded
 from swimbladder.sim.mission.core.hooks import MANY, fly
 from swimbladder.sim.mission.core.records import Phases
 from swimbladder.sim.mission.core.sampled import WAY, Numbers, Sampled, Way
@@ -61,6 +64,42 @@ class ByRule:
     def kept(self) -> dict[str, NDArray[Any]]:
         """Return what `resume` needs beside the phases."""
         return {"work": self.own["work"]} if self.own else {}
+
+    def resume(self, kept: dict[str, NDArray[Any]]) -> None:
+        """Go on from what was kept."""
+        for name, there in self.kept().items():
+            there[:] = kept[name]
+
+
+class ByBoard:
+    """A mission of a float as flashed: its board's law at every tick, the supervisor on watch."""
+
+    rows = 4000  # of a part
+
+    def __init__(self, mission: Mission, plan: Plan) -> None:
+        cost_words(mission, plan.laws)  # refuses what is too long
+        assert plan.watch
+        self.mission, self.watch = mission, plan.watch.over(1)
+        first = plan.laws[0]
+        self.law, self.tick = first.law, first.sample_time
+        self.like = like_of(first.law, first.parameters, self.watch)
+        self.work = np.zeros(rows(extent(self.like.parameters), extent(self.like.state)))
+        self.work[Row.PLANT + POSITIONER] = math.nan  # neither a motor nor a positioner
+        self.work[Row.LOW_U], self.work[Row.HIGH_U] = -self.tick, self.tick
+        self.last, self.span = np.zeros(1), min(_SPAN, plan.longest / _ROWS)
+
+    def fly(self, phases: Phases) -> Stop:
+        """Fly on until a cycle is over, a buffer is full, or the mission ends."""
+        board = Boarded(phases, self.tick, self.span, self.last, self.watch.reason)
+        stop = fly(phases, self.law, self.like, self.work, board)
+        if stop is Stop.STUCK:
+            why = int(self.work[Row.STOPPED] % OVER)
+            raise _stuck(self.law, self.mission, phases, list(StopReason)[why].value)
+        return stop
+
+    def kept(self) -> dict[str, NDArray[Any]]:
+        """Return what `resume` needs beside the phases."""
+        return {"work": self.work, "watch": self.watch.memory, "last": self.last}
 
     def resume(self, kept: dict[str, NDArray[Any]]) -> None:
         """Go on from what was kept."""
@@ -242,13 +281,13 @@ class ByLaws:
         return found._replace(emf=v.supply.voltage, resistance=v.supply.internal_resistance)
 
 
-Pilot = ByRule | ByLaws
+Pilot = ByRule | ByBoard | ByLaws
 
 
 def pilot_of(vehicle: Vehicle, mission: Mission, plan: Plan, state: Any, **more: Any) -> Pilot:
     """Return what flies a mission from a state; more: seed and volume, as `ByLaws` has them."""
     if plan.water is None:
-        return ByRule(mission, plan)
+        return ByBoard(mission, plan) if plan.watch else ByRule(mission, plan)
     return ByLaws(vehicle, mission, plan, state, **more)
 
 

@@ -9,7 +9,15 @@ from swimbladder.control.rate import RATE, RateParameters
 from swimbladder.control.records import leaves
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.dynamics import drag_force
-from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws, rate_controller, source_of
+from swimbladder.sim.closed_loop.board_law import board_law
+from swimbladder.sim.closed_loop.supervision import Supervision
+from swimbladder.sim.mission.phase_laws import (
+    PhaseLaw,
+    phase_laws,
+    rate_controller,
+    source_of,
+    watch_of,
+)
 from swimbladder.vehicle import Vehicle
 
 # What a phase does where neither it nor the vehicle says so.
@@ -179,6 +187,31 @@ def hold_parameters(
     return (math.inf if runs else law.far), found
 
 
+def flown_laws(
+    vehicle: Vehicle, mission: Mission, supervised: bool | None
+) -> tuple[tuple[PhaseLaw, ...], Supervision | tuple[()]]:
+    """Return the law of each phase, none for the mission's own rule, and what watches them.
+
+    supervised: as of `phase_laws.watch_of`. Under a supervisor the laws of a float are those of its
+    board: where the mission's own rule would fly, `rate` with the numbers of each phase. Raises
+    InputError as `phase_laws`, `watch_of` and `board_law` do.
+    """
+    laws = phase_laws(vehicle, mission)
+    watch = watch_of(vehicle, mission, laws, supervised)
+    own = vehicle.controller
+    if not watch or own is None or vehicle.command != "volume change":
+        return laws, watch
+    found = []
+    for n, phase in enumerate(mission.phases):
+        law, numbers, source = RATE, law_parameters(vehicle, phase), ""
+        if laws:
+            law, numbers, source = laws[n].law, laws[n].parameters, laws[n].source
+        made = board_law(vehicle, law, numbers, own.sample_time, deepest=watch.reach)
+        source = source or _rate_source(vehicle, phase)
+        found.append(PhaseLaw(made.law, made.parameters, own.sample_time, source))
+    return tuple(found), watch
+
+
 def law_facts(
     vehicle: Vehicle, mission: Mission, *, supervised: bool = False
 ) -> list[dict[str, Any]]:
@@ -193,6 +226,8 @@ def law_facts(
         if law is not None:
             name, numbers, source = law.law.name, law.parameters, law.source
             tick = law.sample_time if law.sampled else None
+        if supervised and vehicle.command == "volume change" and vehicle.controller is not None:
+            tick = vehicle.controller.sample_time  # of its board
         facts = {"phase": title, "law": name, "sample_time_s": tick, "parameters": leaves(numbers)}
         source = source or _rate_source(vehicle, phase)
         found.append({**facts, "supervised": supervised, "source": source})

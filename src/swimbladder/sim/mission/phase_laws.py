@@ -32,8 +32,11 @@ class PhaseLaw:
 
     @property
     def sampled(self) -> bool:
-        """Whether it is called at each sample; a law of volume changes says when it wants to be."""
-        return self.law.command != "volume change"
+        """Whether it is called at each sample; a law of volume changes says when it wants to be.
+
+        Made one of seconds for a float's board it is called at each, too.
+        """
+        return self.law.command != "volume change" or self.law.within is not None
 
     def continues(self, other: PhaseLaw) -> bool:
         """Return whether nothing changes from another phase's law to this one."""
@@ -99,26 +102,35 @@ def watch_of(
 ) -> Supervision | tuple[()]:
     """Return the supervisor over the laws of a mission; () for none, as of `supervision_of`.
 
-    Raises InputError where it cannot be: over a law that is not called at each sample, at several
-    sample times, and where it would bring up a healthy vehicle, by its depth or time limit.
+    laws: of each phase; none: the mission's own rule. Of a vehicle with a controller that commands
+    pump and valve these are then those of its board, see `orders.flown_laws`.
+    Raises InputError where it cannot be: over the rule of another vehicle, at several sample times,
+    and where it would bring up a healthy vehicle, by its depth or time limit.
     """
-    if not any(law.sampled for law in laws):
+    own, floats = vehicle.controller, vehicle.command == "volume change"
+    if not any(law.sampled for law in laws) and (own is None or not floats):
         if supervised:
             what = "a supervisor watches a law that is called at each sample, and none flies this"
             raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
         return ()
-    tick = laws[0].sample_time
-    rests = any(law.law.rests(law.parameters) for law in laws)
-    watch = supervision_of(vehicle, tick, supervised, rests=rests)
+    if floats:
+        assert own is not None
+        rest = None  # as its own law does
+        ticks = [phase.sample_time or own.sample_time for phase in mission.phases]
+    else:
+        rest = any(law.law.rests(law.parameters) for law in laws)
+        ticks = [law.sample_time for law in laws]
+    tick = own.sample_time if floats and own is not None else ticks[0]
+    watch = supervision_of(vehicle, tick, supervised, rests=rest)
     if not watch:
         return ()
     alone = "fly the law alone (--without-supervisor)"
-    for index, law in enumerate(laws):
-        if law.sample_time != tick:
+    for index, other in enumerate(ticks):
+        if other != tick:
             what = f"the supervisor is called every {tick:g} s, with the law of the first phase"
-            field, value = f"phases[{index}].sample_time", law.sample_time
+            field = f"phases[{index}].sample_time"
             remedy = f"Leave it out, or {alone}"
-            raise InputError(what, field=field, value=value, unit="s", remedy=remedy)
+            raise InputError(what, field=field, value=other, unit="s", remedy=remedy)
     limit = watch.depth_limit
     for index, phase in enumerate(mission.phases):
         if phase.depth is not None and phase.depth > limit:

@@ -161,7 +161,7 @@ def _needs(vehicle: Vehicle, phase: Phase, start: float, end: float, plan: Plan)
     uneven = 1.0 if end > start else max(vehicle.drag.rising_ratio, 1.0)
     slack = law.coefficient * uneven * law.far_speed**2
     how = f"at {law.far_speed:g} m/s"
-    if plan.laws and phase.speed is None:  # the law goes as fast as it will
+    if plan.by_laws and phase.speed is None:  # the law goes as fast as it will
         slack, how = 0.0, "at last"
     rest = Need(phase.title, end, float(np.interp(end, grid, neutral)), "rest")
     if end == start:
@@ -200,7 +200,7 @@ def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
 
 def _check_sampling(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
     for n, (phase, law) in enumerate(zip(mission.phases, plan.laws, strict=False)):
-        if law.sampled and phase.depth is not None:
+        if law.law.command != "volume change" and phase.depth is not None:
             by = law.law, law.parameters, law.sample_time
             try:
                 check_sample_time(vehicle, *by, depths=[phase.depth])
@@ -229,7 +229,7 @@ def check_cycle(flight: Flight, fly: Callable[[Mission], Flight]) -> None:
     for n, phase in enumerate(flight.mission.phases):
         if int(flight.cycles["missed"][0]) >> n & 1:
             _refuse_way(flight, n, float(begun["z"][n]))
-        elif phase.kind in ("park", "hold") and not flight.plan.laws and not _met(flight, n):
+        elif phase.kind in ("park", "hold") and not flight.plan.by_laws and not _met(flight, n):
             _refuse_band(flight, n, fly)
 
 
@@ -264,7 +264,7 @@ def _refuse_way(flight: Flight, n: int, begin: float) -> None:
     limit = float(stage[what])
     ends = shortfall.late_notes(flight, n)["z"][0]
     way, left = shortfall.shortage(flight, n, np.array([begin, ends]))
-    if way > speed * limit and not (flight.plan.laws and phase.speed is None):
+    if way > speed * limit and not (flight.plan.by_laws and phase.speed is None):
         raise NoAnswerError(
             f"the {what} of the phase {title!r}, {limit:g} s, is too short by {left / speed:.0f} s "
             f"at {speed:g} m/s: {came}. Lengthen it, or go faster"

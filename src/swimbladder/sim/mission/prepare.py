@@ -22,8 +22,13 @@ from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of,
 from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Lane, Records, Table
 from swimbladder.sim.mission.core.hooks import DEAD
 from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Holding, Kind, Phases
-from swimbladder.sim.mission.orders import approach_time, hold_parameters, law_parameters
-from swimbladder.sim.mission.phase_laws import PhaseLaw, phase_laws, watch_of
+from swimbladder.sim.mission.orders import (
+    approach_time,
+    flown_laws,
+    hold_parameters,
+    law_parameters,
+)
+from swimbladder.sim.mission.phase_laws import PhaseLaw
 from swimbladder.sim.mission.rescue import return_depth
 from swimbladder.sim.mission.water import medium_for, waves_of
 from swimbladder.vehicle import Vehicle
@@ -33,7 +38,7 @@ State = tuple[np.record, np.record, Array]  # of `first_state`
 
 _MOST = 10**9  # samples of a mission: minutes
 _MANY = 5e7  # of them, from which on they are worth a word
-_SAMPLE = 2e-7  # s that one takes to compute, measured over a month
+_SAMPLE, _TICK = 2e-7, 1.5e-6  # s that one takes to compute, of a float's board; over a month
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
@@ -68,6 +73,11 @@ class Plan:
     def supervised(self) -> bool:
         """Whether a supervisor watches the laws."""
         return bool(self.watch)
+
+    @property
+    def by_laws(self) -> bool:
+        """Whether other laws than `rate` fly it, whose speeds nobody has stated."""
+        return bool(self.laws) and (self.laws[0].law.within or self.laws[0].law) is not RATE
 
     @property
     def longest(self) -> float:
@@ -124,15 +134,18 @@ def cost_words(mission: Mission, laws: Sequence[PhaseLaw]) -> list[str]:
     if samples < _MANY:
         return []
     _, phase, law = max(awake, key=lambda one: one[0])
+    board = law.law.within is not None
     what = (
         f"{samples / 1e6:.4g} million samples in {cycles:g} cycle{'s' if cycles > 1 else ''}, most "
         f"by the law {law.law.name!r} every {law.sample_time:g} s in the phase {phase.title!r}: "
-        f"about {samples * _SAMPLE:.0f} s of computing"
+        f"about {samples * (_TICK if board else _SAMPLE):.0f} s of computing"
     )
     remedy = (
         "Let it rest (rest_band, of a park or hold), take a longer sample_time, or write "
         f'law = "{RATE.name}" in every phase, which looks seldom'
     )
+    if board:
+        remedy = "Give its [controller] a longer sample_time, or --without-supervisor"
     if samples > _MOST:
         raise NoAnswerError(f"{what}, and more than the {_MOST / 1e6:g} million flown. {remedy}")
     return [f"{what}. {remedy}"]
@@ -154,8 +167,7 @@ def make_plan(
     gives over what its processor assumes. supervised: as of `phase_laws.watch_of`, which raises its
     InputError; another is raised for a temperature at the start of a hull that has the water's.
     """
-    laws = phase_laws(vehicle, mission)
-    watch = watch_of(vehicle, mission, laws, supervised)
+    laws, watch = flown_laws(vehicle, mission, supervised)
     _check_warmth(vehicle, mission)
     given = given_of(vehicle, column, bottom=mission.bottom, accuracy=accuracy or Accuracy())
     table, why = make_table(vehicle, column)
@@ -163,15 +175,16 @@ def make_plan(
     if moving is None:
         check_motion(mission.water_motion, column)
         moving = waves_of(mission.water_motion, vehicle.hull.height, column.gravity)
+    floats = vehicle.command == "volume change"
     sampled = any(law.sampled for law in laws)
-    water = medium_for(vehicle, mission, column) if sampled else None
+    water = medium_for(vehicle, mission, column) if sampled and not floats else None
     cold = coldest(mission, table, float(given["step"]))
     for name, value in _asked(vehicle, mission, cold).items():
         given[name] = value
     of = drive_error or DriveError()
     given["delivery"], given["flow"], given["makes_up"] = of.pump, of.valve, float(of.starts)
     stages = _stages(vehicle, mission, table, float(given["step"]))
-    for n, law in enumerate(() if sampled else laws):
+    for n, law in enumerate(() if sampled else laws):  # of volume changes
         up, pause = surfacing_of(vehicle, leaves(law.parameters))
         stages["law"][n, [0, DEAD]] = up.slack / stages["speed"][n] ** 2, pause
     plan = Plan(given, table, moving, stages, why, laws, water, watch=watch)

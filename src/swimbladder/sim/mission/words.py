@@ -14,7 +14,6 @@ from swimbladder.sim.mission.prepare import HELD, cost_words
 
 if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
-    from swimbladder.vehicle import Vehicle
 
 REASONS = {
     Stop.FINISHED: "the mission came to its end",
@@ -44,7 +43,7 @@ def holding_words(result: MissionResult) -> list[str]:
 def note_words(result: MissionResult) -> list[str]:
     """Return what of the files changes nothing here, or makes the answer say nothing."""
     oil = oil_note(result.flight.vehicle)
-    found = [*_unwatched(result.flight.vehicle), *([] if oil is None else [oil])]
+    found = [*_unwatched(result), *([] if oil is None else [oil])]
     found += cost_words(result.flight.mission, result.flight.plan.laws)
     sensors = result.flight.vehicle.sensors
     by_time = result.flight.plan.given["by_volume"] == 0.0
@@ -112,7 +111,7 @@ def reason_words(result: MissionResult) -> list[str]:
 def _starts_words(result: MissionResult, number: int) -> str:
     """Say what of the way of driving kept a phase from its depth; "" where nothing did."""
     flight = result.flight
-    if not flight.plan.laws:
+    if not flight.plan.by_laws:
         return shortfall.starts_words(flight, number)
     phase, law = flight.mission.phases[number], flight.plan.laws[number].law.name
     slower = "slower (speed)" if phase.speed is not None else "at a speed (speed), and not at once"
@@ -124,7 +123,7 @@ def _starts_words(result: MissionResult, number: int) -> str:
 
 def _hold_words(result: MissionResult, number: int) -> str:
     flight = result.flight
-    if flight.plan.laws:
+    if flight.plan.by_laws:
         law = flight.plan.laws[number].law.name
         return f"Check the gains of the law {law!r} (`tune`, `analyse`), or allow more"
     coarse = shortfall.coarse_words(flight.mission, flight.plan, number)
@@ -152,8 +151,12 @@ def span_words(seconds: float | None) -> str:
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"
 
 
-def _unwatched(vehicle: Vehicle) -> list[str]:
-    """Return what has to be said of a float that has a supervisor, which is not flown."""
-    if vehicle.command != "volume change" or "supervisor" not in vehicle.model_fields_set:
+def _unwatched(result: MissionResult) -> list[str]:
+    """Return what has to be said of a float that has a supervisor, and no board that it is of."""
+    vehicle = result.flight.vehicle
+    if "supervisor" not in vehicle.model_fields_set or vehicle.controller is not None:
         return []
-    return ["the mission's own rule flies it, without its supervisor: `simulate` flies that"]
+    return [
+        "the mission's own rule flies it, without its supervisor: that is of a board whose law the "
+        "vehicle's [controller] says, and it has none"
+    ]

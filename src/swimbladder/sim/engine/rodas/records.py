@@ -184,6 +184,7 @@ AT = record(
     ("rests", np.int64),  # 1: at rest; no steps are needed
     ("arrived", np.int64),
     ("new_law", np.int64),  # 1: the law is to begin anew
+    ("calls", np.int64),  # samples at which the law, or what is in its place, is called
     ("draws", np.int64),  # random numbers drawn
     ("seed", np.int64),  # -1: sensors without noise
     ("alarm", np.int64),  # 1: too deep, all is pumped out; 2: the supervisor took over
@@ -192,7 +193,6 @@ AT = record(
     ("stop", np.int64),
     ("missed", np.int64),  # phases of the cycle that ran out of time
     ("new_phase", np.int64),  # 1: a phase is to begin
-    ("looks", np.int64),
     ("not_held", np.int64),  # parks and holds of the cycle out of their tolerance too long
     ("captured", np.int64),  # 1: `control.hold` flies
     ("shut", np.int64),  # 1: the check valve behind the oil line is

@@ -82,8 +82,9 @@ def turn(f: Phases) -> bool:
 
 
 @inlined
-def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
-    x, at = f.lane.x, f.lane.at
+def begin_tick(f: Phases, S: Array) -> bool:
+    """End and begin phases, with the numbers of their law; return whether the flight pauses."""
+    at = f.lane.at
     at.idle += 1
     if at.stop == 0 and (S[Row.STOPPED] != 0.0 or at.idle > _IDLE):
         at.stop = Stop.STUCK
@@ -94,6 +95,14 @@ def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
         return True
     for n in range(f.numbers.shape[1]):
         S[Row.LAW + n] = f.numbers[at.phase, n]
+    return False
+
+
+@inlined
+def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
+    x = f.lane.x
+    if begin_tick(f, S):
+        return True
     if x.t == x.t_phase and x.t >= x.t_look:
         settled(f)
     return False
@@ -113,7 +122,7 @@ def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
         press_out(f.lane)
         x.t_look = x.t_move
     else:
-        at.looks += 1
+        at.calls += 1
         seen, surface = measured(p, f.lane.waves, x, at), stage.kind == Kind.SURFACE
         S[Row.SEEN_DEPTH], S[Row.WAIT] = seen, 0.0
         afloat = surface and seen <= p.shallow
@@ -153,13 +162,22 @@ def _set_off(f: Phases) -> tuple[float, float]:
 
 
 @inlined
+def too_deep(f: Phases, event: int) -> bool:
+    """Return whether a step ended at the deepest depth allowed; see where it ended at the phase's.
+
+    event: how it ended.
+    """
+    if event == LEVEL:
+        arrive(f)
+    return bool(event == TOO_DEEP)
+
+
+@inlined
 def _moved(f: Phases, event: int, time: float, depth: float) -> None:
     """Enter a step in what is known of the phase, and see whether it arrived or is too deep."""
     x, at = f.lane.x, f.lane.at
     arrived = at.arrived == 1
-    if event == LEVEL:
-        arrive(f)
-    elif event == TOO_DEEP:
+    if too_deep(f, event):
         _alarm(f)
     if event != STAYED or at.place == 2 or at.doing != Doing.NOTHING:
         row(f)
@@ -220,14 +238,25 @@ hook_in(
 )
 
 
-def fly(phases: Phases, law: Law = RULE, like: Like | None = None, work: Any = None) -> Stop:
+def fly(
+    phases: Phases,
+    law: Law = RULE,
+    like: Like | None = None,
+    work: Any = None,
+    board: Any = None,
+) -> Stop:
     """Fly until a cycle is over, a buffer is full, or the mission ends.
 
     law: of volume changes in the place of the mission's own rule; like: what its numbers are, work
-    [rows]: where they stand from call to call, with what the law remembers.
+    [rows]: where they stand from call to call, with what the law remembers. board: of
+    `core.board.Boarded`, where it is the law of a board, which commands seconds at every tick.
     """
     stepper, p, at = one_lane(phases.lane, phases.board), phases.lane.p, phases.lane.at
     at.idle, none = 0, np.zeros((1, 0, 0))
+    hooks, tick, first = phases, 0.0, 1
+    if board is not None:
+        stepper, hooks, tick = stepper._replace(seconds=True), board, board.tick
+        first = round(float(phases.lane.x["t"]) / tick)
     if like is None:
         like = Like(Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), volume_row=-1)
         work = np.zeros(rows(len(Rule._fields), len(Nothing._fields)))
@@ -246,7 +275,7 @@ def fly(phases: Phases, law: Law = RULE, like: Like | None = None, work: Any = N
         log=none,
         noted=np.zeros((1, 1), np.int64),
     )
-    clock = Schedule(tick=0.0, turn=MANY, given=np.zeros(1, np.int64))
-    kernel = kernel_of(law, pumped=True, hooks=phases)
-    kernel(lanes, phases, stepper, like, clock, (1, len(MANY) - 1), none, None)
+    clock = Schedule(tick=tick, turn=MANY, given=np.zeros(1, np.int64))
+    kernel = kernel_of(law, pumped=True, hooks=hooks)
+    kernel(lanes, hooks, stepper, like, clock, (first, len(MANY) - 1), none, None)
     return Stop(int(at.stop))

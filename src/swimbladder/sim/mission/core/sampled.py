@@ -277,7 +277,7 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
     elif _rests(f, S[Row.SEEN_DEPTH]):
         now.held = x.v if moves else _holding(S)
     else:
-        now.called, at.looks = 1.0, at.looks + 1
+        now.called, at.calls = 1.0, at.calls + 1
         if not called:
             now.begins, S[Row.WAIT] = 1.0, 0.0
 
