@@ -41,6 +41,7 @@ from swimbladder.sim.engine.advance import CHATTERS, LEFT_WATER, NOT_FINITE, TOO
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.modes import V_0
 from swimbladder.sim.engine.rodas.drive import (
+    FULL,
     STAYED,
     change_volume,
     end_run,
@@ -90,9 +91,10 @@ _at_surface = inlined(compilable(at_surface))
 def run_for(lane: Lane, length: float, wide: float, tick: float) -> None:
     """Let the pump of a lane run for a length [s], below 0 a valve; what else was on ends.
 
-    wide: 1: by the bypass. A whole tick of it goes on until another command ends it.
+    wide: 1: by the bypass. A whole tick of it goes on until another command ends it. A pump that
+    runs on against its end stop, where it makes up what seeps back, does not start anew.
     """
-    x, at = lane.x, lane.at
+    p, x, at = lane.p, lane.x, lane.at
     does = Doing.PUMPING if length > 0.0 else (Doing.BYPASSING if wide > 0.0 else Doing.LETTING_IN)
     length = math.inf if abs(length) >= _WHOLE * tick else abs(length)
     now = Doing.PUMPING if at.doing == Doing.PRIMING else at.doing
@@ -100,7 +102,8 @@ def run_for(lane: Lane, length: float, wide: float, tick: float) -> None:
         end_run(lane)
     if length > 0.0 and now != does:
         end = math.inf if does == Doing.PUMPING else -math.inf
-        start_run(lane, does, 0.0, end, length)
+        if does != Doing.PUMPING or x.v < p.v_max - FULL * (p.v_max - p.v_min):
+            start_run(lane, does, 0.0, end, length)
     elif at.doing != Doing.NOTHING:
         x.t_move = x.t + length
 
