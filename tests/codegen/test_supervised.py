@@ -28,6 +28,7 @@ from swimbladder.control.supervisor import (
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
+from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor
 from tests.codegen import chip
@@ -499,6 +500,18 @@ class TestNumbers:
         assert p.push.push == math.ceil(2.0 * 700e-6 / rate / 0.3)
         assert p.push.hold_command == pytest.approx(0.07707 * p.deep.deepest)
         assert p.same.same == NEVER  # 0.5 mm in a quantum of 5 mm that nobody stated may repeat
+        assert (p.time.time_blocks, p.time.time_ticks) == (NEVER, 0)  # it states no time limit
+        assert p.push.rise == 1.0
+
+    def test_a_push_that_a_block_ends_asks_for_more_than_a_stop(self):
+        """A stop is 15 % of the full rate, or what has grown within a third of a tick."""
+        vehicle = load_vehicle("feup-em")
+        own = plant(vehicle)
+        rate = own.gain * (own.supply - own.friction)
+        for tick, share in ((0.2, None), (1.0, 0.15)):
+            p = supervisor_parameters(vehicle, tick)
+            asked = 3.0 * p.push.grown / tick if share is None else share * rate
+            assert p.rate.stop_rate == pytest.approx(asked)
 
     @pytest.mark.parametrize(("noise", "quantum"), [(0.01, 0.0), (0.02, 0.005), (0.03, 0.01)])
     def test_the_same_depth_again_is_as_rare_as_is_said(self, noise, quantum):

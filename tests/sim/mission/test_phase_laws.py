@@ -316,6 +316,16 @@ class TestRest:
         assert len(still) > 100
         assert np.abs(still - 3.0).max() < 0.5 + 0.1  # the band, and a look's drift
 
+    def test_at_the_surface_rows_are_as_seldom_as_anywhere(self):
+        """It rests there by no law, so that no check of one makes a row."""
+        task = Mission(
+            phases=[*self.MISSION.phases, {"kind": "surface", "duration": 400_000.0}],
+            start_depth=3.0,
+        )
+        flight = flown(load_vehicle("ntnu-bv"), task, checked=False)
+        afloat = flight.rows["t"][(flight.rows["phase"] == 1) & (flight.rows["z"] < 0.5)]
+        assert 30_000 < len(afloat) < 60_000  # of 400,000 samples of about a second
+
     def test_a_band_that_does_not_fit_is_refused(self):
         with refused(InputError, field="phases[0].rest_band"):
             steps({"kind": "descend", "depth": 3.0, "rest_band": 0.5})
