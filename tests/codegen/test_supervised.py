@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import norm
 
 from swimbladder.codegen.clock import VehicleTwin
 from swimbladder.codegen.library import Library, make_library, meanings, write_library
@@ -502,6 +503,9 @@ class TestNumbers:
         assert p.same.same == NEVER  # 0.5 mm in a quantum of 5 mm that nobody stated may repeat
         assert (p.time.time_blocks, p.time.time_ticks) == (NEVER, 0)  # it states no time limit
         assert p.push.rise == 1.0
+        # a depth may jump by 6 times the noise and 5 cm, and go on at the vehicle's speed
+        assert p.depth.jump == pytest.approx(0.062)
+        assert p.depth.step == pytest.approx(p.depth.fastest + 0.062)
 
     def test_a_push_that_a_block_ends_asks_for_more_than_a_stop(self):
         """A stop is 15 % of the full rate, or what has grown within a third of a tick."""
@@ -522,7 +526,9 @@ class TestNumbers:
         samples = np.round(rng.normal(0.0, noise / 4.0, 200_000) / max(quantum, 5e-3))
         chance = np.mean(samples == 0.0)  # in the middle of its quantum: the worst place
         assert chance**p.same.same < 1.2e-12
-        assert p.same.same == max(math.ceil(10 / 0.3), p.same.same)
+        half = 0.5 * max(quantum, 5e-3) / (noise / 4.0)
+        rare = math.log(1e-12) / math.log(norm.cdf(half) - norm.cdf(-half))
+        assert p.same.same == max(math.ceil(10 / 0.3), math.ceil(rare))
 
     def test_a_quantum_that_hides_the_noise_says_nothing(self):
         sensors = Sensors(depth_noise="1 mm", depth_quantum="10 mm")
