@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.casts import CastReading, warn_of_mass
-from swimbladder.cli.common import asked_of, compile_notice, emit_json, kept, progress, say, table
+from swimbladder.cli.common import (
+    aside,
+    asked_of,
+    compile_notice,
+    emit_json,
+    kept,
+    progress,
+    say,
+    table,
+)
 from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
@@ -141,6 +150,7 @@ def campaign(
     layout = job.layout
     doing = f"flying {layout.floats} floats"
     job.check()
+    aside(*job.cost)
     with kept(job.store), compile_notice(), progress(doing, 1.0) as advance:
         whole = run(job, workers, advance)
     if not whole:

@@ -1,6 +1,7 @@
 """Missions of floats as flashed; the oracle is `simulate`, whose board is held against its twin."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from swimbladder.sim.engine.rodas.records import Account, Note, Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import ByBoard
 from swimbladder.sim.mission.orders import flown_laws
-from swimbladder.sim.mission.prepare import cost_words
+from swimbladder.sim.mission.prepare import DriveError, cost_words, make_plan
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.vehicle import Supervisor
 from swimbladder.vehicle.spread import Spread
@@ -199,3 +200,73 @@ def test_what_its_ticks_cost_is_said_before_and_too_many_are_refused(watched, wa
     assert "--without-supervisor" in said
     with pytest.raises(NoAnswerError, match="more than the 1000 million flown"):
         fly_mission(watched, task(WHERE, year, UP, cycles=2000), water)
+
+
+def test_the_depth_that_it_comes_back_from_is_the_rule_s(watched, water):
+    """Whose numbers are fewer than those of a board: it is flown with none of these."""
+    soft = watched.model_copy(
+        update={"hull": watched.hull.model_copy(update={"psi": 2e-8, "parts": ()})}
+    )
+    plans = [make_plan(soft, task(), water, supervised=s) for s in (None, False)]
+    assert plans[0].supervised
+    assert math.isfinite(plans[0].back)
+    assert plans[0].back == plans[1].back
+
+
+@pytest.mark.parametrize("pump", [0.85, 1.0])
+def test_it_is_at_the_surface_when_its_board_takes_it_to_be(watched, water, pump):
+    """Its volume is computed: what a weak pump did not press out it does not know of."""
+    found = fly_mission(watched, task(), water, drive_error=DriveError(pump=pump), checked=False)
+    assert found.stop is Stop.FINISHED
+    last = found.rows[-1]
+    lacks = watched.stroke.maximum - float(last["v"])
+    assert float(last["z"]) < watched.hull.emergence_depth
+    assert (lacks > 1e-5) == (pump < 1.0)
+    assert np.count_nonzero(found.notes["what"] == Note.AFLOAT) == 1
+
+
+def test_it_begins_with_the_volume_that_it_has(watched):
+    deep = uniform_column(watched.water, 1600.0)
+    below = task({**THERE, "depth": 1500.0}, UP, start_depth=1500.0)
+    found = fly_mission(watched, below, deep)
+    assert found.stop is Stop.FINISHED
+    assert float(found.rows[-1]["v"]) == pytest.approx(watched.stroke.maximum, abs=1e-6)
+
+
+def test_what_a_board_has_no_use_for_is_refused_in_its_words(watched, water):
+    with pytest.raises(InputError, match=r"a board ticks at the sample_time of the \[controller\]"):
+        fly_mission(watched, task({**WHERE, "sample_time": 5.0}, UP), water)
+    with pytest.raises(InputError, match="so does its board, whose law says itself"):
+        fly_mission(watched, task(WHERE, {**THERE, "rest_band": 1.0}, UP), water)
+
+
+def test_a_campaign_of_too_many_ticks_is_refused_by_the_cycles_asked_for(watched, water, tmp_path):
+    long = {"kind": "park", "depth": 150.0, "tolerance": 20.0, "duration": 6e5}
+    same = Spread(trim=0.0, psi=0.0, drag=0.0, pump=0.0)
+
+    def job(cycles, asked):
+        return Floats(
+            vehicle=watched,
+            mission=task(WHERE, long, UP, cycles=cycles),
+            columns=[water],
+            floats=1,
+            spread=same,
+            store=tmp_path / f"{cycles}-{asked}.zarr",
+            cycles=asked,
+        )
+
+    assert job(2000, 1).cost == []
+    (said,) = job(1, 100).cost
+    assert said.startswith("each float: 60.06 million samples in 100 cycles")
+    with pytest.raises(NoAnswerError, match="more than the 1000 million flown"):
+        job(1, 2000)
+
+
+def test_rows_of_a_slow_board_are_a_tick_apart(watched, water):
+    slow = watched.model_copy(
+        update={"controller": watched.controller.model_copy(update={"sample_time": 30.0})}
+    )
+    found = fly_mission(slow, task(), water)
+    assert found.plan.laws[0].sample_time == 30.0
+    assert len(found.rows) < 3.0 * found.duration / 30.0
+    assert np.all(np.diff(found.rows["t"]) >= 0.0)

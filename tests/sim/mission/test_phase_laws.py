@@ -536,7 +536,7 @@ class TestPumpAndValve:
         phase = {**PARK, "depth": 50.0, "rest_band": 0.5}
         with refused(InputError, field="phases[0].rest_band", value=0.5) as caught:
             phase_laws(profiler, Mission(phases=[phase]))
-        assert "flies a pump and valve" in str(caught.value)
+        assert "so does its board" in str(caught.value)
         assert "[controller]" not in str(caught.value)
         with refused(InputError, field="phases[0].rest_band", value=0.5) as caught:
             phase_laws(load_vehicle("feup-em"), Mission(phases=[{**phase, "law": "rate"}]))

@@ -475,7 +475,7 @@ class Search:
             scored.append((self.tried(tuning, few)[0], radius, tuning))
             self.report(0.5 / len(kept))
         scored.sort(key=lambda one: one[0])
-        again = scored[: 1 if goal == "fast" else _AGAIN]
+        again = scored[: 1 if goal == "fast" and not drawn.supervised else _AGAIN]
         final = [(self.tried(tuning, drawn), radius) for _, radius, tuning in again]
         (_, tuning, over), radius = min(final, key=lambda one: one[0][0])
         span = abs(step.target - step.start)

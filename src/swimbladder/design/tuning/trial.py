@@ -62,8 +62,8 @@ _BEFORE = 120.0, 400  # s and samples, in which a supervisor gets to know the ve
 _OFF_RUNS = 20  # with the ballast off, half of them to either side
 HALF_HOUR, _IN_WAVES = 1800.0, 10  # s, runs in each sea
 BOARD = (
-    "law, seconds of pump and valve, and supervisor fly together, as `firmware` writes them; what "
-    "the gains are chosen by is of the law alone"
+    "law, seconds of pump and valve, and supervisor fly together, as `firmware` writes them, for "
+    "the pump of a full battery; only which gains come so far is of the law alone"
 )
 ALONE = "the law flies alone, without the supervisor that `firmware` writes beside it"
 SUPERVISED = (
@@ -243,7 +243,7 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
             h = bound.sample_time
             given["neutral_change"] = random_walk(region.walk, duration, drawn, sample_time=h)
     else:
-        vehicle = with_supply(vehicle, supply)
+        given["flashed"], vehicle = vehicle, with_supply(vehicle, supply)
         down = np.arange(runs) % 2 == 0
         given["target"], given["start_depth"] = np.where([down, ~down], step.target, step.start)
         given["start_volume"] = np.where(down, *neutral)

@@ -22,7 +22,7 @@ from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import Pilot, pilot_of
 from swimbladder.sim.mission.plan_check import check_flight, limited
-from swimbladder.sim.mission.prepare import Plan, State, first_state, make_plan
+from swimbladder.sim.mission.prepare import Plan, State, cost_words, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
 
@@ -84,6 +84,7 @@ class Floats:
         self._most_cycles()
         for column in self.columns:
             fly_mission(self.vehicle, self.task, column, cycles=1, supervised=self.supervised)
+        _ = self.cost  # refuses what is too long
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what another process needs: plans are made there again."""
@@ -96,6 +97,11 @@ class Floats:
             make_plan(self.vehicle, self.task, column, supervised=self.supervised)
             for column in self.columns
         ]
+
+    @property
+    def cost(self) -> list[str]:
+        """What is worth a word of the samples of each float; raises as `cost_words`."""
+        return [f"each float: {words}" for words in cost_words(self.task, self.plans[0].laws)]
 
     @property
     def task(self) -> Mission:
@@ -203,7 +209,7 @@ class Floats:
         plan = varied(self.plans[int(drawn[Drawn.CAST])], drawn)
         seed = self.seed * MOST + noise
         x, at, accounts = state = first_state(plan, self.mission, seed=seed)
-        pilot = pilot_of(self.vehicle, self.mission, plan, state, seed=seed)
+        pilot = pilot_of(self.vehicle, self.task, plan, state, seed=seed)
         flown = _cycles(plan, state, pilot)
         before, rows = np.zeros(len(Account)), list[list[float]]()
         low, high = math.inf, -math.inf

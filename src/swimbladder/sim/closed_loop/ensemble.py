@@ -164,6 +164,7 @@ def simulate_ensemble(
     books: bool = False,
     column: Column | None = None,
     supervised: bool | None = None,
+    flashed: Vehicle | None = None,
     workers: int | None = None,
     advance: Advance = silent,
 ) -> xarray.Dataset:
@@ -177,7 +178,8 @@ def simulate_ensemble(
     its quantum. neutral_change [m3], likewise: what the neutral volume differs by, from a sample on
     to the next. keep: summaries only, or trajectories as well. books: also ``energy``, what `Books`
     calls the source. column: the water, the vehicle's own where not given. supervised: as of
-    `simulate`; the supervisor is the vehicle's in every lane. workers: threads (one per core).
+    `simulate`; the supervisor is the vehicle's in every lane. flashed: the vehicle that it and its
+    board are made for, where that is another (of a full battery). workers: threads (one per core).
     advance: called with the share of the lanes that is done.
 
     A float with pump and valve is flown by a law of volume changes, and surfaces where a set-point
@@ -216,7 +218,7 @@ def simulate_ensemble(
         spread(given.pop(name, 1.0), count, f"vary[{name!r}]", "")
         for name in (RATES if pumped else ())
     ]
-    chosen, numbers, watch = flown_law(vehicle, chosen, numbers, tick, supervised)
+    chosen, numbers, watch = flown_law(flashed or vehicle, chosen, numbers, tick, supervised)
     plants, values = vary_plants(medium.plant, numbers, given, count)
     lanes = Plant(*plants)
     model = None

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Law
-from swimbladder.control.records import leaves
+from swimbladder.control.records import leaf_names, leaves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.actuator import reduced
@@ -86,11 +86,15 @@ class ByBoard:
         self.work = np.zeros(rows(extent(self.like.parameters), extent(self.like.state)))
         self.work[Row.PLANT + POSITIONER] = math.nan  # neither a motor nor a positioner
         self.work[Row.LOW_U], self.work[Row.HIGH_U] = -self.tick, self.tick
-        self.last, self.span = np.zeros(1), min(_SPAN, plan.longest / _ROWS)
+        # one in a tick at most, beside those of what happens
+        self.last, self.span = np.zeros(1), max(min(_SPAN, plan.longest / _ROWS), self.tick)
+        floats = extent(self.like.parameters) + leaf_names(self.law.state).index("floats")
+        self.knows = self.work[Row.LAW + floats :][:1]
 
     def fly(self, phases: Phases) -> Stop:
         """Fly on until a cycle is over, a buffer is full, or the mission ends."""
-        board = Boarded(phases, self.tick, self.span, self.last, self.watch.reason)
+        reason = self.watch.reason
+        board = Boarded(phases, self.tick, self.span, self.last, reason, self.knows)
         stop = fly(phases, self.law, self.like, self.work, board)
         if stop is Stop.STUCK:
             why = int(self.work[Row.STOPPED] % OVER)

@@ -72,7 +72,7 @@ def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
         )
         remedy = "Leave it out"
         if vehicle.command == "volume change":
-            why = f"{why}; no law that is called at each sample flies a pump and valve"
+            why = f"{why}; so does its board, whose law says itself when it decides"
         else:
             given = "give the vehicle ([controller]) or every phase (law) a law"
             remedy += f", or {given} that is called at each sample, not {RATE.name!r}"
@@ -113,24 +113,22 @@ def watch_of(
             what = "a supervisor watches a law that is called at each sample, and none flies this"
             raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
         return ()
-    if floats:
+    tick, rests = laws[0].sample_time if laws else 0.0, None
+    if floats:  # of its board; it rests as its own law does
         assert own is not None
-        rest = None  # as its own law does
-        ticks = [phase.sample_time or own.sample_time for phase in mission.phases]
+        tick = own.sample_time
     else:
-        rest = any(law.law.rests(law.parameters) for law in laws)
-        ticks = [law.sample_time for law in laws]
-    tick = own.sample_time if floats and own is not None else ticks[0]
-    watch = supervision_of(vehicle, tick, supervised, rests=rest)
+        rests = any(law.law.rests(law.parameters) for law in laws)
+    watch = supervision_of(vehicle, tick, supervised, rests=rests)
     if not watch:
         return ()
     alone = "fly the law alone (--without-supervisor)"
-    for index, other in enumerate(ticks):
-        if other != tick:
+    for index, law in enumerate(() if floats else laws):
+        if law.sample_time != tick:
             what = f"the supervisor is called every {tick:g} s, with the law of the first phase"
-            field = f"phases[{index}].sample_time"
+            field, value = f"phases[{index}].sample_time", law.sample_time
             remedy = f"Leave it out, or {alone}"
-            raise InputError(what, field=field, value=other, unit="s", remedy=remedy)
+            raise InputError(what, field=field, value=value, unit="s", remedy=remedy)
     limit = watch.depth_limit
     for index, phase in enumerate(mission.phases):
         if phase.depth is not None and phase.depth > limit:
@@ -169,6 +167,8 @@ def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
     asleep = law.command == "volume change" and "S_p" not in leaf_names(law.parameters)
     if asleep and phase.sample_time is not None:
         what = f"it does nothing: the law {name!r} of this phase says itself when it is called"
+        if vehicle.command == "volume change":
+            what += ", and a board ticks at the sample_time of the [controller]"
         remedy = f"Leave it out{', or give a check_interval' if law is RATE else ''}"
         field, value = "sample_time", phase.sample_time
         raise InputError(what, field=field, value=value, unit="s", remedy=remedy)

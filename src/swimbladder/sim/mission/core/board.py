@@ -4,6 +4,7 @@ Its law is called at every tick and commands seconds of pump and valve, as flash
 watches it. Phases end at ticks.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.engine.cache import inlined
+from swimbladder.sim.engine.rodas.drive import FULL
+from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.engine.rodas.sensing import measured
 from swimbladder.sim.mission.core.hooks import begin_tick, enter_time, raise_alarm, too_deep
 from swimbladder.sim.mission.core.phases import awaited_level, begin_row, row, settle
@@ -28,6 +31,7 @@ class Boarded(NamedTuple):
     span: float  # s, of a row of the trajectory at the longest
     last: Array  # [1] s, when the last row was written
     reason: Array  # [1], why the supervisor took over, 0: it has not
+    knows: Array  # [1], of its law's state, 1: all volume is out once its run is over
 
 
 @inlined
@@ -45,7 +49,7 @@ def _sense(f: Boarded, S: Array, k: int) -> None:  # noqa: ARG001
     lane, stage = f.phases.lane, f.phases.stages[f.phases.lane.at.phase]
     lane.at.calls += 1
     S[Row.SEEN_DEPTH] = measured(lane.p, lane.waves, lane.x, lane.at)
-    S[Row.SEEN_VOLUME] = np.nan
+    S[Row.SEEN_VOLUME] = lane.x.v  # its law begins with it, and measures none after
     S[Row.REFERENCE] = 0.0 if stage.kind == Kind.SURFACE else stage.depth
 
 
@@ -87,7 +91,12 @@ def _moved(f: Boarded, event: int, time: float, depth: float) -> None:
 
 @inlined
 def _settled(f: Boarded) -> None:
-    settle(f.phases)
+    g = f.phases
+    slack = FULL * (g.lane.p.v_max - g.lane.p.v_min)
+    # its volume is computed: it is at the surface when its board takes it to be
+    if g.lane.at.alarm == 0 and g.lane.at.doing == Doing.NOTHING and f.knows[0] > 0.0:
+        slack = math.inf
+    settle(g, slack)
 
 
 hook_in(

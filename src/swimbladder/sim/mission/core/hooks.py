@@ -220,7 +220,7 @@ def _alarm(f: Phases) -> None:
 def settled(f: Phases) -> None:
     """See what `settle` does; afloat the processor decides again only if oil comes in by itself."""
     p, x = f.lane.p, f.lane.x
-    if settle(f):
+    if settle(f, FULL * (p.v_max - p.v_min)):
         comes = rate_of(p, f.lane.table, Doing.NOTHING, True, x.z, x.v, 0.0)[0]
         x.t_look = math.inf if comes == 0.0 else x.t + f.stages[f.lane.at.phase].law[DEAD]
 
@@ -258,6 +258,7 @@ def fly(
         stepper, hooks, tick = stepper._replace(seconds=True), board, board.tick
         first = round(float(phases.lane.x["t"]) / tick)
     if like is None:
+        phases = phases._replace(numbers=np.zeros((len(phases.stages), 0)))  # the rule's own
         like = Like(Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), volume_row=-1)
         work = np.zeros(rows(len(Rule._fields), len(Nothing._fields)))
     work[Row.STOPPED], work[Row.PLANT + V_0] = 0.0, p.neutral_top + p.trim

@@ -3,7 +3,7 @@
 import math
 
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.engine.rodas.drive import FULL, note
+from swimbladder.sim.engine.rodas.drive import note
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
 from swimbladder.sim.mission.core.records import Holding, Kind, Phases
 
@@ -114,11 +114,14 @@ def arrive(f: Phases) -> None:
 
 
 @part
-def afloat(f: Phases) -> bool:
-    """Say so where the vehicle floats with all its volume out; return whether it is afloat now."""
+def afloat(f: Phases, slack: float) -> bool:
+    """Say so where the vehicle floats with all its volume out; return whether it is afloat now.
+
+    slack [m3]: of the volume, that may be left in.
+    """
     x, at = f.lane.x, f.lane.at
     p = f.lane.p
-    if at.place != 1 or x.v < p.v_max - FULL * (p.v_max - p.v_min):
+    if at.place != 1 or x.v < p.v_max - slack:
         return False
     if at.alarm != 0:
         at.stop = Stop.PASSED_DEPTH if at.alarm == 1 else Stop.ALARM
@@ -133,10 +136,13 @@ def afloat(f: Phases) -> bool:
 
 
 @inlined
-def settle(f: Phases) -> bool:
-    """See whether it floats, which is returned, or has come to the depth of its phase."""
+def settle(f: Phases, slack: float) -> bool:
+    """See whether it floats, which is returned, or has come to the depth of its phase.
+
+    slack: as of `afloat`.
+    """
     x, at = f.lane.x, f.lane.at
-    floats = bool(at.stop == 0 and at.place == 1 and afloat(f))
+    floats = bool(at.stop == 0 and at.place == 1 and afloat(f, slack))
     if at.stop == 0 and at.arrived == 0 and at.alarm == 0:
         stage = f.stages[at.phase]
         if stage.kind != Kind.SURFACE and abs(x.z - stage.depth) <= stage.tolerance:
