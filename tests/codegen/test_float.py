@@ -21,6 +21,7 @@ from swimbladder.control.pump_valve import delivery, valve_rate
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import supervisor_parameters
+from swimbladder.design.linear.pump_valve import pump_stall, with_supply
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, Phase
@@ -109,6 +110,30 @@ class TestSeconds:
             assert delivery(p, z) == pytest.approx(drive.rate_out[n], rel=1e-9)
             assert valve_rate(p, p.valve_flow, z) == pytest.approx(drive.rate_in[n], rel=1e-9)
             assert valve_rate(p, p.bypass_flow, z) == pytest.approx(drive.bypass_in[n], rel=1e-9)
+
+    def test_a_run_is_as_long_as_the_pump_may_run_or_takes_twice_the_stroke(self):
+        vehicle = the_float()
+        law, numbers = own_law(vehicle, sampled=False)
+        for given in (300.0, None):
+            actuator = vehicle.actuator.model_copy(update={"longest_run": given})
+            other = vehicle.model_copy(update={"actuator": actuator})
+            p = board_law(other, law, numbers, 1.0, deepest=1000.0).parameters.drive
+            depth = np.linspace(0.0, 1000.0, 201)
+            least = drive_map(other, depth * other.water.specific_weight, power=False).rate_out
+            stroke = other.stroke.maximum - other.stroke.minimum
+            assert p.longest == pytest.approx(given or 2.0 * stroke / least.min(), rel=1e-3)
+
+    def test_the_pump_counts_on_down_to_where_it_surely_delivers(self):
+        """At the least voltage, 0.9 of 0.95 of the depth where it stalls, found by the solver."""
+        own = the_float()
+        hull = own.hull.model_copy(update={"depth_limit": None})
+        vehicle = own.model_copy(update={"hull": hull})
+        low = with_supply(vehicle, 0.8 * vehicle.supply.voltage)
+        sure = 0.9 * 0.95 * pump_stall(low, depth=0.0).holding_depth
+        p = supervisor_parameters(vehicle, 1.0).deep
+        assert p.depth_limit == pytest.approx(sure, abs=5.0)  # its table's step
+        head = np.array([sure * vehicle.water.specific_weight])
+        assert p.turn_rate == pytest.approx(drive_map(low, head, power=False).rate_out[0], rel=0.01)
 
     def test_a_rate_that_bends_is_within_the_error_that_is_stated(self):
         vehicle = limited_pump("520 rad/s")

@@ -14,6 +14,7 @@ from swimbladder.sim.closed_loop.swell import Swell, depth_error, share_read, wa
 from swimbladder.sim.faults.draw import HEIGHTS, course_of, draw
 from swimbladder.sim.faults.mission_records import Wave
 from swimbladder.sim.faults.run import run_missions
+from swimbladder.vehicle import Supervisor
 from tests.vehicles import usual
 
 
@@ -57,6 +58,19 @@ def test_a_sea_is_as_high_as_it_is_drawn():
         sea = Swell(most, tuple((2.0 * math.pi / w.omega).tolist()))
         same = depth_error(sea, course.vehicle, t, depth=nearest, runs=1, seed=1)
         assert read.sum(axis=1).std() <= 1.02 * same.std()
+
+
+def test_floats_are_launched_in_half_the_highest_seas():
+    vehicle = load_vehicle("example-float")
+    limited = vehicle.model_copy(update={"supervisor": Supervisor(time_limit=60_000.0)})
+    course = course_of(limited, None)
+    heights = []
+    for n in range(200):
+        waves = draw(course, seed=3, number=n, healthy=True).waves
+        shares = np.array([share_read(w[1], vehicle.hull) if w[0] else 1.0 for w in waves])
+        heights.append(4.0 * math.sqrt(float(np.sum((waves[:, 0] / shares) ** 2)) / 2.0))
+    assert max(heights) == pytest.approx(0.5 * HEIGHTS[1][-1], rel=0.05)
+    assert 0.4 < np.mean(np.array(heights) > 0.0) < 0.6
 
 
 def test_sensors_are_not_always_what_the_file_says():
