@@ -253,14 +253,14 @@ def fly(
     """
     stepper, p, at = one_lane(phases.lane, phases.board), phases.lane.p, phases.lane.at
     at.idle, none = 0, np.zeros((1, 0, 0))
-    hooks, tick, first = phases, 0.0, 1
-    if board is not None:
-        stepper, hooks, tick = stepper._replace(seconds=True), board, board.tick
-        first = round(float(phases.lane.x["t"]) / tick)
     if like is None:
         phases = phases._replace(numbers=np.zeros((len(phases.stages), 0)))  # the rule's own
         like = Like(Rule(phases.stages, stepper.x, stepper.at), Nothing(0.0), volume_row=-1)
         work = np.zeros(rows(len(Rule._fields), len(Nothing._fields)))
+    hooks, tick, first = phases, 0.0, 1
+    if board is not None:
+        stepper, hooks, tick = stepper._replace(seconds=True), board, board.tick
+        first = round(float(phases.lane.x["t"]) / tick)
     work[Row.STOPPED], work[Row.PLANT + V_0] = 0.0, p.neutral_top + p.trim
     lanes = Lanes(
         S=work,
@@ -278,5 +278,5 @@ def fly(
     )
     clock = Schedule(tick=tick, turn=MANY, given=np.zeros(1, np.int64))
     kernel = kernel_of(law, pumped=True, hooks=hooks)
-    kernel(lanes, hooks, stepper, like, clock, (first, len(MANY) - 1), none, None)
+    kernel(lanes, hooks, stepper, like, clock, (first, len(MANY) - 1), np.zeros((0, 2, 1)), None)
     return Stop(int(at.stop))
