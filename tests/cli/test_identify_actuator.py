@@ -146,6 +146,7 @@ def test_what_is_asked_for_decides(capsys, log, tmp_path):
     assert a["asked"] == ["rate"]
 
 
+@pytest.mark.prove
 def test_moves_of_several_logs_in_one_file(capsys, tmp_path):
     logs = [random_moves(np.random.default_rng(k), Motor(T1=0.05)) for k in (4, 5)]
     path = write(

@@ -142,6 +142,7 @@ def test_a_cast_is_needed(capsys, files):
     assert "no use without --cast" in capsys.readouterr().err
 
 
+@pytest.mark.prove
 def test_casts_of_one_file(capsys, tmp_path, files):
     """Two profiles in a file: both are too much, each can be chosen, and one for each log."""
     vehicle, cast, dive = files

@@ -487,7 +487,12 @@ def test_the_rate_of_a_positioner_is_what_is_left_within_its_speed():
         assert expected_rate(p, s) == pytest.approx(due, rel=1e-9, abs=1e-18)
 
 
-@pytest.mark.parametrize("name", SAMPLED)
+QUICK = ("cascade", "planned", "adrc", "position-pid")  # `make prove` takes the others
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.prove) for n in SAMPLED]
+)
 @pytest.mark.promise("no-false-alarm")
 class TestHealthy:
     """What must never be a reason."""

@@ -12,7 +12,13 @@ from tests.frozen.snapshot import cleaned, code_of, run
 from tests.frozen.store import FOLDER, load, path_of
 
 CASE = Case("a-case", ("simulate",))
-LONG = ("tune-planned", "tune-position-observer")  # `make prove` takes them
+LONG = (  # `make prove` takes them
+    "tune-planned",
+    "tune-position-observer",
+    "tune-cascade",
+    "bench-control",
+    "stability-ntnu-bv",
+)
 
 
 @pytest.mark.parametrize(

@@ -248,6 +248,7 @@ def test_a_law_without_gains_does_not_fit_and_the_others_are_chosen_from(monkeyp
 
 
 @pytest.mark.slow
+@pytest.mark.prove
 def test_the_cause_that_is_taken_away_is_the_one_that_is_named():
     """Gains whose motor is far weaker than they take for granted, and a noisy sensor."""
     found = tune(FEUP, law="adrc", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=40)

@@ -235,6 +235,7 @@ def test_a_sensor_too_bad_for_a_fast_law_is_said():
 
 
 @pytest.mark.slow
+@pytest.mark.prove
 def test_a_positioner_is_tuned_too():
     found = tune(
         load_vehicle("ntnu-bv"),

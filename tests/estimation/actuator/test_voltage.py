@@ -241,6 +241,7 @@ def test_a_soft_start_of_the_driver_is_said(ramp):
 
 
 @pytest.mark.slow
+@pytest.mark.prove
 def test_a_motor_alone_is_not_taken_for_a_soft_start():
     for k in range(30):
         random = np.random.default_rng([77, k])

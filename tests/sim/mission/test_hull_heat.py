@@ -75,6 +75,7 @@ def test_sinking_through_layers_it_stays_behind_by_speed_times_gradient(profiler
     assert x["hull"] > 20.0 - 0.02 * x["z"] + 0.05
 
 
+@pytest.mark.prove
 def test_a_dive_is_that_of_scipy_at_every_event(profiler, sea):
     vehicle = heated(profiler)
     flight = fly_mission(vehicle, warm(phases(), 24.0), sea, accuracy=TIGHT)
