@@ -111,10 +111,10 @@ def test_afloat_after_the_alarm_the_mission_is_over_in_whatever_phase(alarm):
     """Without an alarm a phase at a depth takes no notice of the surface."""
     f = under_way(Kind.PARK)
     f.lane.at["place"], f.lane.at["alarm"], f.lane.x["v"] = 1, alarm, 1e-3
-    assert not phases.afloat(f, 1e-6)
+    assert not phases.afloat(f, False)
     assert f.lane.at["stop"] == (Stop.PASSED_DEPTH if alarm else Stop.GOES_ON)
     f.lane.x["v"], f.lane.at["stop"] = 0.9e-3, 0
-    assert not phases.afloat(f, 1e-6)
+    assert not phases.afloat(f, False)
     assert f.lane.at["stop"] == Stop.GOES_ON  # not all of its volume is out
 
 

@@ -179,7 +179,7 @@ class _Request:
         vehicle, goal, depths, ends = self.vehicle, self.goal, self.depths, self.ends
         h, supply, around, judged = self.sample_time, self.supply, self.around, self.judged
         chosen, recipe = gains.tunable(name), gains.recipe_of(name)
-        pumped = vehicle.command == "volume change"
+        pumped = self.pumped
         way = abs(ends[1] - ends[0])
         held = _held(vehicle, chosen, goal, self.hold)
         neutral = around.neutral if pumped else max(_NEUTRAL * around.neutral, _LEAST_NEUTRAL)
@@ -235,13 +235,17 @@ class _Request:
         )
 
     @property
+    def pumped(self) -> bool:
+        """Whether it is a float, moved by pump and valve."""
+        return self.vehicle.command == "volume change"
+
+    @property
     def unlimited(self) -> bool:
         """Whether the supervisor that is flown gets a time limit, as it has none.
 
         How many days a float's mission takes nobody but its owner knows; `firmware` asks.
         """
-        pumped = self.vehicle.command == "volume change"
-        return self.supervised and self.vehicle.supervisor.time_limit is None and not pumped
+        return self.supervised and self.vehicle.supervisor.time_limit is None and not self.pumped
 
     def _vehicle(self, controller: Controller) -> Vehicle:
         """Return the vehicle with a controller, and where trials had one, with its supervisor."""
@@ -257,7 +261,7 @@ class _Request:
 
     def _assumptions(self) -> tuple[str, ...]:
         """Return what trials and margins assume."""
-        pumped = self.vehicle.command == "volume change"
+        pumped = self.pumped
         together = trial.BOARD if pumped else trial.SUPERVISED
         how = together if self.supervised else trial.ALONE
         found = [*self.around.words, self.sensor, how, *_outside(self.depths, self.ends)]

@@ -153,8 +153,8 @@ def span_words(seconds: float | None) -> str:
 
 def _unwatched(result: MissionResult) -> list[str]:
     """Return what has to be said of a float that has a supervisor, and no board that it is of."""
-    vehicle = result.flight.vehicle
-    if "supervisor" not in vehicle.model_fields_set or vehicle.controller is not None:
+    vehicle, flown = result.flight.vehicle, result.flight.plan
+    if "supervisor" not in vehicle.model_fields_set or vehicle.controller or flown.laws:
         return []
     return [
         "the mission's own rule flies it, without its supervisor: that is of a board whose law the "

@@ -4,7 +4,6 @@ Its law is called at every tick and commands seconds of pump and valve, as flash
 watches it. Phases end at ticks.
 """
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from swimbladder.sim.closed_loop.hooks import hook_in
 from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.engine.cache import inlined
-from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.engine.rodas.sensing import measured
 from swimbladder.sim.mission.core.hooks import begin_tick, enter_time, raise_alarm, too_deep
@@ -92,11 +90,9 @@ def _moved(f: Boarded, event: int, time: float, depth: float) -> None:
 @inlined
 def _settled(f: Boarded) -> None:
     g = f.phases
-    slack = FULL * (g.lane.p.v_max - g.lane.p.v_min)
+    at = g.lane.at
     # its volume is computed: it is at the surface when its board takes it to be
-    if g.lane.at.alarm == 0 and g.lane.at.doing == Doing.NOTHING and f.knows[0] > 0.0:
-        slack = math.inf
-    settle(g, slack)
+    settle(g, at.alarm == 0 and at.doing == Doing.NOTHING and f.knows[0] > 0.0)
 
 
 hook_in(

@@ -220,7 +220,7 @@ def _alarm(f: Phases) -> None:
 def settled(f: Phases) -> None:
     """See what `settle` does; afloat the processor decides again only if oil comes in by itself."""
     p, x = f.lane.p, f.lane.x
-    if settle(f, FULL * (p.v_max - p.v_min)):
+    if settle(f):
         comes = rate_of(p, f.lane.table, Doing.NOTHING, True, x.z, x.v, 0.0)[0]
         x.t_look = math.inf if comes == 0.0 else x.t + f.stages[f.lane.at.phase].law[DEAD]
 

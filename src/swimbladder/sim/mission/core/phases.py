@@ -3,7 +3,7 @@
 import math
 
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.engine.rodas.drive import note
+from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
 from swimbladder.sim.mission.core.records import Holding, Kind, Phases
 
@@ -114,14 +114,14 @@ def arrive(f: Phases) -> None:
 
 
 @part
-def afloat(f: Phases, slack: float) -> bool:
+def afloat(f: Phases, out: bool) -> bool:
     """Say so where the vehicle floats with all its volume out; return whether it is afloat now.
 
-    slack [m3]: of the volume, that may be left in.
+    out: whether its board takes it to be, whatever the volume is.
     """
     x, at = f.lane.x, f.lane.at
     p = f.lane.p
-    if at.place != 1 or x.v < p.v_max - slack:
+    if at.place != 1 or (x.v < p.v_max - FULL * (p.v_max - p.v_min) and not out):
         return False
     if at.alarm != 0:
         at.stop = Stop.PASSED_DEPTH if at.alarm == 1 else Stop.ALARM
@@ -136,13 +136,13 @@ def afloat(f: Phases, slack: float) -> bool:
 
 
 @inlined
-def settle(f: Phases, slack: float) -> bool:
+def settle(f: Phases, out: bool = False) -> bool:
     """See whether it floats, which is returned, or has come to the depth of its phase.
 
-    slack: as of `afloat`.
+    out: as of `afloat`.
     """
     x, at = f.lane.x, f.lane.at
-    floats = bool(at.stop == 0 and at.place == 1 and afloat(f, slack))
+    floats = bool(at.stop == 0 and at.place == 1 and afloat(f, out))
     if at.stop == 0 and at.arrived == 0 and at.alarm == 0:
         stage = f.stages[at.phase]
         if stage.kind != Kind.SURFACE and abs(x.z - stage.depth) <= stage.tolerance:

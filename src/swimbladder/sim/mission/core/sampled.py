@@ -159,7 +159,7 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
     due = due or at.place != place or x.t >= x.t_end or x.charge <= g.lane.p.empty
     rows = g.lane.counts[0]
     row(g)
-    settle(g, FULL * (g.lane.p.v_max - g.lane.p.v_min))
+    settle(g)
     if at.stop == 0 and at.alarm == 0 and (f.reason[0] != 0.0 or x.z > g.lane.p.deepest):
         raise_alarm(g, f.reason[0])
     if due or at.stop != 0 or at.arrived != arrived or at.alarm != alarm:
