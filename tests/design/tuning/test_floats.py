@@ -34,6 +34,7 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import cast_column
+from swimbladder.show.plots.tune import draw_tuning
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle.spread import Spread
 from tests.quoted import refused
@@ -87,6 +88,12 @@ def test_its_figures_are_of_law_seconds_and_supervisor_as_flashed(fast):
     assert told.region == trial(FLOAT, own, told.step, Drawn(20, AROUND, told.supply))
     assert ALONE in told.assumptions
     assert "supervisor" not in told.vehicle.model_fields_set
+    drawn = [draw_tuning(found).axes[-1] for found in (fast, told)]
+    assert [axes.get_ylabel().partition("\n")[0] for axes in drawn] == [
+        "pump (+) or valve (−)",
+        "change asked for [cm³]",
+    ]
+    assert np.abs(drawn[0].dataLim.get_points()[:, 1]).max() == 1.0  # s, of a sample of 1 s
 
 
 def test_a_board_knows_the_pump_of_a_full_battery():

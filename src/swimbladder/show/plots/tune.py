@@ -30,7 +30,8 @@ def draw_tuning(tuning: Tuning) -> Figure:
         (tuning.shown[1], Ink.ORANGE, 0.8, 0.7, over),
         (tuning.shown[0], Ink.BLUE, 1.8, 1.0, "nominal"),
     ):
-        kept, command = traces.time <= end, traces.command * (1.0 if volts else 1e6)
+        kept = traces.time <= end
+        command = traces.command * (1.0 if volts or traces.seconds else 1e6)
         values = (traces.depth, 1e6 * traces.volume, command)
         for axes, y in zip((depth, volume, voltage), values, strict=True):
             lines = axes.plot(traces.time[kept], y[kept], color=color, lw=width, alpha=alpha)
@@ -53,6 +54,8 @@ def draw_tuning(tuning: Tuning) -> Figure:
     style.depth_axis(depth)
     volume.set_ylabel("volume [cm³]")
     asked = "change asked for [cm³]" if tuning.band else "volume asked for [cm³]"
+    if tuning.shown[0].seconds:
+        asked = "pump (+) or valve (−)\nin each sample [s]"
     voltage.set_ylabel("voltage [V]" if volts else asked)
     voltage.set_xlabel("time since the set-point changed [s]")
     depth.legend(loc="best")
