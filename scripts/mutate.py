@@ -24,7 +24,7 @@ import tempfile
 import threading
 import time
 import tomllib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
@@ -363,6 +363,14 @@ def table(rows: list[tuple[Mutant, str, str]], write: Callable[[str], object]) -
     return caught["all"] / count["all"] if count["all"] else 1.0
 
 
+def stale(known: Sequence[dict[str, str]], every: Sequence[Mutant]) -> list[dict[str, str]]:
+    """Return the entries of the list of equivalent mutants that name none of these."""
+    by_path: dict[str, list[Mutant]] = defaultdict(list)
+    for mutant in every:
+        by_path[mutant.path].append(mutant)
+    return [entry for entry in known if not any(m.is_at(entry) for m in by_path[entry["path"]])]
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Test mutants; return 0 where enough are caught, 1 where not."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
@@ -382,7 +390,7 @@ def main(words: Sequence[str] | None = None) -> int:
         {p.relative_to(root).as_posix() for glob in listed["tests"] for p in root.glob(glob)}
     )
     every = [m for path in paths for m in mutants_of(path, (root / path).read_text("utf-8"))]
-    if dead := [entry for entry in known if not any(m.is_at(entry) for m in every)]:
+    if dead := stale(known, every):
         sys.exit(f"scripts/mutants.toml lists as equivalent what is no mutant any more: {dead}")
     every = [m for m in every if fnmatch(m.path, given.only)]
     chosen = drawn(every, given.number, given.seed)

@@ -180,6 +180,13 @@ def test_tests_that_fail_without_a_change_and_stale_entries_are_refused(tree):
     assert (tree / "src" / "tiny.py").read_text() == SOURCE
 
 
+def test_what_is_listed_as_equivalent_is_a_mutant():
+    known = tomllib.loads((mutate.ROOT / "scripts" / "mutants.toml").read_text())["equivalent"]
+    paths = {entry["path"] for entry in known}
+    every = [m for p in paths for m in mutate.mutants_of(p, (mutate.ROOT / p).read_text())]
+    assert mutate.stale(known, every) == []
+
+
 @pytest.mark.prove
 def test_what_noticed_a_mutant_is_asked_first_when_tests_are_added(tree, monkeypatch):
     (tree / "tests" / "test_more.py").write_text(
