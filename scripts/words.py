@@ -15,6 +15,7 @@ import tokenize
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -145,9 +146,16 @@ def places(root: Path) -> dict[Kind, list[str]]:
     by_table: dict[str, list[Kind]] = defaultdict(list)
     for kind in where:
         by_table[kind.table].append(kind)
+
+    @cache  # most identifiers stand in hundreds of places
+    def found(table: str, text: str) -> list[tuple[Kind, int, str]]:
+        return [
+            (kind, text.count("\n", 0, match.start()), " ".join(match[0].split()))
+            for kind in by_table[table]
+            for match in kind.pattern.finditer(text)
+        ]
+
     for table, (path, first, text) in _texts(root):
-        for kind in by_table[table]:
-            for match in kind.pattern.finditer(text):
-                line = first + text.count("\n", 0, match.start())
-                where[kind].append(f"{path}:{line}: {' '.join(match[0].split())}")
+        for kind, below, match in found(table, text):
+            where[kind].append(f"{path}:{first + below}: {match}")
     return where
