@@ -18,12 +18,12 @@ from tests.codegen import chip
 from tests.codegen.laws import bits, random_calls, split, twin_of
 from tests.codegen.odd import ODD, OddParameters, OddState
 from tests.codegen.test_library import library
-from tests.vehicles import SAMPLED, limited
+from tests.vehicles import EACH, limited
 
 pytestmark = [pytest.mark.avr, pytest.mark.usefixtures("avr")]
 
 
-@pytest.fixture(params=SAMPLED, scope="module")
+@pytest.fixture(params=EACH, scope="module")
 def name(request) -> str:
     return request.param
 

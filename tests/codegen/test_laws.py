@@ -25,10 +25,10 @@ from tests.codegen.laws import (
     twin_of,
 )
 from tests.examples import examples
-from tests.vehicles import SAMPLED
+from tests.vehicles import EACH
 
 
-@pytest.fixture(params=SAMPLED, scope="module")
+@pytest.fixture(params=EACH, scope="module")
 def name(request) -> str:
     return request.param
 

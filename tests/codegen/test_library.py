@@ -22,7 +22,7 @@ from swimbladder.vehicle import Controller, Supervisor, Vehicle
 from tests.codegen.build import STRICT, run
 from tests.codegen.laws import bits, controlled, example, twin_of
 from tests.codegen.test_supervised import VehicleInC
-from tests.vehicles import SAMPLED, limited, paper
+from tests.vehicles import EACH, limited, paper
 
 ARDUINO = Path(__file__).parent / "arduino"
 
@@ -33,7 +33,7 @@ def library(name: str) -> Library:
     return make_library(limited(controlled(name)), duration=300 * example(name).tick)
 
 
-@pytest.fixture(params=SAMPLED, scope="module")
+@pytest.fixture(params=EACH, scope="module")
 def name(request) -> str:
     return request.param
 

@@ -33,9 +33,8 @@ from swimbladder.sim.mission.prepare import cost_words
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.vehicle import HullPart, Load
 from tests.quoted import numbers, refused
-from tests.vehicles import SAMPLED
+from tests.vehicles import EACH
 
-QUICK = ("cascade", "adrc", "position-pid")  # `make prove` takes the others
 FILES = Path(__file__).parents[2] / "frozen" / "inputs"
 
 
@@ -68,10 +67,7 @@ def simulated(vehicle, flight, **more):
     return found, samples
 
 
-@pytest.mark.parametrize(
-    "name",
-    [n if n in QUICK else pytest.param(n, marks=pytest.mark.prove) for n in SAMPLED],
-)
+@pytest.mark.parametrize("name", EACH)
 @pytest.mark.parametrize("seed", [None, 3])
 def test_every_law_flies_as_it_is_simulated(name, seed):
     vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))
@@ -88,7 +84,7 @@ def test_every_law_flies_as_it_is_simulated(name, seed):
     assert facts[0]["sample_time_s"] == vehicle.controller.sample_time
 
 
-@pytest.mark.parametrize("name", SAMPLED)
+@pytest.mark.parametrize("name", EACH)
 def test_gains_change_the_dive(name):
     vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))
     law = phase_laws(vehicle, steps(HOLD, PARK))[0]
