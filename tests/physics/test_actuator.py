@@ -133,8 +133,6 @@ DIMENSIONS = [
         "N*m/m",
     ),
     (act.screw_volume_per_angle, {"A": "m^2", "alpha": "m/rad"}, "m^3/rad"),
-    (act.driving_load, {"T_ideal": "N*m", "eta": ""}, "N*m"),
-    (act.back_driving_load, {"T_ideal": "N*m", "eta": ""}, "N*m"),
 ]
 
 
@@ -320,15 +318,6 @@ def test_eq_9_and_the_reduced_constants_follow_from_the_block_diagram():
 
 
 # --- directions ---------------------------------------------------------------------------------
-
-
-@given(eta=st.floats(0.05, 1.0), T=st.floats(1e-6, 100.0))
-def test_a_passive_transmission_takes_its_share_in_both_directions(eta, T):
-    assert act.driving_load(T_ideal=T, eta=eta) * eta == pytest.approx(T, rel=1e-14)
-    assert act.back_driving_load(T_ideal=T, eta=eta) == pytest.approx(T * eta, rel=1e-14)
-    assert act.back_driving_load(T_ideal=T, eta=eta) <= T <= act.driving_load(T_ideal=T, eta=eta)
-    literal = act.back_driving_load(T_ideal=T, eta=eta, literal=True)
-    assert literal == act.driving_load(T_ideal=T, eta=eta) >= T
 
 
 @pytest.mark.parametrize("make", [hydraulic, screwed])

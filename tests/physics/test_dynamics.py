@@ -20,7 +20,6 @@ from swimbladder.physics.dynamics import (
     even_drag,
     motor_rhs,
     plant,
-    positioner_rhs,
     terminal_speed,
 )
 from swimbladder.vehicle import Drag, Supply
@@ -147,12 +146,6 @@ class TestSignsAndLimits:
     def test_a_steady_motor_turns_with_K1_A_u(self) -> None:
         rest = motor_rhs(State(0.444e-3 * 75e-4 * 12.0, 0.0, 0.0, 0.0), 12.0, self.p)
         assert rest.q == pytest.approx(0.0, abs=1e-18)
-
-    def test_a_positioner_moves_towards_its_target(self) -> None:
-        p = plant(stepper())
-        for target, rate in ((1e-4, 2e-5), (-1e-4, -2e-5), (0.0, 0.0)):
-            assert pytest.approx(rate) == positioner_rhs(State(), target, p).V
-            assert positioner_rhs(State(), target, p).q == 0.0  # it has no motor's rate
 
 
 @pytest.mark.parametrize(

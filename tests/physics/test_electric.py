@@ -23,6 +23,7 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Water,
 )
+from tests.power_chain import per_volume, power_chain
 
 SEA = Water(density=1025.0)
 LOSSES = ("battery", "copper", "conversion", "viscous", "friction", "transmission", "leakage")
@@ -313,7 +314,7 @@ def test_efficiencies_tend_to_one_as_their_losses_go():
         u = k * omega + R * torque / k
         drive = el.steady_drive(actuator, SEA, voltage=u, depth=depth, supply=supply)
         assert drive.omega == pytest.approx(omega, rel=1e-9)
-        return el.efficiency_chain(drive)
+        return power_chain(drive)
 
     c = chain()
     assert c.transmission == pytest.approx(0.8, rel=1e-9)
@@ -336,10 +337,10 @@ def test_energy_per_volume_is_at_least_the_pressure():
     drive = el.steady_drive(
         actuator, vehicle.water, voltage=20.0, depth=depths, supply=vehicle.supply
     )
-    energy = el.energy_per_volume(drive)
+    energy = per_volume(drive)
     pressure = vehicle.water.specific_weight * depths
     assert np.all(energy > pressure / 0.8)  # what the pump alone costs
-    total = el.efficiency_chain(drive).total
+    total = power_chain(drive).total
     assert total[1:] == pytest.approx((pressure / energy)[1:], rel=1e-12)
     assert np.isnan(total[0])  # at the surface no work is done
     assert energy * 1e-6 == pytest.approx([0.6, 1.9, 7.6, 16.1], abs=0.1)  # J/mL
@@ -370,9 +371,7 @@ def test_arrays_give_what_their_elements_give():
         np.testing.assert_array_equal([np.broadcast_to(f, u.shape)[index] for f in many], one)
     assert np.isnan(many.supply[:, -1]).all()  # 30 V are more than the supply has
     assert not np.isnan(many.supply[:, :-1]).any()
-    assert np.all(
-        np.isnan(el.energy_per_volume(many)) == ~(many.volume_rate > 0.0) | np.isnan(many.supply)
-    )
+    assert np.all(np.isnan(per_volume(many)) == ~(many.volume_rate > 0.0) | np.isnan(many.supply))
 
 
 # --- what is missing ----------------------------------------------------------------------------

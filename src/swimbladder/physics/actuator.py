@@ -109,23 +109,6 @@ def screw_volume_per_angle(*, A: float, alpha: float) -> float:
     return alpha / (2.0 * math.pi) * A
 
 
-def driving_load(*, T_ideal: float, eta: float) -> float:
-    """Torque T_z [N m] that the motor must beat: the lossless torque over the efficiency, eq. (7).
-
-    T_ideal: torque of a transmission without losses, rho g z k_q [N m]; eta: efficiency [-].
-    """
-    return T_ideal / eta
-
-
-def back_driving_load(*, T_ideal: float, eta: float, literal: bool = False) -> float:
-    """Torque T_z [N m] with which the sea turns the motor back: the lossless torque times eta.
-
-    literal: divide by eta as eq. (7) prints for both directions; more work then reaches the motor
-    than the sea does, 1/eta as much: energy from nothing.
-    """
-    return T_ideal / eta if literal else T_ideal * eta
-
-
 def unified(actuator: Actuator, water: Water) -> UnifiedActuator:
     """Return the unified actuator of Fig. 8 and Table 1.
 

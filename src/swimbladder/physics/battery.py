@@ -1,7 +1,7 @@
 """The battery over a mission: what is left in it, what the cold holds back, what the loads draw.
 
 The charge C [J] obeys dC/dt = -P - s C with the power P drawn and the self-discharge s, which over
-a stretch of constant power has the closed form of `charge_after`. Cold takes nothing away: of a
+a stretch of constant power is C exp(-s t) - P (1 - exp(-s t))/s. Cold takes nothing away: of a
 full battery the share 1 - k(T) cannot be drawn until it is warm again, with k linear through 1 at
 20 degC and `cold_share` at 0 degC.
 """
@@ -53,18 +53,6 @@ def usable_charge(supply: Supply, charge: Any, temperature: Any) -> Any:
     """
     held_back = (1.0 - usable_share(supply, temperature)) * _stated(supply)
     return np.maximum(np.asarray(charge, float) - held_back, 0.0)[()]
-
-
-def charge_after(charge: Any, power: Any, duration: Any, self_discharge: float) -> Any:
-    """Return the charge [J] after `duration` [s] of constant `power` [W]; may be below 0.
-
-    self_discharge: [1/s]. Arrays too.
-    """
-    x = self_discharge * np.asarray(duration, float)
-    kept = np.exp(-x)
-    # (1 - exp(-x))/x is 1 where nothing is lost.
-    mean = np.divide(-np.expm1(-x), x, out=np.ones(np.shape(x)), where=x > 0.0)
-    return (np.asarray(charge, float) * kept - power * duration * mean)[()]
 
 
 def needed_capacity(energy: Any, duration: Any, share: Any, self_discharge: Any) -> Any:

@@ -222,10 +222,3 @@ def motor_rhs(x: State, u: float, p: Plant) -> State:
         load = min(max(u, p.load_back * z - p.friction), p.load_drive * z + p.friction)
     dq = (p.gain * (u - load) - q) / p.T1
     return State(dq, q - p.k_l * z, w, acceleration(V, z, w, p))
-
-
-def positioner_rhs(x: State, V_command: float, p: Plant) -> State:
-    """Right-hand side of a vehicle whose volume goes to V_command [m3] at a constant rate."""
-    _, V, z, w = x
-    rate = 0.0 if V_command == V else math.copysign(p.rate, V_command - V)
-    return State(0.0, rate, w, acceleration(V, z, w, p))

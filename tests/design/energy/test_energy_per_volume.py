@@ -10,13 +10,12 @@ from swimbladder.design.energy.energy_per_volume import stall_pressure
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.electric import (
-    efficiency_chain,
-    energy_per_volume,
     stall_depth,
     steady_drive,
 )
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Valve
+from tests.power_chain import per_volume, power_chain
 
 
 def column_of(vehicle, deepest=1000.0):
@@ -32,8 +31,8 @@ def test_without_driver_and_sag_it_is_the_papers_chain(name):
     a = unified(vehicle.actuator, vehicle.water)
     z = found.column.depth[1:]
     d = steady_drive(a, vehicle.water, voltage=supply.voltage, depth=z, supply=supply)
-    chain = efficiency_chain(d)
-    assert found.per_volume[1:] == pytest.approx(energy_per_volume(d), rel=1e-12)
+    chain = power_chain(d)
+    assert found.per_volume[1:] == pytest.approx(per_volume(d), rel=1e-12)
     assert found.efficiency[1:] == pytest.approx(chain.total, rel=1e-12)
     for stage in ("motor", "transmission", "leakage"):
         assert found.stages[stage][1:] == pytest.approx(getattr(chain, stage), rel=1e-12)

@@ -13,11 +13,10 @@ from scipy.signal import ss2tf
 from swimbladder.design.linear.models import (
     StateSpace,
     linearise,
-    linearised_motion,
     operating_point,
     polynomials,
 )
-from swimbladder.physics.dynamics import State, motor_rhs, plant, positioner_rhs
+from swimbladder.physics.dynamics import State, acceleration, motor_rhs, plant
 from swimbladder.vehicle import (
     Drag,
     Hull,
@@ -53,6 +52,17 @@ def a_vehicle(**changes):
 factor = st.floats(0.1, 10.0)
 
 
+def eqs_17_and_18(inertia, k_u, k_v, k_q, k_z, k_l, k_b, k_def, k_dl, m):
+    """Return A and B of states (dV/dt, V, z, w) and input u."""
+    A = [
+        [-k_v / inertia, 0.0, -(k_l * k_v + k_q * k_z) / inertia, -k_l],
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+        [0.0, -k_b / m, k_def / m, -k_dl / m],
+    ]
+    return np.array(A), np.array([[k_u * k_q / inertia], [0.0], [0.0], [0.0]])
+
+
 @given(
     factors=st.tuples(*[factor] * 8),
     k_l=st.just(0.0) | st.floats(1e-10, 1e-7),
@@ -66,7 +76,7 @@ def test_numeric_jacobian_is_eqs_17_and_18(factors, k_l, depth, softer):
     scaled["psi"] *= 1.0 if softer else -1.0
     c, vehicle = a_vehicle(**scaled, k_l=k_l)
     k_b = vehicle.water.specific_weight
-    formula = linearised_motion(
+    A, B = eqs_17_and_18(
         **{k: c[k] for k in ("inertia", "k_u", "k_v", "k_q", "k_z", "k_l", "k_dl", "m")},
         k_b=k_b,
         k_def=k_b * c["psi"],
@@ -78,8 +88,8 @@ def test_numeric_jacobian_is_eqs_17_and_18(factors, k_l, depth, softer):
     inverse = np.linalg.inv(T)
     scale = np.abs(T) @ np.abs(numeric.A) @ np.abs(inverse)
     rounding = 1e-16  # of differences of numbers about 1, beside leakages of 1e-10 m2/s
-    assert np.all(np.abs(T @ numeric.A @ inverse - formula.A) <= 1e-9 * scale + rounding)
-    np.testing.assert_allclose(T @ numeric.B, formula.B, rtol=1e-9, atol=0.0)
+    assert np.all(np.abs(T @ numeric.A @ inverse - A) <= 1e-9 * scale + rounding)
+    np.testing.assert_allclose(T @ numeric.B, B, rtol=1e-9, atol=0.0)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +166,7 @@ def test_positioner_leaves_the_motion(stepper):
     m, k_b = 12.0, 9806.65
     np.testing.assert_allclose(model.A, [[0.0, 1.0], [k_b * 3e-7 / m, -4.0 / m]], rtol=1e-12)
     np.testing.assert_allclose(model.B, [[0.0], [-k_b / m]], rtol=1e-12)
-    assert positioner_rhs(State(0.0, 1e-6, 5.0, 0.0), 1e-6, p).w == pytest.approx(
+    assert acceleration(1e-6, 5.0, 0.0, p) == pytest.approx(
         model.A[1, 0] * 5.0 + model.B[1, 0] * 1e-6
     )
 

@@ -144,37 +144,6 @@ def _with_outputs(
     return StateSpace(A=A, B=B, C=C, D=D, states=states, inputs=(input,), outputs=outputs)
 
 
-def linearised_motion(
-    *,
-    inertia: float,
-    k_u: float,
-    k_v: float,
-    k_q: float,
-    k_z: float,
-    k_l: float,
-    k_b: float,
-    k_def: float,
-    k_dl: float,
-    m: float,
-) -> StateSpace:
-    """Return eqs (17)-(18) as a system with states (dV/dt, V, z, w) and input u.
-
-    inertia: lambda [kg m2]; k_u [N m/V]; k_v [N m s/rad]; k_q [m3/rad]; k_z [N m/m]; k_l [m2/s];
-    k_b [N/m3]; k_def [N/m]; k_dl [N s/m]; m [kg]. A torque scale common to inertia, k_u, k_v and
-    k_z cancels.
-    """
-    A = np.array(
-        [
-            [-k_v / inertia, 0.0, -(k_l * k_v + k_q * k_z) / inertia, -k_l],
-            [1.0, 0.0, 0.0, 0.0],
-            [0.0, 0.0, 0.0, 1.0],
-            [0.0, -k_b / m, k_def / m, -k_dl / m],
-        ]
-    )
-    B = np.array([[k_u * k_q / inertia], [0.0], [0.0], [0.0]])
-    return _with_outputs(A, B, states=("dV/dt", "V", "z", "w"), input="u", outputs=("z", "V"))
-
-
 def balancing_scale(A: Array) -> Array:
     """Return units for the states, powers of 2, in which the elements of A are of like size.
 

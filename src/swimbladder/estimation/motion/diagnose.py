@@ -180,7 +180,6 @@ def _choice(problem: Problem, fit: Fit, psi: Psi, worth: float, *, reported: boo
 
 LIMIT = 0.3  # of a parameter, or of what is large for one that may be 0: more is not known
 _PART = 0.35  # of a direction of length 1, at which a parameter takes part in it
-_KNOWN = 0.1
 
 
 class Direction(NamedTuple):

@@ -18,7 +18,6 @@ from swimbladder.io.progress import Advance, silent
 
 _WALKERS = 24
 _BURN = 6  # autocorrelation times that are thrown away
-_ENOUGH = 50  # autocorrelation times, below which the sampler's own error is not small
 _STEPS = 400
 _NEWTON = 3
 _LINEAR = 0.05  # of an entry of x: 0.5 mm, 0.5 mm/s, 0.05 cm3

@@ -102,7 +102,7 @@ def enter(
 def enter_energy(p: Any, x: Any, accounts: Array, drive: float, loads: float, h: float) -> None:
     """Take the drive's energy [J] and the loads' power [W] over h [s] from the battery.
 
-    dC/dt = -P - s C, as `swimbladder.physics.battery.charge_after`.
+    dC/dt = -P - s C, in closed form.
     """
     accounts[Account.LOAD_ENERGY] += loads * h
     drawn = drive + loads * h
