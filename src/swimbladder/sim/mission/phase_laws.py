@@ -113,11 +113,11 @@ def watch_of(
             what = "a supervisor watches a law that is called at each sample, and none flies this"
             raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
         return ()
-    tick, rests = laws[0].sample_time if laws else 0.0, None
     if floats:  # of its board; it rests as its own law does
         assert own is not None
-        tick = own.sample_time
+        tick, rests = own.sample_time, None
     else:
+        tick = laws[0].sample_time
         rests = any(law.law.rests(law.parameters) for law in laws)
     watch = supervision_of(vehicle, tick, supervised, rests=rests)
     if not watch:
