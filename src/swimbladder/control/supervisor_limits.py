@@ -75,9 +75,13 @@ _STALL_S = 300.0  # a motor may stand still for that long under its full voltage
 _RELEASE_S = 60.0
 _RISE = 1.0  # m
 _DEEPEST = 12000.0  # m, deeper than any sea
+_CALLS = 16  # of a float's law at its seldomest, in which it comes nearer
+_NEARER = 0.1  # m, by so much
+_BEYOND_BAND = 0.2  # of a law's band, in which it may be outside until the law sees it
+_LIGHT_S = 60.0  # s, of a float with more volume than it can need
 _SPEED, _HASTE = 0.1, 2.0  # m/s, that of Argo floats; times it, so fast it may sink at most
 _AFLOAT_REST_S = 600.0  # between pushes of a pump that has pumped all out: it may run dry
-_NO_USE = {"neutral_range", "neutral_change", "model_error", "prove_after", "hold_voltage"}
+_NO_USE = {"neutral_change", "model_error", "prove_after", "hold_voltage"}
 _SHORTER = "Give a shorter {}, or a longer sample_time"
 
 _Limits = TypeVar("_Limits")
@@ -243,6 +247,9 @@ def supervisor_parameters(
             still_distance=moving + 0.02,
             still=still,
         ),
+        progress=supervisor.ProgressLimits(
+            math.inf, max(_NEARER, moving), NEVER, math.inf, p.psi, NEVER
+        ),
         deep=supervisor.DeepLimits(
             depth_limit=depth_limit,
             deepest=deepest,
@@ -402,8 +409,28 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
             psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf
         ),
         motion=_off(p.motion, "neutral_change known wrong", zero="calm model_error inertia"),
+        progress=_progress(vehicle, p),
         deep=deep._replace(heavier=lacks, largest=math.inf),
     )
+
+
+def _progress(vehicle: Vehicle, p: SupervisorParameters) -> supervisor.ProgressLimits:
+    """Return how a float comes nearer to the depth asked for, and how much volume it can need.
+
+    That is the file's neutral volume and `neutral_range`, or half of what is left of the stroke.
+    A law that says neither how near it rests nor how long it waits may take any time.
+    """
+    arrived, waits = math.inf, NEVER
+    if vehicle.controller is not None:
+        law, numbers, *_ = bind(vehicle.controller)
+        if law.band and law.longest_wait is not None:
+            band = leaves(numbers)[law.band]
+            arrived = band + max(p.rest.still_distance, _BEYOND_BAND * band)
+            waits = min(ticks(_CALLS * law.longest_wait(numbers), p.S_p), _COUNTED)
+    neutral, psi = p.neutral.neutral, p.neutral.psi
+    light = neutral + _either(vehicle.supervisor.neutral_range, 0.5 * (p.deep.largest - neutral))
+    few = ticks(_LIGHT_S, p.S_p)
+    return supervisor.ProgressLimits(arrived, p.progress.nearer, waits, light, psi, few)
 
 
 def _off(limits: _Limits, names: str, *, zero: str = "") -> _Limits:

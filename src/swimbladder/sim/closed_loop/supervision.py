@@ -1,8 +1,8 @@
 """The supervisor in the loop: it stands between law and driver, as on the board.
 
-It sees what the sensors give, and the battery of a motor; of a pump and valve neither volume nor
-battery. Once it has taken over, the law is left alone. The vehicles of an ensemble differ; what it
-holds them against is that of one, as flashed.
+It sees what the sensors give, and the battery of a motor; of a pump and valve the volume that its
+law computes, and no battery. Once it has taken over, the law is left alone. The vehicles of an
+ensemble differ; what it holds them against is that of one, as flashed.
 """
 
 from __future__ import annotations
@@ -146,7 +146,8 @@ def _supervise_lane(watch: Supervision, S: Array, W_: int, i: int, k: int, wante
         battery = battery_voltage(supply, sag, kappa, S[Row.APPLIED * W_ + i], q)
     depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
     volume = 0.0 if np.isnan(kind) else volume  # of a pump and valve: it is not watched
-    seen = Watched(depth, 0.0, volume, battery, False, 0, 0, S[Row.REFERENCE * W_ + i])
+    reference, computed = S[Row.REFERENCE * W_ + i], S[Row.COMPUTED * W_ + i]
+    seen = Watched(depth, 0.0, volume, battery, False, 0, 0, reference, computed)
     return _watch(watch.limits, watch.memory[i], seen, wanted, k)
 
 
