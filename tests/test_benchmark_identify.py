@@ -68,7 +68,7 @@ def test_the_report_compares_like_with_like() -> None:
     assert "least_squares on x, with profiles: slow" in text
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_quick_fits_name_every_way() -> None:
     said: list[str] = []
     names = [t.name for t in fits(quick=True, note=said.append)]

@@ -487,7 +487,18 @@ class TestAnActuator:
         assert pytest.approx(0.444e-3, rel=1e-3) == now.K1  # what EM was made for
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("kind", ["rack", pytest.param("hose", marks=pytest.mark.prove)])
+    def test_commands_take_it(self, tmp_path, capsys, monkeypatch):
+        """`make prove` tries those that fly a law as well."""
+        from swimbladder.io.vehicle_file import vehicle_file
+
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "v.toml").write_text(vehicle_file(racked()), encoding="utf-8")
+        for words in (["vehicle", "show"], ["analyse"], ["energy"]):
+            assert main([*words, "v.toml"]) == 0
+            assert capsys.readouterr().out, words
+
+    @pytest.mark.prove
+    @pytest.mark.parametrize("kind", ["rack", "hose"])
     def test_every_command_takes_it(self, tmp_path, capsys, monkeypatch, kind):
         from swimbladder.io.vehicle_file import vehicle_file
 

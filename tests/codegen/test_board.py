@@ -83,6 +83,7 @@ class TestOnAnAtmega:
         assert {"atmega328p": 1500, "atmega2560": 7600}[mcu] < answer.stack_left
         assert answer.stack_left < {"atmega328p": 2048 - 330, "atmega2560": 8192 - 330}[mcu]
 
+    @pytest.mark.prove
     def test_in_real_time_a_tick_comes_every_sample_time(self, feup, programs, tmp_path):
         with hardware.avr_board(programs["atmega328p"], "atmega328p", speed=1.0) as port:
             short = Flights(duration=3.0)

@@ -297,6 +297,7 @@ def test_the_sketch_compiles_for_avr(tmp_path):
     )
 
 
+@pytest.mark.prove
 @pytest.mark.avr
 @pytest.mark.usefixtures("avr")
 def test_a_day_on_the_chip_is_equal_to_the_bit(tmp_path):

@@ -49,11 +49,8 @@ def test_what_a_supervisor_pushed_the_other_way_says_nothing_of_the_motor():
     assert blocked == pytest.approx(0.6 + 0.3 * (0.1 - 0.6))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    ["planned", *(pytest.param(n, marks=pytest.mark.prove) for n in ("sea-cascade", "adrc"))],
-)
+@pytest.mark.prove
+@pytest.mark.parametrize("name", ["planned", "sea-cascade", "adrc"])
 def test_large_steps_settle_with_half_to_twice_the_gain_and_half_a_sample_late(name):
     """The command is multiplied after its limit: with 0.5 the battery has half of its voltage."""
     vehicle = load_vehicle("feup-em")

@@ -623,7 +623,15 @@ def stops_at(plant: Any, limits: Any, speed: float, lacks: float, room: float) -
 class TestTurning:
     """How far down a vehicle still goes decides whether it is too deep."""
 
-    @pytest.mark.parametrize("name", ["feup-em", "example-em", "ntnu-bv", "example-eh"])
+    @pytest.mark.parametrize(
+        "name",
+        [
+            "feup-em",
+            "ntnu-bv",
+            pytest.param("example-em", marks=pytest.mark.prove),
+            pytest.param("example-eh", marks=pytest.mark.prove),
+        ],
+    )
     @pytest.mark.promise("depth-limit")
     def test_the_way_to_a_stop_is_that_of_the_motion(self, name):
         vehicle = load_vehicle(name)

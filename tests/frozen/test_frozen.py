@@ -18,6 +18,8 @@ LONG = (  # `make prove` takes them
     "tune-cascade",
     "bench-control",
     "stability-ntnu-bv",
+    "mission-ntnu-bv",
+    "firmware-example-em",
 )
 
 

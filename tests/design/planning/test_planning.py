@@ -199,7 +199,7 @@ def test_what_the_refusal_offers_is_enough(words, option, given):
         plan(FEUP, 3.0, 1.5, goal="effort", **{**given, option: 0.98 * offered})
 
 
-@pytest.mark.parametrize("step", [(1.5, 86.0), (60.0, 1.5)])
+@pytest.mark.parametrize("step", [pytest.param((1.5, 86.0), marks=pytest.mark.prove), (60.0, 1.5)])
 def test_a_plan_that_the_simulator_leaves_by_far_is_none_and_what_is_offered_is_one(step):
     """What is offered keeps within the tenth of the step by which the other is refused."""
     with pytest.raises(NoAnswerError, match="no plan that the vehicle would follow") as refused:

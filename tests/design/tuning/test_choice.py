@@ -217,7 +217,7 @@ def test_floats_that_differ_more_than_is_represented_are_a_no():
     region(known_to("example-float", drag_quadratic=0.29))
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_law_without_gains_does_not_fit_and_the_others_are_chosen_from(monkeypatch):
     why = {
         "cascade": NoAnswerError("no gains of the law 'cascade' have the margins"),

@@ -100,13 +100,9 @@ def test_the_worst_over_a_region_is_no_better_than_any_of_it():
     assert violated_margins(over._replace(phase=0.5)) == ("phase 29 of 45 degrees",)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "supervised", [True, pytest.param(False, marks=pytest.mark.prove, id="alone")]
-)
-@pytest.mark.parametrize(
-    "law", [*(pytest.param(n, marks=pytest.mark.prove) for n in ("planned", "sea-cascade")), "adrc"]
-)
+@pytest.mark.prove
+@pytest.mark.parametrize("supervised", [True, pytest.param(False, id="alone")])
+@pytest.mark.parametrize("law", ["planned", "sea-cascade", "adrc"])
 def test_fast_settles_near_the_bound_over_the_whole_region(law, supervised):
     """As flashed a second later: the motor has to prove itself before the vehicle goes deeper."""
     found = tune(

@@ -164,7 +164,9 @@ def test_no_block_of_the_piston_outward_drowns_the_vehicle(name, to, speed):
     assert (flown["alarm"] > 0).sum() > 3
 
 
-@pytest.mark.parametrize("kind", ["electrohydraulic", "positioner"])
+@pytest.mark.parametrize(
+    "kind", ["electrohydraulic", pytest.param("positioner", marks=pytest.mark.prove)]
+)
 @pytest.mark.promise("depth-limit")
 def test_a_law_that_goes_down_too_fast_to_turn_is_stopped_in_time(kind, tmp_path, capsys):
     """The cascade of a new vehicle file goes past the depth from which a slow pump comes up."""

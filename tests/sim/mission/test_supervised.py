@@ -22,6 +22,7 @@ from swimbladder.vehicle import Supervisor
 from swimbladder.vehicle.spread import Spread
 from tests.quoted import refused
 from tests.sim.mission.test_phase_laws import DIVE, FILES, flown, simulated, steps
+from tests.vehicles import QUICK
 
 SHALLOW = {"kind": "hold", "depth": 1.5, "tolerance": 1.2, "duration": 120.0}
 DEEP = {"kind": "hold", "depth": 6.0, "tolerance": 1.2, "duration": 200.0}
@@ -64,7 +65,10 @@ def test_a_vehicle_without_the_table_flies_its_law_alone():
     assert alone.rows.tobytes() != over.rows.tobytes()
 
 
-@pytest.mark.parametrize("name", ["cascade", "planned", "adrc", "position-pid"])
+@pytest.mark.parametrize(
+    "name",
+    ["adrc", *(pytest.param(n, marks=pytest.mark.prove) for n in QUICK if n != "adrc")],
+)
 def test_it_dives_again_and_again(name):
     """It bobs at the surface, under water for moments: the law does not take over there."""
     descend = {"kind": "descend", "depth": 8.0, "speed": 0.05, "tolerance": 1.0}
