@@ -1,27 +1,31 @@
 """Whether a float comes nearer to where it is sent, and needs no more volume than it can."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from swimbladder.control.law import NEVER
+from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import bind
 from swimbladder.control.supervisor import (
     SUPERVISOR,
     ProgressWatch,
     Reason,
+    SupervisorParameters,
     Watched,
     watch_progress,
 )
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
+from swimbladder.sim.closed_loop.board_law import flown_law
 from swimbladder.vehicle import Supervisor
 
 FLOAT = load_vehicle("example-float")
 ALL = supervisor_parameters(FLOAT, 1.0)
 LIMITS = ALL.progress
-BEGUN = ProgressWatch(target=200.0, nearest=100.0, waited=5, light=0)
+BEGUN = ProgressWatch(target=200.0, farthest=100.0, waited=5, light=0)
 
 
 def seen(depth: float, reference: float = 200.0, computed: float = 0.0) -> Watched:
@@ -36,10 +40,10 @@ def watched(begun: ProgressWatch, now: Watched, *, rises: bool = False) -> Progr
 
 
 def test_the_limits_are_those_of_law_and_stroke():
-    """A band of 10 m and a fifth; 16 of its longest waits; half of the stroke that is left."""
+    """A band of 10 m and a fifth; 8 of its longest waits; half of the stroke that is left."""
     law, parameters, *_ = bind(FLOAT.controller)
     assert LIMITS.arrived == pytest.approx(1.2 * parameters.tolerance)
-    assert LIMITS.waits == 16 * law.longest_wait(parameters)
+    assert LIMITS.waits == 8 * law.longest_wait(parameters)
     assert LIMITS.light_volume == pytest.approx(0.5 * (FLOAT.stroke.maximum - FLOAT.trim_error))
     assert LIMITS.light_slope == FLOAT.hull.psi
     trimmed = FLOAT.model_copy(
@@ -66,29 +70,44 @@ def test_a_law_that_says_no_band_may_take_any_time():
     assert limits.light_volume == LIMITS.light_volume
 
 
+def test_it_is_as_patient_as_the_slowest_of_the_laws_under_it():
+    law, own, *_ = bind(FLOAT.controller)
+    wide, slow = own._replace(tolerance=25.0), own._replace(dead=600.0)
+    limits = supervisor_parameters(FLOAT, 2.0, laws=[(law, wide), (law, slow)]).progress
+    assert limits.arrived == pytest.approx(30.0)
+    assert limits.waits == 8 * 600 / 2
+    no_band = replace(law, band="")
+    assert supervisor_parameters(FLOAT, 2.0, laws=[(no_band, own)]).progress.waits == NEVER
+    hours = own._replace(dead=90_000.0)
+    assert supervisor_parameters(FLOAT, 1.0, laws=[(law, hours)]).progress.waits == NEVER - 1
+    watch = flown_law(FLOAT, law, slow, 2.0, True)[2]
+    names = leaf_names(SupervisorParameters)
+    assert watch.limits[names.index("waits")] == limits.waits
+
+
 @pytest.mark.parametrize(
-    ("now", "nearest", "waited"),
+    ("now", "farthest", "waited"),
     [
         (seen(100.0), 100.0, 6),  # no nearer
         (seen(100.05), 100.0, 6),  # by less than counts
         (seen(100.2), 99.8, 0),
-        (seen(90.0), 100.0, 6),  # away
-        (seen(300.2), 100.0, 6),  # beyond it, and as far
+        (seen(90.0), 110.0, 6),  # away
+        (seen(300.2), 100.2, 6),  # beyond it, and as far
         (seen(299.0), 99.0, 0),
         (seen(100.0, 150.0), 50.0, 0),  # asked for another depth
         (seen(189.0), 11.0, 0),  # arrived
         (seen(187.0, computed=1.0), 13.0, 0),
     ],
 )
-def test_what_counts_as_coming_nearer(now, nearest, waited):
+def test_what_counts_as_coming_nearer(now, farthest, waited):
     after = watched(BEGUN, now)
-    assert after.nearest == pytest.approx(nearest)
+    assert after.farthest == pytest.approx(farthest)
     assert after.waited == waited
     assert after.target == now.reference
 
 
 def test_a_float_that_rests_where_it_is_sent_or_at_the_surface_may_wait():
-    resting = BEGUN._replace(nearest=5.0)
+    resting = BEGUN._replace(farthest=5.0)
     assert watched(resting, seen(195.0)).waited == 0
     assert watched(BEGUN, seen(0.3)).waited == 0
     at_surface = watched(BEGUN, seen(0.3, -1.0))

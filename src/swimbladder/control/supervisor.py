@@ -309,7 +309,7 @@ class ProgressWatch(NamedTuple):
     """How near to the depth asked for it came."""
 
     target: float  # m, the depth asked for
-    nearest: float  # m, from there, when it came nearer last
+    farthest: float  # m, from there, since it came nearer last
     waited: Count  # ticks since
     light: Count  # ticks with more volume than it can need
 
@@ -411,7 +411,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
             0.0, 0.0, 0.0, 0.0, settled=0, wrong=0, own=0.0, own_depth=0.0, weight=0.5, known=0
         ),
         rest=RestWatch(anchor=0.0, still=0),
-        progress=ProgressWatch(target=0.0, nearest=0.0, waited=0, light=0),
+        progress=ProgressWatch(target=0.0, farthest=0.0, waited=0, light=0),
         board=BoardWatch(0, 0, 0),
         push=PushWatch(phase=0, pushed=parameters.volume.volume_least, astray=0, turns=0),
         rescue=Rescue(reason=0, reasons=0, window=0, from_depth=0.0, release=False),
@@ -719,9 +719,9 @@ def watch_progress(p: SupervisorParameters, s: SupervisorState, seen: Watched) -
     target = max(seen.reference, 0.0)
     distance = abs(target - seen.depth)
     arrived = afloat or distance <= limits.arrived
-    if arrived or target != way.target or distance < way.nearest - limits.nearer:
-        return way._replace(target=target, nearest=distance, waited=0)
-    return way._replace(waited=more(way.waited, 1))
+    if arrived or target != way.target or distance < way.farthest - limits.nearer:
+        return way._replace(target=target, farthest=distance, waited=0)
+    return way._replace(farthest=max(way.farthest, distance), waited=more(way.waited, 1))
 
 
 def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched, impossible: bool) -> BoardWatch:

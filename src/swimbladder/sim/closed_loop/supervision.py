@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control import supervisor
+from swimbladder.control.law import Laws
 from swimbladder.control.records import from_numbers, leaf_names, numbers
 from swimbladder.control.supervisor import (
     Reason,
@@ -91,18 +92,18 @@ class Supervision(NamedTuple):
 
 
 def supervision_of(
-    vehicle: Vehicle, tick: float, supervised: bool | None, *, rests: bool | None = None
+    vehicle: Vehicle, tick: float, supervised: bool | None, *, laws: Laws | None = None
 ) -> Supervision | tuple[()]:
     """Return the supervisor over one lane of a vehicle at a sample time [s]; () for none.
 
-    supervised: whether there is one; None: where the vehicle has a table of it. rests: whether the
-    law under it lets the actuator rest, as `supervisor_parameters` has it.
+    supervised: whether there is one; None: where the vehicle has a table of it. laws: under it, as
+    `supervisor_parameters` has them.
     Raises InputError as `supervisor_parameters` does.
     """
     given = "supervisor" in vehicle.model_fields_set
     if not (given if supervised is None else supervised):
         return ()
-    p = supervisor_parameters(vehicle, tick, rests=rests)
+    p = supervisor_parameters(vehicle, tick, laws=laws)
     nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
     begun = [*numbers(supervisor.initial(p, nothing, 0.0)), math.nan]
     limits = np.array([*numbers(p), *command_limits(vehicle, tick)], np.float64)
