@@ -21,7 +21,9 @@ from tests.codegen.test_supervised import SEEN, VehicleInC, library, said_by
 from tests.examples import examples
 
 
-@pytest.fixture(scope="module", params=["feup-em", "ntnu-bv"])
+@pytest.fixture(
+    scope="module", params=["feup-em", pytest.param("ntnu-bv", marks=pytest.mark.prove)]
+)
 def both(request, tmp_path_factory):
     request.getfixturevalue("gcc")
     made = library(request.param)

@@ -333,17 +333,20 @@ def expected_of(law: Law, frame: tuple[Any, ...]) -> tuple[Any, ...]:
     "how",
     [
         ("gcc", *STRICT, "-O2"),
-        (
-            "clang",
-            "-std=c99",
-            "-O1",
-            "-g",
-            "-Wall",
-            "-Wextra",
-            "-Wconversion",
-            "-Werror",
-            "-fsanitize=address,undefined",
-            "-fno-sanitize-recover=all",
+        pytest.param(
+            (
+                "clang",
+                "-std=c99",
+                "-O1",
+                "-g",
+                "-Wall",
+                "-Wextra",
+                "-Wconversion",
+                "-Werror",
+                "-fsanitize=address,undefined",
+                "-fno-sanitize-recover=all",
+            ),
+            marks=pytest.mark.prove,
         ),
     ],
 )

@@ -19,6 +19,8 @@ LONG = (  # `make prove` takes them
     "bench-control",
     "stability-ntnu-bv",
     "mission-ntnu-bv",
+    *(f"simulate-law-{n}" for n in ("observer", "pulse", "deadband", "sea-cascade")),
+    "simulate-law-position-observer",
     "firmware-example-em",
 )
 

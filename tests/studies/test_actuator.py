@@ -9,7 +9,7 @@ from swimbladder.estimation.actuator import model as spreads
 CASE = "steps, gains differ by 2 %"
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_four_voltages_count_alone_and_fewer_intervals_hold_where_gains_are_thought_the_same():
     count, seed = 16, 1
     allowed = score(CASE, count, seed, four=True)["K1"]

@@ -27,7 +27,7 @@ def test_a_quantum_that_is_just_passed_is_half_of_it():
     assert one.depth_amplitude == pytest.approx(0.5 * CASES[-1].depth_quantum, rel=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_dead_zone_of_the_cascade_is_simulated_as_foretold_from_both_starts():
     case = CASES[1]
     one = foretold(case)

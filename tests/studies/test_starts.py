@@ -101,7 +101,7 @@ def test_sixty_starts_an_hour_cannot_hold_it_and_the_observer_is_near_what_can()
     assert 0.97 * own < 3600.0 * held.starts < 1.12 * own  # 3 %: the grid's and the seeds'
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_pulses_that_count_twice_win_nothing_and_knowing_more_does():
     price = [16e3]
     moves = fewest(ISSUE, 10.0, price, grid=COARSE)
@@ -111,7 +111,7 @@ def test_pulses_that_count_twice_win_nothing_and_knowing_more_does():
     assert known < 0.8 * moves
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_law_of_pulses_is_near_the_least_that_pulses_can_do_with():
     vehicle = load_vehicle("feup-em")
     sensors = vehicle.sensors.model_copy(update={"depth_noise": 2e-3, "depth_quantum": 5e-3})

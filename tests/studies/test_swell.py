@@ -6,7 +6,7 @@ from studies import swell
 from studies.swell import main, swayed
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_planned_loses_its_depth_in_a_swell_that_the_others_hardly_see():
     found = {name: swayed(name, height=0.05, span=900.0) for name in ("planned", "sea-cascade")}
     assert found["planned"]["amplitude"] > 0.3

@@ -9,7 +9,7 @@ from tests.estimation.motion.pool import campaign
 from tests.estimation.motion.test_problem import problem_of
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_a_nearly_normal_posterior_has_the_fit_s_moments():
     pytest.importorskip("emcee")
     problem = problem_of(campaign(40)[4:], ("K2", "T2"), fixed={"psi": 4.04e-6})

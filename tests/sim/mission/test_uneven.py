@@ -39,6 +39,7 @@ def deep(profiler):
     return uneven(profiler.model_copy(update=changes), rising_ratio=RATIO)
 
 
+@pytest.mark.prove
 def test_a_dive_is_that_of_scipy_at_every_event(deep, sea):
     flight = fly_mission(deep, phases(), sea, accuracy=TIGHT)
     states = Oracle(deep, sea).replay(flight)
