@@ -479,15 +479,13 @@ class Search:
         final = [(self.tried(tuning, drawn), radius) for _, radius, tuning in again]
         (_, tuning, over), radius = min(final, key=lambda one: one[0][0])
         span = abs(step.target - step.start)
-        alone = over
-        if over.alarms > 0.0:  # is it the law that does not bring the float there?
-            alone = self.tried(tuning, drawn._replace(supervised=False))[2]
-        if alone.settled < _ARRIVE or not alone.rms <= _LOST * held:
+        self._refuse_alarms(tuning, over)
+        if over.settled < _ARRIVE or not over.rms <= _LOST * held:
             raise NoAnswerError(
                 f"no setting of the law {name!r} brings the float over {span:g} m and keeps it "
-                f"within {held:g} m over the region: of the best {100.0 * alone.settled:.0f} % of "
+                f"within {held:g} m over the region: of the best {100.0 * over.settled:.0f} % of "
                 f"{over.runs} flights arrive and stay in {step.duration / 3600.0:.3g} h, "
-                f"{alone.rms:.3g} m rms. A wider band (--hold), a faster pump, more stroke or "
+                f"{over.rms:.3g} m rms. A wider band (--hold), a faster pump, more stroke or "
                 "parameters known better would help"
             )
         self.report(0.3)
