@@ -189,6 +189,26 @@ def test_a_step_of_no_length_leaves_the_battery_as_it_is():
     assert x["charge"] == pytest.approx(5e6 - 300.0 - 5e6 * 6e-8, abs=1e-4)
 
 
+def charged(x, power, s, *times):
+    """Return the charge [J] after stretches of these times at a power [W]."""
+    now, given = np.zeros(1, NOW)[0], np.zeros(1, GIVEN)[0]
+    now["charge"], given["self_discharge"] = x, s
+    for h in times:
+        entries.enter_energy(given, now, np.zeros(len(Account)), 0.0, power, h)
+    return float(now["charge"])
+
+
+@pytest.mark.parametrize(("power", "s"), [(0.5, 0.0), (0.5, 3e-9), (0.0, 1e-7), (12.0, 1e-6)])
+def test_the_charge_is_that_of_its_differential_equation(power, s):
+    solved = solve_ivp(lambda _, C: -power - s * C, (0.0, 3e6), [3.6e7], rtol=1e-11, atol=1e-3)
+    assert charged(3.6e7, power, s, 3e6) == pytest.approx(solved.y[0, -1], rel=1e-8)
+
+
+def test_two_stretches_are_one():
+    together = charged(1e6, 2.0, 1e-7, 1e5)
+    assert charged(1e6, 2.0, 1e-7, 4e4, 6e4) == pytest.approx(together, rel=1e-12)
+
+
 def test_books_balance_battery_included(profiler, sea):
     flown = fly_mission(profiler, phases(cycles=3), sea)
     books = close_books(flown)
