@@ -32,7 +32,6 @@ def test_a_mission_without_gains_has_no_controller():
 
 
 @pytest.mark.data
-@pytest.mark.slow
 @pytest.mark.prove
 def test_a_logged_loop_is_replayed(data_dir):
     """Thresholds well above what the study printed for this mission: 21 mm, 6 s and 4 cm."""
