@@ -8,12 +8,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 import swimbladder
-from swimbladder.sim.closed_loop.outside import fingerprint
+from swimbladder.control.registry import LAWS
+from swimbladder.sim.closed_loop.lanes import run_block
+from swimbladder.sim.closed_loop.outside import fingerprint, kernel_of
 from swimbladder.sim.engine import cache as engine_cache
 
 PACKAGE = Path(swimbladder.__file__).parent
@@ -320,6 +324,23 @@ class TestFingerprint:
         thing = object()
         function = lambda x: (thing, x)  # noqa: E731
         assert fingerprint(function) != fingerprint(function)
+
+
+class Numbers(NamedTuple):
+    """What no other process can import."""
+
+    gain: float
+
+
+@pytest.mark.parametrize("part", ["parameters", "state"])
+def test_a_step_of_ours_with_numbers_of_another_package_keeps_its_kernel_apart(part: str) -> None:
+    """One type that cannot be imported would make the index of all our laws unreadable."""
+    ours = LAWS["rate"]
+    assert kernel_of(ours) is run_block
+    other = kernel_of(replace(ours, **{part: Numbers}))
+    assert other is not run_block
+    assert "law-" in other._cache.cache_path
+    assert other is not kernel_of(replace(ours, parameters=Numbers, state=Numbers))
 
 
 USER = """

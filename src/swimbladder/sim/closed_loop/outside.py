@@ -36,7 +36,8 @@ def kernel_of(law: Law, *, pumped: bool = False, hooks: Any = ()) -> Callable[..
     enroll(law)
     modules = {law.step.__module__, law.initial.__module__}
     packed = {m for m in modules if m.startswith(_PACKED) and not m.startswith(_OWN)}
-    name = "" if _is_own(law) or packed == modules else fingerprint(law.step, law.initial)
+    own = _is_own(law) or packed == modules
+    name = "" if own else fingerprint(law.step, law.initial, law.parameters, law.state)
     if hooks:
         packed.add(type(hooks).__module__)
     names = sorted({_package(module.rpartition(".")[0]) for module in packed})
@@ -52,14 +53,16 @@ def source_of(law: Law) -> str:
     if _is_own(law):
         return ""
     made = () if law.recipe is None else (law.recipe.gains,)
-    return fingerprint(law.step, law.initial, *made)
+    return fingerprint(law.step, law.initial, law.parameters, law.state, *made)
 
 
 def _is_own(law: Law) -> bool:
-    """Whether the types of a law are there when a process begins, so that its kernel is kept."""
-    return law.within is None and all(
-        f.__module__.startswith(_OWN) for f in (law.step, law.initial)
-    )
+    """Whether the types of a law are there when a process begins, so that its kernel is kept.
+
+    A type that another process cannot import makes all of its index of kept code unreadable.
+    """
+    made_of = (law.step, law.initial, law.parameters, law.state)
+    return law.within is None and all(part.__module__.startswith(_OWN) for part in made_of)
 
 
 @cache
@@ -73,15 +76,15 @@ def _kernel(name: str) -> Callable[..., Any]:
     return compiled(run_block.py_func, under=f"law-{name}")  # type: ignore[no-any-return]
 
 
-def fingerprint(*functions: Callable[..., Any]) -> str:
-    """Return a name for the code of functions and all that it refers to.
+def fingerprint(*parts: Callable[..., Any]) -> str:
+    """Return a name for the code of functions and all that it refers to, and for named tuples.
 
     What cannot be told apart by its value makes a name that never comes again.
     """
     digest = hashlib.sha256()
     seen: set[int] = set()
-    for function in functions:
-        _feed(digest, function, seen)
+    for part in parts:
+        _feed(digest, part, seen)
     return digest.hexdigest()[:16]
 
 
