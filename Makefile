@@ -93,7 +93,7 @@ clean: ## Remove .venv and everything that was generated
 	@test -x $(BIN)/python || { python=$$($(MAKE) --silent python) && $$python -m venv .venv; }
 	@echo "Installing requirements.lock into .venv"
 	@$(PIP) --no-compile --only-binary=:all: -r requirements.lock
-	@$(BIN)/python -m compileall -qq -j 0 .venv/lib || true
+	@$(BIN)/python -m compileall -qq -j 0 -x '/tests?/' .venv/lib || true
 	@touch $@
 
 $(INSTALLED): .venv/locked pyproject.toml

@@ -16,6 +16,7 @@ import tokenize
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -35,10 +36,16 @@ _NO_CODE = {
 }
 
 
+@cache
+def _nodes(text: str) -> list[ast.AST]:
+    return list(ast.walk(ast.parse(text)))
+
+
+@cache
 def code_lines(text: str) -> set[int]:
     """Return the numbers of the lines that hold code: no blank, comment or docstring."""
     docs: set[int] = set()
-    for node in ast.walk(ast.parse(text)):
+    for node in _nodes(text):
         held = node.value if isinstance(node, ast.Expr) else None
         if isinstance(held, ast.Constant) and isinstance(held.value, str):
             docs.update(range(held.lineno, (held.end_lineno or held.lineno) + 1))
@@ -53,7 +60,7 @@ def wide_functions(text: str) -> int:
     """Return how many functions have more than 8 parameters."""
     return sum(
         len(node.args.posonlyargs) + len(node.args.args) + len(node.args.kwonlyargs) > 8
-        for node in ast.walk(ast.parse(text))
+        for node in _nodes(text)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     )
 

@@ -31,9 +31,9 @@ from swimbladder.vehicle import (
 
 SAMPLED = [name for name, law in LAWS.items() if law.command != "volume change"]
 """The laws of voltages and positions."""
-QUICK = ("cascade", "planned", "adrc", "position-pid")
+QUICK = ("cascade", "adrc", "position-pid")
 EACH = [n if n in QUICK else pytest.param(n, marks=pytest.mark.prove) for n in SAMPLED]
-"""Parameters of a test that `make test` runs for four laws, `make prove` for the others too."""
+"""Parameters of a test that `make test` runs for three laws, `make prove` for the others too."""
 
 TABLE_3 = {"k_pV": "1002 V/dm3", "k_pz": "-0.1043 dm3/m", "k_iz": "-7.486e-4 dm3/s/m"} | {
     "k_dz": "-2.341 dm3 s/m"

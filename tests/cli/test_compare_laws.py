@@ -12,6 +12,7 @@ from swimbladder.io.config import load_vehicle
 from tests.docs.test_reference import check, rows
 
 
+@pytest.mark.prove
 def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
     out = tmp_path / "comparison"
     # a law that does not fit: only the paper's own is flown

@@ -91,6 +91,7 @@ def test_the_page_has_everything_and_needs_nothing(capsys, log, tmp_path):
     assert "Made by " in text
 
 
+@pytest.mark.prove
 def test_no_vehicle_of_an_earlier_run_stays_beside_an_answer_without_one(capsys, tmp_path):
     good = bench(tmp_path / "good.csv", [3.0, -3.0, 12.0, -12.0])
     out = tmp_path / "out"

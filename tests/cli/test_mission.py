@@ -314,6 +314,7 @@ def test_options_of_a_cast_need_one(task, capsys):
     assert "it says where a cast was taken" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.prove
 def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(task, tmp_path):
     def command(out):
         return [

@@ -83,6 +83,7 @@ def test_what_is_said_of_the_cast_is_not_of_the_log(capsys, files):
     assert again["rms_m"] == pytest.approx(plain["rms_m"], rel=1e-9)
 
 
+@pytest.mark.prove
 def test_identify_of_a_piston_float_takes_the_cast(capsys, files):
     cast = ["--cast", str(files / "cast.csv"), "--no-profiles", "--neutral-std", "5 cm3"]
     found = answer(capsys, words(files, "identify", *cast))

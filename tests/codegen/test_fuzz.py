@@ -48,6 +48,7 @@ def _breaks_nothing(name, tmp_path, runs):
 
 
 @pytest.mark.usefixtures("gcc")
+@pytest.mark.prove
 def test_without_libfuzzer_random_inputs_do(tmp_path):
     program = fuzz.build(fuzz.library("cascade"), tmp_path, "random")
     assert run(program, "2000", "1").stdout == b"2000 runs\n"

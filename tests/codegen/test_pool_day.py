@@ -197,6 +197,7 @@ _SEEN = st.builds(
 @examples(60)
 @example(seen=[(Watched(0.0, 0.0, 0.0, 8.0, 0.0, 0.0, 0.0, z), 34, False) for z in (0.0, 140.0)])
 @given(st.lists(st.tuples(_SEEN, st.integers(1, 80), st.booleans()), min_size=1, max_size=12))
+@pytest.mark.prove
 def test_anything_seen_is_met_as_by_the_twin(day, seen):
     beside = day_twin(library())
     day.begin()
@@ -234,7 +235,9 @@ def test_phases_have_words_in_c(day):
 
 
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize("board", ["PoolDayAVR", "PoolDayESP32RP2040"])
+@pytest.mark.parametrize(
+    "board", ["PoolDayAVR", pytest.param("PoolDayESP32RP2040", marks=pytest.mark.prove)]
+)
 def test_the_log_of_a_sketch_in_water_tells_the_vehicle(board, tmp_path, capsys):
     """K2, T2 and psi of the vehicle in the water come out of what the sketch printed."""
     log = SketchInWater(library(), tmp_path, board).swim()

@@ -252,9 +252,8 @@ def test_the_same_seed_is_the_same_report(made, tmp_path):
         assert (tmp_path / "again" / name).read_bytes() == (made[0] / name).read_bytes()
 
 
-@pytest.mark.parametrize(
-    "seed", [pytest.param(11, marks=pytest.mark.prove), 43]
-)  # of a hundred, those with the most scatter
+@pytest.mark.prove
+@pytest.mark.parametrize("seed", [11, 43])  # of a hundred, those with the most scatter
 def test_no_verdict_hangs_on_the_seed(made, tmp_path, monkeypatch, seed):
     monkeypatch.setattr("swimbladder.show.files.save", lambda _figure, path: path)
     found = reproduce(tmp_path / "other", seed=seed)

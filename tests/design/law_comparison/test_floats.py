@@ -94,6 +94,7 @@ def test_as_flashed_seconds_of_the_pump_are_flown_and_the_supervisor_s_depth_end
         places(low, (50.0, 400.0))
 
 
+@pytest.mark.prove
 def test_a_float_whose_pump_has_a_supply_of_its_own_is_tuned(tmp_path):
     path = tmp_path / "pv.toml"
     path.write_text(vehicle_template("pump-valve", name="pv"), encoding="utf-8")

@@ -271,6 +271,7 @@ def test_the_cause_that_is_taken_away_is_the_one_that_is_named():
 
 
 @pytest.mark.slow
+@pytest.mark.prove
 def test_waves_alarm_a_supervisor_that_expects_no_more_than_still_water():
     found = tune(FEUP, law="adrc", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=20)
     bound, drawn = BoundLaw(found.law, found.parameters, 0.3), Drawn(20, supervised=True)

@@ -301,6 +301,7 @@ def test_decisions_are_judged_with_the_psi_of_the_cast(sea):
     assert in_water(still, one, 300.0).plant == pytest.approx(one.plant, nan_ok=True)
 
 
+@pytest.mark.prove
 def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_path):
     out = tmp_path / "out"
     command = ["tune", "example-float", "--depth", "100:300 m", "--runs", "20", "--cast", str(sea)]

@@ -78,6 +78,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(case, logs):
 
 
 @pytest.mark.slow
+@pytest.mark.prove
 def test_one_sample_in_ten_far_off_moves_little():
     moved = []
     for k in range(15):

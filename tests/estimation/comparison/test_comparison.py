@@ -185,6 +185,7 @@ def test_a_volume_of_many_strokes_is_in_another_unit(float_vehicle, voyage):
     assert caught.value.field == "volume_m3"
 
 
+@pytest.mark.prove
 def test_a_piston_moves_the_volume_and_its_direction_is_questioned(float_vehicle, voyage):
     area = math.pi * 0.020**2
     piston = replace(voyage, volume=None, piston=voyage.volume / area, piston_absolute=True)

@@ -347,6 +347,7 @@ def test_a_short_run_gives_nothing_and_the_line_counts(scene) -> None:
     assert lined.actions.short[1] > 0.0
 
 
+@pytest.mark.prove
 def test_the_bypass_has_a_share_of_its_own(scene) -> None:
     """Every other run is the bypass's, with 0.7 of its flow, while the valve has 1.2."""
     plain, _, column = scene
@@ -372,6 +373,7 @@ def test_the_bypass_has_a_share_of_its_own(scene) -> None:
         identify_deep(logs, [column], plain)
 
 
+@pytest.mark.prove
 def test_a_bypass_that_never_runs_stays_as_it_is(scene) -> None:
     plain, _, column = scene
     vehicle = with_drive(plain, bypass=Valve(flow=1e-7, power=6.0))

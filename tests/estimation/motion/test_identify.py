@@ -64,6 +64,7 @@ def test_leaving_psi_out_is_noticed():
     assert "psi estimated" in model.sentence
 
 
+@pytest.mark.prove
 def test_each_drag_law_is_recognised():
     for law, truth in (
         ("quadratic", {"m": 44.0, "k_dt": 14.0, "psi": 1e-6}),

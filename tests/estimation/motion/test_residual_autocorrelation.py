@@ -17,6 +17,7 @@ def _designs():
     return [one, other]
 
 
+@pytest.mark.prove
 def test_the_spread_of_coloured_estimates_is_not_underrated():
     """The mean covariance over many draws of noise of memory 0.8, against the exact one."""
     rng = np.random.default_rng(1)

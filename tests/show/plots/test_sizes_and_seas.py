@@ -34,6 +34,7 @@ def test_a_logarithmic_axis_has_several_numbers_on_any_span(span):
     assert 3 <= len(labelled(axes.xaxis)) <= 12
 
 
+@pytest.mark.prove
 def test_the_price_of_a_wish_is_seen_whole(found):
     figure = draw_requirements(found)
     sides = [axes for axes in figure.axes if axes.get_visible() and axes.lines]

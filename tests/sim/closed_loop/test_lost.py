@@ -35,7 +35,7 @@ def block_of(vehicle, *, command, lanes, ticks, start, tick=0.3, record=True, bo
     return block, p
 
 
-@pytest.mark.parametrize("lanes", [1, 3])
+@pytest.mark.parametrize("lanes", [1, pytest.param(3, marks=pytest.mark.prove)])
 def test_leak_drift_and_swell_pull_as_scipy_says(lanes: int) -> None:
     vehicle, tick, n = load_vehicle("feup-em"), 0.3, 400
     z0 = 6.0

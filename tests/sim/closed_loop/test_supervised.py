@@ -101,7 +101,7 @@ def test_a_push_that_proves_the_motor_is_in_the_loop():
     assert under[~before].max() > alone[~before].max() + 5e-6
 
 
-@pytest.mark.parametrize("name", ["planned", "adrc"])
+@pytest.mark.parametrize("name", [pytest.param("planned", marks=pytest.mark.prove), "adrc"])
 @pytest.mark.promise("no-cost")
 def test_a_law_that_moves_the_volume_anyway_steps_under_it_as_it_does_alone(name):
     """What a step needs was shown while the law held: whenever in the turn of pushes it comes."""

@@ -490,7 +490,7 @@ def test_a_seal_that_creeps_empties_the_stroke_and_fills_it_again_at_the_end_sto
 
 
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize("number", [2, 5, 8])
+@pytest.mark.parametrize("number", [2, *(pytest.param(n, marks=pytest.mark.prove) for n in (5, 8))])
 def test_a_drawn_mission_is_that_of_the_oracle_around_its_onset(number):
     """Vehicle, water, bottom, swell and faults as drawn; with noise, which no plant sees."""
     vehicle = load_vehicle("feup-em")

@@ -22,10 +22,14 @@ from swimbladder.vehicle import Supervisor
 from swimbladder.vehicle.spread import Spread
 from tests.quoted import refused
 from tests.sim.mission.test_phase_laws import DIVE, FILES, flown, simulated, steps
-from tests.vehicles import QUICK
 
 SHALLOW = {"kind": "hold", "depth": 1.5, "tolerance": 1.2, "duration": 120.0}
 DEEP = {"kind": "hold", "depth": 6.0, "tolerance": 1.2, "duration": 200.0}
+
+ADRC_FIRST = [
+    "adrc",
+    *(pytest.param(n, marks=pytest.mark.prove) for n in ("cascade", "planned", "position-pid")),
+]
 
 
 def watched(name, **given):
@@ -35,10 +39,7 @@ def watched(name, **given):
     return vehicle.model_copy(update={"sensors": sensors, "supervisor": Supervisor(**given)})
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["cascade", pytest.param("planned", marks=pytest.mark.prove), "adrc", "position-pid"],
-)
+@pytest.mark.parametrize("name", ADRC_FIRST)
 @pytest.mark.parametrize("seed", [None, 3])
 def test_law_and_supervisor_fly_as_they_are_simulated(name, seed):
     vehicle, task = watched(name), steps(SHALLOW, DEEP)
@@ -65,10 +66,7 @@ def test_a_vehicle_without_the_table_flies_its_law_alone():
     assert alone.rows.tobytes() != over.rows.tobytes()
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["adrc", *(pytest.param(n, marks=pytest.mark.prove) for n in QUICK if n != "adrc")],
-)
+@pytest.mark.parametrize("name", ADRC_FIRST)
 def test_it_dives_again_and_again(name):
     """It bobs at the surface, under water for moments: the law does not take over there."""
     descend = {"kind": "descend", "depth": 8.0, "speed": 0.05, "tolerance": 1.0}

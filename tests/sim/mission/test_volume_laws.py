@@ -208,7 +208,7 @@ def lost(_parameters, state, _measurement, _reference):
     ("step", "says"),
     [
         pytest.param(never, "at once", marks=pytest.mark.prove),
-        (lost, "not a finite number"),
+        pytest.param(lost, "not a finite number", marks=pytest.mark.prove),
     ],
 )
 def test_a_law_that_goes_nowhere_ends_the_mission_with_its_name(
