@@ -228,14 +228,16 @@ class TestTheC:
         made, twin = library(), chip.vehicle_twin(library())
         in_c.begin(anew=False)
         healthy = Watched(50.0, 0.1, math.nan, 14.0, False, 0, 0)
-        after, depth = None, 50.0
+        after, depth, asked = None, 50.0, 80.0
+        if reason is Reason.DEPTH_LIMIT:
+            asked = 1900.0  # so that it comes nearer on its way
         for n in range(2000):
             bad = spoilt if n >= 100 else {}
             if reason is Reason.DEPTH_LIMIT and bad:
                 depth = min(depth + 1.0, bad["depth"])
                 bad = {"depth": depth}
             seen = healthy._replace(**bad)
-            expected, said = said_by(twin, seen, 80.0), in_c.tick(seen, 80.0)
+            expected, said = said_by(twin, seen, asked), in_c.tick(seen, asked)
             assert bits(said[0]) == bits(expected[0])
             assert said[1:] == expected[1:]
             if after is None and said[1]:
@@ -288,6 +290,37 @@ class TestTheDive:
         assert board.reason is reason
         assert rows[-1, 0] < 0.5
         assert rows[-1, 2] == pytest.approx(vehicle.stroke.maximum, abs=1e-6)
+
+    @pytest.mark.parametrize("stuck", ["depth", "pump"])
+    @pytest.mark.promise("comes-nearer", faults=["depth stuck", "actuator stalled"])
+    def test_what_stands_still_is_noticed_by_the_way_that_is_not_made(self, stuck):
+        """A depth that stays on the way down; a pump that delivers nothing once it is to come up.
+
+        The law is asked every 60 s at the seldomest: 8 times are 480 s.
+        """
+        board, vehicle, kept = chip.vehicle_twin(library()), the_float(), []
+        turns = np.where(np.arange(6000) < 2500, 120.0, 20.0)
+        found = []
+
+        def tick(measured, asked):
+            seen = Watched(measured.depth, 0.0, math.nan, 14.0, False, 0, 0)
+            if stuck == "depth" and measured.depth > 60.0:
+                kept.append(seen.depth)
+                seen = seen._replace(depth=kept[0])
+            command = float(board.tick(seen, asked))
+            if board.reason and not found:
+                found.append(measured.time)
+            if stuck == "pump" and measured.time > 2500.0:
+                command = min(command, 0.0)
+            return command, board.wide
+
+        rows = fly_float(vehicle, tick, tick=1.0, start_depth=0.0, asked=turns)
+        assert board.reason is Reason.NOT_MOVING_AS_MODELLED
+        begin = np.argmax(rows[:, 0] > 60.0) if stuck == "depth" else 2500.0
+        assert 470.0 < found[0] - begin < 600.0
+        if stuck == "depth":
+            assert rows[:, 0].max() < 400.0
+            assert rows[-1, 0] < 0.5
 
     @pytest.mark.promise("depth-limit")
     def test_a_float_that_passes_its_depth_limit_turns_round_above_the_deepest(self):
@@ -576,7 +609,7 @@ def test_a_board_without_arduino_runs_pump_and_valves(tmp_path):
         kept = [line.split(",") for line in kept if line.startswith("# box: ")]
         assert len(kept) == 48
         assert kept[-1][0] == "# box: 0 s"
-        assert [float(line[1]) for line in kept[:20]] == pytest.approx([2.5] * 20, abs=0.05)
+        assert [float(line[1]) for line in kept[:20]] == pytest.approx([0.5] * 20, abs=0.05)
         (found,) = [n for n in range(1, 48) if kept[n][4] == "4" and kept[n - 1][4] == "0"]
         assert 20 < found < 30  # half of it is what was before
         assert kept[found][1] == "nan"
@@ -695,13 +728,13 @@ def test_each_reason_brings_it_up_on_the_chip(tmp_path):
 
 class TestRefusals:
     @pytest.mark.parametrize(
-        "field", ["prove_after", "hold_voltage", "neutral_range", "model_error"]
+        "field", ["prove_after", "hold_voltage", "neutral_change", "model_error"]
     )
     def test_limits_that_a_pump_has_no_use_for(self, field):
         given = {
             "prove_after": 60.0,
             "hold_voltage": 3.0,
-            "neutral_range": 1e-4,
+            "neutral_change": 1e-4,
             "model_error": 0.5,
         }
         own = Supervisor(**{field: given[field]})

@@ -225,7 +225,8 @@ class VehicleTwin:
             wanted = self.controller.tick(seen.depth, seen.volume, asked)
         seen = seen._replace(missed=min(self.controller.missed, NEVER), reference=reference)
         if self.controller.seconds:
-            seen = seen._replace(volume=0.0)
+            state = self.controller.state
+            seen = seen._replace(volume=0.0, computed=0.0 if state is None else state.drive.volume)
         command, self.state, _ = self.supervisor.step(self.limits, self.state, seen, wanted)
         return command
 

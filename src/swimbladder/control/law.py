@@ -114,6 +114,10 @@ class Law:
         return any(values[n] > 0.0 for n in (self.dead_zone, self.near, self.band) if n)
 
 
+Laws = Sequence[tuple[Law, Any]]
+"""Laws, each with its parameters."""
+
+
 STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accelerate
 _CRUISE = 0.25  # the same to keep a speed
 _SHORTEST = 10.0  # samples, of a target's way

@@ -33,6 +33,7 @@ class Watched(NamedTuple):
     lost: Count  # ticks that should have come since the last one
     missed: Count  # calls in a row in which the law gave no command
     reference: float = math.nan  # m, the depth asked for
+    computed: float = 0.0  # m3, of a pump and valve: the volume as their runs make it
 
 
 class PushLimits(NamedTuple):
@@ -163,6 +164,19 @@ class RestLimits(NamedTuple):
     still: Annotated[Count, "ticks"]  # ticks that it has to
 
 
+class ProgressLimits(NamedTuple):
+    """How a vehicle with pump and valve comes nearer to the depth asked for, and with what."""
+
+    arrived: Annotated[float, "m"]  # from that depth, within which it need not
+    nearer: Annotated[float, "m"]  # that it comes nearer by
+    waits: Annotated[Count, "ticks"]  # in which it has to
+    light_volume: Annotated[float, "m3"]  # neutral volume at the surface
+    light_slope: Annotated[float, "m3/m"]  # psi: what it needs more by per depth
+    light_range: Annotated[float, "m3"]  # beyond them it has more than it can need, as computed
+    light_smoothing: Annotated[float, ""]  # weight of the newest in what is off for hours
+    light: Annotated[Count, "ticks"]  # ticks beyond it
+
+
 class DeepLimits(NamedTuple):
     """How deep it may be."""
 
@@ -211,6 +225,7 @@ class SupervisorParameters(NamedTuple):
     neutral: NeutralLimits
     motion: MotionLimits
     rest: RestLimits
+    progress: ProgressLimits
     deep: DeepLimits
     board: BoardLimits
     time: TimeLimits
@@ -292,6 +307,16 @@ class RestWatch(NamedTuple):
     still: Count  # ticks for which it has
 
 
+class ProgressWatch(NamedTuple):
+    """How near to the depth asked for it came."""
+
+    target: float  # m, the depth asked for
+    farthest: float  # m, from there, since it came nearer last
+    waited: Count  # ticks since
+    light: Count  # ticks with more volume than it can need
+    drifted: float  # m3, beyond the neutral volume for hours: runs are not known to the cubic cm
+
+
 class BoardWatch(NamedTuple):
     """Battery, leak sensor, law and mission."""
 
@@ -333,6 +358,7 @@ class SupervisorState(NamedTuple):
     proof: ProofWatch
     motion: MotionWatch
     rest: RestWatch
+    progress: ProgressWatch
     board: BoardWatch
     push: PushWatch
     rescue: Rescue
@@ -388,6 +414,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
             0.0, 0.0, 0.0, 0.0, settled=0, wrong=0, own=0.0, own_depth=0.0, weight=0.5, known=0
         ),
         rest=RestWatch(anchor=0.0, still=0),
+        progress=ProgressWatch(target=0.0, farthest=0.0, waited=0, light=0, drifted=0.0),
         board=BoardWatch(0, 0, 0),
         push=PushWatch(phase=0, pushed=parameters.volume.volume_least, astray=0, turns=0),
         rescue=Rescue(reason=0, reasons=0, window=0, from_depth=0.0, release=False),
@@ -403,7 +430,7 @@ _QUARTERS = 4
 _STEPS = 14  # of six that a stop takes without drag and compression
 
 
-def tally(bad: bool, n: Count, most: Count) -> Count:
+def debounce(bad: bool, n: Count, most: Count) -> Count:
     """Return the count of bad ticks; a good one takes two away, `most` stays for good."""
     if n >= most:
         return n
@@ -478,7 +505,7 @@ def watch_stops(
     if beyond > p.push.grown:
         s = s._replace(top=volume, stops=0)
     if asked > p.rate.stop_rate and abs(rate) < p.rate.stop_least:
-        s = s._replace(stops=tally(beyond >= -p.push.grown, s.stops, p.rate.stops))
+        s = s._replace(stops=debounce(beyond >= -p.push.grown, s.stops, p.rate.stops))
         if s.stops == 0:
             s = s._replace(top=volume)
     return s
@@ -497,7 +524,7 @@ def watch_rate(
     asked = smoothed(s.asked, asked, p.rate.rate_smoothing)
     wrong = abs(lag) > p.rate.rate_share * abs(asked) + p.rate.rate_least
     most = p.rate.following
-    following = most if s.stops >= p.rate.stops else tally(wrong, s.following, most)
+    following = most if s.stops >= p.rate.stops else debounce(wrong, s.following, most)
     return s._replace(lag=lag, asked=asked, following=following)
 
 
@@ -522,7 +549,7 @@ def count_blind(p: DepthLimits, s: DepthWatch, depth: float, late: bool, good: b
 
 def count_unmeasured(p: VolumeLimits, s: VolumeWatch, volume: float, measured: bool) -> VolumeWatch:
     """Count the ticks without a good volume; at the limit tell why."""
-    blind = tally(not measured, s.volume_blind, p.blind)
+    blind = debounce(not measured, s.volume_blind, p.blind)
     if blind >= p.blind and s.volume_blind < p.blind and math.isfinite(volume):
         blind = more(blind, 1)
     return s._replace(volume_blind=blind)
@@ -600,7 +627,7 @@ def watch_motion(
     wrong = s.wrong
     if bad and off > own + own:  # beyond doubt: it counts three times
         wrong = min(more(wrong, 2), p.motion.wrong)
-    return s._replace(wrong=tally(bad, wrong, p.motion.wrong))
+    return s._replace(wrong=debounce(bad, wrong, p.motion.wrong))
 
 
 def watch_sameness(
@@ -674,7 +701,32 @@ def watch_deep(
         speed = speed + p.deep.lag * p.deep.force * max(heavy, 0.0)
         room = max(p.deep.largest - volume, 0.0)
         wrong = depth + way_to_stop(p, speed, lacks, room) > p.deep.deepest
-    return tally(wrong, s.deep, p.deep.deep)
+    return debounce(wrong, s.deep, p.deep.deep)
+
+
+def watch_progress(p: SupervisorParameters, s: SupervisorState, seen: Watched) -> ProgressWatch:
+    """Count the ticks in which the vehicle comes no nearer to where it is sent, or is to be light.
+
+    Nobody measures its volume. What its runs make it, `computed`, is what it would be with a pump
+    that delivers and a valve that is tight; beyond what a hull without water inside can need, the
+    vehicle has to rise.
+    """
+    way, limits = s.progress, p.progress
+    afloat = seen.depth <= p.rest.surface
+    rises = seen.depth - s.motion.z1 < -p.rest.still_distance
+    beyond = seen.computed - limits.light_slope * seen.depth - limits.light_volume
+    stays = beyond - max(way.drifted, 0.0) > limits.light_range and not (afloat or rises)
+    drifted = smoothed(way.drifted, beyond, limits.light_smoothing)
+    drifted = 0.0 if afloat or not math.isfinite(drifted) else drifted
+    way = way._replace(light=debounce(stays, way.light, limits.light), drifted=drifted)
+    if not math.isfinite(seen.reference):
+        return way
+    target = max(seen.reference, 0.0)
+    distance = abs(target - seen.depth)
+    arrived = afloat or distance <= limits.arrived
+    if arrived or target != way.target or distance < way.farthest - limits.nearer:
+        return way._replace(target=target, farthest=distance, waited=0)
+    return way._replace(farthest=max(way.farthest, distance), waited=more(way.waited, 1))
 
 
 def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched, impossible: bool) -> BoardWatch:
@@ -683,8 +735,8 @@ def watch_board(p: BoardLimits, s: BoardWatch, seen: Watched, impossible: bool) 
     impossible: the set-point is none that any vehicle can have.
     """
     low = p.battery_low > 0.0 and seen.battery < p.battery_low
-    battery = tally(low, s.battery, p.battery)
-    leak = tally(seen.leak, s.leak, p.leak)
+    battery = debounce(low, s.battery, p.battery)
+    leak = debounce(seen.leak, s.leak, p.leak)
     missed = s.missed
     if missed < p.missed:
         missed = more(missed, 1) if impossible else min(seen.missed, p.missed)
@@ -788,6 +840,9 @@ def reasons_of(p: SupervisorParameters, s: SupervisorState) -> Count:
     if s.rate.following >= p.rate.following:
         bits = bits | 512
     if s.motion.wrong >= p.motion.wrong:
+        bits = bits | 1024
+    stays = s.progress.waited >= p.progress.waits or s.progress.light >= p.progress.light
+    if p.progress.light < NEVER and stays:
         bits = bits | 1024
     if s.board.battery >= p.board.battery:
         bits = bits | 2048
@@ -935,6 +990,8 @@ def step(
         old = seen.depth_age >= p.S_p
         s = s._replace(same=watch_sameness(p.same, s.same, depth, before, n1, old, resting))
         s = s._replace(deep=watch_deep(p, s, depth, n, volume))
+        if p.progress.light < NEVER:
+            s = s._replace(progress=watch_progress(p, s, seen))
         since = 0
     impossible = seen.reference < p.depth.depth_least or seen.reference > p.depth.depth_most
     s = s._replace(board=watch_board(p.board, s.board, seen, impossible))

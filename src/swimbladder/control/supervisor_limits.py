@@ -7,7 +7,7 @@ import numpy as np
 
 from swimbladder.control import supervisor
 from swimbladder.control.arming import ArmingParameters
-from swimbladder.control.law import NEVER, Count
+from swimbladder.control.law import NEVER, Count, Laws
 from swimbladder.control.records import field_types, leaves
 from swimbladder.control.registry import bind
 from swimbladder.control.supervisor import SupervisorParameters
@@ -75,23 +75,31 @@ _STALL_S = 300.0  # a motor may stand still for that long under its full voltage
 _RELEASE_S = 60.0
 _RISE = 1.0  # m
 _DEEPEST = 12000.0  # m, deeper than any sea
+_CALLS = 8  # of a float's law at its seldomest, in which it comes nearer
+_OFTEN_S = 120.0  # s, of a law that decides more seldom: it may stay beyond its band for hours
+_NEARER = 0.1  # m, by so much
+_BEYOND, _BEYOND_BAND = 2.0, 2.0  # m, and of a law's band, beyond which it has to come nearer
+_DRIFTS_S = 21600.0  # s, in which what the runs make may drift off: pump and valve as they are
+_LIGHT_S = 60.0  # s, of a float with more volume than it can need
 _SPEED, _HASTE = 0.1, 2.0  # m/s, that of Argo floats; times it, so fast it may sink at most
 _AFLOAT_REST_S = 600.0  # between pushes of a pump that has pumped all out: it may run dry
-_NO_USE = {"neutral_range", "neutral_change", "model_error", "prove_after", "hold_voltage"}
+_NO_USE = {"neutral_change", "model_error", "prove_after", "hold_voltage"}
 _SHORTER = "Give a shorter {}, or a longer sample_time"
 
 _Limits = TypeVar("_Limits")
 
 
 def supervisor_parameters(
-    vehicle: Vehicle, sample_time: float, *, in_pool: bool = False, rests: bool | None = None
+    vehicle: Vehicle, sample_time: float, *, in_pool: bool = False, laws: Laws | None = None
 ) -> SupervisorParameters:
     """Return the supervisor's numbers for a vehicle at a sample time [s].
 
-    rests: whether its law lets the actuator rest where it holds a depth; None: as its own does.
+    laws: that it watches, each with its parameters; None: the vehicle's own.
     Raises InputError where full buoyancy would not bring the vehicle up from its depth limit.
     """
     pumps = vehicle.command == "volume change"
+    if laws is None:
+        laws = () if vehicle.controller is None else (bind(vehicle.controller)[:2],)
     if pumps:
         vehicle = _with_pump(vehicle)
     given, sensors = vehicle.supervisor, vehicle.sensors
@@ -135,7 +143,7 @@ def supervisor_parameters(
         after = given.prove_after or _UNPROVEN_S
         proof = holding = ticks(after, tick)
         tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))
-        moves = not (own_law_rests(vehicle) if rests is None else rests)
+        moves = not any(law.rests(numbers) for law, numbers in laws)
         if moves and ready >= _LEAST_READY:
             holding, early = ticks(_HOLDING * after, tick), ticks(_EARLY * after, tick)
     stop_rate = stopped = max(_STOP_SHARE * full_rate, 3.0 * grown / tick)
@@ -243,6 +251,9 @@ def supervisor_parameters(
             still_distance=moving + 0.02,
             still=still,
         ),
+        progress=supervisor.ProgressLimits(
+            math.inf, max(_NEARER, moving), NEVER, p.V_0, p.psi, math.inf, 0.0, NEVER
+        ),
         deep=supervisor.DeepLimits(
             depth_limit=depth_limit,
             deepest=deepest,
@@ -266,7 +277,7 @@ def supervisor_parameters(
             time_ticks=0 if whole is None else whole % _BLOCK,
         ),
     )
-    return _for_pump(vehicle, found) if pumps else found
+    return _for_pump(vehicle, found, laws) if pumps else found
 
 
 def arming_parameters(vehicle: Vehicle, p: SupervisorParameters) -> ArmingParameters:
@@ -375,7 +386,7 @@ def _as_positioner(vehicle: Vehicle) -> Vehicle:
     return dynamics.even_drag(vehicle).model_copy(update={"actuator": piston})
 
 
-def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters:
+def _for_pump(vehicle: Vehicle, p: SupervisorParameters, laws: Laws) -> SupervisorParameters:
     """Return the limits of a vehicle that is commanded seconds of pump and valve.
 
     Its volume is not watched, nor what follows from it: model, actuator, test pushes. The
@@ -402,7 +413,32 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters) -> SupervisorParameters
             psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf
         ),
         motion=_off(p.motion, "neutral_change known wrong", zero="calm model_error inertia"),
+        progress=_progress(vehicle, p, laws),
         deep=deep._replace(heavier=lacks, largest=math.inf),
+    )
+
+
+def _progress(vehicle: Vehicle, p: SupervisorParameters, laws: Laws) -> supervisor.ProgressLimits:
+    """Return how a float comes nearer to the depth asked for, and how much volume it can need.
+
+    That is the file's neutral volume and `neutral_range`, or half of what is left of the stroke.
+    As patient as the law that takes longest: one that says neither how near it rests nor how long
+    it waits, or that waits for longer than `_OFTEN_S`, may take any time.
+    """
+    bands = (leaves(n)[law.band] if law.band else math.inf for law, n in laws)
+    pauses = (law.longest_wait(n) if law.longest_wait else math.inf for law, n in laws)
+    band, pause = max(bands, default=math.inf), max(pauses, default=math.inf)
+    arrived, waits = math.inf, NEVER
+    if band < math.inf and pause <= _OFTEN_S:
+        arrived = band + max(_BEYOND, _BEYOND_BAND * band)
+        waits = ticks(min(_CALLS * pause, _COUNTED * p.S_p), p.S_p)
+    spare = 0.5 * (p.deep.largest - p.neutral.neutral)
+    return p.progress._replace(
+        arrived=arrived,
+        waits=waits,
+        light_range=_either(vehicle.supervisor.neutral_range, spare),
+        light_smoothing=p.S_p / (_DRIFTS_S + p.S_p),
+        light=ticks(_LIGHT_S, p.S_p),
     )
 
 
@@ -419,14 +455,6 @@ def cruising_speed(vehicle: Vehicle) -> float:
     """Return the largest speed that a float's law asks for [m/s]; 0.1 where it does not say."""
     given = {} if vehicle.controller is None else leaves(bind(vehicle.controller)[1])
     return float(given.get("far_speed", _SPEED))
-
-
-def own_law_rests(vehicle: Vehicle) -> bool:
-    """Return whether a vehicle's own law lets the actuator rest where it holds a depth."""
-    if vehicle.controller is None:
-        return False
-    law, numbers, *_ = bind(vehicle.controller)
-    return law.rests(numbers)
 
 
 def _per_jump(p: Plant, reach: float, rate: float) -> float:

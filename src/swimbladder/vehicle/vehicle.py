@@ -346,7 +346,8 @@ class Supervisor(Parameters):
     looks like one whose depth sensor has stopped"""
     neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
     """how far the neutral volume may be from `trim_error`, drift and layers of the water included;
-    not given: a quarter of half the stroke, half of what is left above `trim_error` at most"""
+    not given: a quarter of half the stroke, half of what is left above `trim_error` at most; of a
+    pump and valve, whose volume is computed, that half"""
     neutral_change: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
     """how far the neutral volume may change in a dive from what its first minute showed, layers of
     the water included; not given: a fifth of `neutral_range`"""

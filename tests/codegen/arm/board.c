@@ -1,5 +1,5 @@
 /* A board for extras/board.c whose clock goes on by 2 ms at each call: prints its log, and beside it how
- * long pump, valves and two of them at once were on. Its depth is 2.5 m, and none after ten minutes. After
+ * long pump, valves and two of them at once were on. Its depth is 0.5 m, and none after ten minutes. After
  * eleven it is switched off and on, then reset by a watchdog, which it calls 8, and then its box is cleared. */
 #include "swb_box.h"
 #include "swb_drive.h"
@@ -34,7 +34,7 @@ uint32_t board_us(void)
 
 void board_read(swb_seen *seen)
 {
-    seen->depth = since_us < 600000000u ? 2.5f : NAN;
+    seen->depth = since_us < 600000000u ? 0.5f : NAN;
 }
 
 float board_asked(uint32_t tick)

@@ -51,6 +51,16 @@ def flight(watched, water):
     return fly_mission(watched, task(cycles=2), water)
 
 
+@pytest.mark.promise("no-false-alarm")
+def test_a_float_may_rest_as_far_from_its_depth_as_its_phase_says(watched, water):
+    """50 m above it for two hours; the law of its file keeps 10 m."""
+    far = {"kind": "hold", "depth": 150.0, "tolerance": 60.0, "duration": 7200.0}
+    flight = fly_mission(watched, task({**WHERE, "depth": 100.0}, far, UP), water)
+    assert flight.stop is Stop.FINISHED
+    held = flight.rows[flight.rows["t"] < flight.duration - 3600.0]
+    assert np.median(np.abs(held["z"] - 150.0)) > 20.0
+
+
 def test_board_and_supervisor_fly_as_they_are_simulated(watched, water):
     """By set-points at the times at which the phases begin, in the same water."""
     flight = fly_mission(watched, task(), water, accuracy=TIGHT)

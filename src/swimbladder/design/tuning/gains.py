@@ -479,13 +479,14 @@ class Search:
         final = [(self.tried(tuning, drawn), radius) for _, radius, tuning in again]
         (_, tuning, over), radius = min(final, key=lambda one: one[0][0])
         span = abs(step.target - step.start)
-        self._refuse_alarms(tuning, over)
-        if over.settled < _ARRIVE or not over.rms <= _LOST * held:
+        flown = drawn._replace(supervised=drawn.supervised and not over.alarms > 0.0)
+        alone = over if flown == drawn else self.tried(tuning, flown)[2]
+        if alone.settled < _ARRIVE or not alone.rms <= _LOST * held:
             raise NoAnswerError(
                 f"no setting of the law {name!r} brings the float over {span:g} m and keeps it "
-                f"within {held:g} m over the region: of the best {100.0 * over.settled:.0f} % of "
+                f"within {held:g} m over the region: of the best {100.0 * alone.settled:.0f} % of "
                 f"{over.runs} flights arrive and stay in {step.duration / 3600.0:.3g} h, "
-                f"{over.rms:.3g} m rms. A wider band (--hold), a faster pump, more stroke or "
+                f"{alone.rms:.3g} m rms. A wider band (--hold), a faster pump, more stroke or "
                 "parameters known better would help"
             )
         self.report(0.3)

@@ -206,7 +206,8 @@ def like_of(law: Law, parameters: Any, watch: Any = ()) -> Like:
     fields = leaf_names(law.state)
     state = from_numbers(law.state, [0.0] * len(fields))
     row, wide = (fields.index(n) if n in fields else -1 for n in ("volume_reference", "wide"))
-    return Like(parameters, state, row, watch, wide)
+    computed = -1 if wide < 0 else fields.index("volume")
+    return Like(parameters, state, row, watch, wide, computed)
 
 
 class Running:

@@ -108,7 +108,7 @@ def flown_law(
     tick [s]. supervised: as of `supervision_of`. Under a supervisor a law of volume changes is that
     of its board. Raises InputError as `board_law` and `supervision_of` do.
     """
-    watch = supervision_of(vehicle, tick, supervised, rests=law.rests(parameters))
+    watch = supervision_of(vehicle, tick, supervised, laws=[(law, parameters)])
     if watch and vehicle.command == "volume change":
         board = board_law(vehicle, law, parameters, tick, deepest=watch.reach)
         law, parameters = board.law, board.parameters

@@ -49,6 +49,7 @@ class Like(NamedTuple):
     volume_row: int  # of the volume reference in the state, -1 without
     watch: Any = ()  # the supervisor over it, see `supervision`
     wide_row: int = -1  # of what says in the state of a law of seconds that the bypass is open
+    computed_row: int = -1  # of the volume that it computes
 
 
 class Room(NamedTuple):
@@ -146,6 +147,8 @@ def decide(S: Array, W_: int, i: int, hooks: Any, law: Like, k: int, tick: float
         kept = command if due else kept
         S[Row.COMMAND * W_ + i] = kept
         scatter_where(due, state, S, row, W_)
+        if law.computed_row >= 0:
+            S[Row.COMPUTED * W_ + i] = S[row + law.computed_row * W_]
     kept = supervise(law.watch, S, W_, i, k, wanted(hooks, S, k, kept))
     u = limited(S, W_, i, drive(hooks, S, k, kept))
     S[Row.APPLIED * W_ + i] = u

@@ -58,9 +58,10 @@ class Row(IntEnum):
     SWELL_PHASE = 45  # rad
     SWELL_DECAY = 46  # 1/m
     WIDE = 47  # 1: seconds below 0 are of the bypass, not of the valve, see `pumped`
-    STEP = 48  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
-    PLANT = 92
-    LAW = 119  # parameters, then state
+    COMPUTED = 48  # m3, volume as a law of seconds computes it
+    STEP = 49  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
+    PLANT = 93
+    LAW = 120  # parameters, then state
 
 
 N_STEP = 44

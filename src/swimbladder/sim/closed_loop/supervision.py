@@ -1,8 +1,8 @@
 """The supervisor in the loop: it stands between law and driver, as on the board.
 
-It sees what the sensors give, and the battery of a motor; of a pump and valve neither volume nor
-battery. Once it has taken over, the law is left alone. The vehicles of an ensemble differ; what it
-holds them against is that of one, as flashed.
+It sees what the sensors give, and the battery of a motor; of a pump and valve the volume that its
+law computes, and no battery. Once it has taken over, the law is left alone. The vehicles of an
+ensemble differ; what it holds them against is that of one, as flashed.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control import supervisor
+from swimbladder.control.law import Laws
 from swimbladder.control.records import from_numbers, leaf_names, numbers
 from swimbladder.control.supervisor import (
     Reason,
@@ -91,18 +92,18 @@ class Supervision(NamedTuple):
 
 
 def supervision_of(
-    vehicle: Vehicle, tick: float, supervised: bool | None, *, rests: bool | None = None
+    vehicle: Vehicle, tick: float, supervised: bool | None, *, laws: Laws | None = None
 ) -> Supervision | tuple[()]:
     """Return the supervisor over one lane of a vehicle at a sample time [s]; () for none.
 
-    supervised: whether there is one; None: where the vehicle has a table of it. rests: whether the
-    law under it lets the actuator rest, as `supervisor_parameters` has it.
+    supervised: whether there is one; None: where the vehicle has a table of it. laws: under it, as
+    `supervisor_parameters` has them.
     Raises InputError as `supervisor_parameters` does.
     """
     given = "supervisor" in vehicle.model_fields_set
     if not (given if supervised is None else supervised):
         return ()
-    p = supervisor_parameters(vehicle, tick, rests=rests)
+    p = supervisor_parameters(vehicle, tick, laws=laws)
     nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
     begun = [*numbers(supervisor.initial(p, nothing, 0.0)), math.nan]
     limits = np.array([*numbers(p), *command_limits(vehicle, tick)], np.float64)
@@ -146,7 +147,8 @@ def _supervise_lane(watch: Supervision, S: Array, W_: int, i: int, k: int, wante
         battery = battery_voltage(supply, sag, kappa, S[Row.APPLIED * W_ + i], q)
     depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
     volume = 0.0 if np.isnan(kind) else volume  # of a pump and valve: it is not watched
-    seen = Watched(depth, 0.0, volume, battery, False, 0, 0, S[Row.REFERENCE * W_ + i])
+    reference, computed = S[Row.REFERENCE * W_ + i], S[Row.COMPUTED * W_ + i]
+    seen = Watched(depth, 0.0, volume, battery, False, 0, 0, reference, computed)
     return _watch(watch.limits, watch.memory[i], seen, wanted, k)
 
 

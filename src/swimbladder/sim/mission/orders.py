@@ -196,18 +196,20 @@ def flown_laws(
     board: where the mission's own rule would fly, `rate` with the numbers of each phase. Raises
     InputError as `phase_laws`, `watch_of` and `board_law` do.
     """
-    laws = phase_laws(vehicle, mission)
-    watch = watch_of(vehicle, mission, laws, supervised)
-    own = vehicle.controller
-    if not watch or own is None or vehicle.command != "volume change":
+    under = laws = phase_laws(vehicle, mission)
+    own, phases = vehicle.controller, mission.phases
+    if own is None or vehicle.command != "volume change":
+        return laws, watch_of(vehicle, mission, laws, supervised)
+    if not laws:
+        numbers = [law_parameters(vehicle, phase) for phase in phases]
+        under = tuple(PhaseLaw(RATE, n, own.sample_time, "") for n in numbers)
+    watch = watch_of(vehicle, mission, under, supervised)
+    if not watch:
         return laws, watch
     found = []
-    for n, phase in enumerate(mission.phases):
-        law, numbers, source = RATE, law_parameters(vehicle, phase), ""
-        if laws:
-            law, numbers, source = laws[n].law, laws[n].parameters, laws[n].source
-        made = board_law(vehicle, law, numbers, own.sample_time, deepest=watch.reach)
-        source = source or _rate_source(vehicle, phase)
+    for phase, one in zip(phases, under, strict=True):
+        made = board_law(vehicle, one.law, one.parameters, own.sample_time, deepest=watch.reach)
+        source = one.source or _rate_source(vehicle, phase)
         found.append(PhaseLaw(made.law, made.parameters, own.sample_time, source))
     return tuple(found), watch
 

@@ -102,8 +102,8 @@ def watch_of(
 ) -> Supervision | tuple[()]:
     """Return the supervisor over the laws of a mission; () for none, as of `supervision_of`.
 
-    laws: of each phase; none: the mission's own rule. Of a vehicle with a controller that commands
-    pump and valve these are then those of its board, see `orders.flown_laws`.
+    laws: of each phase, under the supervisor; none: the mission's own rule, which no supervisor
+    watches but that of a float's board, see `orders.flown_laws`.
     Raises InputError where it cannot be: over the rule of another vehicle, at several sample times,
     and where it would bring up a healthy vehicle, by its depth or time limit.
     """
@@ -113,13 +113,10 @@ def watch_of(
             what = "a supervisor watches a law that is called at each sample, and none flies this"
             raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
         return ()
-    if floats:  # of its board; it rests as its own law does
-        assert own is not None
-        tick, rests = own.sample_time, None
-    else:
-        tick = laws[0].sample_time
-        rests = any(law.law.rests(law.parameters) for law in laws)
-    watch = supervision_of(vehicle, tick, supervised, rests=rests)
+    tick = own.sample_time if floats and own is not None else laws[0].sample_time
+    watch = supervision_of(
+        vehicle, tick, supervised, laws=[(one.law, one.parameters) for one in laws]
+    )
     if not watch:
         return ()
     alone = "fly the law alone (--without-supervisor)"
