@@ -1,0 +1,95 @@
+"""The supervisor right at its limits: what is still good there, and what it begins with."""
+
+import math
+
+import pytest
+
+from swimbladder.control.law import NEVER
+from swimbladder.control.records import leaves
+from swimbladder.control.supervisor import (
+    SUPERVISOR,
+    Watched,
+    believable,
+    drag_volume,
+    rests,
+    way_to_stop,
+)
+from swimbladder.control.supervisor_limits import supervisor_parameters, ticks
+from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
+from swimbladder.vehicle import Supervisor
+from tests.vehicles import LITERAL, body, paper
+
+PAPER = supervisor_parameters(paper(), 0.3)
+
+
+def test_a_depth_may_change_by_just_what_it_may():
+    """In a tick by `step`, in two by twice the fastest and the jump."""
+    p, last = PAPER.depth, 2.0
+    at_most = {0: p.step, 2: 2 * p.fastest + p.jump}
+    for since, change in at_most.items():
+        assert believable(p, last + change, last, since) == (last + change - last <= change)
+        assert believable(p, last + 0.999 * change, last, since)
+        assert not believable(p, last + 1.001 * change, last, since)
+    assert believable(p, p.step, 0.0, 0)
+
+
+def test_at_the_surface_with_the_room_that_it_has_it_may_rest():
+    p, room = PAPER.rest, 4e-5
+    assert rests(p, p.surface, -room, room)
+    assert not rests(p, math.nextafter(p.surface, 1.0), -room, room)
+    assert not rests(p, p.surface, math.nextafter(-room, -1.0), room)
+
+
+def test_a_drag_that_jumps_is_laminar_up_to_the_speed_of_its_jump():
+    """Eq. (13): up to epsilon, and at it."""
+    vehicle = paper(**body(LITERAL))
+    p = supervisor_parameters(vehicle, 0.3).motion
+    at, beyond = drag_volume(p, p.epsilon), drag_volume(p, math.nextafter(p.epsilon, 1.0))
+    assert at == pytest.approx(LITERAL.k_dl * p.epsilon / vehicle.water.specific_weight)
+    assert beyond == pytest.approx(LITERAL.k_dt * p.epsilon**2 / vehicle.water.specific_weight)
+    assert beyond < 0.9 * at
+    assert drag_volume(p, -p.epsilon) == -at
+
+
+def test_a_vehicle_that_sinks_at_an_even_speed_goes_on_for_ever():
+    """With 50 cm3 too little and no stroke left: however slowly, it does not stop."""
+    assert way_to_stop(PAPER, 0.1, 5e-5, 0.0) == 1e6
+    assert way_to_stop(PAPER, 0.1, 0.0, 3e-4) < 10.0
+
+
+def test_it_begins_with_nothing_counted_and_nothing_held_against_the_vehicle():
+    seen = Watched(2.0, 0.1, 3e-5, 12.0, False, 0, 0)
+    begun = leaves(SUPERVISOR.initial(PAPER, seen, 0.0))
+    others = {name: value for name, value in begun.items() if value != 0.0}
+    least = PAPER.volume.volume_least
+    assert others["weight"] == 0.5  # of what the dive shows against what was known before
+    assert others["shown"] == others["pushed"] == least
+    assert others["allowed"] == 1e6  # any depth
+    assert set(others) <= {"weight", "shown", "pushed", "allowed", "since", "block", "last_depth"}
+
+
+@pytest.mark.parametrize("tick", [0.3, 1.0])
+def test_times_are_those_of_the_page(tick):
+    """docs/explanation/supervisor.md: 10 s, 5 s, the mean of 200 ticks, a minute."""
+    known = Supervisor(neutral_change="40 cm3")  # so far off, it moves 2 cm in less than 5 s
+    p = supervisor_parameters(paper(supervisor=known), tick)
+    assert p.motion.known == math.ceil(10.0 / tick)
+    assert p.rest.still == math.ceil(5.0 / tick)
+    assert p.same.noisy_weight == pytest.approx(1.0 / 200.0)
+    assert supervisor_parameters(load_vehicle("example-float"), tick).progress.light == math.ceil(
+        60.0 / tick
+    )
+
+
+def test_a_quarter_of_a_positioner_is_one_of_its_travel():
+    vehicle = load_vehicle("ntnu-bv")
+    travel = vehicle.stroke.maximum - vehicle.stroke.minimum
+    assert supervisor_parameters(vehicle, 0.5).push.quarter == pytest.approx(0.25 * travel)
+    assert PAPER.push.quarter == 3.0  # V
+
+
+def test_a_time_of_more_ticks_than_are_counted_is_refused():
+    assert ticks(NEVER - 1.0, 1.0) == NEVER - 1
+    with pytest.raises(InputError, match=rf"counts to {NEVER - 1}"):
+        ticks(float(NEVER), 1.0)
