@@ -7,11 +7,15 @@ import pytest
 from swimbladder.control.law import NEVER
 from swimbladder.control.records import leaves
 from swimbladder.control.supervisor import (
+    GREW,
     SUPERVISOR,
+    PushWatch,
     Watched,
     believable,
+    bring_up,
     drag_volume,
     rests,
+    watch_push,
     way_to_stop,
 )
 from swimbladder.control.supervisor_limits import supervisor_parameters, ticks
@@ -87,6 +91,38 @@ def test_a_quarter_of_a_positioner_is_one_of_its_travel():
     travel = vehicle.stroke.maximum - vehicle.stroke.minimum
     assert supervisor_parameters(vehicle, 0.5).push.quarter == pytest.approx(0.25 * travel)
     assert PAPER.push.quarter == 3.0  # V
+
+
+def test_shares_are_those_of_the_page():
+    """The neutral volume may change in a dive by a fifth of its range; half the full rate is fast.
+
+    The range is a quarter of half the stroke of 350 cm3; at 12 V the motor makes 40 cm3/s.
+    """
+    assert PAPER.motion.neutral_change == pytest.approx(0.2 * 0.25 * 350e-6)
+    assert PAPER.push.away_fast == pytest.approx(0.5 * 12.0 * 0.444e-3 * 75e-4 * 0.3)
+
+
+@pytest.mark.parametrize(
+    ("blind", "below", "turns"), [(False, 1e-9, 2), (True, 1e-9, 0), (False, 0.0, 0)]
+)
+def test_a_push_that_stands_is_tried_the_other_way_at_the_inner_end_where_it_is_seen(
+    blind, below, turns
+):
+    p, volume = PAPER, PAPER.volume.volume_low - below
+    begun = PushWatch(phase=0, pushed=volume, astray=p.push.astray, turns=0)
+    after = watch_push(p, begun, volume, True, sinks=False, rises=False, high=False, blind=blind)
+    assert after.turns == turns
+
+
+def test_a_turned_push_that_is_up_to_the_limit_holds():
+    """At just the volume that counts as all out, where it has not grown for long."""
+    high = PAPER.volume.volume_high
+    s = SUPERVISOR.initial(PAPER, Watched(2.0, 0.1, high, 12.0, False, 0, 0), 0.0)
+    push = PushWatch(phase=0, pushed=high, astray=PAPER.push.astray, turns=GREW)
+    s = s._replace(push=push, rescue=s.rescue._replace(reason=1, reasons=1))
+    for volume, command in ((high, 0.0), (math.nextafter(high, 0.0), -12.0)):
+        now = s._replace(volume=s.volume._replace(volume=volume, measured=True))
+        assert bring_up(PAPER, now, True, 0).command == command
 
 
 def test_a_time_of_more_ticks_than_are_counted_is_refused():
