@@ -479,8 +479,8 @@ class Search:
         final = [(self.tried(tuning, drawn), radius) for _, radius, tuning in again]
         (_, tuning, over), radius = min(final, key=lambda one: one[0][0])
         span = abs(step.target - step.start)
-        flown = drawn._replace(supervised=drawn.supervised and not over.alarms > 0.0)
-        alone = over if flown == drawn else self.tried(tuning, flown)[2]
+        lone = drawn._replace(supervised=False)  # is it the law that does not bring it there?
+        alone = self.tried(tuning, lone)[2] if over.alarms > 0.0 else over
         if alone.settled < _ARRIVE or not alone.rms <= _LOST * held:
             raise NoAnswerError(
                 f"no setting of the law {name!r} brings the float over {span:g} m and keeps it "

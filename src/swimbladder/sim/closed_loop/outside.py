@@ -36,8 +36,7 @@ def kernel_of(law: Law, *, pumped: bool = False, hooks: Any = ()) -> Callable[..
     enroll(law)
     modules = {law.step.__module__, law.initial.__module__}
     packed = {m for m in modules if m.startswith(_PACKED) and not m.startswith(_OWN)}
-    own = _is_own(law) or packed == modules
-    name = "" if own else fingerprint(law.step, law.initial, law.parameters, law.state)
+    name = "" if _is_own(law) or packed == modules else fingerprint(*_parts(law))
     if hooks:
         packed.add(type(hooks).__module__)
     names = sorted({_package(module.rpartition(".")[0]) for module in packed})
@@ -53,7 +52,11 @@ def source_of(law: Law) -> str:
     if _is_own(law):
         return ""
     made = () if law.recipe is None else (law.recipe.gains,)
-    return fingerprint(law.step, law.initial, law.parameters, law.state, *made)
+    return fingerprint(*_parts(law), *made)
+
+
+def _parts(law: Law) -> tuple[Callable[..., Any], ...]:
+    return law.step, law.initial, law.parameters, law.state
 
 
 def _is_own(law: Law) -> bool:
@@ -61,8 +64,7 @@ def _is_own(law: Law) -> bool:
 
     A type that another process cannot import makes all of its index of kept code unreadable.
     """
-    made_of = (law.step, law.initial, law.parameters, law.state)
-    return law.within is None and all(part.__module__.startswith(_OWN) for part in made_of)
+    return law.within is None and all(part.__module__.startswith(_OWN) for part in _parts(law))
 
 
 @cache
