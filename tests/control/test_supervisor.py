@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
 from swimbladder.control.law import NEVER
@@ -19,6 +20,7 @@ from swimbladder.control.supervisor import (
     count_time,
     enough,
     expected_rate,
+    learn,
     outward,
     reasons_in,
     times,
@@ -399,6 +401,30 @@ def test_a_volume_off_by_more_than_twice_the_allowed_counts_three_times(off, cou
     s = SUPERVISOR.initial(p, CALM, 0.0).motion._replace(z1=2.0, z2=2.0, n1=n, n2=n, settled=0)
     assert s.known < p.motion.known
     assert watch_motion(p, s, 2.0, n, room, stands=True, anew=False).wrong == counts
+
+
+@pytest.mark.promise("not-moving-as-modelled", faults=["bit flips", "large leak"])
+def test_a_neutral_volume_that_changes_counts_where_a_bit_of_its_depth_flipped():
+    """Its depth, from which psi is allowed for, is of no use then; the range of trim is."""
+    p, room = supervisor_parameters(example("cascade")[0], 0.3), 8.75e-5
+    known = {"own_depth": 1e30, "known": p.motion.known, "settled": 0}
+    s = SUPERVISOR.initial(p, CALM, 0.0).motion._replace(z1=2.0, z2=2.0, **known)
+    for n, wrong in ((1.1 * room, 1), (0.9 * room, 0)):
+        s = s._replace(n1=n, n2=n, wrong=0)
+        assert watch_motion(p, s, 2.0, n, room, stands=True, anew=False).wrong == wrong
+
+
+def test_the_recent_neutral_volume_follows_a_leak_by_the_time_of_a_low_pass():
+    """The mean of the dive lags by half of the dive: SciPy's answer of a low pass to a ramp."""
+    p = supervisor_parameters(example("cascade")[0], 0.3).motion
+    s = SUPERVISOR.initial(supervisor_parameters(example("cascade")[0], 0.3), CALM, 0.0).motion
+    rate, weight, ticks = 1e-7 * 0.3, p.smoothing, 600
+    ramp = rate * np.arange(ticks)
+    for n in ramp:
+        s = learn(p, s, 2.0, float(n), 1.0)
+    low_pass = lfilter([weight], [1.0, weight - 1.0], ramp)
+    assert s.recent == pytest.approx(low_pass[-1], rel=1e-3)
+    assert s.own == pytest.approx(np.mean(ramp), rel=0.05)
 
 
 def test_a_turned_push_that_lost_just_what_counts_has_not_fallen():
@@ -1181,6 +1207,45 @@ class TestSafeAction:
             commands.append(command)
         assert commands.count(self.limits.push.away_command) <= self.limits.push.astray + 1
         assert set(commands[10:]) == {self.limits.push.surface_command}
+
+    @pytest.mark.promise("full-buoyancy", faults=["bit flips", "both sensors stuck"])
+    def test_a_volume_that_a_flipped_bit_takes_for_fallen_costs_one_try(self):
+        """The bits of what the push has brought, and both sensors stuck: a try gains nothing."""
+        commands, s = self.after(30)
+        s, commands = s._replace(push=s.push._replace(pushed=1.0)), []
+        for _ in range(200):
+            command, s, _ = SUPERVISOR.step(self.limits, s, WET, 0.0)
+            commands.append(command)
+        tried = commands.count(self.limits.push.away_command)
+        assert 0 < tried <= self.limits.push.again + 1
+        assert commands[-1] == self.limits.push.surface_command
+
+    @pytest.mark.promise("swapped-wires", faults=["actuator reversed"])
+    @pytest.mark.parametrize("stands", [0.0, 4.0, 10.0])
+    def test_wires_that_are_swapped_while_the_vehicle_rises_are_found(self, stands):
+        """However long the piston stood at its outer end before."""
+        p = self.limits
+        rows = self.driven(
+            lambda t, u: (1.0 if t < stands else -1.0) * p.rate.rate * u,
+            3.5e-4,
+            stands + 60.0,
+            sinks=-0.5,
+            depth=60.0,
+        )
+        least = min(volume for _, volume in rows)
+        assert least > 3.5e-4 - 3.0 * p.rate.rate * 12.0  # 3 s at full rate
+        assert rows[-1][1] >= p.volume.volume_high
+
+    @pytest.mark.promise("full-buoyancy", faults=["port throttled outward"])
+    def test_the_last_of_the_stroke_is_pushed_out_however_slowly_it_comes(self):
+        """0.1 cm3/s: a rest would lose it, and the vehicle may need all that there is."""
+        p = self.limits
+        rows = self.driven(
+            lambda _, u: 1e-7 if u == p.push.surface_command else -1e-7,
+            p.volume.volume_high + 1e-6,
+            400.0,
+        )
+        assert max(volume for _, volume in rows) == pytest.approx(3.5e-4)
 
     def test_a_volume_that_creeps_inwards_by_itself_costs_two_seconds(self):
         """0.15 % of the stroke a second, whatever is commanded, as beside a motor that is slow."""

@@ -295,6 +295,7 @@ class MotionWatch(NamedTuple):
     settled: Count  # ticks since they began
     wrong: Count  # ticks in which depth and volume did not fit
     own: float  # m3, by which the neutral volume is larger as the dive has shown it
+    recent: float  # m3, the same as the last seconds show it
     own_depth: float  # m, where it did, on average
     weight: float  # -, of the newest in them, about 1 / ticks
     known: Count  # ticks in which it did
@@ -411,7 +412,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
             unproven=0, shown=parameters.volume.volume_least, shown_for=0.0, allowed=_ANY
         ),
         motion=MotionWatch(
-            0.0, 0.0, 0.0, 0.0, settled=0, wrong=0, own=0.0, own_depth=0.0, weight=0.5, known=0
+            0.0, 0.0, 0.0, 0.0, 0, 0, own=0.0, recent=0.0, own_depth=0.0, weight=0.5, known=0
         ),
         rest=RestWatch(anchor=0.0, still=0),
         progress=ProgressWatch(target=0.0, farthest=0.0, waited=0, light=0, drifted=0.0),
@@ -421,12 +422,14 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
     )
 
 
-_BLOCK = 4096  # ticks that the fine count of time holds
-_MOST_LOST = _BLOCK - 1  # ticks that are counted at once
+BLOCK = 4096  # ticks that the fine count of time holds
+_MOST_LOST = BLOCK - 1  # ticks that are counted at once
 _REASONS = 15
-GREW = 7  # turns of a push that gained the other way round: no single bit makes it of 0, 1 or 2
+TRIED = 3  # turns of a push that is tried the other way round as the volume fell
+GREW = 7  # of one that gained so: no single bit makes it of 0, 1 or 2
 _ANY = 1e6  # m, any depth
 _QUARTERS = 4
+_HELD = 0.1  # of a jump that a push makes ready for: so near to the depth asked for it is held
 _STEPS = 14  # of six that a stop takes without drag and compression
 
 
@@ -473,8 +476,8 @@ def count_time(p: TimeLimits, s: TimeWatch, lost: Count) -> TimeWatch:
     if p.time_blocks == NEVER:
         return s
     tick = more(s.tick, min(lost, _MOST_LOST))
-    if tick >= _BLOCK:
-        tick = less(tick, _BLOCK)
+    if tick >= BLOCK:
+        tick = less(tick, BLOCK)
         s = s._replace(block=more(s.block, 1))
     return s._replace(tick=more(tick, 1))
 
@@ -591,11 +594,12 @@ def needed(p: MotionLimits, s: MotionWatch, depth: float) -> float:
 
 
 def learn(p: MotionLimits, s: MotionWatch, depth: float, n: float, room: float) -> MotionWatch:
-    """Learn which neutral volume this dive has, within what is known of it before."""
+    """Learn which neutral volume this dive has, within what is known before, and has now."""
     weight = s.weight
     if weight > p.forgetting:
         s = s._replace(weight=weight - weight * weight)
     s = s._replace(known=more(s.known, 1), own_depth=smoothed(s.own_depth, depth, weight))
+    s = s._replace(recent=smoothed(s.recent, n, max(weight, p.smoothing)))
     return s._replace(own=min(max(smoothed(s.own, n, weight), -room), room))
 
 
@@ -614,7 +618,7 @@ def watch_motion(
     own = room
     center = 0.0
     if s.known >= p.motion.known:
-        own = p.motion.neutral_change + p.neutral.psi_range * abs(depth - s.own_depth)
+        own = min(own, p.motion.neutral_change + p.neutral.psi_range * abs(depth - s.own_depth))
         center = s.own
     off = abs(s.n1 - center) if stands else 0.0
     if s.settled >= p.motion.settle:
@@ -796,11 +800,9 @@ def watch_proof(
             allowed = max(asked, near)
             shown_for = max(shown_for, near)
         due = due or (spare < p.proof.sinks and asked > shown_for)
-        late = proof.unproven >= p.proof.early
-        if p.proof.early < NEVER:
-            late = late or proof.shown - neutral < enough(p, p.proof.ready)
-        if slow and late and abs(beyond) <= p.proof.sinks:
-            due = due or abs(seen.depth - asked) <= p.rest.still_distance
+        late = proof.unproven >= p.proof.early or proof.shown - neutral < enough(p, p.proof.ready)
+        if p.proof.early < NEVER and slow and late and abs(beyond) <= p.proof.sinks:
+            due = due or abs(seen.depth - asked) <= _HELD * p.proof.ready
     unproven = NEVER if due else more(proof.unproven, 1)
     return lacks, ProofWatch(unproven, proof.shown, shown_for, allowed)
 
@@ -880,24 +882,25 @@ def watch_push(
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
     A motor whose wires are swapped drives it away at its full rate. What falls more slowly the sea
-    may drive back: it is tried the other way unless the vehicle rises or is up. One that stands
-    is tried at the inner end only, where little is lost. A tick that is lost, or does not see the
-    volume, begins no such try and ends any. What a turned push gained stays turned until the volume
-    falls, or stands while the vehicle sinks. A rest in which the sea drives it in is over. Numbers
-    of turns that there are not, of bits that flipped, are none.
+    may drive back: it is tried the other way unless the vehicle rises or is up, and back where that
+    gains nothing. One that stands is tried at the inner end only, where little is lost. A tick that
+    is lost, or does not see the volume, begins no such try and ends any. What a turned push gained
+    stays turned until the volume falls, or stands while the vehicle sinks. A rest in which the sea
+    drives it in is over. Numbers of turns that there are not, of bits that flipped, are none.
     """
-    turns = s.turns if s.turns < 4 or s.turns == GREW else 0
+    turns = s.turns if s.turns <= TRIED or s.turns == GREW else 0
     gained = volume - s.pushed
     if measured and gained > p.push.grown:
         return s._replace(pushed=volume, astray=0, turns=GREW if turns > 1 else turns)
     late = s.astray >= p.push.astray
     inward = gained < -p.push.grown
-    fell = gained < -p.push.away or (inward and late and turns == 3)
+    fell = gained < -p.push.away or (inward and late and turns == TRIED)
     fast = gained < -(p.push.away_fast + times(s.astray, p.push.away_fast))
     patience = p.push.push if high else p.push.again
     stands = turns > 1 and sinks and not inward and s.astray >= patience
     if turns == 2 or not (blind or turns == GREW or volume >= p.volume.volume_low):
         stands = late
+    stands = stands or (turns == TRIED and s.astray >= p.push.again)
     s = s._replace(astray=more(s.astray, 1), turns=turns)
     if fell:
         s = s._replace(pushed=volume)
@@ -905,7 +908,7 @@ def watch_push(
     if fell and s.phase >= p.push.push:
         s = s._replace(astray=0, phase=less(p.push.push, p.push.again))
     elif turns != 1 and (away or stands or (blind and 1 < turns < GREW)):
-        s = s._replace(astray=0, turns=1 if turns > 1 else (3 if fell else 2), phase=0)
+        s = s._replace(astray=0, turns=1 if turns > 1 else (TRIED if fell else 2), phase=0)
     return s
 
 
@@ -930,7 +933,8 @@ def bring_up(
     measured = s.volume.measured
     blind = lost > 0 or not measured
     s = s._replace(push=s.push._replace(astray=more(s.push.astray, lost)))
-    rises = good and (up or moved < -p.rest.still_distance)
+    driven = s.rate.asked - s.rate.lag < -p.push.away_fast * p.per_tick
+    rises = good and (up or moved < -p.rest.still_distance) and not driven
     s = s._replace(push=watch_push(p, s.push, volume, measured, sinks, rises, high, blind))
     command = p.push.surface_command if s.push.phase < p.push.push else p.push.hold_command
     phase = more(s.push.phase, 1)
@@ -941,8 +945,8 @@ def bring_up(
             command = p.push.away_hold
             phase = p.push.push
     elif phase >= p.push.push:
-        patience = p.push.again if good and up else p.push.stall
-        gains = (moves or s.push.astray < patience) and not high
+        patience = p.push.again if high or (good and up) else p.push.stall
+        gains = (moves and not high) or s.push.astray < patience
         if phase >= more(p.push.push, p.push.rest):
             s = s._replace(push=s.push._replace(astray=0))
             phase = less(p.push.push, p.push.again)
@@ -997,7 +1001,7 @@ def step(
     s = s._replace(board=watch_board(p.board, s.board, seen, impossible))
     asks = p.proof.same_tried < NEVER and good
     if asks and measured and not resting and s.motion.known >= p.motion.known:
-        neutral = volume - n + s.motion.own
+        neutral = volume - n + max(s.motion.own, s.motion.recent - p.push.grown)
         tried = s.same.same >= p.proof.same_tried
         lacks, proof = watch_proof(p, s, seen, neutral, tried)
         s = s._replace(proof=proof)

@@ -21,7 +21,6 @@ from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle
 
 _COUNTED = NEVER - 1  # ticks
 _SURE_TO_MOVE = 0.95  # of the depth at which the motor stalls
-_BLOCK = 4096  # ticks, as the supervisor counts time
 _BATTERY_SHARE = 0.8  # of the supply: 9.6 of 12 V, near the knee of lead and of lithium cells
 _BATTERY_S = 10.0  # s, longer than a motor's start makes it sag
 _DEPTH_SHARE = 0.9  # of the deepest
@@ -273,8 +272,8 @@ def supervisor_parameters(
         ),
         time=supervisor.TimeLimits(
             lost_quarters=_quarters(patience),
-            time_blocks=NEVER if whole is None else whole // _BLOCK,
-            time_ticks=0 if whole is None else whole % _BLOCK,
+            time_blocks=NEVER if whole is None else whole // supervisor.BLOCK,
+            time_ticks=0 if whole is None else whole % supervisor.BLOCK,
         ),
     )
     return _for_pump(vehicle, found, laws) if pumps else found
@@ -591,5 +590,5 @@ def summary(p: SupervisorParameters) -> str:
 
 def time_limit(p: SupervisorParameters) -> str:
     """Return the time limit as text, empty where there is none."""
-    time = (p.time.time_blocks * 4096 + p.time.time_ticks) * p.S_p
+    time = (p.time.time_blocks * supervisor.BLOCK + p.time.time_ticks) * p.S_p
     return f"{time:.6g} s" if p.time.time_blocks < NEVER else ""

@@ -363,6 +363,26 @@ def test_a_piston_blocked_outward_is_found_before_the_vehicle_sinks(rig):
     assert result[RESULT.deepest] > 60.0
 
 
+@pytest.mark.promise("test-pushes", faults=["small leak", "blocked outward"])
+def test_a_block_beside_a_leak_is_found_before_the_leak_takes_what_is_left(rig_of):
+    """9 mL a minute from 150 s on; the piston is blocked 20 cm3 above where it holds its depth.
+
+    What is neutral rises towards the block: a push that is measured by what was neutral, on
+    average, in the dive would not reach it while it still lifts the vehicle.
+    """
+    own = load_vehicle(str(FILES / "law-adrc.toml")).model_copy(update={"name": "adrc"})
+    rig = rig_of(own)
+    leak = (Fault.LEAK_SMALL, 1.5e-7, 0, 500, ALWAYS)
+    block = (Fault.BLOCKED_OUT, 20.0 / 700.0, 0, 500, ALWAYS)
+    result, flown = rig.fly(leak, block, who="supervised", ticks=1200, depth_noise=0.002)
+    assert flown["reason"][-1] == 10.0
+    left = 2e-5 - 1.5e-7 * (result[RESULT.latched] - 500.0) * rig.tick
+    assert left > 5e-6
+    assert flown["depth"].min() < 1.0
+    result, flown = rig.fly(leak, block, ticks=1200, depth_noise=0.002)
+    assert flown["depth"].min() > 19.0
+
+
 @pytest.mark.parametrize(
     ("old", "values", "ages"),
     [

@@ -82,8 +82,7 @@ def harmonic(output: Callable[[Array], Array], amplitude: float, order: int) -> 
     """Return a harmonic of output(amplitude sin t) against the sine, in the second period."""
     t = (np.arange(2 * _TURN) + 0.5) * 2.0 * math.pi / _TURN
     y = output(amplitude * np.sin(t))[_TURN:]
-    found = 2j * np.mean(y * np.exp(-1j * order * t[_TURN:]))
-    return complex(found)
+    return complex(2j * np.mean(y * np.exp(-1j * order * t[_TURN:])))
 
 
 def _cap(x: Array) -> Array:

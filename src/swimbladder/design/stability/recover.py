@@ -82,8 +82,7 @@ def mode_bound(p: Plant, volume: float) -> float:
     """
     s, R = unstable_rate(p), fastest_rate(p)
     ramp = (p.V_max - volume) / R
-    reached = volume - p.V_0 + R / s * -math.expm1(-s * ramp)
-    return p.a_b / s * reached
+    return p.a_b / s * (volume - p.V_0 + R / s * -math.expm1(-s * ramp))
 
 
 def falls(p: Plant, *, depth: float, speed: float, volume: float) -> bool:

@@ -302,5 +302,4 @@ def first_state(
         plan.given, plan.table, mission.start_depth, volume=volume, temperature=warmth, seed=seed
     )
     at["new_phase"] = 1
-    accounts = np.zeros(len(Account) + len(Holding) * len(plan.stages))
-    return x, at, accounts
+    return x, at, np.zeros(len(Account) + len(Holding) * len(plan.stages))
