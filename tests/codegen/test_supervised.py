@@ -460,7 +460,7 @@ def test_a_fault_latches_on_the_chip_as_in_the_twin(mcu, tmp_path):
 @pytest.mark.avr
 @pytest.mark.usefixtures("avr")
 def test_a_supervised_cascade_fits_the_chip_as_it_should(tmp_path):
-    """14 kB of flash, 1 kB of RAM and 5 ms a tick at most, under the law and with a reason."""
+    """15 kB of flash, 1 kB of RAM and 5 ms a tick at most, under the law and with a reason."""
     on_chip = chip.vehicle(library(), tmp_path, "atmega328p")
     flight, beside = chip.fly_supervised(
         library(), on_chip, duration=120.0, spoil=lambda k, seen: seen._replace(leak=k >= 350)
@@ -468,7 +468,7 @@ def test_a_supervised_cascade_fits_the_chip_as_it_should(tmp_path):
     stack = on_chip.close()
     assert beside.reason is Reason.LEAK
     assert flight.unequal == 0
-    assert on_chip.size.flash < 14_000
+    assert on_chip.size.flash < 15_000
     assert on_chip.size.variables + stack < 1000
     assert max(flight.cycles) < 80_000  # 5 ms at 16 MHz
 

@@ -414,6 +414,33 @@ def test_a_neutral_volume_that_changes_counts_where_a_bit_of_its_depth_flipped()
         assert watch_motion(p, s, 2.0, n, room, stands=True, anew=False).wrong == wrong
 
 
+@pytest.mark.promise("not-moving-as-modelled", faults=["bit flips"])
+@pytest.mark.parametrize("field", ["z1", "z2", "n1", "n2", "own", "recent", "own_depth", "weight"])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_bits_have_made_no_number_begins_anew(field, value):
+    """A low pass that holds no number holds none for ever: the vehicle was watched no more."""
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    s = SUPERVISOR.initial(p, CALM, 0.0)
+    s = s._replace(motion=s.motion._replace(known=p.motion.known, **{field: value}))
+    seen, steps = CALM._replace(volume=1.2e-4, depth=5.0), 0
+    while s.rescue.reason == 0 and steps < 400:
+        command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+        assert math.isfinite(command)
+        steps += 1
+    assert s.rescue.reason == Reason.NOT_MOVING_AS_MODELLED  # 100 cm3 too light, and it stays
+
+
+@pytest.mark.promise("not-following", faults=["bit flips"])
+@pytest.mark.parametrize("field", ["lag", "asked"])
+def test_a_rate_that_bits_have_made_no_number_begins_anew(field):
+    p = supervisor_parameters(example("cascade")[0], 0.3)
+    s = SUPERVISOR.initial(p, CALM, 0.0)
+    s = s._replace(rate=s.rate._replace(**{field: math.nan}))
+    for _ in range(3 * int(p.rate.following)):
+        _, s, _ = SUPERVISOR.step(p, s, CALM, 6.0)  # and the volume stays
+    assert s.rescue.reason == Reason.NOT_FOLLOWING
+
+
 def test_the_recent_neutral_volume_follows_a_leak_by_the_time_of_a_low_pass():
     """The mean of the dive lags by half of the dive: SciPy's answer of a low pass to a ramp."""
     p = supervisor_parameters(example("cascade")[0], 0.3).motion

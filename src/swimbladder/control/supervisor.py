@@ -411,9 +411,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         proof=ProofWatch(
             unproven=0, shown=parameters.volume.volume_least, shown_for=0.0, allowed=_ANY
         ),
-        motion=MotionWatch(
-            0.0, 0.0, 0.0, 0.0, 0, 0, own=0.0, recent=0.0, own_depth=0.0, weight=0.5, known=0
-        ),
+        motion=motion_from(0.0, 0.0),
         rest=RestWatch(anchor=0.0, still=0),
         progress=ProgressWatch(target=0.0, farthest=0.0, waited=0, light=0, drifted=0.0),
         board=BoardWatch(0, 0, 0),
@@ -569,6 +567,21 @@ def watch_still(p: RestLimits, s: RestWatch, depth: float) -> RestWatch:
     if abs(depth - s.anchor) > p.still_distance:
         return s._replace(anchor=depth, still=0)
     return s._replace(still=more(s.still, 1))
+
+
+def motion_from(depth: float, n: float) -> MotionWatch:
+    """Return what is known of a vehicle's motion that begins here."""
+    return MotionWatch(depth, depth, n, n, 0, 0, 0.0, 0.0, 0.0, weight=0.5, known=0)
+
+
+def healed(s: SupervisorState, depth: float, n: float) -> SupervisorState:
+    """Begin anew what a flipped bit has made no number: it would stay so, and see nothing."""
+    motion = s.motion.z1 + s.motion.z2 + s.motion.n1 + s.motion.n2 + s.motion.own_depth
+    if not math.isfinite(motion + s.motion.own + s.motion.recent + s.motion.weight):
+        s = s._replace(motion=motion_from(depth, n))
+    if not math.isfinite(s.rate.lag + s.rate.asked):
+        s = s._replace(rate=s.rate._replace(lag=0.0, asked=0.0))
+    return s
 
 
 def smooth_motion(s: MotionWatch, depth: float, n: float, weight: float) -> MotionWatch:
@@ -985,6 +998,7 @@ def step(
     n = volume - p.neutral.psi * depth - p.neutral.neutral
     room = p.neutral.neutral_range + p.neutral.psi_range * abs(depth)
     resting = rests(p.rest, depth, n, room)
+    s = healed(s, depth, n)
     if good:
         s = s._replace(rest=watch_still(p.rest, s.rest, depth))
         stands = s.rest.still >= p.rest.still

@@ -210,8 +210,7 @@ def _say(raw: RawCast, out: Mask, why: str) -> None:
 def _spikes(values: Array, floor: float) -> Mask:
     """Return which values are far off the running median; ends have narrower windows."""
     off = np.abs(values - _running_median(values))
-    noise = _SCALE * _running_median(off)
-    return np.asarray(off > np.maximum(_FAR * noise, floor))
+    return np.asarray(off > np.maximum(_FAR * (_SCALE * _running_median(off)), floor))
 
 
 def _running_median(values: Array) -> Array:

@@ -182,8 +182,7 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
 
 def _summed(values: Array, z: Array) -> Array:
     """Return the integral over depth down to each depth, by trapezia."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(z)
-    return np.concatenate(([0.0], np.cumsum(steps)))
+    return np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(z))))
 
 
 def _along(volume: Array, out: Array, into: Array) -> Array:

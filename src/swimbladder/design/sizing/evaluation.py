@@ -254,8 +254,7 @@ def _holding(b: Batch, z: Array) -> Array:
     back = b.efficiency[:, 0] ** 2 * b.k_z[:, 0] * z - b.friction_torque[:, 0]
     current = np.maximum(back, 0.0) / b.emf_constant[:, 0]
     screw = np.isfinite(b.number("piston", "area"))
-    power = terminal_power(current**2 * b.resistance[:, 0], b.driver)
-    return np.where(screw, power, 0.0)
+    return np.where(screw, terminal_power(current**2 * b.resistance[:, 0], b.driver), 0.0)
 
 
 def _largest_rate(b: Batch, z: Array, available: Array) -> Array:
