@@ -14,7 +14,10 @@ from swimbladder.control.supervisor import (
     believable,
     bring_up,
     drag_volume,
+    enough,
     rests,
+    watch_deep,
+    watch_proof,
     watch_push,
     way_to_stop,
 )
@@ -129,3 +132,31 @@ def test_a_time_of_more_ticks_than_are_counted_is_refused():
     assert ticks(NEVER - 1.0, 1.0) == NEVER - 1
     with pytest.raises(InputError, match=rf"counts to {NEVER - 1}"):
         ticks(float(NEVER), 1.0)
+
+
+def test_a_way_that_ends_just_where_the_vehicle_still_turns_is_none_too_deep():
+    s = SUPERVISOR.initial(PAPER, Watched(2.0, 0.1, 0.0, 12.0, False, 0, 0), 0.0)
+    depth, n = 20.0, 0.0  # m, m3: 0.1 m/s behind its low passes
+    s = s._replace(motion=s.motion._replace(z1=depth - 0.35, z2=depth - 0.35))
+    first, lacks = depth - s.motion.z1, PAPER.deep.heavier - n
+    speed = (first + first) * PAPER.motion.per_tau
+    heavy = max(lacks - drag_volume(PAPER.motion, speed), 0.0)
+    speed = speed + PAPER.deep.lag * PAPER.deep.force * heavy
+    ends = depth + way_to_stop(PAPER, speed, lacks, PAPER.deep.largest)
+    assert depth + 0.1 < ends < 80.0
+    for deepest, count in ((ends, 0), (math.nextafter(ends, 0.0), 1)):
+        p = PAPER._replace(deep=PAPER.deep._replace(deepest=deepest))
+        assert watch_deep(p, s, depth, n, 0.0) == count
+
+
+def test_a_vehicle_on_its_way_down_has_to_show_more_the_faster_it_is():
+    """By what stops it at a speed w: w sqrt(psi/a_b), docs/explanation/supervisor.md."""
+    depth, asked, neutral = 5.0, 8.0, PAPER.neutral.psi * 5.0
+    for speed in (0.0, 0.05, 0.1):
+        begun = SUPERVISOR.initial(PAPER, Watched(depth, 0.1, 0.0, 12.0, False, 0, 0), 0.0)
+        behind = depth - speed / PAPER.motion.per_tau
+        s = begun._replace(motion=begun.motion._replace(z1=behind, z2=behind))
+        seen = Watched(depth, 0.1, neutral, 12.0, False, 0, 0, reference=asked)
+        lacks, _ = watch_proof(PAPER, s, seen, neutral, False)
+        stops = speed * math.sqrt(PAPER.neutral.psi / PAPER.deep.force)
+        assert lacks == pytest.approx(enough(PAPER, asked - depth) + stops + PAPER.push.grown)
