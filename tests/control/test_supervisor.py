@@ -710,6 +710,22 @@ class TestTurning:
             way = way_to_stop(p, speed, -1e-3, 1.0)
             assert way == pytest.approx(speed**2 / (2.0 * p.deep.force * 1e-3), rel=0.05)
 
+    @pytest.mark.parametrize("share", [0.3, 0.6, 0.8, 0.9])
+    def test_a_hull_that_softens_goes_further(self, share):
+        """Without drag, and no volume left: z'' = -a_b (n - psi s).
+
+        From a share of the speed at which it never stops, n sqrt(a_b/psi), it stops
+        n/psi (1 - sqrt(1 - share^2)) deeper.
+        """
+        p, light = supervisor_parameters(paper(), 0.3), 5e-5  # m3
+        p = p._replace(
+            motion=p.motion._replace(drag_linear=0.0, epsilon=math.inf),
+            deep=p.deep._replace(turn_rate=1e-12, per_turn_rate=1e12),
+        )
+        speed = share * light * math.sqrt(p.deep.force / p.neutral.psi)
+        right = light / p.neutral.psi * (1.0 - math.sqrt(1.0 - share * share))
+        assert way_to_stop(p, speed, -light, 0.0) == pytest.approx(right, rel=0.015)
+
     def test_no_room_and_too_heavy_is_for_ever(self):
         p = supervisor_parameters(paper(), 0.3)
         assert way_to_stop(p, 0.1, 1e-4, 0.0) > 1e5

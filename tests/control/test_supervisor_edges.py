@@ -21,7 +21,7 @@ from swimbladder.control.supervisor import (
     watch_push,
     way_to_stop,
 )
-from swimbladder.control.supervisor_limits import supervisor_parameters, ticks
+from swimbladder.control.supervisor_limits import arming_parameters, supervisor_parameters, ticks
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Supervisor
@@ -103,6 +103,20 @@ def test_shares_are_those_of_the_page():
     """
     assert PAPER.motion.neutral_change == pytest.approx(0.2 * 0.25 * 350e-6)
     assert PAPER.push.away_fast == pytest.approx(0.5 * 12.0 * 0.444e-3 * 75e-4 * 0.3)
+    ends = PAPER.volume.volume_low, PAPER.volume.volume_high  # a twentieth of the stroke from them
+    assert ends == pytest.approx((-350e-6 + 0.05 * 700e-6, 350e-6 - 0.05 * 700e-6))
+
+
+@pytest.mark.parametrize(("tick", "tau"), [(0.3, 7.0), (0.7, 7.0), (1.0, 10.0)])
+def test_a_low_pass_takes_7_s_or_ten_ticks(tick, tau):
+    assert supervisor_parameters(paper(), tick).motion.per_tau == pytest.approx(1.0 / tau)
+
+
+@pytest.mark.parametrize(("name", "positioner"), [("feup-em", 0.0), ("ntnu-bv", 1.0)])
+def test_a_board_is_disarmed_as_its_actuator_is(name, positioner):
+    vehicle = load_vehicle(name)
+    p = supervisor_parameters(vehicle, 0.5)
+    assert (p.rate.positioner, arming_parameters(vehicle, p).positioner) == (positioner,) * 2
 
 
 @pytest.mark.parametrize(
