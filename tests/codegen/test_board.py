@@ -128,9 +128,13 @@ def fly_steps(name: str, folder) -> None:
     dive = {"target": 30.0, "duration": 1200.0}
     made = make_library(limited(load_vehicle("example-float")), **dive) if floats else library(name)
     asked = Flights(**dive, steps=True) if floats else Flights(duration=60.0, steps=True)
+    done: list[float] = []
     with hardware.host_board(hardware.host_program(made, folder)) as port:
-        answer = fly_board(limited(made.vehicle), port, asked, out=folder / "out")
+        answer = fly_board(
+            limited(made.vehicle), port, asked, out=folder / "out", advance=done.append
+        )
     assert answer.equal
+    assert sum(done) == pytest.approx(1.0)
     assert [flight.name for flight in answer.flights] == ["golden mission", "steps", "reset"]
     assert len({row["reference_depth_m"] for row in rows(answer, 1)}) == (3 if floats else 2)
     assert len({row[f"twin_{made.facts['column']}"] for row in rows(answer)}) > 5

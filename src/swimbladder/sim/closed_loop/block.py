@@ -154,7 +154,7 @@ class Block:
                     noise = unseen
                 ask(first)
             running.advance(first, last, noise)
-            if ask is None or last % _SHOWN == 0:
+            if ask is None or last % _SHOWN == 0 or last > self.clock.ticks:
                 report(last / (self.clock.ticks + 1))
             if bool(np.all(self.work[Row.STOPPED] != 0.0)):
                 break
