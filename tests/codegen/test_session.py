@@ -65,8 +65,20 @@ def test_an_interval_is_between_ticks_that_follow_each_other(made, tmp_path):
     assert flown.session.times.intervals == pytest.approx([50e-6, 0.0, -1e-3])
     assert flown.session.times.steps == [1.5e-3] * 6
     with flown.answer.log.open(encoding="utf-8") as file:
-        times = [float(row["time_s"]) for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file))
+    times = [float(row["time_s"]) for row in rows]
     assert times == pytest.approx(np.array([0, 1, 3, 4, 7, 8]) * TICK)
+    trips = [1e-6 * float(row["round_trip_us"]) for row in rows]
+    assert trips == pytest.approx(flown.session.times.trips, abs=1e-6)
+
+
+def test_a_tick_stands_in_the_log_as_soon_as_it_is_over(made, tmp_path):
+    """What is killed leaves what it has flown."""
+    flown = flight(made, tmp_path, began=[0, 300_000])
+    for n in (1, 2):
+        flown.tick(seen(), 2.0)
+        assert len(flown.answer.log.read_text(encoding="utf-8").splitlines()) == 1 + n
+    flown.log.close()
 
 
 @pytest.mark.parametrize(("share", "late"), [(0.09, 0), (0.11, 3)])

@@ -146,6 +146,7 @@ class T(NamedTuple):
 HUGE = 1e300
 NAMES = {"gain": 2.0}
 GLOBAL = 1.0
+OWED = -1
 
 
 def start(p, m, r):
@@ -363,6 +364,10 @@ def count_beyond(p, s, m, r):
     return r, s._replace(n=more(s.n, 65536)), 1.0
 
 
+def count_owed(p, s, m, r):
+    return r, s._replace(n=more(s.n, OWED)), 1.0
+
+
 def count_below(p, s, m, r):
     return r, s._replace(n=more(s.n, -1)), 1.0
 
@@ -385,6 +390,7 @@ def bits_of_floats(p, s, m, r):
         (count_added, "Write float(n)", "n=s.n + 1"),
         (count_compared, "this is no count", "s.n > r"),
         (count_beyond, "not 0 to 65535", "65536"),
+        (count_owed, "not 0 to 65535", "OWED"),
         (count_below, "this is no count", "more(s.n, -1)"),
         (count_halved, "this is no count", "0.5"),
         (count_turned, "Use & and |", "~s.n"),
