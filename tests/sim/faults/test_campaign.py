@@ -107,6 +107,17 @@ def test_missions_stay_where_they_may():
     assert max(max(m.depths) for m in drawn) > 0.95 * most
 
 
+def test_one_fault_in_seven_ends_after_5_to_300_s_where_it_can():
+    """Evenly in the logarithm, as severities are; a leak goes on."""
+    random, count = np.random.default_rng(4), 20_000
+    lasts = np.array([draw_fault(FAULTS["DEPTH_STUCK"], random)[2] for _ in range(count)])
+    ends = lasts[lasts < math.inf]
+    assert len(ends) / count == pytest.approx(0.15, abs=4.0 * math.sqrt(0.15 * 0.85 / count))
+    scaled = np.log(ends / 5.0) / math.log(300.0 / 5.0)
+    assert stats.kstest(scaled, "uniform").pvalue > 0.01
+    assert all(draw_fault(FAULTS["LEAK_SMALL"], random)[2] == math.inf for _ in range(200))
+
+
 @pytest.mark.parametrize(("name", "share"), [("feup-em", 0.25), ("example-float", 0.6)])
 def test_the_first_fault_begins_early_enough_to_act(name, share):
     """Evenly from 30 s on within a quarter of the time until it comes up, of a float 0.6 of it."""
