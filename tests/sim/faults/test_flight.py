@@ -177,6 +177,13 @@ def test_a_dead_battery_stops_the_board(rig):
     assert result[RESULT.resets] == 1.0
 
 
+@pytest.mark.parametrize(("supply", "reason"), [(9.7, 0.0), (9.5, Reason.BATTERY_LOW)])
+def test_the_board_sees_the_voltage_that_the_battery_has(rig, supply, reason):
+    """It is low below 9.6 V, 0.8 of the supply."""
+    _, flown = rig.fly(who="supervised", supply=supply, ticks=100)
+    assert flown["reason"][-1] == reason
+
+
 def test_a_sagging_battery_gives_what_kirchhoff_allows(rig):
     """With all that grows with speed taken for back electromotive force, the load makes the sag."""
     share, p = 0.5, plant(rig.vehicle)
