@@ -86,8 +86,11 @@ def fits(name, board, folder):
     core.build(made, folder, mcu, "FloatAVR", text, made_core)
 
 
-@pytest.mark.parametrize("board", ["atmega328p"], indirect=True)
-@pytest.mark.parametrize("name", ["cascade", "sea-cascade", "adrc"])  # the least, and the largest
+@pytest.mark.parametrize(  # the least, the largest that fits an Uno, and the largest
+    ("name", "board"),
+    [("cascade", "atmega328p"), ("adrc", "atmega328p"), ("sea-cascade", "atmega2560")],
+    indirect=["board"],
+)
 def test_a_sketch_fits_its_board(name, board, tmp_path):
     fits(name, board, tmp_path)
 
@@ -95,4 +98,9 @@ def test_a_sketch_fits_its_board(name, board, tmp_path):
 @pytest.mark.prove
 @pytest.mark.parametrize("name", [*LAWS])
 def test_every_law_fits_the_boards_that_the_readme_names(name, board, tmp_path):
-    fits(name, board, tmp_path)
+    """`sea-cascade` takes more than an Uno has, which is said as it is linked."""
+    if (name, board[0]) == ("sea-cascade", "atmega328p"):
+        with pytest.raises(AssertionError):
+            fits(name, board, tmp_path)
+    else:
+        fits(name, board, tmp_path)

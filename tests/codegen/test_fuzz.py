@@ -71,7 +71,7 @@ _BROKEN = [
     ),
     (
         "swb_vehicle.c",
-        "v->reason = (uint8_t)v->state.rescue.reason;",
+        "v->reason = (uint8_t)(first < 255u ? first : 255u);",
         "v->reason = seen->leak ? 2u : 0u;",
         "a reason is among the reasons",
     ),

@@ -411,7 +411,9 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         proof=ProofWatch(
             unproven=0, shown=parameters.volume.volume_least, shown_for=0.0, allowed=_ANY
         ),
-        motion=motion_from(0.0, 0.0),
+        motion=MotionWatch(
+            0.0, 0.0, 0.0, 0.0, 0, 0, own=0.0, recent=0.0, own_depth=0.0, weight=0.5, known=0
+        ),
         rest=RestWatch(anchor=0.0, still=0),
         progress=ProgressWatch(target=0.0, farthest=0.0, waited=0, light=0, drifted=0.0),
         board=BoardWatch(0, 0, 0),
@@ -569,16 +571,12 @@ def watch_still(p: RestLimits, s: RestWatch, depth: float) -> RestWatch:
     return s._replace(still=more(s.still, 1))
 
 
-def motion_from(depth: float, n: float) -> MotionWatch:
-    """Return what is known of a vehicle's motion that begins here."""
-    return MotionWatch(depth, depth, n, n, 0, 0, 0.0, 0.0, 0.0, weight=0.5, known=0)
-
-
 def healed(s: SupervisorState, depth: float, n: float) -> SupervisorState:
     """Begin anew what a flipped bit has made no number: it would stay so, and see nothing."""
-    motion = s.motion.z1 + s.motion.z2 + s.motion.n1 + s.motion.n2 + s.motion.own_depth
-    if not math.isfinite(motion + s.motion.own + s.motion.recent + s.motion.weight):
-        s = s._replace(motion=motion_from(depth, n))
+    m = s.motion
+    if not math.isfinite(m.z2 + m.n2 + m.own + m.recent):
+        m = m._replace(z1=depth, z2=depth, n1=n, n2=n, settled=0, own=0.0, recent=0.0, known=0)
+        s = s._replace(motion=m)
     if not math.isfinite(s.rate.lag + s.rate.asked):
         s = s._replace(rate=s.rate._replace(lag=0.0, asked=0.0))
     return s
