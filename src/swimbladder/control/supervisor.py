@@ -452,8 +452,8 @@ def share(bad: Count, n: Count, most: Count) -> Count:
 
 
 def smoothed(old: float, new: float, weight: float) -> float:
-    """Return a low pass after its next sample."""
-    return old + weight * (new - old)
+    """Return a low pass after its next sample; one that a bit has made no number begins anew."""
+    return old + weight * (new - old) if math.isfinite(old) else new
 
 
 def times(n: Count, each: float) -> float:
@@ -571,17 +571,6 @@ def watch_still(p: RestLimits, s: RestWatch, depth: float) -> RestWatch:
     return s._replace(still=more(s.still, 1))
 
 
-def healed(s: SupervisorState, depth: float, n: float) -> SupervisorState:
-    """Begin anew what a flipped bit has made no number: it would stay so, and see nothing."""
-    m = s.motion
-    if not math.isfinite(m.z2 + m.n2 + m.own + m.recent):
-        m = m._replace(z1=depth, z2=depth, n1=n, n2=n, settled=0, own=0.0, recent=0.0, known=0)
-        s = s._replace(motion=m)
-    if not math.isfinite(s.rate.lag + s.rate.asked):
-        s = s._replace(rate=s.rate._replace(lag=0.0, asked=0.0))
-    return s
-
-
 def smooth_motion(s: MotionWatch, depth: float, n: float, weight: float) -> MotionWatch:
     """Put depth and volume through two low passes each; a weight of 1 begins them anew."""
     s = s._replace(z1=smoothed(s.z1, depth, weight))
@@ -624,6 +613,8 @@ def watch_motion(
     anew: bool,
 ) -> MotionWatch:
     """Ask which neutral volume the motion means, and whether the vehicle can have it."""
+    if not math.isfinite(s.own + s.recent):
+        s = s._replace(own=0.0, recent=0.0, known=0)
     s = smooth_motion(s, depth, n, 1.0 if anew else p.motion.smoothing)
     s = s._replace(settled=0 if anew else more(s.settled, 1))
     own = room
@@ -996,7 +987,6 @@ def step(
     n = volume - p.neutral.psi * depth - p.neutral.neutral
     room = p.neutral.neutral_range + p.neutral.psi_range * abs(depth)
     resting = rests(p.rest, depth, n, room)
-    s = healed(s, depth, n)
     if good:
         s = s._replace(rest=watch_still(p.rest, s.rest, depth))
         stands = s.rest.still >= p.rest.still

@@ -210,7 +210,8 @@ def _say(raw: RawCast, out: Mask, why: str) -> None:
 def _spikes(values: Array, floor: float) -> Mask:
     """Return which values are far off the running median; ends have narrower windows."""
     off = np.abs(values - _running_median(values))
-    return np.asarray(off > np.maximum(_FAR * (_SCALE * _running_median(off)), floor))
+    noise = _SCALE * _running_median(off)
+    return np.asarray(off > np.maximum(_FAR * noise, floor))
 
 
 def _running_median(values: Array) -> Array:

@@ -76,7 +76,8 @@ def hotel_power(vehicle: Vehicle, phase: Phase | None = None) -> float:
     None: of what is on in all phases.
     """
     on = [load.power for load in vehicle.loads if load_is_on(load, phase)]
-    return sum(on) + (0.0 if vehicle.driver is None else vehicle.driver.standby_power)
+    standby = 0.0 if vehicle.driver is None else vehicle.driver.standby_power
+    return sum(on) + standby
 
 
 def load_is_on(load: Load, phase: str | None) -> bool:

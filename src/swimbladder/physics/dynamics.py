@@ -189,7 +189,8 @@ def drag_per_mass(w: float, p: Plant) -> float:
 
 def drag_force(drag: Drag, w: float) -> float:
     """Drag F_d(w) [N] at a speed w [m/s], eq. (16), symmetric but for `rising_ratio`."""
-    return drag_law(w, *drag_terms(drag, 1.0 / (1.0 if w >= 0.0 else drag.rising_ratio)))[0]
+    share = 1.0 if w >= 0.0 else drag.rising_ratio
+    return drag_law(w, *drag_terms(drag, 1.0 / share))[0]
 
 
 def terminal_speed(p: Plant, pull: float) -> float:

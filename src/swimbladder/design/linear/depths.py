@@ -124,7 +124,8 @@ def neutral_volume(p: Plant, *, down_to: float, points: int = 11) -> NeutralVolu
 
 def neutral_end(p: Plant) -> float:
     """Return the depth at which the neutral volume leaves the stroke [m]; inf where none does."""
-    return ((p.V_max if p.psi > 0.0 else p.V_min) - p.V_0) / p.psi if p.psi else math.inf
+    end = p.V_max if p.psi > 0.0 else p.V_min
+    return (end - p.V_0) / p.psi if p.psi else math.inf
 
 
 def stiff_hull(p: Plant) -> StiffHull | None:

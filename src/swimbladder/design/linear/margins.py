@@ -68,7 +68,8 @@ def _unit_circle(A: Array, B: Array, C: Array) -> Complex:
     n = len(A)
     none, one = np.zeros((n, n)), np.eye(n)
     left = np.block([[-A, -B @ C], [none, one]])
-    return _eigenvalues(left, np.block([[-one, none], [B @ C, A]]))
+    right = np.block([[-one, none], [B @ C, A]])
+    return _eigenvalues(left, right)
 
 
 def _eigenvalues(left: Array, right: Array) -> Complex:

@@ -236,7 +236,8 @@ class SampledLoop:
         z = p.C[[p.outputs.index("depth")]]
         A = np.block([[p.A + p.B @ k.D[:, [volume]] @ V, p.B @ k.C], [k.B[:, [volume]] @ V, k.A]])
         B = np.vstack([p.B @ k.D[:, [depth]], k.B[:, [depth]]])
-        return _broken(p, k, "depth", A, B, -np.hstack([z, np.zeros((1, len(k.states)))]))
+        C = -np.hstack([z, np.zeros((1, len(k.states)))])
+        return _broken(p, k, "depth", A, B, C)
 
     def closed(self) -> Array:
         """Return the matrix that takes the closed loop from one sample to the next."""

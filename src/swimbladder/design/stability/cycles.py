@@ -258,7 +258,8 @@ def _cycle(loop: StateSpace, nonlinearity: Nonlinearity, x: Array) -> Cycle:
     third = _returning(loop, nonlinearity, A, w)
     J = np.array([[F_A.real, F_w.real], [F_A.imag, F_w.imag]])
     of_amplitude, of_period = (third * np.linalg.norm(np.linalg.inv(J), axis=1)).tolist()
-    return Cycle(A, w, (F_A.conjugate() * F_w).imag > 0.0, third, of_amplitude, of_period)
+    stable = (F_A.conjugate() * F_w).imag > 0.0
+    return Cycle(A, w, stable, third, of_amplitude, of_period)
 
 
 def _returning(loop: StateSpace, nonlinearity: Nonlinearity, A: float, w: float) -> float:
