@@ -127,8 +127,34 @@ def test_a_push_that_stands_is_tried_the_other_way_at_the_inner_end_where_it_is_
 ):
     p, volume = PAPER, PAPER.volume.volume_low - below
     begun = PushWatch(phase=0, pushed=volume, astray=p.push.astray, turns=0)
-    after = watch_push(p, begun, volume, True, sinks=False, rises=False, high=False, blind=blind)
+    after = watch_push(p, begun, volume, True, sinks=False, lifts=False, high=False, blind=blind)
     assert after.turns == turns
+
+
+@pytest.mark.promise("swapped-wires", faults=["actuator slow", "actuator reversed"])
+@pytest.mark.parametrize(
+    ("lifts", "astray", "below", "turns"),
+    [(False, 60, 0.0, 0), (False, 60, 1e-9, 3), (True, 60, 1e-9, 0), (True, 0, 1e-9, 3)],
+)
+def test_a_volume_that_falls_slowly_is_tried_unless_the_motion_shows_that_the_vehicle_is_light(
+    lifts, astray, below, turns
+):
+    """By `away`; what falls at half of the full rate does so whatever the motion, which lags."""
+    p = PAPER
+    begun = PushWatch(phase=0, pushed=0.0, astray=astray, turns=0)
+    volume = -p.push.away - below
+    after = watch_push(p, begun, volume, True, sinks=False, lifts=lifts, high=False, blind=False)
+    assert after.turns == turns
+
+
+@pytest.mark.parametrize(("lifts", "limit"), [(False, "again"), (True, "astray")])
+def test_a_try_that_moves_nothing_ends_sooner_where_the_vehicle_is_light(lifts, limit):
+    p = PAPER
+    for short, turns in ((1, 3), (0, 1)):
+        ticks = getattr(p.push, limit) - short
+        s = PushWatch(phase=0, pushed=1e-4, astray=ticks, turns=3)
+        after = watch_push(p, s, 1e-4, True, sinks=False, lifts=lifts, high=False, blind=False)
+        assert after.turns == turns
 
 
 def test_a_turned_push_that_is_up_to_the_limit_holds():

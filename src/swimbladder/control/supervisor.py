@@ -877,18 +877,19 @@ def watch_push(
     volume: float,
     measured: bool,
     sinks: bool,
-    rises: bool,
+    lifts: bool,
     high: bool,
     blind: bool,
 ) -> PushWatch:
     """Turn the push round where the volume goes away from where it is sent, and once back.
 
     A motor whose wires are swapped drives it away at its full rate. What falls more slowly the sea
-    may drive back: it is tried the other way unless the vehicle rises or is up, and back where that
-    gains nothing. One that stands is tried at the inner end only, where little is lost. A tick that
-    is lost, or does not see the volume, begins no such try and ends any. What a turned push gained
-    stays turned until the volume falls, or stands while the vehicle sinks. A rest in which the sea
-    drives it in is over. Numbers of turns that there are not, of bits that flipped, are none.
+    may drive back: it is tried the other way unless the vehicle is light (`lifts`), and back where
+    that gains nothing. One that stands is tried at the inner end only, where little is lost. A tick
+    that is lost, or does not see the volume, begins no such try and ends any. What a turned push
+    gained stays turned until the volume falls, or stands while the vehicle sinks. A rest in which
+    the sea drives it in is over. Numbers of turns that there are not, of bits that flipped, are
+    none.
     """
     turns = s.turns if s.turns <= TRIED or s.turns == GREW else 0
     gained = volume - s.pushed
@@ -902,11 +903,12 @@ def watch_push(
     stands = turns > 1 and sinks and not inward and s.astray >= patience
     if turns == 2 or not (blind or turns == GREW or volume >= p.volume.volume_low):
         stands = late
-    stands = stands or (turns == TRIED and s.astray >= p.push.again)
+    tries = p.push.astray if lifts else p.push.again
+    stands = stands or (turns == TRIED and s.astray >= tries)
     s = s._replace(astray=more(s.astray, 1), turns=turns)
     if fell:
         s = s._replace(pushed=volume)
-    away = fell and (turns > 0 or fast or not (rises or blind))
+    away = fell and (turns == TRIED or fast or not (lifts or blind))
     if fell and s.phase >= p.push.push:
         s = s._replace(astray=0, phase=less(p.push.push, p.push.again))
     elif turns != 1 and (away or stands or (blind and 1 < turns < GREW)):
@@ -935,14 +937,16 @@ def bring_up(
     measured = s.volume.measured
     blind = lost > 0 or not measured
     s = s._replace(push=s.push._replace(astray=more(s.push.astray, lost)))
-    driven = s.rate.asked - s.rate.lag < -p.push.away_fast * p.per_tick
-    rises = good and (up or moved < -p.rest.still_distance) and not driven
-    s = s._replace(push=watch_push(p, s.push, volume, measured, sinks, rises, high, blind))
+    driven = s.rate.asked - s.rate.lag < -0.5 * p.push.away_fast * p.per_tick
+    lifts = good and not driven and (up or needed(p.motion, s.motion, depth) < -p.proof.sinks)
+    s = s._replace(push=watch_push(p, s.push, volume, measured, sinks, lifts, high, blind))
     command = p.push.surface_command if s.push.phase < p.push.push else p.push.hold_command
     phase = more(s.push.phase, 1)
     if s.push.turns > 1:
         command = p.push.away_command
         phase = 0
+        if s.push.turns == TRIED and s.push.astray < p.push.astray and p.rate.positioner == 0.0:
+            command = -p.push.quarter
         if high and s.push.astray >= p.push.astray:
             command = p.push.away_hold
             phase = p.push.push
