@@ -10,6 +10,7 @@ from swimbladder.control.supervisor import (
     GREW,
     SUPERVISOR,
     PushWatch,
+    SameWatch,
     Watched,
     believable,
     bring_up,
@@ -19,12 +20,14 @@ from swimbladder.control.supervisor import (
     watch_deep,
     watch_proof,
     watch_push,
+    watch_sameness,
+    watch_stops,
     way_to_stop,
 )
 from swimbladder.control.supervisor_limits import arming_parameters, supervisor_parameters, ticks
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
-from swimbladder.vehicle import Supervisor
+from swimbladder.vehicle import Positioner, Supervisor
 from tests.vehicles import LITERAL, body, paper
 
 PAPER = supervisor_parameters(paper(), 0.3)
@@ -39,6 +42,77 @@ def test_a_depth_may_change_by_just_what_it_may():
         assert believable(p, last + 0.999 * change, last, since)
         assert not believable(p, last + 1.001 * change, last, since)
     assert believable(p, p.step, 0.0, 0)
+
+
+def test_a_depth_that_the_sensor_can_just_mean_is_one():
+    """From 1 m of weather above that in air to 1.5 times the deepest, 350 cm3 / psi, and 10 m."""
+    p, hull = PAPER.depth, paper().hull
+    assert p.depth_least == pytest.approx(hull.emergence_depth - hull.height - 1.0)
+    assert p.depth_most == pytest.approx(1.5 * 350.0 / 4.04 + 10.0)
+    for end, beyond in ((p.depth_least, -math.inf), (p.depth_most, math.inf)):
+        assert believable(p, end, end, 0)
+        assert not believable(p, math.nextafter(end, beyond), end, 0)
+
+
+def test_a_block_is_found_inward_of_where_pushes_ended_before():
+    """One that ends short of it takes two away; from none on a new place counts, six times."""
+    p = PAPER._replace(rate=PAPER.rate._replace(stop_rate=1e-6))
+    s = SUPERVISOR.initial(p, Watched(2.0, 0.1, 0.0, 12.0, False, 0, 0), 0.0).rate
+    counts = []
+    for volume in [5e-5] * 3 + [2e-5] * 8:
+        s = watch_stops(p, s, 2e-6, 0.0, volume)
+        counts.append(s.stops)
+    assert counts == [1, 2, 3, 1, 0, 1, 2, 3, 4, 5, 6]
+
+
+def test_the_share_of_turns_is_a_mean_of_200_ticks():
+    """Of a depth that turns at every tick 1 - 0.995^n is seen after n: 0.42 of it after 109."""
+    watch = SameWatch(0, rose=False, sank=True, noisy=0.0, same_volume=0.0, frozen=False)
+    before, depth, turns = 2.001, 2.0, 0
+    while watch.noisy < PAPER.same.noisy:
+        watch = watch_sameness(PAPER.same, watch, depth, before, 0.0, old=False, resting=False)
+        before, depth, turns = depth, before, turns + 1
+    assert turns == math.ceil(math.log(1.0 - 0.42) / math.log(1.0 - 1.0 / 200.0)) == 109
+
+
+@pytest.mark.parametrize(("turns", "then"), [(0, 0), (1, 1), (2, 1), (3, 1), (GREW, GREW)])
+def test_a_tick_that_is_lost_ends_a_try_of_either_kind(turns, then):
+    """Also the first of one at the inner end; what grew the other way round stays so."""
+    begun = PushWatch(phase=0, pushed=-3.5e-4, astray=0, turns=turns)
+    push = watch_push(PAPER, begun, -3.5e-4, False, False, False, high=False, blind=True)
+    assert push.turns == then
+
+
+def test_a_slow_piston_is_pushed_for_twice_its_stroke_before_it_rests():
+    """Where that is longer than 5 min, docs/explanation/supervisor.md."""
+    vehicle = load_vehicle("ntnu-bv")
+    travel = vehicle.stroke.maximum - vehicle.stroke.minimum
+    for seconds, stall in ((100.0, 300.0), (200.0, 400.0)):
+        actuator = Positioner(speed=travel / seconds, piston_area=1.0)
+        slow = vehicle.model_copy(update={"actuator": actuator})
+        assert supervisor_parameters(slow, 0.5).push.stall == math.ceil(stall / 0.5)
+
+
+@pytest.mark.parametrize("start", [0.0, 4.5e-6, 2e-5])
+def test_a_push_of_a_pump_makes_up_for_what_its_start_falls_short(start):
+    """As slow as it gets it delivers what it does in 10 s, and a tick's more at most."""
+    vehicle = load_vehicle("example-float")
+    engine = vehicle.engine.model_copy(update={"start_volume": start})
+    p = supervisor_parameters(vehicle.model_copy(update={"actuator": engine}), 0.5)
+    delivered = p.deep.turn_rate * p.push.again * 0.5 - start
+    assert 0.0 <= delivered / p.deep.turn_rate - 10.0 < 0.5
+
+
+def test_the_voltage_that_holds_makes_up_for_what_leaks_in():
+    """K1 A (u - c z) = k_l z at the deepest: where the hull or the motor ends it."""
+    gain, load, leaks = 0.444e-3 * 75e-4, 0.07707, 5e-8  # m3/s/V, V/m, m2/s
+    actuator = paper().actuator.model_copy(update={"k_l": leaks})
+    p = supervisor_parameters(paper(actuator=actuator), 0.3)
+    stalls = 0.95 * gain * 9.6 / (gain * load + leaks)
+    assert p.deep.deepest == pytest.approx(min(350.0 / 4.04, stalls))
+    assert gain * (p.push.hold_command - load * p.deep.deepest) == pytest.approx(
+        leaks * p.deep.deepest
+    )
 
 
 def test_at_the_surface_with_the_room_that_it_has_it_may_rest():
