@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,9 +16,18 @@ from swimbladder.control.supervisor import Reason
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop.rows import N_PLANT, Row
 from swimbladder.sim.closed_loop.single import choose_law
-from swimbladder.sim.faults.fault_effects import NOTHING_KEPT, _held, flip, see_depth
-from swimbladder.sim.faults.flight import EARLY, FULL, OWN
+from swimbladder.sim.faults.fault_effects import (
+    NOTHING_KEPT,
+    _held,
+    act,
+    acted,
+    changes,
+    flip,
+    see_depth,
+)
+from swimbladder.sim.faults.flight import EARLY, FULL, OWN, _hand_on
 from swimbladder.sim.faults.kinds import On
 from swimbladder.sim.faults.mission_records import RESULT, Result
 from tests.sim.faults.oracle import Fault
@@ -415,6 +425,60 @@ def test_a_depth_that_comes_late_is_as_old_as_its_latency_or_all_that_is_kept(la
     effects[On.LATE] = 0.0, latency
     seen = [see_depth(effects, k, 0.5, float(k), 0.0, NOTHING_KEPT.copy(), late) for k in range(6)]
     assert seen == [(k - age, 0.5 * age) for k, age in enumerate(ages)]
+
+
+def test_what_a_fault_makes_of_a_command_or_an_age_is_as_its_kind_says():
+    """Nothing of the command, and a way of 1, for 9 s; an age that is hidden above 0.5."""
+    effects = np.empty((len(On), 2))
+    for k, command in ((9, (1.0, 0.0)), (10, (0.0, 1.0)), (27, (0.0, 1.0)), (28, (1.0, 0.0))):
+        act(np.array([[Fault.RUNS_ON, 9.0, 0.0, 10.0, ALWAYS]]), k, 0.5, effects)
+        assert tuple(effects[On.COMMAND]) == command
+    for second, late in ((0.5, (1.0, 6.0)), (math.nextafter(0.5, 1.0), (0.0, 6.0))):
+        act(np.array([[Fault.DEPTH_LATE, 6.0, second, 0.0, ALWAYS]]), 3, 0.5, effects)
+        assert tuple(effects[On.LATE]) == late
+
+
+@pytest.mark.parametrize("n", [0, 1, 3])
+def test_only_faults_of_the_mission_act_and_change_anything(n):
+    """What stands behind them in memory does not count."""
+    memory = np.array([[Fault.DEPTH_NAN, 0.0, 0.0, k, k + 10.0] for k in range(8)])
+    plant_, kept = np.zeros(N_PLANT), np.zeros(40)
+    assert acted(plant_, plant_, memory[:n], 9, 0.5, 0.0, kept) == n
+    begins, ends = set(range(n)), set(range(10, 10 + n))
+    assert {k for k in range(20) if changes(memory[:n], k)} == begins | ends
+
+
+@pytest.mark.parametrize(
+    ("command", "waits", "given"),
+    [(0.5, 1.0, 0.5), (-0.5, 1.0, -0.5), (0.48, 1.0, 0.0), (-0.46, 1.0, 0.0), (0.5, 0.0, 0.0)],
+)
+def test_a_pump_that_runs_all_of_a_slow_clocks_tick_runs_until_its_next(command, waits, given):
+    """What ends before the tick does is over, and so is all where a tick is missed."""
+    now = SimpleNamespace(waits=waits, command=command, board=1.0, ran=0.0)
+    _hand_on(now, "a stepper", np.zeros(4), np.zeros(max(Row) + 1), 0.5)
+    assert now.command == given
+
+
+def test_a_positioner_stays_where_it_is_while_its_board_is_off(rig_of):
+    """Beside a leak, which changes what the vehicle weighs and not where its piston is."""
+    rig = rig_of("ntnu-bv", (1.0, 1.5))
+    leak = (Fault.LEAK_SMALL, 1e-8, 0, 0, ALWAYS)
+    _, flown = rig.fly((Fault.RESETS, 6.0, 0, 30, ALWAYS), leak, depth=1.0, ticks=90)
+    off = np.flatnonzero(flown["board"] == 2.0)
+    assert len(off) > 10
+    assert flown["water"][off[0]] > 1e-8
+    assert flown["command"][off] == pytest.approx(flown["volume"][off], abs=1e-15)
+
+
+def test_a_dying_cell_shows_above_a_twentieth_of_the_voltage(rig):
+    """A motor with less hardly draws anything; the sensor's noise makes the law ask for all."""
+    cell = (Fault.BATTERY_CELL, 0.3, 0, 0, ALWAYS)
+    _, flown = rig.fly(cell, ticks=3000, depth_noise=1e-3)
+    asked = np.abs(flown["applied"][:-1]) / 12.0
+    assert ((asked > 0.045) & (asked < 0.05)).sum() > 3
+    assert ((asked > 0.05) & (asked < 0.055)).sum() > 3
+    expected = 12.0 * np.where(asked > 0.05, 0.7, 1.0)
+    assert flown["battery"][1:] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("share", [0.29, -0.29, 1.7])

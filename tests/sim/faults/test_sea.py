@@ -34,8 +34,9 @@ def test_what_is_read_is_what_the_length_of_the_hull_leaves(period):
     assert share_read(k, hull) * math.exp(-k * z) == pytest.approx(math.exp(-k * z) - mean)
 
 
-def test_a_board_reads_the_waves_at_the_depth_where_it_is(rig):
-    waves = [Wave(0.2, 0.08, 0.9, 0.3), Wave(0.1, 0.2, 1.4, 2.0), Wave(0.05, 0.3, 1.7, 4.0)]
+@pytest.mark.parametrize("highest", [0.2, 1.0])
+def test_a_board_reads_the_waves_at_the_depth_where_it_is(rig, highest):
+    waves = [Wave(highest, 0.08, 0.9, 0.3), Wave(0.1, 0.2, 1.4, 2.0), Wave(0.05, 0.3, 1.7, 4.0)]
     _, run = rig.fly(depth=4.0, target=8.0, ticks=400, waves=waves)
     t = rig.tick * np.arange(len(run["depth"]))
     z = run["depth"]
@@ -83,6 +84,15 @@ def test_sensors_are_not_always_what_the_file_says():
     assert (noise == 2e-3).mean() == pytest.approx(0.5, abs=0.1)
     assert set(quantum) == {0.0, 5e-3}
     assert (quantum > 0.0).mean() == pytest.approx(0.25, abs=0.07)
+
+
+def test_a_sensor_that_is_not_stated_rounds_to_what_a_driver_may_round_to():
+    """5 mm at most, for which the supervisor allows without a word; 0.5 to 5 mm of noise."""
+    course = course_of(usual(noisy(0.0)), None)
+    missions = [draw(course, seed=3, number=n, healthy=True).condition for n in range(200)]
+    quantum, noise = np.array([(c.depth_quantum, c.depth_noise) for c in missions]).T
+    assert set(quantum) == {0.0, 1e-3, 5e-3}
+    assert (noise.min(), noise.max()) == pytest.approx((0.5e-3, 5e-3), rel=0.1)
 
 
 @pytest.mark.promise("no-false-alarm")
