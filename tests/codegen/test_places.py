@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from swimbladder.codegen.c99 import remarks, write_c99
 from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.tree import in_place
+from swimbladder.codegen.tree import FLOAT, Field, Name, in_place, place_of
 from swimbladder.codegen.twin import twin
 from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.law import Law, Measurement
@@ -222,6 +222,13 @@ NESTED = Law(
     step=nested_step,
     initial=nested_initial,
 )
+
+
+def test_the_names_that_lead_to_a_place_go_inward():
+    of, names = Name("a", FLOAT), ("b", "c", "d", "e")
+    for n, name in enumerate(names, 1):
+        of = Field(of, name, FLOAT)
+        assert place_of(of) == (Name("a", FLOAT), names[:n])
 
 
 @pytest.mark.usefixtures("gcc")

@@ -382,6 +382,30 @@ class TestNumbers:
         assert vehicle.neutral_volume(3.75) + 87.5e-6 + 212e-6 < 315e-6
         assert p.end_volume == pytest.approx(315e-6)
 
+    def test_a_heavy_vehicle_has_less_room_inward_at_the_shallow_rest(self):
+        """Neutral at -100.2 cm3 and psi 0.75 m, 87.5 cm3 of trim, an end at -315: 130.3 cm3."""
+        vehicle, options = paper(trim_error=-100.2e-6), PoolOptions(4.5, last=140e-6)
+        with pytest.raises(InputError, match="at most 130 cm3"):
+            board_procedure(vehicle, options, supervisor_parameters(vehicle, 0.3))
+
+    def test_the_voltage_that_holds_a_piston_makes_up_for_what_leaks_in(self):
+        """K1 A (u - c z) = k_l z at each depth."""
+        gain, leaks = 0.444e-3 * 75e-4, 5e-8  # m3/s/V, m2/s
+        vehicle = paper(actuator=paper().actuator.model_copy(update={"k_l": leaks}))
+        p = board_procedure(vehicle, PoolOptions(4.5), supervisor_parameters(vehicle, 0.3))
+        assert gain * (p.load_voltage - 0.07707) == pytest.approx(leaks)
+
+    def test_a_day_that_is_over_before_it_begins_ended_while_it_waited(self):
+        """A time limit of no time is over at once, while the vehicle still floats."""
+        made = library()
+        limits = made.supervisor._replace(
+            time=made.supervisor.time._replace(time_blocks=0, time_ticks=0)
+        )
+        beside = PoolTwin(made.pool.parameters, limits, procedure=POOL, supervisor=SUPERVISOR)
+        said = "ended in waiting, round 1: the supervisor said 'time limit'"
+        with pytest.raises(NoAnswerError, match=said):
+            rehearse(made.vehicle, beside, pool_depth=4.5, seed=1)
+
     def test_a_positioner_is_refused(self):
         vehicle = load_vehicle("ntnu-bv")
         with pytest.raises(InputError, match="takes positions"):
