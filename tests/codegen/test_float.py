@@ -662,6 +662,18 @@ def test_it_pleases_cppcheck(tmp_path):
     )
 
 
+def test_the_mission_of_the_sketch_is_that_of_its_readme():
+    """Ten minutes to put it into the water and an hour below, in ticks of a second."""
+    files = library().files
+    waits, below = (
+        int(re.search(pattern, files["README.md"])[1])
+        for pattern in (r"it waits for (\d+) minutes", r"asks for 30 m for (\d+) minutes")
+    )
+    assert (waits, below) == (10, 60)
+    (sketch,) = (text for name, text in files.items() if name.endswith("FloatAVR.ino"))
+    assert "tick >= 600ul && tick < 4200ul ? 30.0f : 0.0f" in sketch
+
+
 @pytest.mark.avr
 @pytest.mark.usefixtures("avr")
 class TestTheChip:
