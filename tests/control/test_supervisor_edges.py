@@ -1,6 +1,7 @@
 """The supervisor right at its limits: what is still good there, and what it begins with."""
 
 import math
+from contextlib import nullcontext
 
 import pytest
 
@@ -18,6 +19,7 @@ from swimbladder.control.supervisor import (
     enough,
     rests,
     watch_deep,
+    watch_motion,
     watch_proof,
     watch_push,
     watch_sameness,
@@ -73,6 +75,18 @@ def test_the_share_of_turns_is_a_mean_of_200_ticks():
         watch = watch_sameness(PAPER.same, watch, depth, before, 0.0, old=False, resting=False)
         before, depth, turns = depth, before, turns + 1
     assert turns == math.ceil(math.log(1.0 - 0.42) / math.log(1.0 - 1.0 / 200.0)) == 109
+
+
+@pytest.mark.parametrize(("depth", "metres"), [(20.0, 0.0), (22.0, 2.0), (15.0, 5.0)])
+def test_the_neutral_volume_may_differ_by_more_the_farther_off_it_was_learnt(depth, metres):
+    """17.5 cm3, and 30 % of psi for each metre from where the dive has shown it, at 20 m."""
+    allowed, room = 17.5e-6 + 0.3 * 4.04e-6 * metres, 8.75e-5
+    s = SUPERVISOR.initial(PAPER, Watched(2.0, 0.1, 0.0, 12.0, False, 0, 0), 0.0).motion
+    s = s._replace(z1=depth, z2=depth, own_depth=20.0, known=PAPER.motion.known)
+    for n, wrong in ((0.99 * allowed, 0), (1.01 * allowed, 1), (-1.01 * allowed, 1)):
+        begun = s._replace(n1=n, n2=n)
+        after = watch_motion(PAPER, begun, depth, n, room, stands=True, anew=False)
+        assert after.wrong == wrong
 
 
 @pytest.mark.parametrize(("turns", "then"), [(0, 0), (1, 1), (2, 1), (3, 1), (GREW, GREW)])
@@ -183,7 +197,26 @@ def test_shares_are_those_of_the_page():
 
 @pytest.mark.parametrize(("tick", "tau"), [(0.3, 7.0), (0.7, 7.0), (1.0, 10.0)])
 def test_a_low_pass_takes_7_s_or_ten_ticks(tick, tau):
-    assert supervisor_parameters(paper(), tick).motion.per_tau == pytest.approx(1.0 / tau)
+    p = supervisor_parameters(paper(), tick)
+    assert p.motion.per_tau == pytest.approx(1.0 / tau)
+    assert p.deep.lag == pytest.approx(0.3 * tau + max(1.0, 2.0 * tick))  # and a push comes late
+
+
+def test_a_vehicle_may_be_armed_as_deep_as_it_comes_up_from():
+    """A hull that is rated for just the depth at which one that sinks is armed, or a hair less."""
+    armed = {}
+    for rated in (50.0, 20.0):
+        vehicle = paper(hull=paper().hull.model_copy(update={"depth_limit": rated}))
+        p = supervisor_parameters(vehicle, 0.3)
+        found = arming_parameters(vehicle, p)
+        armed[rated] = found.submerged + found.under * p.depth.fastest
+    assert armed[50.0] == armed[20.0] < 20.0
+    for rated, refused in ((armed[20.0], False), (math.nextafter(armed[20.0], 0.0), True)):
+        vehicle = paper(hull=paper().hull.model_copy(update={"depth_limit": rated}))
+        p = supervisor_parameters(vehicle, 0.3)
+        assert p.deep.deepest == rated
+        with pytest.raises(InputError, match="may be armed") if refused else nullcontext():
+            arming_parameters(vehicle, p)
 
 
 @pytest.mark.parametrize(("name", "positioner"), [("feup-em", 0.0), ("ntnu-bv", 1.0)])
