@@ -76,6 +76,39 @@ def test_vehicles_are_drawn_evenly_from_their_region(name, monkeypatch):
     assert np.abs(found.mean(axis=0)).max() < 0.15
 
 
+def test_trim_and_battery_are_drawn_evenly(monkeypatch):
+    """As far as the region leaves the volume open, and from nine tenths of the supply on."""
+    drawn = []
+
+    def noted(vehicle, s):
+        drawn.append(member(vehicle, s))
+        return drawn[-1]
+
+    monkeypatch.setattr(drawing, "member", noted)
+    course = course_of(usual(FEUP), None)
+    found = [drawing._plant(course, np.random.default_rng(n))[0] for n in range(400)]
+    own = [course.medium.of(one.plant) for one in drawn]
+    trim = [(p["V_0"] - one.V_0) / course.neutral for p, one in zip(found, own, strict=True)]
+    supply = [p["supply"] / one.supply for p, one in zip(found, own, strict=True)]
+    assert stats.kstest(trim, stats.uniform(-1.0, 2.0).cdf).pvalue > 0.01
+    assert stats.kstest(supply, stats.uniform(0.9, 0.1).cdf).pvalue > 0.01
+
+
+def test_half_of_the_missions_have_a_second_fault_within_30_s():
+    """And every one goes to its depths at 0.1 m/s, docs/how-to/faults.md."""
+    course = course_of(usual(FEUP), None)
+    missions = [draw(course, seed=5, number=n, healthy=False) for n in range(600)]
+    begins = [
+        m.fault_rows[:, BEGIN]
+        for m in missions
+        if len(m.faults) == 2 and not any(KINDS[fault].from_start for fault in m.faults)
+    ]
+    assert np.mean([len(m.faults) == 2 for m in missions]) == pytest.approx(0.5, abs=0.06)
+    apart = np.diff(begins, axis=1)[:, 0] * course.tick
+    assert stats.kstest(apart, stats.uniform(0.0, 30.0).cdf).pvalue > 0.01
+    assert course.ramp == pytest.approx(0.1)
+
+
 def test_a_mission_depends_on_seed_and_number_only():
     course = course_of(usual(FEUP), None)
     one = draw(course, seed=3, number=41, healthy=False)
