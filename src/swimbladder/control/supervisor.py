@@ -770,8 +770,9 @@ def watch_proof(
     What it showed counts for some time, and as deep and as fast as what it reached is above the
     volume that stops it there. Until it has shown it again the law is asked for nothing deeper.
     Where a law holds a depth and moves the volume anyway, it is shown before anything deeper is
-    asked for. Where nobody knows what is asked for, a vehicle that is heavy goes deeper. tried: it
-    is to show it anyway.
+    asked for. Where nobody knows what is asked for, a vehicle that is heavy goes deeper; so does
+    one at rest that its command is about to make heavy, where the law rests. tried: it is to show
+    it anyway.
     """
     proof, asked, beyond = s.proof, seen.reference, seen.volume - neutral
     known = math.isfinite(asked)
@@ -805,6 +806,9 @@ def watch_proof(
         late = proof.unproven >= p.proof.early or proof.shown - neutral < enough(p, p.proof.ready)
         if p.proof.early < NEVER and slow and late and abs(beyond) <= p.proof.sinks:
             due = due or abs(seen.depth - asked) <= _HELD * p.proof.ready
+        if p.proof.early == NEVER and slow and (old or spare < p.proof.sinks):
+            heavier = beyond + expected_rate(p, s) * p.S_p
+            due = due or proof.unproven == NEVER or heavier < -p.proof.sinks
     unproven = NEVER if due else more(proof.unproven, 1)
     return lacks, ProofWatch(unproven, proof.shown, shown_for, allowed)
 
@@ -994,7 +998,8 @@ def step(
     if good:
         s = s._replace(rest=watch_still(p.rest, s.rest, depth))
         stands = s.rest.still >= p.rest.still
-        anew = resting or since > p.depth.gap
+        emerges = depth <= p.rest.surface and abs(depth - s.motion.z1) > p.rest.still_distance
+        anew = resting or emerges or since > p.depth.gap
         s = s._replace(motion=watch_motion(p, s.motion, depth, n, room, stands, anew))
         before, n1 = s.depth.depth, s.motion.n1
         old = seen.depth_age >= p.S_p
@@ -1009,6 +1014,7 @@ def step(
     if asks and measured and not resting and s.motion.known >= p.motion.known:
         neutral = volume - n + max(s.motion.own, s.motion.recent - p.push.grown)
         tried = s.same.same >= p.proof.same_tried
+        s = s._replace(command=wanted)
         lacks, proof = watch_proof(p, s, seen, neutral, tried)
         s = s._replace(proof=proof)
         if s.proof.unproven == NEVER:
