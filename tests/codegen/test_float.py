@@ -17,7 +17,7 @@ from swimbladder.codegen.library import Library, make_library, plan_program, wri
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
-from swimbladder.control.pump_valve import delivery, valve_rate
+from swimbladder.control.pump_valve import DriveState, delivery, valve_rate, weakness
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import supervisor_parameters
@@ -107,9 +107,27 @@ class TestSeconds:
         depth = np.linspace(0.0, 2000.0, 37)
         drive = drive_map(vehicle, depth * vehicle.water.specific_weight, power=False)
         for n, z in enumerate(depth):
-            assert delivery(p, z) == pytest.approx(drive.rate_out[n], rel=1e-9)
+            assert delivery(p, z, 0.0) == pytest.approx(drive.rate_out[n], rel=1e-9)
             assert valve_rate(p, p.valve_flow, z) == pytest.approx(drive.rate_in[n], rel=1e-9)
             assert valve_rate(p, p.bypass_flow, z) == pytest.approx(drive.bypass_in[n], rel=1e-9)
+
+    @pytest.mark.parametrize("share", [0.8, 0.9, 0.95])
+    def test_a_low_battery_is_that_of_the_pump_and_shows_alike_at_rest_and_under_load(self, share):
+        """The delivery by the physics of a motor at a lower voltage, to a percent."""
+        vehicle = the_float()
+        law, numbers = own_law(vehicle, sampled=False)
+        p = board_law(vehicle, law, numbers, 1.0, deepest=2000.0).parameters.drive
+        volts = share * vehicle.supply.voltage
+        low = with_supply(vehicle, volts)
+        state = DriveState(**dict.fromkeys(DriveState._fields, 0.0))
+        for z in (0.0, 400.0, 1500.0, 2000.0):
+            drive = drive_map(low, [z * vehicle.water.specific_weight])
+            sags = vehicle.supply.internal_resistance * float(drive.power_out[0]) / volts
+            resting = weakness(p, state._replace(last=z), volts)
+            running = state._replace(last=z, run=9.0, ran=3.0, since=3.0)
+            for weak in (resting, weakness(p, running, volts - sags)):
+                assert delivery(p, z, weak) == pytest.approx(drive.rate_out[0], rel=0.01)
+            assert abs(delivery(p, z, 0.0) / drive.rate_out[0] - 1.0) > 0.04  # a full one's
 
     def test_a_run_is_as_long_as_the_pump_may_run_or_takes_twice_the_stroke(self):
         vehicle = the_float()
@@ -141,7 +159,8 @@ class TestSeconds:
         board = board_law(vehicle, law, numbers, 1.0, deepest=2000.0)
         depth = np.linspace(0.0, 2000.0, 4001)
         true = drive_map(vehicle, depth * vehicle.water.specific_weight, power=False).rate_out
-        off = max(abs(delivery(board.parameters.drive, z) / r - 1.0) for z, r in zip(depth, true))  # noqa: B905
+        found = np.array([delivery(board.parameters.drive, z, 0.0) for z in depth])
+        off = np.max(np.abs(found / true - 1.0))
         assert 1e-4 < board.rate_error < 0.02
         assert off <= 1.02 * board.rate_error
 
@@ -387,7 +406,7 @@ class TestTheDive:
         made = library(noisy=True)
         board = chip.vehicle_twin(made)
         for depth, _, asked, command in zip(*made.golden[:4], strict=True):
-            seen = Watched(float(depth), 0.1, math.nan, 14.0, False, 0, 0)
+            seen = Watched(float(depth), 0.1, math.nan, math.nan, False, 0, 0)
             assert bits(board.tick(seen, asked)) == bits(command)
         assert board.reason is None
 
@@ -444,6 +463,24 @@ PUMP, VALVE, BYPASS = 1, 2, 4
 
 
 class TestThePins:
+    @pytest.mark.parametrize("share", [0.8, 0.9, 0.95])
+    def test_a_low_battery_is_that_of_the_pump_and_shows_alike_at_rest_and_under_load(self, share):
+        """The delivery by the physics of a motor at a lower voltage, to a percent."""
+        vehicle = the_float()
+        law, numbers = own_law(vehicle, sampled=False)
+        p = board_law(vehicle, law, numbers, 1.0, deepest=2000.0).parameters.drive
+        volts = share * vehicle.supply.voltage
+        low = with_supply(vehicle, volts)
+        state = DriveState(**dict.fromkeys(DriveState._fields, 0.0))
+        for z in (0.0, 400.0, 1500.0, 2000.0):
+            drive = drive_map(low, [z * vehicle.water.specific_weight])
+            sags = vehicle.supply.internal_resistance * float(drive.power_out[0]) / volts
+            resting = weakness(p, state._replace(last=z), volts)
+            running = state._replace(last=z, run=9.0, ran=3.0, since=3.0)
+            for weak in (resting, weakness(p, running, volts - sags)):
+                assert delivery(p, z, weak) == pytest.approx(drive.rate_out[0], rel=0.01)
+            assert abs(delivery(p, z, 0.0) / drive.rate_out[0] - 1.0) > 0.04  # a full one's
+
     def test_a_run_is_as_long_as_its_seconds_without_a_gap(self, pins):
         pins.wait(0.3)
         said = []

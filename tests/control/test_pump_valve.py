@@ -25,6 +25,10 @@ DRIVE = DriveParameters(
     pump_2=0.0,
     pump_3=0.0,
     pump_4=0.0,
+    battery_full=14.0,
+    per_volt=0.1e-6,
+    sag_0=0.2,
+    sag_1=0.4,
     short_0=2e-6,
     short_1=0.0,
     short_2=0.0,
@@ -82,10 +86,11 @@ class Board:
         self.p = self.law.parameters(Wants(change, every), TOP, DRIVE._replace(**drive))
         self.depth, self.state = depth, None
 
-    def ticks(self, count, reference, *, volume=math.nan):
+    def ticks(self, count, reference, *, volume=math.nan, battery=(math.nan, math.nan)):
+        """Return what it says; battery [V]: while the pump stands, and while it runs."""
         said = []
         for _ in range(count):
-            seen = Measurement(0.0, self.depth, volume)
+            seen = Measurement(0.0, self.depth, volume, battery[bool(said) and said[-1] > 0.0])
             if self.state is None:
                 self.state = self.law.initial(self.p, seen, reference)
             command, self.state, pause = self.law.step(self.p, self.state, seen, reference)
@@ -95,8 +100,8 @@ class Board:
 
 
 def test_rates_by_hand():
-    assert delivery(DRIVE, 500.0) == pytest.approx(0.8e-6)
-    assert delivery(DRIVE, 5000.0) == pytest.approx(0.6e-6)  # beyond the fit: that of its end
+    assert delivery(DRIVE, 500.0, 0.0) == pytest.approx(0.8e-6)
+    assert delivery(DRIVE, 5000.0, 0.0) == pytest.approx(0.6e-6)  # beyond the fit: that of its end
     assert valve_rate(DRIVE, 1e-8, 3.0) == pytest.approx(1e-8 * 200.0)
     assert valve_rate(DRIVE, 1e-8, -9.0) == 0.0  # no head: the sea does not come in
 
@@ -123,6 +128,30 @@ def test_a_change_is_a_run_over_ticks_and_then_rest():
     assert said[15:] == [0.0] * 5
 
 
+def test_a_low_battery_makes_a_run_longer_and_what_it_moves_is_known():
+    """2 V less take 0.2 of 0.8 cm3/s: 20 s; the same read under a load that takes 0.4 V more."""
+    board = Board(10e-6, every=60.0)
+    said = board.ticks(30, 600.0, battery=(12.0, 11.6))
+    assert sum(said) == pytest.approx(20.0)
+    assert board.state.drive.volume == pytest.approx(10e-6)
+    assert board.state.drive.weak == pytest.approx(2.0)
+
+
+def test_a_battery_that_only_sags_counts_in_the_volume():
+    """Full before, 2 V too low while the pump runs: 15 s, of which all but the first are slower."""
+    board = Board(10e-6, every=60.0)
+    said = board.ticks(30, 600.0, battery=(14.0, 11.6))
+    assert sum(said) == pytest.approx(15.0)
+    assert board.state.drive.volume == pytest.approx(0.0 + 13 * 0.6e-6 - 0.6e-6, abs=1e-9)
+
+
+def test_a_battery_that_is_full_or_more_or_not_measured_changes_nothing():
+    plain = Board(10e-6).ticks(70, 600.0)
+    for volts in (14.0, 16.0, math.nan):
+        board = Board(10e-6)
+        assert board.ticks(70, 600.0, battery=(volts, volts - 0.4)) == plain
+
+
 def test_ticks_of_half_a_second_have_half_of_it_each():
     board = Board(10e-6, every=20.0, tick=0.5)
     said = board.ticks(40, 600.0)
@@ -139,7 +168,7 @@ def test_ticks_of_half_a_second_have_half_of_it_each():
 def test_a_float_that_begins_afloat_pumps_a_little_to_be_sure():
     board = Board(0.0, depth=0.1)
     said = board.ticks(60, 0.0)
-    assert sum(said) == pytest.approx(32e-6 / delivery(DRIVE, 0.1), abs=0.006)
+    assert sum(said) == pytest.approx(32e-6 / delivery(DRIVE, 0.1, 0.0), abs=0.006)
     assert not any(board.ticks(200, 0.0))
 
 
@@ -185,7 +214,7 @@ def test_at_the_surface_all_volume_goes_out_in_runs_and_then_no_more():
     board.ticks(1, 0.0, volume=-0.5e-4)  # 350 cm3 lack
     board.state = board.state._replace(drive=board.state.drive._replace(volume=-0.5e-4))
     said = board.ticks(2000, 0.0)
-    rate = delivery(DRIVE, 0.1)
+    rate = delivery(DRIVE, 0.1, 0.0)
     # the volume is full after (350 + 4 starts of 2 cm3); 30 cm3 more are pumped to be sure
     assert sum(said) * rate == pytest.approx(380e-6 + 8e-6, abs=3e-6)
     assert not any(said[500:])

@@ -81,15 +81,17 @@ class ControllerTwin:
         self.waiting = 0
         self.missed = 0
 
-    def tick(self, depth: float, volume: float, reference: float) -> Any:
-        """Return the command from this tick on, of measurements at it [m, m3] and the depth asked.
+    def tick(self, depth: float, volume: float, reference: float, battery: float = math.nan) -> Any:
+        """Return the command from this tick on, of what is measured and the depth asked for.
+
+        depth [m], volume [m3] and battery [V] at it, NaN: not measured.
 
         Where no depth is asked for, the law's command or new state is not finite, or it wants to
         wait for too long, only `missed` is changed: it counts these.
         """
         if not 0 < self.waiting <= self.most:
             time: Any = self.number(self.ticks) * self.tick_s
-            seen: tuple[Any, ...] = (time, self.number(depth), self.number(volume))
+            seen: tuple[Any, ...] = (time, *map(self.number, (depth, volume, battery)))
             self._call(Measurement(*seen), self.number(reference))
         self.waiting -= 1
         self.ticks += 1
@@ -222,7 +224,7 @@ class VehicleTwin:
         if not (self.state.rescue.reason or self.state.restarted):  # else left alone: it may hang
             known = math.isfinite(reference)  # else the controller asks its law for nothing
             asked = min(reference, self.state.proof.allowed) if known else reference
-            wanted = self.controller.tick(seen.depth, seen.volume, asked)
+            wanted = self.controller.tick(seen.depth, seen.volume, asked, seen.battery)
         seen = seen._replace(missed=min(self.controller.missed, NEVER), reference=reference)
         if self.controller.seconds:
             state = self.controller.state

@@ -275,7 +275,7 @@ def step(
         depth = measurement.depth
         depth_slope = 0.0
         speed_slope = 0.0
-        seen = Measurement(measurement.time, measurement.depth, volume)
+        seen = measurement._replace(volume=volume)
         decision = decide(p, before, now, seen, wanted)
 
     gap = decision.volume_reference - volume

@@ -50,6 +50,7 @@ class Measurement(NamedTuple):
     time: float  # s
     depth: float  # m, of the pressure sensor
     volume: float  # m3, from the piston's or the bladder's sensor
+    battery: float = math.nan  # V, under whatever load there is; NaN: not measured, or of no use
 
 
 class Way(NamedTuple):

@@ -8,8 +8,9 @@ float sinks, one run for a change of volume, over before the law is called next.
 
 A run is as long as the drive takes at the measured depth: the pump's delivery and what each start
 falls short of are polynomials of the depth, the flow through a valve follows the root of the
-pressure. The volume is what the runs since the surface make it, or what a sensor measures. Times
-are counted in whole ticks, so that float32 adds nothing up.
+pressure. A battery that is measured shows how much slower than with a full one the pump is; what
+it sags by under the pump is known. The volume is what the runs since the surface make it, or what a
+sensor measures. Times are counted in whole ticks, so that float32 adds nothing up.
 
 A law of volume changes needs water above and below the vehicle. At the surface, above a depth
 `shallow`, the processor acts itself, see `at_surface`: to surface it moves the volume to its upper
@@ -99,6 +100,10 @@ class DriveParameters(NamedTuple):
     pump_2: Annotated[float, "m3/s"]
     pump_3: Annotated[float, "m3/s"]
     pump_4: Annotated[float, "m3/s"]
+    battery_full: Annotated[float, "V"]  # with which it delivers so
+    per_volt: Annotated[float, "m3/s/V"]  # that it delivers less per volt below
+    sag_0: Annotated[float, "V"]  # of the battery while the pump runs at the surface
+    sag_1: Annotated[float, "V"]  # times depth over that depth
     short_0: Annotated[float, "m3"]  # that a start of the pump falls short at the surface
     short_1: Annotated[float, "m3"]  # times depth over that depth, and so on
     short_2: Annotated[float, "m3"]
@@ -131,12 +136,28 @@ class DriveState(NamedTuple):
     volume: float  # m3, what the runs since the surface make it
     floats: float  # -, 1: all volume is out, pumped a little beyond
     anew: float  # -, 1: the law begins anew when it is called
+    weak: float  # V, by which the battery is below the full one
 
 
-def delivery(p: DriveParameters, depth: float) -> float:
-    """Return the volume that the pump delivers per time at a depth [m3/s]."""
+def delivery(p: DriveParameters, depth: float, weak: float) -> float:
+    """Return the volume that the pump delivers per time at a depth [m3/s].
+
+    weak [V]: by which the battery is below the full one.
+    """
     x = min(max(depth * p.per_depth, 0.0), 1.0)
-    return p.pump_0 + x * (p.pump_1 + x * (p.pump_2 + x * (p.pump_3 + x * p.pump_4)))
+    full = p.pump_0 + x * (p.pump_1 + x * (p.pump_2 + x * (p.pump_3 + x * p.pump_4)))
+    return full - p.per_volt * weak
+
+
+def weakness(p: DriveParameters, s: DriveState, battery: float) -> float:
+    """Return by how much a measured battery [V] is below the full one.
+
+    Where the pump has run for all of the last tick, that is what it does to a full one as well.
+    """
+    full = p.battery_full
+    if s.ran > 0.0 and s.ran == s.since and s.ran * p.tick <= s.run:
+        full = full - p.sag_0 - p.sag_1 * min(max(s.last * p.per_depth, 0.0), 1.0)
+    return max(full - battery, 0.0)
 
 
 def shortfall(p: DriveParameters, depth: float) -> float:
@@ -177,7 +198,7 @@ def change(p: DriveParameters, s: DriveState, wanted: float, longest: float) -> 
     """Begin the run that a change of volume [m3] takes, `longest` [s] at most."""
     pumps = wanted > 0.0
     lost = shortfall(p, s.last) if pumps else 0.0
-    rate = delivery(p, s.last) if pumps else valve_rate(p, p.valve_flow, s.last)
+    rate = delivery(p, s.last, s.weak) if pumps else valve_rate(p, p.valve_flow, s.last)
     length = in_steps(run_length(wanted, lost, rate, longest), p.quantum)
     return begun(p, s, math.copysign(length, wanted), 0.0)
 
@@ -185,7 +206,7 @@ def change(p: DriveParameters, s: DriveState, wanted: float, longest: float) -> 
 def pump_out(p: DriveParameters, s: DriveState, short: float) -> DriveState:
     """Begin a run for the volume that is not out [m3] and a little beyond, `longest` at most."""
     wanted = short + p.beyond
-    length = run_length(wanted, shortfall(p, s.last), delivery(p, s.last), p.longest)
+    length = run_length(wanted, shortfall(p, s.last), delivery(p, s.last, s.weak), p.longest)
     s = s._replace(floats=1.0 if length < p.longest else 0.0)
     return change(p, s, wanted, p.longest)
 
@@ -214,7 +235,7 @@ def advanced(p: DriveParameters, s: DriveState, command: float) -> DriveState:
     """Return the state after a tick with a command [s]: the clock, and the volume moved."""
     volume, primes = s.volume, s.primes
     if command > 0.0:
-        pumped = max(delivery(p, s.last), 0.0) * command
+        pumped = max(delivery(p, s.last, s.weak), 0.0) * command
         primed = min(primes, pumped)
         primes = primes - primed
         volume = min(volume + pumped - primed, p.volume_most)
@@ -229,6 +250,8 @@ def advanced(p: DriveParameters, s: DriveState, command: float) -> DriveState:
 
 def seen(p: DriveParameters, s: DriveState, measurement: Measurement, asked: float) -> DriveState:
     """Return the state with what is measured; where another depth is asked for, a sample is due."""
+    if math.isfinite(measurement.battery):
+        s = s._replace(weak=weakness(p, s, measurement.battery))
     if math.isfinite(measurement.depth):
         s = s._replace(last=measurement.depth)
     if math.isfinite(measurement.volume):
@@ -265,7 +288,7 @@ def _initial(parameters: Any, measurement: Measurement, reference: float) -> Any
     p, depth, volume = parameters.surface, measurement.depth, measurement.volume
     if not math.isfinite(volume):
         volume = p.full if depth <= p.shallow else p.neutral
-    drive = DriveState(reference, depth, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, volume, 0.0, 1.0)
+    drive = DriveState(reference, depth, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, volume, 0.0, 1.0, 0.0)
     inner = law_initial(parameters.law, measurement, reference)
     return State(inner, SurfacingState(depth, 0.0), drive)
 
@@ -287,7 +310,7 @@ def _step(
         elif who == IN and wanted != 0.0:
             s = take_in(p, s, wanted)
         elif who == LAW:
-            now = Measurement(s.clock * p.tick, depth, s.volume)
+            now = Measurement(s.clock * p.tick, depth, s.volume, measurement.battery)
             if s.anew > 0.0 and math.isfinite(depth):
                 inner = law_initial(parameters.law, now, reference)
                 s = s._replace(anew=0.0)

@@ -13,7 +13,7 @@ from swimbladder.control.registry import bind
 from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.errors import InputError
 from swimbladder.physics import dynamics
-from swimbladder.physics.buoyancy_engine import drive_map, running_pump
+from swimbladder.physics.buoyancy_engine import at_voltage, drive_map, running_pump
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
@@ -362,8 +362,7 @@ def _pump_rates(vehicle: Vehicle, volts: float) -> tuple[float, float]:
     low, a = vehicle, vehicle.engine
     assert isinstance(a, PumpAndValve)
     if vehicle.supply is not None and volts > 0.0:
-        supply = vehicle.supply.model_copy(update={"voltage": min(volts, vehicle.supply.voltage)})
-        low = vehicle.model_copy(update={"supply": supply})
+        low = at_voltage(vehicle, min(volts, vehicle.supply.voltage))
     bounds = (vehicle.supervisor.depth_limit, vehicle.hull.depth_limit, _DEEPEST)
     depth = np.linspace(0.0, _DEEPEST, 2401)
     head = depth * vehicle.water.specific_weight + ATMOSPHERIC_PRESSURE - a.internal_pressure

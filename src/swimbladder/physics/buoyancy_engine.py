@@ -243,6 +243,14 @@ def pressure_ratio(a: PumpAndValve) -> float:
     return a.pump.drive.area_ratio if isinstance(a.pump, DatasheetPump) else 1.0
 
 
+def at_voltage(vehicle: Vehicle, voltage: float) -> Vehicle:
+    """Return the vehicle with another voltage of its supply [V], the same one without a supply."""
+    if vehicle.supply is None:
+        return vehicle
+    supply = vehicle.supply.model_copy(update={"voltage": voltage})
+    return vehicle.model_copy(update={"supply": supply})
+
+
 def running_pump(
     vehicle: Vehicle, a: PumpAndValve, head: Array, temperature: ArrayLike
 ) -> tuple[Array, Array]:

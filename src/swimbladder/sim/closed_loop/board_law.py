@@ -12,8 +12,9 @@ from swimbladder.control.pump_valve import DriveParameters, timed
 from swimbladder.control.records import leaves
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
-from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.buoyancy_engine import at_voltage, drive_map, running_pump
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
+from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.closed_loop.floats import surfacing_of
 from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
@@ -21,6 +22,7 @@ from swimbladder.vehicle import PumpAndValve, Vehicle
 _BEYOND = 0.05  # of the stroke, pumped beyond what lacks at the surface: what seeped in, and errors
 _MOST = 0.02  # of the rate, by which its polynomial may be off
 _LONGEST_TICK = 1000.0  # s, so that microseconds of 32 bits count two of them
+_LOW = 0.9  # of the full battery, to which its effect on the pump is linear
 _FINE = 801  # depths at which the polynomials are compared
 
 
@@ -74,6 +76,7 @@ def board_law(
         what = f"the board's polynomial of the pump's delivery is {off}"
         remedy, limit = "Give a smaller depth limit, above which the delivery bends less", deepest
         raise InputError(what, field="supervisor.depth_limit", value=limit, unit="m", remedy=remedy)
+    battery = _battery(vehicle, a, depth * weight + ATMOSPHERIC_PRESSURE - a.internal_pressure)
     short, start_error = _fitted(x, drive.start_volume, 2, np.ones_like(x))
     surface, pause = surfacing_of(vehicle, leaves(parameters))
     stroke, made = vehicle.stroke, timed(law)
@@ -83,6 +86,7 @@ def board_law(
         tick=tick,
         per_depth=1.0 / deepest,
         **{f"pump_{n}": of for n, of in enumerate(rate)},
+        **battery,
         **{f"short_{n}": of for n, of in enumerate(short)},
         head_0=ATMOSPHERIC_PRESSURE - a.internal_pressure,
         head_1=weight,
@@ -98,6 +102,27 @@ def board_law(
         beyond=_BEYOND * whole,
     )
     return BoardLaw(made, made.parameters(parameters, surface, board), rate_error, start_error)
+
+
+def _battery(vehicle: Vehicle, a: PumpAndValve, head: NDArray[np.float64]) -> dict[str, float]:
+    """Return what the board knows of a pump's battery, of heads from the surface on [Pa] [n].
+
+    A motor at a steady load is as much slower as its voltage is lower, at every depth. A pump as
+    measured knows of no voltage.
+    """
+    if vehicle.supply is None:
+        return dict.fromkeys(("battery_full", "per_volt", "sag_0", "sag_1"), 0.0)
+    full = vehicle.supply.voltage
+    low = at_voltage(vehicle, _LOW * full)
+    rate, power = running_pump(vehicle, a, head, REFERENCE_TEMPERATURE)
+    slower = rate - running_pump(low, a, head, REFERENCE_TEMPERATURE)[0]
+    sag = np.nan_to_num(power[[0, -1]]) / full * vehicle.supply.internal_resistance
+    return {
+        "battery_full": full,
+        "per_volt": float(np.mean(slower)) / ((1.0 - _LOW) * full),
+        "sag_0": float(sag[0]),
+        "sag_1": float(sag[1] - sag[0]),
+    }
 
 
 def flown_law(

@@ -135,7 +135,8 @@ def decide(S: Array, W_: int, i: int, hooks: Any, law: Like, k: int, tick: float
     kept = S[Row.COMMAND * W_ + i]
     if ask(hooks, S, k):
         row = (Row.LAW + extent(law.parameters)) * W_ + i
-        seen = Measurement(k * tick, S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i])
+        depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
+        seen = Measurement(k * tick, depth, volume, np.nan)
         parameters = gather(law.parameters, S, Row.LAW * W_ + i, W_)
         state = gather(law.state, S, row, W_)
         reference = allowed(law.watch, i, S[Row.REFERENCE * W_ + i])

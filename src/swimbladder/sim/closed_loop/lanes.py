@@ -128,7 +128,8 @@ def _lose(sea: Any, lanes: Lanes, p: Array, t: float, dt: float) -> None:
 def _start_laws(lanes: Lanes, like: Any, t: float) -> None:
     S, W_ = lanes.S, len(lanes.token)
     for i in range(W_):
-        seen = Measurement(t, S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i])
+        depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
+        seen = Measurement(t, depth, volume, np.nan)
         state = law_initial(gather(like, S, Row.LAW * W_ + i, W_), seen, S[Row.REFERENCE * W_ + i])
         scatter_where(True, state, S, (Row.LAW + extent(like)) * W_ + i, W_)
 

@@ -158,7 +158,7 @@ def _change(
     elif action == LAW:
         row = (Row.LAW + extent(law.parameters)) * W_ + i
         parameters = gather(law.parameters, S, Row.LAW * W_ + i, W_)
-        now = Measurement(t, depth, volume)
+        now = Measurement(t, depth, volume, np.nan)
         if at.new_law == 1:
             at.new_law = 0
             scatter_where(True, law_initial(parameters, now, reference), S, row, W_)

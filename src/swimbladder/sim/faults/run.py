@@ -19,7 +19,7 @@ from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
-from swimbladder.physics.buoyancy_engine import running_pump
+from swimbladder.physics.buoyancy_engine import at_voltage, running_pump
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
@@ -126,8 +126,7 @@ def pump_table(vehicle: Vehicle) -> PumpTable:
     head = depth * vehicle.water.specific_weight + ATMOSPHERIC_PRESSURE - a.internal_pressure
     rates, currents = np.zeros((2, _VOLTAGES, _HEADS))
     for n, voltage in enumerate(volts[1:], 1):
-        low = None if supply is None else supply.model_copy(update={"voltage": voltage})
-        run = vehicle.model_copy(update={"supply": low})
+        run = at_voltage(vehicle, voltage)
         rates[n], power = running_pump(run, a, head, REFERENCE_TEMPERATURE)
         currents[n] = np.maximum(np.nan_to_num(power), 0.0) / voltage
     resistance = 0.0 if supply is None else supply.internal_resistance

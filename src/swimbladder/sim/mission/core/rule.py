@@ -36,7 +36,8 @@ class Nothing(NamedTuple):
 @inlined
 def _from(measurement: Any, depth: float) -> Any:
     """Return a measurement whose depth counts from the one that is held [m]."""
-    return Measurement(measurement.time, measurement.depth - depth, measurement.volume)
+    below = measurement.depth - depth
+    return Measurement(measurement.time, below, measurement.volume, measurement.battery)
 
 
 @inlined
