@@ -1334,18 +1334,32 @@ class TestSafeAction:
             slow = -1.0 if k >= 20 else 1.0
             seen = WET._replace(depth=z, volume=volume)
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
-            rows.append((command, extra))
+            rows.append((command, extra, z))
             for _ in range(30):
                 step = 0.01 * slow * 0.0166 * p.rate.rate * command
                 extra += step - m.psi * 0.01 * w
                 w -= 0.01 * (m.a_b * extra + w / 36.3)
                 z += 0.01 * w
-        tried = [k for k, (command, _) in enumerate(rows) if command < 0.0]
-        quarters = [command for command, _ in rows].count(-p.push.quarter)
-        assert 0 < quarters <= p.push.astray
-        assert rows[tried[0] + p.push.astray][0] == p.push.away_command
-        assert rows[tried[0]][1] > -p.proof.sinks
+        tried = [k for k, row in enumerate(rows) if row[0] < 0.0]
+        first = tried[: int(p.push.astray)]
+        assert first == [*range(first[0], first[0] + int(p.push.astray))]
+        for command, _, depth in rows[first[0] : first[-1]]:  # as for Table 2: c = 7.707e-2 V/m
+            assert command == pytest.approx(-(0.25 * 12.0 + 7.707e-2 * depth))
+        assert rows[first[-1] + 1][0] == p.push.away_command
+        assert rows[first[0]][1] > -p.proof.sinks
         assert z < 0.0
+
+    @pytest.mark.promise("swapped-wires", faults=["actuator reversed"])
+    def test_a_try_overcomes_the_load_of_the_depth(self):
+        """At 60 m, where a quarter of the voltage, 3 V, does not: c z is 4.6 V."""
+        rate, load = self.limits.rate.rate, 7.707e-2 * 60.0
+
+        def motor(_, u):
+            return rate * (max(-u - load, 0.0) if u < 0.0 else -u)
+
+        rows = self.driven(motor, 0.0, 60.0, depth=60.0)
+        assert min(volume for _, volume in rows) > -2.0 * 0.3 * rate * 12.0
+        assert rows[-1][1] >= self.limits.volume.volume_high
 
     @pytest.mark.promise("full-buoyancy", faults=["port throttled outward"])
     def test_the_last_of_the_stroke_is_pushed_out_however_slowly_it_comes(self):
@@ -1405,7 +1419,7 @@ class TestSafeAction:
             seen = WET._replace(volume=-1e-5 * k, lost=1 if k == 2 else 0)
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
             commands.append(command)
-        assert commands[1] == -p.push.quarter
+        assert commands[1] < 0.0
         assert set(commands[2:]) == {p.push.surface_command}
 
     @pytest.mark.promise("full-buoyancy", faults=["actuator slow"])

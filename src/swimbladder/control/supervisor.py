@@ -950,7 +950,8 @@ def bring_up(
         command = p.push.away_command
         phase = 0
         if s.push.turns == TRIED and s.push.astray < p.push.astray and p.rate.positioner == 0.0:
-            command = -p.push.quarter
+            load = p.rate.load_drive * depth + p.rate.friction
+            command = -min(p.push.surface_command, p.push.quarter + load)
         if high and s.push.astray >= p.push.astray:
             command = p.push.away_hold
             phase = p.push.push
