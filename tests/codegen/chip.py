@@ -166,7 +166,7 @@ def frames(law: Law, folder: Path, mcu: str) -> Chip:
         folder,
         mcu,
         [folder / source.source_name, HERE / "frames.c"],
-        inputs=[*parameters, *state, *["<f4"] * 4],
+        inputs=[*parameters, *state, *["<f4"] * len(Measurement._fields), "<f4"],
         outputs=[*state, "<f4", *state, "<f4"],
         flags=flags,
     )

@@ -73,16 +73,16 @@ def test_every_construct_gives_the_same_bits_on_the_chip(tmp_path):
     law = twin(ODD)
     on_chip = chip.frames(ODD, tmp_path, "atmega328p")
     for n in range(600):
-        frame = (np.round(rng.uniform(-4.0, 4.0, 11) * 8) / 8).astype("f4")
+        frame = (np.round(rng.uniform(-4.0, 4.0, 12) * 8) / 8).astype("f4")
         if n % 2:
-            at = rng.random(11) < 0.3
+            at = rng.random(12) < 0.3
             frame[at] = rng.integers(0, 2**32, at.sum(), np.uint32).view("f4")
         most, count = (int(rng.choice([k, 9 + k, 65535 - k])) for k in rng.integers(0, 9, 2))
         p = from_numbers(OddParameters, (*frame[:4], most))
         s = from_numbers(OddState, (*frame[4:7], count, bool(n % 3)))
-        m = Measurement(*frame[7:10])
-        expected = law.initial(p, m, frame[10]), law.step(p, s, m, frame[10])
-        assert bits(on_chip.answer(p, s, m, frame[10])) == bits(*expected)
+        m = Measurement(*frame[7:11])
+        expected = law.initial(p, m, frame[11]), law.step(p, s, m, frame[11])
+        assert bits(on_chip.answer(p, s, m, frame[11])) == bits(*expected)
     on_chip.close()
 
 
@@ -95,7 +95,7 @@ def test_the_square_root_is_rounded_rightly_on_the_chip(tmp_path):
     rng = np.random.default_rng(3)
     on_chip = chip.frames(law, tmp_path, "atmega328p")
     for x in rng.integers(0, 2**31, 2000, np.uint32).view("f4"):
-        said = on_chip.answer(*[0] * 13, x)[5]
+        said = on_chip.answer(*[0] * 14, x)[5]
         with np.errstate(invalid="ignore"):
             assert bits(said) == bits(np.sqrt(np.float64(x)))
     on_chip.close()

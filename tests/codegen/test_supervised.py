@@ -224,9 +224,9 @@ def test_only_what_a_reset_finds_lost_since_the_last_push_turns_it(pushing, lost
         volume = np.float32(volume - lost)
         given.append(vehicle.tick(SEEN._replace(volume=volume), 3.0))
         before = vehicle.state
-        if given[-1] == np.float32(made.supervisor.push.away_command):
+        if given[-1] < 0.0:
             break
-    assert (given[-1] == np.float32(made.supervisor.push.away_command)) == turned
+    assert (given[-1] < 0.0) == turned
     assert len(given) == (1 if turned or not pushing else 20)
 
 
@@ -258,9 +258,9 @@ def test_any_faults_are_met_as_by_the_twin_and_the_state_stays_finite(
             latched = got[1] > 0
             p = made.supervisor
             if latched:
-                turned = np.float32(p.push.away_command)
                 calm = (np.float32(p.push.hold_command), np.float32(p.push.away_hold))
-                assert got[0] in (np.float32(p.push.surface_command), *calm, turned)
+                turned = np.float32(p.push.away_command) <= got[0] < 0.0
+                assert turned or got[0] in (np.float32(p.push.surface_command), *calm)
     assert latched or not anew
 
 

@@ -813,14 +813,14 @@ def watch_proof(
     return lacks, ProofWatch(unproven, proof.shown, shown_for, allowed)
 
 
-def outward(p: SupervisorParameters, seen: Watched, lacks: float) -> float:
+def outward(p: SupervisorParameters, depth: float, lacks: float) -> float:
     """Return the command that moves the volume out by what it lacks, and a part of a tick more.
 
     A positioner goes at its rate. A motor gets as many quarters as its load takes, and the way.
     """
     if p.rate.positioner > 0.0:
         return p.push.surface_command
-    load = p.rate.load_drive * seen.depth + p.rate.friction
+    load = p.rate.load_drive * depth + p.rate.friction
     needs = lacks + p.rate.rate * load * p.S_p + p.proof.least_way
     command = 0.0
     way = 0.0
@@ -950,8 +950,7 @@ def bring_up(
         command = p.push.away_command
         phase = 0
         if s.push.turns == TRIED and s.push.astray < p.push.astray and p.rate.positioner == 0.0:
-            load = p.rate.load_drive * depth + p.rate.friction
-            command = -min(p.push.surface_command, p.push.quarter + load)
+            command = -outward(p, depth, 0.0)
         if high and s.push.astray >= p.push.astray:
             command = p.push.away_hold
             phase = p.push.push
@@ -1019,7 +1018,7 @@ def step(
         lacks, proof = watch_proof(p, s, seen, neutral, tried)
         s = s._replace(proof=proof)
         if s.proof.unproven == NEVER:
-            wanted = outward(p, seen, lacks)
+            wanted = outward(p, seen.depth, lacks)
     elif asks and measured:
         if volume > s.proof.shown:
             s = s._replace(proof=has_shown(seen))

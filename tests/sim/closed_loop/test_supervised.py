@@ -98,7 +98,8 @@ def test_a_push_that_proves_the_motor_is_in_the_loop():
     alone, under = (run["volume"].to_numpy().ravel() for run in runs)
     before = runs[0]["time"].to_numpy() <= 100.0
     assert (under[before] == alone[before]).all()
-    assert under[~before].max() > alone[~before].max() + 5e-6
+    soon = ~before & (runs[0]["time"].to_numpy() <= 103.0)
+    assert under[soon].max() > alone[soon].max() + 13.6e-6  # what a step of 1.5 m has to show
 
 
 @pytest.mark.parametrize("name", [pytest.param("planned", marks=pytest.mark.prove), "adrc"])
