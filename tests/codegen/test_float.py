@@ -463,24 +463,6 @@ PUMP, VALVE, BYPASS = 1, 2, 4
 
 
 class TestThePins:
-    @pytest.mark.parametrize("share", [0.8, 0.9, 0.95])
-    def test_a_low_battery_is_that_of_the_pump_and_shows_alike_at_rest_and_under_load(self, share):
-        """The delivery by the physics of a motor at a lower voltage, to a percent."""
-        vehicle = the_float()
-        law, numbers = own_law(vehicle, sampled=False)
-        p = board_law(vehicle, law, numbers, 1.0, deepest=2000.0).parameters.drive
-        volts = share * vehicle.supply.voltage
-        low = with_supply(vehicle, volts)
-        state = DriveState(**dict.fromkeys(DriveState._fields, 0.0))
-        for z in (0.0, 400.0, 1500.0, 2000.0):
-            drive = drive_map(low, [z * vehicle.water.specific_weight])
-            sags = vehicle.supply.internal_resistance * float(drive.power_out[0]) / volts
-            resting = weakness(p, state._replace(last=z), volts)
-            running = state._replace(last=z, run=9.0, ran=3.0, since=3.0)
-            for weak in (resting, weakness(p, running, volts - sags)):
-                assert delivery(p, z, weak) == pytest.approx(drive.rate_out[0], rel=0.01)
-            assert abs(delivery(p, z, 0.0) / drive.rate_out[0] - 1.0) > 0.04  # a full one's
-
     def test_a_run_is_as_long_as_its_seconds_without_a_gap(self, pins):
         pins.wait(0.3)
         said = []
