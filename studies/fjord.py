@@ -23,7 +23,7 @@ from studies.tank import HORIZONS
 from swimbladder.estimation.comparison import compare, record
 from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.motion.problem import Assumed, posed
-from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
+from swimbladder.estimation.motion.process_noise import ProcessNoiseFit, fit_process_noise
 from swimbladder.estimation.motion.result import Values, identified_vehicle
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
@@ -108,14 +108,14 @@ def water(folder: Path, name: str, *, lifted: float = 0.0) -> Column:
     return cast_column(moved, step=ROWS)
 
 
-def teach(idea: Idea, numbers: tuple[int, ...]) -> tuple[Vehicle, RandomWalkFit]:
+def teach(idea: Idea, numbers: tuple[int, ...]) -> tuple[Vehicle, ProcessNoiseFit]:
     """Return the vehicle as these missions tell it, its neutral volume walking, and the fit."""
     base = idea.vehicle
     logs = [idea.logs[n] for n in numbers]
     records = [record(log, base, drive="volume", column=idea.water) for log in logs]
     fixed = {} if idea.psi is None else {"psi": idea.psi}
     problem = posed(records, base, Assumed(fixed), drag=idea.drag)
-    found, model = fit_random_walk(problem, base), problem.model
+    found, model = fit_process_noise(problem, base, without=("correlated",)), problem.model
     logged = tuple(f"mission {n}" for n in numbers)
     taught = identified_vehicle(
         base,

@@ -26,8 +26,8 @@ from swimbladder.estimation.comparison.ahead import Ahead, predict_ahead
 from swimbladder.estimation.kalman.depth_filter import Noise, Start, filter_depth
 from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.motion.problem import Assumed, posed
+from swimbladder.estimation.motion.process_noise import ProcessNoiseFit, fit_process_noise
 from swimbladder.estimation.motion.random_effects import between_logs
-from swimbladder.estimation.motion.random_walk import RandomWalkFit, fit_random_walk
 from swimbladder.estimation.motion.result import Values, identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.files import write_atomically
@@ -116,11 +116,11 @@ def _record(log: Log, vehicle: Vehicle) -> Record:
     return record(log, vehicle, drive="volume", bottom_depth=bottom_of(log))
 
 
-def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, RandomWalkFit]:
+def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, ProcessNoiseFit]:
     """Return the vehicle as identified from these logs, and the fit that they have in common."""
     records = [_record(log, vehicle) for log in logs.values()]
     problem = posed(records, vehicle, Assumed(), drag="blended")
-    found, model = fit_random_walk(problem, vehicle), problem.model
+    found, model = fit_process_noise(problem, vehicle, without=("correlated",)), problem.model
     logged = tuple(f"mission {n}" for n in logs)
     fitted = identified_vehicle(
         vehicle,

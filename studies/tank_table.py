@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swimbladder.estimation.motion.random_walk import RandomWalkFit
+from swimbladder.estimation.motion.process_noise import ProcessNoiseFit
 from swimbladder.vehicle import Vehicle
 
 __all__ = ["Row", "parameters", "pooled", "table"]
@@ -97,7 +97,7 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def parameters(vehicle: Vehicle, found: RandomWalkFit) -> str:
+def parameters(vehicle: Vehicle, found: ProcessNoiseFit) -> str:
     """Return what was identified, as text."""
     known = vehicle.identified
     assert known is not None  # train sees to it
@@ -108,11 +108,11 @@ def parameters(vehicle: Vehicle, found: RandomWalkFit) -> str:
         f"  {name} = {value:.4g} +- {s:.2g} {found.estimates[name].unit}"
         for name, value, s in zip(known.names, known.values, std.tolist(), strict=True)
     ]
-    low, high = found.random_walk.ci95
+    low, high = found.noises["random_walk"].ci95
     b = known.between
     lines += [
         f"  mass = {vehicle.mass:.2f} kg; depth noise {1e3 * known.depth_noise:.1f} mm",
-        f"  walk = {1e6 * found.random_walk.value:.2g} cm3/s^0.5 "
+        f"  walk = {1e6 * found.noises['random_walk'].value:.2g} cm3/s^0.5 "
         f"({1e6 * low:.2g} to {1e6 * high:.2g}; "
         f"chance without a walk {found.p_value:.1g})",
         f"  between logs: psi +- {1e6 * b.psi:.2g} cm3/m, drag +- {100 * b.drag:.0f} %, drift "

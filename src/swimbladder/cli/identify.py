@@ -210,10 +210,9 @@ def _logs(found: Identification) -> Table:
 class Fit(Options):
     """How logs are fitted, as `estimation.motion.identify` has it."""
 
-    neutral_std: str = valued(
+    neutral_std: Given = valued(
         "VOLUME",
-        "Prior of each log's neutral volume, 1 sigma; or none.",
-        "0.5 cm3",
+        "Prior of each log's neutral volume, 1 sigma; or none. (0.5 cm3, if the logs agree.)",
         read=deviation("m3"),
     )
     speed_std: str = valued(
@@ -223,8 +222,10 @@ class Fit(Options):
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
     surface_margin: str = valued("DEPTH", "Depths less than this are not used.", "0.1 m")
     profiles: bool = flag("--profiles/--no-profiles", "Likelihood profiles.", True)
-    random_walk: bool = flag(
-        "--random-walk", "Neutral volumes are random walks: trapped air, leaks."
+    process_noise: str = valued(
+        "MODE",
+        "Whether the vehicle may move a little unlike the model: auto, always, never.",
+        "auto",
     )
     posterior: bool = flag("--posterior", "Also draw from the posterior (needs emcee).")
     seed: int = valued(None, "Seed of the draws from the posterior.", 1, min=0)

@@ -135,9 +135,9 @@ def test_the_likelihood_is_the_density_of_the_whole_record():
     )
 
 
-def test_coloured_noise_of_the_depth_is_part_of_the_density():
+def test_correlated_noise_of_the_depth_is_part_of_the_density():
     samples, _ = made(n=15, seed=6)
-    noise = NOISE._replace(coloured=7e-3, lasting=2.5)
+    noise = NOISE._replace(correlated=7e-3, correlation_time=2.5)
     mean, C = whole(samples)
     apart = np.abs(np.subtract.outer(samples.time, samples.time))
     lasts = 7e-3**2 * np.exp(-apart / 2.5)
@@ -153,10 +153,10 @@ def test_coloured_noise_of_the_depth_is_part_of_the_density():
     np.testing.assert_allclose(D @ found.covariance[-1] @ D, left, rtol=1e-6, atol=1e-11)
 
 
-def test_coloured_noise_does_not_outlast_a_state_that_was_wrong():
+def test_correlated_noise_does_not_outlast_a_state_that_was_wrong():
     samples, _ = made(n=30, seed=7)
     jumped = samples._replace(depth=samples.depth + np.where(np.arange(30) >= 15, 5.0, 0.0))
-    noise = NOISE._replace(coloured=7e-3, lasting=20.0)
+    noise = NOISE._replace(correlated=7e-3, correlation_time=20.0)
     found = filtered(jumped, noise=noise, gate=3.0)
     assert RESTARTED in found.fate
     assert np.abs(found.innovation[-8:]).max() < 0.1

@@ -52,14 +52,13 @@ def test_eight_experiments_of_the_paper():
 def test_leaving_psi_out_is_noticed():
     found = identify(campaign(22, quantum=5e-3), FEUP_EM, fixed={"psi": 0.0}, profiles=False)
     assert found.parameters["K2"].value > 1.5 * 7935.54  # as the paper's own numbers give
-    # what the model lacks is no noise of the sensor, and no filter has to allow for it as white
-    assert found.depth_noise > 1.5 * found.sensor_noise
+    assert found.process_noise is not None  # what the model lacks is no noise of the sensor
     sensor = math.hypot(2e-3, 5e-3 / math.sqrt(12.0))
     assert found.sensor_noise == pytest.approx(sensor, rel=0.1)
     assert found.result_vehicle.identified is None or (
         found.result_vehicle.identified.depth_noise == found.sensor_noise
     )
-    assert {"model", "autocorrelated", "step-size trend"} <= kinds(found)
+    assert {"model", "process_noise"} <= kinds(found)
     model = next(f for f in found.findings if f.kind == "model")
     assert "psi estimated" in model.sentence
 
@@ -160,8 +159,13 @@ def test_single_gains_are_those_of_single_fits():
 
 
 def test_neutral_volumes_beyond_their_prior_are_said():
-    found = identify(campaign(27, errors=3e-6), FEUP_EM, **QUICK)
+    found = identify(campaign(27, errors=1.5e-6), FEUP_EM, neutral_std=0.5e-6, **QUICK)
     assert "neutral prior" in kinds(found, "warning")
+    wrong = identify(campaign(27, errors=9e-6), FEUP_EM, neutral_std=0.5e-6, **QUICK)
+    assert not wrong.identified
+    given_up = identify(campaign(27, errors=9e-6), FEUP_EM, **QUICK)  # what nobody stated
+    assert given_up.identified
+    assert given_up.neutral_std == math.inf
     looser = identify(campaign(27, errors=3e-6), FEUP_EM, neutral_std=3e-6, **QUICK)
     assert "neutral prior" not in kinds(looser)
 
@@ -189,7 +193,8 @@ def test_a_mass_below_the_dry_one_is_said():
         update={"motion": vehicle.motion.model_copy(update={"dry_mass": 500.0})}
     )
     found = identify(campaign(29), heavy, drag="linear", **QUICK)
-    assert "mass" in kinds(found, "warning")
+    assert "mass" in kinds(found, "no")
+    assert not found.identified
 
 
 def test_voltage_drives_where_no_volume_is_logged():
@@ -272,25 +277,25 @@ def test_neutral_volumes_that_walk():
         logs.append(
             type(log)(source=log.source, time=log.time, depth=z, volume=log.volume, line=log.line)
         )
-    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, random_walk=True)
+    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, process_noise="always")
     assert found.identified
-    assert found.random_walk is not None
-    assert found.random_walk.drifts
-    low, high = found.random_walk.random_walk.ci95
+    assert found.process_noise is not None
+    assert found.process_noise.drifts
+    low, high = found.process_noise.noises["random_walk"].ci95
     assert low < 5e-6 / math.sqrt(60.0) < high
     for name, value in (("K2", 7935.54), ("T2", 36.3)):
         e = found.parameters[name]
         assert abs(e.value - value) < 4.0 * e.std
-    assert "random_walk" in kinds(found)
+    assert "process_noise" in kinds(found)
     # Six logs tell how logs differ: the vehicle is that of the means over them.
     known = found.vehicle.identified
     assert known.between is not None
-    assert known.neutral_walk == pytest.approx(found.random_walk.noise.random_walk, rel=0.6)
+    assert known.neutral_walk == pytest.approx(found.process_noise.noise.random_walk, rel=0.6)
     assert dict(zip(known.names, known.values, strict=True))["K2"] == pytest.approx(
         found.parameters["K2"].value, rel=0.1
     )
     assert "logs differ" in kinds(found)
-    assert found.to_json()["random_walk"]["neutral_walk"]["unit"] == "m3/s^0.5"
+    assert found.to_json()["process_noise"]["noises"]["random_walk"]["unit"] == "m3/s^0.5"
 
 
 @pytest.mark.prove

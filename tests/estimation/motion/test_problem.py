@@ -119,9 +119,6 @@ def test_a_long_gap_and_the_surface_cut_a_log():
     spans = [(time[s.first], time[s.last]) for s in e.segments]
     assert spans == [(0.0, 19.5), (30.0, 40.0), (45.0, 59.5)]
     assert not e.used[(time > 40.0) & (time < 45.0)].any()
-    tiles = e.tiles(6.0)
-    assert tiles.used.sum() == e.used.sum()
-    assert max(time[s.last] - time[s.first] for s in tiles.segments) <= 10.0
 
 
 def test_drift_of_the_neutral_volume_against_scipy():

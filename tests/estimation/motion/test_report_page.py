@@ -219,11 +219,11 @@ def test_notes_of_reading_name_their_logs(found):
 
 def test_a_walk_is_told_with_how_far_it_went():
     logs = campaign(73, steps=(3e-5, -4.5e-5, 7.5e-5))
-    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, random_walk=True)
+    found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, process_noise="always")
     read, _ = page_of(found)
-    assert "random-walk" in read.ids
-    after_a_minute = 1e6 * found.random_walk.random_walk.value * 60.0**0.5  # cm3
-    shown = re.search(r"Intensity (\S+) cm", read.text).group(1)
+    assert "process-noise" in read.ids
+    after_a_minute = 1e6 * found.process_noise.noises["random_walk"].value * 60.0**0.5  # cm3
+    shown = re.search(r"random walk of (\S+) cm", read.text).group(1)
     assert float(shown) == pytest.approx(after_a_minute, rel=0.06, abs=1e-4)
-    for went in found.random_walk.travelled:
+    for went in found.process_noise.travelled:
         assert f"{1e6 * went:.2g}" in read.text or went < 1e-9

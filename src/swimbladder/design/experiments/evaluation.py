@@ -23,7 +23,7 @@ from swimbladder.design.experiments.conditions import (
 )
 from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.estimation.motion.diagnose import Curvature, not_identifiable
-from swimbladder.estimation.motion.fit import refine
+from swimbladder.estimation.motion.fit import fit
 from swimbladder.estimation.motion.problem import NAMES, VOLUME, Problem
 
 
@@ -53,7 +53,7 @@ def without_psi(flights: Sequence[Flight], c: Conditions) -> OmittedVariable | N
     linear = _linear(problem, x, effect, c)
     noise = np.random.default_rng(1).normal(scale=c.setting.depth_noise, size=len(effect))
     problem.measured = problem.measured + noise
-    found = refine(problem, x)
+    found = fit(problem, x)
     values = problem.named(found.x)
     off = np.array([values[name] - question.values[name] for name in problem.names])
     rms = math.sqrt(float(np.average(found.residual**2, weights=found.weight)))

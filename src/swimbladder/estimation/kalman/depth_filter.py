@@ -38,14 +38,14 @@ class Noise(NamedTuple):
     acceleration: float = 0.0  # m/s^1.5, intensity of white acceleration
     held_depth: float = 0.05  # m, 1 sigma of depths in contact with surface or bottom
     held_speed: float = 0.02  # m/s, the same of the speed
-    coloured: float = 0.0  # m, 1 sigma of a part of the measured depth's noise that lasts
-    lasting: float = 1.0  # s, time constant of that
+    correlated: float = 0.0  # m, 1 sigma of a part of the measured depth's noise that lasts
+    correlation_time: float = 1.0  # s, time constant of that
 
     def variances(self) -> Array:
-        """Return what the kernels take: squares, and how fast coloured noise fades [1/s]."""
+        """Return what the kernels take: squares, and how fast correlated noise fades [1/s]."""
         intensities = self.random_walk, self.acceleration
-        deviations = self.depth, self.held_depth, *intensities, self.held_speed, self.coloured
-        return np.append(np.square(deviations), 1.0 / self.lasting)
+        deviations = self.depth, self.held_depth, *intensities, self.held_speed, self.correlated
+        return np.append(np.square(deviations), 1.0 / self.correlation_time)
 
 
 class Start(NamedTuple):

@@ -389,34 +389,35 @@ def _update(x: Array, P: Array, error: float, R: float, S: float) -> None:
 
 
 @allocating
-def _fade(F: Array, colour: Array, h: float, noise: Array) -> None:
-    """Advance over h [s] what is known of the depth's coloured noise, see `_take_coloured`."""
+def _fade(F: Array, lasts: Array, h: float, noise: Array) -> None:
+    """Advance over h [s] what is known of the depth's correlated noise, see `_take_correlated`."""
     kept = math.exp(-h * noise[6])
-    shared = colour[2:5].copy()
+    shared = lasts[2:5].copy()
     for i in range(3):
         moved = F[i, 0] * shared[0] + F[i, 1] * shared[1] + F[i, 2] * shared[2]
-        colour[2 + i] = kept * moved
-    colour[0] *= kept
-    colour[1] = kept * kept * colour[1] + noise[5] * (1.0 - kept * kept)
+        lasts[2 + i] = kept * moved
+    lasts[0] *= kept
+    lasts[1] = kept * kept * lasts[1] + noise[5] * (1.0 - kept * kept)
 
 
 @allocating
-def _take_coloured(x: Array, P: Array, colour: Array, error: float, S: float) -> None:
-    """Take in a measured depth whose noise has a coloured part; S [m2]: the innovation's variance.
+def _take_correlated(x: Array, P: Array, lasts: Array, error: float, S: float) -> None:
+    """Take in a measured depth whose noise has a correlated part.
 
-    colour [5]: its mean [m], its variance [m2], its covariances with the state [3].
+    S [m2]: the innovation's variance. lasts [5]: that part's mean [m], its variance [m2], its
+    covariances with the state [3].
     """
     k = np.empty(3)
-    own = (colour[1] + colour[2]) / S
+    own = (lasts[1] + lasts[2]) / S
     for i in range(3):
-        k[i] = (P[i, 0] + colour[2 + i]) / S
+        k[i] = (P[i, 0] + lasts[2 + i]) / S
     for i in range(3):
         x[i] += k[i] * error
-        colour[2 + i] -= k[i] * own * S
+        lasts[2 + i] -= k[i] * own * S
         for j in range(3):
             P[i, j] -= k[i] * k[j] * S
-    colour[0] += own * error
-    colour[1] -= own * own * S
+    lasts[0] += own * error
+    lasts[1] -= own * own * S
 
 
 @compiled
@@ -427,26 +428,26 @@ def filter_kernel(
 
     start [3], cov [3, 3]: state and covariance at the first instant, before its sample. noise:
     variance of the depth [m2], of the depth in contact [m2], random walk^2 [m6/s], acceleration^2
-    [m2/s3], variance of the speed in contact [m2/s2], of the depth's coloured noise [m2], and the
+    [m2/s3], variance of the speed in contact [m2/s2], of the depth's correlated noise [m2], and the
     rate at which that fades [1/s].
     """
-    R, R_held, coloured = noise[0], noise[1], noise[5] > 0.0
+    R, R_held, correlated = noise[0], noise[1], noise[5] > 0.0
     m = Motion(p, samples.layers, noise[2], noise[3])
     x, C = start.copy(), cov.copy()
-    colour = np.zeros(5)
-    colour[1] = noise[5]
+    lasts = np.zeros(5)
+    lasts[1] = noise[5]
     row, side = 0, 0.0
     for k in range(samples.time.shape[0]):
         if k:
             _predict(m, x, C, _span(samples.time, samples.volume, k), out.slopes[k], noise)
-            if coloured:
-                _fade(out.slopes[k], colour, samples.time[k] - samples.time[k - 1], noise)
+            if correlated:
+                _fade(out.slopes[k], lasts, samples.time[k] - samples.time[k - 1], noise)
         out.predicted[k], out.predicted_covariance[k] = x, C
         out.fate[k], out.contribution[k] = UNSEEN, 0.0
         out.innovation[k], out.variance[k] = np.nan, np.nan
         if samples.use[k] >= 0 and math.isfinite(samples.depth[k]):
-            e = samples.depth[k] - x[0] - colour[0]
-            known = C[0, 0] + 2.0 * colour[2] + colour[1]
+            e = samples.depth[k] - x[0] - lasts[0]
+            known = C[0, 0] + 2.0 * lasts[2] + lasts[1]
             S = known + (R_held if samples.use[k] == 0 else R)
             size = abs(e) / math.sqrt(S)
             out.innovation[k], out.variance[k] = e, S
@@ -469,10 +470,10 @@ def filter_kernel(
                 neutral = max(cov[2, 2], C[2, 2])
                 C[:, :] = 0.0
                 C[0, 0], C[1, 1], C[2, 2] = R + noise[5], cov[1, 1], neutral
-                colour[:] = 0.0
-                colour[1] = noise[5]
-            elif coloured:
-                _take_coloured(x, C, colour, e, S)
+                lasts[:] = 0.0
+                lasts[1] = noise[5]
+            elif correlated:
+                _take_correlated(x, C, lasts, e, S)
             else:
                 _update(x, C, e, S - known, S)
         out.mean[k], out.covariance[k] = x, C

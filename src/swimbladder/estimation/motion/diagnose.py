@@ -6,15 +6,16 @@ information. Models differ by their drag law, and by whether psi belongs in them
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.stats import chi2, linregress
 
-from swimbladder.estimation.estimates import Estimate, Finding, Severity, sentence
-from swimbladder.estimation.motion.fit import Fit, backwards, refine
+from swimbladder.estimation.estimates import Estimate, Finding, Prior, Severity, sentence
+from swimbladder.estimation.motion.fit import Fit, backwards
+from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.noise import autocovariance, whiteness
 from swimbladder.estimation.motion.problem import (
     DEPTH,
@@ -28,6 +29,7 @@ from swimbladder.estimation.motion.problem import (
 )
 from swimbladder.estimation.motion.result import Choice, ExperimentFit
 from swimbladder.estimation.series import Array, Index, rms
+from swimbladder.units import format_quantity, shown_unit
 from swimbladder.vehicle import Vehicle
 
 Psi = Literal["free", "prior", "set", "zero"]
@@ -49,20 +51,34 @@ def choices(problem: Problem, fit: Fit, vehicle: Vehicle) -> tuple[Choice, ...]:
     # another is never less likely than it
     worth = float((each * counts).sum() / counts.sum())
     found = []
+    for other, psi in models_of(problem, vehicle):
+        same = other is problem
+        if same:
+            result = fit
+        else:
+            x = other.begin(begin_of(other, problem, problem.named(fit.x)))
+            x[other.shared :] = fit.x[problem.shared :]
+            result = solve(other, x)
+        found.append(_choice(other, result, psi, worth, reported=same))
+    return with_probabilities(found)
+
+
+def models_of(problem: Problem, vehicle: Vehicle) -> Iterator[tuple[Problem, Psi]]:
+    """Yield every drag law with psi as it is and otherwise; the problem itself where it is one."""
     for law in LAWS:
         model = model_of(vehicle, law=law, bottom_depth=problem.model.base.z_bottom)
         for psi in _psis(problem):
             same = law == problem.model.law and psi == _psi(problem)
-            if same:
-                other, result = problem, fit
-            else:
-                other = _problem(problem, model, psi)
-                result = refine(other, _begin(other, problem, fit))
-            found.append(_choice(other, result, psi, worth, reported=same))
-    found.sort(key=lambda c: c.bic)
-    weights = np.exp([-0.5 * (c.bic - found[0].bic) for c in found])
+            yield problem if same else _problem(problem, model, psi), psi
+
+
+def with_probabilities(found: Sequence[Choice]) -> tuple[Choice, ...]:
+    """Return models with their probabilities, best first."""
+    best = min(c.bic for c in found)
+    weights = np.exp([-0.5 * (c.bic - best) for c in found])
     shares = (weights / weights.sum()).tolist()
-    return tuple(replace(c, weight=share) for c, share in zip(found, shares, strict=True))
+    each = [replace(c, weight=share) for c, share in zip(found, shares, strict=True)]
+    return tuple(sorted(each, key=lambda c: c.bic))
 
 
 def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
@@ -124,9 +140,8 @@ def _problem(problem: Problem, model: Model, psi: Psi) -> Problem:
     return Problem(problem.experiments, model, names, assumed)
 
 
-def _begin(other: Problem, problem: Problem, fit: Fit) -> Array:
-    """Return a start for another model where the fit ended, or as near as its drag law can be."""
-    values = problem.named(fit.x)
+def begin_of(other: Problem, problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
+    """Return values for another model where a fit ended, or as near as its drag law can be."""
     m = problem.model.mass(values)
     speed = _usual_speed(problem)
     law = problem.model.law
@@ -137,9 +152,7 @@ def _begin(other: Problem, problem: Problem, fit: Fit) -> Array:
     if other.model.law == "blended":  # which holds the law that was fitted
         laminar, turbulent = own_l or _TRACE * laminar, own_t or _TRACE * turbulent
     begin = {"mass": m, "K2": other.model.specific_weight / laminar, "T2": m / laminar}
-    x = other.begin(begin | {"drag_quadratic": turbulent, "psi": values["psi"]})
-    x[other.shared :] = fit.x[problem.shared :]
-    return x
+    return begin | {"drag_quadratic": turbulent, "psi": values["psi"]}
 
 
 def _usual_speed(problem: Problem) -> float:
@@ -287,11 +300,13 @@ def _remedy(names: list[str], problem: Problem) -> str:
 
 
 _SURE = 3.0  # standard deviations
+_BEYOND = 10.0  # standard deviations from what was stated: data or statement are wrong
 _GRAVITY = 9.80665  # m/s2; to within a percent everywhere
 _LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
 _NONE = (0.25, 10.0)  # of it: only other units make a vehicle so light or so heavy
 _FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follows
 _MANY = 0.02  # share of the samples
+_TOO_MANY = 0.1  # of them, beyond chance
 
 
 def _rows_of(problem: Problem, fit: Fit, j: int) -> tuple[slice, Array, Array, Index]:
@@ -396,17 +411,15 @@ def _experiment(
     )
 
 
-def diagnose(
-    problem: Problem, fit: Fit, experiments: tuple[ExperimentFit, ...], *, dry_mass: float | None
-) -> list[Finding]:
-    """Return what a person has to know of residuals, nuisances and plausibility."""
+def diagnose(problem: Problem, fit: Fit, experiments: tuple[ExperimentFit, ...]) -> list[Finding]:
+    """Return what a person has to know of residuals and nuisances."""
+    off = fit.x[problem.shared : problem.first_start] * VOLUME / problem.neutral_std
     return [
         *_autocorrelated(experiments),
-        *_outliers(experiments),
-        *_drifts(experiments),
+        *outliers(experiments),
+        *drifts(experiments),
         *_trend(problem, fit),
-        *_neutral(problem, fit),
-        *_mass(problem, fit, dry_mass),
+        *neutral_beyond_prior(problem, off.tolist()),
         *_backwards(problem, fit),
     ]
 
@@ -424,23 +437,26 @@ def _autocorrelated(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]
         yield Finding.of("motion", "autocorrelated", bad=len(bad), logs=len(experiments))
 
 
-def _outliers(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
+def outliers(experiments: Sequence[ExperimentFit]) -> Iterator[Finding]:
+    """Yield which logs have many outliers; one of which more than a tenth are says nothing."""
     for e in experiments:
         used = int(np.isfinite(e.residual).sum())
         if e.outliers > max(2, _MANY * used):
             away = e.residual[np.isfinite(e.residual) & (e.weight < 0.5)]
             largest = float(np.abs(away).max()) if away.size else 0.0
-            severity: Severity = "warning" if e.outliers > 0.1 * used else "note"
+            chance = 3.0 * math.sqrt(_TOO_MANY * (1.0 - _TOO_MANY) * used)
+            severity: Severity = "no" if e.outliers > _TOO_MANY * used + chance else "note"
             counts = {"out": e.outliers, "used": used, "largest": largest}
             yield Finding.of("motion", "outliers", severity, log=e.source, **counts)
 
 
-def _drifts(experiments: tuple[ExperimentFit, ...]) -> Iterator[Finding]:
+def drifts(experiments: Sequence[ExperimentFit], said: str = "drift") -> Iterator[Finding]:
+    """Yield in which logs the neutral volume drifts; said: key of the sentence."""
     bound = math.sqrt(float(chi2.isf(0.003 / max(len(experiments), 1), 1)))
     for e in experiments:
         if abs(e.drift.value) > bound * e.drift.std:
             over = e.drift.value * float(np.ptp(e.record.time))
-            yield Finding.of("motion", "drift", log=e.source, over=over, drift=e.drift.value)
+            yield Finding.of("motion", said, log=e.source, over=over, drift=e.drift.value)
 
 
 def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:
@@ -464,32 +480,82 @@ def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:
     )
 
 
-def _neutral(problem: Problem, fit: Fit) -> Iterator[Finding]:
+def neutral_beyond_prior(problem: Problem, off: Sequence[float]) -> Iterator[Finding]:
+    """Yield where neutral volumes are not as known; off: of each log, in standard deviations."""
     if not math.isfinite(problem.neutral_std):
         return
-    e = fit.x[problem.shared : problem.first_start] * VOLUME / problem.neutral_std
+    e = np.array(off)
     if float(chi2.sf(float((e**2).sum()), len(e))) <= 1e-3:
-        std = problem.neutral_std
-        off = {"largest": float(np.abs(e).max()) * std, "rms": rms(e) * std}
-        yield Finding.of("motion", "neutral prior", **off, assumed=std)
+        std, largest = problem.neutral_std, float(np.abs(e).max())
+        severity: Severity = "no" if largest > _BEYOND else "warning"
+        values = {"largest": largest * std, "rms": rms(e) * std}
+        yield Finding.of("motion", "neutral prior", severity, **values, assumed=std)
 
 
-def _mass(problem: Problem, fit: Fit, dry_mass: float | None) -> Iterator[Finding]:
-    m = problem.model.mass(problem.named(fit.x))
+def possible(
+    problem: Problem,
+    derived: Mapping[str, Estimate],
+    parameters: Mapping[str, Estimate],
+    dry_mass: float | None,
+) -> Iterator[Finding]:
+    """Yield where no hull has such a mass: for sure a no, by the value alone a warning."""
+    m = derived.get("mass") or parameters["mass"]
     of_water = problem.model.specific_weight / _GRAVITY * problem.model.displaced
-    least, most = _NONE[0] * of_water, _NONE[1] * of_water
-    wrong = "light" if m < _LIGHTEST * of_water else "heavy" if m > _HEAVIEST * of_water else ""
-    if dry_mass is not None and m < 0.98 * dry_mass:
-        wrong = "dry"
-    if wrong:
-        severity: Severity = "warning" if least < m < most else "no"
-        masses = {"dry": dry_mass, "water": of_water, "times": m / of_water}
-        why = sentence("motion", "mass", wrong, **masses)
-        yield Finding.of("motion", "mass", severity, mass=m, wrong=why)
+    least = max(_LIGHTEST * of_water, 0.98 * (dry_mass or 0.0))
+    most = _HEAVIEST * of_water
+    if least <= m.value <= most:
+        return
+    wrong = "heavy"
+    if m.value < least:
+        wrong = "dry" if dry_mass is not None and m.value < 0.98 * dry_mass else "light"
+    sure = m.ci95[1] < least or m.ci95[0] > most
+    sure = sure or not _NONE[0] * of_water < m.value < _NONE[1] * of_water
+    masses = {"dry": dry_mass, "water": of_water, "times": m.value / of_water}
+    why = sentence("motion", "mass", wrong, **masses)
+    yield Finding.of("motion", "mass", "no" if sure else "warning", mass=m.value, wrong=why)
+
+
+def sinks_as_it_grows(problem: Problem) -> Iterator[Finding]:
+    """Yield where volume or depth is the wrong way round."""
+    if backwards(problem.experiments):
+        yield Finding.of("motion", "backwards")
 
 
 def _backwards(problem: Problem, fit: Fit) -> Iterator[Finding]:
     total = float(np.std(problem.measured))
     left = float(np.sqrt(np.mean(fit.residual**2)))
-    if left >= _FOLLOWED * total and backwards(problem.experiments):
-        yield Finding.of("motion", "backwards")
+    if left >= _FOLLOWED * total:
+        yield from sinks_as_it_grows(problem)
+
+
+_PRIOR_ONLY = 0.9  # of the prior's deviation is left
+_CONTRADICTED = 3.0  # standard deviations from the prior
+
+
+def against_prior(
+    problem: Problem, estimates: Mapping[str, Estimate]
+) -> tuple[dict[str, Estimate], list[Finding]]:
+    """Return the estimates, marked where the prior says most, and which priors are wrong."""
+    found, findings = dict(estimates), list[Finding]()
+    for name, prior in problem.priors.items():
+        e = estimates[name]
+        findings += _contradicted(name, e, prior)
+        if e.std > _PRIOR_ONLY * prior.std:
+            found[name] = replace(e, origin="prior")
+            findings.append(Finding.of("motion", "adds little", name=name))
+    return found, findings
+
+
+def _contradicted(name: str, e: Estimate, prior: Prior) -> Iterator[Finding]:
+    """Yield a warning where data and prior can hardly both be right, far apart a no."""
+    shift = math.sqrt(max(prior.std**2 - e.std**2, 0.0))  # of the estimate, if the prior is right
+    off = abs(e.value - prior.mean) / max(shift, 0.1 * prior.std)
+    if off > _CONTRADICTED:
+        found, mean, std = (
+            format_quantity(value, e.unit, shown_unit(e.unit), digits=3)
+            for value in (e.value, prior.mean, prior.std)
+        )
+        severity: Severity = "no" if off > _BEYOND else "warning"
+        yield Finding.of(
+            "motion", "contradicts", severity, name=name, found=found, mean=mean, std=std
+        )

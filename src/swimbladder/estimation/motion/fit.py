@@ -1,14 +1,10 @@
 """The fit itself: the most probable parameters, outliers left aside, and their covariance.
 
-Long records of an unstable motion are searched in stretches that are drawn together. A vehicle that
-its hull's compression makes unstable doubles an error of its start every half minute or so. Over
-ten doublings the depths are so bent a function of what is sought that a search ends anywhere in a
-long curved valley. Cut into stretches, each with a start of its own, they are nearly a linear one;
-gaps between the stretches are then made to cost ever more, until none is left and the start of the
-first is that of the whole (multiple shooting: Bock and Plitt, IFAC Proceedings 17, 1984; Voss,
-Timmer and Kurths, International Journal of Bifurcation and Chaos 14, 2004).
-
-A fit begins with the values of a regression, which needs none. The equation of motion is multiplied
+A vehicle that its hull's compression makes unstable doubles an error of its start every half minute
+or so. Over ten doublings the depths are so bent a function of what is sought that a search ends
+anywhere in a long curved valley. So it begins where a fit with process noise ended, whose filter
+corrects itself at every sample and sees no such valley. Without a logged volume there is none, and
+a fit begins with the values of a regression, which needs none. The equation of motion is multiplied
 by a smooth function that vanishes with its slope at both ends of a window and integrated by parts
 (Shinbrot's modulating functions), so that no measured depth is differentiated twice and the
 equation is linear in what is sought. Noise biases the outcome; the fit that starts there does not
@@ -16,9 +12,9 @@ inherit that.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -37,7 +33,6 @@ from swimbladder.estimation.motion.noise import (
     weights,
 )
 from swimbladder.estimation.motion.problem import (
-    LOST,
     VOLUME,
     Coordinates,
     Experiment,
@@ -79,7 +74,8 @@ def regression(
     A, b = _rows(experiments, psi=psi, law=model.law, free_neutral=free_neutral)
     if len(b) < 6:
         return None
-    size = np.maximum(np.abs(A).max(axis=0), 1e-300)
+    size = np.abs(A).max(axis=0)
+    size[size == 0.0] = 1.0
     least = np.full(A.shape[1], -np.inf)
     least[[0, 2, 3]] = 0.0
     found = lsq_linear(A / size, b, bounds=(least, np.full(A.shape[1], np.inf))).x / size
@@ -159,103 +155,14 @@ def _speed(time: Array, depth: Array) -> Array:
     return np.asarray(np.gradient(smooth, time))
 
 
-GAPS = (1.0, 1e-2, 1e-4, 1e-6)  # of the noise: what a gap may be, one search after the other
-_MOST = 20.0  # of a logarithm: more stretches than for that help no more
-_BESIDE = 1.5  # s, after which the depths must agree again: then the speeds do
-
-
-def growth(problem: Problem, x: Array) -> float:
-    """Return by how much an error of the depth at a start grows at most over a record.
-
-    By the poles of the motion about rest, eq. (34) without the actuator; turbulent drag would only
-    slow it.
-    """
-    p = problem.model.plant(problem.named(x), 0.0)
-    fast, slow = np.roots([1.0, p.d_l, -p.a_b * p.psi]).tolist()
-    if isinstance(fast, complex) or p.psi <= 0.0:
-        return 1.0
-    fast, slow = max(fast, slow), min(fast, slow)
-    t = longest(problem)
-    found = math.log(-slow / (fast - slow)) + fast * t  # the other exponential has died away
-    return math.exp(min(found, _MOST)) if found > 0.0 else 1.0
-
-
-def longest(problem: Problem) -> float:
-    """Return how long the longest stretch under way lasts [s]."""
-    stretches = [(e.record.time, s) for e in problem.experiments for s in e.segments]
-    return max(float(time[s.last] - time[s.first]) for time, s in stretches)
-
-
-class Shooting(Problem):
-    """A problem cut into stretches, whose gaps count as residuals of the priors' kind."""
-
-    def __init__(self, whole: Problem, grown: float) -> None:
-        """Cut a problem whose errors grow so much in all into stretches that let them grow by e."""
-        length = longest(whole) / max(2.0, math.log(grown))
-        tiles = [e.tiles(length) for e in whole.experiments]
-        super().__init__(tiles, whole.model, whole.names, whole.assumed)
-        self.gap = 1.0  # m, 1 sigma
-        self._joints: list[tuple[int, int, Segment]] = []  # experiment, stretch, its overlap
-        for j, (own, long) in enumerate(zip(self.experiments, whole.experiments, strict=True)):
-            ends = {s.last for s in long.segments}
-            time = own.record.time
-            for k, (a, b) in enumerate(pairwise(own.segments)):
-                if a.last in ends:
-                    continue
-                last = int(np.searchsorted(time, time[b.first] + _BESIDE))
-                self._joints.append((j, k, Segment(b.first, min(last, b.last), b.depth, b.speed)))
-
-    def prior_rows(self, x: Array) -> tuple[Array, Array]:
-        """Return the priors' rows, and after them two for each gap."""
-        pairs = zip(super().prior_rows(x), self._gaps(x), strict=True)
-        residuals, slopes = (np.concatenate([own, gaps / self.gap]) for own, gaps in pairs)
-        return residuals, slopes
-
-    def _gaps(self, x: Array) -> tuple[Array, Array]:
-        """Return by how much stretches miss the next ones [2 for each, m], and the derivatives."""
-        missed = np.zeros(2 * len(self._joints))
-        slopes = np.zeros((len(missed), self.size))
-        for i, (j, k, beside) in enumerate(self._joints):
-            e = self.experiments[j]
-            own = self.shared + j
-            shared = [*range(self.shared), own]
-            plants = self._plants(x, e, own, shared)
-            rows = slice(2 * i, 2 * i + 2)
-            before = e.segments[k]._replace(last=beside.last)
-            for sign, part, stretch in ((1.0, before, k), (-1.0, beside, k + 1)):
-                at = self.starts_at[j] + 2 * stretch
-                z, block = self._stretch(x, e, self._course(e, part), at, plants)
-                ends = [beside.first - part.first, beside.last - part.first]
-                missed[rows] -= sign * z[ends]
-                slopes[rows, [*shared, at, at + 1]] += sign * block[ends]
-        # a stretch that the vehicle left the water in misses by as much as a residual may
-        return np.clip(np.nan_to_num(missed, nan=LOST), -LOST, LOST), slopes
-
-
-def joined(cut: Problem, x: Array, whole: Problem) -> Array:
-    """Return the x of the whole problem: each record starts as the first of its stretches does."""
-    found = whole.begin_like(x)
-    for j, e in enumerate(whole.experiments):
-        parts = {s.first: k for k, s in enumerate(cut.experiments[j].segments)}
-        for k, s in enumerate(e.segments):
-            at, there = whole.starts_at[j] + 2 * k, cut.starts_at[j] + 2 * parts[s.first]
-            found[at : at + 2] = x[there : there + 2]
-    return found
-
-
 Found = tuple[float, Array, Array]  # objective, x, noise [m] of each experiment
 
 _ROUNDS = 12  # of weights and noise
-_OF_STRETCHES = 4  # rounds of stretches with gaps of one size
-_HOPELESS = 10.0  # against the noise of neighbouring samples: a model that is not the vehicle's
-_GROWN = 20.0  # times that an error grows over a record, from where on stretches are searched
-_TILES = (15.0, 30.0, 60.0, 120.0)  # s
-# Of the residuals, against the noise of neighbouring samples:
-_CLEAN = 1.0  # there is nothing better to find
-_POOR = 3.0  # more starts are tried than a few
-_ENOUGH = 2  # starts, where the residuals are no worse than that
+_FEW_ROUNDS = 4  # that begin next to where they end
+_CLEAN = 1.0  # of the residuals, against the noise of neighbours: there is nothing better to find
 _OF_70 = 0.5565  # root mean square of a normal variable of deviation 1 without its largest 30 %
 _FINEST = 1e-4  # m, below which no sensor measures
+_FOLLOWS = 1.5  # times the noise of the depth, of each record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -276,21 +183,23 @@ class Fit:
     data: Array  # [len(x), len(x)], information of the data alone, with autocorrelated residuals
 
 
-def fit(problem: Problem) -> Fit:
-    """Return the best of the fits from the vehicle's own values and from a regression's.
+def fit(problem: Problem, near: Array | None = None) -> Fit:
+    """Return the fit that is reached from x next to it, or the best from where the data may be.
 
-    Where an error of the start grows over a record, and where the residuals are above the noise
-    of neighbouring samples, the records are searched in stretches too.
+    near: x next to the best, where it is known; else the vehicle's own values and a regression's.
     """
-    starts = _starts(problem)
-    best = _in_stretches(problem, _best_of(problem, starts), starts[-1], clean=_CLEAN)
-    return finish(problem, _pieced(problem, best, starts[-1], clean=_CLEAN, most=len(_TILES))[1])
+    starts = _starts(problem) if near is None else [near]
+    return finish(problem, _best_of(problem, starts)[1])
 
 
-def refine(problem: Problem, x: Array) -> Fit:
-    """Return the fit that is reached from x, or a better one if that is poor."""
-    best = _in_stretches(problem, _solve(problem, x), x, clean=math.inf)
-    return finish(problem, _pieced(problem, best, x, clean=_POOR, most=1)[1])
+def followed(problem: Problem, values: Mapping[str, float], noise: float) -> Array | None:
+    """Return x where the model follows the records from their starts on, with no more than a noise.
+
+    values: of the vehicle's parameters, near which it is sought; noise [m]: of the depth. None
+    where it does not follow.
+    """
+    _, x, left = _solve(problem, problem.begin(values), rounds=_FEW_ROUNDS)
+    return x if bool(np.max(left) <= _FOLLOWS * noise) else None
 
 
 def _best_of(problem: Problem, starts: list[Array]) -> Found:
@@ -300,35 +209,6 @@ def _best_of(problem: Problem, starts: list[Array]) -> Found:
         found.append(_solve(problem, start))
         best = min(found, key=lambda one: one[0])
         if _excess(problem, best[2]) < _CLEAN:
-            break
-    return best
-
-
-def _in_stretches(problem: Problem, best: Found, start: Array, *, clean: float) -> Found:
-    """Return the best, or what stretches drawn together lead to from a start, if they are needed
-    and it is better.
-    """
-    grown = max(growth(problem, best[1]), growth(problem, start))
-    if grown <= _GROWN and _excess(problem, best[2]) < clean:
-        return best
-    cut = Shooting(problem, grown)
-    noise = float(np.median(_floors(problem)))
-    x = cut.begin_like(start)
-    for gap in GAPS:
-        cut.gap = gap * noise
-        _, x, left = _solve(cut, x, rounds=_OF_STRETCHES)
-        if _excess(cut, left) > _HOPELESS:
-            return best
-    return min(best, _solve(problem, joined(cut, x, problem)), key=lambda found: found[0])
-
-
-def _pieced(problem: Problem, best: Found, start: Array, *, clean: float, most: int) -> Found:
-    """Return the best solution from `most` starts pieced together, until one is clean."""
-    if _excess(problem, best[2]) < clean:
-        return best
-    for tried, x in enumerate(islice(_others(problem, start), most), start=1):
-        best = min(best, _solve(problem, x), key=lambda found: found[0])
-        if _excess(problem, best[2]) < (clean if tried < _ENOUGH else _POOR):
             break
     return best
 
@@ -348,16 +228,6 @@ def _starts(problem: Problem) -> list[Array]:
     for x in (own, other) if free else ():
         x[problem.shared : problem.first_start] = errors / VOLUME
     return [own, other]
-
-
-def _others(problem: Problem, start: Array) -> Iterator[Array]:
-    """Yield starts from fits to short stretches, each begun where the one before ended."""
-    for length in _TILES:
-        if length > 0.7 * longest(problem):
-            return
-        tiled = problem.tiled(length)
-        start = _solve(tiled, tiled.begin_like(start))[1]
-        yield joined(tiled, start, problem)
 
 
 def _excess(problem: Problem, noise: Array) -> float:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
@@ -207,21 +207,6 @@ class Experiment:
             mask[s.first : s.last + 1] = True
         return mask
 
-    def tiles(self, length: float) -> Experiment:
-        """Return the experiment in stretches of about `length` [s], each with a start of its own.
-
-        Over a short one no error of the parameters grows far: a fit there has one minimum.
-        """
-        if not self.ramps:
-            return self
-        found: list[Segment] = []
-        for s in self.segments:
-            span = float(self.record.time[s.last] - self.record.time[s.first])
-            count = max(1, min(round(span / length), (s.last - s.first + 1) // _FEWEST))
-            edges = np.linspace(s.first, s.last + 1, count + 1).astype(int).tolist()
-            found += [_segment(self.record, a, b - 1) for a, b in pairwise(edges)]
-        return replace(self, segments=tuple(found))
-
     def step(self) -> float:
         """Return the volume against neutral that the experiment is run with [m3]: its median."""
         if not self.ramps:
@@ -347,11 +332,6 @@ class Problem:
         self.courses = [[self._course(e, s) for s in e.segments] for e in self.experiments]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
-    def tiled(self, length: float) -> Problem:
-        """Return the same problem with the records cut into stretches of about `length` [s]."""
-        tiles = [e.tiles(length) for e in self.experiments]
-        return Problem(tiles, self.model, self.names, self.assumed._replace(speed_std=math.inf))
-
     def begin(self, values: Mapping[str, float] | None = None) -> Array:
         """Return x at the values given, where none are at the model's, with measured starts."""
         x = np.zeros(self.size)
@@ -361,12 +341,6 @@ class Problem:
         starts = [(s.depth / DEPTH, s.speed / SPEED) for e in self.experiments for s in e.segments]
         x[self.first_start :] = np.ravel(starts)
         return x
-
-    def begin_like(self, x: Array) -> Array:
-        """Return an x with what that of other stretches of the same records says but of starts."""
-        found = self.begin()
-        found[: self.first_start] = x[: self.first_start]
-        return found
 
     def value(self, x: Array, i: int) -> float:
         """Return the i-th parameter of the vehicle, in SI units."""

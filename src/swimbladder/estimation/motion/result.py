@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
-from swimbladder.estimation.motion.problem import Model
+from swimbladder.estimation.motion.problem import NAMES, Model, Problem
 from swimbladder.estimation.series import Array
 from swimbladder.io.answers import as_json, plain
 from swimbladder.vehicle import (
@@ -26,7 +26,19 @@ from swimbladder.vehicle import (
 
 if TYPE_CHECKING:
     from swimbladder.estimation.motion.posterior import Posterior
-    from swimbladder.estimation.motion.random_walk import RandomWalkFit
+    from swimbladder.estimation.motion.process_noise import ProcessNoiseFit
+
+
+ProcessNoise = Literal["auto", "always", "never"]
+
+
+class Asked(NamedTuple):
+    """What is to be found, and how."""
+
+    process_noise: ProcessNoise
+    profiles: bool
+    choices: bool
+    posterior: int | None  # seed of draws
 
 
 class Profile(NamedTuple):
@@ -112,8 +124,8 @@ class Identification:
     parameters: in the order of `names`; covariance [p, p] of their values in SI units. A parameter
     that is not identifiable is in `parameters` with an interval that says so, and among the
     findings of severity no. derived: what follows from them. assumptions: priors and settings, in
-    sentences; priors and neutral_std [m3], infinite for none, as numbers. random_walk, posterior:
-    where they were asked for.
+    sentences; priors and neutral_std [m3], infinite for none, as numbers. process_noise: where the
+    vehicle does not quite move as the model has it, or asked for; posterior: where asked for.
     """
 
     names: tuple[str, ...]
@@ -132,7 +144,7 @@ class Identification:
     depth_noise: float  # m, of the residual: the sensor's and what the model lacks
     sensor_noise: float  # m, the part that neighbouring samples do not share
     result_vehicle: Vehicle = field(repr=False)
-    random_walk: RandomWalkFit | None = None
+    process_noise: ProcessNoiseFit | None = None
     posterior: Posterior | None = None
 
     @property
@@ -182,8 +194,38 @@ class Identification:
             "profiles": {
                 name: as_json(p, "values deviance ci95 unit") for name, p in self.profiles.items()
             },
-            **as_json(self, "assumptions notes depth_noise_m sensor_noise_m random_walk posterior"),
+            **as_json(
+                self, "assumptions notes depth_noise_m sensor_noise_m process_noise posterior"
+            ),
         }
+
+
+def mass_and_drag(
+    model: Model, names: Sequence[str], values: Mapping[str, float], covariance: Array
+) -> dict[str, Estimate]:
+    """Return what follows of mass and laminar drag, by the delta rule; covariance of the names."""
+    if model.law == "quadratic":
+        return {}
+
+    def of(quantity: Callable[[Mapping[str, float]], float], unit: str) -> Estimate:
+        at = quantity(values)
+        ahead = [quantity({**values, n: values[n] * (1.0 + 1e-6)}) for n in names]
+        steps = np.array([1e-6 * values[n] or 1.0 for n in names])
+        slope = (np.array(ahead) - at) / steps
+        known = np.isfinite(np.diag(covariance)) | (slope == 0.0)
+        spread = np.where(np.isfinite(covariance), covariance, 0.0)
+        std = math.sqrt(max(float(slope @ spread @ slope), 0.0)) if known.all() else math.inf
+        return Estimate.of(at, std, unit, logarithmic=True)
+
+    k_b = model.specific_weight
+    return {"mass": of(model.mass, "kg"), "drag": of(lambda v: k_b / v["K2"], "N s/m")}
+
+
+def held_values(problem: Problem) -> dict[str, Estimate]:
+    """Return what is shown beside the parameters: what was set of the drag law's and psi."""
+    shown = ("psi",) if problem.model.law == "quadratic" else ("K2", "T2", "psi")
+    others = (name for name in shown if name not in problem.names)
+    return {name: Estimate.given(problem.values[name], NAMES[name].unit) for name in others}
 
 
 def dry_mass(vehicle: Vehicle) -> float | None:

@@ -6,11 +6,10 @@ others again. Each log has numbers of its own.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -19,25 +18,32 @@ from threadpoolctl import threadpool_limits
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.comparison.record import Drive, Record, record, water_of_each
 from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, bounded_fit
-from swimbladder.estimation.motion.diagnose import choices as list_choices
 from swimbladder.estimation.motion.diagnose import (
+    against_prior,
     diagnose,
     each_experiment,
     judge,
     not_identifiable,
+    possible,
 )
-from swimbladder.estimation.motion.fit import Fit, inverse_of
+from swimbladder.estimation.motion.diagnose import choices as list_choices
+from swimbladder.estimation.motion.fit import Fit, followed, inverse_of
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.noise import white_part
 from swimbladder.estimation.motion.posterior import sample
 from swimbladder.estimation.motion.problem import NAMES, Assumed, Problem, default_names, posed
-from swimbladder.estimation.motion.random_walk import fit_random_walk, with_random_walk
+from swimbladder.estimation.motion.process_noise import fit_process_noise
+from swimbladder.estimation.motion.process_noise_result import with_process_noise
 from swimbladder.estimation.motion.result import (
+    Asked,
     Identification,
+    ProcessNoise,
     Profile,
     Values,
     dry_mass,
+    held_values,
     identified_vehicle,
+    mass_and_drag,
     neutral_spread,
     trim_of,
 )
@@ -45,9 +51,11 @@ from swimbladder.estimation.series import Array
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.seawater import Column
-from swimbladder.units import format_quantity, shown_unit
+from swimbladder.units import format_quantity
 from swimbladder.vehicle import Vehicle
 
+_CLEARLY = 3.0  # of log likelihood
+_NO_SENSORS = 2e-4  # m: a noise of simulations, which how the volume goes between samples makes
 _AT = (0.7, 1.4, 2.1, 2.8)  # standard deviations to either side
 _EVALUATIONS = 30  # more than ever needed but on long records of an unstable motion
 _FURTHER = (4.0, 6.0, 9.0)  # where the interval has not ended by then
@@ -111,8 +119,6 @@ def _interval(u: Array, deviance: Array, best: float) -> Array:
 
 
 _OFF = 0.1  # of the half interval, from which the profile's interval is given
-_PRIOR_ONLY = 0.9  # of the prior's deviation is left
-_CONTRADICTED = 3.0  # standard deviations from the prior
 
 
 def parameters(
@@ -121,73 +127,35 @@ def parameters(
     """Return the estimates; where a profile's interval differs from the quadratic one, with it."""
     std = np.sqrt(np.diag(found.covariance)[: problem.shared]) * problem.per_entry(found.x)
     estimates: dict[str, Estimate] = {}
-    findings: list[Finding] = []
     for i, name in enumerate(problem.names):
-        unit, log = NAMES[name].unit, problem.logarithmic[i]
-        e = Estimate.of(problem.value(found.x, i), float(std[i]), unit, logarithmic=log)
-        prior = problem.priors.get(name)
-        if prior is not None:
-            findings += _against(name, e, prior)
-        if prior is not None and e.std > _PRIOR_ONLY * prior.std:
-            e = replace(e, origin="prior")
-            findings.append(Finding.of("motion", "adds little", name=name))
+        value, unit = problem.value(found.x, i), NAMES[name].unit
+        log = problem.logarithmic[i]
+        estimates[name] = Estimate.of(value, float(std[i]), unit, logarithmic=log)
+    estimates, findings = against_prior(problem, estimates)
+    for name, e in estimates.items():
         if name in drawn:
             ends = drawn[name].ci95
             half = 0.5 * (e.ci95[1] - e.ci95[0])
             apart = max(abs(a - b) for a, b in zip(ends, e.ci95, strict=True))
             if not apart <= _OFF * half:
-                e = replace(e, ci95=ends)
+                e = estimates[name] = replace(e, ci95=ends)
                 findings.append(Finding.of("motion", "profile", name=name))
-        if name == "drag_quadratic" and not log:  # it is never below 0
-            e = replace(e, ci95=(max(e.ci95[0], 0.0), e.ci95[1]))
-        estimates[name] = e
-    for name in ("psi",) if problem.model.law == "quadratic" else ("K2", "T2", "psi"):
-        estimates.setdefault(name, Estimate.given(problem.values[name], NAMES[name].unit))
-    return estimates, findings
-
-
-def _against(name: str, e: Estimate, prior: Prior) -> Iterator[Finding]:
-    """Yield a warning where data and prior can hardly both be right."""
-    shift = math.sqrt(max(prior.std**2 - e.std**2, 0.0))  # of the estimate, if the prior is right
-    if abs(e.value - prior.mean) > _CONTRADICTED * max(shift, 0.1 * prior.std):
-        found, mean, std = (
-            format_quantity(value, e.unit, shown_unit(e.unit), digits=3)
-            for value in (e.value, prior.mean, prior.std)
-        )
-        yield Finding.of("motion", "contradicts", name=name, found=found, mean=mean, std=std)
-
-
-def derived(problem: Problem, found: Fit) -> dict[str, Estimate]:
-    """Return what follows of mass and laminar drag, by the delta rule."""
-    if problem.model.law == "quadratic":
-        return {}
-    p = problem.shared
-    C = found.covariance[:p, :p]
-
-    def of(quantity: Callable[[Mapping[str, float]], float], unit: str) -> Estimate:
-        at = quantity(problem.named(found.x))
-        slope = np.zeros(p)
-        for i in range(p):
-            moved = found.x.copy()
-            moved[i] += 1e-5
-            slope[i] = (quantity(problem.named(moved)) - at) / 1e-5
-        std = math.sqrt(max(float(slope @ C @ slope), 0.0))
-        return Estimate.of(at, std, unit, logarithmic=True)
-
-    k_b = problem.model.specific_weight
-    return {"mass": of(problem.model.mass, "kg"), "drag": of(lambda v: k_b / v["K2"], "N s/m")}
+        if name == "drag_quadratic" and e.ci95[0] < 0.0:  # it is never below 0
+            estimates[name] = replace(e, ci95=(0.0, e.ci95[1]))
+    return {**estimates, **held_values(problem)}, findings
 
 
 _STILL = 1e-4  # m, below which no sensor measures
 
 
 def check_logs(
-    logs: Sequence[Log], neutral_std: float, speed_std: float, drive: Drive | None
+    logs: Sequence[Log], neutral_std: float | None, speed_std: float, drive: Drive | None
 ) -> None:
     """Raise InputError for no log, or for a deviation or drive that cannot be."""
     if not logs:
         raise InputError("no log is given", field="LOG", remedy="Give at least one log")
-    check_std("neutral_std", neutral_std, "m3")
+    if neutral_std is not None:
+        check_std("neutral_std", neutral_std, "m3")
     check_std("speed_std", speed_std, "m/s")
     if drive not in (None, "volume", "voltage"):
         what = "this does not drive the vehicle's model by itself"
@@ -254,28 +222,33 @@ def identify(
     fixed: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
     drag: str | None = None,
-    neutral_std: float = NEUTRAL_STD,
+    neutral_std: float | None = None,
     speed_std: float = math.inf,
     drive: Drive | None = None,
     bottom_depth: float = math.inf,
     surface_margin: float = 0.1,
     profiles: bool = True,
     choices: bool = True,
-    random_walk: bool = False,
+    process_noise: ProcessNoise = "auto",
     posterior: int | None = None,
     columns: Sequence[Column] = (),
     advance: Advance = silent,
 ) -> Identification:
     """Return the parameters that make the vehicle's model meet all logs together, with intervals.
 
-    Output-error maximum likelihood on depth: each log is an experiment with its own neutral
-    volume, noise and starts. free: what is identified (see NAMES), the drag law's parameters and
-    psi where not given; fixed: values in SI that are not; priors: by name; drag: linear, quadratic
-    or blended, the vehicle's own where not given. neutral_std: 1 sigma [m3] of what is known of a
-    log's neutral volume, inf for nothing; speed_std: of its speed at the start about 0 [m/s].
-    drive: volume or voltage; bottom_depth [m]; surface_margin: samples less than this below the
-    depth of emergence are left out [m]. random_walk: the neutral volumes are random walks, and the
-    numbers those of the innovations' likelihood. posterior: seed of draws from it (needs emcee).
+    Maximum likelihood on depth: each log is an experiment with its own neutral volume, noise and
+    starts. Where the vehicle does not quite move as the model has it, there is process noise, and
+    the likelihood is that of a Kalman filter's innovations.
+
+    free: what is identified (see NAMES), the drag law's parameters and psi where not given; fixed:
+    values in SI that are not; priors: by name; drag: linear, quadratic or blended, the vehicle's
+    own where not given. neutral_std: 1 sigma [m3] of what is known of a log's neutral volume, inf
+    for nothing; not given, 0.5 cm3 where a log's volume has a zero of its own, at rest, and
+    nothing where it counts from mid-stroke, or the logs say otherwise. speed_std: of its speed at
+    the start about 0 [m/s]. drive: volume or voltage; bottom_depth [m]; surface_margin: samples
+    less than this below the depth of emergence are left out [m]. process_noise: always, never, or,
+    auto, where the logs show it. posterior: seed of draws from it, without process noise (needs
+    emcee).
     columns: the water of casts, one for all logs or one for each; none: of constant density.
     advance: called with the share of the work done since last called.
 
@@ -283,6 +256,9 @@ def identify(
     is among the findings, and Identification.vehicle raises NoAnswerError then.
     """
     check_logs(logs, neutral_std, speed_std, drive)
+    if process_noise not in ("auto", "always", "never"):
+        what, remedy = "there is no such mode", "Choose auto, always or never"
+        raise InputError(what, field="process_noise", value=process_noise, remedy=remedy)
     waters = water_of_each(len(logs), columns)
     read = partial(
         record, vehicle=vehicle, bottom_depth=bottom_depth, surface_margin=surface_margin
@@ -292,37 +268,69 @@ def identify(
         for log, water in zip(logs, waters, strict=True)
     ]
     check_motion(records)
-    assumed = Assumed(dict(fixed or {}), dict(priors or {}), neutral_std, speed_std)
+    known = neutral_std
+    if known is None:  # only that of the vehicle before this log, if the volume has its own zero
+        stays = any(r.drive == "volume" and r.volume_absolute for r in records)
+        known = math.inf if stays else NEUTRAL_STD
+    assumed = Assumed(dict(fixed or {}), dict(priors or {}), known, speed_std)
     problem = posed(records, vehicle, assumed, free=free, drag=drag)
     advance(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        share = 0.3 if random_walk or posterior is not None else 1.0
-        asked = Asked(profiles and not random_walk, choices and not random_walk, posterior)
-        found = _answer(problem, vehicle, asked, lambda part: advance(share * part))
-        if not random_walk:
-            return found
-        walked = fit_random_walk(problem, vehicle)
-        advance(0.6)
-        return with_random_walk(found, walked, vehicle, problem)
+        asked = Asked(process_noise, profiles, choices, posterior)
+        found = _answer(problem, vehicle, asked, advance)
+        if neutral_std is None and math.isfinite(known) and _doubts(found):
+            nothing = assumed._replace(neutral_std=math.inf)
+            problem = posed(records, vehicle, nothing, free=free, drag=drag)
+            looser = _answer(problem, vehicle, asked, silent)
+            found = looser if _doubts(found, looser) else found
+        return found
 
 
-def _white(problem: Problem, found: Fit) -> Array:
+def _doubts(found: Identification, looser: Identification | None = None) -> bool:
+    """Return whether the logs speak against the prior of their neutral volumes, which nobody gave.
+
+    Beside what is found without: whether it is clearly less likely.
+    """
+    if any(f.kind == "neutral prior" for f in found.findings):
+        return True
+    own = found.process_noise
+    if own is None or looser is None:
+        return own is not None
+    return looser.process_noise is None or (
+        looser.process_noise.log_likelihood > own.log_likelihood + _CLEARLY
+    )
+
+
+def _sensors(problem: Problem, found: Fit) -> Array:
     """Return the sensor's part of each experiment's noise [m]."""
     parts = zip(pairwise(problem.rows), found.noise, strict=True)
     return np.array([white_part(found.residual[a:b], found.weight[a:b], s) for (a, b), s in parts])
 
 
-class Asked(NamedTuple):
-    """What is to be found beside the parameters."""
-
-    profiles: bool
-    choices: bool
-    posterior: int | None  # seed of draws
-
-
 def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -> Identification:
+    """Return the answer with process noise where there is some, else without."""
+    near: Array | None = None
+    if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
+        fit = fit_process_noise(problem, vehicle)
+        noise = math.hypot(fit.noise.depth, fit.noise.correlated)
+        if asked.process_noise == "never":
+            near = problem.begin(fit.values)
+        elif asked.process_noise == "auto" and (not fit.significant or noise < _NO_SENSORS):
+            # A filter of an unstable motion corrects itself at every sample, and follows with its
+            # own noise alone what the vehicle does not do by itself.
+            near = followed(problem, fit.values, noise)
+        if near is None:
+            report(0.9)
+            return with_process_noise(fit, vehicle, problem, assumptions(problem, vehicle), asked)
+    return _without_process_noise(problem, vehicle, asked, report, near)
+
+
+def _without_process_noise(
+    problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance, near: Array | None
+) -> Identification:
+    """Return the answer of a fit whose residuals are noise of the depth; near: see `fit`."""
     names, model = problem.names, problem.model
-    found = solve(problem)
+    found = solve(problem, near)
     report(0.35 if asked.choices or asked.profiles else 0.95)
     findings: list[Finding] = [*not_identifiable(problem, found)]
     drawn: dict[str, Profile] = {}
@@ -334,20 +342,21 @@ def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -
     report(0.3 * asked.choices)
     each = each_experiment(problem, found)
     findings += judge(listed)
-    findings += diagnose(problem, found, each, dry_mass=dry_mass(vehicle))
-    turned = [f for f in findings if f.kind == "backwards"]
-    findings = turned or findings  # what follows from it need not be said
+    per, p = problem.per_entry(found.x), problem.shared
+    covariance = found.covariance[:p, :p] * np.outer(per, per)
+    derived = mass_and_drag(model, names, problem.named(found.x), covariance)
     estimates, fewer = parameters(problem, found, drawn)
-    findings += [] if turned else fewer
+    findings += diagnose(problem, found, each)
+    findings += possible(problem, derived, estimates, dry_mass(vehicle))
+    turned = [f for f in findings if f.kind == "backwards"]
+    findings = turned or [*findings, *fewer]  # what follows from it need not be said
     identified, drawn_points = all(f.severity != "no" for f in findings), None
     if asked.posterior is not None and identified:
         drawn_points = sample(problem, found, asked.posterior, lambda part: report(2.0 * part))
-    per, p = problem.per_entry(found.x), problem.shared
-    covariance = found.covariance[:p, :p] * np.outer(per, per)
     samples = np.diff(problem.rows)
     noise, sensor = (
         float(np.sqrt(np.average(part**2, weights=samples)))
-        for part in (found.noise, _white(problem, found))
+        for part in (found.noise, _sensors(problem, found))
     )
     neutral_std = neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD)
     new, logs = vehicle, tuple(e.source for e in each)
@@ -358,7 +367,7 @@ def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -
         names=names,
         law=model.law,
         parameters=estimates,
-        derived=derived(problem, found),
+        derived=derived,
         covariance=covariance,
         experiments=each,
         findings=tuple(findings),

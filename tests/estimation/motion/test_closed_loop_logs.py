@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 import swimbladder
-from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion import identify
-from swimbladder.estimation.motion.fit import Shooting, growth
-from swimbladder.estimation.motion.problem import Assumed, Problem, experiment, model_of
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from tests.estimation.motion.pool import FEUP, trace
@@ -71,50 +68,3 @@ def test_the_search_does_not_need_good_first_values(vehicle, dive):
     b = identify([log_of(dive, 4)], other, choices=False, profiles=False)
     for name, e in a.parameters.items():
         assert b.parameters[name].value == pytest.approx(e.value, abs=0.05 * e.std)
-
-
-def problem_of(vehicle, log):
-    return Problem(
-        [experiment(record(log, vehicle, drive="volume"), vehicle)],
-        model_of(vehicle, law=None, bottom_depth=np.inf),
-        ("K2", "T2", "psi"),
-        Assumed(neutral_std=0.5e-6),
-    )
-
-
-def test_growth_is_what_the_slopes_of_the_true_path_say(vehicle, dive):
-    problem = problem_of(vehicle, log_of(dive, 0))
-    x = problem.begin()
-    x[-2:] = 150.0, 0.0  # at rest at 1.5 m
-    column = problem.slope(x)[:, -2] / 1e-2
-    assert growth(problem, x) == pytest.approx(column.max(), rel=1e-3)
-    assert column.max() > 1000.0
-    x[2] = -1.0  # a hull stiffer than water is stable
-    assert growth(problem, x) == 1.0
-
-
-def test_gaps_have_the_derivatives_of_their_differences_and_close_on_a_true_path(vehicle, dive):
-    problem = problem_of(vehicle, log_of(dive, 0))
-    cut = Shooting(problem, 1e5)
-    cut.gap = 1e-3
-    rng = np.random.default_rng(1)
-    x = cut.begin() + 0.01 * rng.normal(size=cut.size)
-    rows, slope = cut.prior_rows(x)
-    joints = len(cut.experiments[0].segments) - 1
-    assert joints >= 10
-    assert len(rows) == 1 + 2 * joints  # after the neutral volume's prior
-    for i in range(cut.size):
-        step = 1e-4 * np.eye(cut.size)[i]
-        central = (cut.prior_rows(x + step)[0] - cut.prior_rows(x - step)[0]) / 2e-4
-        np.testing.assert_allclose(-slope[:, i], central, rtol=1e-3, atol=1e-2)
-    # The truth, every stretch started on its path: no gap is left.
-    path, time = dive[2], dive[0]
-    for k, s in enumerate(cut.experiments[0].segments):
-        at = cut.starts_at[0] + 2 * k
-        speed = np.gradient(path, time)[s.first] if k else 0.0
-        x[at], x[at + 1] = path[s.first] / 1e-2, speed / 1e-2
-    for i, name in enumerate(cut.names):
-        x[i] = np.log(TRUTH[name]) if cut.logarithmic[i] else TRUTH[name] / cut.scale[i]
-    x[cut.shared] = 0.0
-    gaps = cut.prior_rows(x)[0][1:] * cut.gap
-    assert np.abs(gaps).max() < 1e-4  # the speeds are from differences of depths

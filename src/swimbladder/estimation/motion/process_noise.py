@@ -1,0 +1,618 @@
+"""Parameters of a vehicle that does not quite move as the model has it, with process noise.
+
+Trapped air, a hull that takes up water or cools, a piston that slips, a wake: the neutral volume is
+a random walk, and white acceleration stands for the rest. The innovations of a Kalman filter give
+the likelihood (Schweppe, IEEE Trans. Inf. Theory 11, 1965); parameters and the intensities of all
+noise maximise it. So what the model lacks widens the intervals by its own spectrum: a fit without
+process noise takes it for noise of the sensor, and over a long log of an unstable motion claims
+parts per million of parameters that are wrong by tens of percent. Of the sensor's noise a part may
+last (a filter in it, waves), which is another spectrum. Only stretches clear of surface and bottom
+count, and the filter starts anew in each: contact would make the likelihood jump, and says little.
+
+The covariance of a fit is from information, and from the scatter of the scores of blocks.
+"""
+
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.estimates import Z95, Estimate, Prior, crossing
+from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
+from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
+from swimbladder.estimation.motion.fit import regression
+from swimbladder.estimation.motion.problem import NAMES, Experiment, Problem
+from swimbladder.estimation.series import Array, Index
+from swimbladder.io.answers import as_json
+from swimbladder.vehicle import Vehicle
+
+_SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known
+_SHARE = 0.25  # of the stroke, deviation of a neutral volume that nothing is known of
+_FINEST = 1e-4  # m; how the volume goes between two samples, which no log says, costs as much
+_STEP = 1e-4  # of a quantity's scale, for slopes
+
+
+class Quantity(NamedTuple):
+    """A quantity that is estimated: x is its logarithm, or the value over its scale."""
+
+    name: str
+    logarithmic: bool
+    scale: float
+    begin: float  # a value, SI
+    limits: tuple[float, float] = (-math.inf, math.inf)  # of x
+
+    def value(self, x: float) -> float:
+        """Return the value at x."""
+        return math.exp(min(max(x, -500.0), 500.0)) if self.logarithmic else x * self.scale
+
+    def place(self, value: float) -> float:
+        """Return x of a value."""
+        return math.log(max(value, 1e-200)) if self.logarithmic else value / self.scale
+
+    def slope(self, x: float) -> float:
+        """Return how the value grows with x."""
+        return self.value(x) if self.logarithmic else self.scale
+
+
+NOISES: tuple[Quantity, ...] = (
+    Quantity("depth_noise", True, 1.0, 5e-3),  # m
+    Quantity("random_walk", True, 1.0, 0.1e-6),  # m3/s^0.5
+    Quantity("acceleration", True, 1.0, 1e-3),  # m/s^1.5
+    Quantity("correlated", True, 1.0, 2e-3),  # m
+    Quantity("correlation_time", True, 1.0, 3.0),  # s
+)
+NO_NOISE: Mapping[str, float] = {
+    "random_walk": 0.0,
+    "acceleration": 0.0,
+    "correlated": 0.0,
+    "correlation_time": NOISES[-1].begin,
+}
+_CORRELATION_TIME = Prior(3.0, 3.0)  # s: else noise would be white, or an offset
+
+
+class Likelihood:
+    """The log posterior of quantities x given several records.
+
+    quantities: what is estimated, names of the model and of NOISES; values: what is held, SI.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        vehicle: Vehicle,
+        quantities: Sequence[Quantity],
+        values: Mapping[str, float],
+    ) -> None:
+        self.model = problem.model
+        self.priors = {"correlation_time": _CORRELATION_TIME, **problem.priors}
+        self.quantities, self.values = tuple(quantities), dict(values)
+        self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
+        self.known = math.isfinite(problem.neutral_std)
+        self.speed_std = problem.speed_std
+        nothing = _SHARE * (stroke.maximum - stroke.minimum)
+        self.neutral_std = problem.neutral_std if self.known else nothing
+        self.records = tuple(e.record for e in problem.experiments)
+        parts = [(i, e.segments) for i, e in enumerate(problem.experiments)]
+        self.record = np.array([i for i, segments in parts for _ in segments])  # of each stretch
+        self.first = [s.first for _, segments in parts for s in segments]  # sample of the record
+        self.samples = tuple(s for e in problem.experiments for s in _samples(e))
+        self.ends = np.cumsum([0, *(len(s.time) for s in self.samples)])
+        self.record_of_samples = np.repeat(self.record, np.diff(self.ends))
+
+    def begin(self, values: Mapping[str, float] | None = None) -> Array:
+        """Return x at the values to begin with, or at others where they are given."""
+        known = values or {}
+        return np.array([q.place(known.get(q.name, q.begin)) for q in self.quantities])
+
+    def within(self, x: Array) -> Array:
+        """Return the nearest x that can be."""
+        low, high = np.array([q.limits for q in self.quantities]).T
+        return np.clip(x, low, high)
+
+    def named(self, x: Array) -> dict[str, float]:
+        """Return all values, estimated and held, by name."""
+        found = {q.name: q.value(float(at)) for q, at in zip(self.quantities, x, strict=True)}
+        return {**self.values, **found}
+
+    def noise(self, values: Mapping[str, float]) -> Noise:
+        """Return the filter's noise of these values."""
+        rounding = max(self.quantum / math.sqrt(12.0), _FINEST)
+        depth = math.hypot(values["depth_noise"], rounding)
+        intensities = values["random_walk"], values["acceleration"]
+        correlated = {name: values[name] for name in ("correlated", "correlation_time")}
+        return Noise(depth, *intensities, **correlated)
+
+    def filtered(self, x: Array, *, correlated: bool = True) -> list[Filtered]:
+        """Return the filter's run along every stretch.
+
+        correlated: else the depth's correlated noise counts as white, for the smoother.
+        """
+        values = self.named(x)
+        clear = self.model.plant(values, self.model.base.V_0)
+        clear = clear._replace(z_surface=-math.inf, z_bottom=math.inf)
+        noise = self.noise(values)
+        if not correlated:
+            depth = math.hypot(noise.depth, noise.correlated)
+            noise = noise._replace(depth=depth, correlated=0.0)
+        starts = [self.start(i, values, noise) for i in range(len(self.samples))]
+        pairs = zip(self.samples, starts, strict=True)
+        return [filter_depth(clear, s, noise=noise, start=start) for s, start in pairs]
+
+    def start(self, stretch: int, values: Mapping[str, float], noise: Noise) -> Start:
+        """Return the state that a stretch begins with, and what is known of it."""
+        s, record = self.samples[stretch], self.records[self.record[stretch]]
+        neutral = float(s.volume[0] - values["psi"] * s.depth[0])
+        std = self.neutral_std
+        if self.known:
+            neutral = self.model.base.V_0
+            if not record.volume_absolute:  # neutral at the first sample, whatever psi is
+                neutral += (self.model.base.psi - values["psi"]) * float(record.depth[0])
+            std = math.hypot(std, noise.random_walk * math.sqrt(float(s.time[0])))
+        begins = stretch == 0 or self.record[stretch] != self.record[stretch - 1]
+        speed = min(self.speed_std, _SPEED_STD) if begins else _SPEED_STD
+        depth = 3.0 * math.hypot(noise.depth, noise.correlated)
+        return Start(float(s.depth[0]), 0.0, neutral, depth, speed, std)
+
+    def prior(self, x: Array) -> float:
+        """Return the log density of the priors at x, up to a constant."""
+        slope, hold = self.prior_slope(x)
+        return -0.5 * float((slope**2 / np.where(hold > 0.0, hold, 1.0)).sum())
+
+    def prior_slope(self, x: Array) -> tuple[Array, Array]:
+        """Return gradient of the priors' log density at x, and minus its second derivatives."""
+        slope, hold = np.zeros(len(x)), np.zeros(len(x))
+        for i, q in enumerate(self.quantities):
+            prior = self.priors.get(q.name)
+            if prior is not None:
+                width = prior.std / (prior.mean if q.logarithmic else q.scale)
+                slope[i], hold[i] = (q.place(prior.mean) - float(x[i])) / width**2, width**-2
+        return slope, hold
+
+    def __call__(self, x: Array) -> float:
+        """Return the log posterior at x."""
+        total = sum(f.log_likelihood for f in self.filtered(x)) + self.prior(x)
+        return float(total) if math.isfinite(total) else -1e12
+
+    def _along(self, x: Array) -> tuple[Array, Array]:
+        """Return innovation, variance and log likelihood of every sample [3, samples], and how
+        often the filter has started anew in its stretch until then.
+        """
+        runs = self.filtered(x)
+        parts = [(f.innovation, f.variance, f.contribution) for f in runs]
+        return np.concatenate(parts, axis=1), np.concatenate([_restarts(f) for f in runs])
+
+    @np.errstate(invalid="ignore", over="ignore")  # of models that no vehicle is
+    def scores(self, x: Array, *, central: bool = True) -> tuple[Array, Array]:
+        """Return the gradient [samples, quantities] of every sample's log likelihood at x, and the
+        information [quantities, quantities] of all, priors left out.
+
+        The information is Fisher's for normal innovations e of variance S, e weighted as it counts:
+        the sum of de de'/S + dS dS'/(2 S^2). central: differences to both sides. Where the filter
+        starts anew elsewhere than a step aside, the likelihood jumps between, which is no slope.
+        """
+        here, began = self._along(x)
+        slopes = np.zeros((*here.shape, len(x)))
+        for i, h in enumerate(_STEP * np.eye(len(x))):
+            total, sides = np.zeros_like(here), np.zeros(here.shape[1])
+            for sign in (1.0, -1.0):
+                if sign < 0.0 and not central and sides.all():
+                    break  # the other side is needed only where the likelihood jumps
+                there, again = self._along(x + sign * h)
+                same = (again == began) & np.isfinite(there).all(axis=0)
+                total += np.where(same, sign * (there - here), 0.0)
+                sides += same
+            slopes[..., i] = np.nan_to_num(total / (np.maximum(sides, 1.0) * _STEP))
+        e, S, _ = here[..., None]
+        believed = np.abs(e) <= GATE * np.sqrt(S)
+        de = np.where(believed, slopes[0] / np.sqrt(S), 0.0)
+        dS = np.where(believed, slopes[1] / S, 0.0)
+        parts = [(de[a:b], dS[a:b]) for a, b in pairwise(self.ends)]
+        return slopes[2], np.sum([e.T @ e + 0.5 * s.T @ s for e, s in parts], axis=0)
+
+
+def _restarts(run: Filtered) -> Array:
+    """Return a number [n] that two runs share where they have started anew at the same samples."""
+    again = run.fate == RESTARTED
+    return np.cumsum(np.where(again, np.sqrt(np.arange(2.0, len(again) + 2.0)), 0.0))
+
+
+def _samples(e: Experiment) -> list[Samples]:
+    """Return what the filter takes of a record: its stretches clear of contact."""
+    record = e.record
+    if record.volume is None or record.drive != "volume":
+        what = "a random walk of the neutral volume is seen where only the logged volume drives it"
+        raise InputError(what, field="--drive", value=record.drive, remedy="Drive it with volume")
+    found = []
+    for segment in e.segments:
+        part = slice(segment.first, segment.last + 1)
+        arrays = (record.time[part], record.volume[part], record.depth[part])
+        time, volume, depth = (np.ascontiguousarray(a) for a in arrays)
+        found.append(Samples(time, volume, depth, np.ones(len(time), np.int8), record.layers))
+    return found
+
+
+Maker = Callable[[Sequence[Quantity], Mapping[str, float]], Likelihood]  # of other quantities
+
+_BLOCK = 20.0  # s, of samples that may depend on each other
+_ENOUGH = 4  # blocks a quantity, for a covariance from their scatter
+_SINGULAR = 1e-7
+_LOOSE = 5.0  # deviation of a logarithm, at which the quantity is not identifiable
+
+
+def without_trace(
+    full: Likelihood, x: Array, likelihood: Maker, held: Mapping[str, float]
+) -> tuple[Likelihood, Array]:
+    """Return the likelihood with a quadratic drag that left no trace at 0, not as a logarithm."""
+    names = [q.name for q in full.quantities]
+    if "drag_quadratic" not in names or full.model.law != "blended":
+        return full, x
+    i = names.index("drag_quadratic")
+    if full.scores(x)[1][i, i] > _LOOSE**-2:
+        return full, x
+    quantities = list(full.quantities)
+    scale = max(full.model.scale("drag_quadratic"), 1e-3)
+    quantities[i] = Quantity("drag_quadratic", False, scale, 0.0, (0.0, math.inf))
+    y = x.copy()
+    y[i] = 0.0
+    return likelihood(quantities, held), y
+
+
+def covariance(full: Likelihood, x: Array) -> Array:
+    """Return the covariance of x: a sandwich of information and scatter of the scores.
+
+    The scores are summed over whole records where there are enough of them, which allows for
+    records that differ, else over blocks of 20 s. Where there are too few of these too, and where
+    the scatter is smaller than the information says, the information stands. A quantity whose
+    logarithm is not identifiable, as of a random walk of 0, has an infinite variance and no part
+    in the others'. Along a combination of which nothing is known the variance is huge.
+    """
+    scores, H = full.scores(x)
+    H = H + np.diag(full.prior_slope(x)[1])
+    known = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
+    size = np.sqrt(np.where(known, np.diag(H), 1.0))
+    values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(known, known)])
+    values = np.maximum(values, _SINGULAR)  # where the likelihood is flat nothing is known
+    C = np.diag(np.full(len(x), np.inf))
+    bread = (vectors / values) @ vectors.T / np.outer(size[known], size[known])
+    blocks = _blocks(full, len(x))
+    if blocks is not None:
+        sums = np.stack([np.bincount(blocks, column) for column in scores[:, known].T], axis=1)
+        sums -= sums.mean(axis=0)
+        sandwich = bread @ (sums.T @ sums) @ bread * len(sums) / (len(sums) - 1)
+        ratio = np.diag(sandwich) / np.diag(bread)
+        if (ratio > 1.0).any():
+            grow = np.sqrt(np.maximum(ratio, 1.0) / ratio)
+            bread = sandwich * np.outer(grow, grow)
+    C[np.ix_(known, known)] = bread
+    return C
+
+
+def _blocks(full: Likelihood, quantities: int) -> Index | None:
+    """Return the number of the block that each sample is in, None where blocks are too few."""
+    if len(full.records) >= _ENOUGH * quantities:
+        return full.record_of_samples
+    found, last = [], 0
+    for s in full.samples:
+        within = ((s.time - s.time[0]) // _BLOCK).astype(np.int64)
+        found.append(within + last)
+        last += int(within[-1]) + 1
+    return np.concatenate(found) if last >= _ENOUGH * quantities else None
+
+
+_SAME = 0.003  # of log likelihood: a step that gains less is the last
+_RIDGE = 0.25  # information that bounds a step of a quantity that is not identifiable
+_FAR = 100.0  # scales, from which no search begins
+_SETTLES = 0.2  # of the time between samples, the least T2
+_LONGEST = 1.5  # of a logarithm, a step
+_ROUNDS = 60
+_FEW = 12  # rounds that begin next to where they end
+_REACHES_0 = 0.025  # chance of a random walk's evidence, above which its interval reaches 0
+_NEAR = 0.1  # of the logarithm of the intensity, to which its end is found
+_FARTHEST = 15.0  # of the logarithm of the intensity, where its end is sought
+_UNITS = {
+    "depth_noise": "m",
+    "random_walk": "m3/s^0.5",
+    "acceleration": "m/s/s^0.5",
+    "correlated": "m",
+    "correlation_time": "s",
+}
+_SIGNIFICANT = 1e-3  # chance of as much evidence for process noise without any
+
+
+class Track(NamedTuple):
+    """How the filter went along one record, at its samples; NaN where they do not count."""
+
+    innovation: Array  # m, measured less predicted from the samples before
+    deviation: Array  # m, that it should have
+    smoothed: Array  # [n, 3], depth m, speed m/s, neutral volume m3, given all samples
+    covariance: Array  # [n, 3, 3], of that
+    start: Start  # what was known of the state at its first sample
+
+    @property
+    def weight(self) -> Array:
+        """How much each sample counts: 0 where it does not, less than 1 for outliers."""
+        size = np.abs(self.innovation) / self.deviation
+        return np.nan_to_num(np.minimum(1.0, (GATE / np.maximum(size, 1e-9)) ** 2))
+
+    @property
+    def used(self) -> Index:
+        """Numbers of the samples that count."""
+        return np.flatnonzero(np.isfinite(self.innovation))
+
+    @property
+    def neutral_off(self) -> float:
+        """The neutral volume at the start against what was known [its standard deviations]."""
+        first = float(self.smoothed[self.used[0], 2])
+        return (first - self.start.neutral) / self.start.neutral_std
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessNoiseFit:
+    """What maximises the likelihood of the innovations, and how sure it is.
+
+    estimates, covariance: of the names, in their order, SI. noises: depth_noise [m, its quantum
+    not included], random_walk [m3/s^0.5], acceleration [m/s^1.5, white], correlated [m], what of
+    the depth's noise is so, over a correlation_time [s]: with intervals. p_value: chance of as
+    much evidence for the random walk where the neutral volume stays; p_any: for all noise but the
+    depth's white one. tracks: of each record.
+    """
+
+    names: tuple[str, ...]
+    estimates: dict[str, Estimate]
+    covariance: Array
+    noises: dict[str, Estimate]
+    noise: Noise
+    values: dict[str, float]
+    log_likelihood: float
+    p_value: float
+    p_any: float
+    tracks: tuple[Track, ...]
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the random walk of the neutral volume is significant (1 %)."""
+        return self.p_value < 0.01
+
+    @property
+    def significant(self) -> bool:
+        """Whether the vehicle does not quite move as the model has it."""
+        return self.p_any < _SIGNIFICANT
+
+    @property
+    def travelled(self) -> tuple[float, ...]:
+        """For each record how far the smoothed neutral volume went [m3], largest less smallest."""
+        return tuple(
+            float(np.nanmax(n) - np.nanmin(n)) for n in (t.smoothed[:, 2] for t in self.tracks)
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in SI units, ready for JSON."""
+        return as_json(
+            self, "parameters=estimates noises log_likelihood p_value p_any travelled_m3"
+        )
+
+
+def fit_process_noise(
+    problem: Problem, vehicle: Vehicle, *, without: Collection[str] = ()
+) -> ProcessNoiseFit:
+    """Return the parameters and the noise that maximise the likelihood of all innovations.
+
+    Priors are log-normal for positive quantities; `neutral_std` is that of every record's neutral
+    volume about the vehicle's at its start. without: noises of NO_NOISE that there are none of.
+
+    Raises InputError where the volume does not drive a record, NoAnswerError where the likelihood
+    has no maximum that can be found.
+    """
+    absent = {*without, *(("correlation_time",) if "correlated" in without else ())}
+    held = problem.values | {name: NO_NOISE[name] for name in absent}
+    likelihood = partial(Likelihood, problem, vehicle)
+    noises = [q for q in NOISES if q.name not in absent]
+    full = likelihood([*(_quantity(name, problem) for name in problem.names), *noises], held)
+    x, best = _highest(full, _begins(full, problem))
+    less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
+    if max(height for _, height in less) > best + _SAME:  # a search had ended on a lesser hill
+        x, best = _highest(full, [x, *(place for place, _ in less)])
+        less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
+    drifting, any_at_all = (
+        _chance(best - height, n) for (_, height), n in zip(less, (1, 4), strict=True)
+    )
+    full, x = without_trace(full, x, likelihood, held)
+    C = covariance(full, x)
+    per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
+    std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
+    found: dict[str, Estimate] = {}
+    p, values = len(problem.names), full.named(x)
+    for q, deviation in zip(full.quantities, std.tolist(), strict=True):
+        unit, log = _UNITS.get(q.name) or NAMES[q.name].unit, q.logarithmic
+        found[q.name] = Estimate.of(values[q.name], deviation, unit, logarithmic=log)
+    for name in absent:
+        found[name] = Estimate.given(NO_NOISE[name], _UNITS[name])
+    if "random_walk" not in absent:
+        own = found["random_walk"]
+        found["random_walk"] = _interval(full, x, best, drifting, own, likelihood)
+    return ProcessNoiseFit(
+        names=problem.names,
+        estimates={name: found[name] for name in problem.names},
+        covariance=C[:p, :p] * np.outer(per[:p], per[:p]),
+        noises={q.name: found[q.name] for q in NOISES},
+        noise=full.noise(values),
+        values=values,
+        log_likelihood=best,
+        p_value=drifting,
+        p_any=any_at_all,
+        tracks=_tracks(full, x),
+    )
+
+
+def height_of(
+    problem: Problem, vehicle: Vehicle, begin: Mapping[str, float]
+) -> tuple[dict[str, float], float, list[Filtered]]:
+    """Return the values at which another model is most probable, its log posterior, and its runs.
+
+    begin: values of parameters and noises near which to begin.
+    """
+    quantities = [*(_quantity(name, problem) for name in problem.names), *NOISES]
+    full = Likelihood(problem, vehicle, quantities, problem.values)
+    near = full.within(full.begin(begin))
+    x, height = _highest(full, [near, *_begins(full, problem)])
+    return full.named(x), height, full.filtered(x)
+
+
+_TRACE = 3.0  # of a logarithm: a twentieth of a noise is as good as none
+_ANY = ("random_walk", "acceleration", "correlated", "correlation_time")
+
+
+def _without(
+    full: Likelihood, x: Array, likelihood: Maker, names: Sequence[str]
+) -> tuple[Array, float]:
+    """Return where the log posterior is highest without some noises, with a trace of these as x of
+    `full`, and how high.
+    """
+    gone = [i for i, q in enumerate(full.quantities) if q.name in names]
+    others = [q for q in full.quantities if q.name not in names]
+    less = likelihood(others, {**full.values, **{name: NO_NOISE[name] for name in names}})
+    begin = np.delete(x, gone)
+    place, height = _highest(less, [begin, _noisier(less, begin)])
+    found = x - np.isin(np.arange(len(x)), gone) * _TRACE
+    found[np.delete(np.arange(len(x)), gone)] = place
+    return found, height
+
+
+def _chance(gain: float, noises: int) -> float:
+    """Return the chance of such a gain in log likelihood where there are none of these noises.
+
+    A noise is at the end of what it can be then: half the chance of one that may be negative. For
+    several at once this is more than it is.
+    """
+    if gain <= 0.0:
+        return 1.0
+    return (0.5 if noises == 1 else 1.0) * float(chi2.sf(2.0 * gain, noises))
+
+
+def _tracks(full: Likelihood, x: Array) -> tuple[Track, ...]:
+    """Return how the filter went along each record."""
+    runs, smooth = full.filtered(x), full.filtered(x, correlated=False)
+    values = full.named(x)
+    found = []
+    for i, record in enumerate(full.records):
+        n = len(record.time)
+        innovation, deviation = np.full((2, n), np.nan)
+        mean, spread = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+        own = np.flatnonzero(full.record == i).tolist()
+        for j in own:
+            at = slice(full.first[j], full.first[j] + len(full.samples[j].time))
+            innovation[at], deviation[at] = runs[j].innovation, np.sqrt(runs[j].variance)
+            mean[at], spread[at] = smooth[j].smoothed()
+        start = full.start(own[0], values, full.noise(values))
+        found.append(Track(innovation, deviation, mean, spread, start))
+    return tuple(found)
+
+
+def _besides(full: Likelihood) -> tuple[int, list[Quantity]]:
+    """Return the place of the random walk among the quantities, and the others."""
+    names = [q.name for q in full.quantities]
+    return names.index("random_walk"), [q for q in full.quantities if q.name != "random_walk"]
+
+
+def _quantity(name: str, problem: Problem) -> Quantity:
+    model, priors = problem.model, problem.priors
+    begin = priors[name].mean if name in priors else problem.values[name]
+    logarithmic = model.logarithmic(name) or name == "drag_quadratic"
+    if not logarithmic:
+        scale = model.scale(name)
+        return Quantity(name, False, scale, min(max(begin, -_FAR * scale), _FAR * scale))
+    low, high = NAMES[name].limits
+    if name == "T2":  # a speed that settles within a sample is one
+        low = max(
+            low,
+            _SETTLES * min(float(np.median(np.diff(e.record.time))) for e in problem.experiments),
+        )
+    return Quantity(name, True, 1.0, begin, (math.log(low), math.log(high)))
+
+
+def _highest(
+    likelihood: Likelihood, begins: Iterable[Array], *, rounds: int = _ROUNDS
+) -> tuple[Array, float]:
+    """Return where the log posterior is highest of where searches end, and how high.
+
+    Raises NoAnswerError where it cannot be found.
+    """
+    found = [_climb(likelihood, x, rounds) for x in begins]
+    place, height = max(found, key=lambda pair: pair[1])
+    if height <= -1e11:
+        raise NoAnswerError("the filter cannot follow these logs with this vehicle: check units")
+    return place, height
+
+
+def _climb(likelihood: Likelihood, x: Array, rounds: int) -> tuple[Array, float]:
+    """Return where the log posterior ends to rise from x, and how high that is.
+
+    Fisher's scoring, damped as Levenberg and Marquardt do.
+    """
+    height, damping = likelihood(x), 0.0
+    for _ in range(rounds):
+        scores, information = likelihood.scores(x, central=False)
+        pull, hold = likelihood.prior_slope(x)
+        slope = scores.sum(axis=0) + pull
+        information += np.diag(hold + _RIDGE)
+        while True:
+            step = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+            step *= min(1.0, _LONGEST / max(float(np.abs(step).max()), 1e-300))
+            gain = 0.5 * float(slope @ step)
+            if gain < _SAME:
+                return x, height
+            new = likelihood.within(x + step)
+            reached = likelihood(new)
+            if reached > height + 0.1 * gain:
+                x, height, damping = new, reached, damping / 5.0
+                break
+            damping = max(5.0 * damping, 0.3)
+            if damping > 1e6:
+                return x, height
+    return x, height
+
+
+def _begins(full: Likelihood, problem: Problem) -> Iterator[Array]:
+    """Yield where to begin: the vehicle's own values, twice, and a regression's."""
+    own = full.begin()
+    yield from (own, _noisier(full, own))
+    psi = None if "psi" in problem.names else problem.values["psi"]
+    found = regression(problem.experiments, problem.model, psi=psi, free_neutral=True)
+    if found is not None:
+        yield full.within(full.begin(found[0]))
+
+
+def _noisier(likelihood: Likelihood, x: Array) -> Array:
+    """Return another start: noise of every kind is larger, but the random walk small."""
+    shifts = {"random_walk": -2.0, "depth_noise": 1.0, "acceleration": 1.0}
+    return np.asarray(x + [shifts.get(q.name, 0.0) for q in likelihood.quantities])
+
+
+def _interval(
+    full: Likelihood, x: Array, best: float, chance: float, found: Estimate, likelihood: Maker
+) -> Estimate:
+    """Return the random walk with the interval of its likelihood profile, which may include 0."""
+    at, others = _besides(full)
+    middle = float(x[at])
+    near = {-1.0: np.delete(x, at), 1.0: np.delete(x, at)}  # where the last search to a side ended
+
+    @cache  # a search that begins elsewhere may end elsewhere
+    def beyond(distance: float) -> float:
+        """Return how far the root of the deviance, which grows about evenly, is past 95 %."""
+        held = likelihood(others, {**full.values, "random_walk": math.exp(middle + distance)})
+        side = math.copysign(1.0, distance)
+        near[side], height = _highest(held, [near[side]], rounds=_FEW)
+        return math.sqrt(max(2.0 * (best - height), 0.0)) - Z95
+
+    step = min(max(Z95 * found.std / found.value, 0.3), 1.5)
+    low = crossing(beyond, -step, farthest=_FARTHEST, xtol=_NEAR) if chance < _REACHES_0 else None
+    high = crossing(beyond, step, farthest=_FARTHEST, xtol=_NEAR)
+    least = 0.0 if low is None else math.exp(middle + low)
+    most = math.inf if high is None else math.exp(middle + high)
+    return replace(found, ci95=(least, most))

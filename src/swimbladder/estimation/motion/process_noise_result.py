@@ -1,0 +1,214 @@
+"""What a fit with process noise says: parameters, logs, findings, and the vehicle that it makes."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from swimbladder.estimation.estimates import Estimate, Finding, sentence
+from swimbladder.estimation.kalman.depth_filter import GATE
+from swimbladder.estimation.motion.diagnose import (
+    LIMIT,
+    against_prior,
+    begin_of,
+    drifts,
+    judge,
+    models_of,
+    neutral_beyond_prior,
+    outliers,
+    possible,
+    sinks_as_it_grows,
+    with_probabilities,
+)
+from swimbladder.estimation.motion.noise import autoregression, whiteness
+from swimbladder.estimation.motion.problem import NAMES, Experiment, Problem
+from swimbladder.estimation.motion.process_noise import ProcessNoiseFit, Track, height_of
+from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
+from swimbladder.estimation.motion.result import (
+    Asked,
+    Choice,
+    ExperimentFit,
+    Identification,
+    Values,
+    dry_mass,
+    held_values,
+    identified_vehicle,
+    mass_and_drag,
+    neutral_spread,
+    trim_of,
+)
+from swimbladder.estimation.series import rms
+from swimbladder.vehicle import Vehicle
+
+
+def with_process_noise(
+    fit: ProcessNoiseFit,
+    vehicle: Vehicle,
+    problem: Problem,
+    assumptions: tuple[str, ...],
+    asked: Asked,
+) -> Identification:
+    """Return the identification of a fit with process noise.
+
+    With enough records, and where it was asked for, the vehicle has their random effects too, and
+    is that of the means over them. What belongs to a single log is from the filter along it.
+    """
+    each = tuple(
+        _experiment(e, track) for e, track in zip(problem.experiments, fit.tracks, strict=True)
+    )
+    parameters, contradicted = against_prior(problem, fit.estimates)
+    derived = mass_and_drag(problem.model, fit.names, fit.values, fit.covariance)
+    listed = compare_models(fit, vehicle, problem) if asked.choices else ()
+    findings = [
+        *_not_identifiable(fit, problem),
+        *judge(listed),
+        *drifts(each, "drift seen"),
+        *outliers(each),
+        *neutral_beyond_prior(problem, [track.neutral_off for track in fit.tracks]),
+        *possible(problem, derived, parameters, dry_mass(vehicle)),
+        *sinks_as_it_grows(problem),
+        *_wanders(fit, problem),
+        *contradicted,
+        _summary(fit),
+    ]
+    turned = [f for f in findings if f.kind == "backwards"]
+    findings = turned or findings  # what follows from it need not be said
+    new, noise = vehicle, fit.noise
+    sensor = math.hypot(noise.depth, noise.correlated)
+    if all(f.severity != "no" for f in findings):
+        records = [e.record for e in problem.experiments]
+        logs, trim = tuple(e.source for e in each), trim_of(each, vehicle)
+        new = identified_vehicle(
+            vehicle,
+            problem.model,
+            Values(fit.names, fit.values, fit.covariance, logs, trim),
+            depth_noise=noise.depth,
+            neutral_walk=noise.random_walk,
+            neutral_std=neutral_spread(each, problem.neutral_std, single=0.0),
+            acceleration_noise=noise.acceleration,
+        )
+        if asked.process_noise == "always" and len(records) >= FEWEST:
+            new = between_logs(records, new)
+            findings.append(_differ(new))
+    return Identification(
+        names=fit.names,
+        law=problem.model.law,
+        parameters={**parameters, **held_values(problem)},
+        derived=derived,
+        covariance=fit.covariance,
+        experiments=each,
+        findings=tuple(findings),
+        choices=listed,
+        profiles={},
+        assumptions=(*assumptions, sentence("motion", "has process noise")),
+        priors=dict(problem.priors),
+        neutral_std=problem.neutral_std,
+        notes=tuple(dict.fromkeys(note for e in each for note in e.record.notes)),
+        depth_noise=sensor,
+        sensor_noise=noise.depth,
+        process_noise=fit,
+        result_vehicle=new,
+    )
+
+
+def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> tuple[Choice, ...]:
+    """Return every drag law, with psi as it is and otherwise, each with process noise."""
+    found = []
+    for other, psi in models_of(problem, vehicle):
+        begin = {**fit.values, **begin_of(other, problem, fit.values)}
+        values, height, runs = height_of(other, vehicle, fit.values if other is problem else begin)
+        if other is problem:
+            height = max(height, fit.log_likelihood)
+        innovations = np.concatenate([f.innovation for f in runs])
+        kept = np.abs(innovations) < GATE * np.sqrt(np.concatenate([f.variance for f in runs]))
+        found.append(
+            Choice(
+                drag=other.model.law,
+                psi=psi,
+                parameters=len(other.names),
+                rms=rms(innovations[kept]) if kept.any() else math.nan,
+                log_likelihood=height,
+                bic=-2.0 * height + len(other.names) * math.log(len(innovations)),
+                weight=math.nan,
+                values={n: values[n] for n in other.names},
+                reported=other is problem,
+            )
+        )
+    return with_probabilities(found)
+
+
+def _experiment(e: Experiment, track: Track) -> ExperimentFit:
+    """Return what the filter along a log says of it: how far the next sample is off, its start."""
+    used, record = track.used, e.record
+    first, last = int(used[0]), int(used[-1])
+    at = track.smoothed[first]
+    std = np.sqrt(np.maximum(np.diag(track.covariance[first]), 0.0))
+    own = {
+        "neutral_error": (at[2] - track.start.neutral, std[2], "m3"),
+        "start_depth": (at[0], std[0], "m"),
+        "start_speed": (at[1], std[1], "m/s"),
+    }
+    span = float(record.time[last] - record.time[first])
+    went = float(track.smoothed[last, 2] - at[2]) / span
+    unsure = math.hypot(std[2], math.sqrt(max(float(track.covariance[last][2, 2]), 0.0))) / span
+    weight, innovation = track.weight, track.innovation[used]
+    white = innovation / track.deviation[used] * np.sqrt(weight[used])
+    kept = weight[used] >= 0.5
+    return ExperimentFit(
+        source=e.source,
+        record=record,
+        reference_depth=e.reference,
+        predicted=record.depth - track.innovation,
+        residual=track.innovation,
+        weight=weight,
+        estimates={n: Estimate.of(float(v), float(u), unit) for n, (v, u, unit) in own.items()},
+        drift=Estimate.of(went, unsure, "m3/s"),
+        noise=float(np.sqrt(np.mean(track.deviation[used] ** 2))),
+        rms=rms(innovation[kept]) if kept.any() else math.nan,
+        ar=autoregression(white),
+        whiteness_p=whiteness(white),
+        outliers=int((~kept).sum()),
+        step=e.step(),
+    )
+
+
+def _not_identifiable(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Finding]:
+    for name, e in fit.estimates.items():
+        if problem.model.logarithmic(name) and _share(e) > LIMIT:
+            share = f"{100.0 * _share(e):.0f} %" if _share(e) < 10.0 else "any factor"
+            yield Finding.of("motion", "unidentified with it", name=name, share=share)
+
+
+def _wanders(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Finding]:
+    """Yield in which logs the neutral volume would have to go farther than the volume did."""
+    for e, track, went in zip(problem.experiments, fit.tracks, fit.travelled, strict=True):
+        moved = float(np.std(e.inputs[track.used]))
+        if went > moved:
+            yield Finding.of("motion", "wanders", log=e.source, went=went, moved=moved)
+
+
+def _differ(vehicle: Vehicle) -> Finding:
+    known = vehicle.identified
+    assert known is not None  # it was just identified
+    assert known.between is not None
+    b = known.between
+    values = zip(known.names, known.values, strict=True)
+    means = ", ".join(f"{name} = {value:.4g} {NAMES[name].unit}" for name, value in values)
+    drift = f"{3.6e9 * b.neutral_drift:.2g} +- {3.6e9 * b.neutral_drift_std:.2g}"
+    return Finding.of("motion", "logs differ", psi=b.psi, drag=b.drag, drift=drift, means=means)
+
+
+def _share(e: Estimate) -> float:
+    return e.std / abs(e.value) if e.value else math.inf
+
+
+def _summary(fit: ProcessNoiseFit) -> Finding:
+    minute = math.sqrt(60.0)
+    drift = fit.noises["random_walk"]
+    low, high = (f"{1e6 * minute * end:.2g}" for end in drift.ci95)
+    unsure = ", which the logs do not require"
+    texts = {"low": low, "high": high, "sure": "" if fit.drifts else unsure}
+    numbers = {"minute": minute * drift.value, "p": fit.p_value}
+    numbers["farthest"] = max(fit.travelled, default=0.0)
+    numbers["acceleration"] = fit.noises["acceleration"].value
+    return Finding.of("motion", "process_noise", **texts, **numbers)
