@@ -39,6 +39,10 @@ REASONS = (
 """The first of several at one tick is the cause."""
 
 
+ENDLESS = ("same", "settled", "known", "still", "waited", "phase", "astray", "window", "unproven")
+"""Counts that have no end here, and stay at the largest of 16 bits there."""
+
+
 def low_pass(old: float, sample: float, weight: float) -> float:
     """y[k] = (1 - a) y[k-1] + a x[k]; from a y that is no number it begins with the sample."""
     return (1.0 - weight) * old + weight * sample if math.isfinite(old) else sample
@@ -238,7 +242,7 @@ class Motion:
         if speed < 0.0:
             return -self.drag(-speed)
         if speed > p.epsilon:
-            return p.drag_0 + p.drag_blunt * speed + p.drag_square * speed**2
+            return p.drag_0 + p.drag_blunt * speed + p.drag_square * speed * speed
         return p.drag_linear * speed
 
     def force(self, depth: float) -> float:
@@ -422,7 +426,7 @@ class Board:
 
     def sample(self, seen: Watched) -> None:
         p = self.p
-        self.battery.judge(0.0 < p.board.battery_low and seen.battery < p.board.battery_low)
+        self.battery.judge(p.board.battery_low > 0.0 and seen.battery < p.board.battery_low)
         self.leak.judge(seen.leak)
         absurd = seen.reference > p.depth.depth_most or seen.reference < p.depth.depth_least
         if not self.mute:
@@ -506,8 +510,7 @@ class Proof:
         p, still = self.p.proof, self.p.rest.still_distance
         slow = abs(at.behind) <= still
         old = self.ticks_since >= (p.holding if slow else p.unproven)
-        way_begun = self.allowed > self.shown_for
-        begun = self.allowed if way_begun else at.depth
+        begun = at.depth if self.allowed <= self.shown_for else self.allowed
         deeper = at.asked > self.allowed
         if deeper and (at.frozen or old or spare < self.enough(at.asked - begun)):
             return True
@@ -568,7 +571,7 @@ class Sight(NamedTuple):
 
 
 class SafeAction:
-    """Full buoyancy in pushes and rests, the other way round where the wires are, and the weight."""
+    """Full buoyancy in pushes and rests, turned round where the wires are, and the weight."""
 
     def __init__(self, p: SupervisorParameters) -> None:
         self.p = p
@@ -628,7 +631,7 @@ class SafeAction:
         long = self.idle >= p.astray
         at_inner_end = not at.blind and at.volume < self.p.volume.volume_low
         patience = p.push if at.high else p.again
-        in_vain = at.sinks and lost <= p.grown and self.idle >= patience
+        in_vain = at.sinks and not lost > p.grown and self.idle >= patience
         match self.direction:
             case Direction.OUTWARD | Direction.OUTWARD_FOR_GOOD:
                 return at_inner_end and long
@@ -845,7 +848,8 @@ class SecondSupervisor:
             "blind": self.depth.without.quarters,
         }
         found |= {name: counter.count for name, counter in self._debounced().items()}
-        return found | {name: getattr(part, name) for name, part in self._alike()}
+        found |= {name: getattr(part, name) for name, part in self._alike()}
+        return found | {name: min(found[name], OFF) for name in ENDLESS}
 
     def _debounced(self) -> dict[str, Debounce]:
         return {

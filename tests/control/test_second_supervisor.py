@@ -8,15 +8,17 @@ is often right at its limit.
 
 import math
 import random
-from collections.abc import Callable, Iterator
+import struct
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
 
 from swimbladder.control import supervisor
 from swimbladder.control.law import NEVER
+from swimbladder.control.records import leaves
 from swimbladder.control.registry import LAWS
-from swimbladder.control.supervisor import SupervisorParameters, SupervisorState, Watched
+from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Sensors, Supervisor
@@ -40,7 +42,7 @@ class Pair:
 
     def __init__(self, p: SupervisorParameters, restarted: bool = False) -> None:
         self.p = p
-        nothing = Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
+        nothing = supervisor.Watched(math.nan, 0.0, 0.0, 0.0, False, 0, 0)
         self.state = supervisor.initial(p, nothing, float(restarted))
         self.second = SecondSupervisor(p, restarted)
         self.compare()
@@ -52,7 +54,7 @@ class Pair:
 
     def step(self, wanted: float, **seen: Any) -> float:
         """Return the command of both; numbers that are not given are as `Watched` leaves them."""
-        now = Watched(**(QUIET | seen))
+        now = supervisor.Watched(**(QUIET | seen))
         full = now._replace(**({"reference": math.nan, "computed": 0.0} | seen))
         command, self.state, after = supervisor.step(self.p, self.state, now, wanted)
         other = self.second.step(full, wanted)
@@ -63,6 +65,10 @@ class Pair:
 
     def compare(self) -> None:
         ours, other = comparable(self.state, self.p), self.second.memory()
+        named = supervisor.reasons_in(self.state.rescue.reasons)
+        assert ours["reasons"] == {
+            each.words.removesuffix(" or too fast to turn") for each in named
+        }
         if self.second.progress.waited < self.p.progress.waits:
             other["reasons"] = other["reasons"] & (ours["reasons"] | {*REASONS} - FLEETING)
         if ours == other:
@@ -126,6 +132,17 @@ class Sea:
         if self.pumps:
             self.least, self.most = -3e-4, 3e-4
 
+    def seen(self, asked: float) -> dict[str, Any]:
+        """Return what sensors with noise and a quantum of 5 mm measure."""
+        noise = self.rng.gauss(0.0, 2e-3)
+        found: dict[str, Any] = {
+            "depth": 5e-3 * round((self.z + noise) / 5e-3),
+            "volume": 0.0 if self.pumps else self.v + self.rng.gauss(0.0, 2e-7),
+            "reference": asked,
+            "lost": 0,
+        }
+        return found | ({"computed": self.v} if self.pumps else {})
+
     def law(self, asked: float) -> float:
         """Return the command that takes a volume by depth error and speed."""
         p, error = self.p, self.z - asked
@@ -159,33 +176,41 @@ class Sea:
             self.z = max(self.z + h / parts * self.w, 0.0)
 
 
-Fault = Callable[[int, dict[str, Any], random.Random], None]
-"""(ticks since the onset, what is seen, random numbers): change what is seen."""
+class Moment(NamedTuple):
+    """When a fault acts, and on what."""
+
+    k: int  # ticks since the onset
+    seen: dict[str, Any]
+    rng: random.Random
+
+
+Fault = Callable[[Moment], dict[str, Any]]
+"""What is seen otherwise."""
 
 
 def put(**values: Any) -> Fault:
-    return lambda k, seen, rng: seen.update(values)
+    return lambda _: values
 
 
 def drift(name: str, rate: float) -> Fault:
-    return lambda k, seen, rng: seen.update({name: seen[name] + rate * k})
+    return lambda at: {name: at.seen[name] + rate * at.k}
+
+
+def offset(name: str, by: float, factor: float = 1.0) -> Fault:
+    return lambda at: {name: at.seen[name] * factor + by}
 
 
 def at_times(chance: float, fault: Fault) -> Fault:
-    def now_and_then(k: int, seen: dict[str, Any], rng: random.Random) -> None:
-        if rng.random() < chance:
-            fault(k, seen, rng)
-
-    return now_and_then
+    return lambda at: fault(at) if at.rng.random() < chance else {}
 
 
 def stuck(*names: str) -> Fault:
     kept: dict[str, Any] = {}
 
-    def hold(k: int, seen: dict[str, Any], rng: random.Random) -> None:
-        if k == 0:
-            kept.update({name: seen[name] for name in names})
-        seen.update(kept)
+    def hold(at: Moment) -> dict[str, Any]:
+        if at.k == 0:
+            kept.update({name: at.seen[name] for name in names})
+        return kept
 
     return hold
 
@@ -206,19 +231,19 @@ FAULTS = {
     "no depth": Case(put(depth=math.nan)),
     "depth beyond": Case(put(depth=1e6)),
     "depth infinite": Case(put(depth=math.inf)),
-    "late": Case(lambda k, seen, rng: seen.update(depth_age=0.3 * k)),
+    "late": Case(lambda at: {"depth_age": 0.3 * at.k}),
     "old": Case(put(depth_age=0.7)),
     "depth stuck": Case(stuck("depth")),
     "all stuck": Case(stuck("depth", "volume")),
     "depth drifts": Case(drift("depth", 0.02)),
-    "depth offset": Case(lambda k, seen, rng: seen.update(depth=seen["depth"] + 0.6)),
-    "scale": Case(lambda k, seen, rng: seen.update(depth=seen["depth"] * 0.5)),
+    "depth offset": Case(offset("depth", 0.6)),
+    "scale": Case(offset("depth", 0.0, 0.5)),
     "dropouts": Case(at_times(0.3, put(depth=math.nan, volume=math.nan))),
     "no volume": Case(put(volume=math.nan)),
     "volume beyond": Case(put(volume=1e-2)),
     "volume stuck": Case(stuck("volume")),
     "volume drifts": Case(drift("volume", -2e-7)),
-    "volume offset": Case(lambda k, seen, rng: seen.update(volume=seen["volume"] + 1.2e-4)),
+    "volume offset": Case(offset("volume", 1.2e-4)),
     "blocked": Case(block=4e-6, setpoint=8.0),
     "stalled": Case(gain=0.0, setpoint=7.0),
     "weak": Case(gain=0.1, inflow=4e-6),
@@ -236,7 +261,7 @@ FAULTS = {
     "ticks lost": Case(at_times(0.35, put(lost=1))),
     "a long gap": Case(at_times(0.02, put(lost=40))),
     "a longer gap": Case(at_times(0.02, put(lost=5000))),
-    "no command": Case(lambda k, seen, rng: seen.update(missed=k)),
+    "no command": Case(lambda at: {"missed": at.k}),
     "absurd set-point": Case(put(reference=3e38)),
     "set-point no number": Case(put(reference=math.nan), setpoint=9.0),
     "absurd at times": Case(at_times(0.5, put(reference=-50.0))),
@@ -246,40 +271,72 @@ FAULTS = {
 
 @pytest.mark.parametrize("vehicle", ["feup-em", "a law that rests", "ntnu-bv", "example-float"])
 def test_flights_with_faults_go_alike(vehicle: str) -> None:
-    for number, (name, case) in enumerate(FAULTS.items()):
-        fly(VEHICLES[vehicle], case, random.Random(f"{vehicle} {name}"), restarted=number % 9 == 8)
+    for name, case in FAULTS.items():
+        fly(VEHICLES[vehicle], case, random.Random(f"{vehicle} {name}"))
 
 
-def fly(p: SupervisorParameters, case: Case, rng: random.Random, *, restarted: bool) -> None:
-    depth = rng.choice([0.2, 1.5, 5.0])
-    pair, sea, onset, block = Pair(p), Sea(p, rng, depth), rng.choice([60, 160]), math.inf
-    asked, command = rng.choice([2.0, 4.0, 6.0]), 0.0
+@pytest.mark.parametrize("vehicle", ["feup-em", "ntnu-bv", "example-float"])
+def test_bits_that_flip_do_the_same_to_both(vehicle: str) -> None:
+    for name in ("none", "depth drifts", "reversed", "blocked", "too deep", "leaks unseen"):
+        rng = random.Random(f"{vehicle} {name} flips")
+        fly(VEHICLES[vehicle], FAULTS[name], rng, flips=0.05)
+
+
+def fly(p: SupervisorParameters, case: Case, rng: random.Random, *, flips: float = 0.0) -> None:
+    """Fly under both, one flight in eight begun anew by a reset; flips: of bits, in a tick."""
+    sea, block = Sea(p, rng, rng.choice([0.2, 1.5, 5.0])), math.inf
+    onset, asked, command = rng.choice([40, 130]), rng.choice([2.0, 4.0, 6.0]), 0.0
+    restarted = rng.random() < 0.125
+    pair = Pair(p, restarted)
     if restarted:
-        pair = Pair(p, restarted=True)
         pair.put(turns=rng.choice([0, 1, 2, 3, 7, 5]), pushed=sea.v, volume=sea.v)
-    for k in range(onset + 240):
+    for k in range(onset + 160):
         acts = k >= onset
         asked = asked + 1.5 if k % 97 == 96 else asked
         if acts and case.setpoint is not None:
             asked = case.setpoint
-        seen: dict[str, Any] = {
-            "depth": 5e-3 * round((sea.z + rng.gauss(0.0, 2e-3)) / 5e-3),
-            "volume": 0.0 if sea.pumps else sea.v + rng.gauss(0.0, 2e-7),
-            "reference": asked,
-            "battery": 12.0,
-            "lost": 0,
-        }
-        if sea.pumps:
-            seen["computed"] = sea.v
+        seen = sea.seen(asked)
         if acts:
-            case.seen(k - onset, seen, rng)
+            seen |= case.seen(Moment(k - onset, seen, rng))
         if k == onset:
             block = sea.v + case.block
+        if rng.random() < flips:
+            flip(pair, rng)
         command = pair.step(sea.law(asked), **seen)
         broken = acts and (case.mended is None or k < onset + case.mended)
         sea.trapped += case.inflow * p.S_p if acts else 0.0
         for _ in range(min(seen["lost"], 40) + 1):
             sea.go(command, case.gain if broken else 1.0, block)
+
+
+def flip(pair: Pair, rng: random.Random) -> None:
+    """Flip a bit of what both remember, or make a float no number."""
+    before = leaves(pair.state)
+    name = rng.choice(list(before))
+    value = before[name]
+    if isinstance(value, bool):
+        value = not value
+    elif isinstance(value, int):
+        bits = {"reason": 4, "tick": 12, "reasons": 15}
+        value ^= 1 << rng.randrange(bits.get(name, 16))
+    elif rng.random() < 0.2:
+        value = math.nan
+    else:
+        (whole,) = struct.unpack("<q", struct.pack("<d", value))
+        (value,) = struct.unpack("<d", struct.pack("<q", whole ^ (1 << rng.randrange(44, 63))))
+    if not is_left_out(name, value, before, pair.p):
+        pair.put(**{name: value})
+
+
+def is_left_out(name: str, value: float, before: dict[str, Any], p: SupervisorParameters) -> bool:
+    """Return whether the two cannot be compared with this in their memory."""
+    if name in ("noisy", "weight"):  # below 1, where one bit makes a number of every number
+        return not math.isfinite(value)
+    if name in ("rose", "sank"):  # the second one holds one way only
+        return bool(value) and (before["rose"] or before["sank"])
+    if name == "stops":  # the first one takes it for a reason also where it is off
+        return p.rate.following == NEVER
+    return 1e3 < abs(value) < math.inf and isinstance(value, float)  # samples are rounded off
 
 
 HALF, QUARTER, EIGHTH = 0.5, 0.25, 0.125
@@ -511,7 +568,7 @@ def plain_seen(rng: random.Random, pair: Pair) -> dict[str, Any]:
     asked += [math.nan, depth + 0.1 * p.proof.ready, depth + 1.0, depth + 2.0, s.progress.target]
     if rng.random() < 0.1:
         asked = [-HALF, -0.75, 12.0, 12.25, math.inf, 3e5]
-    return {
+    found = {
         "depth": depth,
         "depth_age": rng.choice([0.0, 0.0, 0.0, 0.375, HALF, 1.0, 1.125]),
         "volume": volume,
@@ -522,6 +579,9 @@ def plain_seen(rng: random.Random, pair: Pair) -> dict[str, Any]:
         "reference": rng.choice(asked),
         "computed": rng.choice([math.nan, *SMALL]),
     }
+    if rng.random() < 0.1:
+        del found["reference"], found["computed"]
+    return found
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -534,3 +594,36 @@ def test_steps_of_a_vehicle_of_exact_numbers_are_alike(seed: int) -> None:
             pair.put(**plain_state(rng))
             for _ in range(3):
                 pair.step(rng.choice([-2.0, -HALF, 0.0, HALF, 2.0]), **plain_seen(rng, pair))
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_the_way_to_a_stop_is_alike(vehicle: str) -> None:
+    """With compression, drag and an end of the stroke; any depth where it is none."""
+    p, rng = VEHICLES[vehicle], random.Random(vehicle)
+    motion = Motion(p)
+    for _ in range(200):
+        speed, room = 10.0 ** rng.uniform(-4.0, 1.0), rng.choice([0.0, 1e-5, 2e-4, math.inf])
+        lacks = rng.choice([-1.0, 0.0, 1.0]) * 10.0 ** rng.uniform(-7.0, -3.0)
+        way = stopping_distance(p, motion, speed, lacks, room)
+        ours = supervisor.way_to_stop(p, speed, lacks, room)
+        assert ours == (pytest.approx(way, rel=1e-9) if way < math.inf else 1e6)
+
+
+def test_reasons_are_numbered_by_their_order() -> None:
+    words = {each.value: each.words for each in supervisor.Reason}
+    words[3] = words[3].removesuffix(" or too fast to turn")
+    assert words == dict(enumerate(REASONS, 1))
+
+
+@pytest.mark.xfail(reason="the bit is taken back once the float comes nearer", strict=True)
+def test_a_float_that_came_no_nearer_for_a_while_keeps_that_reason() -> None:
+    """docs/explanation/supervisor.md: it keeps the reason and a bit for each later one."""
+    p = VEHICLES["example-float"]
+    state = supervisor.initial(p, supervisor.Watched(**QUIET), 0.0)
+    state = changed(state, waited=p.progress.waits - 1, target=200.0, farthest=100.0)
+    seen = supervisor.Watched(**QUIET)._replace(depth=100.0, volume=0.0, reference=200.0)
+    for depth in (100.0, 100.0, 101.0):
+        state = supervisor.step(p, state, seen._replace(depth=depth), 0.0)[1]
+        assert "NOT_MOVING_AS_MODELLED" in [
+            r.name for r in supervisor.reasons_in(state.rescue.reasons)
+        ]
