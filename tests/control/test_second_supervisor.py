@@ -627,3 +627,105 @@ def test_a_float_that_came_no_nearer_for_a_while_keeps_that_reason() -> None:
         assert "NOT_MOVING_AS_MODELLED" in [
             r.name for r in supervisor.reasons_in(state.rescue.reasons)
         ]
+
+
+def near_state(p: SupervisorParameters, rng: random.Random) -> dict[str, Any]:
+    """Return a state of a real vehicle in which much is close to its limit."""
+    limits, hair = leaves(p), rng.choice([-1e-6, 1e-6])
+    depth, volume = near_place(p, rng)
+    found: dict[str, Any] = {}
+    for name, names in LIMITS_OF_COUNTS.items():
+        limit = limits[rng.choice(names.split())]
+        found[name] = max(limit + rng.choice([-3, -2, -1, 0, 1]), 0) if limit < NEVER else 0
+        off = name == "stops" and is_left_out(name, 0.0, found, p)
+        found[name] = found[name] if rng.random() < 0.5 and not off else 0
+    deep = p.rest.still_distance
+    for name in ("depth", "z1", "anchor", "own_depth", "shown_for", "allowed", "from_depth"):
+        by = [0.0, deep * (1.0 + hair), -deep * (1.0 + hair), -0.3, p.proof.ready, 1.0 + hair]
+        found[name] = depth + rng.choice([each for each in by if math.isfinite(each)])
+    found["z2"] = found["z1"] + rng.choice([0.0, 0.0, -0.2, 0.2])
+    n = volume - p.neutral.psi * depth - p.neutral.neutral
+    parts = [p.push.grown, p.push.away, p.proof.sinks, p.proof.reach, p.motion.neutral_change]
+    parts = [0.0, *(sign * (1.0 + hair) * each for each in parts for sign in (-1, 1))]
+    parts = [each for each in parts if math.isfinite(each)]
+    for name in ("volume", "pushed", "top", "shown"):
+        found[name] = volume + rng.choice(parts)
+    for name in ("n1", "n2", "same_volume"):
+        found[name] = n + rng.choice(parts)
+    for name in ("own", "recent"):
+        found[name] = rng.choice(parts)
+    found |= {"target": depth + 20.0, "farthest": 20.0 + rng.choice([0.0, p.progress.nearer, -1.0])}
+    found |= {"measured": True, "settled": rng.choice([0, p.motion.settle - 1, p.motion.settle])}
+    found |= {"reason": rng.choice([0, 0, 8]), "turns": rng.choice([0, 0, 1, 2, 3, 7])}
+    return found | {"noisy": p.same.noisy - 1e-3, "block": max(p.time.time_blocks % NEVER - 1, 0)}
+
+
+LIMITS_OF_COUNTS = {
+    "deep": "deep",
+    "blind": "blind_quarters",
+    "volume_blind": "blind",
+    "following": "following",
+    "stops": "stops",
+    "same": "same same_begun same_moved same_noisy same_tried",
+    "unproven": "unproven holding early",
+    "known": "known",
+    "wrong": "wrong",
+    "still": "still",
+    "waited": "waits",
+    "light": "light",
+    "battery": "battery",
+    "leak": "leak",
+    "missed": "missed",
+    "lost": "lost_quarters",
+    "tick": "time_ticks",
+    "phase": "push rest again",
+    "astray": "astray again stall push",
+    "window": "release",
+    "since": "gap",
+}
+"""Counts of the state, each with the parameters that it is compared with."""
+
+
+def near_place(p: SupervisorParameters, rng: random.Random) -> tuple[float, float]:
+    """Return a depth and a volume where something begins or ends."""
+    depths = [p.rest.surface, p.rest.aground, p.deep.depth_limit, p.depth.depth_least, 3.0, 3.0]
+    depth = rng.choice([each for each in depths if math.isfinite(each)])
+    depth += rng.choice([0.0, -1e-9, 1e-9, 0.2])
+    room = p.neutral.neutral_range + p.neutral.psi_range * abs(depth)
+    room = room if math.isfinite(room) else 1.0
+    volume = p.neutral.neutral + p.neutral.psi * depth + rng.choice([-1.0, 0.0, 0.0, 1.0]) * room
+    volume *= 1.0 + rng.choice([-1e-6, 1e-6])
+    ends = p.volume
+    return depth, rng.choice([volume, volume, ends.volume_low, ends.volume_high, ends.volume_most])
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_steps_of_real_vehicles_near_their_limits_are_alike(vehicle: str) -> None:
+    p, rng = VEHICLES[vehicle], random.Random(vehicle)
+    pair = Pair(p)
+    pumps = p.rate.rate == 0.0
+    for _ in range(150):
+        pair.put(**near_state(p, rng))
+        for _ in range(3):
+            s = pair.state
+            depth = s.depth.depth + rng.choice(
+                [0.0, 0.005, -0.005, p.depth.step * 0.999999, math.nan]
+            )
+            volume = s.volume.volume + rng.choice([0.0, 0.0, 1e-7, -1.00001 * p.push.grown])
+            volume = (
+                volume
+                if rng.random() < 0.9
+                else rng.choice([math.nan, 1e-2, p.volume.volume_least])
+            )
+            pair.step(
+                rng.choice([0.0, 12.0, -12.0, 1e-4]),
+                depth=depth,
+                depth_age=rng.choice([0.1, 0.1, p.S_p, p.depth.late_age, p.depth.late_age + 0.01]),
+                volume=0.0 if pumps or not volume > -1.0 else volume,
+                battery=rng.choice([p.board.battery_low, p.board.battery_low - 0.001, 12.0]),
+                leak=rng.random() < 0.3,
+                lost=rng.choice([0, 0, 0, 1, 5]),
+                missed=rng.choice([0, p.board.missed, p.board.missed - 1]),
+                reference=rng.choice([depth + 1.5, depth, 3.0, math.nan, p.depth.depth_most]),
+                computed=p.progress.light_volume + rng.choice([0.0, 3e-4]),
+            )
