@@ -586,7 +586,7 @@ class SafeAction:
             self.direction = Direction.OUTWARD
 
     def command(self, at: Sight) -> float:
-        self.idle += at.lost
+        self.idle = min(self.idle + at.lost, OFF)  # the speed of a fall is judged by it
         self._follow(at)
         command = self._turned(at) if self.direction.is_turned else self._pushed(at)
         self._judge_rise(at)
