@@ -328,7 +328,8 @@ def plain_state(rng: random.Random, p: SupervisorParameters) -> dict[str, Any]:
         force = rest * rest * p.motion.inertia
         force += rest * p.motion.smoothing * p.motion.per_tau * p.motion.drag_linear
         light = p.proof.sinks / force  # it rises as one that is light by just what counts
-        by = rng.choice([-2.0, -1.0, -HALF, 0.0, HALF, 1.0, 2.0, light, light, light])
+        slow = p.rest.still_distance / rest
+        by = rng.choice([-2.0, -1.0, 0.0, 1.0, 2.0, slow, -slow, light, light, light])
         found["z1"] = found["z2"] = depth + by
     found["sank"] = not found["rose"] and rng.random() < 0.7
     return found
@@ -369,6 +370,8 @@ def plain_seen(rng: random.Random, pair: Pair) -> dict[str, Any]:
     asked += [math.nan, depth + 0.1 * p.proof.ready, depth + 1.0, depth + 2.0, s.progress.target]
     if rng.random() < 0.1:
         asked = [-HALF, -0.75, 12.0, 12.25, math.inf, 3e5]
+    need = p.progress.light_volume + p.progress.light_slope * depth
+    light = need + max(s.progress.drifted, 0.0) + p.progress.light_range
     found = {
         "depth": depth,
         "depth_age": rng.choice([0.0, 0.0, 0.0, 0.375, HALF, 1.0, 1.125]),
@@ -378,7 +381,7 @@ def plain_seen(rng: random.Random, pair: Pair) -> dict[str, Any]:
         "lost": rng.choice([0, 0, 0, 0, 0, 1, 2]) if rng.random() < 0.99 else 5000,
         "missed": rng.choice([0, 0, 0, 1, 2, 3, 4]),
         "reference": rng.choice(asked),
-        "computed": rng.choice([math.nan, *SMALL]),
+        "computed": rng.choice([math.nan, *SMALL, light, light + EIGHTH, light + 1.0]),
     }
     if rng.random() < 0.1:
         del found["reference"], found["computed"]
@@ -406,7 +409,7 @@ def test_the_way_to_a_stop_is_alike(vehicle: str) -> None:
     p, rng = VEHICLES[vehicle], random.Random(vehicle)
     motion = Motion(p)
     for _ in range(200):
-        speed, room = 10.0 ** rng.uniform(-4.0, 1.0), rng.choice([0.0, 1e-5, 2e-4, math.inf])
+        speed, room = 10.0 ** rng.uniform(-12.0, 1.0), rng.choice([0.0, 1e-5, 2e-4, math.inf])
         lacks = rng.choice([-1.0, 0.0, 1.0]) * 10.0 ** rng.uniform(-7.0, -3.0)
         way = stopping_distance(p, motion, speed, lacks, room)
         ours = supervisor.way_to_stop(p, speed, lacks, room)
