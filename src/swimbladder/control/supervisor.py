@@ -244,14 +244,14 @@ class DepthWatch(NamedTuple):
 
     since: Count  # ticks since the last good depth; NEVER: any depth may be
     depth: float  # m, last good one
-    blind: Count  # quarters of ticks; at its limit 0 to 2 more for what was wrong first
+    blind: Count  # quarters of ticks; at its limit 0 to 2 more for what was wrong then
 
 
 class VolumeWatch(NamedTuple):
     """The last good volume."""
 
     volume: float  # m3, last good one
-    measured: bool  # at the last tick, and none was lost before it
+    measured: bool  # at the last tick
     volume_blind: Count  # ticks; at its limit 0 or 1 more
 
 
@@ -269,7 +269,7 @@ class SameWatch(NamedTuple):
     """Depths that are the very same."""
 
     same: Count  # ticks in which the depth was the very same
-    rose: bool  # at the last new depth
+    rose: bool  # at the last new sample
     sank: bool  # the same
     noisy: float  # -, share of ticks in which the depth turned; it stays where it is enough
     same_volume: float  # m3, n1 when the volume had to stay
@@ -279,7 +279,7 @@ class SameWatch(NamedTuple):
 class ProofWatch(NamedTuple):
     """How far outward the actuator has shown that it can push."""
 
-    unproven: Count  # ticks since it has; NEVER: it has to
+    unproven: Count  # ticks since it has; NEVER: it has to, until it has
     shown: float  # m3, volume that it reached
     shown_for: float  # m, the depth that was asked for then
     allowed: float  # m, the largest depth that the law is asked for now
