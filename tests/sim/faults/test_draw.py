@@ -337,7 +337,7 @@ def test_when_a_drift_is_3_m():
     exact = drift._replace(first=0.5, begin=0.0)  # 6 s are 12 ticks
     assert reached(exact._replace(end=13.0), tick) == 6.0
     assert reached(exact._replace(end=12.0), tick) == 0.0  # over when it would be
-    assert reached(FaultRow(), tick) == 0.0
+    assert reached(FaultRow(0.0, 0.0, 0.0, 0.0, 0.0), tick) == 0.0
     for other in (Fault.CLOCK_DRIFTS, Fault.DEPTH_OFFSET, Fault.VOLUME_DRIFT):
         assert reached(drift._replace(kind=float(other)), tick) == 0.0
 
