@@ -199,7 +199,7 @@ def test_five_tries_and_no_more(opened):
     with opened(peer) as board, pytest.raises(NoAnswerError, match="no whole answer in 5 tries"):
         board.arm()
     assert board.frames == {"sent": 6, "lost": 5, "corrupt": 0}
-    assert peer.now == pytest.approx(5.0, abs=0.51)
+    assert 5.0 <= peer.now < 5.3  # a second each
     peer = Peer(lambda kind, n, answer: answer if kind == "H" or n == 5 else b"")
     with opened(peer) as board:
         board.arm()
