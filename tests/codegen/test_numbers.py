@@ -186,6 +186,34 @@ def test_a_float_that_has_not_dived_has_no_golden_trace(monkeypatch):
     dive(monkeypatch, duration=90.0, deepest=2.01)
 
 
+@pytest.mark.parametrize(
+    ("duration", "tick", "ticks"),
+    [(90.0, 1.0, 91), (90.5, 1.0, 92), (0.9, 0.3, 4), (36.0, 0.3, 121)],
+)
+def test_a_float_at_a_board_flies_the_ticks_of_its_golden_mission(
+    duration, tick, ticks, monkeypatch
+):
+    """It is asked for each depth from its share of the ticks on, and ends where its plant did."""
+    turns, given = [(0.0, 40.0), (0.4, 20.0), (0.7, 0.0)], {}
+
+    def fly(_vehicle, _board, *, asked, **more):
+        given.update(more, asked=asked)
+        return np.column_stack([asked, np.zeros((len(asked), 3))])
+
+    monkeypatch.setattr(board, "fly_float", fly)
+    flight = SimpleNamespace(
+        session=SimpleNamespace(made=SimpleNamespace(drive=object(), tick_s=tick)),
+        begin=lambda **_: None,
+        advance=None,
+        answer=SimpleNamespace(depth=math.nan),
+    )
+    board._fly_depths(flight, None, Mission(3.0, 40.0, duration), turns, 7)
+    at = [max(turn for turn in turns if turn[0] * ticks <= n)[1] for n in range(ticks)]
+    assert given["asked"].tolist() == at
+    assert (given["tick"], given["start_depth"], given["seed"]) == (tick, 3.0, 7)
+    assert flight.answer.depth == at[-1]
+
+
 def test_the_median_the_worst_and_the_spread_of_times():
     assert Spread.of([]) is None
     assert Spread.of([1.0, -4.0, 2.0, 1.0]) == pytest.approx((1.0, 4.0, math.sqrt(5.5)))
