@@ -11,7 +11,7 @@ from swimbladder.codegen import board, golden, library
 from swimbladder.codegen.board import BoardAnswer, Difference, FlightAnswer, Spread, Times
 from swimbladder.codegen.clock import wait_in_ticks
 from swimbladder.codegen.golden import Mission, first_rows
-from swimbladder.codegen.library import make_library, make_program, plan_program, render
+from swimbladder.codegen.library import make_library, make_program, meanings, plan_program
 from swimbladder.codegen.pool import PoolOptions, board_procedure, in_float32
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import NEVER
@@ -396,11 +396,15 @@ def test_a_pool_is_above_where_the_supervisor_brings_the_vehicle_up():
 
 def test_times_are_written_from_counts_of_ticks():
     """A count that is never reached has no time."""
-    facts = {"limits": supervisor_parameters(paper(), 0.3), "tick": 0.3, "reasons": Reason}
-    text = render("reasons.md.j2", facts | {"time_limit": None})
-    assert f"{facts['limits'].depth.gap * 0.3:.3g} s" in text
-    never = facts["limits"]._replace(depth=facts["limits"].depth._replace(gap=NEVER))
-    assert "never" in render("reasons.md.j2", facts | {"limits": never, "time_limit": None})
+    limits = supervisor_parameters(paper(), 0.3)
+
+    def after(gap):
+        changed = limits._replace(depth=limits.depth._replace(gap=gap))
+        return {row[0]: row[3] for row in meanings(changed)}[Reason.DEPTH_MISSING]
+
+    assert after(100) == "30 s"
+    assert after(NEVER - 1) == f"{(NEVER - 1) * 0.3:.3g} s"
+    assert after(NEVER) == "never"
 
 
 def test_what_a_vehicle_sees_without_battery_and_leak_sensor(made):
