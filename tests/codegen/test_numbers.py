@@ -21,6 +21,7 @@ from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
+from swimbladder.sim.closed_loop import simulate
 from tests.vehicles import limited, paper
 
 FEUP, FLOAT = limited(load_vehicle("feup-em")), limited(load_vehicle("example-float"), 72_000.0)
@@ -214,6 +215,29 @@ def test_a_float_at_a_board_flies_the_ticks_of_its_golden_mission(
     assert flight.answer.depth == at[-1]
 
 
+def test_a_float_measures_with_the_noise_of_simulate_of_that_seed():
+    """Tick by tick, of a float that does nothing; another seed's is another."""
+    sensors = FLOAT.sensors.model_copy(update={"depth_noise": 5e-3})
+    vehicle, asked = FLOAT.model_copy(update={"sensors": sensors}), np.full(6, 30.0)
+    given, noise = {"tick": 1.0, "start_depth": 30.0, "asked": asked}, []
+    for seed in (3, 4):
+        rows = golden.fly_float(vehicle, lambda *_: (0.0, False), seed=seed, **given)
+        noise.append(rows[:, 1] - rows[:, 0])
+    seen = []
+    flown = simulate(
+        vehicle,
+        law=lambda measured, _: seen.append(measured.depth) or 0.0,
+        sample_time=1.0,
+        setpoints=[(0.0, 30.0)],
+        start_depth=30.0,
+        duration=5.0,
+        seed=3,
+    )
+    same = np.array(seen[:5]) - flown.depth[:5]
+    assert noise[0][:5] == pytest.approx(same, abs=1e-9)
+    assert np.abs(noise[1][:5] - same).max() > 1e-4
+
+
 def test_the_median_the_worst_and_the_spread_of_times():
     assert Spread.of([]) is None
     assert Spread.of([1.0, -4.0, 2.0, 1.0]) == pytest.approx((1.0, 4.0, math.sqrt(5.5)))
@@ -330,6 +354,13 @@ def test_pool_numbers_follow_from_pool_stroke_and_trim():
         high = limits._replace(volume=ends._replace(volume_high=top))
         given = board_procedure(vehicle, small, high)
         assert given.end_volume == (top if end is None else end)
+
+
+def test_a_pool_day_is_the_papers_where_nothing_else_is_asked_for():
+    """Four rounds of 20 to 75 cm3, 75 cm clear of surface and bottom: the table of firmware.md."""
+    assert PoolOptions(4.5) == (4.5, 0.75, 20e-6, 75e-6, 4)
+    assert PoolOptions(4.5).volumes == "20 to 75 cm3"
+    assert PoolOptions(4.5, last=20e-6).volumes == "20 cm3"
 
 
 def test_a_loop_made_for_want_of_a_cascade_is_slow_against_the_sample_time():
