@@ -85,6 +85,24 @@ def chooses(p, state, m, reference):
     return s.x, s, 1.0
 
 
+def later(s):
+    """Return what is late.
+
+    Its first sentence stands beside its C.
+    """
+    first, then, last = s.z, s.x, s.y
+    first, then, last = last, first + 1.0, then
+    return first - then * 2.0 + last * 4.0
+
+
+def rotates(p, state, m, reference):
+    """Gives several names new values at once, each from the old ones of those after the first."""
+    a, b, c = state.x, state.y, state.z
+    a, b, c = m.depth, a, b
+    c, a, b = a + later(state), b + c, reference
+    return a - 2.0 * b + 4.0 * c, S(b, c, a), 1.0
+
+
 def initial(p, m, reference):
     return S(0.0, reference, -0.0)
 
@@ -104,7 +122,7 @@ def law_of(step):
 EIGHTHS = st.integers(-32, 32).map(lambda n: n / 8)
 
 
-@pytest.fixture(scope="module", params=[step, remembers, compares, chooses])
+@pytest.fixture(scope="module", params=[step, remembers, compares, chooses, rotates])
 def law(request, tmp_path_factory):
     request.getfixturevalue("gcc")
     made = law_of(request.param)
@@ -135,6 +153,12 @@ def test_what_is_changed_where_it_stands(step, placed):
     assert {f.name for f in in_place(program)} == placed
     source = write_c99(program).source
     assert ("static void swb_places_exchanged(swb_places_state *s)" in source) == bool(placed)
+
+
+def test_a_functions_first_sentence_stands_beside_its_c():
+    source = write_c99(read_law(law_of(rotates))).source
+    assert "/* Return what is late. */" in source
+    assert "first sentence" not in source
 
 
 class Counts(NamedTuple):

@@ -326,6 +326,23 @@ class TestNumbers:
         assert p.load_voltage == pytest.approx(0.07707)
         assert p.loop == paper_loop()
 
+    def test_a_rehearsal_waits_a_minute_and_goes_on_for_two_once_it_is_over(self):
+        """What it takes is between the word to begin and the first phase in which it is over."""
+        flown, tick = library().pool.rehearsal, library().tick_s
+        begun = int(np.argmax(flown.may_begin))
+        assert (begun - 1) * tick < 60.0 <= begun * tick + 1e-9
+        assert flown.may_begin[begun:].all()
+        over = int(np.argmax(flown.phase >= 8))
+        assert flown.phase[over:].min() >= 8
+        after = (len(flown.phase) - over) * tick
+        assert 120.0 < after <= 120.0 + 3.0 * tick
+        under_way = int(np.argmax(flown.phase >= 0))
+        assert under_way >= begun
+        assert flown.minutes == pytest.approx((over - under_way) * tick / 60.0)
+        assert float(flown.depth[0]) == pytest.approx(0.0, abs=0.1)  # afloat, all volume out
+        assert flown.volume[0] == pytest.approx(library().supervisor.volume.volume_high, abs=3e-6)
+        assert flown.depth.max() <= 4.5 + 0.02
+
     def test_a_coarse_sensor_arrives_farther_off(self):
         vehicle = paper(sensors=Sensors(depth_noise="1 cm", depth_quantum="5 cm"))
         p = board_procedure(vehicle, PoolOptions(4.5), supervisor_parameters(vehicle, 0.3))

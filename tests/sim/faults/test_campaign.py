@@ -9,7 +9,6 @@ from scipy import stats
 
 from swimbladder.codegen.library import digest, make_library
 from swimbladder.control.supervisor import Reason
-from swimbladder.design.tuning.region import member, unknowns
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
@@ -52,46 +51,6 @@ def test_the_catalogue_has_every_kind():
             assert kind.why
         assert np.isinf(drawn[:, 2]).all() != kind.may_end
     assert Fault.BATTERY_DROP not in kinds_of(load_vehicle("ntnu-bv"))
-
-
-@pytest.mark.parametrize("name", ["feup-em", "example-float"])
-def test_vehicles_are_drawn_evenly_from_their_region(name, monkeypatch):
-    """A box, or a ball of as many unknowns: the n-th power of its radius is uniform."""
-    drawn = []
-
-    def noted(vehicle, s):
-        drawn.append(s)
-        return member(vehicle, s)
-
-    monkeypatch.setattr(drawing, "member", noted)
-    vehicle = load_vehicle(name)
-    names, ball = unknowns(vehicle)
-    course = course_of(usual(vehicle, (12.0, 40.0)), (12.0, 40.0))
-    for n in range(400):
-        drawing._plant(course, np.random.default_rng(n))
-    found = np.array(drawn)
-    assert found.shape == (400, len(names))
-    even = np.linalg.norm(found, axis=1) ** len(names) if ball else 0.5 + 0.5 * found[:, 0]
-    assert stats.kstest(even, "uniform").pvalue > 0.01
-    assert np.abs(found.mean(axis=0)).max() < 0.15
-
-
-def test_trim_and_battery_are_drawn_evenly(monkeypatch):
-    """As far as the region leaves the volume open, and from nine tenths of the supply on."""
-    drawn = []
-
-    def noted(vehicle, s):
-        drawn.append(member(vehicle, s))
-        return drawn[-1]
-
-    monkeypatch.setattr(drawing, "member", noted)
-    course = course_of(usual(FEUP), None)
-    found = [drawing._plant(course, np.random.default_rng(n))[0] for n in range(400)]
-    own = [course.medium.of(one.plant) for one in drawn]
-    trim = [(p["V_0"] - one.V_0) / course.neutral for p, one in zip(found, own, strict=True)]
-    supply = [p["supply"] / one.supply for p, one in zip(found, own, strict=True)]
-    assert stats.kstest(trim, stats.uniform(-1.0, 2.0).cdf).pvalue > 0.01
-    assert stats.kstest(supply, stats.uniform(0.9, 0.1).cdf).pvalue > 0.01
 
 
 def test_half_of_the_missions_have_a_second_fault_within_30_s():

@@ -225,6 +225,15 @@ def test_a_board_that_pauses_does_so_again_and_again(rig):
     assert np.array_equal(np.flatnonzero(flown["lost_ticks"] == 30.0), [129, 179])
 
 
+def test_a_board_that_has_not_begun_yet_commands_nothing_and_counts_its_ticks(rig):
+    """Lost from the first one on: the motor is off until there is a command."""
+    _, flown = rig.fly((Fault.PAUSE, 3.0, 600.0, 0, ALWAYS), target=21.0, ticks=30)
+    assert np.all(flown["board"][:10] == 1.0)
+    assert not flown["command"][:10].any()
+    assert np.array_equal(flown["lost_ticks"][:10], np.arange(1.0, 11.0))
+    assert flown["command"][10] != 0.0
+
+
 @pytest.mark.promise("restarted", faults=["board resets"])
 def test_a_board_that_is_reset_begins_its_mission_anew(rig):
     turns = ((0.0, 20.0), (40.0, 21.0), (80.0, 22.0))

@@ -39,20 +39,20 @@ class Condition(NamedTuple):
 class Wave(NamedTuple):
     """A wave of the sea, of which the depth's sensor reads amplitude exp(-k z) cos(w t + phase)."""
 
-    amplitude: float = 0.0  # m, at the surface
-    k: float = 0.0  # 1/m
-    omega: float = 0.0  # rad/s
-    phase: float = 0.0  # rad
+    amplitude: float  # m, at the surface
+    k: float  # 1/m
+    omega: float  # rad/s
+    phase: float  # rad
 
 
 class FaultRow(NamedTuple):
     """A fault as the kernel takes it; kind 0: none."""
 
-    kind: float = 0.0
-    first: float = 0.0  # severity
-    second: float = 0.0
-    begin: float = math.inf  # tick
-    end: float = math.inf  # tick
+    kind: float
+    first: float  # severity
+    second: float
+    begin: float  # tick
+    end: float  # tick
 
 
 class Result(NamedTuple):
