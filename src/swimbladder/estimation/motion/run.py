@@ -278,15 +278,15 @@ def identify(
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         asked = Asked(process_noise, profiles, choices, posterior)
         found = _answer(problem, vehicle, asked, advance)
-        if neutral_std is None and math.isfinite(known) and _doubts(found):
+        if neutral_std is None and math.isfinite(known) and _contradicts_prior(found):
             nothing = assumed._replace(neutral_std=math.inf)
             problem = posed(records, vehicle, nothing, free=free, drag=drag)
             looser = _answer(problem, vehicle, asked, silent)
-            found = looser if _doubts(found, looser) else found
+            found = looser if _contradicts_prior(found, looser) else found
         return found
 
 
-def _doubts(found: Identification, looser: Identification | None = None) -> bool:
+def _contradicts_prior(found: Identification, looser: Identification | None = None) -> bool:
     """Return whether the logs speak against the prior of their neutral volumes, which nobody gave.
 
     Beside what is found without: whether it is clearly less likely.
