@@ -194,7 +194,7 @@ class Drive:
         self.asked = low_pass(self.asked, expected, p.rate_smoothing)
         missed = abs(self.lag) - p.rate_least > p.rate_share * abs(self.asked)
         self.following.judge(missed)
-        if self.stops.reached and p.following != OFF:
+        if self.stops.reached and p.stop_rate < math.inf:
             self.following.bad = p.following
 
     def _stop(self, expected: float, rate: float, volume: float) -> None:
@@ -216,7 +216,7 @@ class Still:
         self.anchor, self.ticks = 0.0, 0
 
     def sample(self, depth: float) -> None:
-        if abs(depth - self.anchor) > self.p.still_distance:
+        if not abs(depth - self.anchor) <= self.p.still_distance:
             self.anchor, self.ticks = depth, 0
         else:
             self.ticks += 1
@@ -401,6 +401,8 @@ class Progress:
 
     def _come_nearer(self, depth: float, target: float, afloat: bool) -> None:
         p, distance = self.p.progress, abs(depth - target)
+        if p.waits != OFF and self.waited >= p.waits:
+            return  # for good
         there = afloat or distance <= p.arrived
         if there or target != self.target or distance < self.farthest - p.nearer:
             self.target, self.farthest, self.waited = target, distance, 0

@@ -69,8 +69,6 @@ class Pair:
         assert ours["reasons"] == {
             each.words.removesuffix(" or too fast to turn") for each in named
         }
-        if self.second.progress.waited < self.p.progress.waits:
-            other["reasons"] = other["reasons"] & (ours["reasons"] | {*REASONS} - FLEETING)
         if ours == other:
             return
         differs = {n: (v, other[n]) for n, v in ours.items() if not equal(v, other[n])}
@@ -78,8 +76,6 @@ class Pair:
         assert ours.keys() == other.keys()
 
 
-FLEETING = {"not moving as modelled"}
-"""The bit of a float that came no nearer is taken back once it does, see the test below."""
 QUIET: dict[str, Any] = {
     "depth": 2.0,
     "depth_age": 0.1,
@@ -422,9 +418,6 @@ def test_reasons_are_numbered_by_their_order() -> None:
     assert words == dict(enumerate(REASONS, 1))
 
 
-@pytest.mark.xfail(
-    reason="the bit is taken back once the float comes nearer", strict=True, raises=AssertionError
-)
 def test_a_float_that_came_no_nearer_for_a_while_keeps_that_reason() -> None:
     """docs/explanation/supervisor.md: it keeps the reason and a bit for each later one."""
     p = VEHICLES["example-float"]
@@ -446,8 +439,7 @@ def near_state(p: SupervisorParameters, rng: random.Random) -> dict[str, Any]:
     for name, names in LIMITS_OF_COUNTS.items():
         limit = limits[rng.choice(names.split())]
         found[name] = max(limit + rng.choice([-3, -2, -1, 0, 1]), 0) if limit < NEVER else 0
-        off = name == "stops" and is_left_out(name, 0.0, found, p)
-        found[name] = found[name] if rng.random() < 0.5 and not off else 0
+        found[name] = found[name] if rng.random() < 0.5 else 0
     still = p.rest.still_distance
     for name in ("depth", "z1", "anchor", "own_depth", "shown_for", "allowed", "from_depth"):
         by = [0.0, still * (1.0 + hair), -still * (1.0 + hair), -0.3, p.proof.ready, 1.0 + hair]
@@ -746,16 +738,14 @@ def flip(pair: Pair, rng: random.Random) -> None:
     else:
         (whole,) = struct.unpack("<q", struct.pack("<d", value))
         (value,) = struct.unpack("<d", struct.pack("<q", whole ^ (1 << rng.randrange(44, 63))))
-    if not is_left_out(name, value, before, pair.p):
+    if not is_left_out(name, value, before):
         pair.put(**{name: value})
 
 
-def is_left_out(name: str, value: float, before: dict[str, Any], p: SupervisorParameters) -> bool:
+def is_left_out(name: str, value: float, before: dict[str, Any]) -> bool:
     """Return whether the two cannot be compared with this in their memory."""
     if name in ("noisy", "weight"):  # below 1, where one bit makes a number of every number
         return not math.isfinite(value)
     if name in ("rose", "sank"):  # the second one holds one way only
         return bool(value) and (before["rose"] or before["sank"])
-    if name == "stops":  # the first one takes it for a reason also where it is off
-        return p.rate.following == NEVER
     return 1e3 < abs(value) < math.inf and isinstance(value, float)  # samples are rounded off

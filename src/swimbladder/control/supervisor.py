@@ -527,7 +527,9 @@ def watch_rate(
     asked = smoothed(s.asked, asked, p.rate.rate_smoothing)
     wrong = abs(lag) > p.rate.rate_share * abs(asked) + p.rate.rate_least
     most = p.rate.following
-    following = most if s.stops >= p.rate.stops else debounce(wrong, s.following, most)
+    following = debounce(wrong, s.following, most)
+    if p.rate.stop_rate < math.inf and s.stops >= p.rate.stops:
+        following = most
     return s._replace(lag=lag, asked=asked, following=following)
 
 
@@ -566,9 +568,9 @@ def rests(p: RestLimits, depth: float, n: float, room: float) -> bool:
 
 def watch_still(p: RestLimits, s: RestWatch, depth: float) -> RestWatch:
     """Count the ticks in which the depth stayed where it was."""
-    if abs(depth - s.anchor) > p.still_distance:
-        return s._replace(anchor=depth, still=0)
-    return s._replace(still=more(s.still, 1))
+    if abs(depth - s.anchor) <= p.still_distance:  # never of an anchor that a bit has made none
+        return s._replace(still=more(s.still, 1))
+    return s._replace(anchor=depth, still=0)
 
 
 def smooth_motion(s: MotionWatch, depth: float, n: float, weight: float) -> MotionWatch:
@@ -725,7 +727,7 @@ def watch_progress(p: SupervisorParameters, s: SupervisorState, seen: Watched) -
     drifted = smoothed(way.drifted, beyond, limits.light_smoothing)
     drifted = 0.0 if afloat or not math.isfinite(drifted) else drifted
     way = way._replace(light=debounce(stays, way.light, limits.light), drifted=drifted)
-    if not math.isfinite(seen.reference):
+    if not math.isfinite(seen.reference) or way.waited >= limits.waits:
         return way
     target = max(seen.reference, 0.0)
     distance = abs(target - seen.depth)
@@ -808,7 +810,7 @@ def watch_proof(
             due = due or abs(seen.depth - asked) <= _HELD * p.proof.ready
         if p.proof.early == NEVER and slow and (old or spare < p.proof.sinks):
             heavier = beyond + expected_rate(p, s) * p.S_p
-            due = due or proof.unproven == NEVER or heavier < -p.proof.sinks
+            due = due or heavier < -p.proof.sinks
     unproven = NEVER if due else more(proof.unproven, 1)
     return lacks, ProofWatch(unproven, proof.shown, shown_for, allowed)
 
