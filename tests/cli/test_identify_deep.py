@@ -120,7 +120,7 @@ def test_the_answer_no(capsys, tmp_path, files):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--random-walk",), "no use with --cast"),
+        (("--process-noise", "always"), "no use with --cast"),
         (("--drag", "linear"), "no use with --cast"),
         (("--free", "K2"), "no such parameter of deep dives"),
         (("--set", "psi=1e-6 m3/m"), "no such parameter"),

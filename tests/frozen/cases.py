@@ -124,7 +124,7 @@ CASES: tuple[Case, ...] = (
         for drive in ("volume", "voltage", "setpoint")
     ),
     _case("identify-pool", f"identify {POOL} --no-profiles --paper"),
-    _case("identify-walk", f"identify {POOL} --no-profiles --walk"),
+    _case("identify-process-noise", f"identify {POOL} --no-profiles --process-noise always"),
     _case("identify-dive", "identify dive.csv --vehicle deep-float.toml --cast cast.csv"),
     _case("identify-actuator", "identify-actuator bench.csv --vehicle feup-em"),
     _case("design-experiment", f"design-experiment feup-em {EXPERIMENT} --against none"),

@@ -7,7 +7,7 @@ may go.
 
 # Commands and options as cases.py and the store have them -> as they are called today.
 COMMANDS: dict[str, str] = {"bench-control": "compare-laws"}
-OPTIONS: dict[str, str] = {"--walk": "--random-walk"}
+OPTIONS: dict[str, str] = {}
 
 # Keys of answers, columns of tables, names in TOML. Old path -> new path, both from the same
 # parent: "saved": "recovered" is that key wherever it stands; "outcomes.alone":
@@ -40,12 +40,10 @@ KEYS: dict[str, str] = {
     "identify: worth": "tempering",
     "identify: identified.between": "identified.between",  # of vehicle.toml: as it was
     "identify: between": "random_effects",
-    "identify: walk": "random_walk",
-    "compare: walk": "random_walk",
 }
 
 # Texts that name a kind: values of JSON, cells of tables.
-KINDS: dict[str, str] = {"not told": "not identifiable", "walk": "random_walk"}
+KINDS: dict[str, str] = {"not told": "not identifiable"}
 
 # Parts of the names of written files: "mission-7-told.csv": "mission-7-ideal-detection.csv".
 FILES: dict[str, str] = {

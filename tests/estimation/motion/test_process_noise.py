@@ -7,14 +7,17 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from scipy.signal import lfilter
 from scipy.stats import binom
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.motion import Prior
+from swimbladder.estimation.motion import Prior, identify
 from swimbladder.estimation.motion.problem import Assumed, posed
-from swimbladder.estimation.motion.process_noise import fit_process_noise
+from swimbladder.estimation.motion.process_noise import fit_process_noise, highest_with_noise
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.logs import Log
+from tests.estimation.motion.pool import campaign as pool_campaign
 from tests.quoted import refused
 
 VEHICLE = load_vehicle("feup-em")
@@ -170,3 +173,66 @@ def test_what_cannot_be_is_refused():
     still = replace(record, volume=np.full_like(record.volume, record.volume[0]))
     nothing = walked([replace(still, depth=np.full_like(record.depth, 40.0))])
     assert all(e.std > 0.3 * e.value for e in nothing.estimates.values())
+
+
+def correlated_campaign(seed):
+    """The paper's eight experiments; of the noise 0.9 is left at the next sample."""
+    rng = np.random.default_rng(seed)
+    logs = []
+    for log in pool_campaign(seed, noise=0.0):
+        noise = lfilter(
+            [math.sqrt(1.0 - 0.9**2)], [1.0, -0.9], rng.normal(0.0, 2e-3, len(log) + 99)
+        )
+        logs.append(replace(log, depth=log.depth + noise[99:]))
+    return logs
+
+
+def test_correlated_noise_of_the_depth_is_no_motion():
+    found = identify(correlated_campaign(3), VEHICLE, profiles=False, choices=False)
+    fit = found.process_noise
+    assert fit is not None
+    noise = fit.noises["correlated"], fit.noises["correlation_time"]
+    for e, truth in zip(noise, (2e-3, -0.3 / math.log(0.9)), strict=True):
+        assert e.ci95[0] < truth < e.ci95[1]
+        assert e.value == pytest.approx(truth, rel=0.4)
+    assert fit.noises["depth_noise"].value < 0.5e-3
+    for name, truth in (("K2", 7935.54), ("T2", 36.3), ("psi", 4.04e-6)):
+        assert abs(found.parameters[name].value - truth) < 3.5 * found.parameters[name].std
+
+
+@pytest.mark.prove
+def test_intervals_hold_the_truth_in_correlated_noise():
+    runs, held = 100, dict.fromkeys(("K2", "T2", "psi"), 0)
+    for seed in range(runs):
+        found = identify(correlated_campaign(seed), VEHICLE, profiles=False, choices=False)
+        for name, truth in (("K2", 7935.54), ("T2", 36.3), ("psi", 4.04e-6)):
+            low, high = found.parameters[name].ci95
+            held[name] += low < truth < high
+    fewest = binom(runs, 0.93).ppf(0.005)
+    assert all(count >= fewest for count in held.values()), held
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_more_freedom_never_fits_worse(seed):
+    """Free a noise, or a parameter: what is most probable does not become less so."""
+    rng = np.random.default_rng(seed)
+    records = campaign(seed, 1 + seed % 2, acceleration=JOLT * rng.choice([0.0, 3.0]))
+    held = posed(records, VEHICLE, Assumed(fixed={"psi": rng.normal(3e-6, 3e-6)}))
+    free = posed(records, VEHICLE, Assumed())
+    everything = highest_with_noise(free, VEHICLE).height
+    for problem in (held, free):
+        full = highest_with_noise(problem, VEHICLE).height
+        for without in (["random_walk"], ["correlated"], ["acceleration", "random_walk"]):
+            assert highest_with_noise(problem, VEHICLE, without=without).height < full + 0.1
+        assert full < everything + 0.1
+
+
+def test_a_model_of_an_unstable_vehicle_does_not_pass_for_one_that_follows():
+    """A filter of it corrects itself at every sample; from its start on the model goes astray."""
+    time = np.arange(0.0, 120.0, 0.5)
+    rng = np.random.default_rng(5)
+    depth = 1.0 + np.cumsum(rng.normal(0.0, 0.02, len(time)))
+    volume = rng.normal(0.0, 5e-6, len(time) // 20 + 1).repeat(20)[: len(time)]
+    log = Log(source="x", time=time, depth=depth, volume=volume, line=np.arange(len(time)))
+    found = identify([log], VEHICLE, profiles=False, choices=False)
+    assert not found.identified

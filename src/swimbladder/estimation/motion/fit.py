@@ -63,6 +63,7 @@ def backwards(experiments: Sequence[Experiment]) -> bool:
     return float(found[0]) < -_CLEARLY * std
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")  # of what data do not say
 def regression(
     experiments: Sequence[Experiment], model: Model, *, psi: float | None, free_neutral: bool
 ) -> tuple[dict[str, float], Array] | None:
@@ -80,7 +81,7 @@ def regression(
     least[[0, 2, 3]] = 0.0
     found = lsq_linear(A / size, b, bounds=(least, np.full(A.shape[1], np.inf))).x / size
     a_b, stiff, d_l, d_t = found[:4].tolist()
-    if a_b <= 0.0:
+    if not (a_b > 0.0 and np.isfinite(found).all()):
         return None
     m = model.specific_weight / a_b
     d_l = max(d_l, 1e-3)

@@ -380,11 +380,6 @@ class ProcessNoiseFit:
         return self.p_value < 0.01
 
     @property
-    def significant(self) -> bool:
-        """Whether the vehicle does not quite move as the model has it."""
-        return self.p_any < _SIGNIFICANT
-
-    @property
     def travelled(self) -> tuple[float, ...]:
         """For each record how far the smoothed neutral volume went [m3], largest less smallest."""
         return tuple(
@@ -398,10 +393,39 @@ class ProcessNoiseFit:
         )
 
 
-def fit_process_noise(
+class Highest(NamedTuple):
+    """Where the likelihood of all innovations is highest, before it is known how sure that is."""
+
+    problem: Problem
+    full: Likelihood
+    x: Array
+    height: float  # log posterior there
+    p_value: float
+    p_any: float
+    likelihood: Maker
+    absent: frozenset[str]  # noises that there are none of
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All values by name."""
+        return self.full.named(self.x)
+
+    @property
+    def depth_noise(self) -> float:
+        """The noise of a measured depth, correlated or not [m]."""
+        noise = self.full.noise(self.values)
+        return math.hypot(noise.depth, noise.correlated)
+
+    @property
+    def significant(self) -> bool:
+        """Whether there is more than white noise of the depth: the model lacks something."""
+        return self.p_any < _SIGNIFICANT
+
+
+def highest_with_noise(
     problem: Problem, vehicle: Vehicle, *, without: Collection[str] = ()
-) -> ProcessNoiseFit:
-    """Return the parameters and the noise that maximise the likelihood of all innovations.
+) -> Highest:
+    """Return where the likelihood of all innovations is highest.
 
     Priors are log-normal for positive quantities; `neutral_std` is that of every record's neutral
     volume about the vehicle's at its start. without: noises of NO_NOISE that there are none of.
@@ -409,7 +433,7 @@ def fit_process_noise(
     Raises InputError where the volume does not drive a record, NoAnswerError where the likelihood
     has no maximum that can be found.
     """
-    absent = {*without, *(("correlation_time",) if "correlated" in without else ())}
+    absent = frozenset({*without, *(("correlation_time",) if "correlated" in without else ())})
     held = problem.values | {name: NO_NOISE[name] for name in absent}
     likelihood = partial(Likelihood, problem, vehicle)
     noises = [q for q in NOISES if q.name not in absent]
@@ -419,33 +443,47 @@ def fit_process_noise(
     if max(height for _, height in less) > best + _SAME:  # a search had ended on a lesser hill
         x, best = _highest(full, [x, *(place for place, _ in less)])
         less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
-    drifting, any_at_all = (
-        _chance(best - height, n) for (_, height), n in zip(less, (1, 4), strict=True)
-    )
-    full, x = without_trace(full, x, likelihood, held)
+    chances = [_chance(best - height, n) for (_, height), n in zip(less, (1, 4), strict=True)]
+    return Highest(problem, full, x, best, chances[0], chances[1], likelihood, absent)
+
+
+def fit_process_noise(
+    problem: Problem, vehicle: Vehicle, *, without: Collection[str] = ()
+) -> ProcessNoiseFit:
+    """Return the parameters and the noise that maximise the likelihood, and how sure they are.
+
+    See `highest_with_noise`.
+    """
+    return described(highest_with_noise(problem, vehicle, without=without))
+
+
+def described(at: Highest) -> ProcessNoiseFit:
+    """Return what is known where the likelihood is highest."""
+    names = at.problem.names
+    full, x = without_trace(at.full, at.x, at.likelihood, at.full.values)
     C = covariance(full, x)
-    per = np.array([q.slope(float(at)) for q, at in zip(full.quantities, x, strict=True)])
+    per = np.array([q.slope(float(place)) for q, place in zip(full.quantities, x, strict=True)])
     std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
     found: dict[str, Estimate] = {}
-    p, values = len(problem.names), full.named(x)
+    p, values = len(names), full.named(x)
     for q, deviation in zip(full.quantities, std.tolist(), strict=True):
         unit, log = _UNITS.get(q.name) or NAMES[q.name].unit, q.logarithmic
         found[q.name] = Estimate.of(values[q.name], deviation, unit, logarithmic=log)
-    for name in absent:
+    for name in at.absent:
         found[name] = Estimate.given(NO_NOISE[name], _UNITS[name])
-    if "random_walk" not in absent:
+    if "random_walk" not in at.absent:
         own = found["random_walk"]
-        found["random_walk"] = _interval(full, x, best, drifting, own, likelihood)
+        found["random_walk"] = _interval(full, x, at.height, at.p_value, own, at.likelihood)
     return ProcessNoiseFit(
-        names=problem.names,
-        estimates={name: found[name] for name in problem.names},
+        names=names,
+        estimates={name: found[name] for name in names},
         covariance=C[:p, :p] * np.outer(per[:p], per[:p]),
         noises={q.name: found[q.name] for q in NOISES},
         noise=full.noise(values),
         values=values,
-        log_likelihood=best,
-        p_value=drifting,
-        p_any=any_at_all,
+        log_likelihood=at.height,
+        p_value=at.p_value,
+        p_any=at.p_any,
         tracks=_tracks(full, x),
     )
 
@@ -605,6 +643,8 @@ def _interval(
     @cache  # a search that begins elsewhere may end elsewhere
     def beyond(distance: float) -> float:
         """Return how far the root of the deviance, which grows about evenly, is past 95 %."""
+        if distance == 0.0:
+            return -Z95
         held = likelihood(others, {**full.values, "random_walk": math.exp(middle + distance)})
         side = math.copysign(1.0, distance)
         near[side], height = _highest(held, [near[side]], rounds=_FEW)

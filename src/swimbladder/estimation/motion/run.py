@@ -32,7 +32,7 @@ from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.noise import white_part
 from swimbladder.estimation.motion.posterior import sample
 from swimbladder.estimation.motion.problem import NAMES, Assumed, Problem, default_names, posed
-from swimbladder.estimation.motion.process_noise import fit_process_noise
+from swimbladder.estimation.motion.process_noise import described, highest_with_noise
 from swimbladder.estimation.motion.process_noise_result import with_process_noise
 from swimbladder.estimation.motion.result import (
     Asked,
@@ -311,17 +311,18 @@ def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -
     """Return the answer with process noise where there is some, else without."""
     near: Array | None = None
     if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
-        fit = fit_process_noise(problem, vehicle)
-        noise = math.hypot(fit.noise.depth, fit.noise.correlated)
+        best = highest_with_noise(problem, vehicle)
+        noise = best.depth_noise
         if asked.process_noise == "never":
-            near = problem.begin(fit.values)
-        elif asked.process_noise == "auto" and (not fit.significant or noise < _NO_SENSORS):
+            near = problem.begin(best.values)
+        elif asked.process_noise == "auto" and (not best.significant or noise < _NO_SENSORS):
             # A filter of an unstable motion corrects itself at every sample, and follows with its
             # own noise alone what the vehicle does not do by itself.
-            near = followed(problem, fit.values, noise)
+            near = followed(problem, best.values, noise)
         if near is None:
             report(0.9)
-            return with_process_noise(fit, vehicle, problem, assumptions(problem, vehicle), asked)
+            said = assumptions(problem, vehicle)
+            return with_process_noise(described(best), vehicle, problem, said, asked)
     return _without_process_noise(problem, vehicle, asked, report, near)
 
 
