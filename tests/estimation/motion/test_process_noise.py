@@ -200,6 +200,14 @@ def test_correlated_noise_of_the_depth_is_no_motion():
         assert abs(found.parameters[name].value - truth) < 3.5 * found.parameters[name].std
 
 
+def test_draws_that_cannot_be_made_are_said():
+    found = identify(correlated_campaign(4), VEHICLE, profiles=False, choices=False, posterior=1)
+    assert found.posterior is None
+    (said,) = (f for f in found.findings if f.kind == "posterior")
+    assert said.severity == "warning"
+    assert "--process-noise never" in said.sentence
+
+
 @pytest.mark.prove
 def test_intervals_hold_the_truth_in_correlated_noise():
     runs, held = 100, dict.fromkeys(("K2", "T2", "psi"), 0)

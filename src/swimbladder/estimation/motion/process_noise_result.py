@@ -71,6 +71,8 @@ def with_process_noise(
         *contradicted,
         _summary(fit),
     ]
+    if asked.posterior is not None:
+        findings.append(Finding.of("motion", "no draws"))
     turned = [f for f in findings if f.kind == "backwards"]
     findings = turned or findings  # what follows from it need not be said
     new, noise = vehicle, fit.noise
