@@ -52,14 +52,10 @@ def choices(problem: Problem, fit: Fit, vehicle: Vehicle) -> tuple[Choice, ...]:
     worth = float((each * counts).sum() / counts.sum())
     found = []
     for other, psi in models_of(problem, vehicle):
-        same = other is problem
-        if same:
-            result = fit
-        else:
-            x = other.begin(begin_of(other, problem, problem.named(fit.x)))
-            x[other.shared :] = fit.x[problem.shared :]
-            result = solve(other, x)
-        found.append(_choice(other, result, psi, worth, reported=same))
+        x = other.begin(begin_of(other, problem, problem.named(fit.x)))
+        x[other.shared :] = fit.x[problem.shared :]
+        result = fit if other is problem else solve(other, x)
+        found.append(_choice(other, result, psi, worth, reported=other is problem))
     return with_probabilities(found)
 
 
@@ -280,8 +276,12 @@ def _what(names: list[str], std: float, problem: Problem) -> str:
         return sentence(*place, "several", names=f"{', '.join(some)} and {name}")
     if not problem.logarithmic[problem.names.index(name)]:
         return sentence(*place, "one", name=name)
-    by = f"{100.0 * std:.0f} %" if std < 10.0 else "over 1000 %"
-    return sentence(*place, "one_by", name=name, by=by)
+    return sentence(*place, "one_by", name=name, by=in_percent(std))
+
+
+def in_percent(share: float) -> str:
+    """Return a standard error, as a share of a value, in words."""
+    return f"{100.0 * share:.0f} %" if share < 10.0 else "over 1000 %"
 
 
 def _remedy(names: list[str], problem: Problem) -> str:

@@ -12,6 +12,7 @@ from swimbladder.estimation.motion.diagnose import (
     against_prior,
     begin_of,
     drifts,
+    in_percent,
     judge,
     models_of,
     neutral_beyond_prior,
@@ -117,12 +118,15 @@ def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> 
     """Return every drag law, with psi as it is and otherwise, each with process noise."""
     found = []
     for other, psi in models_of(problem, vehicle):
-        begin = {**fit.values, **begin_of(other, problem, fit.values)}
-        values, height, runs = height_of(other, vehicle, fit.values if other is problem else begin)
         if other is problem:
-            height = max(height, fit.log_likelihood)
-        innovations = np.concatenate([f.innovation for f in runs])
-        kept = np.abs(innovations) < GATE * np.sqrt(np.concatenate([f.variance for f in runs]))
+            values, height = fit.values, fit.log_likelihood
+            parts = [(t.innovation[t.used], t.deviation[t.used]) for t in fit.tracks]
+        else:
+            begin = {**fit.values, **begin_of(other, problem, fit.values)}
+            values, height, runs = height_of(other, vehicle, begin)
+            parts = [(f.innovation, np.sqrt(f.variance)) for f in runs]
+        innovations, deviations = np.concatenate(parts, axis=1)
+        kept = np.abs(innovations) < GATE * deviations
         found.append(
             Choice(
                 drag=other.model.law,
@@ -176,9 +180,10 @@ def _experiment(e: Experiment, track: Track) -> ExperimentFit:
 
 def _not_identifiable(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Finding]:
     for name, e in fit.estimates.items():
-        if problem.model.logarithmic(name) and _share(e) > LIMIT:
-            share = f"{100.0 * _share(e):.0f} %" if _share(e) < 10.0 else "any factor"
-            yield Finding.of("motion", "unidentified with it", name=name, share=share)
+        share = e.std / abs(e.value) if e.value else math.inf
+        if problem.model.logarithmic(name) and share > LIMIT:
+            said = in_percent(share)
+            yield Finding.of("motion", "unidentified with it", name=name, share=said)
 
 
 def _wanders(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Finding]:
@@ -198,10 +203,6 @@ def _differ(vehicle: Vehicle) -> Finding:
     means = ", ".join(f"{name} = {value:.4g} {NAMES[name].unit}" for name, value in values)
     drift = f"{3.6e9 * b.neutral_drift:.2g} +- {3.6e9 * b.neutral_drift_std:.2g}"
     return Finding.of("motion", "logs differ", psi=b.psi, drag=b.drag, drift=drift, means=means)
-
-
-def _share(e: Estimate) -> float:
-    return e.std / abs(e.value) if e.value else math.inf
 
 
 def _summary(fit: ProcessNoiseFit) -> Finding:
