@@ -286,6 +286,15 @@ def test_a_board_that_arms_otherwise_is_found_out(feup, made, tmp_path, right, w
     assert answer.flights[1].ended == ("armed as before" if tick < 0 else "NOT armed as before")
 
 
+@pytest.mark.usefixtures("gcc")
+def test_the_speed_of_a_fast_board_has_no_exponent(host, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(BoardAnswer, "speed", 1234.5)
+    with host() as port:
+        line = ["board", "feup-em", "--duration", "30 s", "--time-limit", "2 h", "--port", port]
+        assert main([*line, "--out", str(tmp_path / "out")]) == 0
+    assert "\nspeed: 1230 times real time\n" in capsys.readouterr().out
+
+
 def forms(text: str) -> set[str]:
     """Return the lines of a text, any number the same, and any digest."""
     return {re.sub(r"[\d.]+", "0", re.sub(r" C \w{16}", " C", line)) for line in text.splitlines()}

@@ -19,6 +19,7 @@ from swimbladder.cli.options import (
     valued,
 )
 from swimbladder.cli.texts import Given
+from swimbladder.units import rounded
 
 if TYPE_CHECKING:
     from swimbladder.codegen.board import BoardAnswer, FlightAnswer
@@ -119,7 +120,7 @@ def _shown(answer: BoardAnswer) -> Iterator[object]:
             median, worst, jitter = (f"{1e3 * time:.3f} ms" for time in spread)
             yield f"{name}: median {median}, worst {worst}, jitter {jitter}"
     late = f"; {times.late} ticks were late" if answer.real_time else ""
-    yield f"speed: {answer.speed:.3g} times real time{late}"
+    yield f"speed: {rounded(answer.speed, 3)} times real time{late}"
     counts = "{sent} sent, {lost} lost; corrupt: {corrupt} here, {corrupt_at_board} at the board"
     yield f"frames: {counts.format(**answer.frames)}"
     left = answer.stack_left

@@ -143,8 +143,7 @@ class BoardAnswer:
     @property
     def speed(self) -> float:
         """Times real time."""
-        wall = sum(flight.wall for flight in self.flights)
-        return sum(flight.duration for flight in self.flights) / wall
+        return sum(one.duration for one in self.flights) / sum(one.wall for one in self.flights)
 
     def to_json(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
