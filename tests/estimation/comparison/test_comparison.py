@@ -361,12 +361,14 @@ def test_growing_windows_end_with_the_whole_record(float_vehicle, voyage):
     assert len(stages(rec)[0]) == 15
 
 
-def test_samples_without_input_are_left_out(float_vehicle, voyage):
+def test_samples_without_input_are_left_out_but_for_short_holes(float_vehicle, voyage):
     volume = voyage.volume.copy()
     volume[[7, 100]] = np.nan
+    volume[200:206] = np.nan
     c = compare(replace(voyage, volume=volume), float_vehicle)
-    assert len(c.predicted) == 298
-    assert any("2 samples without volume" in note for note in c.notes)
+    assert len(c.predicted) == 294
+    assert any("2 samples without volume: taken from those beside" in note for note in c.notes)
+    assert any("6 samples without volume left out" in note for note in c.notes)
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from swimbladder.errors import InputError, LogError
+from swimbladder.estimation.comparison.drive_outliers import LONGEST, drive_outliers, filled
 from swimbladder.estimation.kalman.depth_filter import follow
 from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.series import Array, Mask, stretches
@@ -187,6 +188,7 @@ DRIVES: tuple[Drive, ...] = get_args(Drive)
 
 _FEWEST = 10
 _STAYS = 3  # samples under water, one after the other
+_OFF = 0.1  # of the samples, more of which with an impossible volume are no outliers
 _STROKES = 5.0  # more of them than this is another unit, or another vehicle
 _BELOW_BOTTOM = 0.2  # m, that a depth sensor may be off
 _BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
@@ -271,6 +273,9 @@ def record(
     notes = list(log.report)
     chosen = drive or _first_drive(log, vehicle)
     series = _driving(log, vehicle, chosen)
+    if chosen == "volume":
+        log = _mended(log, vehicle, notes)
+        series = _driving(log, vehicle, chosen)
     layers = NO_LAYERS if column is None else _layers(log, vehicle, column, chosen)
     kept = np.isfinite(series)
     if not kept.all():
@@ -344,6 +349,37 @@ def record(
         layers=layers,
         source=log.source,
     )
+
+
+def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> Log:
+    """Return the log with a volume, or piston, where some of it cannot be or short holes are.
+
+    Raises LogError where that are too many.
+    """
+    name = "piston" if log.volume is None else "volume"
+    values: Array = getattr(log, name)
+    known = np.isfinite(values)
+    p, stroke, area = plant(vehicle), vehicle.stroke, vehicle.piston_area
+    area = 1.0 if name == "volume" or area is None else area
+    rate, whole = p.rate if p.positioner else p.gain * p.supply, stroke.maximum - stroke.minimum
+    off, hole = np.zeros(len(log), dtype=bool), np.zeros(len(log), dtype=bool)
+    given = log.time[known], area * values[known], log.gaps
+    off[known] = drive_outliers(*given, rate=rate, stroke=whole)
+    for first, after in stretches(~known):
+        hole[first:after] = first > 0 and after < len(log) and after - first <= LONGEST
+    beyond = f"a {name} that the actuator cannot reach from the samples beside"
+    count, taken = int(off.sum()), "taken from those beside"
+    if count > _OFF * known.sum():
+        what = f"{count} of {int(known.sum())} samples have {beyond}"
+        remedy = f"Check which column is the {name}, and how missing values are written in it"
+        field, line = {"volume": "volume_m3", "piston": "piston_m"}[name], int(log.line[off][0])
+        raise LogError(what, file=log.source, line=line, field=field, remedy=remedy)
+    if count:
+        lines = ", ".join(str(number) for number in log.line[off][:3]) + ", ..." * (count > 3)
+        notes.append(f"{count} samples with {beyond} them, on line {lines}: {taken}")
+    if hole.any():
+        notes.append(f"{int(hole.sum())} samples without {name}: {taken}")
+    return replace(log, **{name: filled(log.time, values, off | hole)})  # type: ignore[arg-type]
 
 
 def bad_depth(source: str, what: str, value: float, remedy: str) -> LogError:
