@@ -57,6 +57,9 @@ class Setting(Options):
     drift_std: Given = valued(
         "RATE", "Drift of the neutral volume, 1 sigma (0.1 cm3/min).", name="--drift"
     )
+    delay_std: str = valued(
+        "TIME", "How late the stamps of the volumes are, 1 sigma.", "0.2 s", name="--delay"
+    )
 
 
 @dataclass(frozen=True)
@@ -141,7 +144,7 @@ def _parameters(found: Design) -> Table:
     from swimbladder.show.report.text import row
 
     w = found.chosen
-    headings = ["", "assumed", "1 sigma", "95 % interval", "unit", "with drift", "other vehicles"]
+    headings = ["", "assumed", "1 sigma", "95 % interval", "unit", "as a share", "other vehicles"]
     rows = []
     for name, e in w.prediction.parameters.items():
         r = row(name, e)

@@ -218,6 +218,12 @@ class Fit(Options):
     speed_std: str = valued(
         "SPEED", "Prior of each log's start speed, 1 sigma; or none.", "none", read=deviation("m/s")
     )
+    drift_std: str = valued(
+        "RATE", "Drift of each log's neutral volume, 1 sigma.", "0.1 cm3/min", name="--drift"
+    )
+    delay_std: str = valued(
+        "TIME", "How late the stamps of the volumes are, 1 sigma.", "0.2 s", name="--delay"
+    )
     drive: Given = valued("INPUT", "volume or voltage (first that is logged).")
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
     surface_margin: str = valued("DEPTH", "Depths less than this are not used.", "0.1 m")

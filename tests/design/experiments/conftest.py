@@ -33,6 +33,7 @@ def setting():
         quantum=5e-3,
         neutral_std=0.5e-6,
         drift_std=0.1e-6 / 60.0,
+        delay_std=0.2,
         settling=300.0,
         rest=5.0,
         longest=240.0,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import binom, chi2
 
 from swimbladder.design.experiments.conditions import Conditions, Flight, follow, ramps
 from swimbladder.design.experiments.evaluation import predict
@@ -25,8 +25,9 @@ def truth(k):
     return Vehicle(7935.54 * by[0], 36.3 * by[1], 4.04e-6 * by[2])
 
 
-def logs(plan, vehicle, rng, setting, drift_std=0.0):
-    found = []
+def logs(plan, vehicle, rng, setting):
+    """Return the logs of a campaign, with all errors that the setting states."""
+    found, late = [], setting.delay_std * rng.normal()
     for number, one in enumerate(plan.experiments, start=1):
         time, depth, volume = run(
             plan,
@@ -36,8 +37,9 @@ def logs(plan, vehicle, rng, setting, drift_std=0.0):
             noise=setting.noise,
             quantum=setting.quantum,
             neutral=setting.neutral_std * rng.normal(),
-            drift=drift_std * rng.normal(),
+            drift=setting.drift_std * rng.normal(),
         )
+        volume = np.interp(time - late, time, volume)
         line = np.arange(len(time)) + 2
         found.append(
             Log(source=f"{number}", time=time, depth=depth, volume=volume + 1e-4, line=line)
@@ -108,34 +110,22 @@ def test_the_covariance_predicted_is_the_one_reported(campaigns, name):
     _, reported, predicted, said, expected = campaigns[name]
     ratio = reported / predicted
     assert np.median(ratio, axis=0) == pytest.approx(np.ones(3), abs=0.08)
-    assert np.mean(np.abs(ratio - 1.0) < 0.2) > 0.95
+    assert np.mean(np.abs(ratio - 1.0) < 0.4) > 0.9  # where it turns decides in an unstable vehicle
     assert np.median(np.abs(said - expected)) < 0.02
 
 
-def test_the_error_with_drift_is_the_one_that_comes(design, vehicle, setting, tmp_path):
-    """Neutral volumes that drift, of which the fit does not know: the vehicle as it was given."""
-    path = tmp_path / "plan.toml"
-    path.write_text(plan_file(design.plan()), encoding="utf-8")
-    plan, true = load_plan(path), Vehicle(7935.54, 36.3, 4.04e-6)
-    errors = []
-    for k in range(CAMPAIGNS // 2):
-        rng = np.random.default_rng([13, k])
-        measured = logs(plan, true, rng, setting, drift_std=setting.drift_std)
-        answer = identify(measured, vehicle, profiles=False, choices=False)
-        found = np.array([answer.parameters[n].value for n in NAMES])
-        errors.append(found / [true.K2, true.T2, true.psi] - 1.0)
-    share = np.array([design.chosen.prediction.share[n] for n in NAMES])
-    squares = (np.array(errors) ** 2).sum(axis=0) / share**2
-    low, high = chi2.ppf([0.001, 0.999], CAMPAIGNS // 2)
-    assert ((low < squares) & (squares < high)).all(), squares / (CAMPAIGNS // 2)
-    without = np.array([design.chosen.prediction.parameters[n].std for n in NAMES])
-    assert (rms(np.array(errors)) > 1.3 * without / [true.K2, true.T2, true.psi]).all()
+@pytest.mark.parametrize("name", ["planned", "paper"])
+def test_intervals_hold_the_truth_under_all_that_the_plan_assumes(campaigns, name):
+    """Noise, quantum, neutral volumes that are off and drift, and volumes that are late."""
+    errors, reported, *_ = campaigns[name]
+    held = (np.abs(errors) < 1.96 * reported).sum(axis=0)
+    assert (held >= binom(CAMPAIGNS, 0.95).ppf(0.002)).all(), held / CAMPAIGNS
 
 
 def test_of_the_records_as_they_came_the_covariance_is_reported(design, vehicle, conditions):
     """Nothing is left but the noise that a fit estimates, from some two thousand depths."""
     plan, true, setting = design.plan(), Vehicle(7935.54, 36.3, 4.04e-6), conditions.setting
-    neutral, ratios = replace(setting, neutral_std=0.0), []
+    neutral, ratios = replace(setting, neutral_std=0.0, drift_std=0.0, delay_std=0.0), []
     for k in range(12):
         measured = logs(plan, true, np.random.default_rng([17, k]), neutral)
         answer = identify(measured, vehicle, profiles=False, choices=False)

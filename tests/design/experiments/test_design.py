@@ -49,7 +49,7 @@ def test_the_plan_is_what_was_chosen(design, tmp_path):
 
 def test_warnings_say_what_would_go_wrong(design):
     kinds = {f.kind for f in design.findings}
-    assert {"psi", "drift", "limit", "size"} <= kinds
+    assert {"psi", "limit", "size"} <= kinds
     (psi,) = (f.sentence for f in design.findings if f.kind == "psi")
     assert "refit" in psi
     assert "linearised" in psi

@@ -22,17 +22,17 @@ from swimbladder.vehicle import Identified
 from tests.quoted import refused
 
 
-def table(rows, kind, cost=None, drift=None, names=("a", "b", "c")):
+def table(rows, kind, cost=None, known=0.0, shared=0):
+    """Return a table of straight-line models; shared: columns at the end that are nuisances."""
     rows = np.array(rows, float)
     gain = (rows[:, :, None] * rows[:, None, :])[:, None]
-    p = rows.shape[1]
-    zero = np.zeros_like(gain)
+    p = rows.shape[1] - shared
     return Table(
         gain=gain,
-        drift=zero if drift is None else drift,
-        prior=np.zeros((p, p)),
+        prior=np.diag([0.0] * p + [known] * shared),
         cost=np.ones(len(rows)) if cost is None else np.array(cost, float),
-        judge=criterion(kind, names[:p]),
+        parameters=p,
+        judge=criterion(kind, ("a", "b", "c")[:p]),
     )
 
 
@@ -60,11 +60,10 @@ def test_for_the_slope_alone_only_the_ends_count_and_for_the_level_any_even_set(
 @pytest.mark.parametrize("kind", ["largest", "A", "D", "a,c"])
 @pytest.mark.parametrize("seed", range(3))
 def test_no_set_of_all_is_much_better(kind, seed):
-    """Candidates of different costs, with drifts that a fit does not know of."""
+    """Candidates of different costs, with a nuisance that all share."""
     rng = np.random.default_rng(seed)
-    rows = rng.normal(size=(7, 3))
-    drift = 0.1 * rng.normal(size=(7, 1, 3, 1))
-    t = table(rows, kind, cost=rng.uniform(1.0, 2.0, 7), drift=drift @ drift.swapaxes(2, 3))
+    rows = rng.normal(size=(7, 4))
+    t = table(rows, kind, cost=rng.uniform(1.0, 2.0, 7), known=1.0, shared=1)
     found = choose(t, 7.0, 6)
     assert t.cost[found].sum() <= 7.0
     best = min(
@@ -76,11 +75,11 @@ def test_no_set_of_all_is_much_better(kind, seed):
     assert t.of(found) <= best + 0.06
 
 
-def test_the_criterion_counts_what_a_drift_adds():
-    """One parameter, one sample: variance 1, and a score of 3 times a deviation of 0.5."""
-    t = table([[1.0]], "largest", drift=np.full((1, 1, 1, 1), 1.5**2))
-    assert math.exp(2.0 * t.of([0])) == pytest.approx(1.0 + 1.5**2, rel=1e-3)
-    assert math.exp(2.0 * t.of([0, 0])) == pytest.approx(0.5 + 2 * (1.5 / 2) ** 2, rel=1e-3)
+def test_the_criterion_counts_what_a_shared_nuisance_adds():
+    """One parameter, samples of it plus 3 times a nuisance known to 0.5: variance 1/n + 1.5^2."""
+    t = table([[1.0, 3.0]], "largest", known=4.0, shared=1)
+    for n in (1, 2, 5):
+        assert math.exp(2.0 * t.of([0] * n)) == pytest.approx(1.0 / n + 1.5**2, rel=1e-3)
 
 
 def test_what_does_not_fit():

@@ -55,7 +55,7 @@ def test_a_closed_loop_log_gives_the_truth_within_its_interval(vehicle, dive, se
         for name, true in TRUTH.items()
     ]
     assert np.abs(off).max() < 3.5
-    assert found.parameters["K2"].std < 0.02 * TRUTH["K2"]
+    assert found.parameters["K2"].std < 0.04 * TRUTH["K2"]
     # As good as the truth: what is left over is the noise.
     assert found.experiments[0].rms == pytest.approx(2e-3, rel=0.08)
 
@@ -67,4 +67,4 @@ def test_the_search_does_not_need_good_first_values(vehicle, dive):
     a = identify([log_of(dive, 4)], vehicle, choices=False, profiles=False)
     b = identify([log_of(dive, 4)], other, choices=False, profiles=False)
     for name, e in a.parameters.items():
-        assert b.parameters[name].value == pytest.approx(e.value, abs=0.05 * e.std)
+        assert b.parameters[name].value == pytest.approx(e.value, abs=0.15 * e.std)

@@ -7,7 +7,9 @@ import pytest
 
 from swimbladder.estimation.comparison.record import record
 from swimbladder.estimation.motion.problem import (
+    DELAY,
     DEPTH,
+    DRIFT,
     SPEED,
     VOLUME,
     Assumed,
@@ -16,7 +18,7 @@ from swimbladder.estimation.motion.problem import (
     model_of,
 )
 from swimbladder.io.config import load_vehicle
-from tests.estimation.motion.pool import FEUP, G, pool_log, trace
+from tests.estimation.motion.pool import G, pool_log, trace
 
 FEUP_EM = load_vehicle("feup-em")
 
@@ -36,22 +38,24 @@ def scipy_depths(problem, x):
     found = []
     for j, e in enumerate(problem.experiments):
         V0 = x[problem.shared + j] * VOLUME - values["psi"] * e.reference
+        drift, late = x[problem.first_drift + j] * DRIFT, x[problem.delay_at] * DELAY
         for k, s in enumerate(e.segments):
             at = problem.starts_at[j] + 2 * k
             part = slice(s.first, s.last + 1)
-            found.append(
-                trace(
-                    e.record.time[part],
-                    e.inputs[part],
-                    z0=x[at] * DEPTH,
-                    w0=x[at + 1] * SPEED,
-                    V0=V0,
-                    m=m,
-                    k_dl=k_dl,
-                    k_dt=k_dt,
-                    psi=values["psi"],
-                )
+            t = e.record.time[part]
+            fine = np.union1d(t, (t + late)[(t + late > t[0]) & (t + late < t[-1])])
+            depth = trace(
+                fine,
+                np.interp(fine, t, e.inputs[part] - drift * (t - e.record.time[0])),
+                z0=x[at] * DEPTH,
+                w0=x[at + 1] * SPEED,
+                V0=V0,
+                m=m,
+                k_dl=k_dl,
+                k_dt=k_dt,
+                psi=values["psi"],
             )
+            found.append(np.interp(t + late, fine, depth))
     return np.concatenate(found)
 
 
@@ -68,10 +72,11 @@ def test_depths_and_derivatives_are_those_of_scipy(law, names):
     x = problem.begin()
     x[problem.shared] = 0.4
     x[problem.first_start + 1] = 0.7
+    x[problem.first_drift : problem.delay_at] = 1.5, -0.8
     exact = 2e-9 if law == "linear" else 2e-7
     assert problem.predict(x) == pytest.approx(scipy_depths(problem, x), abs=exact)
     J = problem.slope(x)
-    for i in range(problem.size):
+    for i in range(problem.delay_at):
         h = 1e-3
         up, down = x.copy(), x.copy()
         up[i] += h
@@ -94,12 +99,19 @@ def test_priors_are_rows_in_standard_deviations():
     from swimbladder.estimation.estimates import Prior
 
     problem = problem_of(
-        [pool_log(20e-6)], ("K2", "psi"), priors={"K2": Prior(8000.0, 400.0)}, speed_std=1e-3
+        [pool_log(20e-6)],
+        ("K2", "psi"),
+        priors={"K2": Prior(8000.0, 400.0)},
+        speed_std=1e-3,
+        drift_std=2e-9,
+        delay_std=0.1,
     )
     x = problem.begin({"K2": 8200.0})
     x[problem.shared], x[problem.first_start + 1] = 0.25, 0.3
+    x[problem.first_drift], x[problem.delay_at] = 0.7, -2.0
     rows, slopes = problem.prior_rows(x)
-    assert rows == pytest.approx([(8000.0 - 8200.0) / 400.0, -0.25e-6 / 0.5e-6, -0.3e-2 / 1e-3])
+    known = [(8000.0 - 8200.0) / 400.0, -0.25e-6 / 0.5e-6, -0.3e-2 / 1e-3]
+    assert rows == pytest.approx([*known, -0.7e-9 / 2e-9, 0.02 / 0.1])
     for i in range(problem.size):
         moved = x.copy()
         moved[i] += 1e-6
@@ -121,17 +133,18 @@ def test_a_long_gap_and_the_surface_cut_a_log():
     assert not e.used[(time > 40.0) & (time < 45.0)].any()
 
 
-def test_drift_of_the_neutral_volume_against_scipy():
-    log = pool_log(30e-6, longest=30.0)
-    problem = problem_of([log], ("K2", "T2"), fixed={"psi": FEUP["psi"]})
+@pytest.mark.parametrize("late", [0.0, 0.13, -0.4])
+def test_late_volumes_against_scipy(late):
+    """The depths of a log whose volumes are read later, and what a little later does: the speed."""
+    problem = problem_of([pool_log(30e-6, longest=30.0)], ("K2", "T2"))
     x = problem.begin()
-    e = problem.experiments[0]
-    t = e.record.time
-    rate = 1e-9
-    V0 = x[problem.shared] * VOLUME - FEUP["psi"] * e.reference
-    start = {"z0": x[problem.first_start] * DEPTH, "w0": x[problem.first_start + 1] * SPEED}
-    still = trace(t, e.inputs, V0=V0, **start, **FEUP)
-    drifting = trace(t, e.inputs - rate * (t - t.mean()), V0=V0, **start, **FEUP)
-    expected = (drifting - still) / rate
-    found = problem.drift_slope(x, 0)
-    assert found == pytest.approx(expected, abs=1e-4 * float(np.abs(expected).max()))
+    x[problem.delay_at] = late / DELAY
+    inside = slice(2, -2)  # beyond the ends there is no volume
+    assert problem.predict(x)[inside] == pytest.approx(scipy_depths(problem, x)[inside], abs=2e-6)
+    h, moved = 0.02 / DELAY, []
+    for sign in (1.0, -1.0):
+        near = x.copy()
+        near[problem.delay_at] += sign * h
+        moved.append(scipy_depths(problem, near)[inside])
+    slope = problem.slope(x)[inside, problem.delay_at]
+    assert slope == pytest.approx((moved[0] - moved[1]) / (2.0 * h), abs=0.01 * np.abs(slope).max())

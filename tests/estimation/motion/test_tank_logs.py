@@ -30,7 +30,7 @@ def answer(table, path, **options):
 def test_single_logs_agree_or_say_no(missions, tmp_path):
     found = [answer(missions[missions["log"] == n], tmp_path / f"{n}.csv") for n in LOGS]
     known = [f for f in found if f.identified]
-    assert len(known) >= 3
+    assert len(known) >= 2
     water = VEHICLE.water.density * VEHICLE.hull.displaced_volume
     for f in known:
         low, high = f.derived["mass"].ci95

@@ -20,7 +20,8 @@ from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.problem import (
-    VOLUME,
+    DELAY,
+    LEAST_STD,
     Assumed,
     Experiment,
     Model,
@@ -46,7 +47,8 @@ class Setting:
     noise: float  # m, white, 1 sigma
     quantum: float  # m
     neutral_std: float  # m3
-    drift_std: float  # m3/s, of the neutral volume from the release on, 1 sigma
+    drift_std: float  # m3/s, of each neutral volume, 1 sigma
+    delay_std: float  # s, of how late the stamps of all volumes are, 1 sigma
     settling: float  # s, until the vehicle is at rest before a release
     rest: float  # s, of that time on record
     longest: float  # s, of a record from the release on
@@ -265,20 +267,11 @@ class Question(NamedTuple):
         means = {name: prior.mean for name, prior in self.priors.items()}
         return {**self.model.values, **self.fixed, **means}
 
-    def prior(self) -> Array:
-        """Return what is known beforehand, as information about shares [p, p]."""
+    def prior(self, setting: Setting) -> Array:
+        """Return what is known beforehand, as information about shares and delay [p + 1, p + 1]."""
         std = [self.priors[name].std if name in self.priors else math.inf for name in self.names]
-        return np.diag((self.sizes(self.names) / std) ** 2)
-
-
-class Information(NamedTuple):
-    """Of one record: information about shares, and what a drift in it does to them.
-
-    gain [p, p]; drift [p]: the score of a steady drift of the neutral volume, per m3/s.
-    """
-
-    gain: Array
-    drift: Array
+        delay = DELAY / max(setting.delay_std, LEAST_STD * DELAY)
+        return np.diag(np.append(self.sizes(self.names) / std, delay) ** 2)
 
 
 class Conditions(NamedTuple):
@@ -295,48 +288,40 @@ def problem_of(flights: Sequence[Flight], c: Conditions, **fixed: float) -> Prob
     names = tuple(name for name in c.question.names if name not in held)
     priors = {name: p for name, p in c.question.priors.items() if name in names}
     experiments = [experiment_of(flight, f"release {k}") for k, flight in enumerate(flights, 1)]
-    assumed = Assumed(held, priors, c.setting.neutral_std)
+    setting = c.setting
+    assumed = Assumed(
+        held, priors, setting.neutral_std, drift_std=setting.drift_std, delay_std=setting.delay_std
+    )
     return Problem(experiments, c.question.model, names, assumed)
 
 
-def fisher_information(flight: Flight, values: Mapping[str, float], c: Conditions) -> Information:
-    """Return the information of a record on the vehicle that has these values."""
+def fisher_information(flight: Flight, values: Mapping[str, float], c: Conditions) -> Array:
+    """Return what a record says [p + 1, p + 1] of the vehicle that has these values.
+
+    Of the shares, and last of how late the stamps of volumes are, in units of DELAY: the record's
+    own neutral volume, its drift and its start follow them.
+    """
     question, setting = c.question, c.setting
     p = len(question.names)
     if len(flight.time) < FEWEST:
-        return Information(np.zeros((p, p)), np.zeros(p))
+        return np.zeros((p + 1, p + 1))
     problem = problem_of([flight], c._replace(question=question._replace(priors={})))
     x = problem.begin(values)
     per_share = [
         1.0 if log else question.size(name) / scale
         for name, log, scale in zip(question.names, problem.logarithmic, problem.scale, strict=True)
     ]
-    J = problem.slope(x)
-    s = drift_effect(problem, x, J, [flight]) / setting.depth_noise
-    J /= setting.depth_noise
+    J = problem.slope(x) / setting.depth_noise
     J[:, :p] *= per_share
-    own = problem.prior_rows(x)[1][:, p:]
-    inner = J[:, p:].T @ J[:, p:] + own.T @ own
-    across = J[:, :p].T @ J[:, p:]
-    # What is left of the parameters' columns, once the record's own entries follow them.
+    of_all = [*range(p), problem.delay_at]
+    own = [i for i in range(len(x)) if i not in of_all]
+    known = problem.prior_rows(x)[1][:, own]
+    inner = J[:, own].T @ J[:, own] + known.T @ known
+    across = J[:, of_all].T @ J[:, own]
+    # What is left of the others' columns, once the record's own entries follow them.
     back = np.linalg.solve(inner + 1e-12 * np.diag(np.diag(inner)), across.T)
-    gain = J[:, :p].T @ J[:, :p] - across @ back
-    drift = J[:, :p].T @ s - back.T @ (J[:, p:].T @ s)
-    return Information(0.5 * (gain + gain.T), drift)
-
-
-def drift_effect(problem: Problem, x: Array, J: Array, flights: Sequence[Flight]) -> Array:
-    """Return the derivative of the depths with a drift of all neutral volumes [m s/m3].
-
-    J: that with x. A drift counts from the release on: that about the middle, and the shift from
-    there.
-    """
-    effects = []
-    for j, flight in enumerate(flights):
-        middle = float(flight.time.mean() - flight.time[flight.moved[0]])
-        column = J[problem.rows[j] : problem.rows[j + 1], problem.shared + j]
-        effects.append(problem.drift_slope(x, j) + column / VOLUME * middle)
-    return np.concatenate(effects)
+    gain = J[:, of_all].T @ J[:, of_all] - across @ back
+    return np.asarray(0.5 * (gain + gain.T))
 
 
 def covariance_of(question: Question, vehicle: Vehicle, uncertainty: float | None) -> Array:

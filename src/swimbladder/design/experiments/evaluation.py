@@ -16,15 +16,14 @@ from swimbladder.design.experiments.conditions import (
     Conditions,
     Flight,
     Release,
-    drift_effect,
     fisher_information,
     follow,
     problem_of,
 )
 from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.estimation.motion.diagnose import Curvature, not_identifiable
-from swimbladder.estimation.motion.fit import fit
-from swimbladder.estimation.motion.problem import NAMES, VOLUME, Problem
+from swimbladder.estimation.motion.fit import fit, inverse_of
+from swimbladder.estimation.motion.problem import DRIFT, NAMES, VOLUME, Problem
 
 
 class OmittedVariable(NamedTuple):
@@ -77,8 +76,8 @@ def without_drift(flights: Sequence[Flight], c: Conditions) -> OmittedVariable:
     """Return the bias if every neutral volume drifts the same way, by its standard deviation."""
     problem = problem_of(flights, c)
     x = problem.begin(c.question.values)
-    effect = drift_effect(problem, x, problem.slope(x), flights)
-    return OmittedVariable(_linear(problem, x, effect * c.setting.drift_std, c))
+    effect = problem.slope(x)[:, problem.first_drift : problem.delay_at].sum(axis=1)
+    return OmittedVariable(_linear(problem, x, effect * c.setting.drift_std / DRIFT, c))
 
 
 def _linear(problem: Problem, x: Array, effect: Array, c: Conditions) -> dict[str, float]:
@@ -101,16 +100,15 @@ class Prediction:
     """The covariance of a set of records, and where it comes from. Arrays in the order of names.
 
     parameters: as `identify` will report them, its standard deviations and intervals. sources: the
-    shares of the variance that are due to the depths' noise, to the neutral volumes and to what was
-    known before. drift: what a drift of the neutral volumes adds, 1 sigma, in their units; `share`
-    puts both together, as a share of the parameter. open: what the records leave open.
+    shares of the variance that are due to the depths' noise, to the neutral volumes, their drift,
+    how late the volumes' stamps are, and to what was known before. share: the standard deviation as
+    a share of the parameter. open: what the records leave open.
     """
 
     names: tuple[str, ...]
     parameters: dict[str, Estimate]
     covariance: Array  # [p, p], of the values in SI
     sources: dict[str, dict[str, float]]
-    drift: dict[str, float]
     share: dict[str, float]
     open: tuple[Finding, ...]
 
@@ -128,15 +126,10 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
     x = problem.begin(values)
     J, noise = problem.slope(x), c.setting.depth_noise
     data, P = J.T @ J / noise**2, problem.prior_rows(x)[1]
-    C = _inverse(data + P.T @ P)
+    C = inverse_of(data + P.T @ P)
     covariance = C[:p, :p] * np.outer(problem.per_entry(x), problem.per_entry(x))
     stds = np.sqrt(np.diag(covariance)).tolist()
-    size = c.question.sizes(names)
-    drifts = [fisher_information(flight, values, c).drift for flight in flights]
-    shares = covariance / np.outer(size, size)
-    moved = shares @ np.stack(drifts, axis=1) * c.setting.drift_std
-    off = np.sqrt((moved**2).sum(axis=1))
-    both = np.sqrt(np.diag(shares) + off**2)
+    shares = np.array(stds) / c.question.sizes(names)
     return Prediction(
         names=names,
         parameters={
@@ -145,24 +138,18 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
         },
         covariance=covariance,
         sources=_sources(problem, C, data, P),
-        drift=dict(zip(names, (off * size).tolist(), strict=True)),
-        share=dict(zip(names, both.tolist(), strict=True)),
+        share=dict(zip(names, shares.tolist(), strict=True)),
         open=tuple(not_identifiable(problem, Curvature(x, C, data))),
     )
 
 
-def _inverse(M: Array) -> Array:
-    """Return the inverse of an information matrix; without information, a huge variance."""
-    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
-    values, vectors = np.linalg.eigh(M / np.outer(size, size))
-    values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
-    return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))
-
-
 def _sources(problem: Problem, C: Array, data: Array, P: Array) -> dict[str, dict[str, float]]:
     """Return each variance's shares: C = C (data + priors) C, a sum over what the errors are of."""
-    prior, neutral = np.split(P, [len(problem.priors)])
-    parts = {"noise": data, "neutral volume": neutral.T @ neutral, "prior": prior.T @ prior}
+    prior, own = np.split(P, [len(problem.priors)])
+    entry, drift, delay = np.abs(own).argmax(axis=1), problem.first_drift, problem.delay_at
+    rows = {"neutral volume": own[entry < problem.first_start], "prior": prior}
+    rows |= {"drift": own[(entry >= drift) & (entry < delay)], "delay": own[entry == delay]}
+    parts = {"noise": data, **{source: known.T @ known for source, known in rows.items()}}
     variance = {source: np.diag(C @ part @ C) for source, part in parts.items()}
     whole = np.sum(list(variance.values()), axis=0)
     return {
@@ -181,7 +168,7 @@ class EvaluatedSet:
     """A set of releases with its predicted errors for the given vehicle, and for others.
 
     time: pool time [s], settling included. spread: least and largest share of each parameter's
-    error, drift included, over the parameter region. after: the same shares once each
+    error over the parameter region. after: the same shares once each
     release is done, None where not yet known. partial: of each release, in how many of the vehicles
     not all its moves happen. psi, trim, drift: what leaving them out does.
     """
@@ -200,7 +187,7 @@ class EvaluatedSet:
 
     @property
     def largest(self) -> float:
-        """The largest share by which a parameter is uncertain, drift included."""
+        """The largest share by which a parameter is uncertain."""
         return max(self.prediction.share.values())
 
 
@@ -233,22 +220,20 @@ def _after(
     flights: Sequence[Flight], values: Mapping[str, float], c: Conditions, times: float = 1.0
 ) -> list[list[float]]:
     """Return the shares of all parameters after each of the records, each made so many times."""
-    found, p = [], len(c.question.names)
-    gain, drift = np.zeros((p, p)), np.zeros((p, p))
+    found: list[list[float]] = []
+    known = c.question.prior(c.setting)
+    gain, p = np.zeros_like(known), len(c.question.names)
     for flight in flights:
-        one = fisher_information(flight, values, c)
-        gain += times * one.gain
-        drift += times * np.outer(one.drift, one.drift)
-        C = np.linalg.inv(gain + c.question.prior() + 1e-9 * np.eye(p))
-        shares = np.sqrt(np.diag(C + c.setting.drift_std**2 * C @ drift @ C))
-        found.append(shares.tolist())
+        gain += times * fisher_information(flight, values, c)
+        C = np.linalg.inv(gain + known + 1e-9 * np.eye(p + 1))
+        found.append(np.sqrt(np.diag(C)[:p]).tolist())
     return found
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
     """How well parameters would be known if the pool time went to releases of one size, up and
-    down in turns: the largest share, drift included, for single steps and for to and fro.
+    down in turns: the largest share, for single steps and for to and fro.
     """
 
     sizes: Array  # m3

@@ -143,29 +143,22 @@ def _warning(kind: str, sentence: str) -> Finding:
 
 
 def _matters(bias: Mapping[str, float], chosen: EvaluatedSet) -> bool:
-    """Say whether a bias is more than a standard deviation without drift."""
-    p = chosen.prediction
-
-    def share(name: str) -> float:
-        std = p.parameters[name].std
-        return p.share[name] * std / math.hypot(std, p.drift[name])
-
-    return any(abs(off) > share(name) for name, off in bias.items())
+    """Say whether a bias is more than a standard deviation."""
+    return any(abs(off) > chosen.prediction.share[name] for name, off in bias.items())
 
 
 _SOURCES = {
     "noise": "the noise of the depths",
     "neutral volume": "the error of the neutral volumes",
+    "drift": "a drift of the neutral volumes",
+    "delay": "how late the volumes are stamped",
     "prior": "what was known before",
 }
 
 
 def _limits(name: str, chosen: EvaluatedSet, stretched: Mapping[str, float]) -> Finding:
     prediction = chosen.prediction
-    std, drift = prediction.parameters[name].std, prediction.drift[name]
-    whole = std**2 + drift**2
-    sources = {_SOURCES[s]: x * std**2 / whole for s, x in prediction.sources[name].items()}
-    sources["a drift of the neutral volumes"] = drift**2 / whole
+    sources = {_SOURCES[s]: x for s, x in prediction.sources[name].items()}
     listed = sorted(sources.items(), key=lambda item: -item[1])[:2]
     words = [f"{what} ({100.0 * x:.0f} % of the variance)" for what, x in listed if x > 0.1]
     ratio = stretched[name] / prediction.share[name]
@@ -218,7 +211,7 @@ class Design:
 
     @property
     def gains(self) -> dict[str, float]:
-        """How many times larger the errors of the rival set are, drift included, by name."""
+        """How many times larger the errors of the rival set are, by name."""
         if self.against is None:
             return {}
         ours, theirs = self.chosen.prediction.share, self.against.prediction.share
@@ -258,7 +251,7 @@ class Design:
 
 _SETTING = (
     "pool_depth_m shallowest_m deepest_m sample_time_s depth_noise_m neutral_std_m3 drift_std_m3_s "
-    "settling_s"
+    "delay_std_s settling_s"
 )
 
 
@@ -279,7 +272,6 @@ def _set(w: EvaluatedSet) -> dict[str, Any]:
         "parameters": {
             name: {
                 **e.to_json(),
-                "drift_error": prediction.drift[name],
                 "share": prediction.share[name],
                 "share_range": list(w.spread[name]),
                 "sources": prediction.sources[name],

@@ -23,14 +23,13 @@ from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError, check_number
-from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Prior
+from swimbladder.estimation.motion import DELAY_STD, DRIFT_STD, NAMES, NEUTRAL_STD, Prior
 from swimbladder.estimation.motion.problem import Assumed, check_parameters, default_names, model_of
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.pool import pool_parameters, run_procedure
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
 
-DRIFT_STD = 0.1e-6 / 60.0  # m3/s
 PAPER = tuple(sign * dV for dV in (20e-6, 30e-6, 45e-6, 75e-6) for sign in (1.0, -1.0))  # m3, 3.1
 _TIME = 3600.0  # s
 _SETTLING = 120.0  # s, where no procedure can be simulated
@@ -51,6 +50,7 @@ def design_experiment(
     sample_time: float | None = None,
     neutral_std: float | None = None,
     drift_std: float | None = None,
+    delay_std: float = DELAY_STD,
     free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
@@ -72,7 +72,8 @@ def design_experiment(
 
     pool_depth, clearance: of the bottom, and of all records from it and from the surface [m].
     sensor_std, quantum: of the logged depth [m]; sample_time [s]; neutral_std [m3] and drift_std
-    [m3/s]: of an experiment's neutral volume, 1 sigma: where not given, those of the vehicle. free,
+    [m3/s]: of an experiment's neutral volume, 1 sigma: where not given, those of the vehicle.
+    delay_std: of how late the volumes' stamps are, 1 sigma [s]. free,
     fixed, priors, drag: as for `identify`. time: in the pool [s], that of the set `against` where
     not given, else an hour; releases: at most. settling: until at rest before a release [s],
     simulated where not given; rest: of that on record [s]; longest: of a record [s]; moves: changes
@@ -101,6 +102,7 @@ def design_experiment(
             quantum=vehicle.sensors.depth_quantum if quantum is None else quantum,
             neutral_std=neutral if neutral_std is None else neutral_std,
             drift_std=drift if drift_std is None else drift_std,
+            delay_std=delay_std,
             settling=settled,
             rest=rest,
             longest=longest,
@@ -195,6 +197,7 @@ def _check(s: Setting, sensor_std: float | None) -> None:
     check_number(s.sample_time, "--sample-time", "s", above=0.0)
     check_number(s.neutral_std, "--neutral-std", "m3", above=0.0, finite=False)
     check_number(s.drift_std, "--drift", "m3/s", least=0.0)
+    check_number(s.delay_std, "--delay", "s", least=0.0)
     check_number(s.clearance, "--clearance", "m", above=0.0)
     check_number(s.rest, "--rest", "s", least=0.0)
     check_number(s.longest, "--longest", "s", above=FEWEST * s.sample_time)
@@ -241,6 +244,7 @@ def _assumptions(c: Conditions, how: str, count: int) -> tuple[str, ...]:
         "rounding included), white",
         f"each record begins {s.rest:g} s before the release; its neutral volume is {known} and "
         f"drifts by {format_quantity(60.0 * s.drift_std, 'm3', 'cm3', 2)} a minute (1 sigma)",
+        f"the stamps of the volumes are late by {s.delay_std:.3g} s (1 sigma)",
         f"{s.settling:.0f} s until at rest before a release ({how})",
         f"good on average over {count} vehicles of the parameter region",
         "volumes and depths are measured without an error of scale: 1 % of either is 1 % of K2",

@@ -154,41 +154,34 @@ def criterion(text: str, names: Sequence[str]) -> Criterion:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Information of candidates [c, d, p, p] about each of d vehicles, what a drift does
-    [c, d, p, p], and the pool time that they take [c] in s.
+    """Information of candidates [c, d, q, q] about each of d vehicles, as `fisher_information` has
+    it, of p parameters and what all records share, and the pool time that they take [c] in s.
     """
 
     gain: Array
-    drift: Array
     cost: Array
-    prior: Array  # [p, p]
+    prior: Array  # [q, q]
+    parameters: int  # p
     judge: Criterion
 
-    def value(self, gain: Array, drift: Array) -> Array:
-        """Return the criterion, averaged over the vehicles, of sums of records [..., d, p, p]."""
-        p = self.prior.shape[0]
-        C = np.linalg.inv(gain + self.prior + _UNKNOWN * np.eye(p))
-        return np.asarray(self.judge(np.add(C, C @ drift @ C)).mean(axis=-1))
-
-    def sums(self, chosen: Sequence[int]) -> tuple[Array, Array]:
-        """Return the information of a set of candidates and what a drift does, each [d, p, p]."""
-        at = list(chosen)
-        return self.gain[at].sum(axis=0), self.drift[at].sum(axis=0)
+    def value(self, gain: Array) -> Array:
+        """Return the criterion, averaged over the vehicles, of sums of records [..., d, q, q]."""
+        p = self.parameters
+        C = np.asarray(np.linalg.inv(gain + self.prior + _UNKNOWN * np.eye(len(self.prior))), float)
+        return np.asarray(self.judge(C[..., :p, :p]).mean(axis=-1))
 
     @property
     def whole(self) -> Table:
         """The same, judged by the whole ellipsoid."""
-        return replace(self, judge=Criterion(kind="D", among=tuple(range(len(self.prior)))))
+        return replace(self, judge=Criterion(kind="D", among=tuple(range(self.parameters))))
 
     def of(self, chosen: Sequence[int]) -> float:
         """Return the criterion of a set of candidates."""
-        gain, drift = self.sums(chosen)
-        return float(self.value(gain, drift))
+        return float(self.value(self.gain[list(chosen)].sum(axis=0)))
 
     def with_each(self, chosen: Sequence[int]) -> Array:
         """Return the criterion of a set and each of the candidates added to it [c]."""
-        gain, drift = self.sums(chosen)
-        return self.value(gain + self.gain, drift + self.drift)
+        return self.value(self.gain[list(chosen)].sum(axis=0) + self.gain)
 
 
 def choose(table: Table, budget: float, most: int) -> list[int]:
@@ -271,8 +264,7 @@ _ALIKE = 0.02  # of the criterion, that fewer kinds of release may cost
 
 
 class _Tabulated(NamedTuple):
-    gain: Array  # [d, p, p]
-    drift: Array  # [d, p, p]
+    gain: Array  # [d, q, q]
     cost: float  # s, of the vehicle as given or on average, whichever is longer
     complete: bool  # in any of the vehicles
 
@@ -295,9 +287,10 @@ class Search:
     def table(self, candidates: Sequence[Release]) -> Table:
         """Return the information of all candidates."""
         found = zip(*(self.of(release) for release in candidates), strict=True)
-        gain, drift, cost, _ = (np.array(values) for values in found)
-        prior = self.conditions.question.prior()
-        return Table(gain=gain, drift=drift, cost=cost, prior=prior, judge=self.judge)
+        gain, cost, _ = (np.array(values) for values in found)
+        question, setting = self.conditions.question, self.conditions.setting
+        prior, p = question.prior(setting), len(question.names)
+        return Table(gain=gain, cost=cost, prior=prior, parameters=p, judge=self.judge)
 
     def learn(self, family: Sequence[Release]) -> None:
         """Find a family's information: where a release cannot end, neither can one that goes on."""
@@ -309,12 +302,10 @@ class Search:
     def _find(self, release: Release) -> _Tabulated:
         c = self.conditions
         given, *flights = (follow(release, v, c) for v in (c.question.values, *self.vehicles))
-        known = [fisher_information(*of, c) for of in zip(flights, self.vehicles, strict=True)]
-        drift = [c.setting.drift_std**2 * np.outer(one.drift, one.drift) for one in known]
+        gain = [fisher_information(*of, c) for of in zip(flights, self.vehicles, strict=True)]
         time = max(sum(f.duration / len(flights) for f in flights), given.duration)
         complete = any(f.complete for f in (given, *flights))
-        gain = np.array([one.gain for one in known])
-        return _Tabulated(gain, np.array(drift), c.setting.settling + time, complete)
+        return _Tabulated(np.array(gain), c.setting.settling + time, complete)
 
 
 def search(s: Search, budget: float, most: int, advance: Advance) -> list[Release]:
@@ -373,12 +364,12 @@ def _refined(
 ) -> Release:
     """Return a release of the same kind, better in `count` places beside the others."""
     setting, table = s.conditions.setting, s.table([*others, kind])
-    gain, drift, time = (of[:-1].sum(axis=0) for of in (table.gain, table.drift, table.cost))
+    gain, time = (of[:-1].sum(axis=0) for of in (table.gain, table.cost))
 
     def worth(release: Release) -> float:
         t = s.of(release)
         late = max((time + count * t.cost) / budget - 1.0, 0.0)
-        return float(table.value(gain + count * t.gain, drift + count * t.drift) + _LATE * late)
+        return float(table.value(gain + count * t.gain) + _LATE * late)
 
     volumes = [move.volume for move in kind.moves[:2]]
     depths = [move.depth for move in kind.moves[1:3] if move.depth is not None]

@@ -13,7 +13,7 @@ integrals. Else Runge-Kutta's fourth-order scheme carries the motion with its va
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,11 @@ class Filtered(NamedTuple):
     def log_likelihood(self) -> float:
         """That of the samples that count."""
         return float(self.contribution.sum())
+
+    def only(self, rows: Index) -> "Filtered":
+        """Return some of the samples, of which no states can be smoothed any more."""
+        arrays: Any = (values[rows] for values in self)
+        return Filtered(*arrays)
 
     def smoothed(self) -> tuple[Array, Array]:
         """Return states [n, 3] and covariances [n, 3, 3] given all samples, earlier and later."""

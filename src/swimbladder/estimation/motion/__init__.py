@@ -16,4 +16,9 @@ from swimbladder.estimation.motion.result import (
     ExperimentFit as ExperimentFit,
     Identification as Identification,
 )
-from swimbladder.estimation.motion.run import NEUTRAL_STD as NEUTRAL_STD, identify as identify
+from swimbladder.estimation.motion.run import (
+    DELAY_STD as DELAY_STD,
+    DRIFT_STD as DRIFT_STD,
+    NEUTRAL_STD as NEUTRAL_STD,
+    identify as identify,
+)

@@ -19,6 +19,7 @@ from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.noise import autocovariance, whiteness
 from swimbladder.estimation.motion.problem import (
     DEPTH,
+    DRIFT,
     LAWS,
     SPEED,
     VOLUME,
@@ -140,9 +141,7 @@ def begin_of(other: Problem, problem: Problem, values: Mapping[str, float]) -> d
     """Return values for another model where a fit ended, or as near as its drag law can be."""
     m = problem.model.mass(values)
     speed = _usual_speed(problem)
-    law = problem.model.law
-    own_l = 0.0 if law == "quadratic" else problem.model.specific_weight / values["K2"]
-    own_t = 0.0 if law == "linear" else values["drag_quadratic"]
+    own_l, own_t = problem.model.drag(values)
     drag = own_l * speed + own_t * speed**2  # N at that speed
     laminar, turbulent = drag / speed, drag / speed**2
     if other.model.law == "blended":  # which holds the law that was fitted
@@ -306,6 +305,7 @@ _LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
 _NONE = (0.25, 10.0)  # of it: only other units make a vehicle so light or so heavy
 _FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follows
 _MANY = 0.02  # share of the samples
+_UNSEEN = 0.999  # of the prior's variance, above which a log says nothing of its drift
 _TOO_MANY = 0.1  # of them, beyond chance
 
 
@@ -318,23 +318,13 @@ def _rows_of(problem: Problem, fit: Fit, j: int) -> tuple[slice, Array, Array, I
 
 
 def drift(problem: Problem, fit: Fit, j: int) -> Estimate:
-    """Return how fast experiment j's neutral volume drifts [m3/s], all else as fitted.
-
-    One step of the fit with the drift as one parameter more, from the residuals' score.
-    """
-    part, J, weight, used = _rows_of(problem, fit, j)
-    s = problem.drift_slope(fit.x, j)
-    own = used[used >= problem.shared]  # what belongs to the experiment absorbs part of a drift
-    P = problem.prior_rows(fit.x)[1][:, own]
-    A = (J[:, own] * weight[:, None]).T @ J[:, own] + P.T @ P
-    b = (J[:, own] * weight[:, None]).T @ s
-    clean = s - J[:, own] @ np.linalg.lstsq(A, b, rcond=1e-12)[0]
-    information = float((weight * clean * s).sum())
-    if information <= 0.0:
+    """Return how fast experiment j's neutral volume drifts [m3/s], its prior taken off again."""
+    at, known = problem.first_drift + j, (problem.drift_std / DRIFT) ** 2
+    left = max(float(fit.covariance[at, at]), 1e-300)
+    if not left < _UNSEEN * known:
         return Estimate.of(0.0, math.inf, "m3/s")
-    inflation = _inflation(fit.ar[j])
-    value = float((weight * clean * fit.residual[part]).sum()) / information
-    return Estimate.of(value, math.sqrt(inflation / information), "m3/s")
+    std = math.sqrt(1.0 / (1.0 / left - 1.0 / known))
+    return Estimate.of(float(fit.x[at]) * std**2 / left * DRIFT, std * DRIFT, "m3/s")
 
 
 def single_gains(problem: Problem, fit: Fit) -> list[tuple[float, float, float]]:
@@ -457,6 +447,13 @@ def drifts(experiments: Sequence[ExperimentFit], said: str = "drift") -> Iterato
         if abs(e.drift.value) > bound * e.drift.std:
             over = e.drift.value * float(np.ptp(e.record.time))
             yield Finding.of("motion", said, log=e.source, over=over, drift=e.drift.value)
+
+
+def late(delay: Estimate) -> Iterator[Finding]:
+    """Yield where the stamps of the volumes are clearly late, or early."""
+    if abs(delay.value) > _SURE * delay.std:
+        by, how = abs(delay.value), "later" if delay.value > 0.0 else "earlier"
+        yield Finding.of("motion", "late volumes", by=by, how=how, std=delay.std)
 
 
 def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:

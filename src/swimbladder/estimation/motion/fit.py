@@ -12,7 +12,7 @@ inherit that.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -163,7 +163,10 @@ _FEW_ROUNDS = 4  # that begin next to where they end
 _CLEAN = 1.0  # of the residuals, against the noise of neighbours: there is nothing better to find
 _OF_70 = 0.5565  # root mean square of a normal variable of deviation 1 without its largest 30 %
 _FINEST = 1e-4  # m, below which no sensor measures
-_FOLLOWS = 1.5  # times the noise of the depth, of each record
+_BEHIND, _OF_EACH = 10.0, 3.0  # of log likelihood, behind the filter's; and of each record more
+# What the numbers of a record's own (neutral volume, drift, depth, speed) may gain: they are known
+# some 30 times better after it than before, which a filter's likelihood has in it and a fit's not.
+_OWN_NUMBERS = 4.0 * math.log(30.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,14 +196,18 @@ def fit(problem: Problem, near: Array | None = None) -> Fit:
     return finish(problem, _best_of(problem, starts)[1])
 
 
-def followed(problem: Problem, values: Mapping[str, float], noise: float) -> Array | None:
+def followed(problem: Problem, begin: Array, noise: float, height: float | None) -> Array | None:
     """Return x where the model follows the records from their starts on, with no more than a noise.
 
-    values: of the vehicle's parameters, near which it is sought; noise [m]: of the depth. None
-    where it does not follow.
+    begin: near which it is sought; noise [m]: of the depth. height: log likelihood with process
+    noise that is significant, else None. None where the model does not follow, or that is likelier.
     """
-    _, x, left = _solve(problem, problem.begin(values), rounds=_FEW_ROUNDS)
-    return x if bool(np.max(left) <= _FOLLOWS * noise) else None
+    objective, x, left = _solve(problem, begin, rounds=_FEW_ROUNDS)
+    behind = float((np.diff(problem.rows) * np.log(np.maximum(left, _FINEST) / noise)).sum())
+    if behind > _BEHIND + _OF_EACH * len(left):
+        return None
+    own = -0.5 * (objective + problem.rows[-1] * math.log(2.0 * math.pi))
+    return x if height is None or own - height > _OWN_NUMBERS * len(left) else None
 
 
 def _best_of(problem: Problem, starts: list[Array]) -> Found:
@@ -342,7 +349,7 @@ def finish(problem: Problem, x: Array) -> Fit:
     found = ar_noises(slopes, left, seen, inverse, prior)
     B = information(slopes, found)
     covariance = inverse @ (B + prior) @ inverse
-    covariance = 0.5 * (covariance + covariance.T)  # so to the last digit
+    covariance = _positive(0.5 * (covariance + covariance.T))
     return Fit(
         x=x,
         residual=residual,
@@ -357,6 +364,15 @@ def finish(problem: Problem, x: Array) -> Fit:
         covariance=covariance,
         data=A @ inverse_of(B) @ A,
     )
+
+
+def _positive(C: Array) -> Array:
+    """Return a symmetric matrix without what rounding makes of directions that are not known."""
+    if (np.diag(C) > 0.0).all():
+        return C
+    size = np.sqrt(np.abs(np.diag(C)))
+    values, vectors = np.linalg.eigh(C / np.outer(size, size))
+    return np.asarray((vectors * np.abs(values)) @ vectors.T * np.outer(size, size))
 
 
 def inverse_of(M: Array) -> Array:

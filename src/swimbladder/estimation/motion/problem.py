@@ -1,9 +1,10 @@
 """The residuals of several experiments and their derivatives, as functions of what is fitted.
 
 The vector x holds the vehicle's parameters (logarithms, or multiples of a scale), then each
-experiment's neutral-volume error, then depth and speed at the start of each stretch. An experiment
-depends on the vehicle's and its own only, so its derivatives are runs of its own, side by side in
-one compiled call.
+experiment's neutral-volume error, then depth and speed at the start of each stretch, then how fast
+each neutral volume drifts, and last by how much the stamps of all volumes are late. An experiment
+depends on the vehicle's, its own and the last only, so its derivatives are runs of its own, most of
+them side by side in one compiled call.
 
 `Coordinates` are those in which the search for K2 and T2 is nearly linear. The motion has K2/T2 and
 1/T2 as the factors of buoyancy and drag. Where the data say little of the drag, as beside a
@@ -24,6 +25,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from swimbladder.errors import InputError, check_number
@@ -96,6 +98,11 @@ class Model(NamedTuple):
         if self.law == "quadratic":
             return values["mass"]
         return self.specific_weight * values["T2"] / values["K2"]
+
+    def drag(self, values: Mapping[str, float]) -> tuple[float, float]:
+        """Return the coefficients of the drag, laminar [N s/m] and turbulent [N s2/m2]."""
+        laminar = 0.0 if self.law == "quadratic" else self.specific_weight / values["K2"]
+        return laminar, 0.0 if self.law == "linear" else values["drag_quadratic"]
 
     def plant(self, values: Mapping[str, float], neutral: float) -> Plant:
         """Return the plant of these values; `neutral` is the neutral volume at depth 0 [m3]."""
@@ -291,21 +298,28 @@ def _segment(record: Record, first: int, last: int) -> Segment:
 
 
 VOLUME, DEPTH, SPEED = 1e-6, 1e-2, 1e-2  # m3, m, m/s: units of the experiments' own entries of x
+DRIFT, DELAY = 1e-9, 1e-2  # m3/s, s: likewise
 _STEP = 1e-5  # of an entry of x, for derivatives; the runs are exact to 1e-13
+_STEP_OF_DRIFT = 1e-3  # the same, of a drift
+LEAST_STD = 1e-6  # of these units, the deviation of what is known not to be
 LOST = 10.0  # m, the residual where the model cannot follow
 
 
 class Assumed(NamedTuple):
     """What is known before the logs: values in SI that are fixed, and priors, both by name.
 
-    neutral_std: 1 sigma [m3] of what is known of a log's neutral volume; speed_std: of its speed at
-    the start about 0 [m/s]; infinite: nothing is known.
+    neutral_std: 1 sigma [m3] of what is known of a log's neutral volume at its start; speed_std: of
+    its speed there about 0 [m/s]; infinite: nothing is known. drift_std: of how fast a log's
+    neutral volume grows [m3/s]; delay_std: of how late the stamps of all volumes are [s];
+    0: there is none.
     """
 
     fixed: Mapping[str, float] = MappingProxyType({})
     priors: Mapping[str, Prior] = MappingProxyType({})
     neutral_std: float = math.inf
     speed_std: float = math.inf
+    drift_std: float = 0.0
+    delay_std: float = 0.0
 
 
 class Problem:
@@ -320,16 +334,20 @@ class Problem:
     ) -> None:
         self.experiments, self.model, self.names = tuple(experiments), model, tuple(names)
         self.assumed, self.values = assumed, {**model.values, **assumed.fixed}
-        self.priors, self.neutral_std, self.speed_std = assumed[1:]
+        self.priors, self.neutral_std, self.speed_std, self.drift_std, self.delay_std = assumed[1:]
         self.shared = len(self.names)
         self.first_start = self.shared + len(self.experiments)
         counts = [len(e.segments) for e in self.experiments]
         self.starts_at = (self.first_start + 2 * np.cumsum([0, *counts])).tolist()
-        self.size = int(self.starts_at[-1])
+        self.first_drift = int(self.starts_at[-1])
+        self.delay_at = self.first_drift + len(self.experiments)
+        self.size = self.delay_at + 1
         self.logarithmic = [model.logarithmic(name) for name in self.names]
         self.scale = [1.0 if model.logarithmic(n) else model.scale(n) for n in self.names]
         self.rows = np.cumsum([0, *(int(e.used.sum()) for e in self.experiments)]).tolist()
-        self.courses = [[self._course(e, s) for s in e.segments] for e in self.experiments]
+        self.courses = [
+            [self._course(e, s, e.inputs) for s in e.segments] for e in self.experiments
+        ]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
     def begin(self, values: Mapping[str, float] | None = None) -> Array:
@@ -339,7 +357,8 @@ class Problem:
         for i, name in enumerate(self.names):
             x[i] = math.log(now[name]) if self.logarithmic[i] else now[name] / self.scale[i]
         starts = [(s.depth / DEPTH, s.speed / SPEED) for e in self.experiments for s in e.segments]
-        x[self.first_start :] = np.ravel(starts)
+        x[self.first_start : self.first_drift] = np.ravel(starts)
+        x[self.delay_at] = now.get("volume_delay", 0.0) / DELAY
         return x
 
     def value(self, x: Array, i: int) -> float:
@@ -386,9 +405,19 @@ class Problem:
             shared = [*range(self.shared), self.shared + j]
             for at, (z, block) in enumerate(self._run(x, j, shared)):
                 start = self.starts_at[j] + 2 * at
-                J[row : row + len(z), [*shared, start, start + 1]] = block
+                J[row : row + len(z), [*shared, start, start + 1, self.delay_at]] = block
                 row += len(z)
+            if self.experiments[j].ramps:
+                part, at = slice(self.rows[j], self.rows[j + 1]), self.first_drift + j
+                J[part, at] = self._slope_of_drift(x, j)
         return J
+
+    def _slope_of_drift(self, x: Array, j: int) -> Array:
+        """Return the derivative of experiment j's depths by its neutral volume's drift."""
+        near = x.copy()
+        near[self.first_drift + j] += _STEP_OF_DRIFT
+        here, there = (np.concatenate([z for z, _ in self._run(y, j)]) for y in (x, near))
+        return np.asarray(np.clip(np.nan_to_num((there - here) / _STEP_OF_DRIFT), -1e6, 1e6))
 
     def prior_rows(self, x: Array) -> tuple[Array, Array]:
         """Return the priors as residuals [k], in standard deviations, with derivatives [k, n]."""
@@ -398,9 +427,12 @@ class Problem:
             i = self.names.index(name)
             rows.append(((prior.mean - self.value(x, i)) / prior.std, i, per_entry[i] / prior.std))
         speeds = [at + 1 for at in self.starts_at[:-1]]  # a stretch later on is under way
+        drifts, delay = range(self.first_drift, self.delay_at), [self.delay_at]
         for places, unit, std in (
             (range(self.shared, self.first_start), VOLUME, self.neutral_std),
             (speeds, SPEED, self.speed_std),
+            (drifts, DRIFT, max(self.drift_std, LEAST_STD * DRIFT)),
+            (delay, DELAY, max(self.delay_std, LEAST_STD * DELAY)),
         ):
             if math.isfinite(std):
                 rows += [(-x[at] * (unit / std), at, unit / std) for at in places]
@@ -417,38 +449,28 @@ class Problem:
         """Return minus the derivatives of what `weighted` returns."""
         return np.concatenate([root[:, None] * self.slope(x), self.prior_rows(x)[1]])
 
-    def drift_slope(self, x: Array, j: int) -> Array:
-        """Return the derivative of experiment j's depths with its neutral volume's drift [m s/m3].
-
-        Of a neutral volume that grows evenly from the middle of the record on either side.
-        """
-        e = self.experiments[j]
-        if not e.ramps:
-            return np.zeros(self.rows[j + 1] - self.rows[j])
-        time = e.record.time
-        drift = 1e-4 * VOLUME / max(float(np.ptp(time)), 1.0)
-        added = -drift * (time - time.mean())
-        courses = [self._course(e, s, added) for s in e.segments]
-        runs = (self._run(x, j, courses=of) for of in (self.courses[j], courses))
-        here, there = (np.concatenate([z for z, _ in run]) for run in runs)
-        return np.asarray(np.nan_to_num((there - here) / drift))
+    def _courses(self, x: Array, j: int) -> Sequence[Course]:
+        """Return what drives experiment j: its volumes less the drift of what is neutral."""
+        e, drift = self.experiments[j], x[self.first_drift + j] * DRIFT
+        if not e.ramps or drift == 0.0:
+            return self.courses[j]
+        volumes = e.inputs - drift * (e.record.time - e.record.time[0])
+        return [self._course(e, s, volumes) for s in e.segments]
 
     @staticmethod
-    def _course(e: Experiment, s: Segment, added: Array | float = 0.0) -> Course:
+    def _course(e: Experiment, s: Segment, inputs: Array) -> Course:
         part = slice(s.first, s.last + 1)
-        inputs = e.inputs + added if e.ramps else e.inputs
         return Course(e.record.time[part], inputs[part], ramps=e.ramps)
 
-    def _run(
-        self, x: Array, j: int, moved: Sequence[int] = (), courses: Sequence[Course] | None = None
-    ) -> Iterator[tuple[Array, Array]]:
+    def _run(self, x: Array, j: int, moved: Sequence[int] = ()) -> Iterator[tuple[Array, Array]]:
         """Yield experiment j's depths, stretch by stretch, and their derivatives.
 
-        By the entries `moved` of x, and then by the stretch's own start; by nothing without these.
+        By the entries `moved` of x, then by the stretch's own start and by how late volumes are; by
+        nothing without the first.
         """
         e = self.experiments[j]
         plants = self._plants(x, e, self.shared + j, moved)
-        for k, course in enumerate(courses or self.courses[j]):
+        for k, course in enumerate(self._courses(x, j)):
             yield self._stretch(x, e, course, self.starts_at[j] + 2 * k, plants)
 
     def _stretch(
@@ -470,7 +492,12 @@ class Problem:
             z = follow_in(layers, lanes, course.time, course.inputs, starts[:, 2:])
         else:
             z = course.follow(lanes, starts)
-        slope = (z[1:] - z[0]) / _STEP
+        late, moving = float(x[self.delay_at]) * DELAY, np.zeros(z.shape[1])
+        if e.ramps and (late != 0.0 or len(lanes) > 1) and np.isfinite(z).all():
+            between = CubicSpline(course.time, z, axis=1)  # by the clock of the volumes
+            z = between(course.time + late) if late else z
+            moving = between(course.time + late, 1)[0] if len(lanes) > 1 else moving
+        slope = np.append((z[1:] - z[0]) / _STEP, moving[None] * DELAY, axis=0)
         return z[0], np.clip(np.nan_to_num(slope.T), -1e6, 1e6)
 
     def _plants(self, x: Array, e: Experiment, own: int, moved: Sequence[int]) -> list[Plant]:

@@ -23,11 +23,20 @@ import numpy as np
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Z95, Estimate, Prior, crossing
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
 from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
 from swimbladder.estimation.motion.fit import regression
-from swimbladder.estimation.motion.problem import NAMES, Experiment, Problem
+from swimbladder.estimation.motion.problem import (
+    DEPTH,
+    DRIFT,
+    NAMES,
+    SPEED,
+    VOLUME,
+    Experiment,
+    Problem,
+)
 from swimbladder.estimation.series import Array, Index
 from swimbladder.io.answers import as_json
 from swimbladder.vehicle import Vehicle
@@ -36,6 +45,8 @@ _SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known
 _SHARE = 0.25  # of the stroke, deviation of a neutral volume that nothing is known of
 _FINEST = 1e-4  # m; how the volume goes between two samples, which no log says, costs as much
 _STEP = 1e-4  # of a quantity's scale, for slopes
+_BENT = 0.05  # of a volume's deviation, that it is off a straight line
+_INSTANT = 1e-6  # s, between what is one instant
 
 
 class Quantity(NamedTuple):
@@ -74,6 +85,7 @@ NO_NOISE: Mapping[str, float] = {
     "correlation_time": NOISES[-1].begin,
 }
 _CORRELATION_TIME = Prior(3.0, 3.0)  # s: else noise would be white, or an offset
+_DELAY = Quantity("volume_delay", False, 0.1, 0.0)  # s, by which the volume's stamps are late
 
 
 class Likelihood:
@@ -91,7 +103,8 @@ class Likelihood:
     ) -> None:
         self.model = problem.model
         self.priors = {"correlation_time": _CORRELATION_TIME, **problem.priors}
-        self.quantities, self.values = tuple(quantities), dict(values)
+        self.priors[_DELAY.name] = Prior(0.0, problem.delay_std)
+        self.quantities, self.values = tuple(quantities), {_DELAY.name: 0.0, **values}
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
         self.known = math.isfinite(problem.neutral_std)
         self.speed_std = problem.speed_std
@@ -128,11 +141,20 @@ class Likelihood:
         correlated = {name: values[name] for name in ("correlated", "correlation_time")}
         return Noise(depth, *intensities, **correlated)
 
-    def filtered(self, x: Array, *, correlated: bool = True) -> list[Filtered]:
-        """Return the filter's run along every stretch.
+    def filtered(self, x: Array) -> list[Filtered]:
+        """Return the filter's run along every stretch."""
+        return [run.only(rows) for run, rows in self._runs(x, correlated=True)]
 
-        correlated: else the depth's correlated noise counts as white, for the smoother.
+    def smoothed(self, x: Array) -> list[tuple[Array, Array]]:
+        """Return state and covariance at every sample of every stretch, given all samples.
+
+        The depth's correlated noise counts as white there.
         """
+        found = [(run.smoothed(), rows) for run, rows in self._runs(x, correlated=False)]
+        return [(mean[rows], covariance[rows]) for (mean, covariance), rows in found]
+
+    def _runs(self, x: Array, *, correlated: bool) -> Iterator[tuple[Filtered, Index]]:
+        """Yield the filter's run along every stretch, and which of its rows are samples."""
         values = self.named(x)
         clear = self.model.plant(values, self.model.base.V_0)
         clear = clear._replace(z_surface=-math.inf, z_bottom=math.inf)
@@ -140,9 +162,32 @@ class Likelihood:
         if not correlated:
             depth = math.hypot(noise.depth, noise.correlated)
             noise = noise._replace(depth=depth, correlated=0.0)
-        starts = [self.start(i, values, noise) for i in range(len(self.samples))]
-        pairs = zip(self.samples, starts, strict=True)
-        return [filter_depth(clear, s, noise=noise, start=start) for s, start in pairs]
+        for i, stretch in enumerate(self.samples):
+            s, rows = self._late(stretch, self.records[self.record[i]], values[_DELAY.name])
+            start = self.start(i, values, noise)
+            yield filter_depth(clear, s, noise=noise, start=start), rows
+
+    @staticmethod
+    def _late(s: Samples, record: Record, delay: float) -> tuple[Samples, Index]:
+        """Return a stretch whose volumes are late [s], and where its samples are in it now.
+
+        Volumes are straight between their stamps: where they bend, there are instants more.
+        """
+        if delay == 0.0:
+            return s, np.arange(len(s.time))
+        assert record.volume is not None  # it drives them
+        bends = np.abs(np.diff(record.volume, 2)) > _BENT * float(np.std(record.volume))
+        more = record.time[1:-1][bends] - delay
+        more = more[(more > s.time[0]) & (more < s.time[-1])]
+        after = s.time[np.searchsorted(s.time, more)]
+        before = s.time[np.searchsorted(s.time, more) - 1]
+        more = more[np.minimum(after - more, more - before) > _INSTANT]
+        time = np.sort(np.append(s.time, more))
+        rows = np.searchsorted(time, s.time)
+        volume = np.interp(time + delay, record.time, record.volume)
+        depth, use = np.full(len(time), np.nan), np.full(len(time), -1, np.int8)
+        depth[rows], use[rows] = s.depth, s.use
+        return Samples(time, volume, depth, use, s.layers), rows
 
     def start(self, stretch: int, values: Mapping[str, float], noise: Noise) -> Start:
         """Return the state that a stretch begins with, and what is known of it."""
@@ -306,6 +351,7 @@ def _blocks(full: Likelihood, quantities: int) -> Index | None:
 
 
 _SAME = 0.003  # of log likelihood: a step that gains less is the last
+_AGREE = 0.05  # of log likelihood, within which two searches have ended on the same hill
 _RIDGE = 0.25  # information that bounds a step of a quantity that is not identifiable
 _FAR = 100.0  # scales, from which no search begins
 _SETTLES = 0.2  # of the time between samples, the least T2
@@ -321,6 +367,7 @@ _UNITS = {
     "acceleration": "m/s/s^0.5",
     "correlated": "m",
     "correlation_time": "s",
+    "volume_delay": "s",
 }
 _SIGNIFICANT = 1e-3  # chance of as much evidence for process noise without any
 
@@ -360,13 +407,14 @@ class ProcessNoiseFit:
     not included], random_walk [m3/s^0.5], acceleration [m/s^1.5, white], correlated [m], what of
     the depth's noise is so, over a correlation_time [s]: with intervals. p_value: chance of as
     much evidence for the random walk where the neutral volume stays; p_any: for all noise but the
-    depth's white one. tracks: of each record.
+    depth's white one. delay: of the volumes' stamps [s]. tracks: of each record.
     """
 
     names: tuple[str, ...]
     estimates: dict[str, Estimate]
     covariance: Array
     noises: dict[str, Estimate]
+    delay: Estimate
     noise: Noise
     values: dict[str, float]
     log_likelihood: float
@@ -421,6 +469,29 @@ class Highest(NamedTuple):
         """Whether there is more than white noise of the depth: the model lacks something."""
         return self.p_any < _SIGNIFICANT
 
+    def begin(self) -> Array:
+        """Return where a fit without process noise begins: by the smoothed states of each record.
+
+        A line through its neutral volume gives error and drift.
+        """
+        problem, values = self.problem, self.values
+        x = problem.begin(values)
+        for j, (e, track) in enumerate(
+            zip(problem.experiments, _tracks(self.full, self.x), strict=True)
+        ):
+            assert e.record.volume is not None  # it drives them
+            used, time = track.used, e.record.time
+            rate, first = np.polyfit(time[used] - time[0], track.smoothed[used, 2], 1).tolist()
+            zero = float(e.record.volume[0] - e.inputs[0]) + e.neutral
+            error = first - zero + values["psi"] * e.reference + e.added
+            x[problem.shared + j] = error / VOLUME
+            x[problem.first_drift + j] = rate / DRIFT if problem.drift_std > 0.0 else 0.0
+            for k, s in enumerate(e.segments):
+                at = problem.starts_at[j] + 2 * k
+                depth, speed = track.smoothed[s.first, :2].tolist()
+                x[at], x[at + 1] = depth / DEPTH, speed / SPEED
+        return x
+
 
 def highest_with_noise(
     problem: Problem, vehicle: Vehicle, *, without: Collection[str] = ()
@@ -436,8 +507,8 @@ def highest_with_noise(
     absent = frozenset({*without, *(("correlation_time",) if "correlated" in without else ())})
     held = problem.values | {name: NO_NOISE[name] for name in absent}
     likelihood = partial(Likelihood, problem, vehicle)
-    noises = [q for q in NOISES if q.name not in absent]
-    full = likelihood([*(_quantity(name, problem) for name in problem.names), *noises], held)
+    others = [q for q in NOISES if q.name not in absent] + [_DELAY] * (problem.delay_std > 0.0)
+    full = likelihood([*(_quantity(name, problem) for name in problem.names), *others], held)
     x, best = _highest(full, _begins(full, problem))
     less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
     if max(height for _, height in less) > best + _SAME:  # a search had ended on a lesser hill
@@ -479,6 +550,7 @@ def described(at: Highest) -> ProcessNoiseFit:
         estimates={name: found[name] for name in names},
         covariance=C[:p, :p] * np.outer(per[:p], per[:p]),
         noises={q.name: found[q.name] for q in NOISES},
+        delay=found.get(_DELAY.name, Estimate.given(0.0, "s")),
         noise=full.noise(values),
         values=values,
         log_likelihood=at.height,
@@ -496,6 +568,7 @@ def height_of(
     begin: values of parameters and noises near which to begin.
     """
     quantities = [*(_quantity(name, problem) for name in problem.names), *NOISES]
+    quantities += [_DELAY] * (problem.delay_std > 0.0)
     full = Likelihood(problem, vehicle, quantities, problem.values)
     near = full.within(full.begin(begin))
     x, height = _highest(full, [near, *_begins(full, problem)])
@@ -535,7 +608,7 @@ def _chance(gain: float, noises: int) -> float:
 
 def _tracks(full: Likelihood, x: Array) -> tuple[Track, ...]:
     """Return how the filter went along each record."""
-    runs, smooth = full.filtered(x), full.filtered(x, correlated=False)
+    runs, smooth = full.filtered(x), full.smoothed(x)
     values = full.named(x)
     found = []
     for i, record in enumerate(full.records):
@@ -546,7 +619,7 @@ def _tracks(full: Likelihood, x: Array) -> tuple[Track, ...]:
         for j in own:
             at = slice(full.first[j], full.first[j] + len(full.samples[j].time))
             innovation[at], deviation[at] = runs[j].innovation, np.sqrt(runs[j].variance)
-            mean[at], spread[at] = smooth[j].smoothed()
+            mean[at], spread[at] = smooth[j]
         start = full.start(own[0], values, full.noise(values))
         found.append(Track(innovation, deviation, mean, spread, start))
     return tuple(found)
@@ -581,7 +654,12 @@ def _highest(
 
     Raises NoAnswerError where it cannot be found.
     """
-    found = [_climb(likelihood, x, rounds) for x in begins]
+    found: list[tuple[Array, float]] = []
+    for x in begins:
+        found.append(_climb(likelihood, x, rounds))
+        heights = sorted(height for _, height in found)
+        if len(found) > 1 and heights[-1] - heights[-2] < _AGREE:
+            break
     place, height = max(found, key=lambda pair: pair[1])
     if height <= -1e11:
         raise NoAnswerError("the filter cannot follow these logs with this vehicle: check units")

@@ -14,6 +14,7 @@ from swimbladder.estimation.motion.diagnose import (
     drifts,
     in_percent,
     judge,
+    late,
     models_of,
     neutral_beyond_prior,
     outliers,
@@ -40,6 +41,8 @@ from swimbladder.estimation.motion.result import (
 )
 from swimbladder.estimation.series import rms
 from swimbladder.vehicle import Vehicle
+
+_TO_AND_FRO = 4.0  # standard deviations: 95 % is between
 
 
 def with_process_noise(
@@ -70,6 +73,7 @@ def with_process_noise(
         *sinks_as_it_grows(problem),
         *_wanders(fit, problem),
         *contradicted,
+        *late(fit.delay),
         _summary(fit),
     ]
     if asked.posterior is not None:
@@ -110,6 +114,7 @@ def with_process_noise(
         depth_noise=sensor,
         sensor_noise=noise.depth,
         process_noise=fit,
+        volume_delay=fit.delay,
         result_vehicle=new,
     )
 
@@ -187,11 +192,18 @@ def _not_identifiable(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Findin
 
 
 def _wanders(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Finding]:
-    """Yield in which logs the neutral volume would have to go farther than the volume did."""
+    """Yield in which logs the neutral volume would have to go farther than the volume did.
+
+    White acceleration is a neutral volume that moves about too: by so much over the time in which
+    the speed settles, to both sides.
+    """
+    model, (laminar, turbulent) = problem.model, problem.model.drag(fit.values)
     for e, track, went in zip(problem.experiments, fit.tracks, fit.travelled, strict=True):
-        moved = float(np.std(e.inputs[track.used]))
-        if went > moved:
-            yield Finding.of("motion", "wanders", log=e.source, went=went, moved=moved)
+        moved, speed = float(np.std(e.inputs[track.used])), rms(track.smoothed[track.used, 1])
+        damped = model.mass(fit.values) * (laminar + 2.0 * turbulent * speed)
+        shaken = fit.noise.acceleration * math.sqrt(damped) / model.specific_weight
+        if (far := went + _TO_AND_FRO * shaken) > moved:
+            yield Finding.of("motion", "wanders", log=e.source, went=far, moved=moved)
 
 
 def _differ(vehicle: Vehicle) -> Finding:

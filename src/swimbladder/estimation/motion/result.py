@@ -124,8 +124,9 @@ class Identification:
     parameters: in the order of `names`; covariance [p, p] of their values in SI units. A parameter
     that is not identifiable is in `parameters` with an interval that says so, and among the
     findings of severity no. derived: what follows from them. assumptions: priors and settings, in
-    sentences; priors and neutral_std [m3], infinite for none, as numbers. process_noise: where the
-    vehicle does not quite move as the model has it, or asked for; posterior: where asked for.
+    sentences; priors and neutral_std [m3], infinite for none, as numbers. volume_delay: by which
+    the stamps of the volumes are later than the depths' [s]. process_noise: where the vehicle
+    does not quite move as the model has it, or asked for; posterior: where asked for.
     """
 
     names: tuple[str, ...]
@@ -145,6 +146,7 @@ class Identification:
     sensor_noise: float  # m, the part that neighbouring samples do not share
     result_vehicle: Vehicle = field(repr=False)
     process_noise: ProcessNoiseFit | None = None
+    volume_delay: Estimate
     posterior: Posterior | None = None
 
     @property
@@ -197,6 +199,7 @@ class Identification:
             **as_json(
                 self, "assumptions notes depth_noise_m sensor_noise_m process_noise posterior"
             ),
+            "volume_delay": self.volume_delay.to_json(),
         }
 
 

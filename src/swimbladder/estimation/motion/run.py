@@ -23,6 +23,7 @@ from swimbladder.estimation.motion.diagnose import (
     diagnose,
     each_experiment,
     judge,
+    late,
     not_identifiable,
     possible,
 )
@@ -31,7 +32,14 @@ from swimbladder.estimation.motion.fit import Fit, followed, inverse_of
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.noise import white_part
 from swimbladder.estimation.motion.posterior import sample
-from swimbladder.estimation.motion.problem import NAMES, Assumed, Problem, default_names, posed
+from swimbladder.estimation.motion.problem import (
+    DELAY,
+    NAMES,
+    Assumed,
+    Problem,
+    default_names,
+    posed,
+)
 from swimbladder.estimation.motion.process_noise import described, highest_with_noise
 from swimbladder.estimation.motion.process_noise_result import with_process_noise
 from swimbladder.estimation.motion.result import (
@@ -199,6 +207,12 @@ def assumptions(problem: Problem, vehicle: Vehicle) -> tuple[str, ...]:
     if math.isfinite(problem.speed_std):
         std = format_quantity(problem.speed_std, "m/s", "mm/s", digits=3)
         said.append(f"each log starts at rest, to {std} (1 sigma)")
+    if problem.drift_std > 0.0:
+        std = format_quantity(60.0 * problem.drift_std, "m3", "cm3", digits=3)
+        said.append(f"each log's neutral volume drifts by {std} a minute (1 sigma)")
+    if problem.delay_std > 0.0 and all(e.ramps for e in problem.experiments):
+        std = format_quantity(problem.delay_std, "s", "s", digits=3)
+        said.append(f"the stamps of the volumes are late by {std} (1 sigma)")
     for name, prior in problem.priors.items():
         said.append(f"prior: {name} = {prior.mean:g} +- {prior.std:g} {NAMES[name].unit}")
     held = sorted(default_names(problem.model.law, problem.names), key="psi".__ne__)
@@ -212,6 +226,8 @@ def assumptions(problem: Problem, vehicle: Vehicle) -> tuple[str, ...]:
 
 
 NEUTRAL_STD = 0.5e-6  # m3
+DRIFT_STD = 0.1e-6 / 60.0  # m3/s
+DELAY_STD = 0.2  # s
 
 
 def identify(
@@ -224,6 +240,8 @@ def identify(
     drag: str | None = None,
     neutral_std: float | None = None,
     speed_std: float = math.inf,
+    drift_std: float = DRIFT_STD,
+    delay_std: float = DELAY_STD,
     drive: Drive | None = None,
     bottom_depth: float = math.inf,
     surface_margin: float = 0.1,
@@ -245,10 +263,11 @@ def identify(
     own where not given. neutral_std: 1 sigma [m3] of what is known of a log's neutral volume, inf
     for nothing; not given, 0.5 cm3 where a log's volume has a zero of its own, at rest, and
     nothing where it counts from mid-stroke, or the logs say otherwise. speed_std: of its speed at
-    the start about 0 [m/s]. drive: volume or voltage; bottom_depth [m]; surface_margin: samples
-    less than this below the depth of emergence are left out [m]. process_noise: always, never, or,
-    auto, where the logs show it. posterior: seed of draws from it, without process noise (needs
-    emcee).
+    the start about 0 [m/s]. drift_std: of how fast each log's neutral volume grows [m3/s];
+    delay_std: of how late the stamps of the volumes are, the same for all logs [s]. drive: volume
+    or voltage; bottom_depth [m]; surface_margin: samples less than this below the depth of
+    emergence are left out [m]. process_noise: always, never, or, auto, where the logs show it.
+    posterior: seed of draws from it, without process noise (needs emcee).
     columns: the water of casts, one for all logs or one for each; none: of constant density.
     advance: called with the share of the work done since last called.
 
@@ -256,6 +275,9 @@ def identify(
     is among the findings, and Identification.vehicle raises NoAnswerError then.
     """
     check_logs(logs, neutral_std, speed_std, drive)
+    remedy = "Give a standard deviation, 0 for none"
+    for field, value, unit in (("drift_std", drift_std, "m3/s"), ("delay_std", delay_std, "s")):
+        check_number(value, field, unit, least=0.0, remedy=remedy)
     if process_noise not in ("auto", "always", "never"):
         what, remedy = "there is no such mode", "Choose auto, always or never"
         raise InputError(what, field="process_noise", value=process_noise, remedy=remedy)
@@ -272,7 +294,7 @@ def identify(
     if known is None:  # only that of the vehicle before this log, if the volume has its own zero
         stays = any(r.drive == "volume" and r.volume_absolute for r in records)
         known = math.inf if stays else NEUTRAL_STD
-    assumed = Assumed(dict(fixed or {}), dict(priors or {}), known, speed_std)
+    assumed = Assumed(dict(fixed or {}), dict(priors or {}), known, speed_std, drift_std, delay_std)
     problem = posed(records, vehicle, assumed, free=free, drag=drag)
     advance(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
@@ -314,11 +336,13 @@ def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -
         best = highest_with_noise(problem, vehicle)
         noise = best.depth_noise
         if asked.process_noise == "never":
-            near = problem.begin(best.values)
-        elif asked.process_noise == "auto" and (not best.significant or noise < _NO_SENSORS):
+            near = best.begin()
+        elif asked.process_noise == "auto":
             # A filter of an unstable motion corrects itself at every sample, and follows with its
-            # own noise alone what the vehicle does not do by itself.
-            near = followed(problem, best.values, noise)
+            # own noise alone what the vehicle does not do by itself. And a drift that goes on
+            # evenly looks like a random walk.
+            significant = best.significant and noise >= _NO_SENSORS
+            near = followed(problem, best.begin(), noise, best.height if significant else None)
         if near is None:
             report(0.9)
             said = assumptions(problem, vehicle)
@@ -360,6 +384,9 @@ def _without_process_noise(
         for part in (found.noise, _sensors(problem, found))
     )
     neutral_std = neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD)
+    std = math.sqrt(max(float(found.covariance[problem.delay_at, problem.delay_at]), 0.0))
+    delay = Estimate.of(float(found.x[problem.delay_at]) * DELAY, std * DELAY, "s")
+    findings += late(delay)
     new, logs = vehicle, tuple(e.source for e in each)
     if identified:
         known = Values(names, problem.named(found.x), covariance, logs, trim_of(each, vehicle))
@@ -380,6 +407,7 @@ def _without_process_noise(
         notes=tuple(dict.fromkeys(note for e in each for note in e.record.notes)),
         depth_noise=noise,
         sensor_noise=sensor,
+        volume_delay=delay,
         posterior=drawn_points,
         result_vehicle=new,
     )

@@ -97,7 +97,7 @@ def _after(design: Design, axes: Axes) -> None:
             how: Any = {"marker": marker, "ms": 3.5, "label": f"{_symbol(name)}, {label}"}
             axes.plot(time, shares, line, color=color, lw=1.2, **how)
     axes.set(yscale="log", xlabel="pool time, settling included [min]")
-    axes.set_ylabel("error, drift included [% of the parameter]")
+    axes.set_ylabel("1 sigma [% of the parameter]")
     axes.legend(fontsize=7.5, ncols=len(sets), loc="upper right")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high * 4.0)

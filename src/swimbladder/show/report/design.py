@@ -69,7 +69,7 @@ def headlines(design: Design) -> list[str]:
     return [
         f"{count} experiment{'s' if count > 1 else ''} in {w.time / 60.0:.0f} min, "
         f"{design.conditions.setting.settling / 60.0:.1f} min of settling before each included.",
-        f"Predicted standard errors: {errors} (a drift of the neutral volume included).",
+        f"Predicted standard errors: {errors}.",
     ]
 
 
