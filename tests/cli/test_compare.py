@@ -92,6 +92,8 @@ def test_the_keys_and_the_table(capsys, sailed, tmp_path):
         "n_not_compared",
         "duration_s",
         "volume_rms_m3",
+        "possible",
+        "findings",
         "piston_rms_m",
         "notes",
         "ahead",

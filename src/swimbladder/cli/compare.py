@@ -153,7 +153,7 @@ def compare(
     else:
         for part in _shown(tasks):
             common.say(part)
-    code = max(0 if task.error is None else task.error.exit_code for task in tasks)
+    code = max(task.exit_code for task in tasks)
     if code:
         raise typer.Exit(code)
 
@@ -169,6 +169,12 @@ class _Task:
     ahead: Predicted | None = None
     error: SwimbladderError | None = None
     files: Sequence[Path] = ()
+
+    @property
+    def exit_code(self) -> int:
+        if self.error is not None:
+            return self.error.exit_code
+        return 0 if self.result is None or self.result.possible else 1
 
     def answer(self) -> dict[str, Any]:
         if self.result is None:
@@ -277,6 +283,10 @@ def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:
         yield f"piston: rms {1e3 * piston:.2f} mm"
     if task.ahead is not None:
         yield from _ahead_shown(task.ahead)
+    for finding in r.findings:
+        from rich.text import Text
+
+        yield Text(f"{finding.severity}: {finding.sentence}", style="bold")
     yield from labelled("note", (note for note in r.notes if note not in said))
     said.update(r.notes)
     yield from (f"wrote {path}" for path in task.files)

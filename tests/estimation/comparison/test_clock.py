@@ -9,7 +9,8 @@ import pytest
 import swimbladder as sb
 from swimbladder.cli import main
 from swimbladder.errors import LogError
-from swimbladder.estimation.comparison.record import _UNITS, _fits, record, refuse_wrong_clock
+from swimbladder.estimation.comparison.misread import _UNITS, _fits, refuse_wrong_clock
+from swimbladder.estimation.comparison.record import record
 from swimbladder.io.log_numbers import TimeColumn
 from swimbladder.io.logs import Log, read_log
 from tests.quoted import refused

@@ -56,7 +56,9 @@ def test_single_logs_agree_or_say_no(missions, tmp_path):
     ],
     ids=["feet", "time", "backwards", "constant volume", "shuffled depth", "late volume"],
 )
-def test_a_log_that_is_spoilt_is_no_vehicle(missions, tmp_path, spoil):
+def test_a_log_that_is_spoilt_is_no_vehicle(missions, tmp_path, spoil, request):
     found = answer(spoil(missions[missions["log"] == 47]), tmp_path / "spoilt.csv")
+    if "feet" in request.node.name:
+        assert any("a depth in feet was read as metres" in f.sentence for f in found.findings)
     assert not found.identified
     assert found.result_vehicle == VEHICLE

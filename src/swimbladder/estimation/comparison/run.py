@@ -7,9 +7,10 @@ that each start from what was measured.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -17,8 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.record import Drive, Record, follow_in, record
-from swimbladder.estimation.estimates import bounded_fit, check_names
+from swimbladder.estimation.comparison.misread import Drive, misread
+from swimbladder.estimation.comparison.record import Record, follow_in, record
+from swimbladder.estimation.estimates import Finding, bounded_fit, check_names
 from swimbladder.estimation.series import Array, Mask, rms
 from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log
@@ -231,6 +233,10 @@ def _motion(name: str, value: float, vehicle: Vehicle) -> dict[str, Any]:
     return {"drag": motion.drag.model_copy(update={field: value})}
 
 
+_MODEL_ERROR = 5.0  # times the sensor's noise, a residual that the model makes
+_PER_BEND = 1.4826 / math.sqrt(6.0)  # noise over the median of what neighbours differ by
+_FINEST = 2e-4  # m, a noise that sensors have
+_CLAIMED = 1e-4  # of all that is possible, better than which no log with a model error says
 _LARGEST = 10.0  # m, a residual beyond this says no more
 _STEP = 1e-3  # of a parameter's scale, for the derivative
 _SHIFTS = [s * m for m in (3e-8, 1e-7, 3e-7, 1e-6, 3e-6) for s in (1.0, -1.0)]  # m3
@@ -300,6 +306,10 @@ def adjust(
             break
     spread = _spread(problem.residual(q, whole), problem.slope(q, whole)) * problem.scale
     spread[problem.at_limit(q)] = np.nan
+    noise = max(float(np.median(np.abs(np.diff(rec.depth, 2)))) * _PER_BEND, _FINEST)
+    if rms(problem.residual(q, whole)) > _MODEL_ERROR * noise:
+        # so bent a function of these that a residual, which is no noise, says little of them
+        spread[spread < _CLAIMED * (problem.most - problem.least) * problem.scale] = np.nan
     # a deviation wider than all that is possible: not identifiable
     spread[spread > (problem.most - problem.least) * problem.scale] = np.nan
     values = q * problem.scale
@@ -430,7 +440,8 @@ class Comparison:
 
     residual is predicted less measured. rms and bias in m; variance_explained is
     1 - var(residual)/var(depth). volume_rms [m3] is known where the model chose the volume and the
-    log has it. vehicle carries the fitted numbers. solution: none in the water of a cast.
+    log has it. vehicle carries the fitted numbers. solution: none in the water of a cast. findings:
+    of severity no, where the log cannot have been made by this vehicle.
     """
 
     source: str
@@ -446,6 +457,12 @@ class Comparison:
     volume_rms: float | None
     solution: Solution | None
     notes: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def possible(self) -> bool:
+        """Whether this vehicle can have made the log as it was read."""
+        return all(f.severity != "no" for f in self.findings)
 
     @property
     def residual(self) -> Array:
@@ -486,6 +503,7 @@ class Comparison:
             "volume_rms_m3": off,
             "piston_rms_m": None if off is None or area is None else off / area,
             "notes": list(self.notes),
+            **as_json(self, "possible findings"),
         }
 
 
@@ -540,12 +558,13 @@ def compare(
     logged = rec.volume if rec.drive != "volume" else None
     notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
-    if explained < 0.5:
-        check = "check the units and signs of the log's columns, and whether this is the vehicle"
-        notes.append(f"the model explains less than half of how the depth varies: {check}")
-    if _upside_down(rec, outcome.vehicle, names, float(off.std())):
-        wrong = "the depth follows the volume the wrong way round: if a larger piston_m means less"
-        notes.append(f'{wrong} volume, set piston_positive = "in" in the [log] table')
+    findings = []
+    if rec.drive == "volume" and rec.volume is not None:
+        wrong = misread(rec.time, rec.depth, rec.volume, rec.compared, vehicle)
+        if wrong is not None:
+            findings.append(wrong._replace(severity="no") if explained < _HALF else wrong)
+    if explained < _HALF and not findings:
+        findings.append(Finding.of("compare", "unexplained"))
     return Comparison(
         source=log.source,
         vehicle=outcome.vehicle,
@@ -560,7 +579,11 @@ def compare(
         volume_rms=None if logged is None else rms((volume - logged)[used]),
         solution=solution,
         notes=tuple(notes),
+        findings=tuple(findings),
     )
+
+
+_HALF = 0.5  # of how the depth varies; less is no model of the log
 
 
 def _fitted_before(vehicle: Vehicle) -> list[str]:
@@ -570,26 +593,3 @@ def _fitted_before(vehicle: Vehicle) -> list[str]:
         if origin.startswith("fitted"):
             found.setdefault(re.split(r"[,;:.]", origin)[0], []).append(field)
     return [f"{origin}, says the vehicle: {', '.join(f)}" for origin, f in found.items()]
-
-
-def _upside_down(rec: Record, vehicle: Vehicle, names: Sequence[str], spread: float) -> bool:
-    """Return whether the volume, taken the other way round, would explain far more.
-
-    Either way with the neutral volume fitted, so that they are compared on equal terms.
-    """
-    if rec.drive != "volume" or rec.volume is None or spread < 0.1:
-        return False
-    if "neutral_volume" not in names:
-        spread = min(spread, _spread_of(rec, vehicle))
-    middle = float(np.median(rec.volume[rec.compared]))
-    other = replace(rec, volume=2.0 * middle - rec.volume, afloat=False)
-    return _spread_of(other, vehicle) < 0.3 * spread
-
-
-def _spread_of(rec: Record, vehicle: Vehicle) -> float:
-    """Return how far off [m] the best neutral volume leaves the depth, as a standard deviation."""
-    outcome = adjust(vehicle, rec, ("neutral_volume",))
-    predicted, _, solution = run(outcome.vehicle, rec, outcome.start)
-    off = (predicted - rec.depth)[rec.compared]
-    finished = np.isfinite(off).all() if solution is None else solution.finished
-    return float(off.std()) if finished else np.inf

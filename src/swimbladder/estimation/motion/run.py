@@ -16,7 +16,8 @@ from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError, check_number
-from swimbladder.estimation.comparison.record import Drive, Record, record, water_of_each
+from swimbladder.estimation.comparison.misread import Drive, misread
+from swimbladder.estimation.comparison.record import Record, record, water_of_each
 from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, bounded_fit
 from swimbladder.estimation.motion.diagnose import (
     against_prior,
@@ -305,7 +306,15 @@ def identify(
             problem = posed(records, vehicle, nothing, free=free, drag=drag)
             looser = _answer(problem, vehicle, asked, silent)
             found = looser if _contradicts_prior(found, looser) else found
+    if found.identified or any(f.kind == "backwards" for f in found.findings):
         return found
+    wrong = [
+        misread(r.time, r.depth, r.volume, r.compared, vehicle)
+        for r in records
+        if r.drive == "volume" and r.volume is not None
+    ]
+    named = tuple(dict.fromkeys(finding for finding in wrong if finding is not None))
+    return replace(found, findings=(*found.findings, *named[:1]))
 
 
 def _contradicts_prior(found: Identification, looser: Identification | None = None) -> bool:

@@ -1,0 +1,169 @@
+"""Columns that are read in a wrong unit, or with the wrong sign, judged by the motion they show.
+
+Integrated twice, m z'' + k z' = -k_b (V - psi z - V_0) needs no derivative of a depth:
+(int z dt + z/d) and the double integral of -a_b/d (V - psi z) then differ by a cubic only, which
+takes up start, speed, neutral volume and its drift. With times read 1000 times too long one is
+10 000 times the other.
+
+So does the factor by which depths go too far for their volumes, which names what was read wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from swimbladder.errors import LogError
+from swimbladder.estimation.estimates import Finding, sentence
+from swimbladder.estimation.series import Array, Mask, stretches
+from swimbladder.io.logs import Log
+from swimbladder.physics.dynamics import plant
+from swimbladder.units import unit_factor
+from swimbladder.vehicle import Vehicle
+
+Drive = Literal["volume", "voltage", "setpoint"]
+
+_UNITS = dict(s="seconds", ms="milliseconds", us="microseconds", min="minutes", h="hours")
+_FACTORS = (1e-3, 1e-6, 60.0, 1e3, 1.0 / 60.0)  # true time over time as read, if that is no unit's
+_ALIKE = (0.3, 3.0)  # of the vehicle's force: another vehicle of the kind, whose file is a guess
+_FAR = (0.1, 10.0)
+_EXPLAINED = 0.6  # of the variance: the motion is that of the volume
+_LEAST = 30  # samples
+_SMALL = 0.02  # m, less motion than which has no information
+
+
+def refuse_wrong_clock(
+    log: Log, vehicle: Vehicle, under: Mask, drive: Drive, driving: Array
+) -> None:
+    """Raise LogError where the times of a log cannot be in their unit, with the one that fits.
+
+    under: which samples are clear of surface and bottom. driving: volume [m3] or voltage [V].
+    """
+    part = slice(*max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0)))
+    z, t, given = log.depth[part], log.time[part], driving[part]
+    if len(t) < _LEAST or np.ptp(z) < _SMALL:
+        return
+
+    def read_with(factor: float) -> _Fit:
+        time = factor * t
+        volume = given if drive == "volume" else _pumped(time, z, given, vehicle)
+        return _fits(time, z, volume, vehicle)
+
+    if read_with(1.0).near(*_FAR):
+        return
+    for factor, unit in _others(log.times.seconds):
+        found = read_with(factor)
+        if not (found.near(*_ALIKE) and found.explained > _EXPLAINED):
+            continue
+        only = f"{factor:.3g} times as long"
+        remedy = "Check what the times count, and their pattern"
+        if unit is not None:
+            only = _UNITS[unit]
+            remedy = f'Map them as what they are: --column "time_s={log.times.name}@{unit}"'
+        what = f"as read the samples are {np.median(np.diff(t)):.4g} s apart, and what drives the "
+        what += f"vehicle goes with its depths where the times are {only} only"
+        span, unit = float(log.time[-1] - log.time[0]), "s from first to last"
+        raise LogError(what, file=log.source, field="time_s", value=span, unit=unit, remedy=remedy)
+
+
+def misread(
+    time: Array, depth: Array, volume: Array, under: Mask, vehicle: Vehicle
+) -> Finding | None:
+    """Return which column was read wrong, where depths go with volumes as this vehicle's cannot.
+
+    under: which samples are clear of surface and bottom. None where they may be right, or do not
+    go with the volumes at all.
+    """
+    part = slice(*max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0)))
+    z, t = depth[part], time[part]
+    if len(t) < _LEAST or np.ptp(z) < _SMALL:
+        return None
+    found = _fits(t, z, volume[part], vehicle)
+    if found.near(*_RIGHT) or not found.explained > _SURE:
+        return None
+    size = abs(found.force)
+    nearest = min(_READ_AS, key=lambda factor: abs(math.log(size / factor)))
+    why = [sentence("compare", "misread", "sign")] if found.force < 0.0 else []
+    if not _RIGHT[0] < size < _RIGHT[1]:
+        known = abs(math.log(size / nearest)) < _CLOSE
+        why.append(_READ_AS[nearest] if known else sentence("compare", "misread", "unit"))
+        why.append(sentence("compare", "misread", "remedy"))
+    severity: Literal["no", "warning"] = "no" if found.force < 0.0 else "warning"
+    return Finding.of("compare", "misread", severity, times=found.force, why=". ".join(why))
+
+
+# By which factor depths go too far for their volumes, where one unit was read as another.
+_READ_AS = {
+    unit_factor("ft", "m") ** -1: "a depth in feet was read as metres",
+    unit_factor("ft", "m"): "a depth in metres was read as feet",
+    unit_factor("psi", "kPa"): "a pressure in kPa was read as psi",
+    unit_factor("psi", "kPa") ** -1: "a pressure in psi was read as kPa",
+    unit_factor("in", "mm"): "a piston in inches was read as mm",
+    unit_factor("in", "mm") ** -1: "a piston in mm was read as inches",
+    **{
+        10.0**k: f"depth or volume is off by {10 ** abs(k)}, as mm for cm, or bar for dbar"
+        for k in (-3, -2, -1, 1, 2, 3)
+    },
+}
+_RIGHT, _SURE = (0.33, 3.0), 0.8  # of the vehicle's force, and of the variance explained
+_CLOSE = 0.2  # of a logarithm, within which a factor is a known one
+
+
+def _others(seconds: float | None) -> list[tuple[float, str | None]]:
+    """Return by what times may be off, with the unit that their numbers are in then.
+
+    seconds: what a number was taken for, None: the times are texts.
+    """
+    if seconds is None:
+        return [(factor, None) for factor in _FACTORS]
+    units = {unit: unit_factor(unit, "s") / seconds for unit in _UNITS}
+    left = [f for f in _FACTORS if not any(math.isclose(f, known) for known in units.values())]
+    tried = [(factor, unit) for unit, factor in units.items() if not math.isclose(factor, 1.0)]
+    return [*tried, *((factor, None) for factor in left)]
+
+
+class _Fit(NamedTuple):
+    """Force of the log over that of the vehicle, and the share of the motion it explains."""
+
+    force: float
+    explained: float
+
+    def near(self, least: float, most: float) -> bool:
+        return least <= self.force <= most
+
+
+def _fits(time: Array, depth: Array, volume: Array, vehicle: Vehicle) -> _Fit:
+    """Return how the depths [m] go with the volumes [m3] at these times [s]."""
+    m, drag, t = vehicle.mass, vehicle.drag, time - time[0]
+    speed = float(np.sqrt(np.mean(np.diff(depth) ** 2)) / np.mean(np.diff(t)))
+    d = (drag.k_dl + drag.k_dt * speed) / m
+    pull = -vehicle.water.specific_weight / m * (volume - vehicle.hull.psi * depth)
+    moved = _integral(depth, t) + depth / d
+    forced = _integral(_integral(pull, t), t) / d
+    x = t / t[-1]  # a neutral volume that drifts makes a cubic
+    loose = np.stack([x**power for power in range(4)], axis=1)
+    moved, forced = (y - loose @ np.linalg.lstsq(loose, y)[0] for y in (moved, forced))
+    power, total = float(forced @ forced), float(moved @ moved)
+    if power == 0.0 or total == 0.0:
+        return _Fit(1.0, 0.0)  # nothing drove it, or it did not move: no information
+    shared = float(moved @ forced)
+    return _Fit(shared / power, shared**2 / power / total)
+
+
+def _pumped(time: Array, depth: Array, voltage: Array, vehicle: Vehicle) -> Array:
+    """Return the volume [m3] that voltages [V] make, without lag, from neutral at the start."""
+    p, V = plant(vehicle), vehicle.neutral_volume(float(depth[0]))
+    found = [V]
+    for dt, z, u in zip(np.diff(time), depth[:-1], voltage[:-1], strict=True):
+        u = min(max(u, -p.supply), p.supply)
+        out, back = u - p.load_drive * z - p.friction, u - p.load_back * z + p.friction
+        rate = p.gain * (max(out, 0.0) + min(back, 0.0))
+        V = min(max(V + rate * dt, p.V_min), p.V_max)
+        found.append(V)
+    return np.array(found)
+
+
+def _integral(y: Array, t: Array) -> Array:
+    return np.append(0.0, np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(t)))
