@@ -142,6 +142,14 @@ def unit_factor(given: str, wanted: str) -> float:
     return float(_ratio(given, wanted))
 
 
+def has_kind(given: str, wanted: str) -> bool:
+    """Return whether a text is a unit of the same kind as another: cm3 of m3."""
+    try:
+        return _parse_unit(given).dimension == _parse_unit(wanted).dimension
+    except UnitError:
+        return False
+
+
 def _ratio(given: str, wanted: str) -> Fraction:
     source, target = _parse_unit(given), _parse_unit(wanted)
     if source.dimension != target.dimension:

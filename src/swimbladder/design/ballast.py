@@ -133,13 +133,15 @@ def drawn_volumes(
 ) -> Array:
     """Return the neutral volumes of `draws` vehicles drawn from it, in one column [draws, n]."""
     weight, water, deeper, warmer, boyle = _fields(vehicle, column)
-    noise = np.random.default_rng(seed).standard_normal((draws, 7, 1))
+    rng = np.random.default_rng(seed)
+    noise, holes = rng.standard_normal((draws, 7, 1)), rng.standard_normal((draws, 1))
     mass, volume, trim, psi, heat, air, density = (
         std * noise[:, k] for k, std in enumerate(uncertainty.numbers().values())
     )
     displaced = displaced_volume(vehicle, column.pressure, column.temperature) + volume
     displaced = displaced - psi * deeper + heat * warmer
     displaced = displaced + np.maximum(air, -vehicle.hull.trapped_air) * boyle
+    density = density + column.density_std * holes
     return (weight + mass) / (water + density) - displaced + trim
 
 
@@ -154,10 +156,11 @@ def sensitivities(vehicle: Vehicle, column: Column, uncertainty: Uncertainty) ->
         "psi": uncertainty.psi * deeper,
         "heat": -uncertainty.heat * warmer,
         "air": -uncertainty.air * boyle,
-        "density": -weight / water**2 * uncertainty.density,
+        "density": -weight / water**2 * np.hypot(uncertainty.density, column.density_std),
     }
 
 
+_KNOWN = 0.1  # kg/m3, 1 sigma, to which water between two rows has to be known
 _LIGHT = 5e-5  # kg, less is nothing
 _WORTH = 0.01  # share of the stroke that a better trim has to bring, to be spoken of
 
@@ -591,6 +594,12 @@ def _check(vehicle: Vehicle, columns: Sequence[Column], target: Target, density:
         if not holds:
             raise InputError(what, field=field, value=x, unit=unit, remedy=remedy)
 
+    for column in columns:
+        rows = 3 if column.cast is None else len(column.cast.pressure)
+        unknown = float(column.density_std.max())
+        what = f"the cast {column.source} has two rows, and between them the water is not known"
+        remedy = "Give the rows between, or leave the cast out for water of constant density"
+        need(rows > 2 or unknown <= _KNOWN, "--cast", round(unknown, 3), "kg/m3", what, remedy)
     what, remedy = "a probability from 50 % to below 100 % is asked for", "Write it like 95 %"
     need(0.5 <= probability < 1.0, "probability", probability, "", what, remedy)
     what = "no speed of a vehicle that moves by its volume"
@@ -637,7 +646,8 @@ def _thinned(column: Column, vehicle: Vehicle) -> Column:
     neutral = neutral_volume(vehicle, column)
     even = np.linspace(0, n - 1, min(n, _POINTS)).astype(int)
     rows = np.unique([*even, np.argmin(neutral), np.argmax(neutral)])
-    along = ("depth", "pressure", "density", "temperature")
+    along = ["depth", "pressure", "density", "temperature"]
+    along += ["density_std"] * (len(column.density_std) == n)
     return replace(column, **{name: getattr(column, name)[rows] for name in along})
 
 

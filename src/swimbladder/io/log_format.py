@@ -26,16 +26,18 @@
 
 from __future__ import annotations
 
+import math
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, UnitError
 from swimbladder.io.config import file_text, read_model
 from swimbladder.io.files import file_there
 from swimbladder.io.log_formats import FORMATS
-from swimbladder.units import unit_factor
+from swimbladder.units import has_kind, unit_factor
 from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import did_you_mean, quantity_in, refusal
 
@@ -242,11 +244,27 @@ def log_format(name_or_path: str | Path) -> LogFormat:
 def column_factor(column: LogColumn, unit: str) -> float | None:
     """Return the factor from a column's own unit, stated or in brackets, to `unit`.
 
-    None where it states no unit: it is taken to be in `unit`. Raises UnitError where the unit is
-    unknown or of another kind.
+    None where it states no unit: it is taken to be in `unit`. A scale is one too, as for counts of
+    an encoder: ``0.0833 mm/deg``. Raises UnitError where the unit is unknown or of another kind.
     """
     stated = column.unit if column.unit is not None else bracketed(column.name)
-    return None if stated is None else unit_factor(stated, unit)
+    if stated is None:
+        return None
+    scale = _SCALE.fullmatch(stated.strip())
+    if scale is None:
+        return unit_factor(stated, unit)
+    number, of = float(scale[1]), scale[2]
+    each, _, count = of.rpartition("/")
+    counted = has_kind(count, "rad") or not has_kind(count, count)  # deg, rev, or no unit at all
+    if not (counted and has_kind(each, unit)):
+        each = of
+    if number == 0.0 or not math.isfinite(number):
+        remedy = "Write how much one count is, as 0.0833 mm/deg"
+        raise UnitError("no scale", value=stated, unit=unit, remedy=remedy)
+    return number * unit_factor(each, unit)
+
+
+_SCALE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d./].*)")
 
 
 def bracketed(name: str) -> str | None:

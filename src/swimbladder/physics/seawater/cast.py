@@ -4,6 +4,7 @@ Depth comes from the pressure and the density of the cast itself, dz = dp/(rho g
 a standard ocean: in a lake the two differ by 2.7 %.
 """
 
+import math
 from dataclasses import dataclass
 from functools import partial
 
@@ -97,9 +98,12 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
         )
     if top > _NEAR:
         report.append(f"the cast begins at {top:.1f} dbar and is taken to be the same above")
+    std, said = in_holes(cast, pressure)
+    report += said
     return Column(
         depth=depth,
         pressure=_DBAR * pressure,
+        density_std=std,
         density=np.asarray(gsw.rho(SA, CT, pressure)),
         temperature=np.asarray(gsw.t_from_CT(SA, CT, pressure)),
         gravity=_gravity(cast, 0.0),
@@ -108,6 +112,41 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
         report=tuple(report),
         cast=cast,
     )
+
+
+_HOLE = 0.05  # of the range of a cast, without a row
+_SLIGHT = 0.05  # kg/m3, 1 sigma, that is not spoken of
+
+
+def in_holes(cast: Cast, pressure: Array) -> tuple[Array, list[str]]:
+    """Return how uncertain the density is at pressures [dbar], 1 sigma [kg/m3], and where it is so.
+
+    Only between rows that are more than 5 % of the cast's range apart. There it may be anywhere
+    between what is straight and what goes on as it does above or below, but not beyond the rows
+    beside: they are stable. Beside a row without another one nothing is known but that.
+    """
+    import gsw
+
+    p, std, said = cast.pressure, np.zeros(len(pressure)), list[str]()
+    for k in np.flatnonzero(np.diff(p) > _HOLE * (p[-1] - p[0])).tolist():
+        middle = 0.5 * float(p[k] + p[k + 1])
+        near = slice(max(k - 1, 0), k + 3)
+        density = np.asarray(gsw.rho(cast.SA[near], cast.CT[near], middle))
+        at = k - near.start  # of the row above
+        ends, rows = np.sort(density[at : at + 2]), p[near]
+        inside = (pressure > p[k]) & (pressure < p[k + 1])
+        z = pressure[inside]
+        may = [np.interp(z, rows, density), *(np.full_like(z, end) for end in ends)]
+        if 0 < at < len(rows) - 2:
+            above, _, below = np.diff(density) / np.diff(rows)
+            further = density[at] + above * (z - p[k]), density[at + 1] - below * (p[k + 1] - z)
+            may[1:] = [np.clip(line, *ends) for line in further]
+        std[inside] = np.ptp(may, axis=0) / math.sqrt(12.0)
+        largest = float(std[inside].max(initial=0.0))
+        if largest > _SLIGHT:
+            where = f"no row from {p[k]:.4g} to {p[k + 1]:.4g} dbar"
+            said.append(f"{where}: the density there is known to {largest:.2g} kg/m3 (1 sigma)")
+    return std, said
 
 
 _NEAR = 3.0  # dbar from the surface at which casts are used to begin

@@ -41,6 +41,7 @@ class Column:
     temperature: Array  # degC in situ; constant where the water has none
     gravity: float  # m/s2, at the latitude
     compressibility: float = 0.0
+    density_std: Array = field(default_factory=lambda: np.zeros(1))  # kg/m3 [n], in holes of a cast
     buoyancy_frequency: float = 0.0  # rad/s, the greatest over 10 m; 0 where density is constant
     source: str = ""  # the cast, or the vehicle's water
     report: tuple[str, ...] = ()  # what was assumed

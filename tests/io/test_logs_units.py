@@ -1,0 +1,42 @@
+"""Columns that count something: a scale in the place of their unit."""
+
+import pytest
+
+from swimbladder.errors import UnitError
+from swimbladder.io.log_format import LogColumn, column_factor
+from swimbladder.io.logs import read_log
+from tests.log_files import write
+from tests.quoted import refused
+
+
+@pytest.mark.parametrize(
+    ("scale", "unit", "factor"),
+    [
+        ("0.0833 mm/deg", "m", 0.0833e-3),
+        ("-0.0833 mm/deg", "m", -0.0833e-3),  # it counts inward
+        ("2.5mm/step", "m", 2.5e-3),
+        ("3 in/rev", "m", 3 * 0.0254),
+        ("0.5 mL", "m3", 0.5e-6),
+        ("1.2 mm/s/count", "m/s", 1.2e-3),
+        ("1.2 mm/s", "m/s", 1.2e-3),
+        ("3e-2 V/LSB", "V", 0.03),
+        ("cm", "m", 0.01),
+    ],
+)
+def test_a_scale_is_a_unit(scale, unit, factor):
+    assert column_factor(LogColumn(name="x", unit=scale), unit) == pytest.approx(factor, rel=1e-12)
+
+
+@pytest.mark.parametrize("scale", ["0.1 mm/s", "5 kg/deg", "0 mm/deg", "1e999 mm", "2 per step"])
+def test_what_is_no_scale_is_refused(scale):
+    with refused(UnitError):
+        column_factor(LogColumn(name="x", unit=scale), "m")
+
+
+def test_a_piston_by_the_degrees_of_its_encoder(tmp_path):
+    rows = "".join(f"{k},1.{k},{90 * k}\n" for k in range(9))
+    path = write(tmp_path, f"time_s,depth_m,turned\n{rows}")
+    for columns in ({"piston_m": "turned@0.0833 mm/deg"},):
+        log = read_log(path, columns=columns)
+        assert log.piston == pytest.approx([90 * k * 0.0833e-3 for k in range(9)])
+        assert any("times 8.33e-05" in line for line in log.report)
