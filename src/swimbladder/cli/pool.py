@@ -127,6 +127,12 @@ class Goals(Options):
     neutral_std: str = valued(
         "VOLUME", "How well a rest tells the neutral volume.", "0.5 cm3", read=deviation("m3")
     )
+    drift_std: str = valued(
+        "RATE", "Drift of each neutral volume, 1 sigma.", "0.1 cm3/min", name="--drift"
+    )
+    delay_std: str = valued(
+        "TIME", "How late the stamps of the volumes are, 1 sigma.", "0.2 s", name="--delay"
+    )
 
 
 _POOL = 4.5  # m
@@ -178,7 +184,8 @@ def pool(
 
         with sought.said_as_typed(), goals.said_as_typed(), procedure.said_as_typed():
             before, aims = sought.given(), goals.given()
-            known = Asked(**before, neutral_std=aims.pop("neutral_std"))
+            errors = {name: aims.pop(f"{name}_std") for name in ("neutral", "drift", "delay")}
+            known = Asked(**before, **{f"{name}_std": std for name, std in errors.items()})
             asked = asked_of(v, known, **aims)
             rules = rules_of(v, pool_depth=bottom, travel=done["travel"], plan=chosen)
         tasks = plan_tasks(chosen) if chosen else paper_tasks(v, pool_depth=bottom)

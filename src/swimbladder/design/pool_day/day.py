@@ -34,7 +34,7 @@ from swimbladder.design.pool_day.verdict import LEAST, Asked, Target, Verdict, j
 from swimbladder.errors import InputError, LogError, check_number
 from swimbladder.estimation.motion import ExperimentFit, Identification, identify
 from swimbladder.estimation.motion.problem import NAMES, check_names, default_names, model_of
-from swimbladder.estimation.motion.run import check_std
+from swimbladder.estimation.motion.run import check_nuisances, check_std
 from swimbladder.io.answers import as_json
 from swimbladder.io.plan import Plan
 from swimbladder.vehicle import Vehicle
@@ -375,6 +375,7 @@ def asked_of(
     for name, given in (("free", chosen), ("fixed", known.fixed), ("priors", known.priors)):
         check_names(tuple(given), model, voltage=False, option=name)
     check_std("neutral_std", known.neutral_std, "m3")
+    check_nuisances(known.drift_std, known.delay_std)
     return replace(known, targets=_targets(target, target_std, chosen))
 
 

@@ -7,7 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from swimbladder.estimation.estimates import Estimate
-from swimbladder.estimation.motion import NAMES, NEUTRAL_STD, Identification, Prior
+from swimbladder.estimation.motion import (
+    DELAY_STD,
+    DRIFT_STD,
+    NAMES,
+    NEUTRAL_STD,
+    Identification,
+    Prior,
+)
 
 LEAST = 4  # experiments; with fewer no trend with the size of the step can show
 MARGIN = 1.25  # by which a standard deviation has to be below its target; see studies.stopping
@@ -52,6 +59,8 @@ class Asked:
     priors: Mapping[str, Prior] = field(default_factory=dict)
     drag: str | None = None
     neutral_std: float = NEUTRAL_STD
+    drift_std: float = DRIFT_STD
+    delay_std: float = DELAY_STD
 
 
 class State:

@@ -177,6 +177,13 @@ def check_std(field: str, value: float, unit: str) -> None:
     check_number(value, field, unit, above=0.0, finite=False, remedy=remedy)
 
 
+def check_nuisances(drift_std: float, delay_std: float) -> None:
+    """Raise InputError for deviations of drift [m3/s] and delay [s] that cannot be."""
+    remedy = "Give a standard deviation, 0 for none"
+    for field, value, unit in (("drift_std", drift_std, "m3/s"), ("delay_std", delay_std, "s")):
+        check_number(value, field, unit, least=0.0, remedy=remedy)
+
+
 def check_motion(records: Sequence[Record]) -> None:
     """Raise NoAnswerError where no vehicle of the records moved by what a sensor resolves."""
     ranges = [float(np.ptp(r.depth[r.compared])) for r in records]
@@ -227,7 +234,7 @@ def assumptions(problem: Problem, vehicle: Vehicle) -> tuple[str, ...]:
 
 
 NEUTRAL_STD = 0.5e-6  # m3
-DRIFT_STD = 0.1e-6 / 60.0  # m3/s
+DRIFT_STD = 0.1 / 6e7  # m3/s, 0.1 cm3 a minute to the last bit
 DELAY_STD = 0.2  # s
 
 
@@ -276,9 +283,7 @@ def identify(
     is among the findings, and Identification.vehicle raises NoAnswerError then.
     """
     check_logs(logs, neutral_std, speed_std, drive)
-    remedy = "Give a standard deviation, 0 for none"
-    for field, value, unit in (("drift_std", drift_std, "m3/s"), ("delay_std", delay_std, "s")):
-        check_number(value, field, unit, least=0.0, remedy=remedy)
+    check_nuisances(drift_std, delay_std)
     if process_noise not in ("auto", "always", "never"):
         what, remedy = "there is no such mode", "Choose auto, always or never"
         raise InputError(what, field="process_noise", value=process_noise, remedy=remedy)
