@@ -12,7 +12,7 @@ from swimbladder.estimation.motion import identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import read_log
 
-LOGS = (13, 29, 31, 33, 35, 37, 39, 43, 45, 47, 49, 51, 59, 61, 63, 65)
+LOGS = (13, 31, 33, 37, 45, 47, 49, 51, 59, 63)
 VEHICLE = load_vehicle("ntnu-bv")
 
 
