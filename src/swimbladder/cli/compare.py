@@ -267,6 +267,8 @@ def _row(r: Comparison | None) -> tuple[str, ...]:
 
 def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:
     """Give what was fitted, the notes not yet said, and the files."""
+    from rich.text import Text
+
     from swimbladder.estimation.comparison.run import FITTABLE
 
     for name, fitted in r.fitted.items():
@@ -283,10 +285,7 @@ def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:
         yield f"piston: rms {1e3 * piston:.2f} mm"
     if task.ahead is not None:
         yield from _ahead_shown(task.ahead)
-    for finding in r.findings:
-        from rich.text import Text
-
-        yield Text(f"{finding.severity}: {finding.sentence}", style="bold")
+    yield from (Text(f"{f.severity}: {f.sentence}", style="bold") for f in r.findings)
     yield from labelled("note", (note for note in r.notes if note not in said))
     said.update(r.notes)
     yield from (f"wrote {path}" for path in task.files)

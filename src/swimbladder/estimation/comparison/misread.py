@@ -34,6 +34,13 @@ _LEAST = 30  # samples
 _SMALL = 0.02  # m, less motion than which has no information
 
 
+def _informative(depth: Array, under: Mask) -> slice | None:
+    """Return the longest stretch that is `under` water; None where it hardly moves, or is short."""
+    first, after = max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0))
+    moves = after - first >= _LEAST and np.ptp(depth[first:after]) >= _SMALL
+    return slice(first, after) if moves else None
+
+
 def refuse_wrong_clock(
     log: Log, vehicle: Vehicle, under: Mask, drive: Drive, driving: Array
 ) -> None:
@@ -41,10 +48,9 @@ def refuse_wrong_clock(
 
     under: which samples are clear of surface and bottom. driving: volume [m3] or voltage [V].
     """
-    part = slice(*max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0)))
-    z, t, given = log.depth[part], log.time[part], driving[part]
-    if len(t) < _LEAST or np.ptp(z) < _SMALL:
+    if (part := _informative(log.depth, under)) is None:
         return
+    z, t, given = log.depth[part], log.time[part], driving[part]
 
     def read_with(factor: float) -> _Fit:
         time = factor * t
@@ -76,11 +82,9 @@ def misread(
     under: which samples are clear of surface and bottom. None where they may be right, or do not
     go with the volumes at all.
     """
-    part = slice(*max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0)))
-    z, t = depth[part], time[part]
-    if len(t) < _LEAST or np.ptp(z) < _SMALL:
+    if (part := _informative(depth, under)) is None:
         return None
-    found = _fits(t, z, volume[part], vehicle)
+    found = _fits(time[part], depth[part], volume[part], vehicle)
     if found.near(*_RIGHT) or not found.explained > _SURE:
         return None
     size = abs(found.force)

@@ -304,10 +304,11 @@ def adjust(
             best, q = end, found
         if agreed == 3 and best < enough:
             break
-    spread = _spread(problem.residual(q, whole), problem.slope(q, whole)) * problem.scale
+    spread = _spread(residual := problem.residual(q, whole), problem.slope(q, whole))
+    spread *= problem.scale
     spread[problem.at_limit(q)] = np.nan
     noise = max(float(np.median(np.abs(np.diff(rec.depth, 2)))) * _PER_BEND, _FINEST)
-    if rms(problem.residual(q, whole)) > _MODEL_ERROR * noise:
+    if rms(residual) > _MODEL_ERROR * noise:
         # so bent a function of these that a residual, which is no noise, says little of them
         spread[spread < _CLAIMED * (problem.most - problem.least) * problem.scale] = np.nan
     # a deviation wider than all that is possible: not identifiable
@@ -559,10 +560,9 @@ def compare(
     notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
     findings = []
-    if rec.drive == "volume" and rec.volume is not None:
-        wrong = misread(rec.time, rec.depth, rec.volume, rec.compared, vehicle)
-        if wrong is not None:
-            findings.append(wrong._replace(severity="no") if explained < _HALF else wrong)
+    by = rec.volume if rec.drive == "volume" else None
+    if by is not None and (wrong := misread(rec.time, rec.depth, by, rec.compared, vehicle)):
+        findings.append(wrong._replace(severity="no") if explained < _HALF else wrong)
     if explained < _HALF and not findings:
         findings.append(Finding.of("compare", "unexplained"))
     return Comparison(
