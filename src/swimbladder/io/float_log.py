@@ -70,6 +70,7 @@ class FloatLog:
 
     stage: number of the mission's stage at each sample; -1 while it leaves the surface, -2 where
     no stage is under way. settings: the controller's, as texts. report: what was not understood.
+    time_step, pressure_step: what times and pressures were rounded to; empty: to nothing.
     """
 
     source: str
@@ -80,6 +81,8 @@ class FloatLog:
     pressure: NDArray[np.float64]  # Pa [n]
     temperature: NDArray[np.float64]  # degC [n], NaN where it is not logged
     stage: NDArray[np.int64]  # - [n]
+    time_step: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # s [n]
+    pressure_step: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # Pa [n]
     actions: tuple[Action, ...]
     stages: tuple[Stage, ...] = ()
     settings: Mapping[str, str] = field(default_factory=dict)

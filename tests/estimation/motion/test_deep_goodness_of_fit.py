@@ -24,7 +24,7 @@ from tests.estimation.motion.deep import made_up_column, made_up_vehicle
 from tests.estimation.motion.test_deep import TRUTH, two_dives
 from tests.quoted import numbers
 
-HELD = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
+HELD = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start", "pump_slip")}
 
 
 @pytest.fixture(scope="module")

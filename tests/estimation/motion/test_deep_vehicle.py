@@ -31,7 +31,6 @@ def scene(tmp_path_factory):
         ("stiffening", 2e-14, "1e-14 or less"),
         ("trapped_air", -1e-6, "trapped_air has to be 0 or more m3"),
         ("pump_delivery", -0.1, "delivery would be -8e-08 m3/s, and delivery has to be more than"),
-        ("pump_slip", -1e-9, "slip would be -8e-16 m3/s/Pa"),
         ("valve", 0.0, "flow has to be more than 0"),
         ("creep", 2e-6, "1e-06 or less m3/s"),
     ],

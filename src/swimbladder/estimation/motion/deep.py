@@ -109,7 +109,7 @@ def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     if isinstance(pump, PowerLawPump):
         delivery = pump.delivery * values["pump_delivery"]
         slip = pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"]
-        changed["pump"] = pump.model_copy(update={"delivery": delivery, "slip": slip})
+        changed["pump"] = pump.model_copy(update={"delivery": delivery, "slip": max(slip, 0.0)})
     changed["start_volume"] = max(actuator.start_volume + values["pump_start"], 0.0)
     changed["creep"] = max(values["creep"], 0.0)
     stiffening = values["stiffening"] if abs(values["stiffening"]) >= _STIFFENS else 0.0
@@ -216,7 +216,8 @@ def _noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
     p = dive.pieces
     carried = np.abs(drag_volume(fit.values, p.speed, p.density, dive.gravity))
     per_speed = 2.0 * carried / np.maximum(np.abs(p.speed), np.finfo(float).tiny)
-    measured = np.sqrt(2.0) * noise.pressure / (p.density * dive.gravity * p.duration)
+    measured = np.sqrt(2.0 * noise.pressure**2 + p.rounding)
+    measured = measured / (p.density * dive.gravity * p.duration)
     layers = dive.water.at(p.pressure).layers
     moved = displaced_variance(noise.water**2, noise.lasts)
     variance = per_speed**2 * (noise.water**2 + measured**2)
@@ -518,8 +519,8 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> t
         said_of = "as in the vehicle's file" if share == 1.0 else f"{share:.4g} of its file's"
         found.append(sentence("deep", "bypass", share=said_of))
     lost = [] if isinstance(actuator.pump, PowerLawPump) else ["pump_delivery"]
-    if fit.values["creep"] < 0.0:
-        lost.append("a creep below 0")
+    below = [n for n in ("creep", "pump_slip") if n in fit.names and fit.values[n] < 0.0]
+    lost += [f"a {name} below 0" for name in below]
     if lost:
         found.append(f"{' and '.join(lost)} has no place in vehicle.toml")
     off = ", ".join(f"{name} 0 +- {fit.priors[name].std:.2g} {x.unit}" for name, x in CAST.items())

@@ -14,7 +14,7 @@ deviations of the cast at its knots (hat functions phi_j), known to 1 before. An
 filter (e.g. Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*,
 2001, section 10.3): what it expects and what is measured differ by innovations that are independent
 whatever lasts between them, so that their likelihood gives intervals that allow for waves of an
-hour and with a cast that errs. A pressure that is off by more than `GATE` deviations counts as one
+hour and with a cast that errs. A pressure that is off by more than `gate` deviations counts as one
 that is off by so much (Huber).
 
 Internal waves move the water up and down. Their vertical speed is white up to the buoyancy
@@ -74,6 +74,7 @@ class Track(NamedTuple):
     steps: Array  # s [m]
     sample: Index  # [m], sample at the end of a step, or -1
     measured: Array  # Pa [n]
+    rounding: Array  # Pa2 [n], variance by the resolution of pressures and times
     begun: Array  # m3 [m], nominal volume of runs that begin in a step
     knots: Array  # Pa [j]
     width: Array  # m3 [j], deviation of the neutral volume by errors of the cast
@@ -159,18 +160,24 @@ def displaced_variance(speed: float, tau: float) -> float:
 
 
 SPACING = 1e4  # Pa, of the water's table
-GATE = 4.0
 DYNAMIC = 7
 P, W, U, Z, D, V0, RATE = 0, 1, 2, 3, 4, 5, 6  # RATE: u'
 
 
 def _filter(
-    track: Track, volume: Array, water: Array, body: Resistance, noise: Noise, x: Array, C: Array
+    track: Track,
+    volume: Array,
+    water: Array,
+    body: Resistance,
+    noise: Noise,
+    gate: float,
+    x: Array,
+    C: Array,
 ) -> tuple[Array, Array]:
     """Return the innovations of the samples [n] and their variances; x and C as they end.
 
     volume [m]: m3 in the middle of each step, V; water [k, 3], every `SPACING`: N [m3], rho g
-    [Pa/m], G [m3/m]. x [DYNAMIC + j], C.
+    [Pa/m], G [m3/m]. gate: deviations from which a pressure counts less. x [DYNAMIC + j], C.
     """
     steps, knots, tau = track.steps, track.knots, noise.lasts
     v, S = np.zeros(len(track.measured)), np.ones(len(track.measured))
@@ -248,8 +255,8 @@ def _filter(
         at = track.sample[i]
         if at >= 0:
             v[at] = track.measured[at] - x[P]
-            S[at] = C[P, P] + noise.pressure * noise.pressure
-            counts = min(1.0, GATE * math.sqrt(S[at]) / max(abs(v[at]), 1e-300))
+            S[at] = C[P, P] + noise.pressure * noise.pressure + track.rounding[at]
+            counts = min(1.0, gate * math.sqrt(S[at]) / max(abs(v[at]), 1e-300))
             for r in range(n):
                 row_p[r] = C[r, P] / S[at]
             for r in range(n):

@@ -31,13 +31,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior
-from swimbladder.estimation.motion.deep_filter import GATE, V0, Noise
+from swimbladder.estimation.motion.deep_filter import V0, Noise
 from swimbladder.estimation.motion.deep_model import (
+    GATE,
     Body,
     DeepDive,
     Filtered,
@@ -174,10 +174,12 @@ _NARROWED = 0.8  # of the prior's deviation: a parameter that the data narrow le
 _STEP, _WHITE = 1e-2, 0.3
 _MOST, _NEAR = 20, 1e-2  # steps of scoring; gain of log likelihood that ends them
 _AXES = 2  # times that the axes of what is known are found
-# Of each round of noise and parameters, in deviations: many dives have several valleys, and far
-# strides see the widest.
-_STRIDES = (10.0, 3.0, 1.0, _WHITE)
-_IMBALANCE = 3e-6  # m3, imbalance of the volume at a sample
+# Pressures are noisier by [Pa] first, with the stride of slopes there, and outliers count in full;
+# then rounds of noise and parameters, in deviations, until one gains less than `_SETTLED`.
+_BLURS = {1e6: 1.0, 1e5: _WHITE, 1e4: _WHITE}
+_OPEN = 1e6  # a gate that none is beyond
+_STRIDES = (3.0, 1.0, _WHITE)
+_ROUNDS, _SETTLED = 6, 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,6 +332,8 @@ class _Problem:
     priors: Mapping[str, Prior]
     names: tuple[str, ...]
     held: Mapping[str, float]  # values of what is not sought
+    blur: float = 0.0  # Pa, by which the pressures are taken to be noisier
+    gate: float = GATE
 
     def values(self, x: Array) -> dict[str, float]:
         """Return the parameters at x, by name."""
@@ -343,12 +347,13 @@ class _Problem:
     def noise(self, x: Array) -> Noise:
         """Return the noises at x."""
         parts = zip(NOISES, FACTOR, x[len(self.names) :].tolist(), _LEAST, strict=True)
-        return Noise(*(math.hypot(u * math.exp(w * a), least) for u, w, a, least in parts))
+        found = Noise(*(math.hypot(u * math.exp(w * a), least) for u, w, a, least in parts))
+        return found._replace(pressure=math.hypot(found.pressure, self.blur))
 
     def filtered(self, x: Array) -> list[Filtered]:
         """Return what the filter makes of each dive at x."""
         values, noise = self.values(x), self.noise(x)
-        return [filtered(self.body, values, noise, path) for path in self.paths]
+        return [filtered(self.body, values, noise, path, self.gate) for path in self.paths]
 
     def cost(self, x: Array, variance: Array | None = None) -> float:
         """Return minus the log posterior at x, up to a constant; infinite where it has none.
@@ -360,7 +365,7 @@ class _Problem:
         if not (S > 0.0).all():
             return math.inf
         z = np.abs(v) / np.sqrt(S)
-        far = np.where(z < GATE, 0.5 * z * z, GATE * (z - 0.5 * GATE))
+        far = np.where(z < self.gate, 0.5 * z * z, self.gate * (z - 0.5 * self.gate))
         total = 0.5 * float(x @ x) + float(np.sum(far + 0.5 * np.log(S)))
         return total if math.isfinite(total) else math.inf
 
@@ -388,7 +393,7 @@ class _Problem:
         per = np.linalg.inv(axes)
         for target, along in zip((dv, dS, starts), zip(*changes, strict=True), strict=True):
             target[:, free] = np.stack(along, axis=1) @ per
-        counts = np.minimum(1.0, GATE * np.sqrt(S) / np.maximum(np.abs(v), 1e-300))
+        counts = np.minimum(1.0, self.gate * np.sqrt(S) / np.maximum(np.abs(v), 1e-300))
         dS[:, : len(self.names)] = 0.0
         gradient = (counts * v / S) @ dv + (0.5 * (1.0 - counts * v * v / S) / S) @ dS + x
         information = (dv * (counts / S)[:, None]).T @ dv
@@ -403,14 +408,28 @@ class _Problem:
 
 
 def _searched(problem: _Problem, advance: Advance) -> tuple[Array, _Slopes]:
-    """Return the x of least cost, and the likelihood there along the parameters."""
-    count = len(problem.names)
-    x = np.append(_guess(problem), np.zeros(len(NOISES)))
+    """Return the x of least cost, and the likelihood there along the parameters.
+
+    First the pressures are taken to be noisy, so that the parameters are those of the whole way of
+    a dive rather than of each step of it, where many valleys are; then less and less so.
+    """
+    count, part = len(problem.names), 1.0 / (len(_BLURS) + len(_STRIDES))
+    x = np.zeros(count + len(NOISES))
     known, noises = np.arange(count), np.arange(count, len(x))
+    for blur, stride in _BLURS.items():
+        x = _best(replace(problem, blur=blur, gate=_OPEN), x, known, stride)
+        advance(part)
+    x[count] = math.log(blur / NOISES.pressure) / FACTOR.pressure  # as noisy as it was last
     for stride in _STRIDES:
         x = _best(problem, x, noises, stride)
         x = _best(problem, x, known, stride)
-        advance(1.0 / len(_STRIDES))
+        advance(part)
+    cost = problem.cost(x)
+    for _ in range(_ROUNDS):
+        x = _best(problem, _best(problem, x, noises, _WHITE), known, _WHITE)
+        before, cost = cost, problem.cost(x)
+        if before - cost < _SETTLED:
+            break
     found = problem.slopes(x, known)
     for _ in range(_AXES):
         found = problem.slopes(x, known, found.information)
@@ -421,28 +440,6 @@ def _alone(problem: _Problem, advance: Advance, part: float) -> Single:
     """Return the estimates from one dive alone; `part` of the work."""
     x, found = _searched(problem, lambda share: advance(part * share))
     return Single(x[: len(problem.names)], found.scores[0].information)
-
-
-def _guess(problem: _Problem) -> Array:
-    """Return where to begin: the parameters that close the volume balances best, robustly.
-
-    The imbalance is linear in most parameters, so that this leads into the right valley from afar;
-    the drag is held, since without volumes there is no imbalance.
-    """
-    count, dives = len(problem.names), [path.dive for path in problem.paths]
-    held = np.array([name in ("drag", "inertia") for name in problem.names])
-
-    def misfit(x: Array) -> Array:
-        values = problem.values(np.where(held, 0.0, x[:count]))
-        starts = zip((_IMBALANCE * x[count:]).tolist(), dives, strict=True)
-        imbalances = [balance(problem.body, values, start, dive) for start, dive in starts]
-        return np.append(np.concatenate(imbalances) / _IMBALANCE, x[:count])
-
-    first = problem.values(np.zeros(count))
-    starts = [start_volume(problem.body, first, dive) / _IMBALANCE for dive in dives]
-    x = np.append(np.zeros(count), starts)
-    found = least_squares(misfit, x, loss="soft_l1", max_nfev=100).x[:count]
-    return np.where(held, 0.0, found)
 
 
 def _best(problem: _Problem, x: Array, free: Index, stride: float) -> Array:

@@ -5,11 +5,13 @@
     m w' = rho g E - k w|w|                  speed w, positive down, k = k_dt or k_dt r rising
     E = M/rho - V_hull(p, T) - V             by how much volume it is too heavy
     V_hull = V_0 (1 - beta p + s p^2/2 + alpha (T - T_ref)) + V_air p_a/(p_a + p)
-    V = V_start + sum max(d pumped - short - v_s, 0) - f bled - b bypassed - leaked - l t_idle
+    V = V_start + sum pumped - f bled - b bypassed - leaked - l t_idle
+    pumped = max((d q(p) - s_p p q(0)) t - short - v_s, 0)
 
-with M, V_0, m, the nominal volumes of the runs, what starts fall `short` by and what leaks from the
-vehicle's file. What fixes how large all volumes are together is the inertia m, where speeds change
-fast enough to show it, M/rho, whose shape the water gives, and what is known before.
+with M, V_0, m, the pump's nominal rate q, the nominal volumes of valve and bypass, what starts fall
+`short` by and what leaks from the vehicle's file. What fixes how large all volumes are together is
+the inertia m, where speeds change fast enough to show it, M/rho, whose shape the water gives, and
+what is known before.
 
 A dive is filtered by `deep_filter`, in steps that `deep_path` cuts. It is also replayed from its
 beginning, by the logged runs of pump and valve alone: m w' = rho g E - k_dt w|w|, implicit in the
@@ -56,6 +58,7 @@ LONGEST = 4000.0  # s, likewise; longer ones hide how it went
 SETTLING = 5.0  # s before and 25 s after, in which an action still shows
 _AFTER = 25.0  # s
 _WITHIN = np.linspace(0.1, 0.9, 5)  # of a run, where its rate is looked up
+_NEAR = 5.0  # steps of time, between samples that give a speed
 _LEAST = 1e5  # Pa; above it hull and bladder may be out of the water, and the bypass open
 
 
@@ -68,6 +71,7 @@ class Pieces:
     idle: Array  # s of those in which nothing ran
     duration: Array  # s
     pressure: Array  # Pa, at their middle
+    rounding: Array  # Pa2, variance of what the pressure changes by, by resolution
     speed: Array  # m/s, positive down
     acceleration: Array  # m/s2, 0 where the neighbours are of other legs
     density: Array  # kg/m3, of the water
@@ -87,6 +91,7 @@ class Actions(NamedTuple):
     pumps: Mask
     bypass: Mask  # what is neither is the valve's
     volume: Array  # m3, nominal, positive: rate times seconds, mean on the way
+    unloaded: Array  # m3, what a pump would give against no pressure, nominal; 0 without one
     short: Array  # m3, what the start falls short of it, nominal; 0 without a pump
     pressure: Array  # Pa, mean on the way
 
@@ -110,6 +115,7 @@ class DeepDive:
     name: str
     time: Array  # s [n]
     pressure: Array  # Pa [n]
+    rounding: Array  # Pa2 [n], variance by the resolution of pressures and times
     temperature: Array  # degC of the hull [n]
     unwarmed: int  # samples without a logged temperature of the hull
     leaked: Array  # m3 [n], as the vehicle's file has it, since the dive began
@@ -139,6 +145,7 @@ class DeepDive:
             idle=elapsed - before @ self.actions.seconds,
             duration=b - a,
             pressure=p,
+            rounding=self.rounding[first] + self.rounding[last],
             density=density,
             speed=speed,
             acceleration=_acceleration(middle, speed, before.sum(axis=1)),
@@ -198,6 +205,7 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     rates = (map_.rate_out, map_.rate_in, map_.bypass_in)
     out, let_in, by = (rate.reshape(at.shape).mean(axis=1) for rate in rates)
     volume = np.where(pumps, out, np.where(bypass, by, let_in)) * seconds
+    unloaded = np.where(pumps, drive_map(vehicle, np.zeros(1), power=False).rate_out, 0.0) * seconds
     short = np.where(pumps, map_.start_volume.reshape(at.shape)[:, 0], 0.0)
     head = np.maximum(pressure + ATMOSPHERIC_PRESSURE - actuator.internal_pressure, 0.0)
     leaks = actuator.leakage * head
@@ -206,13 +214,28 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
         name=name or log.source,
         time=time,
         pressure=pressure,
+        rounding=_rounding(log, used)[rising],
         temperature=temperature,
         unwarmed=int(np.sum(~np.isfinite(logged))),
         leaked=leaked,
-        actions=Actions(begun, seconds, pumps, bypass, volume, short, at.mean(axis=1)),
+        actions=Actions(begun, seconds, pumps, bypass, volume, unloaded, short, at.mean(axis=1)),
         water=_deepened(column, slopes(layered_volume(vehicle, column), column.step)),
         gravity=column.gravity,
     )
+
+
+def _rounding(log: FloatLog, used: Mask) -> Array:
+    """Return the variance of the pressures `used` by their and their times' resolution [Pa2]."""
+    time, pressure, none = log.time[used], log.pressure[used], np.zeros(int(used.sum()))
+    step = log.time_step[used] if len(log.time_step) else none
+    width = log.pressure_step[used] if len(log.pressure_step) else none
+    near = np.maximum(_NEAR * step, 1.0)  # s; neighbours whose own times matter little
+    last = len(time) - 1
+    a = np.maximum(np.searchsorted(time, time - near, side="right") - 1, 0)
+    b = np.minimum(np.searchsorted(time, time + near), last)
+    apart = np.maximum(time[b] - time[a], np.finfo(float).tiny)
+    moved = (pressure[b] - pressure[a]) / apart * step
+    return np.asarray((moved**2 + width**2) / 12.0)
 
 
 def _warmth(time: Array, logged: Array, water: Array) -> Array:
@@ -276,7 +299,9 @@ DEEP: dict[str, DeepName] = {
     "thermal_expansion": DeepName("1/K", "of volume, with the logged temperature", 0.5, 5e-5),
     "trapped_air": DeepName("m3", "at the surface; Boyle", 0.5, 2e-5),
     "pump_delivery": DeepName("", "what the pump gives, a share of its datasheet", 0.3, 0.0, 1.0),
-    "pump_slip": DeepName("1/Pa", "what that share loses per pressure", 0.0, 5e-9),
+    "pump_slip": DeepName(
+        "1/Pa", "what that share of the delivery without pressure loses per pressure", 0.0, 5e-9
+    ),
     "pump_start": DeepName(
         "m3", "what a start falls short by, beyond the vehicle's file", 0.0, 2e-6
     ),
@@ -294,7 +319,7 @@ CAST: dict[str, DeepName] = {
     "cast_heave": DeepName("m", "by how much layers lie elsewhere than in the cast", 0.0, 5.0),
 }
 _RHO = 1027.0  # kg/m3, to turn an error of density into one of volume
-DEFAULT = tuple(name for name in DEEP if name not in ("trapped_air", "pump_slip", "bypass"))
+DEFAULT = tuple(name for name in DEEP if name not in ("trapped_air", "bypass"))
 
 
 class Body(NamedTuple):
@@ -394,8 +419,9 @@ def hull_volume(
 
 def run_volumes(values: Mapping[str, float], dive: DeepDive) -> Array:
     """Return what each run of pump, valve or bypass added to the drive's volume [m3] [m]."""
-    share = values["pump_delivery"] - values["pump_slip"] * dive.actions.pressure
-    pumped = share * dive.actions.volume - dive.actions.short - values["pump_start"]
+    slip = values["pump_slip"] * dive.actions.pressure * dive.actions.unloaded
+    pumped = values["pump_delivery"] * dive.actions.volume - slip
+    pumped = pumped - dive.actions.short - values["pump_start"]
     flow = np.where(dive.actions.bypass, values["bypass"], values["valve"])
     return np.where(dive.actions.pumps, np.maximum(pumped, 0.0), -flow * dive.actions.volume)
 
@@ -422,6 +448,7 @@ FINE, COARSE = 5.0, 15.0  # s, steps while the speed follows a run, and else: 1 
 _UNSEEN, _GAP = 60.0, 1800.0  # s, steps where two samples are so far from each other
 _FOLLOWS = 150.0  # s after a run
 _KNOTS, _WIDER = (0.0, 2e5, 5e5), 1.6  # Pa, of the cast's error; each further one so much deeper
+GATE = 4.0
 _SPEED_STD = 0.02  # m/s, of the speed at the beginning: that between the first two samples
 _START = (2.0, 5e-6)  # share of what drag carries then, and m3: of the volume that it asks for
 
@@ -480,7 +507,7 @@ def deep_path(dive: DeepDive, body: Body, priors: Mapping[str, Prior]) -> Path:
     return Path(
         dive=dive,
         time=time,
-        track=Track(steps, sample, measured, begun, knots, width),
+        track=Track(steps, sample, measured, dive.rounding[at], begun, knots, width),
         runs=runs,
         leaked=np.interp(middle, dive.time, dive.leaked),
         idle=middle - time[0] - ran,
@@ -582,8 +609,13 @@ def warmed(body: Body, values: Mapping[str, float], temperature: Array) -> Array
     return body.volume * values["thermal_expansion"] * (temperature - body.reference_temperature)
 
 
-def filtered(body: Body, values: Mapping[str, float], noise: Noise, path: Path) -> Filtered:
-    """Return what the filter makes of a dive with these parameters."""
+def filtered(
+    body: Body, values: Mapping[str, float], noise: Noise, path: Path, gate: float = GATE
+) -> Filtered:
+    """Return what the filter makes of a dive with these parameters.
+
+    gate: deviations of an innovation from which on a pressure counts less.
+    """
     water = neutral_table(body, values, path)
     volume = drive_volume(values, path) + warmed(body, values, path.warmth)
     x = np.zeros(of.DYNAMIC + len(path.track.knots))
@@ -592,14 +624,15 @@ def filtered(body: Body, values: Mapping[str, float], noise: Noise, path: Path) 
     carried = _drag(values, w) * w * abs(w) / weight
     x[of.P], x[of.W], x[of.V0] = p, w, neutral - volume[0] - carried
     variance = np.ones(len(x))
-    variance[of.P], variance[of.W] = noise.pressure**2, _SPEED_STD**2
+    variance[of.P] = noise.pressure**2 + path.track.rounding[0]
+    variance[of.W] = _SPEED_STD**2
     variance[of.U], variance[of.RATE] = noise.water**2, noise.water**2 / noise.lasts**2
     variance[of.Z] = displaced_variance(variance[of.U], noise.lasts)
     variance[of.D], variance[of.V0] = 0.0, (_START[0] * abs(carried) + _START[1]) ** 2
     covariance = np.diag(variance)
     down, mass = values["drag"], body.inertia * values["inertia"]
     moves = Resistance(mass, down, down * values["drag_up"])
-    innovation, spread = filter_kernel(path.track, volume, water, moves, noise, x, covariance)
+    innovation, spread = filter_kernel(path.track, volume, water, moves, noise, gate, x, covariance)
     return Filtered(innovation[1:], spread[1:], x, covariance)
 
 
