@@ -6,10 +6,10 @@ from scipy import stats
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from swimbladder.estimation.actuator.bench import autoregression, changes, quantum, spikes
+from swimbladder.estimation.actuator.bench import autoregression, quantum, spikes
 from swimbladder.estimation.actuator.model import pool, shown, student
 from swimbladder.estimation.estimates import Estimate
-from swimbladder.estimation.series import WHITE
+from swimbladder.estimation.series import WHITE, white_noise
 
 
 @pytest.mark.parametrize("step", [1e-5, 3.4e-7, 2.0])
@@ -31,9 +31,9 @@ def test_white_noise_on_a_smooth_position_is_seen_at_any_times_and_with_outliers
     random = np.random.default_rng(3)
     time = np.cumsum(random.uniform(0.5, 1.5, 4000))
     position = 3.0 * time + 0.2 * random.normal(size=4000)
-    assert changes(time, position) == pytest.approx(0.2, rel=0.05)
+    assert white_noise(time, position) == pytest.approx(0.2, rel=0.05)
     position[random.random(4000) < 0.05] += 50.0
-    assert changes(time, position) == pytest.approx(0.2, rel=0.25)
+    assert white_noise(time, position) == pytest.approx(0.2, rel=0.25)
 
 
 def test_spikes_are_found_and_ramps_and_corners_are_not_spikes():

@@ -15,7 +15,15 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.estimation.series import Array, Autoregression, Index, Mask, stretches
+from swimbladder.estimation.series import (
+    Array,
+    Autoregression,
+    Index,
+    Mask,
+    scale,
+    stretches,
+    white_noise,
+)
 from swimbladder.estimation.series import autoregression as of_blocks
 from swimbladder.io.logs import Log
 from swimbladder.physics.actuator import reduced
@@ -39,23 +47,6 @@ def quantum(position: Array) -> float:
     off = np.abs(multiples - np.rint(multiples))
     fits = off < np.maximum(0.02 * multiples, 0.2)
     return found if fits[multiples < 10.0].mean() > 0.9 and (multiples < 10.0).any() else 0.0
-
-
-def scale(values: Array) -> float:
-    """Return the standard deviation of what is normal but for outliers, from the median."""
-    if not len(values):
-        return 0.0
-    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
-
-
-def changes(time: Array, position: Array) -> float:
-    """Return the standard deviation of white noise on a smooth position, outliers aside.
-
-    From what a sample is off the line between its neighbours.
-    """
-    share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    off = position[1:-1] - (1.0 - share) * position[:-2] - share * position[2:]
-    return scale(off / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2))
 
 
 def spikes(residual: Array, least: float) -> Mask:
@@ -177,7 +168,7 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
         runs=tuple(itertools.pairwise(ends)),
         step=step,
         quantum=quantum(position),
-        noise=changes(time, position),
+        noise=white_noise(time, position),
         depth=depth,
         notes=tuple(notes),
     )

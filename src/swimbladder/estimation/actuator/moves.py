@@ -20,11 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swimbladder.estimation.actuator.bench import Bench, autoregression, changes, spikes
+from swimbladder.estimation.actuator.bench import Bench, autoregression, spikes
 from swimbladder.estimation.actuator.model import Pooled, pool, student
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.estimation.estimates import Estimate, bounded_fit, crossing
-from swimbladder.estimation.series import WHITE, Array, Index, Mask, stretches
+from swimbladder.estimation.series import WHITE, Array, Index, Mask, stretches, white_noise
 
 _MOVES = 0.5  # of the full speed: it moves
 _FULL = 0.85  # of the full speed of the move: it has started, and does not yet brake
@@ -211,7 +211,7 @@ def rate_of(bench: Bench, move: Move, T1: float = 0.0) -> Rate:
     for _ in range(2):
         best = np.linalg.lstsq(columns[keep], x[keep], rcond=None)[0]
         off = x - columns @ best
-        keep = ~spikes(off, 4.0 * (bench.quantum + changes(t, x)))
+        keep = ~spikes(off, 4.0 * (bench.quantum + white_noise(t, x)))
     noise = autoregression([off[keep]])
     white = noise.whiten(np.column_stack([columns[keep], x[keep]]))
     best, *_ = np.linalg.lstsq(white[:, :-1], white[:, -1], rcond=None)

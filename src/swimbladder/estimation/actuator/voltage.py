@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swimbladder.estimation.actuator.bench import Bench, Block, autoregression, cut, scale, spikes
+from swimbladder.estimation.actuator.bench import Bench, Block, autoregression, cut, spikes
 from swimbladder.estimation.actuator.model import (
     FINEST,
     LOGARITHMIC,
@@ -38,7 +38,7 @@ from swimbladder.estimation.actuator.model import (
 )
 from swimbladder.estimation.actuator.result import PARAMETERS, Step
 from swimbladder.estimation.estimates import Z95, Estimate, bounded_fit, crossing, sentence
-from swimbladder.estimation.series import WHITE, Array, Autoregression, Mask
+from swimbladder.estimation.series import WHITE, Array, Autoregression, Mask, scale
 
 _OUTLIER = 10.0  # deviance that leaving a sample out costs
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from swimbladder.estimation.series import Array, Mask
+from swimbladder.estimation.series import Array, Mask, white_noise
 from swimbladder.io.log_checks import spikes
 from swimbladder.sim.engine.cache import compiled
 
@@ -21,7 +21,6 @@ _MARGIN = 1.25  # times the rate of the vehicle's file, and times what the log k
 _STEPS = 4  # one after the other, for which a rate is kept up
 _FAR = 8.0  # standard deviations of the noise
 _COARSE = 0.005  # of the stroke, what may be a coarse sensor
-_SCALE = 1.4826 / np.sqrt(1.5)  # standard deviation over median bend, of a normal distribution
 
 
 def drive_outliers(
@@ -43,7 +42,7 @@ def drive_outliers(
         return off
     steps, span = np.diff(volume), np.diff(time)
     fastest = _MARGIN * max(_kept_up(steps / span), rate)
-    least = max(_FAR * _noise(steps, span), _COARSE * stroke)
+    least = max(_FAR * white_noise(time, volume), _COARSE * stroke)
     if (np.abs(steps) > least + fastest * span).any():
         off = np.asarray(~_kept(time, volume, fastest, least))
     alone = spikes("volume_m3", volume[~off], time[~off], gaps)
@@ -80,12 +79,6 @@ def _kept_up(speed: Array) -> float:
     slowest = np.minimum(np.abs(runs.min(axis=1)), np.abs(runs.max(axis=1)))
     one_way = (runs > 0.0).all(axis=1) | (runs < 0.0).all(axis=1)
     return float(slowest[one_way].max(initial=0.0))
-
-
-def _noise(steps: Array, span: Array) -> float:
-    """Return the standard deviation of white noise of a volume that bends seldom."""
-    share = span[:-1] / (span[:-1] + span[1:])
-    return float(_SCALE * np.median(np.abs(steps[:-1] * (1.0 - share) - steps[1:] * share)))
 
 
 @compiled

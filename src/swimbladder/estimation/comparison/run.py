@@ -7,7 +7,6 @@ that each start from what was measured.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.misread import Drive, misread
 from swimbladder.estimation.comparison.record import Record, follow_in, record
 from swimbladder.estimation.estimates import Finding, bounded_fit, check_names
-from swimbladder.estimation.series import Array, Mask, rms
+from swimbladder.estimation.series import Array, Mask, rms, white_noise
 from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
@@ -234,7 +233,6 @@ def _motion(name: str, value: float, vehicle: Vehicle) -> dict[str, Any]:
 
 
 _MODEL_ERROR = 5.0  # times the sensor's noise, a residual that the model makes
-_PER_BEND = 1.4826 / math.sqrt(6.0)  # noise over the median of what neighbours differ by
 _FINEST = 2e-4  # m, a noise that sensors have
 _CLAIMED = 1e-4  # of all that is possible, better than which no log with a model error says
 _LARGEST = 10.0  # m, a residual beyond this says no more
@@ -307,7 +305,7 @@ def adjust(
     spread = _spread(residual := problem.residual(q, whole), problem.slope(q, whole))
     spread *= problem.scale
     spread[problem.at_limit(q)] = np.nan
-    noise = max(float(np.median(np.abs(np.diff(rec.depth, 2)))) * _PER_BEND, _FINEST)
+    noise = max(white_noise(rec.time, rec.depth), _FINEST)
     if rms(residual) > _MODEL_ERROR * noise:
         # so bent a function of these that a residual, which is no noise, says little of them
         spread[spread < _CLAIMED * (problem.most - problem.least) * problem.scale] = np.nan

@@ -25,14 +25,13 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from swimbladder.errors import InputError, check_number
 from swimbladder.estimation.comparison.record import Record, bad_depth, follow_in
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.estimates import check_names as check_known
-from swimbladder.estimation.series import Array, Mask
+from swimbladder.estimation.series import Array, Mask, shifted
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop.bundle import Course
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
@@ -345,9 +344,7 @@ class Problem:
         self.logarithmic = [model.logarithmic(name) for name in self.names]
         self.scale = [1.0 if model.logarithmic(n) else model.scale(n) for n in self.names]
         self.rows = np.cumsum([0, *(int(e.used.sum()) for e in self.experiments)]).tolist()
-        self.courses = [
-            [self._course(e, s, e.inputs) for s in e.segments] for e in self.experiments
-        ]
+        self.courses = [[_course(e, s) for s in e.segments] for e in self.experiments]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
     def begin(self, values: Mapping[str, float] | None = None) -> Array:
@@ -403,20 +400,21 @@ class Problem:
         J, row = np.zeros((len(self.measured), self.size)), 0
         for j in range(len(self.experiments)):
             shared = [*range(self.shared), self.shared + j]
-            for at, (z, block) in enumerate(self._run(x, j, shared)):
+            runs = list(self._run(x, j, shared))
+            for at, (z, block) in enumerate(runs):
                 start = self.starts_at[j] + 2 * at
                 J[row : row + len(z), [*shared, start, start + 1, self.delay_at]] = block
                 row += len(z)
             if self.experiments[j].ramps:
                 part, at = slice(self.rows[j], self.rows[j + 1]), self.first_drift + j
-                J[part, at] = self._slope_of_drift(x, j)
+                J[part, at] = self._slope_of_drift(x, j, np.concatenate([z for z, _ in runs]))
         return J
 
-    def _slope_of_drift(self, x: Array, j: int) -> Array:
-        """Return the derivative of experiment j's depths by its neutral volume's drift."""
+    def _slope_of_drift(self, x: Array, j: int, here: Array) -> Array:
+        """Return the derivative of experiment j's depths `here` by its neutral volume's drift."""
         near = x.copy()
         near[self.first_drift + j] += _STEP_OF_DRIFT
-        here, there = (np.concatenate([z for z, _ in self._run(y, j)]) for y in (x, near))
+        there = np.concatenate([z for z, _ in self._run(near, j)])
         return np.asarray(np.clip(np.nan_to_num((there - here) / _STEP_OF_DRIFT), -1e6, 1e6))
 
     def prior_rows(self, x: Array) -> tuple[Array, Array]:
@@ -455,12 +453,8 @@ class Problem:
         if not e.ramps or drift == 0.0:
             return self.courses[j]
         volumes = e.inputs - drift * (e.record.time - e.record.time[0])
-        return [self._course(e, s, volumes) for s in e.segments]
-
-    @staticmethod
-    def _course(e: Experiment, s: Segment, inputs: Array) -> Course:
-        part = slice(s.first, s.last + 1)
-        return Course(e.record.time[part], inputs[part], ramps=e.ramps)
+        parts = (volumes[s.first : s.last + 1] for s in e.segments)
+        return [course.along(part) for course, part in zip(self.courses[j], parts, strict=True)]
 
     def _run(self, x: Array, j: int, moved: Sequence[int] = ()) -> Iterator[tuple[Array, Array]]:
         """Yield experiment j's depths, stretch by stretch, and their derivatives.
@@ -494,9 +488,7 @@ class Problem:
             z = course.follow(lanes, starts)
         late, moving = float(x[self.delay_at]) * DELAY, np.zeros(z.shape[1])
         if e.ramps and (late != 0.0 or len(lanes) > 1) and np.isfinite(z).all():
-            between = CubicSpline(course.time, z, axis=1)  # by the clock of the volumes
-            z = between(course.time + late) if late else z
-            moving = between(course.time + late, 1)[0] if len(lanes) > 1 else moving
+            z, moving = shifted(course.time, z, late)  # by the clock of the volumes
         slope = np.append((z[1:] - z[0]) / _STEP, moving[None] * DELAY, axis=0)
         return z[0], np.clip(np.nan_to_num(slope.T), -1e6, 1e6)
 
@@ -509,6 +501,11 @@ class Problem:
         values = self.named(x)
         neutral = e.neutral + x[own] * VOLUME - values["psi"] * e.reference - e.added
         return self.model.plant(values, neutral)
+
+
+def _course(e: Experiment, s: Segment) -> Course:
+    part = slice(s.first, s.last + 1)
+    return Course(e.record.time[part], e.inputs[part], ramps=e.ramps)
 
 
 def posed(

@@ -1,7 +1,8 @@
 """One record through many vehicles at once: depths only, for fits and their sensitivities."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from copy import copy
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,8 @@ from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.advance import Inputs, ModeLane, follow, new_lane
 from swimbladder.sim.engine.cache import compiled, part
-from swimbladder.sim.engine.chain import COEFFICIENTS, accept, base_steps, build_chain, copy, leap
+from swimbladder.sim.engine.chain import COEFFICIENTS, accept, base_steps, build_chain, leap
+from swimbladder.sim.engine.chain import copy as copy_chain
 from swimbladder.sim.engine.crossings import may_hide
 from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.sim.engine.modes import PRESCRIBED, Z_BOTTOM, Z_SURFACE
@@ -49,7 +51,7 @@ def _submerged(lane: ModeLane, given: Inputs, spans: Spans, start: Array, depth:
         h, table = span / given.parts[k], spans.tables[place]
         if spans.ready[place] == 0:
             build_chain(p, PRESCRIBED, h, chain)
-            copy(chain, table)
+            copy_chain(chain, table)
             spans.ready[place] = 1
         for _ in range(given.parts[k]):
             bends = leap(table, 0, p, layers, x, 0.0, y)
@@ -93,8 +95,13 @@ class Course:
         self.spans = np.round(np.diff(time), 9)
         self.different, self.place = np.unique(self.spans, return_inverse=True)
         self.time = np.concatenate([[0.0], np.cumsum(self.spans)])
-        self.least, self.most = float(np.min(inputs)), float(np.max(inputs))
         self.inputs, self.ramps = np.ascontiguousarray(inputs, float), ramps
+
+    def along(self, inputs: Array) -> Self:
+        """Return the same instants with other inputs."""
+        other = copy(self)
+        other.inputs = np.ascontiguousarray(inputs, float)
+        return other
 
     def follow(self, plants: Sequence[Plant], starts: Array) -> Array:
         """Return the depths [lanes, n] in m of several vehicles along this record.
@@ -107,7 +114,8 @@ class Course:
         base = plants[0]
         if self.ramps:  # the speeds that this volume can drive, not those of the whole stroke
             lost = abs(base.psi) * (float(np.abs(starts[:, 2]).max()) + _DEEPEST)
-            reach = base._replace(V_min=self.least - lost, V_max=self.most + lost, psi=0.0)
+            least, most = float(np.min(self.inputs)), float(np.max(self.inputs))
+            reach = base._replace(V_min=least - lost, V_max=most + lost, psi=0.0)
         else:
             reach = base
         fastest = float(np.abs(starts[:, 3]).max())
