@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from swimbladder.io.files import pipes_kept
 from swimbladder.io.float_log import DEVICES, Action, FloatLog
 from swimbladder.io.log_format import LogColumn, format_of
+from swimbladder.io.log_formats.argo import is_argo, read_argo
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_table import check_columns, listed, named_columns, read_table
 from swimbladder.io.log_text import LogFile, read_bytes
@@ -37,9 +38,9 @@ def read_float_log(
 ) -> FloatLog:
     """Return a float's log; that it is a maker's text is seen by its lines.
 
-    log_format_name: ``mermaid``, or a TOML file with a ``[log]`` table for a table. columns and
-    where: of a table, as for other logs. Raises LogError, an InputError, with file, column and
-    remedy.
+    log_format_name: ``mermaid``, ``argo``, or a TOML file with a ``[log]`` table for a table.
+    columns and where: of a table, as for other logs. Raises LogError, an InputError, with file,
+    column and remedy.
     """
     texts = log_format_name is None and not columns and is_mermaid(read_bytes(path))
     if log_format_name == "mermaid" or texts:
@@ -51,11 +52,17 @@ def read_float_log(
         order = np.argsort(time, kind="stable")
         _refuse_dives(time[order], stage[order] >= 0, stage[order] == _NONE, LogFile(path))
         return log
+    if log_format_name == "argo" or (log_format_name is None and not columns and _argo(path)):
+        return read_argo(path, where or {})
     mapped, file = dict(columns or {}), LogFile(path, format_of(log_format_name))
     check_columns(file, mapped, FLOAT_COLUMNS, "a float's log")
     rows = {**file.form.where, **(where or {})}
     table = read_table(file, rows, lambda header: _sources(file, mapped, header), [], FLOAT_COLUMNS)
     return _float_log(table.values, file)
+
+
+def _argo(path: str | Path) -> bool:
+    return is_argo(read_bytes(path).partition(b"\n")[0])
 
 
 def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:

@@ -156,7 +156,7 @@ class Table:
     """Columns of numbers in the units of their names, NaN where there is none.
 
     sources: the column of the file for each. parts: how many times the header stands in the file;
-    times: where the times are from.
+    times: where the times are from. labels: the texts of numbered columns, in order.
     """
 
     values: dict[str, Array]
@@ -164,6 +164,7 @@ class Table:
     line: NDArray[np.int64]
     parts: int
     times: TimeColumn
+    labels: Mapping[str, tuple[str, ...]]
 
     def only(self, kept: NDArray[np.bool_] | NDArray[np.int64]) -> Table:
         """Return the table with the rows `kept`, a mask or an order."""
@@ -202,14 +203,15 @@ def read_table(
         report.append(f"{int(kept.sum())} of {len(line)} rows chosen")
         line = line[kept]
         columns = {name: _only(column, kept) for name, column in columns.items()}
+    texts = {}
     for name in sorted(set(labels) & set(sources)):
-        columns[sources[name].name] = _numbered(columns[sources[name].name])
+        columns[sources[name].name], texts[name] = _numbered(columns[sources[name].name])
     reader = ColumnReader(file, line, columns, units)
     written = {name: reader.read(name, column) for name, column in sources.items()}
     reader.refuse_bad()  # first: it may be why the rest makes no sense
     values = {name: reader.in_unit(name, sources[name], written[name]) for name in sources}
     parts, times = sheet.parts, reader.times
-    table = Table(values=values, sources=chosen, line=line, parts=parts, times=times)
+    table = Table(values=values, sources=chosen, line=line, parts=parts, times=times, labels=texts)
     table = table.only(reader.good_rows())
     used = {column.name for column in sources.values()} | dates | set(where)
     unused = [name for name in sheet.header if name and name not in used]
@@ -247,16 +249,16 @@ def _with_unit(
     return LogColumn(name=column.name, unit=row, date=column.date)
 
 
-def _numbered(column: Column) -> Column:
-    """Return a column; its texts, where not all are numbers, numbered from 1, empty ones nan."""
+def _numbered(column: Column) -> tuple[Column, tuple[str, ...]]:
+    """Return a column, and its texts: where not all are numbers it has theirs, from 1."""
     texts = [text.strip() for text in column_texts(column)]
+    found = tuple(dict.fromkeys(text for text in texts if text))
     try:
         [float(text or "nan") for text in texts]
     except ValueError:
-        found = dict.fromkeys(text for text in texts if text)
         number = {text: float(k) for k, text in enumerate(found, start=1)}
-        return np.array([number.get(text, np.nan) for text in texts])
-    return column
+        return np.array([number.get(text, np.nan) for text in texts]), found
+    return column, found
 
 
 def _only(column: Column, chosen: NDArray[np.bool_]) -> Column:

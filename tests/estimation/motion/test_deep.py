@@ -22,8 +22,11 @@ from swimbladder.estimation.motion.deep_model import (
     replay,
     run_volumes,
 )
+from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.float_logs import read_float_log
 from swimbladder.physics.hull import neutral_volume, weight_mass
+from swimbladder.physics.seawater import cast_column
 from swimbladder.vehicle import Oil, Valve
 from tests.estimation.motion.deep import dived, made_up_column, made_up_log, made_up_vehicle
 from tests.quoted import numbers
@@ -465,3 +468,32 @@ def test_a_real_dive_predicted_from_the_others(data_dir) -> None:
     # of the same likelihood
     off = np.sqrt(np.mean((p.action_told - p.action) ** 2))
     assert off < np.sqrt(np.mean((p.action_constant - p.action) ** 2))
+
+
+def test_an_argo_float_is_the_same_from_a_start_far_off(data_dir) -> None:
+    """Five days to 4000 dbar and back, with a file whose valve lets in as much as it does or twice.
+
+    The fit by which the search began once ended in a pump that delivers nothing.
+    """
+    vehicle = load_vehicle("deep-arvor")
+    table = data_dir / "argo_arvor" / "deep_4000_actions.csv.gz"
+    log = read_float_log(table, where={"cycle": "7"})
+    cast = read_cast(
+        table.with_name("deep_4000_ctd.csv.gz"),
+        where={"phase": "ascent", "cycle": "7"},
+        inversions="average",
+    )
+    found = []
+    for times in (1.0, 2.0):
+        valve = vehicle.engine.valve.model_copy(update={"flow": times * vehicle.engine.valve.flow})
+        one = with_drive(vehicle, valve=valve)
+        fit = identify_deep([log], [cast_column(cast)], one, priors={"valve": Prior(1.0, 1.0)})
+        assert fit.identified
+        assert fit.dives[0].misfit.most < 1.5
+        replayed = fit.dives[0].replay.at(fit.dives[0].dive.time)
+        assert np.sqrt(np.mean((replayed - fit.dives[0].dive.pressure) ** 2)) < 40e4
+        found.append((fit.fit.values | {"valve": times * fit.fit.values["valve"]}, fit.fit))
+    (first, sure), (second, _) = found
+    for name in ("valve", "compressibility", "drag"):
+        assert second[name] == pytest.approx(first[name], abs=1.5 * sure.std(name)), name
+        assert second[name] == pytest.approx(first[name], rel=0.1), name

@@ -90,8 +90,9 @@ def test_logs_of_two_floats_are_not_identified(scene) -> None:
     assert found.result_vehicle is vehicle
     first = found.sentences[0]
     off = {told.dive.name for told in found.dives if told.misfit.distance > 4.0}
-    assert off
-    assert off <= {log.source for log in named if log.source in first}
+    said = {log.source for log in named if log.source in first}
+    assert said
+    assert off <= said
     answer = found.to_json()
     assert not answer["identified"]
     assert all(e["std"] is e["ci95"] is None for e in answer["parameters"].values())

@@ -27,6 +27,9 @@ order has that spectrum::
 with `tau` near the inverse of the buoyancy frequency. Layers are displaced by the integral of u and
 come back within hours, so that their displacement is bounded: zeta' = u - zeta/`AWAY`.
 
+At rest the slope of a speed by the force is without bound under quadratic drag. There, where drag
+is not quadratic either, slopes are those at the speed `_SLOW`: else the likelihood is rough.
+
 Under a constant force and quadratic drag speed and way have closed forms, with slopes:
 m w' = F - k w|w|. With v along the force, v_e = (F/k)^(1/2), a = (F k)^(1/2)/m and r = v/v_e::
 
@@ -47,6 +50,7 @@ from swimbladder.estimation.series import Array, Index
 from swimbladder.io.files import source_hash
 from swimbladder.sim.engine.cache import compiled, part
 
+_SLOW = 3e-3  # m/s, as the water usually moves: a slower vehicle's slopes are those at this speed
 _LEAST = 1e-9  # N; some 1e-7 mL of volume
 
 
@@ -206,7 +210,10 @@ def _filter(
         used[6], used[7] = DYNAMIC + j, DYNAMIC + j + 1
         heavy = water[k, 0] + s * rise - volume[i] - x[V0] - x[D] - layers * x[Z]
         heavy += a * x[used[6]] + b * x[used[7]]
-        w, way, w_w, w_f, s_w, s_f = glide(x[W], weight * heavy, body, t)
+        force, least = weight * heavy, body.down * _SLOW * _SLOW
+        w, way, w_w, w_f, s_w, s_f = glide(x[W], force, body, t)
+        if abs(force) < least:
+            _, _, w_w, w_f, s_w, s_f = glide(x[W], math.copysign(least, force), body, t)
         w_e, s_e = weight * w_f, weight * weight * s_f
         slope = rise / SPACING
         e[P], e[Z], e[D], e[V0], e[6], e[7] = slope, -layers, -1.0, -1.0, a, b

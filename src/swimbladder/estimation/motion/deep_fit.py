@@ -177,6 +177,7 @@ _AXES = 2  # times that the axes of what is known are found
 # Pressures are noisier by [Pa] first, with the stride of slopes there, and outliers count in full;
 # then rounds of noise and parameters, in deviations, until one gains less than `_SETTLED`.
 _BLURS = {1e6: 1.0, 1e5: _WHITE, 1e4: _WHITE}
+_MILD, _AGAIN = {3e4: _WHITE, 1e4: _WHITE}, 3  # the same from where that leads, so often
 _OPEN = 1e6  # a gate that none is beyond
 _STRIDES = (3.0, 1.0, _WHITE)
 _ROUNDS, _SETTLED = 6, 0.3
@@ -272,7 +273,7 @@ def fit_deep(
         if len(paths) > 1:
             part = apiece / len(paths)
             alone = [replace(problem, paths=[path]) for path in paths]
-            differing = random_effects([_alone(one, advance, part) for one in alone])
+            differing = random_effects([_alone(one, advance, part, x) for one in alone])
             covariance = square_error(differing, x[:count])
     tempering = min(1.0, 1.0 / overdispersion(found.scores))
     # Of the starts: what the filter does not know, and what the parameters do not.
@@ -407,38 +408,60 @@ class _Problem:
         return _Slopes(here, S, gradient, information, starts, scores)
 
 
-def _searched(problem: _Problem, advance: Advance) -> tuple[Array, _Slopes]:
-    """Return the x of least cost, and the likelihood there along the parameters.
+def _searched(
+    problem: _Problem, advance: Advance, begin: Array | None = None
+) -> tuple[Array, _Slopes]:
+    """Return the x of least cost that is found, and the likelihood there along the parameters.
 
-    First the pressures are taken to be noisy, so that the parameters are those of the whole way of
-    a dive rather than of each step of it, where many valleys are; then less and less so.
+    There are many valleys, and the search goes through several: that into which it leads from the
+    priors, those into which it leads from there, and that of `begin`.
     """
-    count, part = len(problem.names), 1.0 / (len(_BLURS) + len(_STRIDES))
-    x = np.zeros(count + len(NOISES))
-    known, noises = np.arange(count), np.arange(count, len(x))
-    for blur, stride in _BLURS.items():
-        x = _best(replace(problem, blur=blur, gate=_OPEN), x, known, stride)
-        advance(part)
-    x[count] = math.log(blur / NOISES.pressure) / FACTOR.pressure  # as noisy as it was last
-    for stride in _STRIDES:
-        x = _best(problem, x, noises, stride)
-        x = _best(problem, x, known, stride)
-        advance(part)
-    cost = problem.cost(x)
-    for _ in range(_ROUNDS):
-        x = _best(problem, _best(problem, x, noises, _WHITE), known, _WHITE)
-        before, cost = cost, problem.cost(x)
-        if before - cost < _SETTLED:
+    known = np.arange(len(problem.names))
+    x = _settled(problem, _led(problem, np.zeros(len(known) + len(NOISES)), _BLURS))
+    advance(0.5)
+    for _ in range(_AGAIN):
+        other = _settled(problem, _led(problem, x, _MILD))
+        if not problem.cost(other) < problem.cost(x) - _SETTLED:
             break
+        x = other
+    if begin is not None:
+        other = _settled(problem, begin)
+        x = other if problem.cost(other) < problem.cost(x) else x
+    advance(0.5)
     found = problem.slopes(x, known)
     for _ in range(_AXES):
         found = problem.slopes(x, known, found.information)
     return x, found
 
 
-def _alone(problem: _Problem, advance: Advance, part: float) -> Single:
-    """Return the estimates from one dive alone; `part` of the work."""
-    x, found = _searched(problem, lambda share: advance(part * share))
+def _led(problem: _Problem, x: Array, blurs: Mapping[float, float]) -> Array:
+    """Return where x leads while pressures are noisier by `blurs` [Pa], each with its stride.
+
+    The parameters are then those of the whole way of a dive rather than of each step of it.
+    """
+    known = np.arange(len(problem.names))
+    for blur, stride in blurs.items():
+        x = _best(replace(problem, blur=blur, gate=_OPEN), x, known, stride)
+    x = x.copy()
+    x[len(known)] = math.log(blur / NOISES.pressure) / FACTOR.pressure  # as noisy as it was last
+    return x
+
+
+def _settled(problem: _Problem, x: Array) -> Array:
+    """Return the x of least cost near one, noises and parameters in turn."""
+    count, cost = len(problem.names), math.inf
+    known, noises = np.arange(count), np.arange(count, len(x))
+    for stride in (*_STRIDES, *(_WHITE,) * _ROUNDS):
+        x = _best(problem, _best(problem, x, noises, stride), known, stride)
+        before, cost = cost, problem.cost(x)
+        if stride == _WHITE and before - cost < _SETTLED:
+            break
+    return x
+
+
+def _alone(problem: _Problem, advance: Advance, part: float, begin: Array) -> Single:
+    """Return the estimates from one dive alone; `part` of the work; begin: what fits all."""
+    x, found = _searched(problem, lambda share: advance(part * share), begin)
     return Single(x[: len(problem.names)], found.scores[0].information)
 
 
