@@ -49,6 +49,15 @@ _SENTENCES = tomllib.loads(Path(__file__).with_name("sentences.toml").read_text(
 _PER_SI = _SENTENCES.pop("per SI")
 
 
+_TOO_MANY = 0.1  # of the samples
+
+
+def too_many(outliers: int, samples: int) -> bool:
+    """Return whether more than a tenth of a log are outliers, beyond chance: it says nothing."""
+    chance = 3.0 * math.sqrt(_TOO_MANY * (1.0 - _TOO_MANY) * samples)
+    return outliers > _TOO_MANY * samples + chance
+
+
 class _Shown(Formatter):
     """Writes {volume:.2g cm3}: an SI number in another unit, which is written after it."""
 

@@ -12,6 +12,7 @@ from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.estimation.actuator import PARAMETERS, identify_actuator
 from swimbladder.estimation.actuator.bench import bench as make_bench
 from swimbladder.estimation.actuator.voltage import slewed
+from swimbladder.io.config import load_vehicle
 from tests.quoted import numbers, refused
 
 LEVELS = [3.0, -3.0, 6.0, -6.0, 12.0, -12.0]
@@ -98,6 +99,14 @@ def test_outliers_are_counted():
     out = sum(int((~step.used).sum()) for step in found.steps)
     total = sum(len(step.time) for step in found.steps)
     assert 0.05 < out / total < 0.15
+
+
+def test_a_log_of_which_a_fifth_are_outliers_is_no_log():
+    found = identify_actuator([bench(outliers=0.2)], vehicle=load_vehicle("feup-em"))
+    assert not found.identified
+    assert "samples are outliers: more than a tenth" in found.refusal
+    with pytest.raises(NoAnswerError, match="more than a tenth"):
+        _ = found.vehicle
 
 
 def test_gains_that_differ_from_step_to_step_widen_the_interval():

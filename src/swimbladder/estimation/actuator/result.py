@@ -200,8 +200,9 @@ class ActuatorIdentification:
 
     @property
     def identified(self) -> bool:
-        """Whether all that was asked for is identified."""
-        return all(self.parameters[name].known for name in self.asked)
+        """Whether all that was asked for is identified, from a log that is no wreck."""
+        spoilt = any(f.kind == "many outliers" for f in self.findings)
+        return not spoilt and all(self.parameters[name].known for name in self.asked)
 
     @property
     def refusal(self) -> str:
@@ -216,6 +217,9 @@ class ActuatorIdentification:
         """
         if self.given is None:
             raise NoAnswerError("No vehicle was given to put the identified numbers into.")
+        for finding in self.findings:
+            if finding.kind == "many outliers":
+                raise NoAnswerError(finding.sentence)
         actuator, changed = self._actuator(self.given)
         if not changed:
             raise NoAnswerError(f"Nothing of the actuator of {self.given.name} was identified.")

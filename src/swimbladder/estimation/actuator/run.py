@@ -27,7 +27,14 @@ from swimbladder.estimation.actuator.voltage import (
     soft_start,
     steps_of,
 )
-from swimbladder.estimation.estimates import Estimate, Finding, Severity, check_names, sentence
+from swimbladder.estimation.estimates import (
+    Estimate,
+    Finding,
+    Severity,
+    check_names,
+    sentence,
+    too_many,
+)
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
 from swimbladder.vehicle import Vehicle
@@ -42,8 +49,7 @@ def of_voltage(
     """Yield what is to be said of a fit to voltage steps, and of its driver's soft start."""
     problem, spread = fit.problem, fit.spread
     out = int((~problem.used & ~problem.early).sum())
-    if out:
-        yield Finding.of("actuator", "outliers", out=f"{out} of {len(problem.used)}")
+    yield from _outliers(out, len(problem.used))
     if problem.early.any():
         yield Finding.of("actuator", "start", early=int(problem.early.sum()))
     if spread.significant:
@@ -59,11 +65,17 @@ def of_voltage(
         yield Finding.of("actuator", "time constant", step=step)
 
 
-def of_moves(fits: Sequence[MovesFit]) -> Iterator[Finding]:
+def _outliers(out: int, samples: int) -> Iterator[Finding]:
+    """Yield that samples are outliers; where they are too many, it is a no."""
+    if too_many(out, samples):
+        yield Finding.of("actuator", "many outliers", out=out, samples=samples)
+    elif out:
+        yield Finding.of("actuator", "outliers", out=f"{out} of {samples}")
+
+
+def of_moves(fits: Sequence[MovesFit], samples: int) -> Iterator[Finding]:
     """Yield what is to be said of fits to moves at full speed."""
-    out = sum(fit.outliers for fit in fits)
-    if out:
-        yield Finding.of("actuator", "outliers", out=out)
+    yield from _outliers(sum(fit.outliers for fit in fits), samples)
     ramps = [(way, length) for fit in fits for way, length in fit.ramps.items()]
     if ramps:
         ways = " and ".join(sorted({way for way, _ in ramps}, reverse=True))
@@ -231,7 +243,7 @@ def _moves(benches: Sequence[Bench], advance: Advance) -> _Found:
         )
     parameters, chance = together([fit.parameters for fit in fits])
     derived, chance_by_way = together([fit.derived for fit in fits])
-    findings = [*of_moves(fits)]
+    findings = [*of_moves(fits, sum(len(one.time) for one in benches))]
     apart = [name for name, p in {**chance, **chance_by_way}.items() if p < _DIFFERENT]
     findings += logs_differ(apart, [{**f.parameters, **f.derived} for f in fits])
     why = "no move at full speed is in the log"

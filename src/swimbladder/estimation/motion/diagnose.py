@@ -13,7 +13,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.stats import chi2, linregress
 
-from swimbladder.estimation.estimates import Estimate, Finding, Prior, Severity, sentence
+from swimbladder.estimation.estimates import (
+    Estimate,
+    Finding,
+    Prior,
+    Severity,
+    sentence,
+    too_many,
+)
 from swimbladder.estimation.motion.fit import Fit, backwards
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.noise import autocovariance, whiteness
@@ -306,7 +313,6 @@ _NONE = (0.25, 10.0)  # of it: only other units make a vehicle so light or so he
 _FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follows
 _MANY = 0.02  # share of the samples
 _UNSEEN = 0.999  # of the prior's variance, above which a log says nothing of its drift
-_TOO_MANY = 0.1  # of them, beyond chance
 
 
 def _rows_of(problem: Problem, fit: Fit, j: int) -> tuple[slice, Array, Array, Index]:
@@ -434,8 +440,7 @@ def outliers(experiments: Sequence[ExperimentFit]) -> Iterator[Finding]:
         if e.outliers > max(2, _MANY * used):
             away = e.residual[np.isfinite(e.residual) & (e.weight < 0.5)]
             largest = float(np.abs(away).max()) if away.size else 0.0
-            chance = 3.0 * math.sqrt(_TOO_MANY * (1.0 - _TOO_MANY) * used)
-            severity: Severity = "no" if e.outliers > _TOO_MANY * used + chance else "note"
+            severity: Severity = "no" if too_many(e.outliers, used) else "note"
             counts = {"out": e.outliers, "used": used, "largest": largest}
             yield Finding.of("motion", "outliers", severity, log=e.source, **counts)
 
