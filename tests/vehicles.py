@@ -31,6 +31,10 @@ from swimbladder.vehicle import (
 
 SAMPLED = [name for name, law in LAWS.items() if law.command != "volume change"]
 """The laws of voltages and positions."""
+FLOATS = {"rate": "example-float", "argo": "deep-arvor"}
+"""A preset with a pump and a valve for each law of volume changes."""
+DIVES = {"rate": (30.0, 5400.0), "argo": (300.0, 18000.0)}
+"""A depth [m] that each dives to and comes up from in a time [s]."""
 QUICK = ("cascade", "adrc", "position-pid")
 EACH = [n if n in QUICK else pytest.param(n, marks=pytest.mark.prove) for n in SAMPLED]
 """Parameters of a test that `make test` runs for three laws, `make prove` for the others too."""

@@ -28,7 +28,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from tests.codegen.build import run, write
 from tests.codegen.laws import bits, controlled, laid_out, layout, scalars_of
-from tests.vehicles import limited
+from tests.vehicles import FLOATS, limited
 
 HERE = Path(__file__).parent / "simavr"
 MCUS = ("atmega328p", "atmega2560")
@@ -266,7 +266,7 @@ def report(laws: Sequence[str]) -> str:
     ]
     for name in laws:
         floats = LAWS[name].command == "volume change"
-        made = make_library(limited(load_vehicle("example-float") if floats else controlled(name)))
+        made = make_library(limited(load_vehicle(FLOATS[name]) if floats else controlled(name)))
         for mcu in MCUS:
             for supervised in (False, True):
                 with tempfile.TemporaryDirectory() as folder:

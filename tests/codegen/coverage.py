@@ -25,7 +25,7 @@ from swimbladder.vehicle import Sensors, Supervisor, Vehicle
 from tests.codegen import fuzz
 from tests.codegen.build import run
 from tests.codegen.laws import controlled, example
-from tests.vehicles import SWITCHED, limited, pump, stepper
+from tests.vehicles import DIVES, FLOATS, SWITCHED, limited, pump, stepper
 
 LEAST = 0.95
 _OTHER_GAINS = {"fastest": 0.0, "jerk": 0.0, "shortest": 0.0, "dead": 5e-6}
@@ -63,7 +63,7 @@ class Taken(NamedTuple):
 def vehicles(name: str) -> tuple[Vehicle, Vehicle]:
     """Return a law's vehicle, and one with all that supervisor and law have numbers for."""
     if LAWS[name].command == "volume change":
-        return floats()
+        return floats(name)
     first = controlled(name)
     volts = LAWS[name].command == "voltage"
     given = first.controller.parameters
@@ -78,10 +78,10 @@ def vehicles(name: str) -> tuple[Vehicle, Vehicle]:
     return first, made
 
 
-def floats() -> tuple[Vehicle, Vehicle]:
+def floats(name: str) -> tuple[Vehicle, Vehicle]:
     """Return a float with a bypass and an oil line, and one without, whose supervisor has more."""
-    first = load_vehicle("example-float")
-    own = first.controller.parameters | _OTHER_RATE
+    first = load_vehicle(FLOATS[name])
+    own = first.controller.parameters | (_OTHER_RATE if name == "rate" else {"depth_step": 0.0})
     plain = {"bypass": None, "line": None, "start_volume": 0.0, "longest_run": None, "quantum": 0.0}
     return first, first.model_copy(
         update={
@@ -96,7 +96,8 @@ def floats() -> tuple[Vehicle, Vehicle]:
 def _libraries(name: str) -> Iterable[Library]:
     for vehicle in vehicles(name):
         if LAWS[name].command == "volume change":
-            yield make_library(limited(vehicle), target=30.0, duration=5400.0)
+            target, duration = DIVES[name]
+            yield make_library(limited(vehicle), target=target, duration=duration)
         else:
             yield make_library(limited(vehicle), duration=100 * example(name).tick)
 

@@ -26,7 +26,7 @@ from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
 from tests.codegen.build import run
 from tests.codegen.laws import controlled, example
-from tests.vehicles import limited
+from tests.vehicles import DIVES, FLOATS, limited
 
 HERE = Path(__file__).parent / "fuzzing"
 INPUTS = HERE / "inputs"  # a file for each law, a line for each input, in hexadecimal
@@ -55,7 +55,8 @@ class Fuzzed(NamedTuple):
 def library(name: str) -> Library:
     """Return a law's library; the cascade's has the pool procedure, a float's is a dive to 30 m."""
     if LAWS[name].command == "volume change":
-        return make_library(limited(load_vehicle("example-float")), target=30.0, duration=1500.0)
+        target, duration = (30.0, 1500.0) if name == "rate" else DIVES[name]
+        return make_library(limited(load_vehicle(FLOATS[name])), target=target, duration=duration)
     pool = PoolOptions(4.5, rounds=2) if name == "cascade" else None
     return make_library(limited(controlled(name)), duration=100 * example(name).tick, pool=pool)
 

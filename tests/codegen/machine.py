@@ -25,7 +25,7 @@ from tests.codegen.build import run
 from tests.codegen.laws import controlled
 from tests.codegen.pool_day import library as pool_library
 from tests.codegen.pool_day import pool_chip
-from tests.vehicles import limited
+from tests.vehicles import FLOATS, limited
 
 POOL_DAY = "pool day"
 NAMES = (*LAWS, POOL_DAY)
@@ -417,7 +417,7 @@ def library(name: str) -> Library:
     if name == POOL_DAY:
         return pool_library()
     floats = LAWS[name].command == "volume change"
-    return make_library(limited(load_vehicle("example-float") if floats else controlled(name)))
+    return make_library(limited(load_vehicle(FLOATS[name]) if floats else controlled(name)))
 
 
 def report(laws: Sequence[str]) -> str:

@@ -26,7 +26,7 @@ from swimbladder.sim.faults.mission_records import TRACE
 from swimbladder.sim.faults.single_mission import fly_one
 from tests.codegen import chip, hardware
 from tests.codegen.test_library import library
-from tests.vehicles import limited
+from tests.vehicles import FLOATS, limited
 
 TICK = 0.3  # s, of feup-em
 SHORT = Flights(duration=30.0)
@@ -126,7 +126,7 @@ def test_a_cortex_m_flies_to_the_bit(made, feup, tmp_path):
 def fly_steps(name: str, folder) -> None:
     floats = LAWS[name].command == "volume change"
     dive = {"target": 30.0, "duration": 1200.0}
-    made = make_library(limited(load_vehicle("example-float")), **dive) if floats else library(name)
+    made = make_library(limited(load_vehicle(FLOATS[name])), **dive) if floats else library(name)
     asked = Flights(**dive, steps=True) if floats else Flights(duration=60.0, steps=True)
     done: list[float] = []
     with hardware.host_board(hardware.host_program(made, folder)) as port:

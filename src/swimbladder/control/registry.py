@@ -39,7 +39,7 @@ def _accept(law: Any, name: str) -> Law:
 
 
 _BY_VOLTAGE = ("cascade", "sea_cascade", "adrc", "deadband", "observer", "pulse", "planned")
-_MODULES = (*_BY_VOLTAGE, "position_pid", "position_observer", "rate")
+_MODULES = (*_BY_VOLTAGE, "position_pid", "position_observer", "rate", "argo")
 _OWN = {module.replace("_", "-"): _own(module) for module in _MODULES}
 LAWS: Registry[Law] = Registry("swimbladder.laws", "law", own=_OWN, accept=_accept)
 """The laws: called at a sample when they asked to be; one word each here."""

@@ -204,11 +204,16 @@ def _preset(name_or_path: str | Path) -> str | None:
 
 
 def load_mission(path: str | Path) -> Mission:
-    """Return the mission of a TOML file.
+    """Return the mission of a TOML file, or of an Argo float's configuration.
 
     Raises InputError with file, line, field, value, unit and remedy.
     """
-    return read_model(Mission, file_text(Path(path)), path)
+    text = file_text(Path(path))
+    if text.lstrip().startswith("{"):  # no TOML begins so; gsw takes its time
+        from swimbladder.io.argo_config import argo_mission
+
+        return argo_mission(text, path)
+    return read_model(Mission, text, path)
 
 
 def locate(error: InputError, path: str | Path) -> InputError:

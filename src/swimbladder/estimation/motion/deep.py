@@ -21,6 +21,8 @@ import numpy as np
 from pydantic import BaseModel
 from scipy.special import ndtri
 
+from swimbladder.control.argo import ARGO
+from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence
 from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
@@ -48,6 +50,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.hull import weighing
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import (
+    Controller,
     HullPart,
     PhysicalMotion,
     PowerLawPump,
@@ -90,7 +93,8 @@ def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle
 
     That is the delivery of a pump that is described by its motor. Mass and hull without trapped air
     are those of `body_of`, so trim_error moves with trapped air, and with the hull's warmth where
-    [water] is not as warm as reference_temperature.
+    [water] is not as warm as reference_temperature. Volumes of a law whose actions are seconds of
+    pump and valve are those of as many seconds.
     """
     return weighing(_filled(vehicle, values), body_of(vehicle).mass)
 
@@ -128,7 +132,26 @@ def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
         "hull": vehicle.hull.model_copy(update=hull),
         "motion": vehicle.motion.model_copy(update=motion),
     }
-    return vehicle.model_copy(update=changes)
+    filled = vehicle.model_copy(update=changes)
+    return filled.model_copy(update={"controller": _as_long(vehicle, filled)})
+
+
+def _as_long(vehicle: Vehicle, filled: Vehicle) -> Controller | None:
+    """Return the controller of a filled vehicle: an action of the law `argo` lasts as it did."""
+    own, before, after = vehicle.controller, vehicle.engine, filled.engine
+    if own is None or own.law != ARGO.name:
+        return own
+    assert isinstance(before, PumpAndValve)
+    assert isinstance(after, PumpAndValve)
+    law, rho_g = bind(own)[1], vehicle.water.specific_weight
+    numbers = {**own.parameters}
+    if isinstance(before.pump, PowerLawPump) and isinstance(after.pump, PowerLawPump):
+        seconds = (law.pump_volume + before.start_volume) / before.pump.delivery
+        numbers["pump_volume"] = after.pump.delivery * seconds - after.start_volume
+        numbers["pump_loss"] = after.pump.slip * seconds * rho_g
+    share = after.valve.flow / before.valve.flow
+    numbers |= {name: share * getattr(law, name) for name in ("valve_volume", "gain")}
+    return own.model_copy(update={"parameters": numbers})
 
 
 def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[str]) -> list[str]:

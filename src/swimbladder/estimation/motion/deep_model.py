@@ -6,7 +6,7 @@
     E = M/rho - V_hull(p, T) - V             by how much volume it is too heavy
     V_hull = V_0 (1 - beta p + s p^2/2 + alpha (T - T_ref)) + V_air p_a/(p_a + p)
     V = V_start + sum pumped - f bled - b bypassed - leaked - l t_idle
-    pumped = max((d q(p) - s_p p q(0)) t - short - v_s, 0)
+    pumped = max(min(d q(p) - s_p p q(0), d q(0)) t - max(short + v_s, 0), 0)
 
 with M, V_0, m, the pump's nominal rate q, the nominal volumes of valve and bypass, what starts fall
 `short` by and what leaks from the vehicle's file. What fixes how large all volumes are together is
@@ -418,10 +418,14 @@ def hull_volume(
 
 
 def run_volumes(values: Mapping[str, float], dive: DeepDive) -> Array:
-    """Return what each run of pump, valve or bypass added to the drive's volume [m3] [m]."""
+    """Return what each run of pump, valve or bypass added to the drive's volume [m3] [m].
+
+    As in a vehicle's file no pump gives more under pressure, or at its start, than without.
+    """
     slip = values["pump_slip"] * dive.actions.pressure * dive.actions.unloaded
     pumped = values["pump_delivery"] * dive.actions.volume - slip
-    pumped = pumped - dive.actions.short - values["pump_start"]
+    pumped = np.minimum(pumped, values["pump_delivery"] * dive.actions.unloaded)
+    pumped = pumped - np.maximum(dive.actions.short + values["pump_start"], 0.0)
     flow = np.where(dive.actions.bypass, values["bypass"], values["valve"])
     return np.where(dive.actions.pumps, np.maximum(pumped, 0.0), -flow * dive.actions.volume)
 

@@ -1,0 +1,124 @@
+"""An Argo float's configuration as a mission: names like ``CONFIG_PT24_PressureCheckPeriod...``.
+
+The file is JSON, as in a float's metadata: an object of names and values, or one whose ``missions``
+are such objects, of which the first counts. Numbers of the names differ between types of float
+(PM08, MC011), their words hardly. Pressures [dbar] become depths, by the standard ocean at 45
+degrees.
+
+A cycle takes its period. The float leaves its park depth so long before the end as both ways take
+at the mean speeds of the configuration; it arrives sooner or later, and waits.
+"""
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gsw
+
+from swimbladder.errors import InputError
+from swimbladder.io.mission import Mission
+
+_PLACE = 45.0  # degrees of latitude
+_AT_SURFACE = 1800.0  # s, to position itself and to send
+_HOUR, _DAY = 3600.0, 86400.0
+_ICE = ("PG", "IC")  # kinds of names that are about ice, which have words of others
+_PERIODS = {"PM": _DAY, "MC": _HOUR}  # what a cycle's period counts in
+
+# Parameters of the law `argo`: the words of a name, and what its number counts in; dbar become m.
+_LAW = {
+    "ascent_interval": ("PressureCheckPeriodDuringAscent", 60.0),
+    "ascent_progress": ("MinPressureDiffForPumpAction", None),
+    "descent_interval": ("PressureCheckPeriodDuringDescent", 60.0),
+    "descent_progress": ("MinPressureDiffForEVAction", None),
+    "tolerance": ("PressureTargetToleranceForStabili[sz]ation", None),
+}
+
+
+def argo_mission(text: str, path: str | Path) -> Mission:
+    """Return one cycle as a mission, flown by the law `argo`; its volumes are the vehicle's.
+
+    Raises InputError with file, name, value and remedy.
+    """
+    names = _names(text, path)
+
+    def number(words: str, otherwise: float | None = None) -> float:
+        for name, given in names.items():
+            if re.fullmatch(rf"CONFIG_(?!{'|'.join(_ICE)})[A-Z]+\d*_{words}", name):
+                return _positive(name, given, path)
+        if otherwise is None:
+            raise _missing(words, path)
+        return otherwise
+
+    drift, deepest = number("DriftDepth"), number("ProfileDepth")
+    park, bottom = _depth(drift), _depth(deepest)
+    metres = bottom / deepest
+    law: dict[str, Any] = {"depth_step": metres}
+    for parameter, (words, unit) in _LAW.items():
+        value = number(words, -1.0)
+        if value >= 0.0:
+            law[parameter] = value * (metres if unit is None else unit)
+    down, up = number("AverageDescentSpeed") / 1e3, number("AverageAscentSpeed") / 1e3
+    on = max(bottom - park, 0.0) / down
+    stays = _period(names, path) - on - bottom / up - _AT_SURFACE
+    if stays <= park / down:
+        what = "the cycle's period is over before the float is at its park depth"
+        remedy = "Check period, depths and mean speeds"
+        raise InputError(what, file=path, field="CONFIG_..._CyclePeriod", remedy=remedy)
+    tolerance = law.get("tolerance", 50.0 * metres)
+    flown: dict[str, Any] = {"law": "argo", "parameters": law}
+    staying: dict[str, Any] = {"kind": "park", "tolerance": tolerance, **flown}
+    phases = [{**staying, "depth": park, "duration": stays}]
+    if on > 0.0:
+        phases.append({**staying, "name": "to profile", "depth": bottom, "duration": on})
+    phases.append({"kind": "surface", "duration": _AT_SURFACE, **flown})
+    limit = number("(MaxPressure|PressureMax)BeforeEmergencyAscent", deepest + 200.0)
+    return Mission.model_validate(
+        {
+            "name": Path(path).stem,
+            "description": f"park {drift:g} dbar, profile {deepest:g} dbar, by its configuration",
+            "phases": phases,
+            "safety": {"deepest": _depth(limit)},
+        }
+    )
+
+
+def _names(text: str, path: str | Path) -> Mapping[str, str]:
+    try:
+        found = json.loads(text)
+    except ValueError as error:
+        remedy = "Give the configuration as JSON"
+        raise InputError(f"no JSON: {error}", file=path, field="file", remedy=remedy) from None
+    found = found.get("missions", [found])[0] if isinstance(found, dict) else {}
+    return {str(name): str(value) for name, value in found.items()}
+
+
+def _period(names: Mapping[str, str], path: str | Path) -> float:
+    """Return how long a cycle lasts [s]; of several periods the one without a number counts."""
+    for name, given in names.items():
+        if found := re.fullmatch(r"CONFIG_([A-Z]{2})\d+_CyclePeriod", name):
+            return _positive(name, given, path) * _PERIODS.get(found[1], _HOUR)
+    raise _missing("CyclePeriod", path)
+
+
+def _positive(name: str, given: str, path: str | Path) -> float:
+    try:
+        value = float(given)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        what, remedy = "it is no number above 0", "Give the number of the float's configuration"
+        raise InputError(what, file=path, field=name, value=given, remedy=remedy)
+    return value
+
+
+def _missing(words: str, path: str | Path) -> InputError:
+    field, remedy = f"CONFIG_..._{words}", "Give the whole configuration"
+    return InputError("it is missing", file=path, field=field, remedy=remedy)
+
+
+def _depth(pressure: float) -> float:
+    """Return the depth of a pressure [dbar] in m."""
+    return float(-gsw.z_from_p(pressure, _PLACE))

@@ -1,0 +1,170 @@
+"""A deep Argo float flown by its own rules: `python -m studies.argo_cycles DATA`.
+
+Its parameters are identified from some cycles, and the others are flown: the law `argo` with the
+numbers of its configuration, in the water that the float measured on its way up. Printed is what
+the float did and what was flown: actions of each phase, and the times of descent and ascent. An
+ascent begins at its first run of the pump; what the depths differ by from which it begins counts
+at the float's mean speed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import gsw
+import numpy as np
+
+from swimbladder.estimation.motion.deep import identify_deep
+from swimbladder.io.casts import read_cast
+from swimbladder.io.config import load_mission, load_vehicle
+from swimbladder.io.float_log import FloatLog
+from swimbladder.io.float_logs import read_float_log
+from swimbladder.physics.seawater import Cast, Column, cast_column
+from swimbladder.sim.engine.rodas.records import Note
+from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.vehicle import Vehicle
+
+__all__ = ["Row", "flown", "identified", "main", "table"]
+
+PLACE = -47.0  # degrees of latitude
+UP = 15.0  # dbar, where an ascent is over
+SUNK = 15.0  # dbar, where a descent has begun
+_CYCLES = range(2, 11)
+
+
+class Row(NamedTuple):
+    """A cycle as logged and as flown."""
+
+    cycle: int
+    ascent: float  # min, of the log
+    ascent_flown: float
+    pumps: int
+    pumps_flown: int
+    descent: float  # min, to the park depth
+    descent_flown: float
+    valves: int
+    valves_flown: int
+    on: int  # openings on the way from park to profile
+    on_flown: int
+
+
+def identified(folder: Path, cycles: Sequence[int]) -> Vehicle:
+    """Return the float of a folder of packets as its cycles identify it."""
+    logs = [_log(folder, c) for c in cycles]
+    found = identify_deep(logs, [_column(folder, c) for c in cycles], load_vehicle("deep-arvor"))
+    assert found.identified
+    return found.result_vehicle
+
+
+def flown(folder: Path, vehicle: Vehicle, cycle: int) -> Row:
+    """Return a cycle as the float did it and as a vehicle flies it."""
+    with (folder / "deep_4000_cycles.csv").open(newline="") as file:
+        said = next(row for row in csv.DictReader(file) if int(row["cycle"]) == cycle)
+    log = _log(folder, cycle)
+    pumps = np.array([action.time for action in log.of("pump")])
+    at = np.interp(pumps, log.time, log.pressure) / 1e4
+    began, bottom = pumps[0], float(at[0])
+    up = log.time >= began
+    ends = np.interp(-UP, -log.pressure[up] / 1e4, log.time[up])
+    down = float(said["descent_end_min_of_day"]) - float(said["descent_start_min_of_day"])
+
+    task = load_mission(folder / "deep_4000_config.json")
+    flight = fly_mission(vehicle, task, _column(folder, cycle))
+    rows, notes, surface = flight.rows, flight.notes, len(task.phases) - 1
+    begins = np.flatnonzero(notes["what"] == Note.PHASE)
+    phase = np.searchsorted(begins, np.arange(len(notes)), side="right") - 1
+    runs = notes[(notes["what"] == Note.PUMP) & (phase == surface)]
+    t0, deepest = float(runs["t"][0]), _dbar(float(runs["z"][0]))
+    rising = rows["t"] >= t0
+    shallow = float(-gsw.z_from_p(UP, PLACE))
+    over = float(np.interp(-shallow, -rows["z"][rising], rows["t"][rising]))
+    speed = (bottom - UP) / ((ends - began) / 60.0)  # dbar/min
+    sunk = float(np.interp(-gsw.z_from_p(SUNK, PLACE), rows["z"][~rising], rows["t"][~rising]))
+    park = task.phases[0]
+    assert park.depth is not None
+    assert park.tolerance is not None
+    band = park.depth - park.tolerance
+    arrives = float(rows["t"][np.argmax(rows["z"] >= band)])
+    valves = phase[(notes["what"] == Note.VALVE) & (notes["z"] > SUNK)]
+    return Row(
+        cycle,
+        ascent=(ends - began) / 60.0,
+        ascent_flown=(over - t0) / 60.0 + (bottom - deepest) / speed,
+        pumps=int(np.sum(at > UP)),
+        pumps_flown=int(np.sum(runs["z"] > shallow)),
+        descent=down % 1440.0,
+        descent_flown=(arrives - sunk) / 60.0,
+        valves=int(said["valve_actions_descent"]),
+        valves_flown=int(np.sum(valves == 0)),
+        on=int(said["valve_actions_to_profile"]),
+        on_flown=int(np.sum(valves == 1)),
+    )
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return rows as a table of logged / flown."""
+    lines = [
+        "| cycle | ascent, min | runs of the pump | descent, min | openings | to the profile |",
+        "|---|---:|---:|---:|---:|---:|",
+    ]
+    lines += [
+        f"| {r.cycle} | {r.ascent:.0f} / {r.ascent_flown:.0f} | {r.pumps} / {r.pumps_flown} "
+        f"| {r.descent:.0f} / {r.descent_flown:.0f} | {r.valves} / {r.valves_flown} "
+        f"| {r.on} / {r.on_flown} |"
+        for r in rows
+    ]
+    off = np.array([r.ascent_flown - r.ascent for r in rows])
+    return "\n".join([*lines, "", f"ascents off by {np.sqrt(np.mean(off**2)):.1f} min rms"])
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Identify from each half of the cycles and fly the other."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("data", type=Path, help="folder that has argo_arvor")
+    folder = parser.parse_args(argv).data / "argo_arvor"
+    first, second = [*_CYCLES][:5], [*_CYCLES][4:]
+    rows = [
+        flown(folder, vehicle, cycle)
+        for known, others in ((second, first[:4]), (first, second[1:]))
+        for vehicle in [identified(folder, known)]
+        for cycle in others
+    ]
+    print(table(rows))
+
+
+def _log(folder: Path, cycle: int) -> FloatLog:
+    return read_float_log(folder / "deep_4000_actions.csv.gz", where={"cycle": str(cycle)})
+
+
+def _column(folder: Path, cycle: int) -> Column:
+    """Return the water of a cycle; below its cast that of the deepest cast."""
+    own, deepest = _cast(folder, cycle), _cast(folder, 7)
+    below = deepest.pressure > own.pressure[-1]
+    pressure, SA, CT = (
+        np.append(a, b[below])
+        for a, b in (
+            (own.pressure, deepest.pressure),
+            (own.SA, deepest.SA),
+            (own.CT, deepest.CT),
+        )
+    )
+    return cast_column(replace(own, pressure=pressure, SA=SA, CT=CT))
+
+
+def _cast(folder: Path, cycle: int) -> Cast:
+    where = {"cycle": str(cycle), "phase": "ascent"}
+    path = folder / "deep_4000_ctd.csv.gz"
+    return read_cast(path, where=where, inversions="average", latitude=PLACE)
+
+
+def _dbar(depth: float) -> float:
+    return float(gsw.p_from_z(-depth, PLACE))
+
+
+if __name__ == "__main__":
+    main()

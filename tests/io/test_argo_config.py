@@ -1,0 +1,90 @@
+"""An Argo float's configuration as a mission."""
+
+import json
+
+import gsw
+import numpy as np
+import pytest
+
+from swimbladder.errors import InputError
+from swimbladder.io.config import load_mission
+
+# made up, with the words of a 4000 m float's
+CONFIG = {
+    "CONFIG_PM01_CyclePeriod": "5",
+    "CONFIG_PM08_DriftDepth": "2000",
+    "CONFIG_PM09_ProfileDepth": "3500",
+    "CONFIG_PT05_PressureTargetToleranceForStabilization": "40",
+    "CONFIG_PT06_MaxPressureBeforeEmergencyAscent": "3900",
+    "CONFIG_PT18_AverageDescentSpeed": "30",
+    "CONFIG_PT23_AverageAscentSpeed": "80",
+    "CONFIG_PT24_PressureCheckPeriodDuringAscent": "3",
+    "CONFIG_PT25_MinPressureDiffForPumpAction": "12",
+    "CONFIG_PT26_PressureCheckPeriodDuringDescent": "6",
+    "CONFIG_PT27_MinPressureDiffForEVAction": "5",
+    "CONFIG_PG08_MinPressureDiffForPumpAction": "4",
+}
+
+
+def written(folder, names):
+    path = folder / "it_config.json"
+    path.write_text(json.dumps(names))
+    return path
+
+
+def test_a_cycle_takes_its_period_and_waits_where_it_is_early(tmp_path) -> None:
+    park, on, up = load_mission(written(tmp_path, {"missions": [CONFIG]})).phases
+    depths = -gsw.z_from_p(np.array([2000.0, 3500.0, 3900.0]), 45.0)
+    assert [p.kind for p in (park, on, up)] == ["park", "park", "surface"]
+    assert [park.depth, on.depth] == pytest.approx(depths[:2])
+    assert on.duration == pytest.approx((depths[1] - depths[0]) / 0.03)
+    assert park.duration + on.duration + depths[1] / 0.08 + up.duration == pytest.approx(5 * 86400)
+    metres = depths[1] / 3500.0
+    assert park.parameters == pytest.approx(
+        {
+            "ascent_interval": 180.0,
+            "ascent_progress": 12.0 * metres,
+            "descent_interval": 360.0,
+            "descent_progress": 5.0 * metres,
+            "tolerance": 40.0 * metres,
+            "depth_step": metres,
+        }
+    )
+    assert load_mission(tmp_path / "it_config.json").safety.deepest == pytest.approx(depths[2])
+
+
+def test_a_float_that_profiles_from_its_park_depth_has_one_phase_less(tmp_path) -> None:
+    names = CONFIG | {"CONFIG_PM09_ProfileDepth": "2000"}
+    assert [p.kind for p in load_mission(written(tmp_path, names)).phases] == ["park", "surface"]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"CONFIG_PM08_DriftDepth": "deep"}, "DriftDepth: it is no number above 0 (got 'deep')"),
+        ({"CONFIG_PT23_AverageAscentSpeed": "0"}, "AscentSpeed: it is no number above 0 (got '0')"),
+        ({"CONFIG_PM01_CyclePeriod": "x"}, "CyclePeriod: it is no number above 0"),
+        ({"CONFIG_PM01_CyclePeriod": "1"}, "the cycle's period is over before"),
+        ({"CONFIG_PM08_DriftDepth": None}, "DriftDepth: it is missing"),
+        ({"CONFIG_PM01_CyclePeriod": None}, "CyclePeriod: it is missing"),
+    ],
+)
+def test_what_is_no_configuration_is_refused(tmp_path, change, says: str) -> None:
+    names = {n: v for n, v in (CONFIG | change).items() if v is not None}
+    with pytest.raises(InputError) as refused:
+        load_mission(written(tmp_path, names))
+    assert says in str(refused.value)
+
+
+def test_a_broken_file_is_refused(tmp_path) -> None:
+    (tmp_path / "it.json").write_text('{"CONFIG_PM01_CyclePeriod": ')
+    with pytest.raises(InputError, match="no JSON"):
+        load_mission(tmp_path / "it.json")
+
+
+def test_a_real_configuration_of_each_kind(data_dir) -> None:
+    for name, deepest, phases in (("deep_4000", 4000.0, 3), ("shallow_2000", 800.0, 2)):
+        task = load_mission(data_dir / "argo_arvor" / f"{name}_config.json")
+        assert len(task.phases) == phases
+        assert task.phases[-2].depth == pytest.approx(-gsw.z_from_p(deepest, 45.0))
+        assert task.phases[0].parameters["ascent_interval"] == 120.0
