@@ -209,16 +209,27 @@ def load_mission(path: str | Path) -> Mission:
     Raises InputError with file, line, field, value, unit and remedy.
     """
     text = file_text(Path(path))
-    if text.lstrip().startswith("{"):  # no TOML begins so; gsw takes its time
+    if _is_json(text):
         from swimbladder.io.argo_config import argo_mission
 
         return argo_mission(text, path)
     return read_model(Mission, text, path)
 
 
+def _is_json(text: str) -> bool:
+    """Return whether a text is JSON; no TOML begins so."""
+    return text.lstrip().startswith("{")
+
+
 def locate(error: InputError, path: str | Path) -> InputError:
     """Return an error about a field of the file at `path` with the file and the line filled in."""
-    return _at(error, file_text(Path(path)), path)
+    text = file_text(Path(path))
+    if not _is_json(text):
+        return _at(error, text, path)
+    if ".parameters." not in (error.field or ""):
+        return error.at(file=path)
+    remedy = "Volumes are the vehicle's: give it a [controller] of this law, as deep-arvor has"
+    return error.but(remedy=remedy).at(file=path)
 
 
 def file_text(path: Path) -> str:

@@ -307,6 +307,10 @@ def stability(
         if not fits:
             raise InputError("out of range", field=field, value=value, remedy=remedy)
     law, numbers = own_law(vehicle, sampled=False)
+    if law.command == "volume change" and law.recipe is None:
+        what = "it waits for what the vehicle does, and has no speeds and times to be analysed by"
+        remedy = "Fly it with `mission` and `campaign`, or give the vehicle the law 'rate'"
+        raise InputError(what, field="controller.law", value=law.name, remedy=remedy)
     known = gains.tunable_names()
     for name in laws:
         if name not in (*known, law.name):

@@ -62,7 +62,7 @@ def read_argo(path: str | Path, where: Mapping[str, str | float]) -> FloatLog:
         if len(found) > 1:
             column = _ACTIONS[name].name
             what = f"the table holds {counted(len(found), name)}: {', '.join(found[:8])}"
-            more = ", ..." if len(found) > 8 else ""
+            more = f" and {len(found) - 8} more" if len(found) > 8 else ""
             remedy = f"Choose one dive: --where {column}={found[0]}; several: {column}={found[0]},"
             raise file.refused(f"{what}{more}", f"{remedy}{found[1]}", column)
     time, pressure, run = (table.values[name] for name in ("time_s", "pressure_Pa", "run_s"))
