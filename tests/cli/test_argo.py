@@ -20,7 +20,7 @@ def files(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("files")
-def test_a_cycle_by_its_configuration(tmp_path, capsys) -> None:
+def test_a_cycle_by_its_configuration(capsys) -> None:
     asked = ["mission", "deep-arvor", "it.json", "--cast", "cast.csv", "--out", "out", "--json"]
     assert main(asked) == 0
     answer = json.loads(capsys.readouterr().out)
