@@ -269,7 +269,7 @@ def fit_deep(
     differing: RandomEffects | None = None
     with threadpool_limits(limits=1):
         x, found = _searched(problem, lambda share: advance(apiece * share))
-        covariance = np.linalg.inv(found.scores[0].information + np.eye(count))
+        covariance = np.linalg.inv(found.scores[0].information + np.eye(count)) + found.valleys
         if len(paths) > 1:
             part = apiece / len(paths)
             alone = [replace(problem, paths=[path]) for path in paths]
@@ -315,6 +315,7 @@ class _Slopes(NamedTuple):
     information: Array
     starts: Array  # m3 [dives, x]
     scores: list[DiveScore]  # of each dive, of the parameters
+    valleys: Array  # covariance by other valleys, of the parameters [k, k]
 
 
 def _joined(found: Sequence[Filtered]) -> tuple[Array, Array, Array]:
@@ -405,7 +406,8 @@ class _Problem:
             DiveScore(z @ d, (d * share[:, None]).T @ d)
             for z, d, share in zip(*(np.split(a, ends) for a in (off, known, counts)), strict=True)
         ]
-        return _Slopes(here, S, gradient, information, starts, scores)
+        none = np.zeros((len(self.names), len(self.names)))
+        return _Slopes(here, S, gradient, information, starts, scores, none)
 
 
 def _searched(
@@ -414,24 +416,30 @@ def _searched(
     """Return the x of least cost that is found, and the likelihood there along the parameters.
 
     There are many valleys, and the search goes through several: that into which it leads from the
-    priors, those into which it leads from there, and that of `begin`.
+    priors, those into which it leads from there, and that of `begin`. Others that are hardly less
+    probable than the best widen its covariance: `_Slopes.valleys`.
     """
     known = np.arange(len(problem.names))
-    x = _settled(problem, _led(problem, np.zeros(len(known) + len(NOISES)), _BLURS))
+    first = _settled(problem, _led(problem, np.zeros(len(known) + len(NOISES)), _BLURS))
+    found = [(problem.cost(first), first)]
     advance(0.5)
     for _ in range(_AGAIN):
+        cost, x = found[-1]
         other = _settled(problem, _led(problem, x, _MILD))
-        if not problem.cost(other) < problem.cost(x) - _SETTLED:
+        found.append((problem.cost(other), other))
+        if not found[-1][0] < cost - _SETTLED:
             break
-        x = other
     if begin is not None:
         other = _settled(problem, begin)
-        x = other if problem.cost(other) < problem.cost(x) else x
+        found.append((problem.cost(other), other))
     advance(0.5)
-    found = problem.slopes(x, known)
+    cost, x = min(found, key=lambda one: one[0])
+    slopes = problem.slopes(x, known)
     for _ in range(_AXES):
-        found = problem.slopes(x, known, found.information)
-    return x, found
+        slopes = problem.slopes(x, known, slopes.information)
+    share = np.exp([cost - one for one, _ in found])
+    off = np.stack([other[known] - x[known] for _, other in found])
+    return x, slopes._replace(valleys=(off.T * (share / share.sum())) @ off)
 
 
 def _led(problem: _Problem, x: Array, blurs: Mapping[float, float]) -> Array:
@@ -462,7 +470,10 @@ def _settled(problem: _Problem, x: Array) -> Array:
 def _alone(problem: _Problem, advance: Advance, part: float, begin: Array) -> Single:
     """Return the estimates from one dive alone; `part` of the work; begin: what fits all."""
     x, found = _searched(problem, lambda share: advance(part * share), begin)
-    return Single(x[: len(problem.names)], found.scores[0].information)
+    count = len(problem.names)
+    covariance = np.linalg.inv(found.scores[0].information + np.eye(count)) + found.valleys
+    size, axes = np.linalg.eigh(np.linalg.inv(covariance) - np.eye(count))
+    return Single(x[:count], (axes * np.maximum(size, 0.0)) @ axes.T)
 
 
 def _best(problem: _Problem, x: Array, free: Index, stride: float) -> Array:
