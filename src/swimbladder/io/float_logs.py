@@ -42,8 +42,8 @@ def read_float_log(
     columns and where: of a table, as for other logs. Raises LogError, an InputError, with file,
     column and remedy.
     """
-    texts = log_format_name is None and not columns and is_mermaid(read_bytes(path))
-    if log_format_name == "mermaid" or texts:
+    data = b"" if log_format_name or columns else read_bytes(path)
+    if log_format_name == "mermaid" or is_mermaid(data):
         log = read_mermaid(path)
         # while it comes up it may log no pressure, but it pumps
         pumps = [action.time for action in log.actions if action.stage is None]
@@ -52,17 +52,13 @@ def read_float_log(
         order = np.argsort(time, kind="stable")
         _refuse_dives(time[order], stage[order] >= 0, stage[order] == _NONE, LogFile(path))
         return log
-    if log_format_name == "argo" or (log_format_name is None and not columns and _argo(path)):
+    if log_format_name == "argo" or is_argo(data.partition(b"\n")[0]):
         return read_argo(path, where or {})
     mapped, file = dict(columns or {}), LogFile(path, format_of(log_format_name))
     check_columns(file, mapped, FLOAT_COLUMNS, "a float's log")
     rows = {**file.form.where, **(where or {})}
     table = read_table(file, rows, lambda header: _sources(file, mapped, header), [], FLOAT_COLUMNS)
     return _float_log(table.values, file)
-
-
-def _argo(path: str | Path) -> bool:
-    return is_argo(read_bytes(path).partition(b"\n")[0])
 
 
 def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:

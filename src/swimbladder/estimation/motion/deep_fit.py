@@ -269,7 +269,7 @@ def fit_deep(
     differing: RandomEffects | None = None
     with threadpool_limits(limits=1):
         x, found = _searched(problem, lambda share: advance(apiece * share))
-        covariance = np.linalg.inv(found.scores[0].information + np.eye(count)) + found.valleys
+        covariance = found.covariance()
         if len(paths) > 1:
             part = apiece / len(paths)
             alone = [replace(problem, paths=[path]) for path in paths]
@@ -316,6 +316,10 @@ class _Slopes(NamedTuple):
     starts: Array  # m3 [dives, x]
     scores: list[DiveScore]  # of each dive, of the parameters
     valleys: Array  # covariance by other valleys, of the parameters [k, k]
+
+    def covariance(self) -> Array:
+        """Return that of the parameters from the first dive, or the only one [k, k]."""
+        return np.linalg.inv(self.scores[0].information + np.eye(len(self.valleys))) + self.valleys
 
 
 def _joined(found: Sequence[Filtered]) -> tuple[Array, Array, Array]:
@@ -470,10 +474,8 @@ def _settled(problem: _Problem, x: Array) -> Array:
 def _alone(problem: _Problem, advance: Advance, part: float, begin: Array) -> Single:
     """Return the estimates from one dive alone; `part` of the work; begin: what fits all."""
     x, found = _searched(problem, lambda share: advance(part * share), begin)
-    count = len(problem.names)
-    covariance = np.linalg.inv(found.scores[0].information + np.eye(count)) + found.valleys
-    size, axes = np.linalg.eigh(np.linalg.inv(covariance) - np.eye(count))
-    return Single(x[:count], (axes * np.maximum(size, 0.0)) @ axes.T)
+    size, axes = np.linalg.eigh(np.linalg.inv(found.covariance()) - np.eye(len(problem.names)))
+    return Single(x[: len(problem.names)], (axes * np.maximum(size, 0.0)) @ axes.T)
 
 
 def _best(problem: _Problem, x: Array, free: Index, stride: float) -> Array:

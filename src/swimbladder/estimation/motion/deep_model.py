@@ -425,9 +425,14 @@ def run_volumes(values: Mapping[str, float], dive: DeepDive) -> Array:
     slip = values["pump_slip"] * dive.actions.pressure * dive.actions.unloaded
     pumped = values["pump_delivery"] * dive.actions.volume - slip
     pumped = np.minimum(pumped, values["pump_delivery"] * dive.actions.unloaded)
-    pumped = pumped - np.maximum(dive.actions.short + values["pump_start"], 0.0)
+    pumped = pumped - _short(values, dive)
     flow = np.where(dive.actions.bypass, values["bypass"], values["valve"])
     return np.where(dive.actions.pumps, np.maximum(pumped, 0.0), -flow * dive.actions.volume)
+
+
+def _short(values: Mapping[str, float], dive: DeepDive) -> Array:
+    """Return what the start of each run falls short by, were it the pump's [m3] [m]."""
+    return np.maximum(dive.actions.short + values["pump_start"], 0.0)
 
 
 def excess(body: Body, values: Mapping[str, float], start: float | Array, dive: DeepDive) -> Array:
@@ -584,9 +589,9 @@ def drive_volume(values: Mapping[str, float], path: Path) -> Array:
     """
     dive, seconds = path.dive, path.runs.end - path.dive.actions.time
     added = run_volumes(values, dive)
-    short = np.where(dive.actions.pumps, dive.actions.short + values["pump_start"], 0.0)
+    short = np.where(dive.actions.pumps, _short(values, dive), 0.0)
     size = np.abs(added)
-    gives = np.divide(size, size + np.maximum(short, 0.0), out=np.ones(len(size)), where=size > 0.0)
+    gives = np.divide(size, size + short, out=np.ones(len(size)), where=size > 0.0)
     begin = path.runs.end - np.maximum(gives * seconds, 1e-3)
     done = path.runs.done(begin, added) / path.track.steps
     return np.asarray(done - path.leaked - values["creep"] * path.idle)
