@@ -98,8 +98,8 @@ def glide(w: float, force: float, body: Resistance, t: float) -> Moved:
     k, back = (body.down, body.up) if sign > 0.0 else (body.up, body.down)
     f, v = max(abs(force), _LEAST), sign * w
     r, a = v / math.sqrt(f / back), math.sqrt(f * back) / m
-    stop = math.atan(-r) / a
-    if stop <= 0.0:
+    stop = math.atan(-r) / a if r < 0.0 else 0.0
+    if stop == 0.0:
         speed, way, by_w, by_f, way_w, way_f = _moved(v, f, m, k, t, 1.0)
     elif stop >= t:
         speed, way, by_w, by_f, way_w, way_f = _moved(v, f, m, back, t, -1.0)
@@ -120,14 +120,12 @@ def _moved(v: float, f: float, mass: float, k: float, t: float, along: float) ->
     """Return what `glide` does, of motion along the force (1) or against it (-1) all the time."""
     a, steady, length = math.sqrt(f * k) / mass, math.sqrt(f / k), mass / k
     r, x = v / steady, a * t
-    q = math.tanh(x) if along > 0.0 else math.tan(x)
+    if along > 0.0:  # cosh x + r sinh x = e^x (1 - (1 - r) far/2), tanh x = far/(2 - far)
+        far = -math.expm1(-2.0 * x)
+        q, way = far / (2.0 - far), length * (x + math.log1p(-0.5 * (1.0 - r) * far))
+    else:
+        q, way = math.tan(x), -length * math.log(math.cos(x) - r * math.sin(x))
     n = 1.0 / (1.0 + along * r * q)
-    if along < 0.0:
-        way = -length * math.log(math.cos(x) - r * math.sin(x))
-    elif x < 20.0:
-        way = length * math.log(math.cosh(x) + r * math.sinh(x))
-    else:  # cosh and sinh are e^x/2 to the last digit
-        way = length * (x + math.log(0.5 * (1.0 + r)))
     speed, grows = steady * (r + q) * n, (1.0 - along * q * q) * n * n
     by_f = (speed + steady * grows * ((1.0 - along * r * r) * x - r)) / (2.0 * f)
     way_f = length * n * ((q + r) * x - r * q) / (2.0 * f)
@@ -165,7 +163,36 @@ def displaced_variance(speed: float, tau: float) -> float:
 
 SPACING = 1e4  # Pa, of the water's table
 DYNAMIC = 7
-P, W, U, Z, D, V0, RATE = 0, 1, 2, 3, 4, 5, 6  # RATE: u'
+P, W, U, Z, RATE, D, V0 = 0, 1, 2, 3, 4, 5, 6  # RATE: u'
+_MOVED = 5  # states that a step changes: not D, V0 and the errors of the cast
+
+
+class _Step(NamedTuple):
+    """Slopes of a step: what is after it by what was before, see `_stepped`."""
+
+    slope: float  # m3/Pa, E by pressure
+    below: float  # Pa s/m, pressure in the middle by the speeds of vehicle and water
+    layers: float  # m3/m, -E by zeta
+    weight: float  # Pa/m
+    glide: tuple[float, float, float, float]  # speed by speed and by E, way by speed and by E
+    swing: Moved  # as `swing` gives it
+    back: float  # -, zeta by zeta
+
+
+@part
+def _stepped(
+    step: _Step, p: float, w: float, u: float, z: float, rate: float, rest: float
+) -> tuple[float, float, float, float, float]:
+    """Return p, w, u, zeta, u' after a step: of a state, or of its covariances with another.
+
+    rest: of E by all that stays as it is.
+    """
+    (w_w, w_e, way_w, way_e), (u_u, u_r, r_u, r_r, way_u, way_r) = step.glide, step.swing
+    heavy = step.slope * (p + step.below * (w + u)) - step.layers * z + rest
+    carried = way_u * u + way_r * rate
+    p += step.weight * (way_w * w + way_e * heavy + carried)
+    w = w_w * w + w_e * heavy
+    return p, w, u_u * u + u_r * rate, step.back * z + carried, r_u * u + r_r * rate
 
 
 def _filter(
@@ -186,14 +213,12 @@ def _filter(
     steps, knots, tau = track.steps, track.knots, noise.lasts
     v, S = np.zeros(len(track.measured)), np.ones(len(track.measured))
     n, last, ends = len(x), len(water) - 2, len(knots) - 2
-    used = np.arange(8)  # of the state, on which E depends: two of the knots at a time
-    e, fp, fw = np.zeros(8), np.zeros(8), np.zeros(8)
-    row_p, row_w = x.copy(), x.copy()
+    gain, half = x.copy(), np.zeros((_MOVED, _MOVED))
     j = 0
     for i in range(len(steps)):
         t = steps[i]
-        u_u, u_r, r_u, r_r, way_u, way_r = swing(t, tau)
-        back = math.exp(-t / AWAY)
+        if i == 0 or t != steps[i - 1]:
+            water_swing, back = swing(t, tau), math.exp(-t / AWAY)
         k = min(max(int(x[P] / SPACING), 0), last)
         middle = x[P] + 0.5 * t * water[k, 1] * (x[W] + x[U])
         k = min(max(int(middle / SPACING), 0), last)
@@ -207,52 +232,36 @@ def _filter(
             j += 1
         share = min(max((middle - knots[j]) / (knots[j + 1] - knots[j]), 0.0), 1.0)
         a, b = (1.0 - share) * track.width[j], share * track.width[j + 1]
-        used[6], used[7] = DYNAMIC + j, DYNAMIC + j + 1
+        one, two = DYNAMIC + j, DYNAMIC + j + 1
         heavy = water[k, 0] + s * rise - volume[i] - x[V0] - x[D] - layers * x[Z]
-        heavy += a * x[used[6]] + b * x[used[7]]
+        heavy += a * x[one] + b * x[two]
         force, least = weight * heavy, body.down * _SLOW * _SLOW
         w, way, w_w, w_f, s_w, s_f = glide(x[W], force, body, t)
         if abs(force) < least:
             _, _, w_w, w_f, s_w, s_f = glide(x[W], math.copysign(least, force), body, t)
-        w_e, s_e = weight * w_f, weight * weight * s_f
-        slope = rise / SPACING
-        e[P], e[Z], e[D], e[V0], e[6], e[7] = slope, -layers, -1.0, -1.0, a, b
-        e[W] = e[U] = slope * 0.5 * t * weight  # the middle is further down
-        for h in range(8):
-            fp[h], fw[h] = s_e * e[h], w_e * e[h]
-        fp[P] += 1.0
-        fp[W] += weight * s_w
-        fp[U] += weight * way_u
-        fw[W] += w_w
-        carried = way_u * x[U] + way_r * x[RATE]
+        slopes = (w_w, weight * w_f, s_w, weight * s_f)
+        step = _Step(rise / SPACING, 0.5 * t * weight, layers, weight, slopes, water_swing, back)
+        carried = x[U] * water_swing[4] + x[RATE] * water_swing[5]
+        _, _, x[U], x[Z], x[RATE] = _stepped(step, 0.0, 0.0, x[U], x[Z], x[RATE], 0.0)
         x[P] += weight * (way + carried)
         x[W] = w
-        x[Z] = back * x[Z] + carried
-        x[U], x[RATE] = u_u * x[U] + u_r * x[RATE], r_u * x[U] + r_r * x[RATE]
-        for r in range(n):
-            p_, w_ = weight * way_r * C[RATE, r], 0.0
-            for h in range(8):
-                c = C[used[h], r]
-                p_ += fp[h] * c
-                w_ += fw[h] * c
-            row_p[r], row_w[r] = p_, w_
-        for r in range(n):
-            a, b = C[U, r], C[RATE, r]
-            C[Z, r] = back * C[Z, r] + way_u * a + way_r * b
-            C[U, r], C[RATE, r] = u_u * a + u_r * b, r_u * a + r_r * b
-            C[P, r], C[W, r] = row_p[r], row_w[r]
-        for r in range(n):
-            p_, w_ = weight * way_r * C[r, RATE], 0.0
-            for h in range(8):
-                c = C[r, used[h]]
-                p_ += fp[h] * c
-                w_ += fw[h] * c
-            a, b = C[r, U], C[r, RATE]
-            C[r, Z] = back * C[r, Z] + way_u * a + way_r * b
-            C[r, U], C[r, RATE] = u_u * a + u_r * b, r_u * a + r_r * b
-            C[r, P], C[r, W] = p_, w_
+        # F C F', of which only the first rows and columns are not those of C. Of these the rows
+        # are kept; the columns are brought up to date at the end.
+        for r in range(_MOVED):
+            rest = a * C[r, one] + b * C[r, two] - C[r, D] - C[r, V0]
+            c = _stepped(step, C[P, r], C[W, r], C[U, r], C[Z, r], C[RATE, r], rest)
+            half[P, r], half[W, r], half[U, r], half[Z, r], half[RATE, r] = c
+        for r in range(_MOVED, n):
+            rest = a * C[one, r] + b * C[two, r] - C[D, r] - C[V0, r]
+            c = _stepped(step, C[P, r], C[W, r], C[U, r], C[Z, r], C[RATE, r], rest)
+            C[P, r], C[W, r], C[U, r], C[Z, r], C[RATE, r] = c
+        for r in range(_MOVED):
+            rest, h = a * C[r, one] + b * C[r, two] - C[r, D] - C[r, V0], half[r]
+            c = _stepped(step, h[P], h[W], h[U], h[Z], h[RATE], rest)
+            C[P, r], C[W, r], C[U, r], C[Z, r], C[RATE, r] = c
         # What keeps u and u' as they are in the mean: noise.water, and noise.water/tau.
         a, b = noise.water * noise.water, (noise.water / tau) ** 2
+        u_u, u_r, r_u, r_r, _, _ = water_swing
         C[U, U] += a * (1.0 - u_u * u_u) - b * u_r * u_r
         C[RATE, RATE] += b * (1.0 - r_r * r_r) - a * r_u * r_u
         mixed = a * u_u * r_u + b * u_r * r_r
@@ -265,13 +274,12 @@ def _filter(
             S[at] = C[P, P] + noise.pressure * noise.pressure + track.rounding[at]
             counts = min(1.0, gate * math.sqrt(S[at]) / max(abs(v[at]), 1e-300))
             for r in range(n):
-                row_p[r] = C[r, P] / S[at]
+                gain[r] = C[P, r] / S[at]
             for r in range(n):
-                x[r] += row_p[r] * v[at] * counts
-                for q in range(r + 1):  # and symmetric again
-                    c = 0.5 * (C[r, q] + C[q, r]) - row_p[r] * row_p[q] * S[at] * counts
-                    C[r, q] = c
-                    C[q, r] = c
+                x[r] += gain[r] * v[at] * counts
+                for q in range(n):
+                    C[r, q] -= gain[r] * gain[q] * (S[at] * counts)
+    C[_MOVED:, :_MOVED] = C[:_MOVED, _MOVED:].T
     return v, S
 
 
