@@ -163,7 +163,7 @@ def test_layers_on_a_line_are_psi(law):
     theirs = stepped(p._replace(psi=p.psi + 3e-6), x - [0.0, 0.0, 2e-6], Va, Vb, 4.0)
     np.testing.assert_allclose(ours[0][:2], theirs[0][:2], rtol=1e-7)
     close_slopes(ours[1], theirs[1], 1e-6)
-    close(ours[2], theirs[2], 3e-5)
+    close(ours[2], theirs[2], 2e-4)  # the noise's share begins at 0
 
 
 def halocline(z):

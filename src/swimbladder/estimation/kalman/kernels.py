@@ -42,7 +42,7 @@ from swimbladder.sim.engine.modes import (
 BOBBING_DAMPING = 0.5
 
 _REACH = 1.0  # step times rate up to which the series of G is summed at once
-_FINE = 0.05  # step times rate of the drag, for Runge-Kutta
+_FINE = 0.08  # step times rate of the drag, for Runge-Kutta
 _FINE_BOBBING = 0.15  # step times frequency of the emerging hull
 _MOST = 20_000.0  # steps of Runge-Kutta between two samples
 # Gauss-Legendre points and weights on (0, 1), exact for polynomials of degree 9.
@@ -147,27 +147,23 @@ def _add_noise(m: Motion, tau: float, weight: float, Q: Array) -> None:
 
 
 @allocating
-def _propagate(P: Array, F: Array, Q: Array) -> None:
-    """Replace P [3, 3] by F P F' + Q, symmetric; Q holds its upper triangle."""
-    T = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            T[i, j] = F[i, 0] * P[0, j] + F[i, 1] * P[1, j] + F[i, 2] * P[2, j]
-    for i in range(3):
-        for j in range(i, 3):
-            value = T[i, 0] * F[j, 0] + T[i, 1] * F[j, 1] + T[i, 2] * F[j, 2] + Q[i, j]
-            P[i, j] = value
-            P[j, i] = value
+def _turn(F: Array, P: Array) -> None:
+    """Replace P [3, 3] by F P."""
+    for j in range(3):
+        a, b, c = P[0, j], P[1, j], P[2, j]
+        for i in range(3):
+            P[i, j] = F[i, 0] * a + F[i, 1] * b + F[i, 2] * c
 
 
 @allocating
-def _spread(F: Array, Q: Array, f: Array, q: Array) -> None:
-    """Advance: F becomes f F, Q becomes f Q f' + q, of which the upper triangle is read."""
-    for j in range(3):
-        a, b, c = F[0, j], F[1, j], F[2, j]
-        for i in range(3):
-            F[i, j] = f[i, 0] * a + f[i, 1] * b + f[i, 2] * c
-    _propagate(Q, f, q)
+def _propagate(P: Array, F: Array, Q: Array) -> None:
+    """Replace P [3, 3] by F P F' + Q, symmetric; Q holds its upper triangle."""
+    _turn(F, P)
+    for i in range(3):
+        a, b, c = P[i, 0], P[i, 1], P[i, 2]
+        for j in range(i, 3):
+            P[i, j] = a * F[j, 0] + b * F[j, 1] + c * F[j, 2] + Q[i, j]
+    P[1, 0], P[2, 0], P[2, 1] = P[0, 1], P[0, 2], P[1, 2]
 
 
 @allocating
@@ -178,8 +174,7 @@ def _laminar(m: Motion, x: Array, span: Span, F: Array, Q: Array) -> None:
     n = max(math.ceil(span.h * (d + math.sqrt(abs(kappa))) / _REACH), 1)
     s = span.h / n
     slope, g, i1, i2 = _response(d, kappa, s)
-    f = np.zeros((3, 3))
-    q = np.zeros((3, 3))
+    f, q = np.zeros((3, 3)), np.zeros((3, 3))
     f[0, 0], f[0, 1], f[0, 2] = 1.0 + kappa * i1, g, a * i1
     f[1, 0], f[1, 1], f[1, 2] = kappa * g, slope, a * g
     f[2, 2] = 1.0
@@ -191,7 +186,8 @@ def _laminar(m: Motion, x: Array, span: Span, F: Array, Q: Array) -> None:
     Q[1, 0], Q[2, 0], Q[2, 1] = q[0, 1], q[0, 2], q[1, 2]
     for i in range(n):
         if i:
-            _spread(F, Q, f, q)
+            _turn(f, F)
+            _propagate(Q, f, q)
         V = span.Va + rate * (i * s)
         # with the neutral volume taken off first: the difference is small, both are not
         force = a * (x[2] - V)
@@ -251,15 +247,19 @@ def _substep(m: Motion, x: Array, V: float, rate: float, t: float, s: float, k: 
 
     V: volume less neutral volume then [m3], which grows at a rate [m3/s].
     """
-    y, middle, late = k[4], V + 0.5 * rate * s, V + rate * s
+    y, middle, late, n = k[4], V + 0.5 * rate * s, V + rate * s, x.shape[0]
     _slopes(m, x, V, t, k[0])
-    y[:] = x + 0.5 * s * k[0]
+    for i in range(n):
+        y[i] = x[i] + 0.5 * s * k[0, i]
     _slopes(m, y, middle, t + 0.5 * s, k[1])
-    y[:] = x + 0.5 * s * k[1]
+    for i in range(n):
+        y[i] = x[i] + 0.5 * s * k[1, i]
     _slopes(m, y, middle, t + 0.5 * s, k[2])
-    y[:] = x + s * k[2]
+    for i in range(n):
+        y[i] = x[i] + s * k[2, i]
     _slopes(m, y, late, t + s, k[3])
-    y[:] = x + s / 6.0 * (k[0] + 2.0 * (k[1] + k[2]) + k[3])
+    for i in range(n):
+        y[i] = x[i] + s / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
 
 
 @allocating
@@ -333,7 +333,7 @@ def transition(m: Motion, x: Array, span: Span, F: Array, Q: Array) -> bool:
     steps = h * rate / _FINE
     if rises:
         steps = max(steps, h * math.sqrt(p[A_S]) / _FINE_BOBBING)
-    n = int(min(math.ceil(steps), _MOST)) + 1
+    n = max(int(min(math.ceil(steps), _MOST)), 1)
     aground: bool = _runge_kutta(m, x, span, n, F, Q)
     return aground
 
@@ -381,9 +381,7 @@ def _loss(size: float, gate: float) -> tuple[float, float]:
 def _update(x: Array, P: Array, error: float, R: float, S: float) -> None:
     """Take in a measured depth: x += K error with K = P H'/S, and P in Joseph's form."""
     k0, k1, k2 = P[0, 0] / S, P[0, 1] / S, P[0, 2] / S
-    x[0] += k0 * error
-    x[1] += k1 * error
-    x[2] += k2 * error
+    x[0], x[1], x[2] = x[0] + k0 * error, x[1] + k1 * error, x[2] + k2 * error
     F = np.zeros((3, 3))
     F[0, 0], F[1, 0], F[2, 0] = 1.0 - k0, -k1, -k2
     F[1, 1], F[2, 2] = 1.0, 1.0
@@ -397,10 +395,9 @@ def _update(x: Array, P: Array, error: float, R: float, S: float) -> None:
 def _fade(F: Array, lasts: Array, h: float, noise: Array) -> None:
     """Advance over h [s] what is known of the depth's correlated noise, see `_take_correlated`."""
     kept = math.exp(-h * noise[6])
-    shared = lasts[2:5].copy()
+    a, b, c = lasts[2], lasts[3], lasts[4]
     for i in range(3):
-        moved = F[i, 0] * shared[0] + F[i, 1] * shared[1] + F[i, 2] * shared[2]
-        lasts[2 + i] = kept * moved
+        lasts[2 + i] = kept * (F[i, 0] * a + F[i, 1] * b + F[i, 2] * c)
     lasts[0] *= kept
     lasts[1] = kept * kept * lasts[1] + noise[5] * (1.0 - kept * kept)
 
@@ -412,10 +409,8 @@ def _take_correlated(x: Array, P: Array, lasts: Array, error: float, S: float) -
     S [m2]: the innovation's variance. lasts [5]: that part's mean [m], its variance [m2], its
     covariances with the state [3].
     """
-    k = np.empty(3)
     own = (lasts[1] + lasts[2]) / S
-    for i in range(3):
-        k[i] = (P[i, 0] + lasts[2 + i]) / S
+    k = (P[0, 0] + lasts[2]) / S, (P[1, 0] + lasts[3]) / S, (P[2, 0] + lasts[4]) / S
     for i in range(3):
         x[i] += k[i] * error
         lasts[2 + i] -= k[i] * own * S

@@ -181,6 +181,7 @@ _MILD, _AGAIN = {3e4: _WHITE, 1e4: _WHITE}, 3  # the same from where that leads,
 _OPEN = 1e6  # a gate that none is beyond
 _STRIDES = (3.0, 1.0, _WHITE)
 _ROUNDS, _SETTLED = 6, 0.3
+_FAR = 8.0  # of minus the log posterior above the best: 0.03 % as probable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -429,7 +430,8 @@ def _searched(
     advance(0.5)
     for _ in range(_AGAIN):
         cost, x = found[-1]
-        other = _settled(problem, _led(problem, x, _MILD))
+        enough = min(cost for cost, _ in found) + _FAR
+        other = _settled(problem, _led(problem, x, _MILD), enough)
         found.append((problem.cost(other), other))
         if not found[-1][0] < cost - _SETTLED:
             break
@@ -459,14 +461,17 @@ def _led(problem: _Problem, x: Array, blurs: Mapping[float, float]) -> Array:
     return x
 
 
-def _settled(problem: _Problem, x: Array) -> Array:
-    """Return the x of least cost near one, noises and parameters in turn."""
+def _settled(problem: _Problem, x: Array, enough: float = math.inf) -> Array:
+    """Return the x of least cost near one, noises and parameters in turn.
+
+    enough: cost above which it is not sought to the last.
+    """
     count, cost = len(problem.names), math.inf
     known, noises = np.arange(count), np.arange(count, len(x))
     for stride in (*_STRIDES, *(_WHITE,) * _ROUNDS):
         x = _best(problem, _best(problem, x, noises, stride), known, stride)
         before, cost = cost, problem.cost(x)
-        if stride == _WHITE and before - cost < _SETTLED:
+        if stride == _WHITE and (before - cost < _SETTLED or cost > enough):
             break
     return x
 

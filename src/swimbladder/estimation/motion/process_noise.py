@@ -352,7 +352,9 @@ def _blocks(full: Likelihood, quantities: int) -> Index | None:
 
 _SAME = 0.003  # of log likelihood: a step that gains less is the last
 _AGREE = 0.05  # of log likelihood, within which two searches have ended on the same hill
-_RIDGE = 0.25  # information that bounds a step of a quantity that is not identifiable
+_RIDGE = 0.25  # information that bounds a step of a quantity that is not identifiable, at first
+_LEAST_RIDGE = 1e-3  # with which a search may end
+_CLOSE = 0.5  # of log likelihood: a step that gains less is near the end
 _FAR = 100.0  # scales, from which no search begins
 _SETTLES = 0.2  # of the time between samples, the least T2
 _LONGEST = 1.5  # of a logarithm, a step
@@ -671,22 +673,27 @@ def _climb(likelihood: Likelihood, x: Array, rounds: int) -> tuple[Array, float]
 
     Fisher's scoring, damped as Levenberg and Marquardt do.
     """
-    height, damping = likelihood(x), 0.0
+    height, damping, ridge = likelihood(x), 0.0, _RIDGE
     for _ in range(rounds):
         scores, information = likelihood.scores(x, central=False)
         pull, hold = likelihood.prior_slope(x)
         slope = scores.sum(axis=0) + pull
-        information += np.diag(hold + _RIDGE)
+        information += np.diag(hold)
         while True:
-            step = np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+            held = damping * np.diag(information) + ridge
+            step = np.linalg.solve(information + np.diag(held), slope)
             step *= min(1.0, _LONGEST / max(float(np.abs(step).max()), 1e-300))
             gain = 0.5 * float(slope @ step)
             if gain < _SAME:
-                return x, height
+                if ridge <= _LEAST_RIDGE:
+                    return x, height
+                ridge /= 10.0
+                continue
             new = likelihood.within(x + step)
             reached = likelihood(new)
             if reached > height + 0.1 * gain:
                 x, height, damping = new, reached, damping / 5.0
+                ridge *= 0.2 if gain < _CLOSE else 1.0
                 break
             damping = max(5.0 * damping, 0.3)
             if damping > 1e6:
