@@ -214,6 +214,30 @@ def test_a_pump_is_found_in_logged_runs(capsys, tmp_path):
     assert not (tmp_path / "alone" / "vehicle.toml").exists()
 
 
+def test_runs_of_two_pumps_are_refused_and_leave_no_vehicle(capsys, tmp_path):
+    """The last four dives take 1.6 times the power: exit 1, and no vehicle of an earlier run."""
+    head, *rows = RUNS.splitlines()
+    cells = [row.split(",") for row in rows]
+    for row in cells:
+        row[2] = f"{float(row[2]) * (1.6 if int(row[4]) > 3 else 1.0):.4f}"
+    one, two = tmp_path / "one.csv", tmp_path / "two.csv"
+    one.write_text(RUNS)
+    two.write_text("\n".join([head, *map(",".join, cells)]) + "\n")
+    out = tmp_path / "found"
+    words = [*COLUMNS, "--out", str(out)]
+    assert main(["energy", "example-float", "--fit", str(one), *words]) == 0
+    assert (out / "vehicle.toml").exists()
+    capsys.readouterr()
+    assert main(["energy", "example-float", "--fit", str(two), *words]) == 1
+    said = capsys.readouterr().out
+    assert said.startswith("Not identified: no one power law holds")
+    assert not (out / "vehicle.toml").exists()
+    assert (out / "runs.csv").exists()
+    assert main(["energy", "--fit", str(two), *words, "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["refusal"] in told["sentences"][0]
+
+
 def test_a_logged_voltage_counts_and_is_told(capsys, tmp_path):
     """A battery that gives 15 to 12 V: the power goes with it, and so does the vehicle's pump."""
     random = np.random.default_rng(8)

@@ -33,7 +33,8 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
         from swimbladder.design.energy.fit import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
         from swimbladder.io.pump_runs import read_pump_runs
-        from swimbladder.show.report.energy import fit_files, fit_json
+        from swimbladder.show.files import written_by
+        from swimbladder.show.report.energy import HEAD, fit_files, fit_json
 
         if v is not None:
             pump_and_valve(v)
@@ -43,10 +44,13 @@ def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to
             found = fit_pump(runs_read, depth_limit=limit, **asked)
         except InputError as error:
             raise (error if error.field in asked else error.at(file=path)) from None
-        fitted = None if v is None else fitted_vehicle(v, found)
+        fitted = None if v is None or found.refusal else fitted_vehicle(v, found)
         said = list(fit_sentences(found, fitted))
         answer = {**fit_json(found), "sentences": said, "report": runs_read.report}
-    to.answer(answer, partial(fit_files, found, fitted), _shown_fit(found, said, runs_read.report))
+    if found.refusal and written_by(old := to.out / "vehicle.toml", HEAD):
+        old.unlink()
+    files, shown = partial(fit_files, found, fitted), _shown_fit(found, said, runs_read.report)
+    to.answer(answer, files, shown, good=not found.refusal, why=[found.refusal])
 
 
 def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> Iterator[object]:
@@ -131,7 +135,7 @@ def energy(
     With --fit RUNS: find a pump's power law and delivery in logged runs, and
     how sure they are; with a VEHICLE of kind pump-valve vehicle.toml has that
     pump. Exit code 1 says that the electrical power is not known, and which
-    fields tell it.
+    fields tell it, or that the runs are not those of one pump.
     """
     from swimbladder.io.config import load_vehicle
 

@@ -7,6 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from swimbladder.io.answers import json_text
+from swimbladder.io.config import file_text
 from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.progress import Advance, silent
 from swimbladder.io.tables import write_csv
@@ -33,6 +34,11 @@ def write_all(
     make_folder(out.parent)
     publish(out, write)
     return [out / name for name in contents]
+
+
+def written_by(path: Path, head: str) -> bool:
+    """Whether a file begins with this head, as a comment: it is not somebody else's."""
+    return path.is_file() and file_text(path).startswith(f"# {head}")
 
 
 def _write(path: Path, content: Any) -> None:

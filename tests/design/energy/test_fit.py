@@ -143,20 +143,89 @@ def test_the_vehicle_has_the_pump_that_the_runs_tell():
     assert found.start_volume == pytest.approx(4e-6, rel=1e-9)
 
 
-def test_what_is_not_distinguishable_from_none_is_none():
-    told = runs(np.random.default_rng(6), 8, noise=0.0)
-    leaky = PumpRuns(
+def with_volumes(told, volume):
+    return PumpRuns(
         duration=told.duration,
         pressure=told.pressure,
         power=told.power,
-        volume=1e-6 * told.duration * (1.0 + 1e-10 * told.pressure) + 1e-7,
+        volume=volume,
         dive=told.dive,
     )
-    fit = fit_pump(leaky)
-    assert fit.value("slip") < 0.0
+
+
+def test_what_is_not_distinguishable_from_none_is_none():
+    """A pump that gives more under pressure and at its start is fitted as one that does neither."""
+    told = runs(np.random.default_rng(6), 8, noise=0.0)
+    t, p = told.duration, told.pressure
+    volume = 1e-6 * t * (1.0 + 1e-10 * p) + 1e-7
+    fit = fit_pump(with_volumes(told, volume))
+    assert "slip" not in fit.parameters
+    assert "start_volume" not in fit.parameters
+    assert fit.value("delivery") == pytest.approx(np.sum(volume * t) / np.sum(t * t), rel=1e-12)
     pump = PowerLawPump(delivery=1e-6, idle_power=1.0, power_per_pressure=0.0)
     actuator = PumpAndValve(pump=pump, valve=Valve(flow=1e-8))
     vehicle = load_vehicle("example-float").model_copy(update={"actuator": actuator})
     found = fitted_vehicle(vehicle, fit).actuator
     assert found.pump.slip == 0.0
     assert found.start_volume == 0.0
+
+
+def commanded(random, *, volume=146e-6, spread=0.003, dives=6):
+    """Runs that all press out 146 mL, as gliders do: what differs is how long that takes."""
+    n = 4 * dives
+    dive, p = np.repeat(np.arange(dives, dtype=float), 4), np.tile([4e5, 2e6, 6e6, 9.5e6], dives)
+    V = volume * (1.0 + spread * random.normal(0.0, 1.0, n))
+    rate = (1.4e-6 - 4e-14 * p) * (1.0 + 0.01 * random.normal(0.0, 1.0, n))
+    power = (7.0 + 1.8e-6 * p) * (1.0 + 0.01 * random.normal(0.0, 1.0, n))
+    return PumpRuns(duration=V / rate, pressure=p, power=power, volume=V, dive=dive)
+
+
+def test_runs_that_were_commanded_by_volume_tell_the_delivery():
+    """Where all runs press out the same, their times tell the rate; the volumes on them do not."""
+    random, held = np.random.default_rng(8), {"delivery": 0, "slip": 0}
+    for _ in range(200):
+        fit = fit_pump(commanded(random))
+        assert fit.by_volume
+        assert "start_volume" not in fit.parameters  # one volume tells nothing of it
+        assert fit.value("delivery") == pytest.approx(1.4e-6, rel=0.03)
+        for name, true in (("delivery", 1.4e-6), ("slip", 4e-14)):
+            low, high = fit.parameters[name].ci95
+            held[name] += low <= true <= high
+    assert min(held.values()) >= 184, held  # 92 % of 200
+    assert not fit_pump(runs(random, 8)).by_volume
+
+
+def test_volumes_of_many_sizes_tell_what_a_start_loses():
+    random = np.random.default_rng(9)
+    sizes = np.tile([30e-6, 31e-6, 60e-6, 150e-6], 6)
+    told = commanded(random, volume=sizes, spread=0.0)
+    late = told.duration + 5e-6 / 1.4e-6  # 5 mL short at the start, at any pressure
+    fit = fit_pump(with_volumes(told, told.volume))
+    more = fit_pump(
+        PumpRuns(
+            duration=late, pressure=told.pressure, power=told.power, volume=sizes, dive=told.dive
+        )
+    )
+    assert fit.value("start_volume") == pytest.approx(0.0, abs=1e-6)
+    assert more.value("start_volume") == pytest.approx(5e-6, abs=1e-6)
+
+
+def test_two_pumps_are_no_pump():
+    """Dives that one power law does not describe to 10 % are refused, and no vehicle has them."""
+    told = runs(np.random.default_rng(7), 8, noise=0.0)
+    assert not fit_pump(told).refusal
+    both = np.where(told.dive < 4, 1.0, 1.6) * told.power
+    fit = fit_pump(PumpRuns(duration=told.duration, pressure=told.pressure, power=both))
+    assert not fit.refusal  # without dives nobody can tell
+    mixed = PumpRuns(
+        duration=told.duration,
+        pressure=told.pressure,
+        power=both,
+        volume=told.volume,
+        dive=told.dive,
+    )
+    fit = fit_pump(mixed)
+    wrong = [d for d in fit.dives if abs(d.predicted / d.energy - 1.0) > 0.1]
+    assert f"{len(wrong)} of 8 dives" in fit.refusal
+    with refused(NoAnswerError):
+        fitted_vehicle(load_vehicle("example-float"), fit)

@@ -5,6 +5,14 @@ Each run of the pump against a pressure p over a time t, at a temperature T, has
     mean power     P = idle + per_pressure p + per_kelvin (T - 15 degC) - lost_energy/t
     volume         V = (delivery - slip p) t - start_volume
 
+Which of the two was commanded, time or volume, is read off the runs: volumes that spread far less
+than the times were, as those of gliders that always pump the same. The times are what errs then,
+and the volumes are the instruments (instrumental variables): what the law leaves over goes neither
+with the volumes nor with the volumes times the pressures.
+
+No pump gives more under pressure or at its start than without: a slip or a start's loss below 0 is
+none, and the rest is solved without it.
+
 Where the battery's voltage U under load was logged too, the power is that times U/U_ref, U_ref the
 runs' median: at one pressure a motor draws the same current, and turns as fast as its voltage lets
 it (steady torque and back EMF of a motor at full voltage). A driver that holds the speed undoes
@@ -106,10 +114,13 @@ class Least(NamedTuple):
     without: dict[float, Array]
 
     @classmethod
-    def of(cls, A: Array, y: Array, weight: Array, cluster: Array) -> Least:
+    def of(
+        cls, A: Array, y: Array, weight: Array, cluster: Array, instruments: Array | None = None
+    ) -> Least:
         """Return the solution of A x = y [n, k], rows weighted and in clusters [n].
 
-        Raises NoAnswerError where the rows, or those without one cluster, do not determine x.
+        instruments: to what y - A x is orthogonal, where A errs [n, k]; None: to A. Raises
+        NoAnswerError where the rows, or those without one cluster, do not determine x.
         """
         root = np.sqrt(weight / weight.mean())
         scale = np.abs(A).max(axis=0)
@@ -117,7 +128,8 @@ class Least(NamedTuple):
         if np.linalg.matrix_rank(B) < B.shape[1]:
             alike = "the runs do not distinguish power and delivery by pressure and duration"
             raise NoAnswerError(f"{alike}: log runs at several depths and of several lengths")
-        inverse = np.linalg.pinv(B)
+        Z = None if instruments is None else instruments * root[:, None]
+        inverse = _inverse(B, Z)
         numbers = np.unique(cluster)
         member = (cluster[:, None] == numbers).astype(float)  # runs x clusters
         apart = np.empty((len(numbers), B.shape[1], len(b)))  # from the errors to the differences
@@ -128,7 +140,7 @@ class Least(NamedTuple):
                 why = "without another one at its depth nothing says how sure they are"
                 raise NoAnswerError(f"{only}: {why}. Log a second one")
             apart[g] = -inverse
-            apart[g][:, others] += np.linalg.pinv(B[others])
+            apart[g][:, others] += _inverse(B[others], None if Z is None else Z[others])
         solution = inverse @ b
         residual = b - B @ solution
         moved = apart @ b
@@ -139,6 +151,11 @@ class Least(NamedTuple):
         without = {float(n): (solution + d) / scale for n, d in zip(numbers, moved, strict=True)}
         found = solution / scale
         return cls(found, std / scale, freedom, y - A @ found, without)
+
+
+def _inverse(B: Array, Z: Array | None) -> Array:
+    """Return what solves B x = b [n, k] with an error orthogonal to Z, or to B [k, n]."""
+    return np.asarray(np.linalg.pinv(B) if Z is None else np.linalg.solve(Z.T @ B, Z.T))
 
 
 def _shared(residual: Array, member: Array) -> float:
@@ -176,8 +193,10 @@ _VOLUME = {"delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3"}
 _UNITS = _POWER | _VOLUME
 _VOLTS = 0.005  # relative deviation of the voltages that shows whether power depends on them
 _ENOUGH = 15  # runs, five for each of three numbers, that may determine what a start loses
+_OFF, _JUDGED, _ONE_IN = 0.1, 4, 10  # of a dive's energy; dives to judge by; dives that may be off
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
 _WARM = 0.5  # K, standard deviation of the temperatures that shows a dependence on them
+_ALIKE = 0.5  # times the relative spread of the times, that of volumes that were commanded
 _LENGTHS = 0.1  # relative standard deviation of the durations that determines what a start loses
 
 
@@ -206,11 +225,25 @@ class PumpFit:
     dives: tuple[Predicted, ...] = field(default=())  # each from all the others
     without: dict[float, dict[str, float]] = field(default_factory=dict)  # numbers without a dive
     reference_voltage: float | None = None  # V, at which the powers hold; None: whatever it was
+    by_volume: bool = False  # whether the volumes of runs were commanded, not their times
 
     def value(self, name: str) -> float:
         """Return a number, 0 where it was not among the unknown ones."""
         found = self.parameters.get(name)
         return 0.0 if found is None else found.value
+
+    @property
+    def refusal(self) -> str:
+        """Why the numbers are those of no pump: dives are not as the others say. Else empty."""
+        off = {d.dive: abs(d.predicted / d.energy - 1.0) for d in self.dives if d.energy > 0.0}
+        wrong = [dive for dive, share in off.items() if share > _OFF]
+        if len(off) < _JUDGED or len(wrong) <= len(off) // _ONE_IN:
+            return ""
+        worst = max(wrong, key=lambda dive: off[dive])
+        what = f"the energy of {len(wrong)} of {len(off)} dives is not what the others say"
+        by = f"that of dive {worst:g} is off by {100.0 * off[worst]:.0f} %"
+        why = "two pumps, another battery, or a column in another unit in some of them"
+        return f"no one power law holds: {what}, {by}. Look for {why}"
 
     @property
     def voltage_share(self) -> Array:
@@ -266,9 +299,8 @@ def fit_pump(
     laws, volume = [powers], np.full(kept.size, np.nan) if runs.volume is None else runs.volume
     measured = kept & np.isfinite(volume)
     if len(np.unique(dive[measured])) >= FEWEST:
-        names = [name for name in _VOLUME if start or name != "start_volume"]
-        dive = np.where(measured, dive, np.nan)
-        laws.append(_Law.of(_columns(runs, names, None), volume, np.ones(kept.size), dive))
+        laws.append(_delivery(runs, volume, np.where(measured, dive, np.nan), start))
+    by_volume = len(laws) > 1 and _by_volume(runs, volume, measured)
     rms = [float(np.sqrt(np.mean(law.found.residual**2))) for law in laws]
     parameters: dict[str, Estimate] = {}
     without: dict[float, dict[str, float]] = {float(number): {} for number in groups}
@@ -287,6 +319,7 @@ def fit_pump(
         volume_rms=(*rms, math.nan)[1],
         without=without,
         reference_voltage=reference,
+        by_volume=by_volume,
     )
 
 
@@ -322,19 +355,53 @@ class _Law(NamedTuple):
     missed: float  # weighted squares of what the runs are off that
 
     @classmethod
-    def of(cls, columns: Mapping[str, Array], measured: Array, weight: Array, dive: Array) -> _Law:
+    def of(
+        cls,
+        columns: Mapping[str, Array],
+        measured: Array,
+        weight: Array,
+        dive: Array,
+        instruments: Mapping[str, Array] | None = None,
+    ) -> _Law:
         """Return the law of what was measured, columns by the numbers that they are for [n].
 
-        dive [n]: nan for the runs that do not count.
+        dive [n]: nan for the runs that do not count. instruments: as `Least.of` has them.
         """
         rows = np.isfinite(dive)
         A = np.column_stack([*columns.values()])[rows]
+        Z = None if instruments is None else np.column_stack([*instruments.values()])[rows]
         y, weight, dive = measured[rows], weight[rows], dive[rows]
-        found = Least.of(A, y, weight, dive)
+        found = Least.of(A, y, weight, dive, Z)
         numbers = np.array([found.without[float(number)] for number in dive])
         predicted = np.sum(A * numbers, axis=1)
         missed = float(weight @ (y - predicted) ** 2)
         return cls([*columns], rows, dive, y, found, predicted, missed)
+
+
+def _by_volume(runs: PumpRuns, volume: Array, rows: NDArray[np.bool_]) -> bool:
+    """Whether runs were commanded by their volume rather than by their time."""
+    V, t = volume[rows], runs.duration[rows]
+    return bool(np.std(V) * np.mean(t) < _ALIKE * np.std(t) * np.mean(V))
+
+
+def _delivery(runs: PumpRuns, volume: Array, dive: Array, start: bool) -> _Law:
+    """Return the law of the volumes [n] that were pressed out. dive: as `_Law.of` has it."""
+    rows, even = np.isfinite(dive), np.ones(dive.size)
+    reverse = _by_volume(runs, volume, rows)
+    given = volume[rows] if reverse else runs.duration[rows]
+    start &= bool(np.std(given) > _LENGTHS * np.mean(given))
+    names = [name for name in _VOLUME if start or name != "start_volume"]
+    while True:
+        columns, by = _columns(runs, names, None), None
+        if reverse:
+            known = {"delivery": volume, "slip": -runs.pressure * volume, "start_volume": -even}
+            by = {name: known[name] for name in names}
+        law = _Law.of(columns, volume, even, dive, by)
+        sure = law.found.solution / np.maximum(law.found.std, 1e-300)
+        least = int(np.argmin(np.where(np.array(names) == "delivery", np.inf, sure)))
+        if names[least] == "delivery" or sure[least] >= 0.0:
+            return law
+        names.pop(least)
 
 
 def _reference(runs: PumpRuns, kept: NDArray[np.bool_]) -> float | None:
@@ -501,9 +568,11 @@ def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
     reservoir's gas lacks of an atmosphere. Where the power goes with the voltage, so does the
     speed: power and measured delivery are those at the vehicle's supply, see `voltage_factor`;
     slip goes with the pressure alone. Raises InputError for another actuator, and where nothing
-    has a delivery.
+    has a delivery; NoAnswerError where the fit has a `refusal`.
     """
     a = pump_and_valve(vehicle)
+    if fit.refusal:
+        raise NoAnswerError(fit.refusal)
     old = a.pump if isinstance(a.pump, PowerLawPump) else None
     known = "delivery" in fit.parameters
     if not known and old is None:

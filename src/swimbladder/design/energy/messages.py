@@ -90,6 +90,8 @@ def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
 def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]:
     """Yield the result of a fit, how well dives are predicted, and what a vehicle got."""
     runs = f"{int(fit.kept.sum())} runs" + (f" of {fit.clusters} dives" if fit.dives else "")
+    if fit.refusal:
+        yield f"Not identified: {fit.refusal}."
     volumes = f", volumes within {fit.volume_rms * 1e6:.2g} mL"
     volumes = "" if math.isnan(fit.volume_rms) else volumes
     yield f"{runs}: power within {fit.power_rms:.2g} W rms{volumes}."
@@ -99,6 +101,10 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]
         if errors:
             middle, worst = (_percent(f(np.abs(errors))) for f in (np.median, np.max))
             yield f"Each dive's {what}: within {middle} (median), {worst} at worst."
+    if fit.by_volume:
+        yield "The runs were commanded by volume, which hardly differs: it is their times that err."
+    if "delivery" in fit.parameters and "slip" not in fit.parameters:
+        yield "The runs deliver no less under pressure: there is no slip that they show."
     slope = fit.value("power_per_pressure")
     if "delivery" in fit.parameters and slope > 0.0:
         reaches = fit.value("delivery") / slope  # of the power that grows with the pressure

@@ -7,10 +7,9 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.model import shown_unit
 from swimbladder.estimation.actuator.result import Known, Step
-from swimbladder.io.config import file_text
 from swimbladder.io.progress import Advance
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
+from swimbladder.show.files import write_all, written_by
 from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
 from swimbladder.show.plots.style import png
 from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, words
@@ -47,7 +46,7 @@ def write_actuator(
         tables["steps.png"] = draw_steps(found)
     html = _page(found, list(tables), run, advance)
     files = write_all(out, {"identify-actuator.html": html, **tables})
-    if old.name not in tables and old.is_file() and file_text(old).startswith(f"# {_HEAD}"):
+    if old.name not in tables and written_by(old, _HEAD):
         old.unlink()
     return files, why
 

@@ -13,6 +13,7 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
 from swimbladder.vehicle import Vehicle
 
+HEAD = "Pump found by swimbladder energy --fit."
 _ROWS = 201  # depths in tables, at most
 _DIVE = "dive runs deepest_Pa energy_J predicted_J volume_m3 predicted_volume_m3"
 _ESTIMATE = "value std ci95 unit"
@@ -66,7 +67,9 @@ def fit_json(fit: PumpFit) -> dict[str, Any]:
     return {
         "runs": int(fit.kept.sum()),
         "excluded": int((~fit.kept).sum()),
-        **attributes(fit, "clusters power_rms_W volume_rms_m3 reference_voltage_V"),
+        **attributes(
+            fit, "clusters power_rms_W volume_rms_m3 reference_voltage_V by_volume refusal"
+        ),
         "parameters": {n: as_json(e, _ESTIMATE) for n, e in fit.parameters.items()},
         "dives": [as_json(dive, _DIVE) for dive in fit.dives],
         "efficiency": [as_json(band, _BAND) for band in efficiency_bands(fit)],
@@ -83,7 +86,7 @@ def fit_files(
     files = {"pump.json": answer, "runs.csv": run_columns(fit), "pump.png": draw_fit(fit)}
     if vehicle is None:
         return files
-    said = ["Pump found by swimbladder energy --fit.", *fit_sentences(fit, vehicle)]
+    said = [HEAD, *fit_sentences(fit, vehicle)]
     return {**files, "vehicle.toml": vehicle_file(vehicle, head="\n".join(said))}
 
 

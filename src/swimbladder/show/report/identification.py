@@ -16,10 +16,9 @@ from matplotlib.figure import Figure
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import NAMES, Choice, Estimate, Identification
 from swimbladder.estimation.motion.paper_method import PaperFits
-from swimbladder.io.config import file_text
 from swimbladder.io.progress import Advance, silent
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
+from swimbladder.show.files import write_all, written_by
 from swimbladder.show.plots import identify as plots
 from swimbladder.show.plots.identify import labels
 from swimbladder.show.plots.style import png
@@ -135,13 +134,9 @@ def check_folder(out: Path, vehicle: str | Path) -> None:
     what = "there is a vehicle that `swimbladder identify` did not write"
     if Path(vehicle).exists() and target.samefile(vehicle):
         what = "the identified vehicle would be written over the one that is read"
-    elif _is_ours(target):
+    elif written_by(target, f"{MARK} "):
         return
     raise InputError(what, file=target, field="--out", remedy="Choose another folder with --out")
-
-
-def _is_ours(path: Path) -> bool:
-    return path.is_file() and file_text(path).startswith(f"# {MARK} ")
 
 
 def write_identification(
@@ -178,7 +173,7 @@ def write_identification(
 def _sweep(out: Path, kept: list[str]) -> None:
     """Take away what an earlier run left and this one did not replace."""
     stale = [path for path in (out / "figures").glob("*.png") if _OURS.fullmatch(path.name)]
-    if _is_ours(out / VEHICLE):
+    if written_by(out / VEHICLE, f"{MARK} "):
         stale.append(out / VEHICLE)
     if (out / "identify.json").is_file():
         stale.append(out / POSTERIOR)
