@@ -4,7 +4,8 @@ Its parameters are identified from some cycles, and the others are flown: the la
 numbers of its configuration, in the water that the float measured on its way up. Printed is what
 the float did and what was flown: actions of each phase, and the times of descent and ascent. An
 ascent begins at its first run of the pump; what the depths differ by from which it begins counts
-at the float's mean speed.
+at the float's mean speed. A descent counts from 300 dbar on, or from its first opening below: what
+the float lets in at the surface, and how it learns that, is not in its configuration.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ __all__ = ["Row", "flown", "identified", "main", "table"]
 
 PLACE = -47.0  # degrees of latitude
 UP = 15.0  # dbar, where an ascent is over
-SUNK = 15.0  # dbar, where a descent has begun
+SUNK = 300.0  # dbar, below which a descent counts
 _CYCLES = range(2, 11)
 
 
@@ -71,7 +72,11 @@ def flown(folder: Path, vehicle: Vehicle, cycle: int) -> Row:
     began, bottom = pumps[0], float(at[0])
     up = log.time >= began
     ends = np.interp(-UP, -log.pressure[up] / 1e4, log.time[up])
-    down = float(said["descent_end_min_of_day"]) - float(said["descent_start_min_of_day"])
+    opened = [action.time for action in log.of("valve") if action.time < began]
+    opened_at = np.interp(opened, log.time, log.pressure) / 1e4
+    sunk = max(SUNK, float(opened_at[0]))  # dbar
+    down = float(said["descent_end_min_of_day"]) - float(said["first_stabilisation_min_of_day"])
+    since = (np.interp(sunk, opened_at, opened) - opened[0]) / 60.0  # min, its first opening
 
     task = load_mission(folder / "deep_4000_config.json")
     flight = fly_mission(vehicle, task, _column(folder, cycle))
@@ -84,24 +89,26 @@ def flown(folder: Path, vehicle: Vehicle, cycle: int) -> Row:
     shallow = float(-gsw.z_from_p(UP, PLACE))
     over = float(np.interp(-shallow, -rows["z"][rising], rows["t"][rising]))
     speed = (bottom - UP) / ((ends - began) / 60.0)  # dbar/min
-    sunk = float(np.interp(-gsw.z_from_p(SUNK, PLACE), rows["z"][~rising], rows["t"][~rising]))
+    counts = float(-gsw.z_from_p(sunk, PLACE))  # m
+    begins_at = float(np.interp(counts, rows["z"][~rising], rows["t"][~rising]))
     park = task.phases[0]
     assert park.depth is not None
     assert park.tolerance is not None
     band = park.depth - park.tolerance
     arrives = float(rows["t"][np.argmax(rows["z"] >= band)])
-    valves = phase[(notes["what"] == Note.VALVE) & (notes["z"] > SUNK)]
+    valves = phase[(notes["what"] == Note.VALVE) & (notes["z"] > counts)]
+    band_at = _dbar(band)
     return Row(
         cycle,
         ascent=(ends - began) / 60.0,
         ascent_flown=(over - t0) / 60.0 + (bottom - deepest) / speed,
         pumps=int(np.sum(at > UP)),
         pumps_flown=int(np.sum(runs["z"] > shallow)),
-        descent=down % 1440.0,
-        descent_flown=(arrives - sunk) / 60.0,
-        valves=int(said["valve_actions_descent"]),
+        descent=down % 1440.0 - since,
+        descent_flown=(arrives - begins_at) / 60.0,
+        valves=int(np.sum((opened_at > sunk) & (opened_at < band_at))),
         valves_flown=int(np.sum(valves == 0)),
-        on=int(said["valve_actions_to_profile"]),
+        on=int(np.sum(opened_at > band_at)),
         on_flown=int(np.sum(valves == 1)),
     )
 

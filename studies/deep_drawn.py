@@ -95,6 +95,7 @@ def known() -> dict[str, Prior]:
             "drag_up": Prior(1.0, 0.1),
             "pump_delivery": Prior(1.0, 0.1),
             "valve": Prior(1.0, 0.1),
+            "valve_laminar": Prior(500.0, 250.0),
             "pump_slip": Prior(0.0, 2e-9),
             "pump_start": Prior(0.0, 1e-6),
             "creep": Prior(5e-11, 2e-11),
@@ -142,7 +143,7 @@ def _flown(values: dict[str, float], waves: Array) -> Flight | None:
     """Return the dive of a vehicle; None where its file has no place for it, or it stops above."""
     vehicle = identified_vehicle(the_vehicle(), values)
     asked = values["inertia"] * the_vehicle().mass
-    lost = vehicle.actuator.pump.slip <= 0.0 or values["creep"] < 0.0  # held at 0 there
+    lost = vehicle.actuator.pump.slip <= 0.0 or min(values["creep"], values["valve_laminar"]) < 0.0
     if lost or vehicle.mass > asked + 1e-9:
         return None
     flight = fly_mission(vehicle, _MISSION, _sea(), waves=waves, accuracy=_EXACT, checked=False)

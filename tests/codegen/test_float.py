@@ -108,8 +108,8 @@ class TestSeconds:
         drive = drive_map(vehicle, depth * vehicle.water.specific_weight, power=False)
         for n, z in enumerate(depth):
             assert delivery(p, z, 0.0) == pytest.approx(drive.rate_out[n], rel=1e-9)
-            assert valve_rate(p, p.valve_flow, z) == pytest.approx(drive.rate_in[n], rel=1e-9)
-            assert valve_rate(p, p.bypass_flow, z) == pytest.approx(drive.bypass_in[n], rel=1e-9)
+            assert valve_rate(p, 0.0, z) == pytest.approx(drive.rate_in[n], rel=1e-9)
+            assert valve_rate(p, 1.0, z) == pytest.approx(drive.bypass_in[n], rel=1e-9)
 
     @pytest.mark.parametrize("share", [0.8, 0.9, 0.95])
     def test_a_low_battery_is_that_of_the_pump_and_shows_alike_at_rest_and_under_load(self, share):

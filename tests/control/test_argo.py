@@ -15,8 +15,12 @@ P = ArgoParameters(
     descent_interval=300.0,
     descent_progress=4.0,
     valve_volume=9e-6,
+    valve_depth=0.0,
     gain=2e-8,
     tolerance=50.0,
+    slow_depth=150.0,
+    slow_progress=4.0,
+    slow_share=0.4,
     depth_step=1.0,
 )
 
@@ -63,6 +67,29 @@ def test_rising_the_pump_runs_where_it_came_up_by_too_little(before, depth, acts
 )
 def test_to_a_depth_it_acts_where_it_went_by_too_little(before, depth, change) -> None:
     assert decided(3000.0, before, depth) == (pytest.approx(change), 300.0)
+
+
+@pytest.mark.parametrize(
+    ("before", "depth", "share"),
+    [
+        (155.0, 151.0, 1.0),  # by 4 m, and 10 are enough
+        (153.0, 149.0, 0.0),  # there 4 are
+        (152.0, 149.0, 0.4),
+        (None, 149.0, 0.4),
+        (10.0, 3.0, 0.0),
+    ],
+)
+def test_near_the_surface_it_comes_up_slower(before, depth, share) -> None:
+    change, wait = decided(0.0, before, depth)
+    assert change == pytest.approx(share * (8e-6 - 1e-9 * depth))
+    assert wait == 120.0
+
+
+@pytest.mark.parametrize("depth", [0.0, 30.0, 300.0, 2000.0])
+def test_an_opening_lets_in_less_in_shallow_water(depth) -> None:
+    shallow = P._replace(valve_depth=300.0)
+    change, _ = decided(3000.0, depth, depth, shallow)
+    assert change == pytest.approx(-9e-6 * depth / math.hypot(depth, 300.0))
 
 
 def test_another_depth_is_another_way() -> None:

@@ -36,7 +36,9 @@ DRIVE = DriveParameters(
     head_1=1e4,
     longest_wait=1e5,
     valve_flow=1e-8,
+    valve_laminar=0.0,
     bypass_flow=1e-7,
+    bypass_laminar=0.0,
     quantum=0.01,
     longest=100.0,
     longest_for_law=60.0,
@@ -102,8 +104,11 @@ class Board:
 def test_rates_by_hand():
     assert delivery(DRIVE, 500.0, 0.0) == pytest.approx(0.8e-6)
     assert delivery(DRIVE, 5000.0, 0.0) == pytest.approx(0.6e-6)  # beyond the fit: that of its end
-    assert valve_rate(DRIVE, 1e-8, 3.0) == pytest.approx(1e-8 * 200.0)
-    assert valve_rate(DRIVE, 1e-8, -9.0) == 0.0  # no head: the sea does not come in
+    assert valve_rate(DRIVE, 0.0, 3.0) == pytest.approx(1e-8 * 200.0)
+    assert valve_rate(DRIVE, 0.0, -9.0) == 0.0  # no head: the sea does not come in
+    thick = DRIVE._replace(bypass_laminar=300.0)
+    assert valve_rate(thick, 1.0, 15.0) == pytest.approx(1e-7 * 200.0)  # 9e4 + 16e4 = 500^2
+    assert valve_rate(thick, 1.0, -9.0) == 0.0
 
 
 def test_a_run_makes_up_for_its_start_and_ends_at_the_longest():
@@ -225,7 +230,7 @@ def test_at_the_surface_all_volume_goes_out_in_runs_and_then_no_more():
 def test_a_dive_takes_in_what_it_floats_with_and_more_until_it_sinks():
     board = Board(0.0, depth=0.1)
     board.ticks(100, 0.0)
-    flow = valve_rate(DRIVE, 1e-7, 0.0)  # the bypass is quicker
+    flow = valve_rate(DRIVE, 1.0, 0.0)  # the bypass is quicker
     said = board.ticks(60, 50.0)
     assert sum(said) == pytest.approx(-310e-6 / flow, abs=0.01)
     assert board.state.drive.wide == 1.0

@@ -47,10 +47,27 @@ def test_a_cycle_takes_its_period_and_waits_where_it_is_early(tmp_path) -> None:
             "descent_interval": 360.0,
             "descent_progress": 5.0 * metres,
             "tolerance": 40.0 * metres,
-            "depth_step": metres,
+            "slow_progress": 4.0 * metres,
+            "depth_step": 0.1 * metres,
         }
     )
     assert load_mission(tmp_path / "it_config.json").safety.deepest == pytest.approx(depths[2])
+
+
+@pytest.mark.parametrize(
+    ("ice", "run"),
+    [("PG0", "PT03_PumpMaxDurationDuringAscent"), ("IC0", "TC03_PumpActionMaxTimeAscent")],
+)
+def test_near_the_surface_it_comes_up_slower_in_shorter_runs(tmp_path, ice, run) -> None:
+    slow = {
+        f"CONFIG_{ice}6_SlowDownPressure": "150",
+        f"CONFIG_{ice}9_PumpActionDuration": "500",
+        f"CONFIG_{run}": "1120",
+    }
+    *_, up = load_mission(written(tmp_path, CONFIG | slow)).phases
+    metres = float(-gsw.z_from_p(3500.0, 45.0)) / 3500.0
+    assert up.parameters["slow_depth"] == pytest.approx(150.0 * metres)
+    assert up.parameters["slow_share"] == pytest.approx(500.0 / 1120.0)
 
 
 def test_a_float_that_profiles_from_its_park_depth_has_one_phase_less(tmp_path) -> None:

@@ -103,6 +103,19 @@ def test_the_valve_is_an_orifice():
     assert found.leakage == pytest.approx(a.leakage * head)
 
 
+def test_a_valve_with_thick_oil_is_an_orifice_behind_a_narrow_way():
+    """dp = (Q/flow)^2 + 2 laminar_pressure^0.5 Q/flow; a line of dp far below that pressure."""
+    valve = Valve(flow=1e-8, laminar_pressure=4e5)
+    head = np.geomspace(1.0, 4e7, 9)
+    rate = sd.valve_flow(valve, head)
+    x = rate / valve.flow
+    np.testing.assert_allclose(x**2 + 2.0 * np.sqrt(4e5) * x, head, rtol=1e-7)
+    assert rate[0] == pytest.approx(1e-8 * head[0] / (2.0 * np.sqrt(4e5)), rel=1e-5)
+    wide = Valve(flow=1e-8)
+    assert rate[-1] == pytest.approx(float(sd.valve_flow(wide, head)[-1]), rel=0.1)
+    assert float(sd.valve_flow(valve, np.array([-1.0]))[0]) == 0.0
+
+
 def test_oil_does_not_come_back_against_the_pressure_inside():
     vehicle = load_vehicle("example-float")
     a = vehicle.actuator.model_copy(update={"internal_pressure": 1.2e5})

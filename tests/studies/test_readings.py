@@ -33,7 +33,7 @@ def dive(time, pressure, temperature, acts=(), pumps=()):
         temperature=temperature,
         unwarmed=0,
         leaked=np.zeros(n),
-        actions=Actions(acts, none + 1.0, pumps, none > 0.0, none, none, none, none),
+        actions=Actions(acts, none + 1.0, pumps, none > 0.0, none, none, none, none, none, none),
         water=Water(LEVELS, 1028.0 + 4.5e-7 * LEVELS, np.zeros(len(LEVELS))),
         gravity=9.8,
     )

@@ -4,8 +4,8 @@ It knows no model. While it rises the float checks every few minutes; has it com
 set depth since the last check, the pump runs once. While it sinks it checks less often; has it gone
 down by less than a set depth, the valve opens once, for a set volume or, near the target, for one
 in proportion to the way that is left. Within the tolerance of its target it does nothing, and
-beyond it on the other side it goes back in the same way. The numbers are those of a configuration
-by Argo's names::
+beyond it on the other side it goes back in the same way. Near the surface, where there may be ice,
+it comes up slower. The numbers are those of a configuration by Argo's names::
 
     ascent_interval    CONFIG_PT24_PressureCheckPeriodDuringAscent, min
     ascent_progress    CONFIG_PT25_MinPressureDiffForPumpAction, dbar
@@ -14,9 +14,14 @@ by Argo's names::
     descent_progress   CONFIG_PT27_MinPressureDiffForEVAction, dbar
     valve_volume       CONFIG_PG14_OilVolumePerValveAction, cm3
     tolerance          CONFIG_PT05_PressureTargetToleranceForStabilization, dbar
+    slow_depth         CONFIG_PG06_SlowDownPressure, dbar
+    slow_progress      CONFIG_PG08_MinPressureDiffForPumpAction, dbar
+    slow_share         CONFIG_PG09_PumpActionDuration over CONFIG_PT03
 
-Pressures are whole dbar there, which decides: a float that comes up by 9.7 dbar in the interval
-reads 9 or 10, so that it waits, on the mean, until it is slower than the configuration says.
+The steps in which the float reads its depth decide: of whole dbar, one that comes up by 9.7 dbar in
+the interval reads 9 or 10, so that it waits, on the mean, until it is slower than the configuration
+says. A valve is opened for seconds, for which the float takes its flow to grow in a line with the
+pressure: in shallow water that is less than the volume it means.
 """
 
 from __future__ import annotations
@@ -38,8 +43,12 @@ class ArgoParameters(NamedTuple):
     descent_interval: Annotated[float, "s"]  # between two checks else
     descent_progress: Annotated[float, "m"]  # gone by less since the last check, it acts
     valve_volume: Annotated[float, "m3"]  # that an opening of the valve lets in at most
+    valve_depth: Annotated[float, "m"]  # where that is 0.7 of it, as little as it is above; 0: none
     gain: Annotated[float, "m3/m"]  # volume per way that is left, which is enough near the target
     tolerance: Annotated[float, "m"]  # of the band around the target in which it rests
+    slow_depth: Annotated[float, "m"]  # above which it comes up slower
+    slow_progress: Annotated[float, "m"]  # as ascent_progress, there
+    slow_share: Annotated[float, ""]  # of a run of the pump, there
     depth_step: Annotated[float, "m"]  # whole numbers of which it sees; 0: all of the depth
 
 
@@ -54,6 +63,12 @@ class ArgoState(NamedTuple):
 def pumped(parameters: ArgoParameters, depth: float) -> float:
     """Return what a run of the pump adds at a depth [m3]."""
     return max(parameters.pump_volume - parameters.pump_loss * depth, 0.0)
+
+
+def let_in(parameters: ArgoParameters, volume: float, depth: float) -> float:
+    """Return what an opening for a volume [m3] lets in at a depth."""
+    away = math.sqrt(depth * depth + parameters.valve_depth * parameters.valve_depth)
+    return volume * depth / away if depth > 0.0 else 0.0
 
 
 def initial(parameters: ArgoParameters, measurement: Measurement, reference: float) -> ArgoState:
@@ -76,14 +91,16 @@ def step(
     risen = state.seen - depth
     after = ArgoState(1.0, reference, depth)
     if reference <= 0.0:
-        change = 0.0
-        if not checked or risen < p.ascent_progress - 0.5 * p.depth_step:
-            change = pumped(p, depth)
+        change, enough, share = 0.0, p.ascent_progress, 1.0
+        if depth < p.slow_depth:
+            enough, share = p.slow_progress, p.slow_share
+        if not checked or risen < enough - 0.5 * p.depth_step:
+            change = share * pumped(p, depth)
         return change, after, p.ascent_interval
     left = reference - depth
     change = 0.0
     if checked and left > p.tolerance and -risen < p.descent_progress - 0.5 * p.depth_step:
-        change = -min(p.valve_volume, p.gain * left)
+        change = -let_in(p, min(p.valve_volume, p.gain * left), depth)
     if checked and left < -p.tolerance and risen < p.descent_progress - 0.5 * p.depth_step:
         change = min(pumped(p, depth), -p.gain * left)
     return change, after, p.descent_interval

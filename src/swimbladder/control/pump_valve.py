@@ -7,10 +7,10 @@ called at every tick and commands seconds: how long, until the next tick, the pu
 float sinks, one run for a change of volume, over before the law is called next.
 
 A run is as long as the drive takes at the measured depth: the pump's delivery and what each start
-falls short of are polynomials of the depth, the flow through a valve follows the root of the
-pressure. A battery that is measured shows how much slower than with a full one the pump is; what
-it sags by under the pump is known. The volume is what the runs since the surface make it, or what a
-sensor measures. Times are counted in whole ticks, so that float32 adds nothing up.
+falls short of are polynomials of the depth, the flow through a valve is that of its file. A battery
+that is measured shows how much slower than with a full one the pump is; what it sags by under the
+pump is known. The volume is what the runs since the surface make it, or what a sensor measures.
+Times are counted in whole ticks, so that float32 adds nothing up.
 
 A law of volume changes needs water above and below the vehicle. At the surface, above a depth
 `shallow`, the processor acts itself, see `at_surface`: to surface it moves the volume to its upper
@@ -110,7 +110,9 @@ class DriveParameters(NamedTuple):
     head_0: Annotated[float, "Pa"]  # of the sea over the reservoir at the surface
     head_1: Annotated[float, "Pa/m"]
     valve_flow: Annotated[float, "m3/s/Pa^0.5"]
+    valve_laminar: Annotated[float, "Pa^0.5"]  # root of its laminar pressure
     bypass_flow: Annotated[float, "m3/s/Pa^0.5"]  # 0 without one
+    bypass_laminar: Annotated[float, "Pa^0.5"]
     quantum: Annotated[float, "s"]  # step of a run
     longest: Annotated[float, "s"]  # of a run
     longest_for_law: Annotated[float, "s"]  # of a run of the law: over at its next call
@@ -166,9 +168,13 @@ def shortfall(p: DriveParameters, depth: float) -> float:
     return max(p.short_0 + x * (p.short_1 + x * p.short_2), 0.0)
 
 
-def valve_rate(p: DriveParameters, flow: float, depth: float) -> float:
-    """Return the volume let in per time through a valve of a flow [m3/s/Pa^0.5] at a depth."""
-    return flow * math.sqrt(max(p.head_0 + p.head_1 * depth, 0.0))
+def valve_rate(p: DriveParameters, wide: float, depth: float) -> float:
+    """Return the volume let in per time at a depth through the valve (wide 0) or the bypass (1)."""
+    flow, laminar = p.valve_flow, p.valve_laminar
+    if wide > 0.0:
+        flow, laminar = p.bypass_flow, p.bypass_laminar
+    head = max(p.head_0 + p.head_1 * depth, 0.0)
+    return flow * (math.sqrt(laminar * laminar + head) - laminar)
 
 
 def in_steps(length: float, quantum: float) -> float:
@@ -198,7 +204,7 @@ def change(p: DriveParameters, s: DriveState, wanted: float, longest: float) -> 
     """Begin the run that a change of volume [m3] takes, `longest` [s] at most."""
     pumps = wanted > 0.0
     lost = shortfall(p, s.last) if pumps else 0.0
-    rate = delivery(p, s.last, s.weak) if pumps else valve_rate(p, p.valve_flow, s.last)
+    rate = delivery(p, s.last, s.weak) if pumps else valve_rate(p, 0.0, s.last)
     length = in_steps(run_length(wanted, lost, rate, longest), p.quantum)
     return begun(p, s, math.copysign(length, wanted), 0.0)
 
@@ -213,10 +219,10 @@ def pump_out(p: DriveParameters, s: DriveState, short: float) -> DriveState:
 
 def take_in(p: DriveParameters, s: DriveState, wanted: float) -> DriveState:
     """Begin a run that lets in volume [m3] by valve or bypass, whichever is quicker up there."""
-    by_valve, by_bypass = valve_rate(p, p.valve_flow, 0.0), valve_rate(p, p.bypass_flow, 0.0)
+    by_valve, by_bypass = valve_rate(p, 0.0, 0.0), valve_rate(p, 1.0, 0.0)
     if max(by_valve, by_bypass) <= 0.0:  # no head at depth 0: there is some where it floats
-        by_valve = valve_rate(p, p.valve_flow, s.last)
-        by_bypass = valve_rate(p, p.bypass_flow, s.last)
+        by_valve = valve_rate(p, 0.0, s.last)
+        by_bypass = valve_rate(p, 1.0, s.last)
     flow = max(by_valve, by_bypass)
     length = p.longest_for_law
     if flow > 0.0:
@@ -240,8 +246,7 @@ def advanced(p: DriveParameters, s: DriveState, command: float) -> DriveState:
         primes = primes - primed
         volume = min(volume + pumped - primed, p.volume_most)
     if command < 0.0:
-        flow = p.bypass_flow if s.wide > 0.0 else p.valve_flow
-        volume = max(volume + valve_rate(p, flow, s.last) * command, p.volume_least)
+        volume = max(volume + valve_rate(p, s.wide, s.last) * command, p.volume_least)
     ran = s.ran + 1.0 if command != 0.0 else s.ran
     return s._replace(
         clock=s.clock + 1.0, since=s.since + 1.0, ran=ran, primes=primes, volume=volume

@@ -24,17 +24,22 @@ from swimbladder.io.mission import Mission
 _PLACE = 45.0  # degrees of latitude
 _AT_SURFACE = 1800.0  # s, to position itself and to send
 _HOUR, _DAY = 3600.0, 86400.0
-_ICE = ("PG", "IC")  # kinds of names that are about ice, which have words of others
+_ICE = "(PG|IC)"  # kinds of names that are about ice, which have words of others
 _PERIODS = {"PM": _DAY, "MC": _HOUR}  # what a cycle's period counts in
 
-# Parameters of the law `argo`: the words of a name, and what its number counts in; dbar become m.
+# Parameters of the law `argo`: the kind and the words of a name, and what its number counts in;
+# dbar become m.
 _LAW = {
-    "ascent_interval": ("PressureCheckPeriodDuringAscent", 60.0),
-    "ascent_progress": ("MinPressureDiffForPumpAction", None),
-    "descent_interval": ("PressureCheckPeriodDuringDescent", 60.0),
-    "descent_progress": ("MinPressureDiffForEVAction", None),
-    "tolerance": ("PressureTargetToleranceForStabili[sz]ation", None),
+    "ascent_interval": (f"(?!{_ICE})", "PressureCheckPeriodDuringAscent", 60.0),
+    "ascent_progress": (f"(?!{_ICE})", "MinPressureDiffForPumpAction", None),
+    "descent_interval": (f"(?!{_ICE})", "PressureCheckPeriodDuringDescent", 60.0),
+    "descent_progress": (f"(?!{_ICE})", "MinPressureDiffForEVAction", None),
+    "tolerance": (f"(?!{_ICE})", "PressureTargetToleranceForStabili[sz]ation", None),
+    "slow_depth": (f"(?={_ICE})", "SlowDownPressure", None),
+    "slow_progress": (f"(?={_ICE})", "MinPressureDiffForPumpAction", None),
 }
+_RUN = "Pump(MaxDurationDuringAscent|ActionMaxTimeAscent)"
+_RESOLUTION = 0.1  # dbar, of the pressures by which a float decides: as its CTD has them
 
 
 def argo_mission(text: str, path: str | Path) -> Mission:
@@ -44,9 +49,9 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     """
     names = _names(text, path)
 
-    def number(words: str, otherwise: float | None = None) -> float:
+    def number(words: str, otherwise: float | None = None, kind: str = f"(?!{_ICE})") -> float:
         for name, given in names.items():
-            if re.fullmatch(rf"CONFIG_(?!{'|'.join(_ICE)})[A-Z]+\d*_{words}", name):
+            if re.fullmatch(rf"CONFIG_{kind}[A-Z]+\d*_{words}", name):
                 return _positive(name, given, path)
         if otherwise is None:
             raise _missing(words, path)
@@ -55,11 +60,14 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     drift, deepest = number("DriftDepth"), number("ProfileDepth")
     park, bottom = _depth(drift), _depth(deepest)
     metres = bottom / deepest
-    law: dict[str, Any] = {"depth_step": metres}
-    for parameter, (words, unit) in _LAW.items():
-        value = number(words, -1.0)
+    law: dict[str, Any] = {"depth_step": _RESOLUTION * metres}
+    for parameter, (kind, words, unit) in _LAW.items():
+        value = number(words, -1.0, kind)
         if value >= 0.0:
             law[parameter] = value * (metres if unit is None else unit)
+    slow, run = number("PumpActionDuration", -1.0, f"(?={_ICE})"), number(_RUN, -1.0)
+    if min(slow, run) > 0.0:
+        law["slow_share"] = slow / run
     down, up = number("AverageDescentSpeed") / 1e3, number("AverageAscentSpeed") / 1e3
     on = max(bottom - park, 0.0) / down
     stays = _period(names, path) - on - bottom / up - _AT_SURFACE

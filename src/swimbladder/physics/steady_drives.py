@@ -49,11 +49,19 @@ def delivered(rate: Any, duration: Any, start_volume: Any = 0.0) -> Any:
 
 
 def valve_flow(valve: Valve, head: Array) -> Array:
-    """Return the flow through a valve C (dp)^0.5 [m3/s] at each pressure difference [Pa] [n].
+    """Return the flow through a valve [m3/s] at each pressure difference [Pa] [n].
 
     0 where the pressure inside is the greater one: the oil would have to be sucked out.
     """
-    return np.asarray(valve.flow * np.sqrt(np.maximum(head, 0.0)))
+    return valve.flow * valve_root(valve.laminar_pressure**0.5, head)
+
+
+def valve_root(laminar: float, head: Array) -> Array:
+    """Return the flow through a valve over its `flow` [Pa^0.5] at pressure differences [Pa] [n].
+
+    laminar: the root of its `laminar_pressure` [Pa^0.5].
+    """
+    return np.asarray(np.sqrt(laminar * laminar + np.maximum(head, 0.0)) - laminar)
 
 
 def pump_run(

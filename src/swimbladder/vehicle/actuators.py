@@ -336,10 +336,17 @@ Pump = Annotated[PowerLawPump | DatasheetPump | CurvePump, Field(discriminator="
 
 
 class Valve(Parameters):
-    """A valve that lets oil back into the hull: an orifice, its flow the root of the pressure."""
+    """A valve that lets oil back into the hull, and the way to it: dp = (Q/flow)^2 + laminar part.
+
+    Through an orifice the flow is the root of the pressure difference. Thick oil in narrow ways
+    takes more, in proportion to the flow: Q = flow ((dp + laminar_pressure)^0.5 -
+    laminar_pressure^0.5).
+    """
 
     flow: Annotated[float, Unit("m3/s/Pa^0.5"), Field(gt=0.0)]
     """volume let in per time and root of the pressure difference, C_d A (2/rho_oil)^0.5"""
+    laminar_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=1e8)] = 0.0
+    """pressure difference far below which the flow goes with the pressure, not with its root"""
     power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
     """electrical power while it is open"""
 

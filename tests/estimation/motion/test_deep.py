@@ -42,6 +42,7 @@ TRUTH = {
     "pump_slip": 0.0,
     "pump_start": 0.5e-6,
     "valve": 0.9,
+    "valve_laminar": 300.0,
     "bypass": 1.0,
     "creep": 5e-11,
     "inertia": 1.0,
@@ -279,7 +280,14 @@ def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
 
 _DIVES = 12
 SHORT = 4.5e-6  # m3
-AS_FILED = {"pump_delivery": 1.0, "valve": 1.0, "bypass": 1.0, "pump_start": 0.0, "pump_slip": 0.0}
+AS_FILED = {
+    "pump_delivery": 1.0,
+    "valve": 1.0,
+    "valve_laminar": 0.0,
+    "bypass": 1.0,
+    "pump_start": 0.0,
+    "pump_slip": 0.0,
+}
 
 
 @pytest.mark.prove

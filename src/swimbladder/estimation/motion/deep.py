@@ -21,10 +21,9 @@ import numpy as np
 from pydantic import BaseModel
 from scipy.special import ndtri
 
-from swimbladder.control.argo import ARGO
-from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence
+from swimbladder.estimation.motion.argo_seconds import as_long
 from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep
 from swimbladder.estimation.motion.deep_model import (
@@ -50,7 +49,6 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.hull import weighing
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import (
-    Controller,
     HullPart,
     PhysicalMotion,
     PowerLawPump,
@@ -77,6 +75,7 @@ _PLACES: dict[str, tuple[str, str]] = {
     "pump_slip": ("actuator.pump.slip", _SECONDS.format("pump", "slip")),
     "pump_start": ("actuator.start_volume", "the pump's seconds in the log"),
     "valve": ("actuator.valve.flow", _SECONDS.format("valve", "flow")),
+    "valve_laminar": ("actuator.valve.laminar_pressure", _SECONDS.format("valve", "flow")),
     "bypass": ("actuator.bypass.flow", _SECONDS.format("bypass", "flow")),
     "creep": ("actuator.creep", "the cast, and whether the log leaves out runs"),
 }
@@ -109,6 +108,8 @@ def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
         device = getattr(actuator, name)
         if device is not None:
             changed[name] = device.model_copy(update={"flow": device.flow * values[name]})
+    laminar = {"laminar_pressure": max(values["valve_laminar"], 0.0) ** 2}
+    changed["valve"] = changed["valve"].model_copy(update=laminar)
     pump = actuator.pump
     if isinstance(pump, PowerLawPump):
         delivery = pump.delivery * values["pump_delivery"]
@@ -133,25 +134,7 @@ def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
         "motion": vehicle.motion.model_copy(update=motion),
     }
     filled = vehicle.model_copy(update=changes)
-    return filled.model_copy(update={"controller": _as_long(vehicle, filled)})
-
-
-def _as_long(vehicle: Vehicle, filled: Vehicle) -> Controller | None:
-    """Return the controller of a filled vehicle: an action of the law `argo` lasts as it did."""
-    own, before, after = vehicle.controller, vehicle.engine, filled.engine
-    if own is None or own.law != ARGO.name:
-        return own
-    assert isinstance(before, PumpAndValve)
-    assert isinstance(after, PumpAndValve)
-    law, rho_g = bind(own)[1], vehicle.water.specific_weight
-    numbers = {**own.parameters}
-    if isinstance(before.pump, PowerLawPump) and isinstance(after.pump, PowerLawPump):
-        seconds = (law.pump_volume + before.start_volume) / before.pump.delivery
-        numbers["pump_volume"] = after.pump.delivery * seconds - after.start_volume
-        numbers["pump_loss"] = after.pump.slip * seconds * rho_g
-    share = after.valve.flow / before.valve.flow
-    numbers |= {name: share * getattr(law, name) for name in ("valve_volume", "gain")}
-    return own.model_copy(update={"parameters": numbers})
+    return filled.model_copy(update={"controller": as_long(vehicle, filled)})
 
 
 def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[str]) -> list[str]:

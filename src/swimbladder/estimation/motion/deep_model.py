@@ -26,6 +26,7 @@ ones. The volume at the beginning of a dive is unknown, and each dive has its ow
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,6 +52,7 @@ from swimbladder.physics.hull import hull_parts, layered_volume, weight_mass
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.column import ATMOSPHERE, slopes
+from swimbladder.physics.steady_drives import valve_root
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 SHORTEST = 50.0  # s between two samples for a speed: 10 mbar of resolution are 2 mm/s then
@@ -94,6 +96,8 @@ class Actions(NamedTuple):
     unloaded: Array  # m3, what a pump would give against no pressure, nominal; 0 without one
     short: Array  # m3, what the start falls short of it, nominal; 0 without a pump
     pressure: Array  # Pa, mean on the way
+    head: Array  # Pa, of the sea over the reservoir
+    opened: Array  # m3/Pa^0.5, flow of the valve times seconds, nominal; 0 of others
 
 
 class Water(NamedTuple):
@@ -207,7 +211,9 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     volume = np.where(pumps, out, np.where(bypass, by, let_in)) * seconds
     unloaded = np.where(pumps, drive_map(vehicle, np.zeros(1), power=False).rate_out, 0.0) * seconds
     short = np.where(pumps, map_.start_volume.reshape(at.shape)[:, 0], 0.0)
-    head = np.maximum(pressure + ATMOSPHERIC_PRESSURE - actuator.internal_pressure, 0.0)
+    mean, lack = at.mean(axis=1), ATMOSPHERIC_PRESSURE - actuator.internal_pressure
+    opened = np.where(pumps | bypass, 0.0, actuator.valve.flow) * seconds
+    head = np.maximum(pressure + lack, 0.0)
     leaks = actuator.leakage * head
     leaked = np.append(0.0, np.cumsum(0.5 * (leaks[1:] + leaks[:-1]) * np.diff(time)))
     return DeepDive(
@@ -218,7 +224,9 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
         temperature=temperature,
         unwarmed=int(np.sum(~np.isfinite(logged))),
         leaked=leaked,
-        actions=Actions(begun, seconds, pumps, bypass, volume, unloaded, short, at.mean(axis=1)),
+        actions=Actions(
+            begun, seconds, pumps, bypass, volume, unloaded, short, mean, mean + lack, opened
+        ),
         water=_deepened(column, slopes(layered_volume(vehicle, column), column.step)),
         gravity=column.gravity,
     )
@@ -306,6 +314,9 @@ DEEP: dict[str, DeepName] = {
         "m3", "what a start falls short by, beyond the vehicle's file", 0.0, 2e-6
     ),
     "valve": DeepName("", "what the valve lets in, as a share of its datasheet", 0.3, 0.0, 1.0),
+    "valve_laminar": DeepName(
+        "Pa^0.5", "root of the pressure far below which the valve's flow is laminar", 0.0, 1e3
+    ),
     "bypass": DeepName("", "what the bypass lets in, as a share of its datasheet", 0.3, 0.0, 1.0),
     "creep": DeepName("m3/s", "volume lost with time: leaks, creep, cooling", 0.0, 3e-10),
     "inertia": DeepName("", "mass that is accelerated, as a share of the file's", 0.05, 0.0, 1.0),
@@ -355,6 +366,8 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
         mean[name] = sum(part.volume * getattr(part, name) for part in parts) / volume
     mean |= {"drag": vehicle.drag.k_dt, "drag_up": vehicle.drag.rising_ratio}
     mean["trapped_air"] = vehicle.hull.trapped_air
+    if isinstance(actuator, PumpAndValve):
+        mean["valve_laminar"] = math.sqrt(actuator.valve.laminar_pressure)
     mean["creep"] = actuator.creep if isinstance(actuator, PumpAndValve) else 0.0
     if not mean["drag"] > 0.0 and "drag" not in given:
         what = "deep dives identify quadratic drag, and the vehicle has none to begin with"
@@ -426,8 +439,10 @@ def run_volumes(values: Mapping[str, float], dive: DeepDive) -> Array:
     pumped = values["pump_delivery"] * dive.actions.volume - slip
     pumped = np.minimum(pumped, values["pump_delivery"] * dive.actions.unloaded)
     pumped = pumped - _short(values, dive)
-    flow = np.where(dive.actions.bypass, values["bypass"], values["valve"])
-    return np.where(dive.actions.pumps, np.maximum(pumped, 0.0), -flow * dive.actions.volume)
+    root = valve_root(max(values["valve_laminar"], 0.0), dive.actions.head)
+    let_in = values["valve"] * dive.actions.opened * root
+    let_in = np.where(dive.actions.bypass, values["bypass"] * dive.actions.volume, let_in)
+    return np.where(dive.actions.pumps, np.maximum(pumped, 0.0), -let_in)
 
 
 def _short(values: Mapping[str, float], dive: DeepDive) -> Array:
