@@ -5,6 +5,7 @@ A battery is followed over all cycles: what is drawn, lost in years, kept back b
 
 import dataclasses
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -125,7 +126,7 @@ class Evaluation:
         """Energy of new cells at 20 degC that has to be carried [J] [n]."""
         return self.spent.carried
 
-    @property
+    @cached_property
     def worst(self) -> Array:
         """The smallest margin of each candidate [n]."""
         return np.asarray(np.min(np.stack(list(self.margins.values())), axis=0))

@@ -442,8 +442,9 @@ _NUMBERS = {
 def columns(found: Sizing) -> dict[str, list[Any]]:
     """Return every drive that does the dive, lightest first, as columns of a table [n]."""
     w = found.evaluation
-    order = [int(i) for i in np.argsort(w.mass, kind="stable") if w.feasible[i]]
-    names = [found.batch.of[index].choices for index in order]
+    order = np.argsort(w.mass, kind="stable")
+    order = order[w.feasible[order]]
+    names = [found.batch.of[index].choices for index in order.tolist()]
     table: dict[str, list[Any]] = {key: [row.get(key, "") for row in names] for key in PARTS}
     numbers = {name: getattr(w, attribute) for attribute, name in _NUMBERS.items()}
     numbers["piston_travel_m"] = np.where(w.travel > 0.0, w.travel, np.nan)
