@@ -1,5 +1,7 @@
 """swimbladder pool, from the command line."""
 
+import contextlib
+import io
 import json
 
 import pytest
@@ -11,40 +13,40 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import read_log
 
 
-def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(capsys, tmp_path):
-    code = main(["pool", "feup-em", "--simulate", "--out", str(tmp_path), "--json"])
-    told = json.loads(capsys.readouterr().out)
+@pytest.fixture(scope="module")
+def rehearsal(tmp_path_factory):
+    """Return the folder of a whole rehearsal, its exit code and what it printed."""
+    folder, said = tmp_path_factory.mktemp("rehearsal"), io.StringIO()
+    with contextlib.redirect_stdout(said):
+        code = main(["pool", "feup-em", "--simulate", "--out", str(folder)])
+    return folder, code, said.getvalue()
+
+
+def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(
+    rehearsal, capsys, tmp_path
+):
+    folder, code, _ = rehearsal
     assert code == 0
+    told = json.loads((folder / "pool.json").read_text())
     assert told["good_enough"]
-    logs = [read_log(path) for path in sorted(tmp_path.glob("experiment-*.csv"))]
+    logs = [read_log(path) for path in sorted(folder.glob("experiment-*.csv"))]
     again = identify(logs, load_vehicle("feup-em")).to_json()
     assert again["parameters"] == told["parameters"]
     assert len(logs) == len(told["experiments"])
-
-    code = main(
-        [
-            "pool",
-            "feup-em",
-            "--follow",
-            str(tmp_path / "pool.csv"),
-            "--no-wait",
-            "--out",
-            str(tmp_path / "again"),
-            "--json",
-        ]
-    )
+    follows = ["pool", "feup-em", "--follow", str(folder / "pool.csv"), "--no-wait", "--json"]
+    code = main([*follows, "--out", str(tmp_path)])
     followed = json.loads(capsys.readouterr().out)
     assert code == 0
     assert followed["parameters"] == told["parameters"]
 
 
-def test_the_verdict_is_told_once(capsys, tmp_path):
+def test_the_verdict_is_told_once(rehearsal, capsys, tmp_path):
     main(["pool", "feup-em", "--simulate", "--most", "1", "--out", str(tmp_path)])
     interim = capsys.readouterr().out
     assert interim.count("At least 3 more") == 2  # at the end from all sides
-    code = main(["pool", "feup-em", "--simulate", "--out", str(tmp_path)])
+    _, code, said = rehearsal
     assert code == 0
-    assert capsys.readouterr().out.count("Good enough to stop") == 1
+    assert said.count("Good enough to stop") == 1
 
 
 @pytest.fixture(scope="module")

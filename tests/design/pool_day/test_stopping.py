@@ -68,6 +68,7 @@ def test_an_experiment_of_the_study_does_as_the_vehicle_must():
     assert perform(task)[0, 0] > time[-1] + 5.0  # a gap
 
 
+@pytest.mark.prove
 def test_a_day_ends_and_its_numbers_are_near_the_truth(tmp_path):
     found = stopping.run_day(0, tmp_path, target=0.05)
     assert found["stop"]["state"] == "good enough"
