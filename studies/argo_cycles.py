@@ -6,6 +6,9 @@ the float did and what was flown: actions of each phase, and the times of descen
 ascent begins at its first run of the pump; what the depths differ by from which it begins counts
 at the float's mean speed. A descent counts from 300 dbar on, or from its first opening below: what
 the float lets in at the surface, and how it learns that, is not in its configuration.
+
+Each ascent is also replayed by the runs of the pump that the float logged, from the first on: what
+the model makes of them, with no decision of the law in it.
 """
 
 from __future__ import annotations
@@ -21,6 +24,17 @@ import gsw
 import numpy as np
 
 from swimbladder.estimation.motion.deep import identify_deep
+from swimbladder.estimation.motion.deep_model import (
+    Replay,
+    body_of,
+    cold_neutral,
+    deep_dive,
+    gained_volume,
+    priors_of,
+    replay,
+    warmed,
+)
+from swimbladder.estimation.series import Array
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.io.float_log import FloatLog
@@ -30,10 +44,11 @@ from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.vehicle import Vehicle
 
-__all__ = ["Row", "flown", "identified", "main", "table"]
+__all__ = ["Ascent", "Row", "flown", "identified", "main", "of_ascents", "replayed", "table"]
 
 PLACE = -47.0  # degrees of latitude
 UP = 15.0  # dbar, where an ascent is over
+OVER = 50.0  # dbar, where one that is replayed is
 SUNK = 300.0  # dbar, below which a descent counts
 _CYCLES = range(2, 11)
 
@@ -113,6 +128,53 @@ def flown(folder: Path, vehicle: Vehicle, cycle: int) -> Row:
     )
 
 
+class Ascent(NamedTuple):
+    """From the first run of the pump to `OVER`, and where it was at its other runs."""
+
+    minutes: float  # min, of the log
+    told: float  # min, replayed
+    pressure: Array  # dbar, at each further run, of the log
+    pressure_told: Array  # dbar, replayed
+    since: Array  # min, since the first run
+    bottom: float  # dbar, at the first run
+
+
+def replayed(folder: Path, vehicle: Vehicle, cycle: int) -> Ascent:
+    """Return an ascent as logged and as the vehicle makes it, by the logged runs of the pump."""
+    dive = deep_dive(_log(folder, cycle), _column(folder, cycle), vehicle)
+    body, runs = body_of(vehicle), dive.actions.time[dive.actions.pumps]
+    values = {name: prior.mean for name, prior in priors_of(vehicle, {}).items()}
+    at_rest = runs[:1]
+    p, warmth = (np.interp(at_rest, dive.time, x) for x in (dive.pressure, dive.temperature))
+    neutral = np.interp(p, dive.water.pressure, cold_neutral(body, values, dive.water))
+    neutral = neutral - warmed(body, values, warmth) - gained_volume(values, dive, at_rest)
+    start = float(neutral[0])
+    told = replay(body, values, start, dive, begin=float(runs[0]))
+    logged = Replay(time=dive.time, pressure=dive.pressure, speed=np.zeros(len(dive.time)))
+    minutes = [
+        (way.arrival(OVER * 1e4, after=float(runs[0])) - float(runs[0])) / 60.0
+        for way in (logged, told)
+    ]
+    at = runs[1:][logged.at(runs[1:]) > OVER * 1e4]
+    pressures = logged.at(at) / 1e4, told.at(at) / 1e4
+    bottom = float(logged.at(runs[:1])[0]) / 1e4
+    return Ascent(*minutes, *pressures, (at - runs[0]) / 60.0, bottom)
+
+
+def of_ascents(ascents: Sequence[Ascent], known: Sequence[Ascent]) -> str:
+    """Return how far replayed ascents are off, beside a constant speed: the mean of known ones."""
+    speed = float(np.mean([(a.bottom - OVER) / a.minutes for a in known]))  # dbar/min
+    late = [a.told - a.minutes for a in ascents]
+    late_simple = [(a.bottom - OVER) / speed - a.minutes for a in ascents]
+    off = np.concatenate([a.pressure_told - a.pressure for a in ascents])
+    off_simple = np.concatenate([a.bottom - speed * a.since - a.pressure for a in ascents])
+    rms = [np.sqrt(np.mean(np.square(x))) for x in (late, late_simple, off, off_simple)]
+    return (
+        f"replayed to {OVER:g} dbar: {rms[0]:.1f} min rms, {rms[1]:.1f} at constant speed; "
+        f"at the runs {rms[2]:.1f} dbar rms, {rms[3]:.1f} at constant speed"
+    )
+
+
 def table(rows: Sequence[Row]) -> str:
     """Return rows as a table of logged / flown."""
     lines = [
@@ -135,13 +197,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("data", type=Path, help="folder that has argo_arvor")
     folder = parser.parse_args(argv).data / "argo_arvor"
     first, second = [*_CYCLES][:5], [*_CYCLES][4:]
-    rows = [
-        flown(folder, vehicle, cycle)
-        for known, others in ((second, first[:4]), (first, second[1:]))
-        for vehicle in [identified(folder, known)]
-        for cycle in others
-    ]
-    print(table(rows))
+    rows, said = [], []
+    for known, others in ((second, first[:4]), (first, second[1:])):
+        vehicle = identified(folder, known)
+        rows += [flown(folder, vehicle, cycle) for cycle in others]
+        ascents = {c: replayed(folder, vehicle, c) for c in {*known, *others}}
+        said += [of_ascents([ascents[c] for c in others], [ascents[c] for c in known])]
+    print(table(rows), *said, sep="\n")
 
 
 def _log(folder: Path, cycle: int) -> FloatLog:

@@ -710,7 +710,7 @@ def replay(
     turns = turns[(turns > t0) & (turns < t1)]
     marks = np.unique(np.concatenate([np.arange(t0, t1, step), [t1], turns]))
     heat = warmed(body, values, np.interp(marks, dive.time, dive.temperature))
-    asked = (start + _volume(values, dive, marks) + heat).tolist()
+    asked = (start + gained_volume(values, dive, marks) + heat).tolist()
     neutral, grid = cold_neutral(body, values, dive.water), dive.water.pressure
 
     def water(p: float, volume: float) -> tuple[float, float]:
@@ -745,7 +745,7 @@ def _after(w: float, force: float, mass: float, values: Mapping[str, float], dt:
     return float(np.copysign(size, push))
 
 
-def _volume(values: Mapping[str, float], dive: DeepDive, time: Array) -> Array:
+def gained_volume(values: Mapping[str, float], dive: DeepDive, time: Array) -> Array:
     """Return what the drive has gained since the beginning at each time [m3] [n]."""
     seconds = np.maximum(dive.actions.seconds, 1e-3)
     done = np.clip((time[:, None] - dive.actions.time) / seconds, 0.0, 1.0)
