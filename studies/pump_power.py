@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump
 from swimbladder.errors import NoAnswerError
+from swimbladder.io.pump_runs import joined_runs
+from swimbladder.io.seaglider_runs import Events
 
 __all__ = [
     "Bleeding",
@@ -42,7 +44,6 @@ _STEADY = 8.0  # s, of a glider's run long enough to tell its rate of delivery
 _SPLIT = 0.5  # share of the spread of rates that two pumps leave at most, where there are two
 _BLED = 3e-6  # m3, less is no bleeding
 _METRES = 1e4  # Pa of difference that tell an orifice
-_PUMPS = 0.05  # A, less is no motor: a valve opened
 
 
 class Vehicle(NamedTuple):
@@ -164,20 +165,24 @@ def _events(folder: Path) -> pd.DataFrame:
 
 def glider_runs(folder: Path) -> list[Vehicle]:
     """Return the pump's runs of every glider: mean power, volume by the two potentiometers."""
-    e = _events(folder)
-    e = e[(e.gc_vbd_secs > 0.0) & (e.volume > 0.0) & (e.gc_vbd_i > _PUMPS)]
-    found = []
-    for name, own in e.groupby("platform"):
-        runs = PumpRuns(
-            duration=own.gc_vbd_secs.to_numpy(),
-            pressure=own.pressure.to_numpy(),
-            power=(own.gc_vbd_volts * own.gc_vbd_i).to_numpy(),
-            volume=own.volume.to_numpy(),
-            dive=own.dive.to_numpy(float),
-            time=own.gc_st_secs.to_numpy(float),
+    events = pd.read_parquet(folder / "gc_events.parquet")
+    dives = pd.read_csv(folder / "dives.csv").set_index("dive")
+    found: dict[str, list[PumpRuns]] = {}
+    for number, own in events.groupby("dive"):
+        about = dives.loc[number]
+        columns = {name: own[name].to_numpy(float) for name in own}
+        runs = Events.of(columns, float(about.log_VBD_CNV), float(about.avg_latitude))
+        table = PumpRuns(
+            duration=runs.duration,
+            pressure=runs.pressure,
+            power=runs.volts * runs.amps,
+            volume=runs.volume,
+            dive=np.full(len(runs.duration), float(number)),
+            time=runs.time,
         )
-        found.append(Vehicle(str(name), runs, _split(runs)))
-    return found
+        found.setdefault(str(about.platform), []).append(table)
+    joined = {name: joined_runs(tables) for name, tables in sorted(found.items())}
+    return [Vehicle(name, runs, _split(runs)) for name, runs in joined.items()]
 
 
 class Bleeding(NamedTuple):

@@ -25,25 +25,28 @@ if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
 
-def fit_runs(path: Path, v: Vehicle | None, reading: CastReading, runs: Runs, to: Files) -> None:
-    """Find a pump in a CSV of its runs, print what it is and write the files."""
+def fit_runs(
+    paths: Sequence[Path], v: Vehicle | None, reading: CastReading, runs: Runs, to: Files
+) -> None:
+    """Find a pump in tables of its runs, print what it is and write the files."""
     table_form, asked = reading.read(), runs.read()
     with progress("reading and fitting"), runs.said_as_typed():
         from swimbladder.design.energy import fit_pump, fitted_vehicle
         from swimbladder.design.energy.fit import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
-        from swimbladder.io.pump_runs import read_pump_runs
+        from swimbladder.io.pump_runs import joined_runs, read_pump_runs
         from swimbladder.show.files import written_by
         from swimbladder.show.report.energy import HEAD, fit_files, fit_json
 
         if v is not None:
             pump_and_valve(v)
-        runs_read = read_pump_runs(path, columns=table_form["columns"], where=table_form["where"])
+        chosen = {name: table_form[name] for name in ("columns", "where")}
+        runs_read = joined_runs([read_pump_runs(path, **chosen) for path in paths])
         limit = None if v is None else v.hull.depth_limit
         try:
             found = fit_pump(runs_read, depth_limit=limit, **asked)
         except InputError as error:
-            raise (error if error.field in asked else error.at(file=path)) from None
+            raise (error if error.field in asked else error.at(file=paths[0])) from None
         fitted = None if v is None or found.refusal else fitted_vehicle(v, found)
         said = list(fit_sentences(found, fitted))
         answer = {**fit_json(found), "sentences": said, "report": runs_read.report}
@@ -115,7 +118,9 @@ class Runs(Options):
 
 
 _CAST = typer.Option(metavar="FILE", help="CTD cast (the vehicle's own water).")
-_FIT = typer.Option(metavar="RUNS", help="CSV of logged runs: find the pump in it.")
+_FIT = typer.Option(
+    metavar="RUNS", help="CSV of logged runs, or a Seaglider's dives (.nc): find the pump; repeat."
+)
 
 
 @grouped(out=Path("swimbladder-energy"))
@@ -125,7 +130,7 @@ def energy(
     *,
     compared: Compared,
     thrusters: Thrusters,
-    fit: Annotated[Path | None, _FIT] = None,
+    fit: Annotated[list[Path] | None, _FIT] = None,
     reading: CastReading,
     runs: Runs,
     to: Files,
@@ -141,7 +146,7 @@ def energy(
 
     v = None if vehicle is None else load_vehicle(vehicle)
     to.check()
-    if fit is not None:
+    if fit:
         if cast is not None:
             why = "runs have their own pressures, and a cast does not count"
             raise InputError(why, field="--cast", remedy="Leave out --cast or --fit")

@@ -1,9 +1,13 @@
-"""Runs of a pump from a table: one row a run, columns named and mapped as those of a log."""
+"""Runs of a pump from a table: one row a run, columns named and mapped as those of a log.
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+Or from the netCDF files of a Seaglider's dives.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,13 +51,15 @@ def read_pump_runs(
     where: Mapping[str, str | float] | None = None,
     form: LogFormat | str | Path | None = None,
 ) -> PumpRuns:
-    """Return the runs in a CSV or Parquet file.
+    """Return the runs in a CSV or Parquet file, or in the netCDF file of a Seaglider's dive.
 
     columns: {"pressure_Pa": "P@dbar"}, names of RUN_COLUMNS. where: {"device": "pump"} keeps the
     rows that hold it. form: how the text is to be read, as for logs.
     Raises LogError, an InputError, with file, line, column, value and remedy.
     """
     mapped, file = dict(columns or {}), LogFile(path, format_of(form))
+    if Path(path).suffix.lower() == ".nc":
+        return _of_a_dive(path, file, {**mapped, **(where or {})})
     check_columns(file, mapped, RUN_COLUMNS, "a table of runs")
     wanted = [set(log_table.column_readings(given)) for given in mapped.values()]
     wanted += [{name} for name in ("duration_s", "pressure_Pa") if name not in mapped]
@@ -68,6 +74,51 @@ def read_pump_runs(
     fields = {name.rpartition("_")[0] or name: column for name, column in values.items()}
     fields.pop("current", None)
     return PumpRuns(**{**fields, "power": power}, report=tuple(file.report))
+
+
+def _of_a_dive(path: str | Path, file: LogFile, chosen: Mapping[str, object]) -> PumpRuns:
+    from swimbladder.io.seaglider_runs import read_events
+
+    for name in chosen:
+        what = "a Seaglider's dive has its own names, and all runs of its pump count"
+        raise file.refused(what, "Leave it out", name)
+    runs, dive = read_events(path, file)
+    power = runs.volts * runs.amps
+    values = {"duration_s": runs.duration, "pressure_Pa": runs.pressure, "volume_m3": runs.volume}
+    if len(power):
+        _check({**values, "voltage_V": runs.volts}, np.arange(1, len(power) + 1), file)
+        _check_power(power, "current_A", file)
+    return PumpRuns(
+        duration=runs.duration,
+        pressure=runs.pressure,
+        power=power,
+        volume=runs.volume if np.isfinite(runs.volume).any() else None,
+        dive=None if np.isnan(dive) else np.full(len(power), dive),
+        voltage=runs.volts,
+        time=runs.time,
+        report=tuple(file.report),
+    )
+
+
+def joined_runs(tables: Sequence[PumpRuns]) -> PumpRuns:
+    """Return the runs of several tables as one; a table without dives is a dive of its own."""
+    if len(tables) == 1:
+        return tables[0]
+    numbers = [float(np.nanmax(t.dive, initial=0.0)) for t in tables if t.dive is not None]
+    more = max(numbers, default=0.0) + np.arange(1.0, len(tables) + 1.0)
+
+    def column(name: str, otherwise: Sequence[float]) -> Array | None:
+        found = [getattr(table, name) for table in tables]
+        if name != "dive" and all(values is None for values in found):
+            return None
+        sizes = [len(table.duration) for table in tables]
+        own = zip(found, sizes, otherwise, strict=True)
+        return np.concatenate([np.full(n, x) if v is None else v for v, n, x in own])
+
+    names = [each.name for each in fields(PumpRuns) if each.name not in ("dive", "report")]
+    columns: dict[str, Any] = {name: column(name, [np.nan] * len(tables)) for name in names}
+    report = dict.fromkeys(line for table in tables for line in table.report)
+    return PumpRuns(**columns, dive=column("dive", more.tolist()), report=tuple(report))
 
 
 def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:
