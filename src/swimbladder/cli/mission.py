@@ -14,7 +14,7 @@ import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, refuse_doubted_unit, warn_of_mass
 from swimbladder.cli.common import aside, asked_of, compile_notice, kept, labelled, progress, table
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued, watched
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError, SwimbladderError
 
@@ -49,6 +49,15 @@ class Flown(Options):
     begin: Given = valued("TIME", "Start, ISO 8601, for netCDF (2000-01-01).", read=_moment)
 
 
+@dataclass(frozen=True)
+class Also(Options):
+    """What else is written."""
+
+    netcdf: bool = flag("--netcdf", "Also write mission.nc (OG1).")
+    plot: bool = flag("--plot", "Also write mission.png.")
+    config: bool = flag("--config", "Also write argo-config.json, by Argo's CONFIG_ names.")
+
+
 _MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
 
 
@@ -61,8 +70,7 @@ def mission(
     how: Flown,
     reading: CastReading,
     to: Files,
-    netcdf: Annotated[bool, typer.Option("--netcdf", help="Also write mission.nc (OG1).")] = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Also write mission.png.")] = False,
+    also: Also,
 ) -> None:
     r"""Simulate a mission of phases and cycles: depth, time, pump, battery.
 
@@ -83,15 +91,19 @@ def mission(
     keep = unfinished(to.out)
     read = next(iter(reading.casts(cast, task.latitude)), None)
     warn_of_mass(v)
+    more: dict[str, object] = {}
     with asked_of(mission, task, duration=how.duration):
         column = water(v, task, read)
         with progress("loading the simulator"):
+            from swimbladder.sim.mission.export import argo_configuration
             from swimbladder.sim.mission.flight import fly_mission
             from swimbladder.sim.mission.orders import flown_laws
             from swimbladder.sim.mission.plan_check import limited
             from swimbladder.sim.mission.prepare import cost_words
             from swimbladder.sim.mission.result import MissionResult
 
+        if also.config:
+            more["argo-config.json"] = argo_configuration(v, task)
         with suppress(SwimbladderError):  # the flight raises it, after what is to be checked first
             flight = limited(task, cycles=asked["cycles"], span=asked["span"])
             aside(*cost_words(flight, flown_laws(v, flight, asked.get("supervised"))[0]))
@@ -100,7 +112,9 @@ def mission(
         found = MissionResult(flown, flown.reach)
     answer = found.to_json()
     with progress("writing the files"):
-        files = _write(found, to.out, answer, read, begin, netcdf=netcdf, plot=plot)
+        if also.netcdf:
+            more["mission.nc"] = netcdf_of(found, read, begin)
+        files = _write(found, to.out, answer, begin, more, plot=also.plot)
     to.answer(answer, files, _shown(found, read), good=found.completed, keep=keep)
 
 
@@ -120,20 +134,26 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
         return cast_column(cast)
 
 
+def netcdf_of(found: MissionResult, cast: Cast | None, begin: datetime.datetime) -> object:
+    """Return what writes mission.nc."""
+    from swimbladder.sim.mission.og1 import og1_dataset, write_og1
+
+    place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
+    return partial(write_og1, og1_dataset(found, begin=begin, **place))
+
+
 def _write(
     found: MissionResult,
     out: Path,
     answer: dict[str, Any],
-    cast: Cast | None,
     begin: datetime.datetime,
+    more: dict[str, object],
     *,
-    netcdf: bool,
     plot: bool,
 ) -> list[Path]:
-    """Write the files, take away those of an earlier flight, and return their paths."""
+    """Write the files, `more` among them, take away those of an earlier flight; return paths."""
     from swimbladder.show.files import write_all
     from swimbladder.sim.mission.export import float_configuration
-    from swimbladder.sim.mission.og1 import og1_dataset, write_og1
     from swimbladder.sim.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
 
     files: dict[str, object] = {
@@ -143,16 +163,14 @@ def _write(
         "cycles.csv": cycle_columns(found),
         "vertical-speed.csv": speeds(found.flight),
         "float.json": float_configuration(found, begin=begin),
+        **more,
     }
-    if netcdf:
-        place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
-        files["mission.nc"] = partial(write_og1, og1_dataset(found, begin=begin, **place))
     if plot:
         from swimbladder.show.plots.mission import draw_mission
 
         files["mission.png"] = draw_mission(found)
     written = write_all(out, files)
-    for name in {"mission.nc", "mission.png"} - set(files):
+    for name in {"mission.nc", "mission.png", "argo-config.json"} - set(files):
         (out / name).unlink(missing_ok=True)  # those of another flight
     return written
 

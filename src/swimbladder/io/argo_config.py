@@ -21,8 +21,8 @@ import gsw
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
 
-_PLACE = 45.0  # degrees of latitude
-_AT_SURFACE = 1800.0  # s, to position itself and to send
+PLACE = 45.0  # degrees of latitude
+AT_SURFACE = 1800.0  # s, to position itself and to send
 _HOUR, _DAY = 3600.0, 86400.0
 _ICE = "(PG|IC)"  # kinds of names that are about ice, which have words of others
 _PERIODS = {"PM": _DAY, "MC": _HOUR}  # what a cycle's period counts in
@@ -70,7 +70,7 @@ def argo_mission(text: str, path: str | Path) -> Mission:
         law["slow_share"] = slow / run
     down, up = number("AverageDescentSpeed") / 1e3, number("AverageAscentSpeed") / 1e3
     on = max(bottom - park, 0.0) / down
-    stays = _period(names, path) - on - bottom / up - _AT_SURFACE
+    stays = _period(names, path) - on - bottom / up - AT_SURFACE
     if stays <= park / down:
         what = "the cycle's period is over before the float is at its park depth"
         remedy = "Check period, depths and mean speeds"
@@ -81,7 +81,7 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     phases = [{**staying, "depth": park, "duration": stays}]
     if on > 0.0:
         phases.append({**staying, "name": "to profile", "depth": bottom, "duration": on})
-    phases.append({"kind": "surface", "duration": _AT_SURFACE, **flown})
+    phases.append({"kind": "surface", "duration": AT_SURFACE, **flown})
     limit = number("(MaxPressure|PressureMax)BeforeEmergencyAscent", deepest + 200.0)
     return Mission.model_validate(
         {
@@ -129,4 +129,4 @@ def _missing(words: str, path: str | Path) -> InputError:
 
 def _depth(pressure: float) -> float:
     """Return the depth of a pressure [dbar] in m."""
-    return float(-gsw.z_from_p(pressure, _PLACE))
+    return float(-gsw.z_from_p(pressure, PLACE))

@@ -1,14 +1,21 @@
-"""A mission for Lagrangian tools: a float as they describe one."""
+"""A mission for others: Lagrangian tools, and Argo's names of a float's configuration."""
 
 import datetime
 import os
 from typing import Any
 
+import gsw
 import numpy as np
 
+from swimbladder.control.argo import ARGO
 from swimbladder.errors import InputError
+from swimbladder.io.argo_config import AT_SURFACE, PLACE
+from swimbladder.io.mission import Mission
+from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.sim.mission.phase_laws import phase_laws
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import speeds
+from swimbladder.vehicle import Vehicle
 
 # Of VirtualFleet's configuration: description, unit and Argo's key.
 _PARAMETERS = {
@@ -76,6 +83,57 @@ def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> d
         "name": flight.vehicle.name,
         "parameters": parameters,
     }
+
+
+def argo_configuration(vehicle: Vehicle, mission: Mission) -> dict[str, str]:
+    """Return a mission by Argo's CONFIG_ names, as those of a 4000 m float of the Arvor kind are.
+
+    Read again it is the same mission. Raises InputError where it is none that such a float flies:
+    one or two phases that park, the second deeper, and one to the surface, by the law `argo`.
+    """
+    laws, phases = phase_laws(vehicle, mission), mission.phases
+    depths = [phase.depth for phase in phases[:-1] if phase.kind == "park"]
+    down = [depth for depth in depths if depth is not None]
+    shape = len(down) == len(phases) - 1 in (1, 2) and down == sorted(down)
+    if not shape or phases[-1].kind != "surface" or {one.law for one in laws} != {ARGO}:
+        what = "no mission that an Argo float of the Arvor kind flies"
+        remedy = "One or two phases that park, the second deeper, and one to the surface, law argo"
+        raise InputError(what, field="--config", value=mission.name or None, remedy=remedy)
+    law, parked, bottom = laws[0].parameters, down[0], down[-1]
+    deepest = float(gsw.p_from_z(-bottom, PLACE))
+    metres = bottom / deepest
+    rising, sinking = (
+        way / every
+        for way, every in (
+            (law.ascent_progress, law.ascent_interval),
+            (law.descent_progress, law.descent_interval),
+        )
+    )
+    stays = [phase.duration or 0.0 for phase in phases[:-1]]
+    if len(stays) > 1:
+        sinking = (bottom - parked) / stays[1]
+    drive = drive_map(vehicle, np.zeros(1), power=False)
+    pumps = (law.pump_volume + float(drive.start_volume[0])) / float(drive.rate_out[0])  # s
+    limit = mission.safety.deepest or vehicle.hull.depth_limit or bottom + 200.0 * metres
+    numbers = {
+        "PM01_CyclePeriod": (sum(stays) + bottom / rising + AT_SURFACE) / 86400.0,
+        "PM08_DriftDepth": float(gsw.p_from_z(-parked, PLACE)),
+        "PM09_ProfileDepth": deepest,
+        "PT03_PumpMaxDurationDuringAscent": 100.0 * pumps,
+        "PT05_PressureTargetToleranceForStabilization": law.tolerance / metres,
+        "PT06_MaxPressureBeforeEmergencyAscent": float(gsw.p_from_z(-limit, PLACE)),
+        "PT18_AverageDescentSpeed": 1e3 * sinking,
+        "PT23_AverageAscentSpeed": 1e3 * rising,
+        "PT24_PressureCheckPeriodDuringAscent": law.ascent_interval / 60.0,
+        "PT25_MinPressureDiffForPumpAction": law.ascent_progress / metres,
+        "PT26_PressureCheckPeriodDuringDescent": law.descent_interval / 60.0,
+        "PT27_MinPressureDiffForEVAction": law.descent_progress / metres,
+        "PG06_SlowDownPressure": law.slow_depth / metres,
+        "PG08_MinPressureDiffForPumpAction": law.slow_progress / metres,
+        "PG09_PumpActionDuration": 100.0 * law.slow_share * pumps,
+        "PG14_OilVolumePerValveAction": 1e6 * law.valve_volume,
+    }
+    return {f"CONFIG_{name}": f"{x:.10g}" for name, x in numbers.items() if x > 0.0}
 
 
 def _whole(value: float) -> float:
