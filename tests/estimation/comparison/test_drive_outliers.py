@@ -89,9 +89,12 @@ def test_too_short_to_judge():
 
 
 def with_zeros(log, share, seed):
+    """Return a log of which that share of the volumes, no more, is 0."""
     rng = np.random.default_rng(seed)
-    bad = (rng.random(len(log)) < share) & (log.time > log.time[4])
-    return replace(log, volume=np.where(bad, 0.0, log.volume))
+    bad = rng.choice(np.arange(5, len(log)), round(share * len(log)), replace=False)
+    volume = log.volume.copy()
+    volume[bad] = 0.0
+    return replace(log, volume=volume)
 
 
 def test_they_are_replaced_and_said_with_their_lines():

@@ -264,15 +264,15 @@ def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
     vehicle, _, column = scene
     logs, _ = two_dives(vehicle, column, TRUTH)
     others, _ = two_dives(vehicle, column, TRUTH | {"valve": 1.0})
-    held = {name: TRUTH[name] for name in ("drag", "stiffening", "inertia", "pump_start")}
-    agreed = identify_deep(logs, [column], vehicle, fixed=held)
+    held = ("drag", "stiffening", "inertia", "pump_start", "pump_slip", "valve_laminar")
+    held = {name: TRUTH[name] for name in held}
+    agreed = identify_deep([*logs, *logs], [column], vehicle, fixed=held)
     assert agreed.fit.tempering > 0.5
     told = identify_deep([*logs, *others], [column], vehicle, fixed=held)
     assert told.fit.tempering < 0.4
     apart = float(f"{told.fit.tempering**-0.5:.2g}")  # how far, over what each says by itself
     assert any(apart in numbers(said) for said in told.sentences)
     assert told.to_json()["tempering"] == told.fit.tempering
-    # Four dives that agree would tell more than two.
     valve, before = told.parameters["valve"], agreed.parameters["valve"]
     assert valve.std > 1.1 * before.std
     assert abs(valve.value - 0.95) < 0.03
@@ -440,7 +440,7 @@ def test_what_cannot_be_identified(scene) -> None:
 @pytest.mark.prove
 @pytest.mark.data
 def test_the_book_of_real_dives_closes(data_dir) -> None:
-    """Six dives to 500, 1000, 1500 and 2000 dbar, one set of parameters: 4 mL rms."""
+    """Six dives to 500, 1000, 1500 and 2000 dbar, one set of parameters: 2 % of what is pumped."""
     from studies.deep_data import dives_of
     from studies.deep_dives import float_vehicle
 
@@ -452,7 +452,9 @@ def test_the_book_of_real_dives_closes(data_dir) -> None:
     imbalances = np.concatenate(
         [balance(body, fit.values, float(s), d) for s, d in zip(fit.starts, dives, strict=True)]
     )
-    assert np.sqrt(np.mean(imbalances**2)) < 4.1e-6
+    deepest = max(dives, key=lambda dive: float(dive.pressure.max()))
+    moved = run_volumes(fit.values, deepest)
+    assert np.sqrt(np.mean(imbalances**2)) < 0.022 * np.sum(moved[moved > 0.0])
     assert np.sqrt(np.mean(np.concatenate(fit.residuals) ** 2)) < 4e-3
     assert fit.identified("pump_delivery")
 
