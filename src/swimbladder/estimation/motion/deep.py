@@ -113,8 +113,8 @@ def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     pump = actuator.pump
     if isinstance(pump, PowerLawPump):
         delivery = pump.delivery * values["pump_delivery"]
-        slip = pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"]
-        changed["pump"] = pump.model_copy(update={"delivery": delivery, "slip": max(slip, 0.0)})
+        slip = max(_slip(pump, values), 0.0)
+        changed["pump"] = pump.model_copy(update={"delivery": delivery, "slip": slip})
     changed["start_volume"] = max(actuator.start_volume + values["pump_start"], 0.0)
     changed["creep"] = max(values["creep"], 0.0)
     stiffening = values["stiffening"] if abs(values["stiffening"]) >= _STIFFENS else 0.0
@@ -135,6 +135,11 @@ def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     }
     filled = vehicle.model_copy(update=changes)
     return filled.model_copy(update={"controller": as_long(vehicle, filled)})
+
+
+def _slip(pump: PowerLawPump, values: Mapping[str, float]) -> float:
+    """Return what the pump loses per pressure [m3/s/Pa], the file's and what is found beyond it."""
+    return pump.slip * values["pump_delivery"] + pump.delivery * values["pump_slip"]
 
 
 def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[str]) -> list[str]:
@@ -525,7 +530,12 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> t
         said_of = "as in the vehicle's file" if share == 1.0 else f"{share:.4g} of its file's"
         found.append(sentence("deep", "bypass", share=said_of))
     lost = [] if isinstance(actuator.pump, PowerLawPump) else ["pump_delivery"]
-    below = [n for n in ("creep", "pump_slip") if n in fit.names and fit.values[n] < 0.0]
+    slip = fit.values["pump_slip"]
+    if isinstance(actuator.pump, PowerLawPump):
+        slip = _slip(actuator.pump, fit.values)
+    whole = {**fit.values, "pump_slip": slip}
+    places = ("creep", "pump_slip", "valve_laminar")
+    below = [name for name in places if name in fit.names and whole[name] < 0.0]
     lost += [f"a {name} below 0" for name in below]
     if lost:
         found.append(f"{' and '.join(lost)} has no place in vehicle.toml")
