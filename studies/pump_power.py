@@ -11,6 +11,7 @@ booster of SG167 worse, so that they are left out for all of them.
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.pump_runs import joined_runs
-from swimbladder.io.seaglider_runs import Events
+from swimbladder.io.seaglider_runs import moved, pressures, runs_of_events
 
 __all__ = [
     "Bleeding",
@@ -150,17 +151,12 @@ def _only(runs: PumpRuns, rows: NDArray[np.bool_]) -> PumpRuns:
 
 def _events(folder: Path) -> pd.DataFrame:
     """Return every motor event of the gliders, with the volume by both potentiometers [m3]."""
-    import gsw
-
     events = pd.read_parquet(folder / "gc_events.parquet")
     dives = pd.read_csv(folder / "dives.csv")
     columns = ["dive", "platform", "log_VBD_CNV", "avg_latitude"]
     e = events.merge(dives[columns], on="dive")
-    moved = (
-        e.gc_vbd_pot1_ad + e.gc_vbd_pot2_ad - e.gc_vbd_pot1_ad_start - e.gc_vbd_pot2_ad_start
-    ) / 2.0
-    pressure = 1e4 * np.asarray(gsw.p_from_z(-e.gc_depth, e.avg_latitude))
-    return e.assign(volume=moved * e.log_VBD_CNV * 1e-6, pressure=pressure)
+    volume, pressure = moved(e, e.log_VBD_CNV), pressures(e, e.avg_latitude)
+    return e.assign(volume=volume, pressure=pressure)
 
 
 def glider_runs(folder: Path) -> list[Vehicle]:
@@ -171,16 +167,9 @@ def glider_runs(folder: Path) -> list[Vehicle]:
     for number, own in events.groupby("dive"):
         about = dives.loc[number]
         columns = {name: own[name].to_numpy(float) for name in own}
-        runs = Events.of(columns, float(about.log_VBD_CNV), float(about.avg_latitude))
-        table = PumpRuns(
-            duration=runs.duration,
-            pressure=runs.pressure,
-            power=runs.volts * runs.amps,
-            volume=runs.volume,
-            dive=np.full(len(runs.duration), float(number)),
-            time=runs.time,
-        )
-        found.setdefault(str(about.platform), []).append(table)
+        place = float(about.log_VBD_CNV), float(about.avg_latitude)
+        runs = replace(runs_of_events(columns, *place, float(number)), voltage=None)
+        found.setdefault(str(about.platform), []).append(runs)
     joined = {name: joined_runs(tables) for name, tables in sorted(found.items())}
     return [Vehicle(name, runs, _split(runs)) for name, runs in joined.items()]
 

@@ -24,21 +24,25 @@ from swimbladder.io.mission import Mission
 PLACE = 45.0  # degrees of latitude
 AT_SURFACE = 1800.0  # s, to position itself and to send
 _HOUR, _DAY = 3600.0, 86400.0
-_ICE = "(PG|IC)"  # kinds of names that are about ice, which have words of others
 _PERIODS = {"PM": _DAY, "MC": _HOUR}  # what a cycle's period counts in
 
-# Parameters of the law `argo`: the kind and the words of a name, and what its number counts in;
-# dbar become m.
-_LAW = {
-    "ascent_interval": (f"(?!{_ICE})", "PressureCheckPeriodDuringAscent", 60.0),
-    "ascent_progress": (f"(?!{_ICE})", "MinPressureDiffForPumpAction", None),
-    "descent_interval": (f"(?!{_ICE})", "PressureCheckPeriodDuringDescent", 60.0),
-    "descent_progress": (f"(?!{_ICE})", "MinPressureDiffForEVAction", None),
-    "tolerance": (f"(?!{_ICE})", "PressureTargetToleranceForStabili[sz]ation", None),
-    "slow_depth": (f"(?={_ICE})", "SlowDownPressure", None),
-    "slow_progress": (f"(?={_ICE})", "MinPressureDiffForPumpAction", None),
+# Parameters of the law `argo`: their names, as a 4000 m float has them, and what the numbers count
+# in; None: dbar, which become m.
+LAW: dict[str, tuple[str, float | None]] = {
+    "ascent_interval": ("PT24_PressureCheckPeriodDuringAscent", 60.0),
+    "ascent_progress": ("PT25_MinPressureDiffForPumpAction", None),
+    "descent_interval": ("PT26_PressureCheckPeriodDuringDescent", 60.0),
+    "descent_progress": ("PT27_MinPressureDiffForEVAction", None),
+    "tolerance": ("PT05_PressureTargetToleranceForStabilization", None),
+    "slow_depth": ("PG06_SlowDownPressure", None),
+    "slow_progress": ("PG08_MinPressureDiffForPumpAction", None),
 }
-_RUN = "Pump(MaxDurationDuringAscent|ActionMaxTimeAscent)"
+_ICE = "PG|IC"  # kinds of names that are about ice, which have words of others
+_OTHERWISE = {  # words of other types of float
+    "PressureTargetToleranceForStabilization": "PressureTargetToleranceForStabili[sz]ation",
+    "PumpMaxDurationDuringAscent": "Pump(MaxDurationDuringAscent|ActionMaxTimeAscent)",
+    "MaxPressureBeforeEmergencyAscent": "(MaxPressure|PressureMax)BeforeEmergencyAscent",
+}
 _RESOLUTION = 0.1  # dbar, of the pressures by which a float decides: as its CTD has them
 
 
@@ -49,26 +53,34 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     """
     names = _names(text, path)
 
-    def number(words: str, otherwise: float | None = None, kind: str = f"(?!{_ICE})") -> float:
+    def number(wanted: str, otherwise: float | None = None) -> float:
+        kind, words = wanted.split("_")
+        about = "(?=" if kind.startswith("PG") else "(?!"
+        pattern = rf"CONFIG_{about}{_ICE})[A-Z]+\d*_{_OTHERWISE.get(words, words)}"
         for name, given in names.items():
-            if re.fullmatch(rf"CONFIG_{kind}[A-Z]+\d*_{words}", name):
+            if re.fullmatch(pattern, name):
                 return _positive(name, given, path)
         if otherwise is None:
             raise _missing(words, path)
         return otherwise
 
-    drift, deepest = number("DriftDepth"), number("ProfileDepth")
+    drift, deepest = number("PM08_DriftDepth"), number("PM09_ProfileDepth")
     park, bottom = _depth(drift), _depth(deepest)
     metres = bottom / deepest
     law: dict[str, Any] = {"depth_step": _RESOLUTION * metres}
-    for parameter, (kind, words, unit) in _LAW.items():
-        value = number(words, -1.0, kind)
+    for parameter, (name, unit) in LAW.items():
+        value = number(name, -1.0)
         if value >= 0.0:
-            law[parameter] = value * (metres if unit is None else unit)
-    slow, run = number("PumpActionDuration", -1.0, f"(?={_ICE})"), number(_RUN, -1.0)
+            law[parameter] = value * (unit or metres)
+    slow, run = (
+        number(name, -1.0)
+        for name in ("PG09_PumpActionDuration", "PT03_PumpMaxDurationDuringAscent")
+    )
     if min(slow, run) > 0.0:
         law["slow_share"] = slow / run
-    down, up = number("AverageDescentSpeed") / 1e3, number("AverageAscentSpeed") / 1e3
+    down, up = (
+        number(name) / 1e3 for name in ("PT18_AverageDescentSpeed", "PT23_AverageAscentSpeed")
+    )
     on = max(bottom - park, 0.0) / down
     stays = _period(names, path) - on - bottom / up - AT_SURFACE
     if stays <= park / down:
@@ -82,7 +94,7 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     if on > 0.0:
         phases.append({**staying, "name": "to profile", "depth": bottom, "duration": on})
     phases.append({"kind": "surface", "duration": AT_SURFACE, **flown})
-    limit = number("(MaxPressure|PressureMax)BeforeEmergencyAscent", deepest + 200.0)
+    limit = number("PT06_MaxPressureBeforeEmergencyAscent", deepest + 200.0)
     return Mission.model_validate(
         {
             "name": Path(path).stem,

@@ -4,7 +4,7 @@ Or from the netCDF files of a Seaglider's dives.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -77,27 +77,21 @@ def read_pump_runs(
 
 
 def _of_a_dive(path: str | Path, file: LogFile, chosen: Mapping[str, object]) -> PumpRuns:
-    from swimbladder.io.seaglider_runs import read_events
+    from swimbladder.io.seaglider_runs import read_dive
 
     for name in chosen:
         what = "a Seaglider's dive has its own names, and all runs of its pump count"
         raise file.refused(what, "Leave it out", name)
-    runs, dive = read_events(path, file)
-    power = runs.volts * runs.amps
-    values = {"duration_s": runs.duration, "pressure_Pa": runs.pressure, "volume_m3": runs.volume}
-    if len(power):
-        _check({**values, "voltage_V": runs.volts}, np.arange(1, len(power) + 1), file)
-        _check_power(power, "current_A", file)
-    return PumpRuns(
-        duration=runs.duration,
-        pressure=runs.pressure,
-        power=power,
-        volume=runs.volume if np.isfinite(runs.volume).any() else None,
-        dive=None if np.isnan(dive) else np.full(len(power), dive),
-        voltage=runs.volts,
-        time=runs.time,
-        report=tuple(file.report),
-    )
+    runs = read_dive(path, file)
+    if len(runs.power):
+        values = {"duration_s": runs.duration, "pressure_Pa": runs.pressure}
+        if runs.volume is not None:
+            values["volume_m3"] = runs.volume
+        if runs.voltage is not None:
+            values["voltage_V"] = runs.voltage
+        _check(values, np.arange(1, len(runs.power) + 1), file)
+        _check_power(runs.power, "current_A", file)
+    return replace(runs, report=tuple(file.report))
 
 
 def joined_runs(tables: Sequence[PumpRuns]) -> PumpRuns:

@@ -6,7 +6,6 @@ potentiometers of the piston read before and after. Their mean times VBD_CNV [cm
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import gsw
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import LogError
 from swimbladder.io.cast_netcdf import NetCDF
 from swimbladder.io.log_text import LogFile, read_bytes
+from swimbladder.io.pump_runs import PumpRuns
 
 Array = NDArray[np.float64]
 _NEEDED = ("gc_vbd_secs", "gc_vbd_volts", "gc_vbd_i", "gc_depth")
@@ -23,36 +23,48 @@ _MOTOR = 0.05  # A, less is no motor: a valve was opened
 _LATITUDE = 30.0  # degrees, where the file has none: 0.3 % of a pressure at most
 
 
-class Events(NamedTuple):
-    """Runs of the pump among motor events [n], by what each is in SI."""
+def moved(events: Mapping[str, Array], volume_per_count: float | Array) -> Array:
+    """Return what each event has pressed out [m3] [n], below 0 let in; NaN where nothing says it.
 
-    duration: Array  # s
-    pressure: Array  # Pa
-    volts: Array  # V
-    amps: Array  # A
-    volume: Array  # m3, NaN where it is not known
-    time: Array  # s, since 1970
-
-    @classmethod
-    def of(cls, events: Mapping[str, Array], volume_per_count: float, latitude: float) -> "Events":
-        """Return the pump's runs among events by the base station's names, in their order.
-
-        volume_per_count: VBD_CNV [cm3]; latitude [degrees].
-        """
-        seconds, amps = events["gc_vbd_secs"], events["gc_vbd_i"]
-        nothing = np.full(len(seconds), np.nan)
-        known = [name for name in _MEASURED if {name, f"{name}_start"} <= events.keys()]
-        moves = [events[name] - events[f"{name}_start"] for name in known]
-        volume = 1e-6 * volume_per_count * np.mean(moves, axis=0) if moves else nothing
-        pressure = 1e4 * np.asarray(gsw.p_from_z(-events["gc_depth"], latitude))
-        runs = (seconds > 0.0) & (amps > _MOTOR) & ~(volume <= 0.0)
-        time = events.get("gc_st_secs", nothing)
-        columns = (seconds, pressure, events["gc_vbd_volts"], amps, volume, time)
-        return cls(*(column[runs] for column in columns))
+    events: by the base station's names; volume_per_count: VBD_CNV [cm3].
+    """
+    known = [name for name in _MEASURED if {name, f"{name}_start"} <= {*events}]
+    if not known:
+        return np.full(len(events["gc_vbd_secs"]), np.nan)
+    moves = [events[name] - events[f"{name}_start"] for name in known]
+    return np.asarray(1e-6 * volume_per_count * np.mean(moves, axis=0))
 
 
-def read_events(path: str | Path, file: LogFile) -> tuple[Events, float]:
-    """Return the pump's runs of a dive, and its number (NaN: the file has none).
+def pressures(events: Mapping[str, Array], latitude: float | Array) -> Array:
+    """Return the pressure at each event [Pa] [n]; latitude [degrees]."""
+    return 1e4 * np.asarray(gsw.p_from_z(-np.asarray(events["gc_depth"]), latitude))
+
+
+def runs_of_events(
+    events: Mapping[str, Array], volume_per_count: float, latitude: float, dive: float
+) -> PumpRuns:
+    """Return the pump's runs among the motor events of a dive [n], in their order.
+
+    events: by the base station's names. volume_per_count: VBD_CNV [cm3], NaN where it is not known;
+    latitude [degrees]; dive: its number, NaN where it has none.
+    """
+    seconds, amps = events["gc_vbd_secs"], events["gc_vbd_i"]
+    volume = moved(events, volume_per_count)
+    runs = (seconds > 0.0) & (amps > _MOTOR) & ~(volume <= 0.0)
+    volts, volume = events["gc_vbd_volts"][runs], volume[runs]
+    return PumpRuns(
+        duration=seconds[runs],
+        pressure=pressures(events, latitude)[runs],
+        power=volts * amps[runs],
+        volume=volume if np.isfinite(volume).any() else None,
+        dive=None if np.isnan(dive) else np.full(len(volts), dive),
+        voltage=volts,
+        time=events.get("gc_st_secs", np.full(len(seconds), np.nan))[runs],
+    )
+
+
+def read_dive(path: str | Path, file: LogFile) -> PumpRuns:
+    """Return the pump's runs of a dive.
 
     Raises LogError where the file is damaged or is no Seaglider's dive.
     """
@@ -72,7 +84,7 @@ def read_events(path: str | Path, file: LogFile) -> tuple[Events, float]:
     if np.isnan(per_count):
         file.report.append("volumes are not known: the file has no log_VBD_CNV")
     latitude = number("avg_latitude", _LATITUDE)
-    return Events.of(values, per_count, latitude), number("log_DIVE")
+    return runs_of_events(values, per_count, latitude, number("log_DIVE"))
 
 
 def _no_glider(file: LogFile, missing: list[str]) -> LogError:

@@ -297,10 +297,11 @@ def fit_pump(
         better = scaled.missed < powers.missed
         powers, reference = (scaled, reference) if better else (powers, None)
     laws, volume = [powers], np.full(kept.size, np.nan) if runs.volume is None else runs.volume
-    measured = kept & np.isfinite(volume)
+    measured, by_volume = kept & np.isfinite(volume), False
     if len(np.unique(dive[measured])) >= FEWEST:
-        laws.append(_delivery(runs, volume, np.where(measured, dive, np.nan), start))
-    by_volume = len(laws) > 1 and _by_volume(runs, volume, measured)
+        by_volume = _by_volume(runs, volume, measured)
+        dive = np.where(measured, dive, np.nan)
+        laws.append(_delivery(runs, volume, dive, start, by_volume))
     rms = [float(np.sqrt(np.mean(law.found.residual**2))) for law in laws]
     parameters: dict[str, Estimate] = {}
     without: dict[float, dict[str, float]] = {float(number): {} for number in groups}
@@ -384,16 +385,15 @@ def _by_volume(runs: PumpRuns, volume: Array, rows: NDArray[np.bool_]) -> bool:
     return bool(np.std(V) * np.mean(t) < _ALIKE * np.std(t) * np.mean(V))
 
 
-def _delivery(runs: PumpRuns, volume: Array, dive: Array, start: bool) -> _Law:
+def _delivery(runs: PumpRuns, volume: Array, dive: Array, start: bool, by_volume: bool) -> _Law:
     """Return the law of the volumes [n] that were pressed out. dive: as `_Law.of` has it."""
     rows, even = np.isfinite(dive), np.ones(dive.size)
-    reverse = _by_volume(runs, volume, rows)
-    given = volume[rows] if reverse else runs.duration[rows]
+    given = volume[rows] if by_volume else runs.duration[rows]
     start &= bool(np.std(given) > _LENGTHS * np.mean(given))
     names = [name for name in _VOLUME if start or name != "start_volume"]
     while True:
         columns, by = _columns(runs, names, None), None
-        if reverse:
+        if by_volume:
             known = {"delivery": volume, "slip": -runs.pressure * volume, "start_volume": -even}
             by = {name: known[name] for name in names}
         law = _Law.of(columns, volume, even, dive, by)

@@ -7,9 +7,9 @@ from typing import Any
 import gsw
 import numpy as np
 
-from swimbladder.control.argo import ARGO
+from swimbladder.control.argo import ARGO, ways
 from swimbladder.errors import InputError
-from swimbladder.io.argo_config import AT_SURFACE, PLACE
+from swimbladder.io.argo_config import AT_SURFACE, LAW, PLACE
 from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.sim.mission.phase_laws import phase_laws
@@ -102,13 +102,7 @@ def argo_configuration(vehicle: Vehicle, mission: Mission) -> dict[str, str]:
     law, parked, bottom = laws[0].parameters, down[0], down[-1]
     deepest = float(gsw.p_from_z(-bottom, PLACE))
     metres = bottom / deepest
-    rising, sinking = (
-        way / every
-        for way, every in (
-            (law.ascent_progress, law.ascent_interval),
-            (law.descent_progress, law.descent_interval),
-        )
-    )
+    sinking, rising = (way.speed for way in ways(law))
     stays = [phase.duration or 0.0 for phase in phases[:-1]]
     if len(stays) > 1:
         sinking = (bottom - parked) / stays[1]
@@ -120,20 +114,15 @@ def argo_configuration(vehicle: Vehicle, mission: Mission) -> dict[str, str]:
         "PM08_DriftDepth": float(gsw.p_from_z(-parked, PLACE)),
         "PM09_ProfileDepth": deepest,
         "PT03_PumpMaxDurationDuringAscent": 100.0 * pumps,
-        "PT05_PressureTargetToleranceForStabilization": law.tolerance / metres,
         "PT06_MaxPressureBeforeEmergencyAscent": float(gsw.p_from_z(-limit, PLACE)),
         "PT18_AverageDescentSpeed": 1e3 * sinking,
         "PT23_AverageAscentSpeed": 1e3 * rising,
-        "PT24_PressureCheckPeriodDuringAscent": law.ascent_interval / 60.0,
-        "PT25_MinPressureDiffForPumpAction": law.ascent_progress / metres,
-        "PT26_PressureCheckPeriodDuringDescent": law.descent_interval / 60.0,
-        "PT27_MinPressureDiffForEVAction": law.descent_progress / metres,
-        "PG06_SlowDownPressure": law.slow_depth / metres,
-        "PG08_MinPressureDiffForPumpAction": law.slow_progress / metres,
         "PG09_PumpActionDuration": 100.0 * law.slow_share * pumps,
         "PG14_OilVolumePerValveAction": 1e6 * law.valve_volume,
     }
-    return {f"CONFIG_{name}": f"{x:.10g}" for name, x in numbers.items() if x > 0.0}
+    for parameter, (name, unit) in LAW.items():
+        numbers[name] = getattr(law, parameter) / (unit or metres)
+    return {f"CONFIG_{name}": f"{x:.10g}" for name, x in sorted(numbers.items()) if x > 0.0}
 
 
 def _whole(value: float) -> float:
