@@ -35,8 +35,7 @@ def fit_runs(
         from swimbladder.design.energy.fit import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
         from swimbladder.io.pump_runs import joined_runs, read_pump_runs
-        from swimbladder.show.files import written_by
-        from swimbladder.show.report.energy import HEAD, fit_files, fit_json
+        from swimbladder.show.report.energy import fit_files, fit_json
 
         if v is not None:
             pump_and_valve(v)
@@ -50,8 +49,6 @@ def fit_runs(
         fitted = None if v is None or found.refusal else fitted_vehicle(v, found)
         said = list(fit_sentences(found, fitted))
         answer = {**fit_json(found), "sentences": said, "report": runs_read.report}
-    if found.refusal and written_by(old := to.out / "vehicle.toml", HEAD):
-        old.unlink()
     files, shown = partial(fit_files, found, fitted), _shown_fit(found, said, runs_read.report)
     to.answer(answer, files, shown, good=not found.refusal, why=[found.refusal])
 

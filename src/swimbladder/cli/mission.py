@@ -112,9 +112,7 @@ def mission(
         found = MissionResult(flown, flown.reach)
     answer = found.to_json()
     with progress("writing the files"):
-        if also.netcdf:
-            more["mission.nc"] = netcdf_of(found, read, begin)
-        files = _write(found, to.out, answer, begin, more, plot=also.plot)
+        files = _write(found, to.out, answer, read, begin, more, also)
     to.answer(answer, files, _shown(found, read), good=found.completed, keep=keep)
 
 
@@ -134,26 +132,19 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
         return cast_column(cast)
 
 
-def netcdf_of(found: MissionResult, cast: Cast | None, begin: datetime.datetime) -> object:
-    """Return what writes mission.nc."""
-    from swimbladder.sim.mission.og1 import og1_dataset, write_og1
-
-    place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
-    return partial(write_og1, og1_dataset(found, begin=begin, **place))
-
-
 def _write(
     found: MissionResult,
     out: Path,
     answer: dict[str, Any],
+    cast: Cast | None,
     begin: datetime.datetime,
     more: dict[str, object],
-    *,
-    plot: bool,
+    also: Also,
 ) -> list[Path]:
     """Write the files, `more` among them, take away those of an earlier flight; return paths."""
-    from swimbladder.show.files import write_all
+    from swimbladder.show.files import Gone, write_all
     from swimbladder.sim.mission.export import float_configuration
+    from swimbladder.sim.mission.og1 import og1_dataset, write_og1
     from swimbladder.sim.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
 
     files: dict[str, object] = {
@@ -163,16 +154,17 @@ def _write(
         "cycles.csv": cycle_columns(found),
         "vertical-speed.csv": speeds(found.flight),
         "float.json": float_configuration(found, begin=begin),
+        **dict.fromkeys(("mission.nc", "mission.png", "argo-config.json"), Gone()),
         **more,
     }
-    if plot:
+    if also.netcdf:
+        place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
+        files["mission.nc"] = partial(write_og1, og1_dataset(found, begin=begin, **place))
+    if also.plot:
         from swimbladder.show.plots.mission import draw_mission
 
         files["mission.png"] = draw_mission(found)
-    written = write_all(out, files)
-    for name in {"mission.nc", "mission.png", "argo-config.json"} - set(files):
-        (out / name).unlink(missing_ok=True)  # those of another flight
-    return written
+    return write_all(out, files)
 
 
 def _shown(found: MissionResult, cast: Cast | None) -> Iterator[object]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
@@ -20,20 +20,30 @@ def write_all(
     """Write files into the folder `out`, all of them or none, and return their paths.
 
     contents: by name, below the folder: a text; a figure; the columns of a name that ends with
-    .csv; the answer of one that ends with .json; or what writes the file, called with its path.
-    advance: called with each file's share of the work. Raises InputError where the folder cannot be
-    written.
+    .csv; the answer of one that ends with .json; or what writes the file, called with its path; or
+    `Gone`. advance: called with each file's share of the work. Raises InputError where the folder
+    cannot be written.
     """
+    made = {name: content for name, content in contents.items() if not isinstance(content, Gone)}
 
     def write(folder: Path) -> None:
-        for name, content in contents.items():
+        for name, content in made.items():
             make_folder((folder / name).parent)
             _write(folder / name, content)
-            advance(1.0 / len(contents))
+            advance(1.0 / len(made))
 
     make_folder(out.parent)
     publish(out, write)
-    return [out / name for name in contents]
+    for name, gone in contents.items():
+        if isinstance(gone, Gone) and (not gone.head or written_by(out / name, gone.head)):
+            (out / name).unlink(missing_ok=True)
+    return [out / name for name in made]
+
+
+class Gone(NamedTuple):
+    """No file: that of an earlier run is taken away, if it begins with a head, as a comment."""
+
+    head: str = ""
 
 
 def written_by(path: Path, head: str) -> bool:

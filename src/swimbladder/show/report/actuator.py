@@ -9,7 +9,7 @@ from swimbladder.estimation.actuator.model import shown_unit
 from swimbladder.estimation.actuator.result import Known, Step
 from swimbladder.io.progress import Advance
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all, written_by
+from swimbladder.show.files import Gone, write_all
 from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
 from swimbladder.show.plots.style import png
 from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, words
@@ -36,7 +36,7 @@ def write_actuator(
     written; whatever is in it then stays as it is.
     """
     tables: dict[str, object] = {"steps.csv": found.columns()}
-    why, old = "", out / "vehicle.toml"
+    why = ""
     if found.given is not None:
         try:
             tables["vehicle.toml"] = vehicle_file(found.vehicle, head=_HEAD)
@@ -45,10 +45,8 @@ def write_actuator(
     if picture:
         tables["steps.png"] = draw_steps(found)
     html = _page(found, list(tables), run, advance)
-    files = write_all(out, {"identify-actuator.html": html, **tables})
-    if old.name not in tables and written_by(old, _HEAD):
-        old.unlink()
-    return files, why
+    tables.setdefault("vehicle.toml", Gone(_HEAD))
+    return write_all(out, {"identify-actuator.html": html, **tables}), why
 
 
 def _page(found: ActuatorIdentification, files: list[str], run: Run, advance: Advance) -> str:

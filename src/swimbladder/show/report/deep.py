@@ -8,7 +8,7 @@ import numpy as np
 
 from swimbladder.estimation.motion.deep import DeepIdentification
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import write_all
+from swimbladder.show.files import Gone, write_all
 from swimbladder.show.plots.deep import draw_deep
 from swimbladder.show.report.identification import MARK, check_folder
 
@@ -33,10 +33,9 @@ def write_deep(found: DeepIdentification, out: Path, *, answer: Mapping[str, Any
         "deep.png": draw_deep(found),
         "deep.csv": {name: np.concatenate(values) for name, values in columns.items()},
         "deep.json": answer,
+        "vehicle.toml": Gone(),
     }
     if found.identified:
         head = "\n".join([f"{MARK} from deep dives.", *found.sentences])
         files["vehicle.toml"] = vehicle_file(found.result_vehicle, head=head)
-    else:
-        (out / "vehicle.toml").unlink(missing_ok=True)
     return write_all(out, files)

@@ -10,6 +10,7 @@ from swimbladder.design.energy.fit import efficiency_bands, run_columns
 from swimbladder.design.energy.messages import fit_sentences
 from swimbladder.io.answers import as_json, attributes
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.files import Gone
 from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
 from swimbladder.vehicle import Vehicle
 
@@ -81,9 +82,11 @@ def fit_files(
 ) -> dict[str, object]:
     """Return the contents of pump.json (the answer), runs.csv, pump.png and, with a vehicle, its.
 
-    That is vehicle.toml.
+    That is vehicle.toml. Where the fit is refused, that of an earlier run is taken away.
     """
     files = {"pump.json": answer, "runs.csv": run_columns(fit), "pump.png": draw_fit(fit)}
+    if fit.refusal:
+        return {**files, "vehicle.toml": Gone(HEAD)}
     if vehicle is None:
         return files
     said = [HEAD, *fit_sentences(fit, vehicle)]
