@@ -111,8 +111,9 @@ def draw_fit(fit: PumpFit) -> Figure:
     warmer = np.zeros(p.size) if r.temperature is None else r.temperature[kept] - 15.0
     cooled = np.nan_to_num(fit.value("power_per_temperature") * warmer)
     settled = r.power[kept] / fit.voltage_share[kept] + fit.value("lost_energy") / t - cooled
-    at = "runs, start added, at 15 °C"
-    at += f" and {fit.reference_voltage:.3g} V" if fit.reference_voltage is not None else ""
+    at = "runs, start added"
+    at += "\nat 15 °C" if "power_per_temperature" in fit.parameters else ""
+    at += f"\nat {fit.reference_voltage:.3g} V" if fit.reference_voltage is not None else ""
     panels[0].plot(p / 1e4, settled, ".", color=Ink.SKY, ms=3.0, label=at)
     power = fit.value("idle_power") + fit.value("power_per_pressure") * line
     panels[0].plot(line / 1e4, power, color=Ink.BLUE, label="found")
