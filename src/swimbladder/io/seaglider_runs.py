@@ -11,7 +11,6 @@ import gsw
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
 from swimbladder.io.cast_netcdf import NetCDF
 from swimbladder.io.log_text import LogFile, read_bytes
 from swimbladder.io.pump_runs import PumpRuns
@@ -71,7 +70,9 @@ def read_dive(path: str | Path, file: LogFile) -> PumpRuns:
     variables = NetCDF(read_bytes(path), file).variables
     missing = [name for name in _NEEDED if name not in variables]
     if missing:
-        raise _no_glider(file, missing)
+        what = f"this netCDF file has no motor events of a Seaglider: {', '.join(missing)}"
+        remedy = "Give the file of a dive from its base station, or a CSV with a row a run"
+        raise file.refused(what, remedy, missing[0])
     numeric = {name: v.values for name, v in variables.items() if v.numeric}
     values = {name: np.ravel(np.asarray(v, np.float64)) for name, v in numeric.items()}
 
@@ -85,9 +86,3 @@ def read_dive(path: str | Path, file: LogFile) -> PumpRuns:
         file.report.append("volumes are not known: the file has no log_VBD_CNV")
     latitude = number("avg_latitude", _LATITUDE)
     return runs_of_events(values, per_count, latitude, number("log_DIVE"))
-
-
-def _no_glider(file: LogFile, missing: list[str]) -> LogError:
-    what = f"this netCDF file has no motor events of a Seaglider: {', '.join(missing)}"
-    remedy = "Give the file of a dive from its base station, or a CSV with a row a run"
-    return file.refused(what, remedy, missing[0])
