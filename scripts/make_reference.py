@@ -18,7 +18,7 @@ from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS
 from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
-from swimbladder.io.mission import Mission, Phase, Safety, Setpoint
+from swimbladder.io.mission import Grounding, Ice, Mission, Phase, Safety, Setpoint
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.physics.seawater import InternalWave, Swell
 from swimbladder.sim.faults.kinds import KINDS, Kind, Range
@@ -200,6 +200,8 @@ def mission() -> Iterator[str]:
         ("[[setpoints]]", Setpoint),
         ("[[phases]]", Phase),
         ("[safety]", Safety),
+        ("[grounding]", Grounding),
+        ("[ice]", Ice),
         ("[[water_motion.internal_waves]]", InternalWave),
         ("[[water_motion.swell]]", Swell),
     ):

@@ -8,7 +8,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.io.config import load_mission
-from tests.io.test_argo_config import CONFIG
+from tests.io.test_argo_config import BEHAVIOUR, CONFIG
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_a_cycle_by_its_configuration(capsys) -> None:
 def test_a_configuration_is_written_as_it_was_read(deepest) -> None:
     """The mission of the configuration that is written is that of the one that was read."""
     ice = {"CONFIG_PG06_SlowDownPressure": "150", "CONFIG_PG09_PumpActionDuration": "500"}
-    names = CONFIG | ice | {"CONFIG_PM09_ProfileDepth": deepest}
+    names = CONFIG | BEHAVIOUR | ice | {"CONFIG_PM09_ProfileDepth": deepest}
     names |= {"CONFIG_PT03_PumpMaxDurationDuringAscent": "1120"}
     Path("it.json").write_text(json.dumps(names))
     asked = ["mission", "deep-arvor", "it.json", "--cast", "cast.csv", "--config", "--out", "out"]
@@ -55,13 +55,17 @@ def test_a_configuration_is_written_as_it_was_read(deepest) -> None:
             "CONFIG_PM01_CyclePeriod",  # by another mean speed, it stays as long
             "CONFIG_PT23_AverageAscentSpeed",
             "CONFIG_PT18_AverageDescentSpeed",
+            "CONFIG_PG15_OilVolumeMinForGroundingDetection",  # not read
         ):
             assert float(written[name]) == pytest.approx(float(names[name]), rel=2e-3), name
     read, again = load_mission("it.json"), load_mission("out/argo-config.json")
     assert len(again.phases) == len(read.phases)
+    assert again.grounding.model_dump() == pytest.approx(read.grounding.model_dump())
+    assert again.ice.model_dump() == pytest.approx(read.ice.model_dump())
     for one, other in zip(read.phases, again.phases, strict=True):
         assert other.depth == pytest.approx(one.depth)
         assert other.duration == pytest.approx(one.duration)
+        assert other.grounding == one.grounding
         assert dict(other.parameters) == pytest.approx(dict(one.parameters))
     assert main([*asked[:5], "--out", "out"]) == 0
     assert not Path("out/argo-config.json").exists()  # that of another flight

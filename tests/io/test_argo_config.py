@@ -80,6 +80,8 @@ def test_a_float_that_profiles_from_its_park_depth_has_one_phase_less(tmp_path) 
     [
         ({"CONFIG_PM08_DriftDepth": "deep"}, "DriftDepth: it is no number above 0 (got 'deep')"),
         ({"CONFIG_PT23_AverageAscentSpeed": "0"}, "AscentSpeed: it is no number above 0 (got '0')"),
+        ({"CONFIG_PT11_MinOilVolumeForGroundingDetection": "-1"}, "no number of at least 0"),
+        ({"CONFIG_PG05_TemperatureThreshold": "-9000"}, "no number of at least -3000"),
         ({"CONFIG_PM01_CyclePeriod": "x"}, "CyclePeriod: it is no number above 0"),
         ({"CONFIG_PM01_CyclePeriod": "1"}, "the cycle's period is over before"),
         ({"CONFIG_PM08_DriftDepth": None}, "DriftDepth: it is missing"),
@@ -91,6 +93,44 @@ def test_what_is_no_configuration_is_refused(tmp_path, change, says: str) -> Non
     with pytest.raises(InputError) as refused:
         load_mission(written(tmp_path, names))
     assert says in str(refused.value)
+
+
+BEHAVIOUR = {
+    "CONFIG_PT10_GroundingMode": "0",
+    "CONFIG_PT11_MinOilVolumeForGroundingDetection": "47",
+    "CONFIG_PT12_MinPressureThresholdToSwitchPressureWhenGrounding": "200",
+    "CONFIG_PT13_GroundingSwitchPressureAdjustment": "100",
+    "CONFIG_PG00_NbDaysWithoutSurfacingAfterIceDetection": "0",
+    "CONFIG_PG01_NbDaysWithoutSurfacingBeforeDisablingIceDetection": "90",
+    "CONFIG_PG03_IceDetectionStartPressure": "50",
+    "CONFIG_PG04_IceDetectionStopPressure": "20",
+    "CONFIG_PG05_TemperatureThreshold": "-1790",
+    "CONFIG_PG15_OilVolumeMinForGroundingDetection": "900",  # of the way down from the ice
+}
+
+
+def test_grounding_and_ice_are_those_of_the_configuration(tmp_path) -> None:
+    task = load_mission(written(tmp_path, CONFIG | BEHAVIOUR))
+    metres = float(-gsw.z_from_p(3500.0, 45.0)) / 3500.0
+    assert task.grounding is not None
+    assert task.grounding.volume == pytest.approx(47e-6)
+    assert task.grounding.shift == pytest.approx(100.0 * metres)
+    assert task.grounding.least_depth == pytest.approx(200.0 * metres)
+    assert [p.grounding for p in task.phases] == ["shift", None, None]
+    assert task.ice is not None
+    assert task.ice.model_dump() == pytest.approx(
+        {
+            "temperature": -1.79,
+            "start_depth": 50.0 * metres,
+            "stop_depth": 20.0 * metres,
+            "wait": 0.0,
+            "longest": 90 * 86400.0,
+        }
+    )
+    stays = load_mission(written(tmp_path, CONFIG | BEHAVIOUR | {"CONFIG_PT10_GroundingMode": "1"}))
+    assert stays.phases[0].grounding is None
+    plain = load_mission(written(tmp_path, CONFIG))
+    assert plain.grounding is plain.ice is None
 
 
 def test_a_broken_file_is_refused(tmp_path) -> None:
@@ -105,3 +145,5 @@ def test_a_real_configuration_of_each_kind(data_dir) -> None:
         assert len(task.phases) == phases
         assert task.phases[-2].depth == pytest.approx(-gsw.z_from_p(deepest, 45.0))
         assert task.phases[0].parameters["ascent_interval"] == 120.0
+        assert task.phases[0].grounding == "shift"
+        assert task.ice.temperature == pytest.approx(-1.79)

@@ -37,12 +37,30 @@ LAW: dict[str, tuple[str, float | None]] = {
     "slow_depth": ("PG06_SlowDownPressure", None),
     "slow_progress": ("PG08_MinPressureDiffForPumpAction", None),
 }
+GROUNDING: dict[str, tuple[str, float | None]] = {
+    "volume": ("PT11_MinOilVolumeForGroundingDetection", 1e-6),
+    "least_depth": ("PT12_MinPressureThresholdToSwitchPressureWhenGrounding", None),
+    "shift": ("PT13_GroundingSwitchPressureAdjustment", None),
+}
+ICE: dict[str, tuple[str, float | None]] = {
+    "wait": ("PG00_NbDaysWithoutSurfacingAfterIceDetection", 86400.0),
+    "longest": ("PG01_NbDaysWithoutSurfacingBeforeDisablingIceDetection", 86400.0),
+    "start_depth": ("PG03_IceDetectionStartPressure", None),
+    "stop_depth": ("PG04_IceDetectionStopPressure", None),
+    "temperature": ("PG05_TemperatureThreshold", 1e-3),
+}
+GROUNDING_MODE = "PT10_GroundingMode"  # 0: the drift depth is shifted, 1: it stays
 _ICE = "PG|IC"  # kinds of names that are about ice, which have words of others
 _OTHERWISE = {  # words of other types of float
     "PressureTargetToleranceForStabilization": "PressureTargetToleranceForStabili[sz]ation",
     "PumpMaxDurationDuringAscent": "Pump(MaxDurationDuringAscent|ActionMaxTimeAscent)",
+    "MinOilVolumeForGroundingDetection": "(MinOilVolume|OilVolumeMin)ForGroundingDetection",
+    "MinPressureThresholdToSwitchPressureWhenGrounding": (
+        "(MinPressureThresholdToSwitchPressureWhenGrounding|GroundingModeMinPresThreshold)"
+    ),
     "MaxPressureBeforeEmergencyAscent": "(MaxPressure|PressureMax)BeforeEmergencyAscent",
 }
+_COLDEST = -3000.0  # mdegC, of a threshold
 _RESOLUTION = 0.1  # dbar, of the pressures by which a float decides: as its CTD has them
 
 
@@ -53,13 +71,13 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     """
     names = _names(text, path)
 
-    def number(wanted: str, otherwise: float | None = None) -> float:
+    def number(wanted: str, otherwise: float | None = None, least: float | None = None) -> float:
         kind, words = wanted.split("_")
         about = "(?=" if kind.startswith("PG") else "(?!"
         pattern = rf"CONFIG_{about}{_ICE})[A-Z]+\d*_{_OTHERWISE.get(words, words)}"
         for name, given in names.items():
             if re.fullmatch(pattern, name):
-                return _positive(name, given, path)
+                return _number(name, given, path, least)
         if otherwise is None:
             raise _missing(words, path)
         return otherwise
@@ -67,11 +85,18 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     drift, deepest = number("PM08_DriftDepth"), number("PM09_ProfileDepth")
     park, bottom = _depth(drift), _depth(deepest)
     metres = bottom / deepest
-    law: dict[str, Any] = {"depth_step": _RESOLUTION * metres}
-    for parameter, (name, unit) in LAW.items():
-        value = number(name, -1.0)
-        if value >= 0.0:
-            law[parameter] = value * (unit or metres)
+
+    def numbers(
+        table: Mapping[str, tuple[str, float | None]], least: float | None = None
+    ) -> dict[str, float]:
+        found = {one: number(name, math.nan, least) for one, (name, _) in table.items()}
+        return {
+            one: value * (table[one][1] or metres)
+            for one, value in found.items()
+            if math.isfinite(value)
+        }
+
+    law: dict[str, Any] = {"depth_step": _RESOLUTION * metres, **numbers(LAW)}
     slow, run = (
         number(name, -1.0)
         for name in ("PG09_PumpActionDuration", "PT03_PumpMaxDurationDuringAscent")
@@ -90,7 +115,10 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     tolerance = law.get("tolerance", 50.0 * metres)
     flown: dict[str, Any] = {"law": "argo", "parameters": law}
     staying: dict[str, Any] = {"kind": "park", "tolerance": tolerance, **flown}
-    phases = [{**staying, "depth": park, "duration": stays}]
+    grounding, ice = numbers(GROUNDING, 0.0), numbers(ICE, _COLDEST)
+    shifts = grounding.get("volume") and number(GROUNDING_MODE, 1.0, 0.0) == 0.0
+    drifts = {"grounding": "shift"} if shifts else {}
+    phases = [{**staying, "depth": park, "duration": stays, **drifts}]
     if on > 0.0:
         phases.append({**staying, "name": "to profile", "depth": bottom, "duration": on})
     phases.append({"kind": "surface", "duration": AT_SURFACE, **flown})
@@ -101,6 +129,8 @@ def argo_mission(text: str, path: str | Path) -> Mission:
             "description": f"park {drift:g} dbar, profile {deepest:g} dbar, by its configuration",
             "phases": phases,
             "safety": {"deepest": _depth(limit)},
+            "grounding": grounding if grounding.get("volume") else None,
+            "ice": ice if "temperature" in ice else None,
         }
     )
 
@@ -119,17 +149,19 @@ def _period(names: Mapping[str, str], path: str | Path) -> float:
     """Return how long a cycle lasts [s]; of several periods the one without a number counts."""
     for name, given in names.items():
         if found := re.fullmatch(r"CONFIG_([A-Z]{2})\d+_CyclePeriod", name):
-            return _positive(name, given, path) * _PERIODS.get(found[1], _HOUR)
+            return _number(name, given, path) * _PERIODS.get(found[1], _HOUR)
     raise _missing("CyclePeriod", path)
 
 
-def _positive(name: str, given: str, path: str | Path) -> float:
+def _number(name: str, given: str, path: str | Path, least: float | None = None) -> float:
+    """Return a number of at least `least`, above 0 where that is not given."""
     try:
         value = float(given)
     except ValueError:
         value = math.nan
-    if not 0.0 < value < math.inf:
-        what, remedy = "it is no number above 0", "Give the number of the float's configuration"
+    if not (value > 0.0 if least is None else value >= least) or value == math.inf:
+        wanted = "above 0" if least is None else f"of at least {least:g}"
+        what, remedy = f"it is no number {wanted}", "Give the number of the float's configuration"
         raise InputError(what, file=path, field=name, value=given, remedy=remedy)
     return value
 

@@ -62,6 +62,9 @@ class Phase(Parameters):
     """parameters of that law; those not given are the controller's, where it is of the same law"""
     sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
     """between two samples of that law, where it is called at each; not given: the controller's"""
+    grounding: Literal["next", "stay", "shift"] | None = None
+    """what it does once grounded: the next phase, or stay at that depth, or shift its own to above
+    it; not given: park and hold stay, the others go on with the next"""
     rest_band: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
     """of a park or hold: as long as the vehicle stays within it of the depth the law rests and the
     actuator holds; not given: the law never rests"""
@@ -90,6 +93,9 @@ class Phase(Parameters):
         if self.rest_band is not None and self.rest_band > (self.tolerance or math.inf):
             what = f"it is wider than the tolerance of {self.tolerance:g} m"
             raise refusal(what, "Give less than the tolerance", "rest_band")
+        if self.grounding is not None and self.kind not in ("park", "hold"):
+            what = f"a phase {self.kind!r} has none: grounded, it goes on with the next"
+            raise refusal(what, "Leave the line out", "grounding")
         if self.depth is not None and (self.tolerance or 0.0) >= self.depth:
             what = f"it reaches the surface from {self.depth:g} m"
             raise refusal(what, "Give less than the phase's depth", "tolerance")
@@ -105,6 +111,51 @@ class Safety(Parameters):
     """share of the stroke that has to be left at either end"""
     battery: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = 0.1
     """share of the battery with which no new cycle begins"""
+
+
+class Grounding(Parameters):
+    """How a vehicle finds that it lies on the bottom, and what it does then.
+
+    It is grounded where it let in volume on its way down and its depth did not change. With this
+    table phases may be deeper than bottom_depth.
+    """
+
+    volume: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
+    """let in without a change of depth by which it takes itself to be grounded; not given: a tenth
+    of the stroke"""
+    change: Annotated[float, Unit("m"), Field(gt=0.0)] = 1.0
+    """of the depth; a lesser one is none"""
+    time: Annotated[float, Unit("s"), Field(ge=0.0)] = 60.0
+    """without a change of depth, too"""
+    shift: Annotated[float, Unit("m"), Field(gt=0.0)] = 100.0
+    """how far above the bottom a phase goes on that shifts its depth (`grounding`)"""
+    least_depth: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
+    """of the bottom, to shift; where it is less deep the vehicle stays"""
+
+
+class Ice(Parameters):
+    """How a vehicle avoids ice at the surface, by the temperature on its way up.
+
+    Where the median temperature in a layer is that of ice, it turns back at the top of the layer:
+    its surface phase ends there, and the next one begins.
+    """
+
+    temperature: Annotated[float, Unit("degC"), Field(ge=-3.0, le=40.0)] = -1.79
+    """median at or below which there may be ice"""
+    start_depth: Annotated[float, Unit("m"), Field(gt=0.0)] = 50.0
+    """lower edge of the layer"""
+    stop_depth: Annotated[float, Unit("m"), Field(gt=0.0)] = 20.0
+    """upper edge, where it turns back"""
+    wait: Annotated[float, Unit("s"), Field(ge=0.0)] = 0.0
+    """how long after ice it turns back there anyway"""
+    longest: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
+    """time without surfacing after which it comes up all the same; not given: it never does"""
+
+    def check(self) -> None:
+        """Refuse edges that do not go together."""
+        if self.stop_depth >= self.start_depth:
+            what = f"it is not above the start_depth of {self.start_depth:g} m"
+            raise refusal(what, "Give a lesser depth: it measures on its way up", "stop_depth")
 
 
 class Mission(Parameters):
@@ -136,6 +187,10 @@ class Mission(Parameters):
     """what a cycle is made of, in order"""
     safety: Safety = Safety()
     """what a mission must not come near"""
+    grounding: Grounding | None = None
+    """how it finds the bottom, and what it does there; not given: it does not know of a bottom"""
+    ice: Ice | None = None
+    """how it avoids ice; not given: it does not"""
     water_motion: WaterMotion = WaterMotion()
     """waves that move the water"""
 
@@ -191,7 +246,8 @@ class Mission(Parameters):
                 unit = "m" if name == "start_depth" else "s"
                 what = "a mission with set-points needs it"
                 raise refusal(what, f'Add a line {name} = "... {unit}"', name)
-        for name in ("cycles", "latitude", "safety", "start_temperature", "water_motion"):
+        own = ("cycles", "latitude", "safety", "grounding", "ice", "start_temperature")
+        for name in (*own, "water_motion"):
             if name in self.model_fields_set:
                 raise refusal("it belongs to a mission with phases", "Leave it out", name)
         self._check_order()
@@ -208,9 +264,14 @@ class Mission(Parameters):
         for place, depth in depths.items():
             if depth is not None and depth > _DEEPEST:
                 raise refusal("no sea is so deep", "Check the unit", *place)
-            if depth is not None and depth > self.bottom:
+            knows = self.grounding is not None and place[0] == "phases"
+            if depth is not None and depth > self.bottom and not knows:
                 below = f"the depth is below the bottom at {self.bottom:g} m"
-                raise refusal(below, "Check both depths", *place)
+                raise refusal(below, "Check both depths, or add a table [grounding]", *place)
+        for k, phase in enumerate(self.phases):
+            if phase.grounding is not None and self.grounding is None:
+                what = "the mission does not say how the vehicle finds the bottom"
+                raise refusal(what, "Add a table [grounding]", "phases", k, "grounding")
 
     def _check_order(self) -> None:
         times = [point.time for point in self.setpoints]

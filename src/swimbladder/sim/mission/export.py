@@ -9,7 +9,7 @@ import numpy as np
 
 from swimbladder.control.argo import ARGO, ways
 from swimbladder.errors import InputError
-from swimbladder.io.argo_config import AT_SURFACE, LAW, PLACE
+from swimbladder.io.argo_config import AT_SURFACE, GROUNDING, GROUNDING_MODE, ICE, LAW, PLACE
 from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.sim.mission.phase_laws import phase_laws
@@ -120,9 +120,16 @@ def argo_configuration(vehicle: Vehicle, mission: Mission) -> dict[str, str]:
         "PG09_PumpActionDuration": 100.0 * law.slow_share * pumps,
         "PG14_OilVolumePerValveAction": 1e6 * law.valve_volume,
     }
-    for parameter, (name, unit) in LAW.items():
-        numbers[name] = getattr(law, parameter) / (unit or metres)
-    return {f"CONFIG_{name}": f"{x:.10g}" for name, x in sorted(numbers.items()) if x > 0.0}
+    found = {f"CONFIG_{name}": x for name, x in numbers.items() if x > 0.0}
+    shifts = phases[0].grounding == "shift"
+    for one, table in ((law, LAW), (mission.grounding, GROUNDING), (mission.ice, ICE)):
+        for parameter, (name, unit) in table.items():
+            value = getattr(one, parameter, None)
+            if value is not None and (value > 0.0 or one is not law):
+                found[f"CONFIG_{name}"] = value / (unit or metres)
+    if mission.grounding is not None:
+        found[f"CONFIG_{GROUNDING_MODE}"] = 0.0 if shifts else 1.0
+    return {name: f"{x:.10g}" for name, x in sorted(found.items())}
 
 
 def _whole(value: float) -> float:

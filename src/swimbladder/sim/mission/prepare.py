@@ -21,7 +21,7 @@ from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Lane, Records, Table
 from swimbladder.sim.mission.core.hooks import DEAD
-from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Holding, Kind, Phases
+from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Grounding, Holding, Kind, Phases
 from swimbladder.sim.mission.orders import (
     approach_time,
     flown_laws,
@@ -40,6 +40,7 @@ _MOST = 10**9  # samples of a mission: minutes
 _MANY = 5e7  # of them, from which on they are worth a word
 _SAMPLE, _TICK = 2e-7, 1.5e-6  # s that one takes to compute, of a float's board; over a month
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
+_TOO_MUCH = 0.1  # share of the stroke that is let in without sinking only on the bottom
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
 
@@ -235,7 +236,24 @@ def _asked(vehicle: Vehicle, mission: Mission, cold: float) -> dict[str, float]:
         "self_discharge": _self_discharge(vehicle),
         "charge": charge,
         "held": HELD,
+        **_avoided(vehicle, mission),
     }
+
+
+def _avoided(vehicle: Vehicle, mission: Mission) -> dict[str, float]:
+    """Return how it finds bottom and ice, and what it does then, by the names of the record."""
+    found = {"ice_temperature": -math.inf}
+    if (ground := mission.grounding) is not None:
+        stroke = vehicle.stroke
+        found["ground_volume"] = ground.volume or _TOO_MUCH * (stroke.maximum - stroke.minimum)
+        found["ground_change"], found["ground_time"] = ground.change, ground.time
+        found["ground_shift"], found["ground_least"] = ground.shift, ground.least_depth
+    if (ice := mission.ice) is not None:
+        found["ice_temperature"] = ice.temperature
+        found["ice_from"], found["ice_to"] = ice.start_depth, ice.stop_depth
+        found["ice_wait"] = ice.wait
+        found["ice_longest"] = math.inf if ice.longest is None else ice.longest
+    return found
 
 
 def _self_discharge(vehicle: Vehicle) -> float:
@@ -280,6 +298,8 @@ def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Re
         stage["timeout"] = phase.timeout or 2.0 * approach_time(law, way) + 3600.0
         stage["loads"] = hotel_power(vehicle, phase.kind)
         stage["law"] = law
+        stays = "stay" if phase.kind in ("park", "hold") else "next"
+        stage["grounding"] = Grounding[(phase.grounding or stays).upper()]
         psi = look_up(table, step, Table.NEUTRAL, depth)[1]
         rate = min(look_up(table, step, n, depth)[0] for n in (Table.RATE_OUT, Table.RATE_IN))
         holds = None if phase.depth is None else hold_parameters(vehicle, phase, law, psi, rate)
@@ -301,5 +321,5 @@ def first_state(
     x, at = first_lane(
         plan.given, plan.table, mission.start_depth, volume=volume, temperature=warmth, seed=seed
     )
-    at["new_phase"] = 1
+    at["new_phase"], x["t_ice"] = 1, -math.inf
     return x, at, np.zeros(len(Account) + len(Holding) * len(plan.stages))

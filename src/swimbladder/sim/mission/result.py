@@ -105,6 +105,21 @@ class MissionResult:
         return None
 
     @property
+    def grounded(self) -> dict[str, list[float]]:
+        """Depths [m] at which the vehicle took itself to be grounded, by the phase's title."""
+        notes, found = self.flight.notes, dict[str, list[float]]()
+        for note in notes[notes["what"] == Note.GROUNDED]:
+            title = self.flight.mission.titles[int(note["number"])]
+            found.setdefault(title, []).append(float(note["z"]))
+        return found
+
+    @property
+    def ice(self) -> list[bool]:
+        """Of each time that ice turned it back, whether it was measured, or the mission waits."""
+        notes = self.flight.notes
+        return [bool(number) for number in notes["number"][notes["what"] == Note.ICE]]
+
+    @property
     def cycles(self) -> int:
         """Whole cycles flown."""
         return int(self.flight.whole["cycle"])
@@ -200,6 +215,8 @@ class MissionResult:
             "deepest_m": deepest,
             "arrival_s": self.arrival,
             "missed": self.missed,
+            "grounded_m": self.grounded,
+            "ice_turns": len(self.ice),
             "held": self.held,
             "stroke_margin": self.reach.margin,
             "stroke_margin_flown": self.flown_margin,

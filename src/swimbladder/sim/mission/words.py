@@ -91,6 +91,7 @@ def reason_words(result: MissionResult) -> list[str]:
         f"{_hold_words(result, numbers[name])}"
         for name, count in result.not_held.items()
     ]
+    found += _avoided_words(result)
     landed = int(np.sum(result.flight.notes["what"] == Note.BOTTOM))
     if landed:
         found.append(
@@ -105,6 +106,29 @@ def reason_words(result: MissionResult) -> list[str]:
         )
     if not result.energy_known:
         found.append(result.flight.plan.energy_known)
+    return found
+
+
+def _avoided_words(result: MissionResult) -> list[str]:
+    """Say where the vehicle took itself to be grounded, and how often ice turned it back."""
+    flight, found = result.flight, list[str]()
+    for title, depths in result.grounded.items():
+        often = f"{len(depths)} time{'s' if len(depths) > 1 else ''}"
+        least, most = (f"{depth:.4g}" for depth in (min(depths), max(depths)))
+        where = f"{most} m" if least == most else f"{least} to {most} m"
+        phase = flight.mission.phases[flight.mission.titles.index(title)]
+        does = {"next": "went on with the next phase", "shift": "went up from the bottom"}
+        own = phase.grounding or ("stay" if phase.kind in ("park", "hold") else "next")
+        found.append(
+            f"the phase {title!r} was grounded {often}, at {where}, and "
+            f"{does.get(own, 'stayed there')}"
+        )
+    if result.ice and flight.mission.ice is not None:
+        measured = int(np.sum(result.ice))
+        found.append(
+            f"for ice it turned back at {flight.mission.ice.stop_depth:g} m in {len(result.ice)} "
+            f"of {len(flight.cycles)} cycles, in {measured} of them by the temperature"
+        )
     return found
 
 

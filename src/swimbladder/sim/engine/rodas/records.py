@@ -125,6 +125,16 @@ _VEHICLE: tuple[tuple[str, type], ...] = (
     ("volume_quantum", float),  # m3, its quantum
     ("open", float),  # -, of the valve's flow that comes in whatever is commanded
     ("open_running", float),  # -, the same while the pump runs
+    ("ground_volume", float),  # m3 let in without sinking, by which it takes itself to be grounded
+    ("ground_change", float),  # m; a lesser change of depth is none
+    ("ground_time", float),  # s without one
+    ("ground_shift", float),  # m above the bottom, of the depth that it then goes to
+    ("ground_least", float),  # m; above it, it stays on the bottom
+    ("ice_temperature", float),  # degC, median at or below which there is ice; -inf: none is sought
+    ("ice_from", float),  # m, where it begins to measure on its way up
+    ("ice_to", float),  # m, where it decides
+    ("ice_wait", float),  # s after ice in which it does not surface
+    ("ice_longest", float),  # s without surfacing after which ice does not keep it down
 )
 # Its oil line between pump and check valve; without one the oil is incompressible.
 _LINE: tuple[tuple[str, type], ...] = (
@@ -173,6 +183,14 @@ NOW = record(
     ("hull", float),  # degC of the hull
     ("line_level", float),  # -, ln(p/reservoir) of the oil line
     ("t_level", float),  # s, when it was that
+    ("raised", float),  # m by which grounding raised the depth of the phase
+    ("z_moved", float),  # m, depth seen when it last changed
+    ("v_moved", float),  # m3, greatest volume since
+    ("t_moved", float),  # s, when that was
+    ("t_measured", float),  # s in the layer in which ice shows, of the phase
+    ("t_cold", float),  # s of them at the temperature of ice
+    ("t_ice", float),  # s, when ice last turned it back
+    ("t_surfaced", float),  # s, when it was last afloat
 )
 
 # The state, as far as it is whole numbers.
@@ -197,6 +215,7 @@ AT = record(
     ("captured", np.int64),  # 1: `control.hold` flies
     ("shut", np.int64),  # 1: the check valve behind the oil line is
     ("idle", np.int64),  # ticks without time passing
+    ("ends", np.int64),  # 1: the bottom or ice ended what the phase was to do
 )
 
 
@@ -262,6 +281,8 @@ class Note(IntEnum):
     CYCLE = 14  # is over; its number
     AFLOAT = 15  # with all volume out
     ALARM = 16  # the supervisor takes over; its reason
+    GROUNDED = 17  # it takes itself to lie on the bottom; number of the phase
+    ICE = 18  # ice keeps it from the surface; 1: it was measured, 0: it waits since
 
 
 # A note of something that happened.

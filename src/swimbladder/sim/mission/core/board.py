@@ -14,6 +14,7 @@ from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.engine.cache import inlined
 from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.engine.rodas.sensing import measured
+from swimbladder.sim.mission.core.avoidance import goal_of, grounds
 from swimbladder.sim.mission.core.hooks import begin_tick, enter_time, raise_alarm, too_deep
 from swimbladder.sim.mission.core.phases import awaited_level, begin_row, row, settle
 from swimbladder.sim.mission.core.records import Kind, Phases
@@ -46,9 +47,11 @@ def _begin(f: Boarded, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
 def _sense(f: Boarded, S: Array, k: int) -> None:  # noqa: ARG001
     lane, stage = f.phases.lane, f.phases.stages[f.phases.lane.at.phase]
     lane.at.calls += 1
-    S[Row.SEEN_DEPTH] = measured(lane.p, lane.waves, lane.x, lane.at)
+    seen = measured(lane.p, lane.waves, lane.x, lane.at)
+    grounds(f.phases, seen)
+    S[Row.SEEN_DEPTH] = seen
     S[Row.SEEN_VOLUME] = lane.x.v  # its law begins with it, and measures none after
-    S[Row.REFERENCE] = 0.0 if stage.kind == Kind.SURFACE else stage.depth
+    S[Row.REFERENCE] = 0.0 if stage.kind == Kind.SURFACE else goal_of(f.phases)
 
 
 @inlined

@@ -22,12 +22,13 @@ from swimbladder.sim.closed_loop.rows import Row, rows
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.layers import NO_LAYERS
 from swimbladder.sim.engine.modes import V_0
-from swimbladder.sim.engine.rodas.drive import FULL, STAYED, end_run, note, press_out
+from swimbladder.sim.engine.rodas.drive import FULL, STAYED, change_volume, end_run, note, press_out
 from swimbladder.sim.engine.rodas.leap import LEVEL, TOO_DEEP
 from swimbladder.sim.engine.rodas.line import empty_line
 from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
 from swimbladder.sim.engine.rodas.sensing import measured, measured_volume
+from swimbladder.sim.mission.core.avoidance import goal_of, grounds, seek_ice
 from swimbladder.sim.mission.core.phases import (
     arrive,
     awaited_level,
@@ -124,10 +125,15 @@ def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
     else:
         at.calls += 1
         seen, surface = measured(p, f.lane.waves, x, at), stage.kind == Kind.SURFACE
+        lift = grounds(f, seen)
+        if lift > 0.0:  # of which the law knows nothing
+            change_volume(f.lane, x.v, lift, p.longest)
+        if lift > 0.0 or at.ends == 1:
+            return
         S[Row.SEEN_DEPTH], S[Row.WAIT] = seen, 0.0
         afloat = surface and seen <= p.shallow
         S[Row.SEEN_VOLUME] = x.v if afloat else measured_volume(p, x, at)
-        S[Row.REFERENCE] = 0.0 if surface else stage.depth
+        S[Row.REFERENCE] = 0.0 if surface else goal_of(f)
         up[0], up[1], up[2] = p.shallow, p.neutral_top, p.v_max
         up[3], up[5] = FULL * (p.v_max - p.v_min), p.by_volume
         up[4] = stage.law[0] * stage.speed * stage.speed
@@ -167,7 +173,7 @@ def too_deep(f: Phases, event: int) -> bool:
 
     event: how it ended.
     """
-    if event == LEVEL:
+    if event == LEVEL and f.stages[f.lane.at.phase].kind != Kind.SURFACE:
         arrive(f)
     return bool(event == TOO_DEEP)
 
@@ -192,6 +198,8 @@ def enter_time(f: Phases, depth: float, h: float, arrived: bool) -> None:
     f.lane.accounts[Account.T_DESCEND + int(f.stages[f.lane.at.phase].kind)] += h
     if arrived and f.lane.at.alarm == 0:
         enter_hold(f, depth, h)
+    if f.lane.p.ice_temperature > -math.inf:
+        seek_ice(f, depth, h)
 
 
 @inlined

@@ -5,6 +5,7 @@ import math
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
+from swimbladder.sim.mission.core.avoidance import goal_of
 from swimbladder.sim.mission.core.records import Holding, Kind, Phases
 
 ACCOUNTS = len(Account)
@@ -53,6 +54,7 @@ def begin_phase(f: Phases) -> None:
     x.t_phase = x.t
     x.t_look = x.t if at.doing == Doing.NOTHING else max(x.t, x.t_move)
     x.z_look = x.z
+    x.raised, x.t_measured, x.t_cold, at.ends = 0.0, 0.0, 0.0, 0
     if stage.kind == Kind.PARK:
         x.t_end = x.t + stage.duration
     else:
@@ -65,11 +67,15 @@ def awaited_level(f: Phases) -> float:
     """Return the depth at which the phase arrives [m], negative from below, 0: not awaited."""
     x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
-    if at.arrived == 1 or at.alarm != 0 or stage.kind == Kind.SURFACE:
+    if at.arrived == 1 or at.alarm != 0 or at.ends == 1:
         return 0.0
-    if x.z < stage.depth:
-        return float(stage.depth - stage.tolerance)
-    return -float(stage.depth + stage.tolerance)
+    if stage.kind == Kind.SURFACE:
+        sought = f.lane.p.ice_temperature > -math.inf and x.z > f.lane.p.ice_to
+        return -float(f.lane.p.ice_to) if sought else 0.0
+    goal = goal_of(f)
+    if x.z < goal:
+        return float(goal - stage.tolerance)
+    return -float(goal + stage.tolerance)
 
 
 @inlined
@@ -80,7 +86,7 @@ def enter_hold(f: Phases, z: float, h: float) -> None:
     """
     x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
-    a, b = z - stage.depth, x.z - stage.depth
+    a, b = z - goal_of(f), x.z - goal_of(f)
     low, high, tolerance = min(a, b), max(a, b), stage.tolerance
     if high - low > 0.0:
         share = max(min(high, tolerance) - max(low, -tolerance), 0.0) / (high - low)
@@ -101,7 +107,7 @@ def arrive(f: Phases) -> None:
     stage = f.stages[at.phase]
     at.arrived = 1
     x.t_arrived, x.t_inside = x.t, 0.0
-    first = stage.kind != Kind.SURFACE
+    first = stage.kind != Kind.SURFACE and x.raised == 0.0
     for n in range(at.phase):
         first = first and f.stages[n].kind == Kind.SURFACE
     if first:
@@ -127,7 +133,7 @@ def afloat(f: Phases, out: bool) -> bool:
         at.stop = Stop.PASSED_DEPTH if at.alarm == 1 else Stop.ALARM
     elif at.arrived == 0 and f.stages[at.phase].kind == Kind.SURFACE:
         note(f.lane, Note.AFLOAT, 0.0)
-        x.t_afloat = x.t - x.t_cycle
+        x.t_afloat, x.t_surfaced = x.t - x.t_cycle, x.t
         f.lane.accounts[Account.SURFACING_ENERGY] += p.surfacing
         x.charge -= p.surfacing
         arrive(f)
@@ -145,7 +151,7 @@ def settle(f: Phases, out: bool = False) -> bool:
     floats = bool(at.stop == 0 and at.place == 1 and afloat(f, out))
     if at.stop == 0 and at.arrived == 0 and at.alarm == 0:
         stage = f.stages[at.phase]
-        if stage.kind != Kind.SURFACE and abs(x.z - stage.depth) <= stage.tolerance:
+        if stage.kind != Kind.SURFACE and abs(x.z - goal_of(f)) <= stage.tolerance:
             arrive(f)
     return floats
 
@@ -155,7 +161,9 @@ def next_phase(f: Phases) -> bool:
     """End the phase; return whether a cycle is over with it."""
     x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
-    if at.arrived == 0:
+    if at.ends == 1 or (at.arrived == 0 and x.raised != 0.0):
+        pass  # it did what it does on the bottom, or under ice
+    elif at.arrived == 0:
         note(f.lane, Note.OUT_OF_TIME, float(at.phase))
         at.missed |= 1 << at.phase
         if stage.kind == Kind.SURFACE:

@@ -25,6 +25,7 @@ STAGE = record(
     ("law", float, len(RateParameters._fields)),  # the parameters of the law `rate`, in its order
     ("capture", float),  # m around it that `control.hold` flies; 0: nowhere
     ("hold", float, len(DeadbandParameters._fields)),  # its parameters, in order
+    ("grounding", np.int64),  # Grounding
 )
 
 
@@ -36,6 +37,14 @@ class Kind(IntEnum):
     PROFILE = 2
     HOLD = 3
     SURFACE = 4
+
+
+class Grounding(IntEnum):
+    """What a phase does where the vehicle takes itself to lie on the bottom."""
+
+    NEXT = 0  # it ends
+    STAY = 1  # it lasts, at that depth
+    SHIFT = 2  # it goes on above that depth
 
 
 class Holding(IntEnum):

@@ -22,6 +22,7 @@ from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.entries import enter, enter_energy
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop
+from swimbladder.sim.mission.core.avoidance import goal_of, grounds
 from swimbladder.sim.mission.core.hooks import enter_time, full, raise_alarm, turn
 from swimbladder.sim.mission.core.phases import row, settle
 from swimbladder.sim.mission.core.records import Kind, Phases
@@ -112,7 +113,7 @@ def _begin(f: Sampled, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
     task = f.tasks[at.phase]
     if at.stop != 0 or task[_LAW] != now.law or full(g, _ROOM):
         return True
-    end = g.stages[at.phase].depth
+    end = goal_of(g)
     if task[_SPEED] > 0.0:
         if now.phase_begin != x.t_phase:
             now.phase_begin, now.phase_from = x.t_phase, x.z
@@ -261,6 +262,7 @@ def _sense(f: Sampled, S: Array, k: int) -> None:  # noqa: ARG001
     now.called, now.begins = 0.0, 0.0
     surface, nearly = g.stages[at.phase].kind == Kind.SURFACE, FULL * (p.v_max - p.v_min)
     more = x.v - f.own.neutral_top
+    grounds(g, S[Row.SEEN_DEPTH])
     dives = now.dives != 0.0 or (not called and at.place == modes.EMERGING)
     now.dives = 0.0
     if at.alarm != 0 or (surface and (x.z <= p.shallow or at.arrived == 1)):
@@ -306,7 +308,7 @@ def _rests(f: Sampled, seen: float) -> bool:
         return False
     if not _is_due(f):
         return bool(now.rests != 0.0)
-    left = band - abs(seen - g.stages[at.phase].depth)
+    left = band - abs(seen - goal_of(g))
     drift = math.inf if math.isnan(now.seen) else abs(seen - now.seen)
     rests = left >= 0.5 * band and drift <= max(_STILL * band, own.unseen)
     if now.rests != 0.0:

@@ -1,0 +1,83 @@
+"""What a vehicle does by itself on the bottom and under ice: its phase goes on elsewhere, or ends.
+
+It takes itself to be grounded where it let in volume and did not sink. There may be ice where the
+water in a layer below the surface is as cold on the way up, by the median of its temperatures: the
+ice-sensing algorithm of Klatt, Boebel and Fahrbach (2007), J. Atmos. Oceanic Technol. 24.
+"""
+
+import math
+
+from swimbladder.sim.engine.cache import inlined, part
+from swimbladder.sim.engine.rodas.drive import note
+from swimbladder.sim.engine.rodas.lookup import value
+from swimbladder.sim.engine.rodas.records import Note, Table
+from swimbladder.sim.mission.core.records import Grounding, Kind, Phases
+
+_SPACING = 1.0  # m between two temperatures on a way, at most
+
+
+@inlined
+def goal_of(f: Phases) -> float:
+    """Return the depth that the phase goes to [m]: its own, or what grounding made of it."""
+    return float(f.stages[f.lane.at.phase].depth - f.lane.x.raised)
+
+
+@inlined
+def grounds(f: Phases, seen: float) -> float:
+    """Find whether the vehicle lies on the bottom, at the depth seen [m], and what it does then.
+
+    Return the volume that it let in there [m3] where it leaves the bottom now, else 0.
+    """
+    return float(_grounds(f, seen) if f.lane.p.ground_volume > 0.0 else 0.0)
+
+
+@part
+def _grounds(f: Phases, seen: float) -> float:
+    p, x, at = f.lane.p, f.lane.x, f.lane.at
+    if seen <= p.shallow or abs(seen - x.z_moved) >= p.ground_change:
+        x.z_moved, x.v_moved, x.t_moved = seen, x.v, x.t
+    x.v_moved = max(x.v_moved, x.v)
+    stage = f.stages[at.phase]
+    if stage.kind == Kind.SURFACE or at.alarm != 0 or at.ends == 1:
+        return 0.0
+    if (
+        x.v_moved - x.v < p.ground_volume
+        or x.t - x.t_moved < p.ground_time
+        or seen >= goal_of(f) - stage.tolerance
+    ):
+        return 0.0
+    note(f.lane, Note.GROUNDED, float(at.phase))
+    if stage.grounding == Grounding.NEXT:
+        at.ends, x.t_end = 1, x.t
+        after = f.stages[(at.phase + 1) % f.stages.shape[0]]
+        leaves = after.kind == Kind.SURFACE or after.depth < seen
+    else:
+        leaves = stage.grounding == Grounding.SHIFT and seen >= p.ground_least
+        x.raised = stage.depth - seen + (p.ground_shift if leaves else 0.0)
+    return float(x.v_moved - x.v) if leaves else 0.0
+
+
+@part
+def seek_ice(f: Phases, depth: float, h: float) -> None:
+    """Enter h [s] on the way up from a depth [m] in the search for ice; turn back under it."""
+    p, x, at = f.lane.p, f.lane.x, f.lane.at
+    if f.stages[at.phase].kind != Kind.SURFACE or at.arrived == 1 or at.alarm != 0 or at.ends == 1:
+        return
+    if min(depth, x.z) > p.ice_from:
+        return
+    parts = math.ceil(abs(x.z - depth) / _SPACING) + 1
+    for n in range(parts):
+        z = depth + (x.z - depth) * (n + 0.5) / parts
+        if p.ice_to <= z <= p.ice_from:
+            x.t_measured += h / parts
+            if value(f.lane.table, p.step, Table.TEMPERATURE, z)[0] <= p.ice_temperature:
+                x.t_cold += h / parts
+    if x.z > p.ice_to or x.t - x.t_surfaced > p.ice_longest:
+        return
+    cold = x.t_measured > 0.0 and x.t_cold >= 0.5 * x.t_measured
+    if not cold and x.t - x.t_ice >= p.ice_wait:
+        return
+    note(f.lane, Note.ICE, 1.0 if cold else 0.0)
+    if cold:
+        x.t_ice = x.t
+    at.ends, x.t_end = 1, x.t
