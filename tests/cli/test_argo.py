@@ -8,7 +8,8 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.io.config import load_mission
-from tests.io.test_argo_config import BEHAVIOUR, CONFIG
+from tests.io.test_argo_config import BEHAVIOUR, CONFIG, meta, standard
+from tests.io.test_argo_trajectory import RUNS, put
 
 
 @pytest.fixture
@@ -19,6 +20,8 @@ def files(tmp_path, monkeypatch):
     (tmp_path / "own.toml").write_text(
         "schema_version = 1\n" + "".join(f"[[phases]]\n{phase}\n" for phase in phases)
     )
+    meta(tmp_path, standard(CONFIG))
+    put(tmp_path / "it_tech.nc", "Argo technical data", RUNS)
     p = np.arange(0.0, 4001.0, 20.0)
     table = np.column_stack([p, 1.5 + 14.0 * np.exp(-p / 600.0), 34.5 + 0.2 * np.exp(-p / 300.0)])
     header = "pressure_dbar,temperature_degC,salinity"
@@ -26,8 +29,9 @@ def files(tmp_path, monkeypatch):
 
 
 @pytest.mark.usefixtures("files")
-def test_a_cycle_by_its_configuration(capsys) -> None:
-    asked = ["mission", "deep-arvor", "it.json", "--cast", "cast.csv", "--out", "out", "--json"]
+@pytest.mark.parametrize("name", ["it.json", "7900001_meta.nc"])
+def test_a_cycle_by_its_configuration(name, capsys) -> None:
+    asked = ["mission", "deep-arvor", name, "--cast", "cast.csv", "--out", "out", "--json"]
     assert main(asked) == 0
     answer = json.loads(capsys.readouterr().out)
     assert [law["law"] for law in answer["laws"]] == ["argo"] * 3
@@ -77,11 +81,16 @@ def test_a_configuration_is_written_as_it_was_read(deepest) -> None:
     [
         (["mission", "example-float", "it.json"], "give it a [controller] of this law"),
         (["mission", "feup-em", "it.json"], "it.json, phases[0].law: this law commands a volume"),
+        (["mission", "feup-em", "7900001_meta.nc"], "meta.nc, phases[0].law: this law commands"),
         (
             ["mission", "example-float", "own.toml", "--config"],
             "--config: no mission that an Argo float",
         ),
         (["simulate", "feup-em", "it.json"], "it.json, phases: the mission has phases"),
+        (
+            ["identify", "it_tech.nc", "--vehicle", "deep-arvor", "--cast", "cast.csv"],
+            "it_tech.nc, DATA_TYPE: this netCDF file is none of the type Argo trajectory",
+        ),
         (["stability", "deep-arvor"], "controller.law: it waits for what the vehicle does"),
         (["tune", "deep-arvor", "--law", "argo"], "this law is not tuned"),
     ],

@@ -672,7 +672,7 @@ def test_flags_as_xarray_writes_them(tmp_path, dims):
 
     assert len(read_cast(saved(flags)).pressure) == len(p) - 1
     error = refused(saved(np.ones(1, "i1")))  # one for the whole profile
-    assert "not one quality flag for each value of PRES" in str(error)
+    assert "not one flag for each value of PRES" in str(error)
 
 
 def test_all_flagged_as_bad_is_said(tmp_path):

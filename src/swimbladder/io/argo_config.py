@@ -1,9 +1,10 @@
 """An Argo float's configuration as a mission: names like ``CONFIG_PT24_PressureCheckPeriod...``.
 
-The file is JSON, as in a float's metadata: an object of names and values, or one whose ``missions``
-are such objects, of which the first counts. Numbers of the names differ between types of float
-(PM08, MC011), their words hardly. Pressures [dbar] become depths, by the standard ocean at 45
-degrees.
+The file is JSON, as a data centre is given it: an object of names and values, or one whose
+``missions`` are such objects, of which the first counts. Numbers of the names differ between types
+of float (PM08, MC011), their words hardly. Or it is netCDF, the float's `WMO_meta.nc`, with Argo's
+standard names, which end in their unit (reference table 18): the values at launch, and over them
+those of the first mission. Pressures [dbar] become depths, by the standard ocean at 45 degrees.
 
 A cycle takes its period. The float leaves its park depth so long before the end as both ways take
 at the mean speeds of the configuration; it arrives sooner or later, and waits.
@@ -17,9 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import gsw
+import numpy as np
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, UnitError
+from swimbladder.io.cast_columns import cast_unit
+from swimbladder.io.cast_netcdf import NetCDF, is_netcdf
+from swimbladder.io.log_text import LogFile
 from swimbladder.io.mission import Mission
+from swimbladder.units import unit_factor
 
 PLACE = 45.0  # degrees of latitude
 AT_SURFACE = 1800.0  # s, to position itself and to send
@@ -50,6 +56,35 @@ ICE: dict[str, tuple[str, float | None]] = {
     "temperature": ("PG05_TemperatureThreshold", 1e-3),
 }
 GROUNDING_MODE = "PT10_GroundingMode"  # 0: the drift depth is shifted, 1: it stays
+# Argo's standard name of each, with the unit in which the number is without it; as in the data
+# processing chain of Coriolis, files _config_param_name_221.json (4000 m) and _222.json (2000 m).
+_STANDARD = {
+    "PM01_CyclePeriod": "CycleTime_s",
+    "PM08_DriftDepth": "ParkPressure_dbar",
+    "PM09_ProfileDepth": "ProfilePressure_dbar",
+    "PT03_PumpMaxDurationDuringAscent": "PumpActionMaxTimeAscent_cs",
+    "PT05_PressureTargetToleranceForStabilization": "PressureTargetToleranceForStabilisation_dbar",
+    "PT06_MaxPressureBeforeEmergencyAscent": "PressureMaxBeforeEmergencyAscent_dbar",
+    "PT18_AverageDescentSpeed": "DescentSpeed_mm/s",
+    "PT23_AverageAscentSpeed": "AscentSpeed_mm/s",
+    "PT24_PressureCheckPeriodDuringAscent": "PressureCheckTimeAscent_min",
+    "PT25_MinPressureDiffForPumpAction": "AscentVerticalThresholdForBuoyancyAction_dbar",
+    "PT26_PressureCheckPeriodDuringDescent": "PressureCheckTimeDescent_min",
+    "PT27_MinPressureDiffForEVAction": "DescentVerticalThresholdForBuoyancyAction_dbar",
+    "PG06_SlowDownPressure": "AscentSpeedStartPressureThresholdForSlowPhase_dbar",
+    "PG08_MinPressureDiffForPumpAction": (
+        "IceDetectionAscentVerticalThresholdForBuoyancyAction_dbar"
+    ),
+    "PG09_PumpActionDuration": "IceDetectionPumpActionMaxTimeAscent_cs",
+    "PT10_GroundingMode": "GroundingMode_LOGICAL",
+    "PT11_MinOilVolumeForGroundingDetection": "OilVolumeMinForGroundingDetection_cm3",
+    "PT12_MinPressureThresholdToSwitchPressureWhenGrounding": "GroundingModeMinPresThreshold_dbar",
+    "PT13_GroundingSwitchPressureAdjustment": "GroundingModePresAdjustment_dbar",
+    "PG03_IceDetectionStartPressure": "IceDetectionMixedLayerPMax_dbar",
+    "PG04_IceDetectionStopPressure": "IceDetectionMixedLayerPMin_dbar",
+    "PG05_TemperatureThreshold": "IceDetection_mdegC",
+}
+_FACTORS = {("LOGICAL", "LOGICAL"): 1.0, ("degC", "mdegC"): 1e3}  # beside those of units
 _ICE = "PG|IC"  # kinds of names that are about ice, which have words of others
 _OTHERWISE = {  # words of other types of float
     "PressureTargetToleranceForStabilization": "PressureTargetToleranceForStabili[sz]ation",
@@ -64,12 +99,12 @@ _COLDEST = -3000.0  # mdegC, of a threshold
 _RESOLUTION = 0.1  # dbar, of the pressures by which a float decides: as its CTD has them
 
 
-def argo_mission(text: str, path: str | Path) -> Mission:
+def argo_mission(data: bytes, path: str | Path) -> Mission:
     """Return one cycle as a mission, flown by the law `argo`; its volumes are the vehicle's.
 
-    Raises InputError with file, name, value and remedy.
+    data: JSON or netCDF. Raises InputError with file, name, value and remedy.
     """
-    names = _names(text, path)
+    names = _meta_names(data, path) if is_netcdf(data) else _names(data, path)
 
     def number(wanted: str, otherwise: float | None = None, least: float | None = None) -> float:
         kind, words = wanted.split("_")
@@ -78,9 +113,7 @@ def argo_mission(text: str, path: str | Path) -> Mission:
         for name, given in names.items():
             if re.fullmatch(pattern, name):
                 return _number(name, given, path, least)
-        if otherwise is None:
-            raise _missing(words, path)
-        return otherwise
+        return _standard(names, wanted, path, otherwise, least)
 
     drift, deepest = number("PM08_DriftDepth"), number("PM09_ProfileDepth")
     park, bottom = _depth(drift), _depth(deepest)
@@ -135,9 +168,9 @@ def argo_mission(text: str, path: str | Path) -> Mission:
     )
 
 
-def _names(text: str, path: str | Path) -> Mapping[str, str]:
+def _names(data: bytes, path: str | Path) -> Mapping[str, str]:
     try:
-        found = json.loads(text)
+        found = json.loads(data)
     except ValueError as error:
         remedy = "Give the configuration as JSON"
         raise InputError(f"no JSON: {error}", file=path, field="file", remedy=remedy) from None
@@ -145,12 +178,52 @@ def _names(text: str, path: str | Path) -> Mapping[str, str]:
     return {str(name): str(value) for name, value in found.items()}
 
 
+def _meta_names(data: bytes, path: str | Path) -> Mapping[str, str]:
+    """Return names and values of a meta-data file, those of its first mission over the others."""
+    found = NetCDF(data, LogFile(path))
+    found.refuse_unless("Argo meta-data", "Give the float's meta-data, WMO_meta.nc")
+    held: dict[str, str] = {}
+    for kind in ("LAUNCH_CONFIG_PARAMETER", "CONFIG_PARAMETER"):
+        names, values = found.texts(f"{kind}_NAME"), found.variables.get(f"{kind}_VALUE")
+        first = () if values is None else np.ravel(values.values)[: len(names)].tolist()
+        if len(first) < len(names):
+            remedy = "Fetch the file anew"
+            raise found.file.refused("not a value for each name", remedy, f"{kind}_VALUE")
+        pairs = zip(names, map(str, first), strict=True)
+        held |= {name.strip("\0 "): value for name, value in pairs if value != "nan"}
+    return held
+
+
+def _standard(
+    names: Mapping[str, str],
+    wanted: str,
+    path: str | Path,
+    otherwise: float | None = None,
+    least: float | None = None,
+) -> float:
+    """Return the number of a standard name, in the unit that it has where the name has none."""
+    standard, _, unit = _STANDARD.get(wanted, "").rpartition("_")
+    for name, given in names.items():
+        words, _, said = name.removeprefix("CONFIG_").rpartition("_")
+        if words == standard != "":
+            try:
+                own = _FACTORS.get((said, unit)) or unit_factor(cast_unit(said), unit)
+                return _number(name, given, path, None if least is None else least / own) * own
+            except UnitError as error:
+                raise error.at(file=path, field=name) from None
+    if otherwise is None:
+        what, remedy = "it is missing", "Give the whole configuration"
+        field = f"CONFIG_{standard}_... or CONFIG_..._{wanted.split('_')[1]}"
+        raise InputError(what, file=path, field=field, remedy=remedy)
+    return otherwise
+
+
 def _period(names: Mapping[str, str], path: str | Path) -> float:
     """Return how long a cycle lasts [s]; of several periods the one without a number counts."""
     for name, given in names.items():
         if found := re.fullmatch(r"CONFIG_([A-Z]{2})\d+_CyclePeriod", name):
             return _number(name, given, path) * _PERIODS.get(found[1], _HOUR)
-    raise _missing("CyclePeriod", path)
+    return _standard(names, "PM01_CyclePeriod", path)
 
 
 def _number(name: str, given: str, path: str | Path, least: float | None = None) -> float:
@@ -164,11 +237,6 @@ def _number(name: str, given: str, path: str | Path, least: float | None = None)
         what, remedy = f"it is no number {wanted}", "Give the number of the float's configuration"
         raise InputError(what, file=path, field=name, value=given, remedy=remedy)
     return value
-
-
-def _missing(words: str, path: str | Path) -> InputError:
-    field, remedy = f"CONFIG_..._{words}", "Give the whole configuration"
-    return InputError("it is missing", file=path, field=field, remedy=remedy)
 
 
 def _depth(pressure: float) -> float:

@@ -156,6 +156,11 @@ _WRITTEN = (
     ("mS/cm", "ms cm-1"),
     ("uS/cm", "microsiemens per centimeter"),
     ("kg/m3", "kg m-3"),
+    ("d", "days"),
+    ("h", "hours"),
+    ("min", "minutes"),
+    ("s", "second|seconds"),
+    ("cs", "csec"),
 )
 _UNITS = {name: unit for unit, names in _WRITTEN for name in names.split("|")}
 

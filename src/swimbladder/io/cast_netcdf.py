@@ -133,6 +133,13 @@ class NetCDF:
         found = self.variables.get(name)
         return [] if found is None or found.numeric else [str(x) for x in np.ravel(found.values)]
 
+    def refuse_unless(self, kind: str, remedy: str) -> None:
+        """Raise LogError where an Argo file's DATA_TYPE is not `kind` (reference table 1)."""
+        said = " ".join(self.texts("DATA_TYPE")).strip("\0 ")
+        if said != kind:
+            what = f"this netCDF file is none of the type {kind}"
+            raise self.file.refused(what, remedy, "DATA_TYPE", value=said or "nothing")
+
     def unit(self, name: str, found: str, stated: str | None = None) -> str | None:
         """Return the unit of a variable that is the column `name`: as stated, by its attribute, or
         by its name as that of a CSV's column; None where nothing says one.
@@ -185,10 +192,17 @@ class NetCDF:
             raise self.file.refused(error.what, remedy, found, value=unit, unit=wanted) from None
 
     def _flagged(self, found: str, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-        """Return which values their quality flags call bad: numbers, letters or strings of them."""
+        """Return which values their quality flags call bad."""
         named = next((n for n in (f"{found}_QC", f"{found}_qc") if n in self.variables), None)
         if named is None:
             return np.zeros(shape, dtype=bool)
+        return ~np.isin(self.flags(named, found, shape), list(_GOOD | _UNJUDGED))
+
+    def flags(self, named: str, found: str, shape: tuple[int, ...]) -> NDArray[np.str_]:
+        """Return a flag for each value of `found`, from numbers, letters or strings of them.
+
+        Raises LogError where there are not as many.
+        """
         flags = self.variables[named]
         if flags.numeric:
             texts = np.nan_to_num(flags.values, nan=9.0).astype(int).astype(np.str_)
@@ -200,10 +214,10 @@ class NetCDF:
             texts = np.array(rows, dtype=np.str_)
             texts = texts.reshape(shape) if texts.size == np.prod(shape) else texts
         if texts.shape != shape:
-            what = f"not one quality flag for each value of {found}"
+            what = f"not one flag for each value of {found}"
             remedy = "Give the flags the shape of the values, or write what is good to a CSV"
             raise self.file.refused(what, remedy, named)
-        return ~np.isin(texts, list(_GOOD | _UNJUDGED))
+        return texts
 
     def is_profiles(self) -> bool:
         """Say whether these are the variables of an Argo profile file."""

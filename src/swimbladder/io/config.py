@@ -6,6 +6,7 @@ Where each key of a TOML text stands is found here: `tomllib` does not give it.
 import re
 import tomllib
 from bisect import bisect_right
+from codecs import BOM_UTF8
 from os.path import isfile
 from pathlib import Path
 from typing import Any, TypeVar
@@ -208,24 +209,26 @@ def load_mission(path: str | Path) -> Mission:
 
     Raises InputError with file, line, field, value, unit and remedy.
     """
-    text = file_text(Path(path))
-    if _is_json(text):
+    data = _file_bytes(Path(path))
+    if _is_argo(data):
         from swimbladder.io.argo_config import argo_mission
 
-        return argo_mission(text, path)
-    return read_model(Mission, text, path)
+        return argo_mission(data, path)
+    return read_model(Mission, _text(data, path), path)
 
 
-def _is_json(text: str) -> bool:
-    """Return whether a text is JSON; no TOML begins so."""
-    return text.lstrip().startswith("{")
+def _is_argo(data: bytes) -> bool:
+    """Return whether a mission's file is JSON or netCDF; no TOML begins so."""
+    from swimbladder.io.cast_netcdf import is_netcdf
+
+    return data.removeprefix(BOM_UTF8).lstrip().startswith(b"{") or is_netcdf(data)
 
 
 def locate(error: InputError, path: str | Path) -> InputError:
     """Return an error about a field of the file at `path` with the file and the line filled in."""
-    text = file_text(Path(path))
-    if not _is_json(text):
-        return _at(error, text, path)
+    data = _file_bytes(Path(path))
+    if not _is_argo(data):
+        return _at(error, _text(data, path), path)
     if ".parameters." not in (error.field or ""):
         return error.at(file=path)
     remedy = "Volumes are the vehicle's: give it a [controller] of this law, as deep-arvor has"
@@ -237,13 +240,23 @@ def file_text(path: Path) -> str:
 
     Raises InputError where it cannot be read, is larger than 16 MiB or is not UTF-8.
     """
+    return _text(_file_bytes(path), path)
+
+
+def _text(data: bytes, path: str | Path) -> str:
+    try:
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        what, remedy = f"not UTF-8 text, at byte {error.start}", "Save the file as UTF-8"
+    raise InputError(what, file=path, field="file", remedy=remedy)
+
+
+def _file_bytes(path: Path) -> bytes:
     try:
         data = read_at_most(path, _MOST_BYTES)
         if len(data) <= _MOST_BYTES:
-            return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+            return data
         what, remedy = "larger than 16 MiB", "Check that it is the TOML file that is meant"
-    except UnicodeDecodeError as error:
-        what, remedy = f"not UTF-8 text, at byte {error.start}", "Save the file as UTF-8"
     except (OSError, ValueError) as error:
         what, remedy = why_unreadable(error, "TOML file")
     raise InputError(what, file=path, field="file", remedy=remedy)

@@ -1,4 +1,4 @@
-"""Logs of floats that pump and bleed: the makers' texts, or a table of pressures and seconds.
+"""Logs of floats that pump and bleed: as they are handed out, or a table of pressures and seconds.
 
 A table has the columns ``time_s`` and ``pressure_Pa`` and any of ``temperature_degC, pump_s,
 valve_s, bypass_s``: for how long the device then runs, in the row in which it begins, 0 or nothing
@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.io.cast_netcdf import is_netcdf
 from swimbladder.io.files import pipes_kept
 from swimbladder.io.float_log import DEVICES, Action, FloatLog
 from swimbladder.io.log_format import LogColumn, format_of
 from swimbladder.io.log_formats.argo import is_argo, read_argo
+from swimbladder.io.log_formats.argo_trajectory import read_trajectory
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_table import check_columns, listed, named_columns, read_table
 from swimbladder.io.log_text import LogFile, read_bytes
@@ -36,13 +38,17 @@ def read_float_log(
     columns: Mapping[str, str] | None = None,
     where: Mapping[str, str] | None = None,
 ) -> FloatLog:
-    """Return a float's log; that it is a maker's text is seen by its lines.
+    """Return a float's log; whether it is a maker's text, or Argo's, is seen by what it holds.
 
     log_format_name: ``mermaid``, ``argo``, or a TOML file with a ``[log]`` table for a table.
-    columns and where: of a table, as for other logs. Raises LogError, an InputError, with file,
-    column and remedy.
+    columns and where: of a table, as for other logs; of Argo's netCDF ``cycle``. Raises
+    LogError, an InputError, with file, column and remedy.
     """
-    data = b"" if log_format_name or columns else read_bytes(path)
+    data = b"" if columns or log_format_name not in (None, "argo") else read_bytes(path)
+    if is_netcdf(data):
+        return read_trajectory(path, data, where or {})
+    if log_format_name == "argo" or is_argo(data.partition(b"\n")[0]):
+        return read_argo(path, where or {})
     if log_format_name == "mermaid" or is_mermaid(data):
         log = read_mermaid(path)
         # while it comes up it may log no pressure, but it pumps
@@ -52,8 +58,6 @@ def read_float_log(
         order = np.argsort(time, kind="stable")
         _refuse_dives(time[order], stage[order] >= 0, stage[order] == _NONE, LogFile(path))
         return log
-    if log_format_name == "argo" or is_argo(data.partition(b"\n")[0]):
-        return read_argo(path, where or {})
     mapped, file = dict(columns or {}), LogFile(path, format_of(log_format_name))
     check_columns(file, mapped, FLOAT_COLUMNS, "a float's log")
     rows = {**file.form.where, **(where or {})}

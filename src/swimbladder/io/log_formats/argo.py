@@ -10,7 +10,7 @@ Actions are stamped in whole minutes and their pressures in whole dbar; of the r
 first of a packet has a time.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -59,12 +59,7 @@ def read_argo(path: str | Path, where: Mapping[str, str | float]) -> FloatLog:
             raise file.refused("no such action", remedy, "action", line=line, value=device)
     chosen = {n: table.labels[n] for n in ("deployment", "cycle") if n in table.labels}
     for name, found in chosen.items():
-        if len(found) > 1:
-            column = _ACTIONS[name].name
-            what = f"the table holds {counted(len(found), name)}: {', '.join(found[:8])}"
-            more = f" and {len(found) - 8} more" if len(found) > 8 else ""
-            remedy = f"Choose one dive: --where {column}={found[0]}; several: {column}={found[0]},"
-            raise file.refused(f"{what}{more}", f"{remedy}{found[1]}", column)
+        refuse_several(file, name, found, _ACTIONS[name].name)
     time, pressure, run = (table.values[name] for name in ("time_s", "pressure_Pa", "run_s"))
     rows = [time, pressure, np.full(len(time), _MINUTE), np.full(len(time), _DBAR)]
     readings, said = _readings(Path(path), {_ACTIONS[n].name: f[0] for n, f in chosen.items()})
@@ -88,6 +83,15 @@ def read_argo(path: str | Path, where: Mapping[str, str | float]) -> FloatLog:
         actions=tuple(sorted(actions, key=lambda a: a.time)),
         report=(*(text for text in file.report if text.endswith("chosen")), said),
     )
+
+
+def refuse_several(file: LogFile, what: str, found: Sequence[str], column: str) -> None:
+    """Raise LogError where a file holds several dives to choose from by a column."""
+    if len(found) > 1:
+        held = f"the file holds {counted(len(found), what)}: {', '.join(found[:8])}"
+        more = f" and {len(found) - 8} more" if len(found) > 8 else ""
+        remedy = f"Choose one dive: --where {column}={found[0]}; several: {column}={found[0]},"
+        raise file.refused(f"{held}{more}", f"{remedy}{found[1]}", column)
 
 
 def _read(
