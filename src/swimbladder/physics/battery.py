@@ -6,6 +6,7 @@ full battery the share 1 - k(T) cannot be drawn until it is warm again, with k l
 20 degC and `cold_share` at 0 degC.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,36 @@ def needed_capacity(energy: Any, duration: Any, share: Any, self_discharge: Any)
     taken = np.asarray(energy, float) * mean
     never = np.full(np.broadcast_shapes(taken.shape, left.shape), np.inf)
     return np.divide(taken, left, out=never, where=left > 0.0)[()]
+
+
+def lasting_cycles(
+    charge: float,
+    *,
+    reserve: float,
+    empty: float,
+    energy: float,
+    duration: float,
+    self_discharge: float,
+) -> int | None:
+    """Return how many more whole cycles a `charge` [J] lasts; None: for ever.
+
+    A cycle begins with more than the `reserve` [J] and is whole where it ends with more than
+    `empty` [J]. energy [J] is drawn evenly over its `duration` [s], self_discharge [1/s] comes on
+    top: after k cycles the charge is (C + E/x) e^{-k x} - E/x with x = s t.
+    """
+    x = self_discharge * duration
+
+    def until(end: float) -> float:
+        taken = x * end + energy  # of a cycle that begins with this charge, nearly
+        if charge <= end:
+            return 0.0
+        if taken <= 0.0:
+            return math.inf
+        k = (charge - end) / taken
+        return math.log1p(x * k) / x if x > 0.0 else k
+
+    last, whole = until(reserve), until(empty)
+    return None if math.isinf(last) else math.floor(min(math.ceil(last), whole))
 
 
 def hotel_power(vehicle: Vehicle, phase: Phase | None = None) -> float:

@@ -18,6 +18,7 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
 from swimbladder.sim.engine.rodas.records import Account, Stop
+from swimbladder.sim.mission.battery_life import battery_life
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import Pilot, pilot_of
@@ -48,7 +49,8 @@ class Fact(IntEnum):
     LEFT = 15  # J in the battery
     HOLDING = 16  # m rms, from the depths of parks and holds since their arrival; nan: none did
     MARGIN = 17  # m3 of the stroke that was never used, at the end where least was left
-    COUNT = 18
+    LIFE = 18  # cycles on one battery, flown or extrapolated; nan: not known
+    COUNT = 19
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,10 +229,12 @@ class Floats:
         arrived = by["arrival"][np.isfinite(by["arrival"])].tolist()
         drive, other = _energies(accounts)
         g = plan.given
+        stop, whole = Stop(int(at["stop"])), int(at["cycle"])
+        life = battery_life(plan, flown, stop=stop, whole=whole)
         return [
             *drawn,
-            float(at["stop"]),
-            float(at["cycle"]),
+            float(stop),
+            float(whole),
             float(np.sum(by["phases_missed"])),
             sum(arrived) / len(arrived) if arrived else math.nan,
             max([0.0, *by["deepest"].tolist()]),
@@ -241,6 +245,7 @@ class Floats:
             float(x["charge"]),
             math.sqrt(float(held[Holding.SQUARES]) / time) if time > 0.0 else math.nan,
             float(min(low - g["v_min"], g["v_max"] - high)),
+            math.nan if life is None else float(life),
         ], rows
 
 

@@ -65,6 +65,7 @@ FLOATS = {
     "charge": _Kept("J", "energy left in the battery"),
     "holding_error": _Kept("m", "rms distance from the depths of parks and holds after arrival"),
     "stroke_margin_of_all": _Kept("m3", "stroke that was never used, at the end with the least"),
+    "battery_cycles": _Kept("1", "cycles that one battery lasts, flown or extrapolated"),
 }
 # In the order of `run._cycle`.
 CYCLES = {

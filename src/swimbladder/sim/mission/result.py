@@ -11,6 +11,7 @@ from swimbladder.control.supervisor import Reason
 from swimbladder.physics.hull import linear_psi
 from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.engine.rodas.records import Account, Note, Stop
+from swimbladder.sim.mission.battery_life import battery_life
 from swimbladder.sim.mission.books import MissionBooks, close_books, drawn_energy
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import Flight
@@ -151,17 +152,11 @@ class MissionResult:
         energy = self.per_cycle(Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
         return float(np.mean(energy[: max(self.cycles, 1)]))
 
-    @property
+    @cached_property
     def battery_cycles(self) -> int | None:
-        """Cycles that a full battery lasts, flown where it came to its end; None: not known."""
-        g = self.flight.plan.given
-        if self.flight.stop in (Stop.RESERVE, Stop.BATTERY_EMPTY):
-            return self.cycles
-        usable = float(g["charge"] - g["reserve"])
-        if not np.isfinite(usable) or usable <= 0.0 or self.cycles == 0 or not self.energy_known:
-            return None
-        drawn = float(g["charge"] - self.flight.end["charge"])
-        return int(usable / (drawn / self.cycles)) if drawn > 0.0 else None
+        """Cycles that a full battery lasts, as of `battery_life`; None: not known."""
+        f = self.flight
+        return battery_life(f.plan, f.cycles, stop=f.stop, whole=self.cycles)
 
     @property
     def sentence(self) -> str:
