@@ -213,6 +213,10 @@ def _shown(found: Campaign) -> Iterator[object]:
     )
     headings = ("per float", "median", "5 %", "95 %", "unit")
     yield from ("", table(headings, numbers, left=("per float", "unit")))
+    if (life := found.battery_life) is not None:
+        row = ("cycles on one battery", f"{life.median:g}", "{} to {}".format(*life.prediction95))
+        what = "the next float"
+        yield from ("", table((what, "median", "95 % prediction"), [row], left=[what]))
 
 
 def _indices(found: Sensitivity) -> Iterator[object]:

@@ -3,10 +3,11 @@
 Sobol indices of its outputs say which inputs the outcome comes from.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +34,56 @@ def share_interval(count: int, total: int, level: float = 0.95) -> tuple[float, 
     return low, high
 
 
+def prediction_interval(values: Array, level: float = 0.95) -> tuple[float, float]:
+    """Return an interval that holds the next value of the same kind with a probability.
+
+    Parameters
+    ----------
+    values
+        Values seen, 0 or more [n], 2 or more of them.
+    level
+        The probability, over what was seen and the next one.
+
+    Returns
+    -------
+    tuple of float
+        Both ends. Each of the n + 1 gaps between sorted values is as likely to hold the next one,
+        whatever the distribution: where there are enough values (39 for 95 %) the ends lie
+        between those at the ranks that leave half of the rest on each side. Fewer values are taken
+        to be log-normal: Student's t of their logarithms (Hahn and Meeker, Statistical Intervals,
+        1991).
+    """
+    n, tail = len(values), 0.5 * (1.0 - level)
+    if (n + 1) * tail > 1.0 - 1e-9:
+        low, high = np.quantile(values, [tail, 1.0 - tail], method="weibull")
+        return float(low), float(high)
+    from scipy.stats import t
+
+    logs = np.log(values + _HALF)
+    width = float(t.ppf(1.0 - tail, n - 1) * np.std(logs, ddof=1)) * (1.0 + 1.0 / n) ** 0.5
+    low, high = np.exp(np.mean(logs) + np.array([-width, width])) - _HALF
+    return float(low), float(high)
+
+
+_HALF = 0.5  # so that 0 has a logarithm
+
+
 def good_floats(table: Array) -> NDArray[np.bool_]:
     """Return which floats flew every cycle that was asked for, with every phase done."""
     return np.asarray((table[:, Fact.STOP] == Stop.FINISHED) & (table[:, Fact.MISSED] == 0.0))
+
+
+class BatteryLife(NamedTuple):
+    """Whole cycles on one battery.
+
+    floats: whose life is known; flown_to_reserve: those of them that it was flown to the end of.
+    prediction95: holds the life of the next float in 95 %.
+    """
+
+    floats: int
+    flown_to_reserve: int
+    median: float
+    prediction95: tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +144,22 @@ class Campaign:
         return found
 
     @property
+    def battery_life(self) -> BatteryLife | None:
+        """Cycles on one battery; None: not known of two floats."""
+        life, stop = self.table[:, Fact.LIFE], self.table[:, Fact.STOP]
+        known = np.isfinite(life)
+        if np.sum(known) < 2:
+            return None
+        low, high = np.round(prediction_interval(life[known]), 6)
+        ended = np.isin(stop, (Stop.RESERVE, Stop.BATTERY_EMPTY))
+        return BatteryLife(
+            floats=int(np.sum(known)),
+            flown_to_reserve=int(np.sum(ended)),
+            median=float(np.median(life[known])),
+            prediction95=(math.ceil(low), math.floor(high)),
+        )
+
+    @property
     def sentence(self) -> str:
         """The answer in a sentence."""
         n, count = len(self.table), int(np.sum(self.good))
@@ -129,10 +193,12 @@ class Campaign:
         }
         if not self.energy_unknown:
             found |= {"drive_J": t[:, Fact.DRIVE], "drawn_J": t[:, Fact.DRAWN]}
+            found["battery_cycles"] = t[:, Fact.LIFE]
         return found
 
     def to_json(self) -> dict[str, Any]:
         """Return the answer as plain values, SI but for what its unit says."""
+        life = self.battery_life
         return {
             "vehicle": self.vehicle.name,
             "mission": self.mission.name,
@@ -151,6 +217,7 @@ class Campaign:
                 {"what": words, "unit": unit, "median": middle, "q05": low, "q95": high}
                 for words, unit, middle, low, high in self.spreads()
             ],
+            "battery_cycles": None if life is None else {"unit": "1", **life._asdict()},
             "energy_unknown": self.energy_unknown or None,
         }
 

@@ -230,7 +230,7 @@ class Floats:
         drive, other = _energies(accounts)
         g = plan.given
         stop, whole = Stop(int(at["stop"])), int(at["cycle"])
-        life = battery_life(plan, flown, stop=stop, whole=whole)
+        life = battery_life(plan, self.mission, flown, stop=stop, whole=whole)
         return [
             *drawn,
             float(stop),

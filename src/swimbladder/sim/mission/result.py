@@ -156,7 +156,7 @@ class MissionResult:
     def battery_cycles(self) -> int | None:
         """Cycles that a full battery lasts, as of `battery_life`; None: not known."""
         f = self.flight
-        return battery_life(f.plan, f.cycles, stop=f.stop, whole=self.cycles)
+        return battery_life(f.plan, f.mission, f.cycles, stop=f.stop, whole=self.cycles)
 
     @property
     def sentence(self) -> str:
