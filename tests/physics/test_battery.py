@@ -61,3 +61,37 @@ def test_a_battery_that_is_not_stated_is_named():
     with pytest.raises(NoAnswerError, match=r"supply\.capacity"):
         battery.usable_charge(Supply(voltage=12.0), 1.0, 20.0)
     assert battery.capacity(load_vehicle("example-float")) == 1500.0 * 3600.0
+
+
+@pytest.mark.parametrize("self_discharge", [0.0, 1e-12, 1e-9, 3e-8])
+@pytest.mark.parametrize("energy", [910.0, 20.3e3, 119e3])
+def test_cycles_on_a_battery_are_those_of_a_count(self_discharge, energy):
+    """Cycle by cycle, its power drawn evenly: with a reserve, and where it ends within a cycle."""
+    full, duration = 1e6, 10.0 * 86400.0
+    x = self_discharge * duration
+
+    def after(charge):
+        lost = -np.expm1(-x)
+        return charge - energy if x == 0.0 else charge * (1.0 - lost) - energy * lost / x
+
+    for reserve, empty in ((2e5, 1e5), (1e5, 1e5), (1.1e5, 1e5)):
+        charge, count = full, 0
+        while charge > reserve and after(charge) > empty:
+            charge, count = after(charge), count + 1
+        found = battery.lasting_cycles(
+            full,
+            reserve=reserve,
+            empty=empty,
+            energy=energy,
+            duration=duration,
+            self_discharge=self_discharge,
+        )
+        assert found == count
+
+
+def test_a_battery_that_nothing_draws_from_lasts_for_ever_unless_it_loses_charge():
+    given = {"reserve": 2e5, "empty": 1e5, "energy": 0.0, "duration": 86400.0}
+    assert battery.lasting_cycles(1e6, self_discharge=0.0, **given) is None
+    days = battery.lasting_cycles(1e6, self_discharge=1e-8, **given)
+    assert days == int(np.ceil(np.log(5.0) / 1e-8 / 86400.0))
+    assert battery.lasting_cycles(1e5, self_discharge=0.0, **{**given, "energy": 1.0}) == 0

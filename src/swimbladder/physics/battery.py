@@ -82,7 +82,7 @@ def lasting_cycles(
 ) -> int | None:
     """Return how many more whole cycles a `charge` [J] lasts; None: for ever.
 
-    A cycle begins with more than the `reserve` [J] and is whole where it ends with more than
+    A cycle begins with more than the `reserve` [J] and is whole where it ends with no less than
     `empty` [J]. energy [J] is drawn evenly over its `duration` [s], self_discharge [1/s] comes on
     top: after k cycles the charge is (C + E/x) e^{-k x} - E/x with x = s t.
     """
