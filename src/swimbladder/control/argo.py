@@ -12,7 +12,7 @@ it comes up slower. The numbers are those of a configuration by Argo's names::
     pump_volume        CONFIG_PT03_PumpMaxDurationDuringAscent, 0.01 s, times the pump's delivery
     descent_interval   CONFIG_PT26_PressureCheckPeriodDuringDescent, min
     descent_progress   CONFIG_PT27_MinPressureDiffForEVAction, dbar
-    valve_volume       CONFIG_PG14_OilVolumePerValveAction, cm3
+    valve_volume       CONFIG_PT01_EVMaxVolumeDuringDescentAndRepositioning, cm3, nominal
     tolerance          CONFIG_PT05_PressureTargetToleranceForStabilization, dbar
     slow_depth         CONFIG_PG06_SlowDownPressure, dbar
     slow_progress      CONFIG_PG08_MinPressureDiffForPumpAction, dbar

@@ -118,7 +118,7 @@ def argo_configuration(vehicle: Vehicle, mission: Mission) -> dict[str, str]:
         "PT18_AverageDescentSpeed": 1e3 * sinking,
         "PT23_AverageAscentSpeed": 1e3 * rising,
         "PG09_PumpActionDuration": 100.0 * law.slow_share * pumps,
-        "PG14_OilVolumePerValveAction": 1e6 * law.valve_volume,
+        "PT01_EVMaxVolumeDuringDescentAndRepositioning": 1e6 * law.valve_volume,
     }
     found = {f"CONFIG_{name}": x for name, x in numbers.items() if x > 0.0}
     shifts = phases[0].grounding == "shift"
