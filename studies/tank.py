@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import argparse
 import csv
-import gzip
 import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -37,13 +36,13 @@ from swimbladder.vehicle import Vehicle
 
 __all__ = [
     "HORIZONS",
+    "expanding",
     "judge",
     "load",
     "logs_folder",
     "main",
     "tank_logs",
     "train",
-    "warmed",
 ]
 
 HORIZONS = (10.0, 60.0)  # s
@@ -84,26 +83,10 @@ def load(folder: Path, logs: Iterable[int]) -> dict[int, Log]:
     return {n: read_log(path, where={"log": n}, log_format="ntnu-bv") for n in logs}
 
 
-def warmed(
-    folder: Path, logs: Mapping[int, Log], vehicle: Vehicle, expansion: float
-) -> dict[int, Log]:
-    """Return the logs as if the hull displaced `expansion` [m3/K] more per kelvin of the logged
-    temperature.
-    """
-    area = vehicle.piston_area
-    assert area is not None  # the preset has a piston
-    seen: dict[int, list[tuple[float, float]]] = {n: [] for n in logs}
-    with gzip.open(folder / "missions.csv.gz", "rt", newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if (n := int(row["log"])) in seen and float(row["temperature_degC"]) != 0.0:
-                seen[n].append((float(row["t_s"]), float(row["temperature_degC"])))
-    found = {}
-    for n, log in logs.items():
-        assert log.piston is not None  # the column of the format
-        time, warmth = np.array(seen[n]).T
-        more = expansion * (np.interp(log.time, time, warmth) - warmth[0])
-        found[n] = replace(log, piston=log.piston + more / area)
-    return found
+def expanding(vehicle: Vehicle, gain: float) -> Vehicle:
+    """Return the vehicle with a hull that gains so much per kelvin [m3/K]."""
+    changed = {"thermal_expansion": gain / vehicle.hull.displaced_volume}
+    return vehicle.model_copy(update={"hull": vehicle.hull.model_copy(update=changed)})
 
 
 def bottom_of(log: Log) -> float:
@@ -243,7 +226,7 @@ def main(given: Sequence[str] | None = None) -> int:
         "--heat",
         type=float,
         metavar="CM3_PER_K",
-        help="also what the training logs tell with so much added to the volume per kelvin",
+        help="also what the training logs tell of a hull that gains so much per kelvin",
     )
     parser.add_argument("--cross-validate", action="store_true", help="leave each session out")
     parser.add_argument("--out", type=Path, metavar="FILE", help="the rows as JSON")
@@ -256,8 +239,7 @@ def main(given: Sequence[str] | None = None) -> int:
     vehicle, found = train(teachers, base)
     print(parameters(vehicle, found), flush=True)
     if options.heat is not None:
-        warm = warmed(options.data, teachers, base, 1e-6 * options.heat)
-        other, likely = train(warm, base)
+        other, likely = train(teachers, expanding(base, 1e-6 * options.heat))
         gain = likely.log_likelihood - found.log_likelihood
         print(f"\nwith {options.heat:g} cm3/K, log likelihood {gain:+.1f}:")
         print(parameters(other, likely), flush=True)

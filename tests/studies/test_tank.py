@@ -1,15 +1,15 @@
 """The float in the tank: logs that taught nothing are predicted; and how the study sums up."""
 
 import argparse
-import gzip
 
 import numpy as np
 import pytest
 
-from studies.tank import bottom_of, judge, load, logs_folder, tank_logs, train, warmed
+from studies.tank import bottom_of, expanding, judge, load, logs_folder, tank_logs, train
 from studies.tank_table import Row, parameters, pooled, table
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
+from swimbladder.physics.hull import heat_expansion
 
 TEACHERS = (31, 45, 47, 49, 63)
 HELD_OUT = (35, 43, 51, 65)
@@ -66,18 +66,8 @@ def test_a_log_below_the_bottom_has_none():
     assert bottom_of(log(1.6)) == np.inf
 
 
-def test_a_hull_that_warms_is_as_if_the_piston_were_farther_out(tmp_path):
-    rows = ["log,t_s,temperature_degC", "4,0,0.0", "4,1,20.0", "4,3,18.0", "5,0,9.0"]
-    with gzip.open(tmp_path / "missions.csv.gz", "wt") as file:
-        file.write("\n".join(rows) + "\n")
-    vehicle = load_vehicle("ntnu-bv")
-    time = np.array([1.0, 2.0, 3.0])
-    log = Log(source="x", time=time, depth=time, piston=np.full(3, 0.01), line=np.arange(3))
-    (found,) = warmed(tmp_path, {4: log}, vehicle, 2.5e-6).values()
-    cooled = np.array([0.0, -1.0, -2.0])
-    np.testing.assert_allclose(
-        (found.piston - log.piston) * vehicle.actuator.piston_area, 2.5e-6 * cooled, atol=1e-18
-    )
+def test_a_hull_that_expands_gains_so_much_per_kelvin():
+    assert heat_expansion(expanding(load_vehicle("ntnu-bv"), 1.5e-6)) == pytest.approx(1.5e-6)
 
 
 @pytest.mark.prove

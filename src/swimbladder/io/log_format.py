@@ -77,6 +77,8 @@ class LogColumns(Parameters):
     """voltage of the motor"""
     current_A: _Column = None
     """current of the motor"""
+    temperature_degC: _Column = None
+    """temperature of the hull, or of the water where it has that"""
     speed_m_s: _Column = None
     """vertical speed, positive down"""
     reference_depth_m: _Column = None

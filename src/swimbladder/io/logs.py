@@ -1,9 +1,10 @@
 """Measured logs: texts with a header, into arrays in SI units, with a report of what was done.
 
 A log has the columns ``time_s`` and ``depth_m`` and any of ``volume_m3, piston_m, voltage_V,
-current_A, speed_m_s, reference_depth_m, reference_volume_m3, reference_piston_m``; a caller may
-ask for others than the depth (a motor on a bench has none). Other names and units are mapped, by
-`columns` or by a ``[log]`` table (`swimbladder.io.log_format`); nothing is guessed in silence.
+current_A, temperature_degC, speed_m_s, reference_depth_m, reference_volume_m3,
+reference_piston_m``; a caller may ask for others than the depth (a motor on a bench has none).
+Other names and units are mapped, by `columns` or by a ``[log]`` table
+(`swimbladder.io.log_format`); nothing is guessed in silence.
 Depth may also come from pressure, or from a logger with another water, another zero or sign.
 """
 
@@ -136,6 +137,7 @@ class Log:
     piston: Array | None = None  # m
     voltage: Array | None = None  # V
     current: Array | None = None  # A
+    temperature: Array | None = None  # degC, of the hull
     speed: Array | None = None  # m/s
     reference_depth: Array | None = None  # m
     reference_volume: Array | None = None  # m3

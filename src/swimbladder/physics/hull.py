@@ -49,8 +49,7 @@ class PsiTerms(NamedTuple):
 def hull_parts(vehicle: Vehicle) -> tuple[HullPart, ...]:
     """Return the parts of the hull; where none are given, the one that psi describes.
 
-    It loses psi [m3/m], and as much as the displaced water does besides, per metre of [water]; its
-    heat expansion is not known and taken as 0.
+    It loses psi [m3/m], and as much as the displaced water does besides, per metre of [water].
     """
     hull, water = vehicle.hull, vehicle.water
     if hull.parts:
@@ -59,7 +58,10 @@ def hull_parts(vehicle: Vehicle) -> tuple[HullPart, ...]:
     displaced = hull.displaced_volume + vehicle.trim_error
     loss = hull.psi / water.specific_weight + displaced * water.compressibility
     own = HullPart.model_construct(
-        name="hull", volume=volume, compressibility=loss / volume, thermal_expansion=0.0
+        name="hull",
+        volume=volume,
+        compressibility=loss / volume,
+        thermal_expansion=hull.thermal_expansion * hull.displaced_volume / volume,
     )
     return (own,)
 

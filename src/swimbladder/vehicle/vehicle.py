@@ -115,6 +115,8 @@ class Hull(Parameters):
     beside psi; for ballast, mission and a cast; else psi only"""
     reference_temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = 15.0
     """temperature of the hull at which it displaces displaced_volume"""
+    thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = 0.0
+    """share of displaced_volume it gains per kelvin, of a hull without parts"""
     thermal_time_constant: Annotated[float, Unit("s"), Field(ge=0.0, le=1e6)] = 0.0
     """time in which the parts come within 1/e of the water's temperature; 0: they have it at once;
     for mission and campaign"""
@@ -128,6 +130,9 @@ class Hull(Parameters):
             what = f"it is not less than the displaced volume, {self.displaced_volume * 1e6:g} cm3"
             remedy = "Give the air that is caught outside the pressure hull"
             raise refusal(what, remedy, "trapped_air")
+        if self.parts and self.thermal_expansion != 0.0:
+            what, remedy = "the parts have their own", "Leave it out, or the parts"
+            raise refusal(what, remedy, "thermal_expansion")
         names = [part.name for part in self.parts]
         if twice := [n for k, n in enumerate(names) if n in names[:k]]:
             what = f"two parts have the name {twice[0]!r}"

@@ -21,7 +21,7 @@ from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.series import Array, Mask, stretches
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant
-from swimbladder.physics.hull import along_hull, neutral_volume
+from swimbladder.physics.hull import along_hull, heat_expansion, neutral_volume
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layers_from
 from swimbladder.vehicle import Vehicle
@@ -51,7 +51,8 @@ def layers_of(vehicle: Vehicle, column: Column) -> Layers:
     that, and psi is what the hull loses beyond the column's water. Parts of the hull and trapped
     air are left to psi, as the motion has them. The density is that of `along_hull`.
     """
-    bare = vehicle.hull.model_copy(update={"psi": 0.0, "parts": (), "trapped_air": 0.0})
+    none = {"psi": 0.0, "parts": (), "trapped_air": 0.0, "thermal_expansion": 0.0}
+    bare = vehicle.hull.model_copy(update=none)
     plain = vehicle.model_copy(update={"hull": bare})
     volume = neutral_volume(plain, along_hull(column, vehicle.hull)) - vehicle.trim_error
     return layers_from(volume, column.step)
@@ -79,6 +80,7 @@ def follow_in(
 DRIVES: tuple[Drive, ...] = get_args(Drive)
 
 _FEWEST = 10
+_NO_READING = 10.0  # K from the median of a log's temperatures
 _STAYS = 3  # samples under water, one after the other
 _OFF = 0.1  # of the samples, more of which with an impossible volume are no outliers
 _STROKES = 5.0  # more of them than this is another unit, or another vehicle
@@ -96,7 +98,8 @@ class Record:
     """What is needed of a log to run a model along it; time counts from the first sample.
 
     volume counts from mid-stroke, exactly where volume_absolute, else so that the vehicle is
-    neutral at the first sample. compared: which samples are clear of surface and bottom.
+    neutral at the first sample; what the hull gained by its temperature since that is in it, where
+    a volume drives. compared: which samples are clear of surface and bottom.
     afloat: the first sample is at the surface, with volume to spare where it is known.
     layers: what the water of a cast adds to the vehicle's psi z + trim_error.
     """
@@ -198,6 +201,8 @@ def record(
         if (beyond > 1e-9).any():
             count, most = int((beyond > 1e-9).sum()), f"by up to {1e6 * beyond.max():.2g} cm3"
             notes.append(f"{count} samples have a volume beyond the vehicle's stroke, {most}")
+    if volume is not None and chosen == "volume":
+        volume = volume + _warmed(log, vehicle, notes)
     deepest = _deepest(log)
     if deepest > bottom_depth + _BELOW_BOTTOM:
         what = f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m"
@@ -362,6 +367,25 @@ def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
     if log.piston is not None and area is not None and np.isfinite(log.piston).all():
         return log.piston * area, log.piston_absolute
     return None, False
+
+
+def _warmed(log: Log, vehicle: Vehicle, notes: list[str]) -> Array:
+    """Return what the hull gained by its logged temperature since the first sample [m3] [n]."""
+    gain, none = heat_expansion(vehicle), np.zeros(len(log))
+    if log.temperature is None or gain == 0.0:
+        return none
+    known = np.isfinite(log.temperature)
+    if not known.any():
+        return none
+    known &= np.abs(log.temperature - np.median(log.temperature[known])) < _NO_READING
+    warmth = np.interp(log.time, log.time[known], log.temperature[known])
+    more = gain * (warmth - warmth[0])
+    span = f"{warmth.min():.4g} to {warmth.max():.4g} degC"
+    notes.append(
+        f"the hull is at {span}; by its thermal expansion, {1e6 * gain:.3g} cm3/K, its volume "
+        f"goes over {1e6 * float(np.ptp(more)):.2g} cm3"
+    )
+    return np.asarray(more)
 
 
 def _changes(time: Array, reference: Array) -> tuple[tuple[float, float], ...]:
