@@ -26,6 +26,19 @@ CONFIG = {
     "CONFIG_PG08_MinPressureDiffForPumpAction": "4",
 }
 
+BEHAVIOUR = {
+    "CONFIG_PT10_GroundingMode": "0",
+    "CONFIG_PT11_MinOilVolumeForGroundingDetection": "47",
+    "CONFIG_PT12_MinPressureThresholdToSwitchPressureWhenGrounding": "200",
+    "CONFIG_PT13_GroundingSwitchPressureAdjustment": "100",
+    "CONFIG_PG00_NbDaysWithoutSurfacingAfterIceDetection": "10",
+    "CONFIG_PG01_NbDaysWithoutSurfacingBeforeDisablingIceDetection": "90",
+    "CONFIG_PG03_IceDetectionStartPressure": "50",
+    "CONFIG_PG04_IceDetectionStopPressure": "20",
+    "CONFIG_PG05_TemperatureThreshold": "-1790",
+    "CONFIG_PG15_OilVolumeMinForGroundingDetection": "900",  # of the way down from the ice
+}
+
 
 def written(folder, names):
     path = folder / "it_config.json"
@@ -103,6 +116,12 @@ STANDARD = {
         "GroundingModeMinPresThreshold_dbar"
     ),
     "CONFIG_PT13_GroundingSwitchPressureAdjustment": "GroundingModePresAdjustment_dbar",
+    "CONFIG_PG00_NbDaysWithoutSurfacingAfterIceDetection": (
+        "IceDetectionSpringInhibitionDelaySinceLastIceEvasion_days"
+    ),
+    "CONFIG_PG01_NbDaysWithoutSurfacingBeforeDisablingIceDetection": (
+        "IceDetectionMaxDaysNoTransmission_NUMBER"
+    ),
     "CONFIG_PG03_IceDetectionStartPressure": "IceDetectionMixedLayerPMax_dbar",
     "CONFIG_PG04_IceDetectionStopPressure": "IceDetectionMixedLayerPMin_dbar",
     "CONFIG_PG05_TemperatureThreshold": "IceDetection_degC",
@@ -212,6 +231,8 @@ def test_a_damaged_meta_data_file_is_refused(tmp_path) -> None:
         ({"CONFIG_PT23_AverageAscentSpeed": "0"}, "AscentSpeed: it is no number above 0 (got '0')"),
         ({"CONFIG_PT11_MinOilVolumeForGroundingDetection": "-1"}, "no number of at least 0"),
         ({"CONFIG_PG05_TemperatureThreshold": "-9000"}, "no number of at least -3000"),
+        (BEHAVIOUR | {"CONFIG_PG04_IceDetectionStopPressure": "60"}, "it is not above the start"),
+        (BEHAVIOUR | {"CONFIG_PT13_GroundingSwitchPressureAdjustment": "0"}, "grounding.shift"),
         ({"CONFIG_PM01_CyclePeriod": "x"}, "CyclePeriod: it is no number above 0"),
         ({"CONFIG_PM01_CyclePeriod": "1"}, "the cycle's period is over before"),
         ({"CONFIG_PM08_DriftDepth": None}, "DriftDepth: it is missing"),
@@ -223,20 +244,6 @@ def test_what_is_no_configuration_is_refused(tmp_path, change, says: str) -> Non
     with pytest.raises(InputError) as refused:
         load_mission(written(tmp_path, names))
     assert says in str(refused.value)
-
-
-BEHAVIOUR = {
-    "CONFIG_PT10_GroundingMode": "0",
-    "CONFIG_PT11_MinOilVolumeForGroundingDetection": "47",
-    "CONFIG_PT12_MinPressureThresholdToSwitchPressureWhenGrounding": "200",
-    "CONFIG_PT13_GroundingSwitchPressureAdjustment": "100",
-    "CONFIG_PG00_NbDaysWithoutSurfacingAfterIceDetection": "0",
-    "CONFIG_PG01_NbDaysWithoutSurfacingBeforeDisablingIceDetection": "90",
-    "CONFIG_PG03_IceDetectionStartPressure": "50",
-    "CONFIG_PG04_IceDetectionStopPressure": "20",
-    "CONFIG_PG05_TemperatureThreshold": "-1790",
-    "CONFIG_PG15_OilVolumeMinForGroundingDetection": "900",  # of the way down from the ice
-}
 
 
 def test_grounding_and_ice_are_those_of_the_configuration(tmp_path) -> None:
@@ -253,14 +260,23 @@ def test_grounding_and_ice_are_those_of_the_configuration(tmp_path) -> None:
             "temperature": -1.79,
             "start_depth": 50.0 * metres,
             "stop_depth": 20.0 * metres,
-            "wait": 0.0,
+            "wait": 10 * 86400.0,
             "longest": 90 * 86400.0,
         }
     )
     stays = load_mission(written(tmp_path, CONFIG | BEHAVIOUR | {"CONFIG_PT10_GroundingMode": "1"}))
     assert stays.phases[0].grounding is None
+    off = BEHAVIOUR | {"CONFIG_PG00_NbDaysWithoutSurfacingAfterIceDetection": "0"}
+    assert load_mission(written(tmp_path, CONFIG | off)).ice is None, "0 days: it seeks none"
     plain = load_mission(written(tmp_path, CONFIG))
     assert plain.grounding is plain.ice is None
+
+
+@pytest.mark.parametrize("text", ['{"missions": []}', '{"missions": {"a": 1}}', "{}"])
+def test_a_file_without_names_is_refused(tmp_path, text: str) -> None:
+    (tmp_path / "it.json").write_text(text)
+    with pytest.raises(InputError, match="no names of a configuration"):
+        load_mission(tmp_path / "it.json")
 
 
 def test_a_broken_file_is_refused(tmp_path) -> None:
@@ -283,4 +299,4 @@ def test_a_real_configuration_of_each_kind(data_dir) -> None:
         assert task.phases[-2].depth == pytest.approx(-gsw.z_from_p(deepest, 45.0))
         assert task.phases[0].parameters["ascent_interval"] == 120.0
         assert task.phases[0].grounding == "shift"
-        assert task.ice.temperature == pytest.approx(-1.79)
+        assert (task.ice is None) == (name == "shallow_2000"), "its IC00 is 0"

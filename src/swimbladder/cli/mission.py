@@ -44,6 +44,7 @@ class Flown(Options):
 
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
     duration: Given = valued("TIME", "No cycle begins after this time.")
+    bottom: Given = valued("DEPTH", "Depth of the bottom (as in the mission).")
     seed: int | None = valued(None, "Seed of the sensors' noise (no noise).", min=0)
     supervised: bool = watched()
     begin: Given = valued("TIME", "Start, ISO 8601, for netCDF (2000-01-01).", read=_moment)
@@ -87,6 +88,8 @@ def mission(
     asked = how.read()
     asked["span"] = asked.pop("duration")
     begin = asked.pop("begin") or _BEGIN
+    if (bottom := asked.pop("bottom")) is not None:
+        task = task.over(bottom)
     to.check()
     keep = unfinished(to.out)
     read = next(iter(reading.casts(cast, task.latitude)), None)
@@ -120,7 +123,7 @@ def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
     """Return the water of a cast, or the vehicle's own, as deep as a mission goes."""
     from swimbladder.physics.seawater import cast_column, uniform_column
 
-    deepest = max([task.start_depth, *(p.depth for p in task.phases if p.depth is not None)])
+    deepest = max([task.start_depth, *(task.reached(phase) for phase in task.phases)])
     if cast is None:
         if (place := task.latitude) is not None:
             why = "it says where a cast was taken, and there is none"

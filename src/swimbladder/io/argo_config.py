@@ -80,11 +80,21 @@ _STANDARD = {
     "PT11_MinOilVolumeForGroundingDetection": "OilVolumeMinForGroundingDetection_cm3",
     "PT12_MinPressureThresholdToSwitchPressureWhenGrounding": "GroundingModeMinPresThreshold_dbar",
     "PT13_GroundingSwitchPressureAdjustment": "GroundingModePresAdjustment_dbar",
+    "PG00_NbDaysWithoutSurfacingAfterIceDetection": (
+        "IceDetectionSpringInhibitionDelaySinceLastIceEvasion_d"
+    ),
+    "PG01_NbDaysWithoutSurfacingBeforeDisablingIceDetection": (
+        "IceDetectionMaxDaysNoTransmission_d"
+    ),
     "PG03_IceDetectionStartPressure": "IceDetectionMixedLayerPMax_dbar",
     "PG04_IceDetectionStopPressure": "IceDetectionMixedLayerPMin_dbar",
     "PG05_TemperatureThreshold": "IceDetection_mdegC",
 }
-_FACTORS = {("LOGICAL", "LOGICAL"): 1.0, ("degC", "mdegC"): 1e3}  # beside those of units
+_FACTORS = {
+    ("LOGICAL", "LOGICAL"): 1.0,
+    ("degC", "mdegC"): 1e3,
+    ("NUMBER", "d"): 1.0,
+}  # beside those of units
 _ICE = "PG|IC"  # kinds of names that are about ice, which have words of others
 _OTHERWISE = {  # words of other types of float
     "PressureTargetToleranceForStabilization": "PressureTargetToleranceForStabili[sz]ation",
@@ -156,16 +166,18 @@ def argo_mission(data: bytes, path: str | Path) -> Mission:
         phases.append({**staying, "name": "to profile", "depth": bottom, "duration": on})
     phases.append({"kind": "surface", "duration": AT_SURFACE, **flown})
     limit = number("PT06_MaxPressureBeforeEmergencyAscent", deepest + 200.0)
-    return Mission.model_validate(
-        {
-            "name": Path(path).stem,
-            "description": f"park {drift:g} dbar, profile {deepest:g} dbar, by its configuration",
-            "phases": phases,
-            "safety": {"deepest": _depth(limit)},
-            "grounding": grounding if grounding.get("volume") else None,
-            "ice": ice if "temperature" in ice else None,
-        }
-    )
+    known: dict[str, Any] = {
+        "name": Path(path).stem,
+        "description": f"park {drift:g} dbar, profile {deepest:g} dbar, by its configuration",
+        "phases": phases,
+        "safety": {"deepest": _depth(limit)},
+        "grounding": grounding if grounding.get("volume") else None,
+        "ice": ice if "temperature" in ice and ice.get("wait") != 0.0 else None,
+    }
+    try:
+        return Mission(**known)
+    except InputError as error:
+        raise error.but(file=path) from None
 
 
 def _names(data: bytes, path: str | Path) -> Mapping[str, str]:
@@ -174,8 +186,11 @@ def _names(data: bytes, path: str | Path) -> Mapping[str, str]:
     except ValueError as error:
         remedy = "Give the configuration as JSON"
         raise InputError(f"no JSON: {error}", file=path, field="file", remedy=remedy) from None
-    found = found.get("missions", [found])[0] if isinstance(found, dict) else {}
-    return {str(name): str(value) for name, value in found.items()}
+    found = found.get("missions", [found]) if isinstance(found, dict) else []
+    if not (isinstance(found, list) and found and isinstance(found[0], dict) and found[0]):
+        remedy = "Give an object of CONFIG_ names and their values, or of missions that are such"
+        raise InputError("no names of a configuration", file=path, field="file", remedy=remedy)
+    return {str(name): str(value) for name, value in found[0].items()}
 
 
 def _meta_names(data: bytes, path: str | Path) -> Mapping[str, str]:

@@ -116,19 +116,20 @@ class Safety(Parameters):
 class Grounding(Parameters):
     """How a vehicle finds that it lies on the bottom, and what it does then.
 
-    It is grounded where it let in volume on its way down and its depth did not change. With this
-    table phases may be deeper than bottom_depth.
+    It is grounded where its depth does not change for a time after it let in a volume, or all that
+    it can. With this table phases may be deeper than bottom_depth.
     """
 
     volume: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """let in without a change of depth by which it takes itself to be grounded; not given: a tenth
-    of the stroke"""
+    """let in while the depth does not change, by which it takes itself to be grounded; not given: a
+    tenth of the stroke"""
     change: Annotated[float, Unit("m"), Field(gt=0.0)] = 1.0
     """of the depth; a lesser one is none"""
     time: Annotated[float, Unit("s"), Field(ge=0.0)] = 60.0
-    """without a change of depth, too"""
+    """after that without a change of depth"""
     shift: Annotated[float, Unit("m"), Field(gt=0.0)] = 100.0
-    """how far above the bottom a phase goes on that shifts its depth (`grounding`)"""
+    """how far above the bottom a phase goes on that shifts its depth (`grounding`); where that is
+    too near the surface it stays"""
     least_depth: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
     """of the bottom, to shift; where it is less deep the vehicle stays"""
 
@@ -198,6 +199,14 @@ class Mission(Parameters):
     def bottom(self) -> float:
         """Depth of the bottom [m], infinite without one."""
         return math.inf if self.bottom_depth is None else self.bottom_depth
+
+    def over(self, bottom: float) -> Mission:
+        """Return the mission over a bottom at another depth [m]; raises InputError as a file's."""
+        return Mission(**{**self.model_dump(exclude_unset=True), "bottom_depth": bottom})
+
+    def reached(self, phase: Phase) -> float:
+        """Return the depth that a phase comes to [m]: its own, or the bottom; 0 of a surface."""
+        return min(phase.depth or 0.0, self.bottom)
 
     @property
     def pairs(self) -> list[tuple[float, float]]:
@@ -272,6 +281,17 @@ class Mission(Parameters):
             if phase.grounding is not None and self.grounding is None:
                 what = "the mission does not say how the vehicle finds the bottom"
                 raise refusal(what, "Add a table [grounding]", "phases", k, "grounding")
+        if self.ice is not None:
+            self._check_ice(self.ice)
+
+    def _check_ice(self, ice: Ice) -> None:
+        """Refuse a way to the surface on which no temperature is measured."""
+        before = ("start_depth", self.start_depth)
+        for k, phase in enumerate(self.phases):
+            if phase.kind == "surface" and 0.0 < before[1] <= ice.stop_depth:
+                what = f"the way up from {before[1]:g} m ({before[0]}) does not measure above it"
+                raise refusal(what, "Give a lesser one, or dive deeper", "ice", "stop_depth")
+            before = (f"phases[{k}]", phase.depth or 0.0)
 
     def _check_order(self) -> None:
         times = [point.time for point in self.setpoints]

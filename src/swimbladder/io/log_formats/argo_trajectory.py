@@ -14,6 +14,7 @@ pressures are taken where a row has one.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,6 +35,7 @@ _BESIDE = ("{}_tech_aux.nc", "auxiliary/{}_tech_aux.nc", "{}_tech.nc")
 _BEGUN, _UP = 100, 600  # measurement codes: descent begins, ascent ends
 _APART = 50  # codes of a cycle's times
 _READING, _ACTION = 40, 39  # what is left of a code over that: 10 and 11 before the next time
+_BAD = ("3", "4")  # Argo reference table 2
 _SENT = ("2", "3")  # Argo reference table 19: sent by the float, computed from what it sent
 _DAY, _DBAR = 86400.0, 1e4
 _TIMES, _PRESSURES = (60.0, 1.0), (10.0, 1.0, 0.1)  # s, dbar: what floats round to
@@ -124,7 +126,10 @@ def _pressures(found: NetCDF) -> Array:
     if adjusted.shape != raw.shape:
         remedy = "Fetch the file anew"
         raise found.file.refused("not as many numbers as PRES has", remedy, "PRES_ADJUSTED")
-    return np.where(np.isfinite(adjusted), adjusted, raw)
+    found_bad = np.zeros(raw.shape, dtype=bool)
+    if "PRES_ADJUSTED_QC" in found.variables:
+        found_bad = np.isin(found.flags("PRES_ADJUSTED_QC", "PRES_ADJUSTED", raw.shape), _BAD)
+    return np.where(found_bad, np.nan, np.where(np.isfinite(adjusted), adjusted, raw))
 
 
 def _technical(found: NetCDF, path: Path, wmo: str) -> NetCDF:
@@ -178,8 +183,9 @@ def _cycle(cycles: set[float], where: Mapping[str, str | float], file: LogFile) 
     if given is None:
         refuse_several(file, "cycle", held, "cycle")
         return float(held[0])
-    if (text := str(given).strip().removesuffix(".0")) in held:
-        return float(text)
+    with suppress(ValueError):
+        if float(given) in cycles:
+            return float(given)
     remedy = f"Cycles with actions of pump and valve: {', '.join(held[:30])}"
     raise file.refused("no such cycle", remedy, "--where cycle", value=given)
 

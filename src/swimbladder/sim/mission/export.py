@@ -13,6 +13,7 @@ from swimbladder.io.argo_config import AT_SURFACE, GROUNDING, GROUNDING_MODE, IC
 from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.sim.mission.phase_laws import phase_laws
+from swimbladder.sim.mission.prepare import ground_volume
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import speeds
 from swimbladder.vehicle import Vehicle
@@ -88,8 +89,9 @@ def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> d
 def argo_configuration(vehicle: Vehicle, mission: Mission) -> dict[str, str]:
     """Return a mission by Argo's CONFIG_ names, as those of a 4000 m float of the Arvor kind are.
 
-    Read again it is the same mission. Raises InputError where it is none that such a float flies:
-    one or two phases that park, the second deeper, and one to the surface, by the law `argo`.
+    Read again it is the same mission, but for bottom_depth and what counts as a change of depth,
+    which have no such names. Raises InputError where it is none that such a float flies: one or two
+    phases that park, the second deeper, and one to the surface, by the law `argo`.
     """
     laws, phases = phase_laws(vehicle, mission), mission.phases
     depths = [phase.depth for phase in phases[:-1] if phase.kind == "park"]
@@ -121,15 +123,33 @@ def argo_configuration(vehicle: Vehicle, mission: Mission) -> dict[str, str]:
         "PT01_EVMaxVolumeDuringDescentAndRepositioning": 1e6 * law.valve_volume,
     }
     found = {f"CONFIG_{name}": x for name, x in numbers.items() if x > 0.0}
+    ground = mission.grounding
     shifts = phases[0].grounding == "shift"
-    for one, table in ((law, LAW), (mission.grounding, GROUNDING), (mission.ice, ICE)):
+    if ground is not None:
+        ground = ground.model_copy(update={"volume": ground_volume(vehicle, mission)})
+        found[f"CONFIG_{GROUNDING_MODE}"] = 0.0 if shifts else 1.0
+    _check_behaviour(mission)
+    for one, table in ((law, LAW), (ground, GROUNDING), (mission.ice, ICE)):
         for parameter, (name, unit) in table.items():
             value = getattr(one, parameter, None)
             if value is not None and (value > 0.0 or one is not law):
                 found[f"CONFIG_{name}"] = value / (unit or metres)
-    if mission.grounding is not None:
-        found[f"CONFIG_{GROUNDING_MODE}"] = 0.0 if shifts else 1.0
     return {name: f"{x:.10g}" for name, x in sorted(found.items())}
+
+
+def _check_behaviour(mission: Mission) -> None:
+    """Raise InputError for what such a float does not do on the bottom and under ice."""
+    only = "Such a float stays on the bottom, or shifts its first park"
+    for n, phase in enumerate(mission.phases):
+        if phase.grounding == "next" or (n > 0 and phase.grounding == "shift"):
+            what, field = (
+                f"its configuration has no grounding {phase.grounding!r} here",
+                "grounding",
+            )
+            raise InputError(what, field=f"phases[{n}].{field}", remedy=only)
+    if mission.ice is not None and mission.ice.wait <= 0.0:
+        what, remedy = "0 days there mean that a float detects no ice", "Give 1 d or more"
+        raise InputError(what, field="ice.wait", value=mission.ice.wait, unit="s", remedy=remedy)
 
 
 def _whole(value: float) -> float:

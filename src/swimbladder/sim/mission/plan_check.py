@@ -87,7 +87,7 @@ def check_flight(vehicle: Vehicle, mission: Mission, column: Column) -> None:
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
     places = [("the start of the mission", mission.start_depth)]
-    places += [(f"the phase {p.title!r}", p.depth) for p in mission.phases if p.depth is not None]
+    places += [(f"the phase {p.title!r}", mission.reached(p)) for p in mission.phases]
     if column.cast is not None:
         deepest = max(depth for _, depth in places)
         check_cast_unit(column.cast, deepest, vehicle.hull.depth_limit)
@@ -135,10 +135,10 @@ def reach_of(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
     needs: list[Need] = []
     before = mission.start_depth
     for phase in mission.phases:
-        depth = 0.0 if phase.depth is None else phase.depth
+        depth = mission.reached(phase)
         needs += _needs(vehicle, phase, before, depth, plan)
         before = depth
-    first = mission.phases[0].depth or 0.0
+    first = mission.reached(mission.phases[0])
     if len(mission.phases) > 1:  # the next cycle begins where this one ends
         needs += _needs(vehicle, mission.phases[0], before, first, plan)
     least = min(needs, key=lambda need: need.volume)
@@ -226,7 +226,10 @@ def check_cycle(flight: Flight, fly: Callable[[Mission], Flight]) -> None:
     for the noise of the depth. fly: flies the first cycle of another mission of the same vehicle.
     """
     begun = flight.notes[flight.notes["what"] == Note.PHASE]
+    grounded = flight.notes["number"][flight.notes["what"] == Note.GROUNDED]
     for n, phase in enumerate(flight.mission.phases):
+        if n in grounded:
+            continue  # what it came to is said with the rest
         if int(flight.cycles["missed"][0]) >> n & 1:
             _refuse_way(flight, n, float(begun["z"][n]))
         elif phase.kind in ("park", "hold") and not flight.plan.by_laws and not _met(flight, n):

@@ -40,6 +40,7 @@ _MOST = 10**9  # samples of a mission: minutes
 _MANY = 5e7  # of them, from which on they are worth a word
 _SAMPLE, _TICK = 2e-7, 1.5e-6  # s that one takes to compute, of a float's board; over a month
 HELD = 0.9  # share of its time that a park or hold has to be within its tolerance
+_SEEN = 6.0  # standard deviations of the depth that are no change of it
 _TOO_MUCH = 0.1  # share of the stroke that is let in without sinking only on the bottom
 SHALLOW = 5.0  # m; a float of the MERMAID kind counts as diving from 0.5 bar on
 
@@ -195,6 +196,21 @@ def make_plan(
     return replace(plan, back=back)
 
 
+def ground_volume(vehicle: Vehicle, mission: Mission) -> float:
+    """Return the volume by which it takes itself to be grounded [m3].
+
+    Raises InputError for one that is more than the stroke.
+    """
+    ground, stroke = mission.grounding, vehicle.stroke
+    assert ground is not None
+    whole = stroke.maximum - stroke.minimum
+    if ground.volume is not None and ground.volume >= whole:
+        what = f"the whole stroke is {1e6 * whole:.4g} cm3"
+        remedy, field = "Give less, or leave it out", "grounding.volume"
+        raise InputError(what, field=field, value=ground.volume, unit="m3", remedy=remedy)
+    return ground.volume or _TOO_MUCH * whole
+
+
 def _check_warmth(vehicle: Vehicle, mission: Mission) -> None:
     if mission.start_temperature is None:
         return
@@ -244,11 +260,20 @@ def _avoided(vehicle: Vehicle, mission: Mission) -> dict[str, float]:
     """Return how it finds bottom and ice, and what it does then, by the names of the record."""
     found = {"ice_temperature": -math.inf}
     if (ground := mission.grounding) is not None:
-        stroke = vehicle.stroke
-        found["ground_volume"] = ground.volume or _TOO_MUCH * (stroke.maximum - stroke.minimum)
+        found["ground_volume"] = ground_volume(vehicle, mission)
+        noise = _SEEN * vehicle.sensors.depth_noise
+        if ground.change <= noise:
+            what = f"the noise of the depth alone changes it by up to {noise:.3g} m"
+            remedy, field = "Give more, or a better sensor", "grounding.change"
+            raise InputError(what, field=field, value=ground.change, unit="m", remedy=remedy)
         found["ground_change"], found["ground_time"] = ground.change, ground.time
         found["ground_shift"], found["ground_least"] = ground.shift, ground.least_depth
     if (ice := mission.ice) is not None:
+        least = shallow_depth(vehicle, mission)
+        if ice.stop_depth <= least:
+            what = f"from {least:.3g} m up the vehicle counts as at the surface"
+            remedy, field = "Turn back deeper", "ice.stop_depth"
+            raise InputError(what, field=field, value=ice.stop_depth, unit="m", remedy=remedy)
         found["ice_temperature"] = ice.temperature
         found["ice_from"], found["ice_to"] = ice.start_depth, ice.stop_depth
         found["ice_wait"] = ice.wait
@@ -278,7 +303,7 @@ def _battery(vehicle: Vehicle, reserve: float, cold: float) -> tuple[float, floa
 
 def coldest(mission: Mission, table: Array, step: float) -> float:
     """Return the lowest temperature on the way of a mission [degC]."""
-    depths = [phase.depth for phase in mission.phases if phase.depth is not None]
+    depths = [mission.reached(phase) for phase in mission.phases]
     within = step * np.arange(len(table)) <= max([*depths, mission.start_depth])
     return float(np.min(table[within, Table.TEMPERATURE]))
 
@@ -286,9 +311,9 @@ def coldest(mission: Mission, table: Array, step: float) -> float:
 def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Records:
     stages = np.zeros(len(mission.phases), STAGE)
     before = mission.start_depth
-    for stage, phase in zip(stages, mission.phases, strict=True):
+    for n, (stage, phase) in enumerate(zip(stages, mission.phases, strict=True)):
         law = law_parameters(vehicle, phase)
-        depth = 0.0 if phase.depth is None else phase.depth
+        depth, reached = 0.0 if phase.depth is None else phase.depth, mission.reached(phase)
         way = abs(depth - before)
         stage["kind"] = Kind[phase.kind.upper()]
         stage["depth"] = depth
@@ -300,8 +325,13 @@ def _stages(vehicle: Vehicle, mission: Mission, table: Array, step: float) -> Re
         stage["law"] = law
         stays = "stay" if phase.kind in ("park", "hold") else "next"
         stage["grounding"] = Grounding[(phase.grounding or stays).upper()]
-        psi = look_up(table, step, Table.NEUTRAL, depth)[1]
-        rate = min(look_up(table, step, n, depth)[0] for n in (Table.RATE_OUT, Table.RATE_IN))
+        shift = math.inf if mission.grounding is None else mission.grounding.shift
+        if phase.grounding == "shift" and law.tolerance >= shift:
+            what = f"it is not less than the {shift:g} m that the phase goes above the bottom"
+            remedy, field = "Give less, or a larger grounding.shift", f"phases[{n}].tolerance"
+            raise InputError(what, field=field, value=law.tolerance, unit="m", remedy=remedy)
+        psi = look_up(table, step, Table.NEUTRAL, reached)[1]
+        rate = min(look_up(table, step, k, reached)[0] for k in (Table.RATE_OUT, Table.RATE_IN))
         holds = None if phase.depth is None else hold_parameters(vehicle, phase, law, psi, rate)
         if holds is not None:
             stage["capture"], stage["hold"] = holds

@@ -20,6 +20,7 @@ from swimbladder.sim.mission.plan_check import Reach
 from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
 
 Array = NDArray[np.float64]
+_BACK = 0.5  # m below where it turned back, it has
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class MissionResult:
     @property
     def completed(self) -> bool:
         """Whether every cycle that was asked for was flown, with every phase done."""
-        return self.flight.stop is Stop.FINISHED and not self.missed and not self.not_held
+        done = self.flight.stop is Stop.FINISHED and not self.missed and not self.not_held
+        return done and self.ice_least > self.flight.vehicle.hull.emergence_depth
 
     @property
     def not_held(self) -> dict[str, int]:
@@ -108,10 +110,22 @@ class MissionResult:
     @property
     def grounded(self) -> dict[str, list[float]]:
         """Depths [m] at which the vehicle took itself to be grounded, by the phase's title."""
+        return self._on_bottom(Note.GROUNDED, "z")
+
+    @property
+    def shifted(self) -> dict[str, list[float]]:
+        """Depths [m] above the bottom at which phases went on, by their title."""
+        return self._on_bottom(Note.SHIFTED, "number")
+
+    def _on_bottom(self, what: Note, column: str) -> dict[str, list[float]]:
         notes, found = self.flight.notes, dict[str, list[float]]()
-        for note in notes[notes["what"] == Note.GROUNDED]:
-            title = self.flight.mission.titles[int(note["number"])]
-            found.setdefault(title, []).append(float(note["z"]))
+        phase = 0
+        for note in notes:
+            if note["what"] == Note.GROUNDED:
+                phase = int(note["number"])
+            if note["what"] == what:
+                title = self.flight.mission.titles[phase]
+                found.setdefault(title, []).append(float(note[column]))
         return found
 
     @property
@@ -119,6 +133,17 @@ class MissionResult:
         """Of each time that ice turned it back, whether it was measured, or the mission waits."""
         notes = self.flight.notes
         return [bool(number) for number in notes["number"][notes["what"] == Note.ICE]]
+
+    @cached_property
+    def ice_least(self) -> float:
+        """Least depth to which it rose after it had turned back for ice [m]; inf: it never did."""
+        rows, notes, least = self.flight.rows, self.flight.notes, np.inf
+        for t, z in notes[notes["what"] == Note.ICE][["t", "z"]]:
+            after = rows["z"][rows["t"] >= t]
+            deeper = np.flatnonzero(after > z + _BACK)
+            rose = after[: deeper[0] if len(deeper) else len(after)]
+            least = min(least, float(z), float(rose.min(initial=np.inf)))
+        return least
 
     @property
     def cycles(self) -> int:
@@ -212,6 +237,7 @@ class MissionResult:
             "missed": self.missed,
             "grounded_m": self.grounded,
             "ice_turns": len(self.ice),
+            "ice_least_m": self.ice_least if self.ice else None,
             "held": self.held,
             "stroke_margin": self.reach.margin,
             "stroke_margin_flown": self.flown_margin,

@@ -10,6 +10,7 @@ import numpy as np
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission import shortfall
+from swimbladder.sim.mission.core.records import Grounding
 from swimbladder.sim.mission.prepare import HELD, cost_words
 
 if TYPE_CHECKING:
@@ -79,8 +80,7 @@ def reason_words(result: MissionResult) -> list[str]:
     found += [
         f"the phase {name!r} ran out of time in {count} of {len(result.flight.cycles)} "
         f"cycle{'s' if len(result.flight.cycles) > 1 else ''}: "
-        f"{shortfall.timeout_words(result.flight, numbers[name])}. "
-        + (_starts_words(result, numbers[name]) or _MORE_TIME)
+        + _missed_words(result, name, numbers[name])
         for name, count in result.missed.items()
     ]
     if result.flight.stop in (Stop.PASSED_DEPTH, Stop.LOST):
@@ -109,6 +109,17 @@ def reason_words(result: MissionResult) -> list[str]:
     return found
 
 
+def _missed_words(result: MissionResult, name: str, number: int) -> str:
+    """Say what kept a phase from its depth, and what to do."""
+    if name in result.grounded:
+        return (
+            "grounded, it did not come up to where it goes on. Let it find the bottom by less "
+            "volume (grounding.volume), or decide more often (check_interval)"
+        )
+    came = shortfall.timeout_words(result.flight, number)
+    return f"{came}. " + (_starts_words(result, number) or _MORE_TIME)
+
+
 def _avoided_words(result: MissionResult) -> list[str]:
     """Say where the vehicle took itself to be grounded, and how often ice turned it back."""
     flight, found = result.flight, list[str]()
@@ -116,19 +127,25 @@ def _avoided_words(result: MissionResult) -> list[str]:
         often = f"{len(depths)} time{'s' if len(depths) > 1 else ''}"
         least, most = (f"{depth:.4g}" for depth in (min(depths), max(depths)))
         where = f"{most} m" if least == most else f"{least} to {most} m"
-        phase = flight.mission.phases[flight.mission.titles.index(title)]
-        does = {"next": "went on with the next phase", "shift": "went up from the bottom"}
-        own = phase.grounding or ("stay" if phase.kind in ("park", "hold") else "next")
-        found.append(
-            f"the phase {title!r} was grounded {often}, at {where}, and "
-            f"{does.get(own, 'stayed there')}"
-        )
+        stage = flight.plan.stages[flight.mission.titles.index(title)]
+        does = "went on with the next phase"
+        if stage["grounding"] != Grounding.NEXT:
+            goals = result.shifted.get(title, [])
+            does = "stayed there" if not goals else f"went on at {min(goals):.4g} m"
+            if goals and max(goals) - min(goals) > 0.5:
+                does += f" to {max(goals):.4g} m"
+            if 0 < len(goals) < len(depths):
+                does += f", {len(depths) - len(goals)} times too near the surface for that"
+        found.append(f"the phase {title!r} was grounded {often}, at {where}, and {does}")
     if result.ice and flight.mission.ice is not None:
-        measured = int(np.sum(result.ice))
+        measured, rose = sum(result.ice), result.ice_least
         found.append(
-            f"for ice it turned back at {flight.mission.ice.stop_depth:g} m in {len(result.ice)} "
-            f"of {len(flight.cycles)} cycles, in {measured} of them by the temperature"
+            f"for ice it turned back {len(result.ice)} times in {len(flight.cycles)} cycles from "
+            f"{flight.mission.ice.stop_depth:g} m, {measured} of them by the temperature, and came "
+            f"to {rose:.3g} m"
         )
+        if rose <= flight.vehicle.hull.emergence_depth:
+            found.append("it turned back too late and came up under the ice: rise slower there")
     return found
 
 

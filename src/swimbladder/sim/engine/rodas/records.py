@@ -127,7 +127,7 @@ _VEHICLE: tuple[tuple[str, type], ...] = (
     ("open_running", float),  # -, the same while the pump runs
     ("ground_volume", float),  # m3 let in without sinking, by which it takes itself to be grounded
     ("ground_change", float),  # m; a lesser change of depth is none
-    ("ground_time", float),  # s without one
+    ("ground_time", float),  # s after that without one
     ("ground_shift", float),  # m above the bottom, of the depth that it then goes to
     ("ground_least", float),  # m; above it, it stays on the bottom
     ("ice_temperature", float),  # degC, median at or below which there is ice; -inf: none is sought
@@ -186,7 +186,7 @@ NOW = record(
     ("raised", float),  # m by which grounding raised the depth of the phase
     ("z_moved", float),  # m, depth seen when it last changed
     ("v_moved", float),  # m3, greatest volume since
-    ("t_moved", float),  # s, when that was
+    ("t_still", float),  # s, since when it has let in too much for that
     ("t_measured", float),  # s in the layer in which ice shows, of the phase
     ("t_cold", float),  # s of them at the temperature of ice
     ("t_ice", float),  # s, when ice last turned it back
@@ -282,6 +282,7 @@ class Note(IntEnum):
     AFLOAT = 15  # with all volume out
     ALARM = 16  # the supervisor takes over; its reason
     GROUNDED = 17  # it takes itself to lie on the bottom; number of the phase
+    SHIFTED = 19  # it goes on above the bottom; its new depth [m]
     ICE = 18  # ice keeps it from the surface; 1: it was measured, 0: it waits since
 
 

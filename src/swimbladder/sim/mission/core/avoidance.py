@@ -1,6 +1,7 @@
 """What a vehicle does by itself on the bottom and under ice: its phase goes on elsewhere, or ends.
 
-It takes itself to be grounded where it let in volume and did not sink. There may be ice where the
+It takes itself to be grounded where the depth does not change for a time after it let in a volume,
+or all that it can. There may be ice where the
 water in a layer below the surface is as cold on the way up, by the median of its temperatures: the
 ice-sensing algorithm of Klatt, Boebel and Fahrbach (2007), J. Atmos. Oceanic Technol. 24.
 """
@@ -8,7 +9,7 @@ ice-sensing algorithm of Klatt, Boebel and Fahrbach (2007), J. Atmos. Oceanic Te
 import math
 
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.engine.rodas.drive import note
+from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.records import Note, Table
 from swimbladder.sim.mission.core.records import Grounding, Kind, Phases
@@ -35,16 +36,17 @@ def grounds(f: Phases, seen: float) -> float:
 def _grounds(f: Phases, seen: float) -> float:
     p, x, at = f.lane.p, f.lane.x, f.lane.at
     if seen <= p.shallow or abs(seen - x.z_moved) >= p.ground_change:
-        x.z_moved, x.v_moved, x.t_moved = seen, x.v, x.t
+        x.z_moved, x.v_moved = seen, x.v
     x.v_moved = max(x.v_moved, x.v)
+    least = x.v <= p.v_min + FULL * (p.v_max - p.v_min)
+    if x.v_moved - x.v < p.ground_volume and not (least and seen > p.shallow):
+        x.t_still = math.inf
+        return 0.0
+    x.t_still = min(x.t_still, x.t)
     stage = f.stages[at.phase]
     if stage.kind == Kind.SURFACE or at.alarm != 0 or at.ends == 1:
         return 0.0
-    if (
-        x.v_moved - x.v < p.ground_volume
-        or x.t - x.t_moved < p.ground_time
-        or seen >= goal_of(f) - stage.tolerance
-    ):
+    if x.t - x.t_still < p.ground_time or seen >= goal_of(f) - stage.tolerance:
         return 0.0
     note(f.lane, Note.GROUNDED, float(at.phase))
     if stage.grounding == Grounding.NEXT:
@@ -52,8 +54,12 @@ def _grounds(f: Phases, seen: float) -> float:
         after = f.stages[(at.phase + 1) % f.stages.shape[0]]
         leaves = after.kind == Kind.SURFACE or after.depth < seen
     else:
+        goal = seen - p.ground_shift
         leaves = stage.grounding == Grounding.SHIFT and seen >= p.ground_least
-        x.raised = stage.depth - seen + (p.ground_shift if leaves else 0.0)
+        leaves = leaves and goal > p.shallow
+        x.raised = stage.depth - (goal if leaves else seen)
+        if leaves:
+            note(f.lane, Note.SHIFTED, goal)
     return float(x.v_moved - x.v) if leaves else 0.0
 
 
@@ -74,7 +80,7 @@ def seek_ice(f: Phases, depth: float, h: float) -> None:
                 x.t_cold += h / parts
     if x.z > p.ice_to or x.t - x.t_surfaced > p.ice_longest:
         return
-    cold = x.t_measured > 0.0 and x.t_cold >= 0.5 * x.t_measured
+    cold = x.t_cold >= 0.5 * x.t_measured  # so it is where nothing was measured
     if not cold and x.t - x.t_ice >= p.ice_wait:
         return
     note(f.lane, Note.ICE, 1.0 if cold else 0.0)

@@ -161,7 +161,7 @@ def next_phase(f: Phases) -> bool:
     """End the phase; return whether a cycle is over with it."""
     x, at = f.lane.x, f.lane.at
     stage = f.stages[at.phase]
-    if at.ends == 1 or (at.arrived == 0 and x.raised != 0.0):
+    if at.ends == 1:
         pass  # it did what it does on the bottom, or under ice
     elif at.arrived == 0:
         note(f.lane, Note.OUT_OF_TIME, float(at.phase))

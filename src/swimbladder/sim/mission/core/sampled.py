@@ -73,7 +73,9 @@ class Way(NamedTuple):
     check: float = 0.0  # s, time of the next
     pause: float = CHECK  # s between the two
     phase_begin: float = math.nan  # s, of the phase whose reference moves
-    phase_from: float = 0.0  # m, where that began
+    phase_from: float = 0.0  # m, where the way to it began
+    way_begin: float = 0.0  # s, when that did
+    raised: float = 0.0  # m, as in NOW
     since: float = 0.0  # samples since the last row
     row_out: float = 0.0  # m3 pumped up to it
     row_in: float = 0.0  # m3 let in up to it
@@ -115,10 +117,11 @@ def _begin(f: Sampled, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
         return True
     end = goal_of(g)
     if task[_SPEED] > 0.0:
-        if now.phase_begin != x.t_phase:
+        if now.phase_begin != x.t_phase or now.raised != x.raised:
             now.phase_begin, now.phase_from = x.t_phase, x.z
+            now.way_begin, now.raised = x.t, x.raised
         way = end - now.phase_from
-        end -= math.copysign(max(abs(way) - task[_SPEED] * (x.t - x.t_phase), 0.0), way)
+        end -= math.copysign(max(abs(way) - task[_SPEED] * (x.t - now.way_begin), 0.0), way)
     S[Row.REFERENCE] = end
     now.flew, now.tick = 1.0, k + 1.0
     return False
