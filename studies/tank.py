@@ -106,7 +106,7 @@ def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, ProcessNo
     found, model = fit_process_noise(problem, vehicle, without=("correlated",)), problem.model
     logged = tuple(f"mission {n}" for n in logs)
     fitted = identified_vehicle(
-        vehicle,
+        found.expanding(vehicle),
         model,
         Values(found.names, found.values, found.covariance, logged),
         depth_noise=found.noise.depth,
@@ -114,7 +114,7 @@ def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, ProcessNo
         neutral_walk=found.noise.random_walk,
         acceleration_noise=found.noise.acceleration,
     )
-    return between_logs(records, fitted), found
+    return between_logs([_record(log, fitted) for log in logs.values()], fitted), found
 
 
 def judge(number: int, log: Log, vehicle: Vehicle, *, open_loop: bool = True) -> Row:

@@ -63,7 +63,7 @@ def test_what_a_hull_gains_is_in_the_volume_of_a_record(logs):
     cold, plain = record(log, vehicle()), record(log, vehicle(0.0))
     expected = GAIN * (warmth(log.time) - warmth(0.0))
     np.testing.assert_allclose(cold.volume - plain.volume, expected, atol=2e-9)
-    assert "by its thermal expansion, 4 cm3/K, its volume goes over" in cold.notes[-1]
+    assert "by its thermal expansion, 4 cm3/K, that is 3.4 cm3 of volume" in cold.notes[-1]
     assert not any("thermal" in note for note in plain.notes)
     silent = replace(log, temperature=None)
     np.testing.assert_array_equal(record(silent, vehicle()).volume, plain.volume)
@@ -120,3 +120,20 @@ def test_a_log_has_its_temperature_from_its_file(tmp_path):
     (tmp_path / "log.csv").write_text("time_s,depth_m,volume_m3,hull [degC]\n" + rows + "\n")
     log = read_log(tmp_path / "log.csv", columns={"temperature_degC": "hull [degC]"})
     np.testing.assert_array_equal(log.temperature, 20.0 - np.arange(12.0))
+
+
+def test_what_a_hull_gains_is_identified_from_its_temperatures(logs):
+    found = identify(logs, vehicle(0.0), process_noise="always", profiles=False)
+    gain = found.process_noise.hull_gain
+    assert abs(gain.value - GAIN) < 3.0 * gain.std
+    assert gain.std < 0.2 * GAIN
+    assert heat_expansion(found.result_vehicle) == pytest.approx(gain.value)
+    assert any(f.kind == "hull expands" for f in found.findings)
+    assert found.process_noise.p_value > 0.01, "it is no random walk"
+
+    known = identify(logs, vehicle(), process_noise="always", profiles=False)
+    assert abs(known.process_noise.hull_gain.value) < 3.0 * gain.std
+    silent = [replace(log, temperature=None) for log in logs]
+    plain = identify(silent, vehicle(0.0), process_noise="always", profiles=False)
+    assert plain.process_noise.hull_gain is None
+    assert heat_expansion(plain.result_vehicle) == 0.0

@@ -111,6 +111,7 @@ class Record:
     volume: Array | None = None  # m3
     volume_absolute: bool = False
     voltage: Array | None = None  # V
+    warmth: Array | None = None  # K, of the hull, above the first sample's; None: not logged
     setpoints: tuple[tuple[float, float], ...] = ()  # (s, m)
     reference: Array | None = None  # m
     compared: Mask
@@ -201,8 +202,13 @@ def record(
         if (beyond > 1e-9).any():
             count, most = int((beyond > 1e-9).sum()), f"by up to {1e6 * beyond.max():.2g} cm3"
             notes.append(f"{count} samples have a volume beyond the vehicle's stroke, {most}")
-    if volume is not None and chosen == "volume":
-        volume = volume + _warmed(log, vehicle, notes)
+    warmth, gain = _warmth(log), heat_expansion(vehicle)
+    if volume is not None and chosen == "volume" and warmth is not None and gain != 0.0:
+        volume = volume + gain * warmth
+        notes.append(
+            f"the hull's temperature goes over {np.ptp(warmth):.3g} K; by its thermal expansion, "
+            f"{1e6 * gain:.3g} cm3/K, that is {abs(1e6 * gain * np.ptp(warmth)):.2g} cm3 of volume"
+        )
     deepest = _deepest(log)
     if deepest > bottom_depth + _BELOW_BOTTOM:
         what = f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m"
@@ -237,6 +243,7 @@ def record(
         volume=volume,
         volume_absolute=absolute,
         voltage=log.voltage,
+        warmth=warmth,
         setpoints=() if reference is None else _changes(time, reference),
         reference=reference,
         compared=compared,
@@ -369,23 +376,14 @@ def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
     return None, False
 
 
-def _warmed(log: Log, vehicle: Vehicle, notes: list[str]) -> Array:
-    """Return what the hull gained by its logged temperature since the first sample [m3] [n]."""
-    gain, none = heat_expansion(vehicle), np.zeros(len(log))
-    if log.temperature is None or gain == 0.0:
-        return none
-    known = np.isfinite(log.temperature)
-    if not known.any():
-        return none
-    known &= np.abs(log.temperature - np.median(log.temperature[known])) < _NO_READING
-    warmth = np.interp(log.time, log.time[known], log.temperature[known])
-    more = gain * (warmth - warmth[0])
-    span = f"{warmth.min():.4g} to {warmth.max():.4g} degC"
-    notes.append(
-        f"the hull is at {span}; by its thermal expansion, {1e6 * gain:.3g} cm3/K, its volume "
-        f"goes over {1e6 * float(np.ptp(more)):.2g} cm3"
-    )
-    return np.asarray(more)
+def _warmth(log: Log) -> Array | None:
+    """Return the hull's temperature above that of the first sample [K] [n]; None: not logged."""
+    T = log.temperature
+    if T is None or not (known := np.isfinite(T)).any():
+        return None
+    known &= np.abs(T - np.median(T[known])) < _NO_READING
+    warmth = np.interp(log.time, log.time[known], T[known])
+    return np.asarray(warmth - warmth[0])
 
 
 def _changes(time: Array, reference: Array) -> tuple[tuple[float, float], ...]:

@@ -300,6 +300,8 @@ VOLUME, DEPTH, SPEED = 1e-6, 1e-2, 1e-2  # m3, m, m/s: units of the experiments'
 DRIFT, DELAY = 1e-9, 1e-2  # m3/s, s: likewise
 _STEP = 1e-5  # of an entry of x, for derivatives; the runs are exact to 1e-13
 _STEP_OF_DRIFT = 1e-3  # the same, of a drift
+_WARMS = 0.2  # K that a hull warms or cools by at least, to say what it gains by that
+_EXPANDS = 5e-4  # 1/K, 1 sigma of a hull's expansion: of plastics it is 1e-4 to 6e-4
 LEAST_STD = 1e-6  # of these units, the deviation of what is known not to be
 LOST = 10.0  # m, the residual where the model cannot follow
 
@@ -334,6 +336,9 @@ class Problem:
         self.experiments, self.model, self.names = tuple(experiments), model, tuple(names)
         self.assumed, self.values = assumed, {**model.values, **assumed.fixed}
         self.priors, self.neutral_std, self.speed_std, self.drift_std, self.delay_std = assumed[1:]
+        warmths = [w for e in self.experiments if (w := e.record.warmth) is not None]
+        span = max((float(np.ptp(w)) for w in warmths), default=0.0)
+        self.heat_std = _EXPANDS * model.displaced if span >= _WARMS else 0.0  # m3/K
         self.shared = len(self.names)
         self.first_start = self.shared + len(self.experiments)
         counts = [len(e.segments) for e in self.experiments]

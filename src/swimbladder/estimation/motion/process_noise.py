@@ -86,6 +86,7 @@ NO_NOISE: Mapping[str, float] = {
 }
 _CORRELATION_TIME = Prior(3.0, 3.0)  # s: else noise would be white, or an offset
 _DELAY = Quantity("volume_delay", False, 0.1, 0.0)  # s, by which the volume's stamps are late
+_HEAT = Quantity("hull_gain", False, 1e-6, 0.0)  # m3/K, of the hull beyond the vehicle's file's
 
 
 class Likelihood:
@@ -104,7 +105,9 @@ class Likelihood:
         self.model = problem.model
         self.priors = {"correlation_time": _CORRELATION_TIME, **problem.priors}
         self.priors[_DELAY.name] = Prior(0.0, problem.delay_std)
-        self.quantities, self.values = tuple(quantities), {_DELAY.name: 0.0, **values}
+        self.priors[_HEAT.name] = Prior(0.0, problem.heat_std)
+        none = {_DELAY.name: 0.0, _HEAT.name: 0.0}
+        self.quantities, self.values = tuple(quantities), {**none, **values}
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
         self.known = math.isfinite(problem.neutral_std)
         self.speed_std = problem.speed_std
@@ -163,7 +166,11 @@ class Likelihood:
             depth = math.hypot(noise.depth, noise.correlated)
             noise = noise._replace(depth=depth, correlated=0.0)
         for i, stretch in enumerate(self.samples):
-            s, rows = self._late(stretch, self.records[self.record[i]], values[_DELAY.name])
+            record = self.records[self.record[i]]
+            s, rows = self._late(stretch, record, values[_DELAY.name])
+            if values[_HEAT.name] != 0.0 and record.warmth is not None:
+                warmth = np.interp(s.time, record.time, record.warmth)
+                s = s._replace(volume=s.volume + values[_HEAT.name] * warmth)
             start = self.start(i, values, noise)
             yield filter_depth(clear, s, noise=noise, start=start), rows
 
@@ -370,7 +377,9 @@ _UNITS = {
     "correlated": "m",
     "correlation_time": "s",
     "volume_delay": "s",
+    "hull_gain": "m3/K",
 }
+_CLEAR = 1.96  # deviations from 0
 _SIGNIFICANT = 1e-3  # chance of as much evidence for process noise without any
 
 
@@ -409,7 +418,8 @@ class ProcessNoiseFit:
     not included], random_walk [m3/s^0.5], acceleration [m/s^1.5, white], correlated [m], what of
     the depth's noise is so, over a correlation_time [s]: with intervals. p_value: chance of as
     much evidence for the random walk where the neutral volume stays; p_any: for all noise but the
-    depth's white one. delay: of the volumes' stamps [s]. tracks: of each record.
+    depth's white one. delay: of the volumes' stamps [s]. hull_gain: of the hull per kelvin, beyond
+    that of the vehicle's file [m3/K], where its temperature was logged. tracks: of each record.
     """
 
     names: tuple[str, ...]
@@ -417,6 +427,7 @@ class ProcessNoiseFit:
     covariance: Array
     noises: dict[str, Estimate]
     delay: Estimate
+    hull_gain: Estimate | None
     noise: Noise
     values: dict[str, float]
     log_likelihood: float
@@ -428,6 +439,14 @@ class ProcessNoiseFit:
     def drifts(self) -> bool:
         """Whether the random walk of the neutral volume is significant (1 %)."""
         return self.p_value < 0.01
+
+    def expanding(self, vehicle: Vehicle) -> Vehicle:
+        """Return the vehicle with what its hull gains per kelvin, where that is clear (95 %)."""
+        gain, hull = self.hull_gain, vehicle.hull
+        if gain is None or hull.parts or abs(gain.value) < _CLEAR * gain.std:
+            return vehicle
+        more = {"thermal_expansion": hull.thermal_expansion + gain.value / hull.displaced_volume}
+        return vehicle.model_copy(update={"hull": hull.model_copy(update=more)})
 
     @property
     def travelled(self) -> tuple[float, ...]:
@@ -509,7 +528,7 @@ def highest_with_noise(
     absent = frozenset({*without, *(("correlation_time",) if "correlated" in without else ())})
     held = problem.values | {name: NO_NOISE[name] for name in absent}
     likelihood = partial(Likelihood, problem, vehicle)
-    others = [q for q in NOISES if q.name not in absent] + [_DELAY] * (problem.delay_std > 0.0)
+    others = [q for q in NOISES if q.name not in absent] + _nuisances(problem)
     full = likelihood([*(_quantity(name, problem) for name in problem.names), *others], held)
     x, best = _highest(full, _begins(full, problem))
     less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
@@ -518,6 +537,11 @@ def highest_with_noise(
         less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
     chances = [_chance(best - height, n) for (_, height), n in zip(less, (1, 4), strict=True)]
     return Highest(problem, full, x, best, chances[0], chances[1], likelihood, absent)
+
+
+def _nuisances(problem: Problem) -> list[Quantity]:
+    """Return what all records have in common beside parameters and noise, where there is any."""
+    return [_DELAY] * (problem.delay_std > 0.0) + [_HEAT] * (problem.heat_std > 0.0)
 
 
 def fit_process_noise(
@@ -553,6 +577,7 @@ def described(at: Highest) -> ProcessNoiseFit:
         covariance=C[:p, :p] * np.outer(per[:p], per[:p]),
         noises={q.name: found[q.name] for q in NOISES},
         delay=found.get(_DELAY.name, Estimate.given(0.0, "s")),
+        hull_gain=found.get(_HEAT.name),
         noise=full.noise(values),
         values=values,
         log_likelihood=at.height,
@@ -570,7 +595,7 @@ def height_of(
     begin: values of parameters and noises near which to begin.
     """
     quantities = [*(_quantity(name, problem) for name in problem.names), *NOISES]
-    quantities += [_DELAY] * (problem.delay_std > 0.0)
+    quantities += _nuisances(problem)
     full = Likelihood(problem, vehicle, quantities, problem.values)
     near = full.within(full.begin(begin))
     x, height = _highest(full, [near, *_begins(full, problem)])
