@@ -15,6 +15,7 @@ import tempfile
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -131,33 +132,51 @@ def _run(made: Library, folder: Path) -> None:
     run("gcov", "--json-format", "--branch-probabilities", *folder.glob("*.gcda"), cwd=folder)
 
 
-def _elsewhere(name: str) -> tuple[str, ...]:
-    """Return the files whose branches the tests of other laws take.
+_SUPERVISOR = "swb_supervisor_step.h"  # the same for all; a law's numbers switch some of it off
 
-    The supervisor's C is the same for all; the numbers of a float switch most of it off.
-    """
-    return ("swb_supervisor_step.h",) if LAWS[name].command == "volume change" else ()
+
+def _counted(made: Library) -> Iterable[tuple[Branch, str, int]]:
+    """Yield each branch of a library's C, its line's text, and how often it was taken."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        _run(made, folder)
+        for report in folder.glob("*.gcov.json.gz"):
+            for file in json.loads(gzip.decompress(report.read_bytes()))["files"]:
+                path = Path(file["file"])
+                if path.parent.name != "src":
+                    continue
+                text = (folder / "library" / "src" / path.name).read_text().splitlines()
+                for line in file["lines"]:
+                    at = len(text) - line["line_number"]
+                    for way, branch in enumerate(line["branches"]):
+                        words = " ".join(text[-1 - at].split())
+                        yield Branch(path.name, at, way), words, branch["count"]
+
+
+@cache
+def _watched() -> tuple[tuple[Branch, str, int], ...]:
+    """Return the supervisor's branches under a float, a law that rests and one that does not."""
+    libraries = (made for name in ("rate", "pulse", "adrc") for made in _libraries(name))
+    found = (one for made in libraries for one in _counted(made))
+    return tuple(one for one in found if one[0].file == _SUPERVISOR)
 
 
 def taken(name: str) -> Taken:
-    """Return which branches of a law's C its tests take."""
+    """Return which branches of a law's C its tests take.
+
+    What of the supervisor the numbers of other laws switch on, their tests take; those of a float
+    switch most of it off, so that of a float it does not count.
+    """
     counts: Counter[Branch] = Counter()
     lines: dict[tuple[str, int], str] = {}
-    for made in _libraries(name):
-        with tempfile.TemporaryDirectory() as place:
-            folder = Path(place)
-            _run(made, folder)
-            for report in folder.glob("*.gcov.json.gz"):
-                for file in json.loads(gzip.decompress(report.read_bytes()))["files"]:
-                    path = Path(file["file"])
-                    if path.parent.name != "src" or path.name in _elsewhere(name):
-                        continue
-                    text = (folder / "library" / "src" / path.name).read_text().splitlines()
-                    for line in file["lines"]:
-                        at = len(text) - line["line_number"]
-                        lines[path.name, at] = " ".join(text[-1 - at].split())
-                        for way, branch in enumerate(line["branches"]):
-                            counts[Branch(path.name, at, way)] += branch["count"]
+    own = [one for made in _libraries(name) for one in _counted(made)]
+    if LAWS[name].command == "volume change":
+        own = [one for one in own if one[0].file != _SUPERVISOR]
+    else:
+        own += _watched()
+    for branch, words, count in own:
+        counts[branch] += count
+        lines[branch.file, branch.from_end] = words
     return Taken(counts, lines)
 
 

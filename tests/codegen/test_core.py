@@ -6,11 +6,11 @@ import pytest
 
 from swimbladder.codegen.library import make_library
 from swimbladder.control.registry import LAWS
+from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Supervisor
 from tests.codegen import core
-from tests.codegen.test_float import library as float_library
 from tests.codegen.test_library import library
-from tests.vehicles import limited, paper
+from tests.vehicles import DIVES, FLOATS, limited, paper
 
 pytestmark = [pytest.mark.avr, pytest.mark.usefixtures("avr", "arduino_core")]
 
@@ -81,7 +81,11 @@ def test_a_sketch_logs_is_armed_and_reports_after_a_watchdog_why_it_came_up(boar
 def fits(name, board, folder):
     """With sensors and motor: law, supervisor, black box, Serial."""
     mcu, made_core = board
-    made = float_library() if name == "rate" else library(name)
+    if name in FLOATS:
+        target, duration = DIVES[name]
+        made = make_library(limited(load_vehicle(FLOATS[name])), target=target, duration=duration)
+    else:
+        made = library(name)
     text = filled(made.files["examples/FloatAVR/FloatAVR.ino"])
     core.build(made, folder, mcu, "FloatAVR", text, made_core)
 
