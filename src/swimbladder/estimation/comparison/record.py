@@ -112,6 +112,7 @@ class Record:
     volume_absolute: bool = False
     voltage: Array | None = None  # V
     warmth: Array | None = None  # K, of the hull, above the first sample's; None: not logged
+    gain: float = 0.0  # m3/K of it that is in the volume
     setpoints: tuple[tuple[float, float], ...] = ()  # (s, m)
     reference: Array | None = None  # m
     compared: Mask
@@ -205,10 +206,7 @@ def record(
     warmth, gain = _warmth(log), heat_expansion(vehicle)
     if volume is not None and chosen == "volume" and warmth is not None and gain != 0.0:
         volume = volume + gain * warmth
-        notes.append(
-            f"the hull's temperature goes over {np.ptp(warmth):.3g} K; by its thermal expansion, "
-            f"{1e6 * gain:.3g} cm3/K, that is {abs(1e6 * gain * np.ptp(warmth)):.2g} cm3 of volume"
-        )
+        notes.append(_gained(warmth, gain))
     deepest = _deepest(log)
     if deepest > bottom_depth + _BELOW_BOTTOM:
         what = f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m"
@@ -244,6 +242,7 @@ def record(
         volume_absolute=absolute,
         voltage=log.voltage,
         warmth=warmth,
+        gain=gain,
         setpoints=() if reference is None else _changes(time, reference),
         reference=reference,
         compared=compared,
@@ -384,6 +383,23 @@ def _warmth(log: Log) -> Array | None:
     known &= np.abs(T - np.median(T[known])) < _NO_READING
     warmth = np.interp(log.time, log.time[known], T[known])
     return np.asarray(warmth - warmth[0])
+
+
+def warmed(record: Record, vehicle: Vehicle) -> Record:
+    """Return a record in whose volume the hull gains per kelvin what that of a vehicle does."""
+    gain, warmth, volume = heat_expansion(vehicle), record.warmth, record.volume
+    if warmth is None or volume is None or record.drive != "volume":
+        return record
+    volume = volume + (gain - record.gain) * warmth
+    return replace(record, volume=volume, gain=gain, notes=(*record.notes, _gained(warmth, gain)))
+
+
+def _gained(warmth: Array, gain: float) -> str:
+    span, volume = np.ptp(warmth), abs(1e6 * gain * np.ptp(warmth))
+    return (
+        f"the hull's temperature goes over {span:.3g} K; by its thermal expansion, "
+        f"{1e6 * gain:.3g} cm3/K, that is {volume:.2g} cm3 of volume"
+    )
 
 
 def _changes(time: Array, reference: Array) -> tuple[tuple[float, float], ...]:

@@ -2,11 +2,9 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
-from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, sentence
 from swimbladder.estimation.kalman.depth_filter import GATE
 from swimbladder.estimation.motion.diagnose import (
@@ -42,7 +40,6 @@ from swimbladder.estimation.motion.result import (
     trim_of,
 )
 from swimbladder.estimation.series import rms
-from swimbladder.physics.hull import heat_expansion
 from swimbladder.vehicle import Vehicle
 
 _TO_AND_FRO = 4.0  # standard deviations: 95 % is between
@@ -77,7 +74,6 @@ def with_process_noise(
         *_wanders(fit, problem),
         *contradicted,
         *late(fit.delay),
-        *_expands(fit, vehicle),
         _summary(fit),
     ]
     if asked.posterior is not None:
@@ -88,12 +84,9 @@ def with_process_noise(
     sensor = math.hypot(noise.depth, noise.correlated)
     if all(f.severity != "no" for f in findings):
         records = [e.record for e in problem.experiments]
-        gain = heat_expansion(fit.expanding(vehicle)) - heat_expansion(vehicle)
-        if gain != 0.0:
-            records = [_warmed(record, gain) for record in records]
         logs, trim = tuple(e.source for e in each), trim_of(each, vehicle)
         new = identified_vehicle(
-            fit.expanding(vehicle),
+            vehicle,
             problem.model,
             Values(fit.names, fit.values, fit.covariance, logs, trim),
             depth_noise=noise.depth,
@@ -124,22 +117,6 @@ def with_process_noise(
         volume_delay=fit.delay,
         result_vehicle=new,
     )
-
-
-def _warmed(record: Record, gain: float) -> Record:
-    """Return a record whose volume has what the hull gains per kelvin [m3/K] besides."""
-    assert record.volume is not None  # it drives the filter
-    if record.warmth is None:
-        return record
-    return replace(record, volume=record.volume + gain * record.warmth)
-
-
-def _expands(fit: ProcessNoiseFit, vehicle: Vehicle) -> Iterator[Finding]:
-    """Yield what the hull gains by its temperature, where that is clear."""
-    gain = fit.hull_gain
-    if gain is not None and fit.expanding(vehicle) is not vehicle:
-        std = 1e6 * gain.std
-        yield Finding.of("motion", "hull expands", gain=1e6 * gain.value, std=std)
 
 
 def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> tuple[Choice, ...]:

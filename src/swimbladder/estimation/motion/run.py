@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.comparison.misread import Drive, misread
-from swimbladder.estimation.comparison.record import Record, record, water_of_each
+from swimbladder.estimation.comparison.record import Record, record, warmed, water_of_each
 from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, bounded_fit
 from swimbladder.estimation.motion.diagnose import (
     against_prior,
@@ -41,7 +41,11 @@ from swimbladder.estimation.motion.problem import (
     default_names,
     posed,
 )
-from swimbladder.estimation.motion.process_noise import described, highest_with_noise
+from swimbladder.estimation.motion.process_noise import (
+    described,
+    fit_process_noise,
+    highest_with_noise,
+)
 from swimbladder.estimation.motion.process_noise_result import with_process_noise
 from swimbladder.estimation.motion.result import (
     Asked,
@@ -304,6 +308,10 @@ def identify(
     problem = posed(records, vehicle, assumed, free=free, drag=drag)
     advance(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        vehicle, expands = _expanded(problem, vehicle)
+        if expands:
+            records = [warmed(r, vehicle) for r in records]
+            problem = posed(records, vehicle, assumed, free=free, drag=drag)
         asked = Asked(process_noise, profiles, choices, posterior)
         found = _answer(problem, vehicle, asked, advance)
         if neutral_std is None and math.isfinite(known) and _contradicts_prior(found):
@@ -311,6 +319,7 @@ def identify(
             problem = posed(records, vehicle, nothing, free=free, drag=drag)
             looser = _answer(problem, vehicle, asked, silent)
             found = looser if _contradicts_prior(found, looser) else found
+    found = replace(found, findings=(*found.findings, *expands))
     if found.identified or any(f.kind == "backwards" for f in found.findings):
         return found
     wrong = [
@@ -320,6 +329,21 @@ def identify(
     ]
     named = tuple(dict.fromkeys(finding for finding in wrong if finding is not None))
     return replace(found, findings=(*found.findings, *named[:1]))
+
+
+def _expanded(problem: Problem, vehicle: Vehicle) -> tuple[Vehicle, tuple[Finding, ...]]:
+    """Return the vehicle with what its hull gains per kelvin, and say so, where that is clear.
+
+    It is estimated beside process noise: what a hull that cools does looks like a drift.
+    """
+    if problem.heat_std == 0.0 or not all(e.ramps for e in problem.experiments):
+        return vehicle, ()
+    fit = fit_process_noise(problem, vehicle)
+    gain, expanding = fit.hull_gain, fit.expanding(vehicle)
+    if gain is None or expanding is vehicle:
+        return vehicle, ()
+    said = Finding.of("motion", "hull expands", gain=1e6 * gain.value, std=1e6 * gain.std)
+    return expanding, (said,)
 
 
 def _contradicts_prior(found: Identification, looser: Identification | None = None) -> bool:

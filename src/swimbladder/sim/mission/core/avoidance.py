@@ -1,9 +1,9 @@
 """What a vehicle does by itself on the bottom and under ice: its phase goes on elsewhere, or ends.
 
 It takes itself to be grounded where the depth does not change for a time after it let in a volume,
-or all that it can. There may be ice where the
-water in a layer below the surface is as cold on the way up, by the median of its temperatures: the
-ice-sensing algorithm of Klatt, Boebel and Fahrbach (2007), J. Atmos. Oceanic Technol. 24.
+or all that it can. There may be ice where the water in a layer below the surface is as cold on the
+way up, by the median of its temperatures: the ice-sensing algorithm of Klatt, Boebel and Fahrbach
+(2007), J. Atmos. Oceanic Technol. 24.
 """
 
 import math
@@ -67,9 +67,8 @@ def _grounds(f: Phases, seen: float) -> float:
 def seek_ice(f: Phases, depth: float, h: float) -> None:
     """Enter h [s] on the way up from a depth [m] in the search for ice; turn back under it."""
     p, x, at = f.lane.p, f.lane.x, f.lane.at
-    if f.stages[at.phase].kind != Kind.SURFACE or at.arrived == 1 or at.alarm != 0 or at.ends == 1:
-        return
-    if min(depth, x.z) > p.ice_from:
+    up = f.stages[at.phase].kind == Kind.SURFACE and at.arrived == 0 and at.place != 1
+    if not up or at.alarm != 0 or at.ends == 1 or min(depth, x.z) > p.ice_from:
         return
     parts = math.ceil(abs(x.z - depth) / _SPACING) + 1
     for n in range(parts):
