@@ -122,6 +122,7 @@ def test_a_log_has_its_temperature_from_its_file(tmp_path):
     np.testing.assert_array_equal(log.temperature, 20.0 - np.arange(12.0))
 
 
+@pytest.mark.prove
 def test_what_a_hull_gains_is_identified_from_its_temperatures(logs):
     found = identify(logs, vehicle(0.0), process_noise="always", profiles=False)
     left = found.process_noise.hull_gain
