@@ -286,6 +286,7 @@ def test_what_does_not_go_together_is_refused(phases, more, says):
         ({}, {"grounding": {"volume": 700e-6}}, "the whole stroke is 600 cm3 (got 0.0007"),
         ({}, {"grounding": {"change": 0.1}}, "the noise of the depth alone changes it by up to 0."),
         ({"grounding": "shift"}, {"grounding": {"shift": 6.0}}, "not less than the 6 m that the"),
+        ({}, {"bottom_depth": 4.0}, "down to 5 m the vehicle counts as at the surface, and finds"),
         ({}, {"ice": {"stop_depth": 1.0}}, "from 5 m up the vehicle counts as at the surface"),
     ],
 )

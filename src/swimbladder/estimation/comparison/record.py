@@ -385,9 +385,9 @@ def _warmth(log: Log) -> Array | None:
     return np.asarray(warmth - warmth[0])
 
 
-def warmed(record: Record, vehicle: Vehicle) -> Record:
-    """Return a record in whose volume the hull gains per kelvin what that of a vehicle does."""
-    gain, warmth, volume = heat_expansion(vehicle), record.warmth, record.volume
+def warmed(record: Record, gain: float) -> Record:
+    """Return a record in whose volume the hull gains so much per kelvin [m3/K]."""
+    warmth, volume = record.warmth, record.volume
     if warmth is None or volume is None or record.drive != "volume":
         return record
     volume = volume + (gain - record.gain) * warmth

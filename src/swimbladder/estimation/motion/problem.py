@@ -301,7 +301,7 @@ DRIFT, DELAY = 1e-9, 1e-2  # m3/s, s: likewise
 _STEP = 1e-5  # of an entry of x, for derivatives; the runs are exact to 1e-13
 _STEP_OF_DRIFT = 1e-3  # the same, of a drift
 _WARMS = 0.2  # K that a hull warms or cools by at least, to say what it gains by that
-_EXPANDS = 5e-4  # 1/K, 1 sigma of a hull's expansion: of plastics it is 1e-4 to 6e-4
+_EXPANDS = 3e-4  # 1/K, 1 sigma of a hull's expansion: metals have 1e-4, plastics 2e-4 to 6e-4
 LEAST_STD = 1e-6  # of these units, the deviation of what is known not to be
 LOST = 10.0  # m, the residual where the model cannot follow
 

@@ -442,11 +442,7 @@ class ProcessNoiseFit:
 
     def expanding(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with what its hull gains per kelvin, where that is clear (95 %)."""
-        gain, hull = self.hull_gain, vehicle.hull
-        if gain is None or hull.parts or abs(gain.value) < _CLEAR * gain.std:
-            return vehicle
-        more = {"thermal_expansion": hull.thermal_expansion + gain.value / hull.displaced_volume}
-        return vehicle.model_copy(update={"hull": hull.model_copy(update=more)})
+        return vehicle if self.hull_gain is None else with_gain(vehicle, self.hull_gain)
 
     @property
     def travelled(self) -> tuple[float, ...]:
@@ -460,6 +456,15 @@ class ProcessNoiseFit:
         return as_json(
             self, "parameters=estimates noises log_likelihood p_value p_any travelled_m3"
         )
+
+
+def with_gain(vehicle: Vehicle, gain: Estimate) -> Vehicle:
+    """Return a vehicle whose hull gains so much more per kelvin [m3/K], where that is clear."""
+    hull = vehicle.hull
+    if hull.parts or abs(gain.value) < _CLEAR * gain.std:
+        return vehicle
+    more = {"thermal_expansion": hull.thermal_expansion + gain.value / hull.displaced_volume}
+    return vehicle.model_copy(update={"hull": hull.model_copy(update=more)})
 
 
 class Highest(NamedTuple):

@@ -45,6 +45,7 @@ from swimbladder.estimation.motion.process_noise import (
     described,
     fit_process_noise,
     highest_with_noise,
+    with_gain,
 )
 from swimbladder.estimation.motion.process_noise_result import with_process_noise
 from swimbladder.estimation.motion.result import (
@@ -63,6 +64,7 @@ from swimbladder.estimation.motion.result import (
 from swimbladder.estimation.series import Array
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import Vehicle
@@ -308,16 +310,21 @@ def identify(
     problem = posed(records, vehicle, assumed, free=free, drag=drag)
     advance(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        vehicle, expands = _expanded(problem, vehicle)
-        if expands:
-            records = [warmed(r, vehicle) for r in records]
+        expands: tuple[Finding, ...] = ()
+        warmer: Problem | None = None
+        if (gain := _gain(problem, vehicle)) is not None:
+            total = heat_expansion(vehicle) + gain.value
+            vehicle, expands = _expanded(vehicle, gain)
+            warm = [warmed(r, total + gain.std) for r in records]
+            warmer = posed(warm, vehicle, assumed, free=free, drag=drag)
+            records = [warmed(r, total) for r in records]
             problem = posed(records, vehicle, assumed, free=free, drag=drag)
-        asked = Asked(process_noise, profiles, choices, posterior)
-        found = _answer(problem, vehicle, asked, advance)
+        asked = Asked(process_noise, profiles and warmer is None, choices, posterior)
+        found = _answer(problem, vehicle, asked, advance, warmer)
         if neutral_std is None and math.isfinite(known) and _contradicts_prior(found):
             nothing = assumed._replace(neutral_std=math.inf)
             problem = posed(records, vehicle, nothing, free=free, drag=drag)
-            looser = _answer(problem, vehicle, asked, silent)
+            looser = _answer(problem, vehicle, asked, silent, warmer)
             found = looser if _contradicts_prior(found, looser) else found
     found = replace(found, findings=(*found.findings, *expands))
     if found.identified or any(f.kind == "backwards" for f in found.findings):
@@ -331,19 +338,21 @@ def identify(
     return replace(found, findings=(*found.findings, *named[:1]))
 
 
-def _expanded(problem: Problem, vehicle: Vehicle) -> tuple[Vehicle, tuple[Finding, ...]]:
-    """Return the vehicle with what its hull gains per kelvin, and say so, where that is clear.
+def _gain(problem: Problem, vehicle: Vehicle) -> Estimate | None:
+    """Return what the hull gains per kelvin beyond the vehicle's file [m3/K]; None: not logged.
 
     It is estimated beside process noise: what a hull that cools does looks like a drift.
     """
     if problem.heat_std == 0.0 or not all(e.ramps for e in problem.experiments):
-        return vehicle, ()
-    fit = fit_process_noise(problem, vehicle)
-    gain, expanding = fit.hull_gain, fit.expanding(vehicle)
-    if gain is None or expanding is vehicle:
-        return vehicle, ()
-    said = Finding.of("motion", "hull expands", gain=1e6 * gain.value, std=1e6 * gain.std)
-    return expanding, (said,)
+        return None
+    return fit_process_noise(problem, vehicle).hull_gain
+
+
+def _expanded(vehicle: Vehicle, gain: Estimate) -> tuple[Vehicle, tuple[Finding, ...]]:
+    """Return the vehicle with a gain of its hull [m3/K], where that is clear, and say so."""
+    expanding = with_gain(vehicle, gain)
+    said = "hull may expand" if expanding is vehicle else "hull expands"
+    return expanding, (Finding.of("motion", said, gain=1e6 * gain.value, std=1e6 * gain.std),)
 
 
 def _contradicts_prior(found: Identification, looser: Identification | None = None) -> bool:
@@ -367,8 +376,13 @@ def _sensors(problem: Problem, found: Fit) -> Array:
     return np.array([white_part(found.residual[a:b], found.weight[a:b], s) for (a, b), s in parts])
 
 
-def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -> Identification:
-    """Return the answer with process noise where there is some, else without."""
+def _answer(
+    problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance, warmer: Problem | None
+) -> Identification:
+    """Return the answer with process noise where there is some, else without.
+
+    warmer: the problem of a hull that gains by 1 sigma more per kelvin, which is not known better.
+    """
     near: Array | None = None
     if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
         best = highest_with_noise(problem, vehicle)
@@ -385,15 +399,25 @@ def _answer(problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance) -
             report(0.9)
             said = assumptions(problem, vehicle)
             return with_process_noise(described(best), vehicle, problem, said, asked)
-    return _without_process_noise(problem, vehicle, asked, report, near)
+    return _without_process_noise(problem, vehicle, asked, report, (near, warmer))
 
 
 def _without_process_noise(
-    problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance, near: Array | None
+    problem: Problem,
+    vehicle: Vehicle,
+    asked: Asked,
+    report: Advance,
+    others: tuple[Array | None, Problem | None],
 ) -> Identification:
-    """Return the answer of a fit whose residuals are noise of the depth; near: see `fit`."""
-    names, model = problem.names, problem.model
+    """Return the answer of a fit whose residuals are noise of the depth.
+
+    others: where it begins, as of `fit`, and the problem of a warmer hull, as of `_answer`.
+    """
+    names, model, (near, warmer) = problem.names, problem.model, others
     found = solve(problem, near)
+    if warmer is not None:
+        moved = solve(warmer, found.x).x - found.x
+        found = replace(found, covariance=found.covariance + np.outer(moved, moved))
     report(0.35 if asked.choices or asked.profiles else 0.95)
     findings: list[Finding] = [*not_identifiable(problem, found)]
     drawn: dict[str, Profile] = {}

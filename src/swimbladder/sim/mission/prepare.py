@@ -261,6 +261,13 @@ def _avoided(vehicle: Vehicle, mission: Mission) -> dict[str, float]:
     found = {"ice_temperature": -math.inf}
     if (ground := mission.grounding) is not None:
         found["ground_volume"] = ground_volume(vehicle, mission)
+        least, bottom = shallow_depth(vehicle, mission), mission.bottom
+        if bottom <= least:
+            what = (
+                f"down to {least:.3g} m the vehicle counts as at the surface, and finds no bottom"
+            )
+            remedy = "Leave [grounding] out, and ask for depths above the bottom"
+            raise InputError(what, field="bottom_depth", value=bottom, unit="m", remedy=remedy)
         noise = _SEEN * vehicle.sensors.depth_noise
         if ground.change <= noise:
             what = f"the noise of the depth alone changes it by up to {noise:.3g} m"
