@@ -20,7 +20,7 @@ def test_nearly_all_branches_are_taken_and_the_rest_has_reasons(name):
     (said,) = re.findall(rf"^\| {name} \| \d+ \| \d+, ([\d.]+) % \|", page, re.MULTILINE)
     assert 100 * found.share == pytest.approx(float(said), abs=1.0), "tests.codegen.coverage"
     floats = LAWS[name].command == "volume change"
-    own = {"swb_drive.c", "swb_rate.c"} if floats else {"swb_supervisor_step.h"}
+    own = {"swb_drive.c", f"swb_{name}.c"} if floats else {"swb_supervisor_step.h"}
     assert files >= {*own, "swb_vehicle.c", "swb_controller.c", "swb_arming.c", "swb_box.c"}
     assert found.share >= coverage.LEAST
     assert set(found.untaken) <= set(coverage.reasons(name))
