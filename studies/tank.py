@@ -22,10 +22,15 @@ import numpy as np
 from studies.tank_table import Row, parameters, table
 from swimbladder.estimation.comparison import Record, compare, record
 from swimbladder.estimation.comparison.ahead import Ahead, predict_ahead
+from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.kalman.depth_filter import Noise, Start, filter_depth
 from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.motion.problem import Assumed, posed
-from swimbladder.estimation.motion.process_noise import ProcessNoiseFit, fit_process_noise
+from swimbladder.estimation.motion.process_noise import (
+    ProcessNoiseFit,
+    fit_process_noise,
+    with_gain,
+)
 from swimbladder.estimation.motion.random_effects import between_logs
 from swimbladder.estimation.motion.result import Values, identified_vehicle
 from swimbladder.io.config import load_vehicle
@@ -84,9 +89,8 @@ def load(folder: Path, logs: Iterable[int]) -> dict[int, Log]:
 
 
 def expanding(vehicle: Vehicle, gain: float) -> Vehicle:
-    """Return the vehicle with a hull that gains so much per kelvin [m3/K]."""
-    changed = {"thermal_expansion": gain / vehicle.hull.displaced_volume}
-    return vehicle.model_copy(update={"hull": vehicle.hull.model_copy(update=changed)})
+    """Return the vehicle with a hull that gains so much more per kelvin [m3/K]."""
+    return with_gain(vehicle, Estimate.given(gain, "m3/K"))
 
 
 def bottom_of(log: Log) -> float:
@@ -106,7 +110,7 @@ def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, ProcessNo
     found, model = fit_process_noise(problem, vehicle, without=("correlated",)), problem.model
     logged = tuple(f"mission {n}" for n in logs)
     fitted = identified_vehicle(
-        found.expanding(vehicle),
+        with_gain(vehicle, found.hull_gain),
         model,
         Values(found.names, found.values, found.covariance, logged),
         depth_noise=found.noise.depth,

@@ -90,11 +90,8 @@ _STANDARD = {
     "PG04_IceDetectionStopPressure": "IceDetectionMixedLayerPMin_dbar",
     "PG05_TemperatureThreshold": "IceDetection_mdegC",
 }
-_FACTORS = {
-    ("LOGICAL", "LOGICAL"): 1.0,
-    ("degC", "mdegC"): 1e3,
-    ("NUMBER", "d"): 1.0,
-}  # beside those of units
+# Beside those of units: a NUMBER counts days.
+_FACTORS = {("LOGICAL", "LOGICAL"): 1.0, ("degC", "mdegC"): 1e3, ("NUMBER", "d"): 1.0}
 _ICE = "PG|IC"  # kinds of names that are about ice, which have words of others
 _OTHERWISE = {  # words of other types of float
     "PressureTargetToleranceForStabilization": "PressureTargetToleranceForStabili[sz]ation",

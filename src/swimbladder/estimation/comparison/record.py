@@ -203,10 +203,6 @@ def record(
         if (beyond > 1e-9).any():
             count, most = int((beyond > 1e-9).sum()), f"by up to {1e6 * beyond.max():.2g} cm3"
             notes.append(f"{count} samples have a volume beyond the vehicle's stroke, {most}")
-    warmth, gain = _warmth(log), heat_expansion(vehicle)
-    if volume is not None and chosen == "volume" and warmth is not None and gain != 0.0:
-        volume = volume + gain * warmth
-        notes.append(_gained(warmth, gain))
     deepest = _deepest(log)
     if deepest > bottom_depth + _BELOW_BOTTOM:
         what = f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m"
@@ -233,7 +229,7 @@ def record(
         refuse_wrong_clock(log, vehicle, compared, chosen, driving)
     time = log.time - log.time[0]
     reference = log.reference_depth
-    return Record(
+    found = Record(
         drive=chosen,
         time=time,
         depth=log.depth,
@@ -241,8 +237,7 @@ def record(
         volume=volume,
         volume_absolute=absolute,
         voltage=log.voltage,
-        warmth=warmth,
-        gain=gain,
+        warmth=_warmth(log),
         setpoints=() if reference is None else _changes(time, reference),
         reference=reference,
         compared=compared,
@@ -252,6 +247,7 @@ def record(
         layers=layers,
         source=log.source,
     )
+    return warmed(found, heat_expansion(vehicle))
 
 
 def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> Log:
@@ -387,11 +383,12 @@ def _warmth(log: Log) -> Array | None:
 
 def warmed(record: Record, gain: float) -> Record:
     """Return a record in whose volume the hull gains so much per kelvin [m3/K]."""
-    warmth, volume = record.warmth, record.volume
-    if warmth is None or volume is None or record.drive != "volume":
+    warmth, volume, more = record.warmth, record.volume, gain - record.gain
+    if warmth is None or volume is None or record.drive != "volume" or more == 0.0:
         return record
-    volume = volume + (gain - record.gain) * warmth
-    return replace(record, volume=volume, gain=gain, notes=(*record.notes, _gained(warmth, gain)))
+    before = _gained(warmth, record.gain)
+    notes = (*(note for note in record.notes if note != before), _gained(warmth, gain))
+    return replace(record, volume=volume + more * warmth, gain=gain, notes=notes)
 
 
 def _gained(warmth: Array, gain: float) -> str:

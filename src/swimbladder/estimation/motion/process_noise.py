@@ -440,10 +440,6 @@ class ProcessNoiseFit:
         """Whether the random walk of the neutral volume is significant (1 %)."""
         return self.p_value < 0.01
 
-    def expanding(self, vehicle: Vehicle) -> Vehicle:
-        """Return the vehicle with what its hull gains per kelvin, where that is clear (95 %)."""
-        return vehicle if self.hull_gain is None else with_gain(vehicle, self.hull_gain)
-
     @property
     def travelled(self) -> tuple[float, ...]:
         """For each record how far the smoothed neutral volume went [m3], largest less smallest."""
@@ -458,10 +454,10 @@ class ProcessNoiseFit:
         )
 
 
-def with_gain(vehicle: Vehicle, gain: Estimate) -> Vehicle:
+def with_gain(vehicle: Vehicle, gain: Estimate | None) -> Vehicle:
     """Return a vehicle whose hull gains so much more per kelvin [m3/K], where that is clear."""
     hull = vehicle.hull
-    if hull.parts or abs(gain.value) < _CLEAR * gain.std:
+    if gain is None or hull.parts or abs(gain.value) < _CLEAR * gain.std:
         return vehicle
     more = {"thermal_expansion": hull.thermal_expansion + gain.value / hull.displaced_volume}
     return vehicle.model_copy(update={"hull": hull.model_copy(update=more)})

@@ -310,21 +310,25 @@ def identify(
     problem = posed(records, vehicle, assumed, free=free, drag=drag)
     advance(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
+        asked = Asked(process_noise, profiles, choices, posterior)
         expands: tuple[Finding, ...] = ()
-        warmer: Problem | None = None
+        warm: list[Record] = []
         if (gain := _gain(problem, vehicle)) is not None:
             total = heat_expansion(vehicle) + gain.value
             vehicle, expands = _expanded(vehicle, gain)
             warm = [warmed(r, total + gain.std) for r in records]
-            warmer = posed(warm, vehicle, assumed, free=free, drag=drag)
             records = [warmed(r, total) for r in records]
+            asked = asked._replace(profiles=False)
             problem = posed(records, vehicle, assumed, free=free, drag=drag)
-        asked = Asked(process_noise, profiles and warmer is None, choices, posterior)
-        found = _answer(problem, vehicle, asked, advance, warmer)
+
+        def warmer(known: Assumed) -> Problem | None:
+            return posed(warm, vehicle, known, free=free, drag=drag) if warm else None
+
+        found = _answer(problem, vehicle, asked, advance, warmer(assumed))
         if neutral_std is None and math.isfinite(known) and _contradicts_prior(found):
             nothing = assumed._replace(neutral_std=math.inf)
             problem = posed(records, vehicle, nothing, free=free, drag=drag)
-            looser = _answer(problem, vehicle, asked, silent, warmer)
+            looser = _answer(problem, vehicle, asked, silent, warmer(nothing))
             found = looser if _contradicts_prior(found, looser) else found
     found = replace(found, findings=(*found.findings, *expands))
     if found.identified or any(f.kind == "backwards" for f in found.findings):
@@ -399,7 +403,7 @@ def _answer(
             report(0.9)
             said = assumptions(problem, vehicle)
             return with_process_noise(described(best), vehicle, problem, said, asked)
-    return _without_process_noise(problem, vehicle, asked, report, (near, warmer))
+    return _without_process_noise(problem, vehicle, asked, report, near, warmer)
 
 
 def _without_process_noise(
@@ -407,13 +411,14 @@ def _without_process_noise(
     vehicle: Vehicle,
     asked: Asked,
     report: Advance,
-    others: tuple[Array | None, Problem | None],
+    near: Array | None,
+    warmer: Problem | None,
 ) -> Identification:
     """Return the answer of a fit whose residuals are noise of the depth.
 
-    others: where it begins, as of `fit`, and the problem of a warmer hull, as of `_answer`.
+    near: where it begins, as of `fit`. warmer: as of `_answer`.
     """
-    names, model, (near, warmer) = problem.names, problem.model, others
+    names, model = problem.names, problem.model
     found = solve(problem, near)
     if warmer is not None:
         moved = solve(warmer, found.x).x - found.x

@@ -126,10 +126,11 @@ def _pressures(found: NetCDF) -> Array:
     if adjusted.shape != raw.shape:
         remedy = "Fetch the file anew"
         raise found.file.refused("not as many numbers as PRES has", remedy, "PRES_ADJUSTED")
-    found_bad = np.zeros(raw.shape, dtype=bool)
+    pressure = np.where(np.isfinite(adjusted), adjusted, raw)
     if "PRES_ADJUSTED_QC" in found.variables:
-        found_bad = np.isin(found.flags("PRES_ADJUSTED_QC", "PRES_ADJUSTED", raw.shape), _BAD)
-    return np.where(found_bad, np.nan, np.where(np.isfinite(adjusted), adjusted, raw))
+        bad = np.isin(found.flags("PRES_ADJUSTED_QC", "PRES_ADJUSTED", raw.shape), _BAD)
+        pressure[bad] = np.nan
+    return pressure
 
 
 def _technical(found: NetCDF, path: Path, wmo: str) -> NetCDF:

@@ -17,7 +17,7 @@ from swimbladder.jobs import identity, software
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
-from swimbladder.sim.engine.rodas.records import Account, Stop
+from swimbladder.sim.engine.rodas.records import OF_DRIVE, OF_LOADS, Account, Stop
 from swimbladder.sim.mission.battery_life import battery_life
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import fly_mission
@@ -265,9 +265,8 @@ def _cycles(plan: Plan, state: State, pilot: Pilot) -> list[np.record]:
 
 def _energies(accounts: Array) -> tuple[float, float]:
     """Return the energy of the drive, and of all else [J]."""
-    drive = (Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
-    other = (Account.LOAD_ENERGY, Account.SURFACING_ENERGY, Account.SELF_DISCHARGED)
-    return sum(float(accounts[a]) for a in drive), sum(float(accounts[a]) for a in other)
+    other = (*OF_LOADS, Account.SELF_DISCHARGED)
+    return sum(float(accounts[a]) for a in OF_DRIVE), sum(float(accounts[a]) for a in other)
 
 
 def _cycle(row: np.void, accounts: Array, given: np.record) -> list[float]:

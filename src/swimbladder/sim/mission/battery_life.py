@@ -6,8 +6,10 @@ import numpy as np
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import lasting_cycles
-from swimbladder.sim.engine.rodas.records import Account, Stop
+from swimbladder.sim.engine.rodas.records import OF_DRIVE, OF_LOADS, Account, Stop
 from swimbladder.sim.mission.prepare import Plan
+
+_DRAWN = [*OF_DRIVE, *OF_LOADS]
 
 
 def battery_life(
@@ -41,12 +43,3 @@ def battery_life(
         self_discharge=float(g["self_discharge"]),
     )
     return None if further is None else whole + further
-
-
-_DRAWN = [
-    Account.PUMP_ENERGY,
-    Account.VALVE_ENERGY,
-    Account.HOLDING_ENERGY,
-    Account.LOAD_ENERGY,
-    Account.SURFACING_ENERGY,
-]

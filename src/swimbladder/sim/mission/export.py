@@ -142,11 +142,8 @@ def _check_behaviour(mission: Mission) -> None:
     only = "Such a float stays on the bottom, or shifts its first park"
     for n, phase in enumerate(mission.phases):
         if phase.grounding == "next" or (n > 0 and phase.grounding == "shift"):
-            what, field = (
-                f"its configuration has no grounding {phase.grounding!r} here",
-                "grounding",
-            )
-            raise InputError(what, field=f"phases[{n}].{field}", remedy=only)
+            what = f"its configuration has no grounding {phase.grounding!r} here"
+            raise InputError(what, field=f"phases[{n}].grounding", remedy=only)
     if mission.ice is not None and mission.ice.wait <= 0.0:
         what, remedy = "0 days there mean that a float detects no ice", "Give 1 d or more"
         raise InputError(what, field="ice.wait", value=mission.ice.wait, unit="s", remedy=remedy)

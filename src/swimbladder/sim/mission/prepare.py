@@ -239,11 +239,12 @@ def shallow_depth(vehicle: Vehicle, mission: Mission) -> float:
 def _asked(vehicle: Vehicle, mission: Mission, cold: float) -> dict[str, float]:
     """Return what a mission limits and asks for, by the names of the record; cold [degC]."""
     empty, reserve, charge = _battery(vehicle, mission.safety.battery, cold)
+    shallow = shallow_depth(vehicle, mission)
     once = math.inf if math.isfinite(mission.span) else 1.0
     return {
         "v_min": vehicle.stroke.lowest,  # a limit switch ends what the drive can do
         "v_max": vehicle.stroke.highest,
-        "shallow": shallow_depth(vehicle, mission),
+        "shallow": shallow,
         "empty": empty,
         "reserve": reserve,
         "last_time": mission.span,
@@ -252,22 +253,23 @@ def _asked(vehicle: Vehicle, mission: Mission, cold: float) -> dict[str, float]:
         "self_discharge": _self_discharge(vehicle),
         "charge": charge,
         "held": HELD,
-        **_avoided(vehicle, mission),
+        **_avoided(vehicle, mission, shallow),
     }
 
 
-def _avoided(vehicle: Vehicle, mission: Mission) -> dict[str, float]:
-    """Return how it finds bottom and ice, and what it does then, by the names of the record."""
+def _avoided(vehicle: Vehicle, mission: Mission, shallow: float) -> dict[str, float]:
+    """Return how it finds bottom and ice, and what it does then, by the names of the record.
+
+    shallow: depth above which it counts as at the surface [m].
+    """
     found = {"ice_temperature": -math.inf}
     if (ground := mission.grounding) is not None:
         found["ground_volume"] = ground_volume(vehicle, mission)
-        least, bottom = shallow_depth(vehicle, mission), mission.bottom
-        if bottom <= least:
-            what = (
-                f"down to {least:.3g} m the vehicle counts as at the surface, and finds no bottom"
-            )
+        if mission.bottom <= shallow:
+            counts = f"down to {shallow:.3g} m the vehicle counts as at the surface"
+            what, field = f"{counts}, and finds no bottom", "bottom_depth"
             remedy = "Leave [grounding] out, and ask for depths above the bottom"
-            raise InputError(what, field="bottom_depth", value=bottom, unit="m", remedy=remedy)
+            raise InputError(what, field=field, value=mission.bottom, unit="m", remedy=remedy)
         noise = _SEEN * vehicle.sensors.depth_noise
         if ground.change <= noise:
             what = f"the noise of the depth alone changes it by up to {noise:.3g} m"
@@ -276,9 +278,8 @@ def _avoided(vehicle: Vehicle, mission: Mission) -> dict[str, float]:
         found["ground_change"], found["ground_time"] = ground.change, ground.time
         found["ground_shift"], found["ground_least"] = ground.shift, ground.least_depth
     if (ice := mission.ice) is not None:
-        least = shallow_depth(vehicle, mission)
-        if ice.stop_depth <= least:
-            what = f"from {least:.3g} m up the vehicle counts as at the surface"
+        if ice.stop_depth <= shallow:
+            what = f"from {shallow:.3g} m up the vehicle counts as at the surface"
             remedy, field = "Turn back deeper", "ice.stop_depth"
             raise InputError(what, field=field, value=ice.stop_depth, unit="m", remedy=remedy)
         found["ice_temperature"] = ice.temperature

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from swimbladder.control.supervisor import Reason
 from swimbladder.physics.hull import linear_psi
 from swimbladder.sim.closed_loop.supervision import Alarm
-from swimbladder.sim.engine.rodas.records import Account, Note, Stop
+from swimbladder.sim.engine.rodas.records import OF_DRIVE, Account, Note, Stop
 from swimbladder.sim.mission.battery_life import battery_life
 from swimbladder.sim.mission.books import MissionBooks, close_books, drawn_energy
 from swimbladder.sim.mission.core.records import Holding
@@ -107,12 +108,12 @@ class MissionResult:
             return Alarm(Reason(int(note["number"])), float(note["t"]))
         return None
 
-    @property
+    @cached_property
     def grounded(self) -> dict[str, list[float]]:
         """Depths [m] at which the vehicle took itself to be grounded, by the phase's title."""
         return self._on_bottom(Note.GROUNDED, "z")
 
-    @property
+    @cached_property
     def shifted(self) -> dict[str, list[float]]:
         """Depths [m] above the bottom at which phases went on, by their title."""
         return self._on_bottom(Note.SHIFTED, "number")
@@ -120,7 +121,7 @@ class MissionResult:
     def _on_bottom(self, what: Note, column: str) -> dict[str, list[float]]:
         notes, found = self.flight.notes, dict[str, list[float]]()
         phase = 0
-        for note in notes:
+        for note in notes[np.isin(notes["what"], (Note.GROUNDED, Note.SHIFTED))]:
             if note["what"] == Note.GROUNDED:
                 phase = int(note["number"])
             if note["what"] == what:
@@ -138,8 +139,10 @@ class MissionResult:
     def ice_least(self) -> float:
         """Least depth to which it rose after it had turned back for ice [m]; inf: it never did."""
         rows, notes, least = self.flight.rows, self.flight.notes, np.inf
-        for t, z in notes[notes["what"] == Note.ICE][["t", "z"]]:
-            after = rows["z"][rows["t"] >= t]
+        turns = notes[notes["what"] == Note.ICE]
+        at = np.append(np.searchsorted(rows["t"], turns["t"]), len(rows))
+        for z, (begin, end) in zip(turns["z"], pairwise(at), strict=True):
+            after = rows["z"][begin:end]
             deeper = np.flatnonzero(after > z + _BACK)
             rose = after[: deeper[0] if len(deeper) else len(after)]
             least = min(least, float(z), float(rose.min(initial=np.inf)))
@@ -174,7 +177,7 @@ class MissionResult:
     @property
     def drive_per_cycle(self) -> float:
         """Energy of pump, valve and holding in a cycle, mean [J]."""
-        energy = self.per_cycle(Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
+        energy = self.per_cycle(*OF_DRIVE)
         return float(np.mean(energy[: max(self.cycles, 1)]))
 
     @cached_property

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.sim.engine.rodas.records import Account, Doing, Note
+from swimbladder.sim.engine.rodas.records import OF_LOADS, Account, Doing, Note
 from swimbladder.sim.mission import books as balance
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.result import MissionResult
@@ -97,7 +97,7 @@ def cycle_columns(result: MissionResult) -> dict[str, Array]:
             "pump_J": result.per_cycle(Account.PUMP_ENERGY),
             "valve_J": result.per_cycle(Account.VALVE_ENERGY),
             "holding_J": result.per_cycle(Account.HOLDING_ENERGY),
-            "loads_J": result.per_cycle(Account.LOAD_ENERGY, Account.SURFACING_ENERGY),
+            "loads_J": result.per_cycle(*OF_LOADS),
         }
     return columns
 

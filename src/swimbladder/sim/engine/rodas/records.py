@@ -261,6 +261,10 @@ class Account(IntEnum):
     T_SURFACE = 26
 
 
+OF_DRIVE = (Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
+OF_LOADS = (Account.LOAD_ENERGY, Account.SURFACING_ENERGY)
+
+
 class Note(IntEnum):
     """What is noted with its time, depth, volume and a number."""
 
@@ -282,8 +286,8 @@ class Note(IntEnum):
     AFLOAT = 15  # with all volume out
     ALARM = 16  # the supervisor takes over; its reason
     GROUNDED = 17  # it takes itself to lie on the bottom; number of the phase
-    SHIFTED = 19  # it goes on above the bottom; its new depth [m]
     ICE = 18  # ice keeps it from the surface; 1: it was measured, 0: it waits since
+    SHIFTED = 19  # it goes on above the bottom; its new depth [m]
 
 
 # A note of something that happened.
