@@ -16,7 +16,7 @@ import textwrap
 from collections.abc import Iterable
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Self, Union, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union, cast, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
@@ -216,7 +216,8 @@ def _explain(
         what = "unknown kind" if kind == "union_tag_invalid" else "a required field is missing"
         return what, f"{did_you_mean(tag, kinds)}Allowed: {', '.join(kinds)}"
     if kind == "literal_error":
-        allowed = [str(value) for value in get_args(annotation)]
+        members = (annotation, *get_args(annotation))  # one of them, where it may be left out
+        allowed = [str(x) for one in members if get_origin(one) is Literal for x in get_args(one)]
         return "not one of the allowed values", f"Allowed: {', '.join(allowed)}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return "not a table", f"Write [{dotted(path)}] on a line of its own and its fields below it"

@@ -7,6 +7,7 @@ import pytest
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.log_text import counted
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Note, Stop
@@ -258,7 +259,10 @@ def test_after_ice_it_waits_where_there_is_none_any_more(profiler, monkeypatch):
     assert np.all(ice["number"] == 0.0)
     assert ice["t"][-1] < 12_000.0 < afloat["t"][0]
     said = MissionResult(flight, flight.reach).reasons[1]
-    assert f"turned back {len(ice)} times in 4 cycles from 20 m, 0 of them by the temp" in said
+    assert (
+        f"turned back {counted(len(ice), 'time')} in 4 cycles from 20 m, 0 of them by the temp"
+        in said
+    )
 
 
 @pytest.mark.parametrize(
@@ -268,6 +272,7 @@ def test_after_ice_it_waits_where_there_is_none_any_more(profiler, monkeypatch):
         ([{**PARK, "grounding": "stay"}, UP], {"grounding": None, "bottom_depth": None}, "bottom"),
         ([{**DESCEND, "grounding": "stay"}, UP], {}, "a phase 'descend' has none"),
         ([PARK, {**UP, "grounding": "next"}], {}, "a phase 'surface' has none"),
+        ([{**PARK, "grounding": "up"}, UP], {}, "(got 'up'). Allowed: next, stay, shift."),
         ([PARK, UP], {"ice": {"stop_depth": 50.0}}, "not above the start_depth of 50 m"),
         ([PARK, UP], {"grounding": {"volume": 0.0}}, "grounding.volume"),
         ([PARK, UP], {"start_depth": 95.0}, "below the bottom"),

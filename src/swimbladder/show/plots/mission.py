@@ -63,7 +63,10 @@ def _depth(result: MissionResult, first: Records, unit: float, words: str, axes:
         if len(some):
             at = some["t"] / unit, some["z"]
             axes.plot(*at, marker, color=color, ms=4, mew=0.0, label=name)
-    depth_axis(axes)
+    bottom = result.flight.mission.bottom
+    if np.isfinite(bottom):
+        axes.axhline(bottom, color=Ink.GREY, ls=":", lw=1.2)
+    depth_axis(axes, "depth [m]" + "\n(dotted: bottom)" * bool(np.isfinite(bottom)))
     axes.set_xlabel(f"time in the first cycle [{words}]")
     axes.legend(loc="upper center", ncols=3, fontsize=8, bbox_to_anchor=(0.5, 1.2))
 

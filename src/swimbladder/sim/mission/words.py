@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swimbladder.io.log_text import counted
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission import shortfall
@@ -124,7 +125,7 @@ def _avoided_words(result: MissionResult) -> list[str]:
     """Say where the vehicle took itself to be grounded, and how often ice turned it back."""
     flight, found = result.flight, list[str]()
     for title, depths in result.grounded.items():
-        often = f"{len(depths)} time{'s' if len(depths) > 1 else ''}"
+        often = counted(len(depths), "time")
         least, most = (f"{depth:.4g}" for depth in (min(depths), max(depths)))
         where = f"{most} m" if least == most else f"{least} to {most} m"
         stage = flight.plan.stages[flight.mission.titles.index(title)]
@@ -135,12 +136,15 @@ def _avoided_words(result: MissionResult) -> list[str]:
             if goals and max(goals) - min(goals) > 0.5:
                 does += f" to {max(goals):.4g} m"
             if 0 < len(goals) < len(depths):
-                does += f", {len(depths) - len(goals)} times too near the surface for that"
+                does += (
+                    f", {counted(len(depths) - len(goals), 'time')} too near the surface for that"
+                )
         found.append(f"the phase {title!r} was grounded {often}, at {where}, and {does}")
     if result.ice and flight.mission.ice is not None:
         measured, rose = sum(result.ice), result.ice_least
         found.append(
-            f"for ice it turned back {len(result.ice)} times in {len(flight.cycles)} cycles from "
+            f"for ice it turned back {counted(len(result.ice), 'time')} in "
+            f"{counted(len(flight.cycles), 'cycle')} from "
             f"{flight.mission.ice.stop_depth:g} m, {measured} of them by the temperature, and came "
             f"to {rose:.3g} m"
         )
