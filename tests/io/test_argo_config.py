@@ -235,6 +235,14 @@ def test_a_damaged_meta_data_file_is_refused(tmp_path) -> None:
         (BEHAVIOUR | {"CONFIG_PT13_GroundingSwitchPressureAdjustment": "0"}, "grounding.shift"),
         ({"CONFIG_PM01_CyclePeriod": "x"}, "CyclePeriod: it is no number above 0"),
         ({"CONFIG_PM01_CyclePeriod": "1"}, "the cycle's period is over before"),
+        (BEHAVIOUR | {"CONFIG_PT10_GroundingMode": "5"}, "PT10_GroundingMode: it is no mode of"),
+        (
+            {
+                "CONFIG_PT24_PressureCheckPeriodDuringAscent": None,
+                "CONFIG_PT24_PressureCheckPeriodDuringAcsent": "2",
+            },
+            "Acsent: it is no known name. Write PressureCheckPeriodDuringAscent",
+        ),
         ({"CONFIG_PM08_DriftDepth": None}, "DriftDepth: it is missing"),
         ({"CONFIG_PM01_CyclePeriod": None}, "CyclePeriod: it is missing"),
     ],
@@ -272,10 +280,12 @@ def test_grounding_and_ice_are_those_of_the_configuration(tmp_path) -> None:
     assert plain.grounding is plain.ice is None
 
 
-@pytest.mark.parametrize("text", ['{"missions": []}', '{"missions": {"a": 1}}', "{}"])
+@pytest.mark.parametrize(
+    "text", ['{"missions": []}', '{"missions": {"a": 1}}', "{}", "[{}]", '[{"a']
+)
 def test_a_file_without_names_is_refused(tmp_path, text: str) -> None:
     (tmp_path / "it.json").write_text(text)
-    with pytest.raises(InputError, match="no names of a configuration"):
+    with pytest.raises(InputError, match=r"no names of a configuration|no JSON"):
         load_mission(tmp_path / "it.json")
 
 

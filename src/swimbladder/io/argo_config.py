@@ -10,6 +10,7 @@ A cycle takes its period. The float leaves its park depth so long before the end
 at the mean speeds of the configuration; it arrives sooner or later, and waits.
 """
 
+import difflib
 import json
 import math
 import re
@@ -103,6 +104,7 @@ _OTHERWISE = {  # words of other types of float
     "MaxPressureBeforeEmergencyAscent": "(MaxPressure|PressureMax)BeforeEmergencyAscent",
 }
 _COLDEST = -3000.0  # mdegC, of a threshold
+_NEAR = 0.93  # likeness of a misspelt name, of 1
 _RESOLUTION = 0.1  # dbar, of the pressures by which a float decides: as its CTD has them
 
 
@@ -156,8 +158,16 @@ def argo_mission(data: bytes, path: str | Path) -> Mission:
     flown: dict[str, Any] = {"law": "argo", "parameters": law}
     staying: dict[str, Any] = {"kind": "park", "tolerance": tolerance, **flown}
     grounding, ice = numbers(GROUNDING, 0.0), numbers(ICE, _COLDEST)
-    shifts = grounding.get("volume") and number(GROUNDING_MODE, 1.0, 0.0) == 0.0
-    drifts = {"grounding": "shift"} if shifts else {}
+    mode = number(GROUNDING_MODE, 1.0, 0.0)
+    if mode not in (0.0, 1.0):
+        what, remedy = (
+            "it is no mode of grounding",
+            "Give 0, to shift the drift depth, or 1, to stay",
+        )
+        raise InputError(
+            what, file=path, field=f"CONFIG_{GROUNDING_MODE}", value=mode, remedy=remedy
+        )
+    drifts = {"grounding": "shift"} if grounding.get("volume") and mode == 0.0 else {}
     phases = [{**staying, "depth": park, "duration": stays, **drifts}]
     if on > 0.0:
         phases.append({**staying, "name": "to profile", "depth": bottom, "duration": on})
@@ -183,7 +193,7 @@ def _names(data: bytes, path: str | Path) -> Mapping[str, str]:
     except ValueError as error:
         remedy = "Give the configuration as JSON"
         raise InputError(f"no JSON: {error}", file=path, field="file", remedy=remedy) from None
-    found = found.get("missions", [found]) if isinstance(found, dict) else []
+    found = found.get("missions", [found]) if isinstance(found, dict) else found
     if not (isinstance(found, list) and found and isinstance(found[0], dict) and found[0]):
         remedy = "Give an object of CONFIG_ names and their values, or of missions that are such"
         raise InputError("no names of a configuration", file=path, field="file", remedy=remedy)
@@ -223,11 +233,25 @@ def _standard(
                 return _number(name, given, path, None if least is None else least / own) * own
             except UnitError as error:
                 raise error.at(file=path, field=name) from None
+    words = wanted.split("_")[1]
+    _refuse_near(names, words, standard, path)
     if otherwise is None:
         what, remedy = "it is missing", "Give the whole configuration"
-        field = f"CONFIG_{standard}_... or CONFIG_..._{wanted.split('_')[1]}"
+        field = f"CONFIG_{standard}_... or CONFIG_..._{words}"
         raise InputError(what, file=path, field=field, remedy=remedy)
     return otherwise
+
+
+def _refuse_near(names: Mapping[str, str], words: str, standard: str, path: str | Path) -> None:
+    """Raise InputError for a name that differs by a letter or two from one that is missing."""
+    known = {one.split("_")[1] for one in _STANDARD}
+    known |= {one.rpartition("_")[0] for one in _STANDARD.values()}
+    for name in names:
+        parts = name.removeprefix("CONFIG_").split("_")
+        for meant in (words, standard) if known.isdisjoint(parts) else ():
+            if difflib.get_close_matches(meant, parts, n=1, cutoff=_NEAR):
+                what, remedy = "it is no known name", f"Write {meant}, or leave the line out"
+                raise InputError(what, file=path, field=name, remedy=remedy)
 
 
 def _period(names: Mapping[str, str], path: str | Path) -> float:

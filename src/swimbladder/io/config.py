@@ -221,7 +221,8 @@ def _is_argo(data: bytes) -> bool:
     """Return whether a mission's file is JSON or netCDF; no TOML begins so."""
     from swimbladder.io.cast_netcdf import is_netcdf
 
-    return data.removeprefix(BOM_UTF8).lstrip().startswith(b"{") or is_netcdf(data)
+    text = data.removeprefix(BOM_UTF8).lstrip(b"[ \t\r\n")
+    return text.startswith(b"{") or is_netcdf(data)
 
 
 def locate(error: InputError, path: str | Path) -> InputError:

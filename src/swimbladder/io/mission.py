@@ -287,6 +287,9 @@ class Mission(Parameters):
     def _check_ice(self, ice: Ice) -> None:
         """Refuse a way to the surface on which no temperature is measured."""
         before = ("start_depth", self.start_depth)
+        if self.bottom <= ice.stop_depth:
+            what = f"the bottom at {self.bottom:g} m is not below it, so that nothing is measured"
+            raise refusal(what, "Give a lesser one, or a deeper bottom", "ice", "stop_depth")
         for k, phase in enumerate(self.phases):
             if phase.kind == "surface" and 0.0 < before[1] <= ice.stop_depth:
                 what = f"the way up from {before[1]:g} m ({before[0]}) does not measure above it"

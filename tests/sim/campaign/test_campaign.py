@@ -323,6 +323,31 @@ def test_a_table_counts_floats_and_casts_from_one(vehicle, column):
     assert campaign.columns_csv["cast"].tolist() == [1.0, 3.0, 2.0]
 
 
+def test_how_often_each_float_met_the_bottom_and_ice_is_counted(vehicle, column, job):
+    """It is grounded on every way down, and turns back for ice until it has to come up."""
+    behaviour = {"grounding": {"volume": 8e-6}, "ice": {"temperature": -1.7, "longest": 7200.0}}
+    task = {**TASK.model_dump(), "bottom_depth": 50.0, "cycles": 6, **behaviour}
+    task["phases"][1]["check_interval"] = 60.0
+    mission = Mission(**task)
+    water = replace(column, temperature=np.full_like(column.depth, -1.85))
+    one = job(mission=mission, columns=[water], floats=2)
+    table = flown(one)
+    assert np.all(table[:, Fact.CYCLES] == 6.0)
+    assert np.all(table[:, Fact.GROUNDED] >= 6.0)
+    assert np.all(table[:, Fact.ICE_TURNS] + table[:, Fact.UNDER_ICE] == 6.0)
+    assert np.all(table[:, [Fact.ICE_TURNS, Fact.UNDER_ICE]] > 0.0)
+    with xarray.open_zarr(one.store, chunks=None) as data:
+        came_up = np.isfinite(data.surfaced.values)
+        assert np.array_equal(data.surfaced_under_ice.values, came_up.astype(float))
+        assert np.array_equal(data.ice_turns.values, (~came_up).astype(float))
+        assert np.all(data.grounded.values >= 1.0)
+    given = {"spread": Spread(), "seed": 1, "energy_unknown": ""}
+    campaign = Campaign(vehicle=vehicle, mission=mission, columns=[water], table=table, **given)
+    assert campaign.columns_csv["ice_turns"].tolist() == table[:, Fact.ICE_TURNS].tolist()
+    said = [words for words, *_ in campaign.spreads()]
+    assert said[-3:] == ["times grounded", "ice turns", "surfacings under ice"]
+
+
 def test_the_store_says_what_is_in_it(job):
     one = job(floats=4)
     flown(one)

@@ -11,10 +11,10 @@ from swimbladder.io.log_text import counted
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Note, Stop
+from swimbladder.sim.mission import tables
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state
 from swimbladder.sim.mission.result import MissionResult
-from swimbladder.sim.mission.tables import events_csv
 from swimbladder.vehicle import Supervisor
 from tests.sim.mission.conftest import stratified
 from tests.sim.mission.test_phase_laws import FILES
@@ -72,7 +72,7 @@ def test_it_is_grounded_once_it_let_in_the_volume_and_does_not_sink(profiler, se
         "the phase 'descend' was grounded 1 time, at 90 m, and went on with the next phase"
         in found.reasons[1]
     )
-    assert "grounded" in events_csv(flight)
+    assert "grounded" in tables.events_csv(flight)
 
 
 def test_where_the_bottom_is_deeper_nothing_is_different(profiler, sea):
@@ -121,7 +121,13 @@ def test_one_that_stays_lets_nothing_more_in(profiler, sea, how):
     found = MissionResult(flight, flight.reach)
     assert found.completed
     assert found.shifted == {}
-    assert "and stayed there" in found.reasons[1]
+    why = ""
+    if how["grounding"] == "shift":
+        deep = "it is no deeper than 100 m (grounding.least_depth)"
+        why = f", as {deep if 'least_depth' in least else '85 m above it is at the surface'}"
+    assert found.reasons[1].endswith(f"and stayed there{why}")
+    assert found.to_json()["grounded_m"] == {"park": [BOTTOM]}
+    assert tables.cycle_columns(found)["grounded"].sum() == 1.0
 
 
 def test_without_a_bottom_there_is_no_grounding(profiler):
@@ -243,6 +249,14 @@ def test_after_too_long_it_comes_up_all_the_same(profiler):
         last = float(cycle["t_end"]) if floats else last
     assert up.tolist() == wanted
     assert 0 < up.sum() < 8
+    found = MissionResult(flight, flight.reach)
+    answer = found.to_json()
+    assert answer["surfaced_under_ice"] == up.sum()
+    assert answer["ice_turns"] == 8 - up.sum()
+    assert tables.cycle_columns(found)["ice_turns"].tolist() == (~up).astype(float).tolist()
+    (said,) = (words for words in found.reasons if "although" in words)
+    assert f"came up {counted(int(up.sum()), 'time')} although there may have been ice, af" in said
+    assert "after 7 h 0 min without surfacing (ice.longest)" in said
 
 
 def test_after_ice_it_waits_where_there_is_none_any_more(profiler, monkeypatch):
@@ -277,6 +291,7 @@ def test_after_ice_it_waits_where_there_is_none_any_more(profiler, monkeypatch):
         ([PARK, UP], {"grounding": {"volume": 0.0}}, "grounding.volume"),
         ([PARK, UP], {"start_depth": 95.0}, "below the bottom"),
         ([{**PARK, "depth": 15.0}, UP], {"ice": {}}, "from 15 m (phases[0]) does not measure"),
+        ([PARK, UP], {"ice": {}, "bottom_depth": 20.0}, "the bottom at 20 m is not below it"),
     ],
 )
 def test_what_does_not_go_together_is_refused(phases, more, says):

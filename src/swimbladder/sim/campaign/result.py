@@ -135,6 +135,7 @@ class Campaign:
                 ("drive's energy per cycle", "kJ", t[:, Fact.DRIVE] / cycles / 1e3),
                 ("battery's energy per cycle", "kJ", t[:, Fact.DRAWN] / cycles / 1e3),
             ]
+        numbers += [(words, "", values) for words, values in self._avoided.items()]
         found = []
         for words, unit, values in numbers:
             known = values[np.isfinite(values)]
@@ -173,7 +174,7 @@ class Campaign:
     def columns_csv(self) -> dict[str, Array]:
         """The columns of floats.csv: a row per float."""
         t = self.table
-        found = {
+        found: dict[str, Array] = {
             "float": np.arange(1.0, len(t) + 1.0),
             "trim_m3": t[:, Drawn.TRIM],
             "psi_m3_m": t[:, Drawn.PSI],
@@ -194,6 +195,17 @@ class Campaign:
         if not self.energy_unknown:
             found |= {"drive_J": t[:, Fact.DRIVE], "drawn_J": t[:, Fact.DRAWN]}
             found["battery_cycles"] = t[:, Fact.LIFE]
+        return found | {words.replace(" ", "_"): one for words, one in self._avoided.items()}
+
+    @property
+    def _avoided(self) -> dict[str, Array]:
+        """How often each float met bottom and ice [n], where the mission looks for them."""
+        t, found = self.table, dict[str, Array]()
+        if self.mission.grounding is not None:
+            found["times grounded"] = t[:, Fact.GROUNDED]
+        if self.mission.ice is not None:
+            found["ice turns"] = t[:, Fact.ICE_TURNS]
+            found["surfacings under ice"] = t[:, Fact.UNDER_ICE]
         return found
 
     def to_json(self) -> dict[str, Any]:

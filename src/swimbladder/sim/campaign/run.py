@@ -50,7 +50,10 @@ class Fact(IntEnum):
     HOLDING = 16  # m rms, from the depths of parks and holds since their arrival; nan: none did
     MARGIN = 17  # m3 of the stroke that was never used, at the end where least was left
     LIFE = 18  # cycles on one battery, flown or extrapolated; nan: not known
-    COUNT = 19
+    GROUNDED = 19  # times on the bottom
+    ICE_TURNS = 20  # times that it turned back for ice
+    UNDER_ICE = 21  # times that it came up although there may have been ice
+    COUNT = 22
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,10 +249,12 @@ class Floats:
             math.sqrt(float(held[Holding.SQUARES]) / time) if time > 0.0 else math.nan,
             float(min(low - g["v_min"], g["v_max"] - high)),
             math.nan if life is None else float(life),
+            *(float(accounts[one]) for one in _AVOIDED),
         ], rows
 
 
 _MADE = ("plans", "design", "layout")
+_AVOIDED = (Account.GROUNDED, Account.ICE_TURNS, Account.UNDER_ICE)
 
 
 def _cycles(plan: Plan, state: State, pilot: Pilot) -> list[np.record]:
@@ -285,4 +290,5 @@ def _cycle(row: np.void, accounts: Array, given: np.record) -> list[float]:
         drive,
         drive + other,
         float(accounts[Account.PUMP_RUNS]),
+        *(float(accounts[one]) for one in _AVOIDED),
     ]

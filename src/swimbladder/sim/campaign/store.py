@@ -66,6 +66,11 @@ FLOATS = {
     "holding_error": _Kept("m", "rms distance from the depths of parks and holds after arrival"),
     "stroke_margin_of_all": _Kept("m3", "stroke that was never used, at the end with the least"),
     "battery_cycles": _Kept("1", "cycles that one battery lasts, flown or extrapolated"),
+    "grounded_in_all": _Kept("1", "times that it took itself to lie on the bottom"),
+    "ice_turns_in_all": _Kept("1", "times that it turned back for ice"),
+    "surfaced_under_ice_in_all": _Kept(
+        "1", "times that it came up although there may have been ice"
+    ),
 }
 # In the order of `run._cycle`.
 CYCLES = {
@@ -79,6 +84,9 @@ CYCLES = {
     "drive_energy": _Kept("J", "electrical energy of pump, valve and holding"),
     "battery_energy": _Kept("J", "energy drawn from the battery"),
     "pump_runs": _Kept("1", "runs of the pump"),
+    "grounded": _Kept("1", "times that it took itself to lie on the bottom"),
+    "ice_turns": _Kept("1", "times that it turned back for ice"),
+    "surfaced_under_ice": _Kept("1", "times that it came up although there may have been ice"),
 }
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swimbladder.control.supervisor import Reason
 from swimbladder.physics.hull import linear_psi
 from swimbladder.sim.closed_loop.supervision import Alarm
-from swimbladder.sim.engine.rodas.records import OF_DRIVE, Account, Note, Stop
+from swimbladder.sim.engine.rodas.records import OF_DRIVE, Account, Ice, Note, Stop
 from swimbladder.sim.mission.battery_life import battery_life
 from swimbladder.sim.mission.books import MissionBooks, close_books, drawn_energy
 from swimbladder.sim.mission.core.records import Holding
@@ -130,16 +130,16 @@ class MissionResult:
         return found
 
     @property
-    def ice(self) -> list[bool]:
-        """Of each time that ice turned it back, whether it was measured, or the mission waits."""
+    def ice(self) -> list[Ice]:
+        """What it did, each time that there may have been ice."""
         notes = self.flight.notes
-        return [bool(number) for number in notes["number"][notes["what"] == Note.ICE]]
+        return [Ice(int(number)) for number in notes["number"][notes["what"] == Note.ICE]]
 
     @cached_property
     def ice_least(self) -> float:
         """Least depth to which it rose after it had turned back for ice [m]; inf: it never did."""
         rows, notes, least = self.flight.rows, self.flight.notes, np.inf
-        turns = notes[notes["what"] == Note.ICE]
+        turns = notes[(notes["what"] == Note.ICE) & (notes["number"] != Ice.PASSED)]
         at = np.append(np.searchsorted(rows["t"], turns["t"]), len(rows))
         for z, (begin, end) in zip(turns["z"], pairwise(at), strict=True):
             after = rows["z"][begin:end]
@@ -239,8 +239,9 @@ class MissionResult:
             "arrival_s": self.arrival,
             "missed": self.missed,
             "grounded_m": self.grounded,
-            "ice_turns": len(self.ice),
-            "ice_least_m": self.ice_least if self.ice else None,
+            "ice_turns": int(a[Account.ICE_TURNS]),
+            "ice_least_m": self.ice_least if a[Account.ICE_TURNS] else None,
+            "surfaced_under_ice": int(a[Account.UNDER_ICE]),
             "held": self.held,
             "stroke_margin": self.reach.margin,
             "stroke_margin_flown": self.flown_margin,

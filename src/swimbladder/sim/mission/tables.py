@@ -92,6 +92,10 @@ def cycle_columns(result: MissionResult) -> dict[str, Array]:
         "pump_time_s": result.per_cycle(Account.PUMP_TIME),
         "pumped_m3": result.per_cycle(Account.PUMPED),
     }
+    if result.flight.mission.grounding is not None:
+        columns["grounded"] = result.per_cycle(Account.GROUNDED)
+    if result.flight.mission.ice is not None:
+        columns["ice_turns"] = result.per_cycle(Account.ICE_TURNS)
     if result.energy_known:
         columns |= {
             "pump_J": result.per_cycle(Account.PUMP_ENERGY),

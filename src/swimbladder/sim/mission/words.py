@@ -9,12 +9,14 @@ import numpy as np
 
 from swimbladder.io.log_text import counted
 from swimbladder.physics.buoyancy_engine import oil_note
+from swimbladder.sim.engine.rodas.records import Ice as Turn
 from swimbladder.sim.engine.rodas.records import Note, Stop
 from swimbladder.sim.mission import shortfall
 from swimbladder.sim.mission.core.records import Grounding
 from swimbladder.sim.mission.prepare import HELD, cost_words
 
 if TYPE_CHECKING:
+    from swimbladder.io.mission import Ice
     from swimbladder.sim.mission.result import MissionResult
 
 REASONS = {
@@ -128,28 +130,43 @@ def _avoided_words(result: MissionResult) -> list[str]:
         often = counted(len(depths), "time")
         least, most = (f"{depth:.4g}" for depth in (min(depths), max(depths)))
         where = f"{most} m" if least == most else f"{least} to {most} m"
-        stage = flight.plan.stages[flight.mission.titles.index(title)]
+        stage, given = flight.plan.stages[flight.mission.titles.index(title)], flight.plan.given
         does = "went on with the next phase"
         if stage["grounding"] != Grounding.NEXT:
             goals = result.shifted.get(title, [])
-            does = "stayed there" if not goals else f"went on at {min(goals):.4g} m"
+            does = f"went on at {min(goals):.4g} m" if goals else "stayed there"
             if goals and max(goals) - min(goals) > 0.5:
                 does += f" to {max(goals):.4g} m"
-            if 0 < len(goals) < len(depths):
+            if stage["grounding"] == Grounding.SHIFT and (rest := len(depths) - len(goals)):
+                shallow = min(depths) < given["ground_least"]
+                does += f", stayed there {counted(rest, 'time')}, as " if goals else ", as "
                 does += (
-                    f", {counted(len(depths) - len(goals), 'time')} too near the surface for that"
+                    f"it is no deeper than {given['ground_least']:.4g} m (grounding.least_depth)"
+                    if shallow
+                    else f"{given['ground_shift']:.4g} m above it is at the surface"
                 )
         found.append(f"the phase {title!r} was grounded {often}, at {where}, and {does}")
-    if result.ice and flight.mission.ice is not None:
-        measured, rose = sum(result.ice), result.ice_least
+    return found + ([] if flight.mission.ice is None else _ice_words(result, flight.mission.ice))
+
+
+def _ice_words(result: MissionResult, ice: Ice) -> list[str]:
+    """Say how often ice turned it back, and how often it came up all the same."""
+    did, found = result.ice, list[str]()
+    cold, passed = did.count(Turn.COLD), did.count(Turn.PASSED)
+    if turns := len(did) - passed:
+        rose = result.ice_least
         found.append(
-            f"for ice it turned back {counted(len(result.ice), 'time')} in "
-            f"{counted(len(flight.cycles), 'cycle')} from "
-            f"{flight.mission.ice.stop_depth:g} m, {measured} of them by the temperature, and came "
-            f"to {rose:.3g} m"
+            f"for ice it turned back {counted(turns, 'time')} in "
+            f"{counted(len(result.flight.cycles), 'cycle')} from {ice.stop_depth:g} m, {cold} of "
+            f"them by the temperature, and came to {rose:.3g} m"
         )
-        if rose <= flight.vehicle.hull.emergence_depth:
+        if rose <= result.flight.vehicle.hull.emergence_depth:
             found.append("it turned back too late and came up under the ice: rise slower there")
+    if passed:
+        found.append(
+            f"it came up {counted(passed, 'time')} although there may have been ice, after "
+            f"{span_words(ice.longest)} without surfacing (ice.longest)"
+        )
     return found
 
 

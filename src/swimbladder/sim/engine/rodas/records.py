@@ -259,6 +259,9 @@ class Account(IntEnum):
     T_PROFILE = 24
     T_HOLD = 25
     T_SURFACE = 26
+    GROUNDED = 27  # times that it took itself to lie on the bottom
+    ICE_TURNS = 28  # times that it turned back for ice
+    UNDER_ICE = 29  # times that it came up although there may have been ice
 
 
 OF_DRIVE = (Account.PUMP_ENERGY, Account.VALVE_ENERGY, Account.HOLDING_ENERGY)
@@ -286,8 +289,16 @@ class Note(IntEnum):
     AFLOAT = 15  # with all volume out
     ALARM = 16  # the supervisor takes over; its reason
     GROUNDED = 17  # it takes itself to lie on the bottom; number of the phase
-    ICE = 18  # ice keeps it from the surface; 1: it was measured, 0: it waits since
+    ICE = 18  # ice keeps it from the surface; as of `Ice`
     SHIFTED = 19  # it goes on above the bottom; its new depth [m]
+
+
+class Ice(IntEnum):
+    """What it does where there may be ice."""
+
+    WAITS = 0  # it turns back as there was ice not long ago
+    COLD = 1  # it turns back by the temperature
+    PASSED = 2  # it comes up all the same, after so long without surfacing
 
 
 # A note of something that happened.

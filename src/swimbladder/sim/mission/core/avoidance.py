@@ -11,9 +11,10 @@ import math
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.lookup import value
-from swimbladder.sim.engine.rodas.records import Note, Table
+from swimbladder.sim.engine.rodas.records import Account, Ice, Note, Table
 from swimbladder.sim.mission.core.records import Grounding, Kind, Phases
 
+_WAITS, _COLD, _PASSED = (float(did) for did in Ice)  # in a note
 _SPACING = 1.0  # m between two temperatures on a way, at most
 
 
@@ -49,6 +50,7 @@ def _grounds(f: Phases, seen: float) -> float:
     if x.t - x.t_still < p.ground_time or seen >= goal_of(f) - stage.tolerance:
         return 0.0
     note(f.lane, Note.GROUNDED, float(at.phase))
+    f.lane.accounts[Account.GROUNDED] += 1.0
     if stage.grounding == Grounding.NEXT:
         at.ends, x.t_end = 1, x.t
         after = f.stages[(at.phase + 1) % f.stages.shape[0]]
@@ -77,12 +79,18 @@ def seek_ice(f: Phases, depth: float, h: float) -> None:
             x.t_measured += h / parts
             if value(f.lane.table, p.step, Table.TEMPERATURE, z)[0] <= p.ice_temperature:
                 x.t_cold += h / parts
-    if x.z > p.ice_to or x.t - x.t_surfaced > p.ice_longest:
+    if x.z > p.ice_to:
         return
     cold = x.t_cold >= 0.5 * x.t_measured  # so it is where nothing was measured
     if not cold and x.t - x.t_ice >= p.ice_wait:
         return
-    note(f.lane, Note.ICE, 1.0 if cold else 0.0)
+    if x.t - x.t_surfaced > p.ice_longest:
+        if depth > p.ice_to:
+            note(f.lane, Note.ICE, _PASSED)
+            f.lane.accounts[Account.UNDER_ICE] += 1.0
+        return
+    note(f.lane, Note.ICE, _COLD if cold else _WAITS)
+    f.lane.accounts[Account.ICE_TURNS] += 1.0
     if cold:
         x.t_ice = x.t
     at.ends, x.t_end = 1, x.t
