@@ -27,9 +27,10 @@ from swimbladder.estimation.kalman.depth_filter import Noise, Start, filter_dept
 from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.process_noise import (
+    Heat,
     ProcessNoiseFit,
     fit_process_noise,
-    with_gain,
+    with_heat,
 )
 from swimbladder.estimation.motion.random_effects import between_logs
 from swimbladder.estimation.motion.result import Values, identified_vehicle
@@ -90,7 +91,8 @@ def load(folder: Path, logs: Iterable[int]) -> dict[int, Log]:
 
 def expanding(vehicle: Vehicle, gain: float) -> Vehicle:
     """Return the vehicle with a hull that gains so much more per kelvin [m3/K]."""
-    return with_gain(vehicle, Estimate.given(gain, "m3/K"))
+    gains, at_once = Estimate.given(gain, "m3/K"), Estimate.given(0.0, "s")
+    return with_heat(vehicle, Heat(gains, at_once, np.zeros((2, 2))))
 
 
 def bottom_of(log: Log) -> float:
@@ -110,7 +112,7 @@ def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, ProcessNo
     found, model = fit_process_noise(problem, vehicle, without=("correlated",)), problem.model
     logged = tuple(f"mission {n}" for n in logs)
     fitted = identified_vehicle(
-        with_gain(vehicle, found.hull_gain),
+        with_heat(vehicle, found.heat),
         model,
         Values(found.names, found.values, found.covariance, logged),
         depth_noise=found.noise.depth,

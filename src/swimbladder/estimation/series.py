@@ -45,6 +45,22 @@ def stretches(mask: Mask) -> list[tuple[int, int]]:
 
 
 @compiled
+def followed(time: Array, values: Array, time_constant: float) -> Array:
+    """Return what follows values [n] by a first-order lag [s], from the same value at the first.
+
+    Exactly, for values that are straight between their times.
+    """
+    found = values.copy()
+    if time_constant > 0.0:
+        for i in range(1, len(values)):
+            h = time[i] - time[i - 1]
+            behind = time_constant * (values[i] - values[i - 1]) / h
+            off = found[i - 1] - values[i - 1] + behind
+            found[i] = values[i] - behind + off * np.exp(-h / time_constant)
+    return found
+
+
+@compiled
 def shifted(time: Array, values: Array, late: float) -> tuple[Array, Array]:
     """Return values [lanes, n] at times [n] that are `late` later, and how fast the first then go.
 

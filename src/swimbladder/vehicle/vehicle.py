@@ -118,8 +118,8 @@ class Hull(Parameters):
     thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = 0.0
     """share of displaced_volume it gains per kelvin, of a hull without parts"""
     thermal_time_constant: Annotated[float, Unit("s"), Field(ge=0.0, le=1e6)] = 0.0
-    """time in which the parts come within 1/e of the water's temperature; 0: they have it at once;
-    for mission and campaign"""
+    """time in which it comes within 1/e of the water's temperature; 0: it has it at once; for
+    mission, campaign, and logs with a temperature"""
     parts: tuple[HullPart, ...] = ()
     """components of displaced_volume, for ballast, mission and simulate --cast; none: one that psi
     tells of"""

@@ -71,6 +71,25 @@ def test_what_a_hull_gains_is_in_the_volume_of_a_record(logs):
     np.testing.assert_array_equal(record(lost, vehicle()).volume, plain.volume)
 
 
+@pytest.mark.parametrize("lag", [0.0, 3.0, 100.0, 1e6])
+def test_a_hull_follows_the_temperature_by_a_first_order_lag(logs, lag):
+    """SciPy's solution, of a temperature that is straight between its samples."""
+    log, own = logs[1], vehicle()
+    hull = own.hull.model_copy(update={"thermal_time_constant": lag})
+    plain = record(log, vehicle(0.0))
+    found = record(log, own.model_copy(update={"hull": hull})).volume - plain.volume
+    if lag == 0.0:
+        expected = GAIN * plain.warmth
+    else:
+        how = {"t_eval": plain.time, "rtol": 1e-10, "atol": 1e-12, "max_step": 0.3}
+
+        def rate(t, x):
+            return (np.interp(t, plain.time, plain.warmth) - x) / lag
+
+        expected = GAIN * solve_ivp(rate, (0.0, plain.time[-1]), [0.0], **how).y[0]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
 def test_a_cooling_hull_is_followed_by_its_temperature(logs):
     fit = ("neutral_volume", "start_depth", "start_speed")
     met, missed = (
@@ -125,7 +144,7 @@ def test_a_log_has_its_temperature_from_its_file(tmp_path):
 @pytest.mark.prove
 def test_what_a_hull_gains_is_identified_from_its_temperatures(logs):
     found = identify(logs, vehicle(0.0), process_noise="always", profiles=False)
-    left = found.process_noise.hull_gain
+    left = found.process_noise.heat.gain
     assert abs(heat_expansion(found.result_vehicle) - GAIN) < 3.0 * left.std
     assert left.std < 0.2 * GAIN
     (said,) = (f for f in found.findings if f.kind == "hull expands")
@@ -134,11 +153,17 @@ def test_what_a_hull_gains_is_identified_from_its_temperatures(logs):
     assert found.process_noise.p_value > 0.01, "it is no random walk"
 
     known = identify(logs, vehicle(), process_noise="always", profiles=False)
-    assert abs(known.process_noise.hull_gain.value) < 3.0 * left.std
+    assert abs(known.process_noise.heat.gain.value) < 3.0 * left.std
     silent = [replace(log, temperature=None) for log in logs]
     plain = identify(silent, vehicle(0.0), process_noise="always", profiles=False)
-    assert plain.process_noise.hull_gain is None
+    assert plain.process_noise.heat is None
     assert heat_expansion(plain.result_vehicle) == 0.0
+    said = [f.sentence for f in plain.findings if f.kind == "process_noise"]
+    assert len(said) == 1
+    moves = "moves" if plain.process_noise.p_any > 1e-3 else "does not quite move"
+    assert said[0].startswith(f"The vehicle {moves} as the model has it")
+    origin = found.result_vehicle.provenance["hull.thermal_time_constant"]
+    assert origin.startswith("identified: from the temperatures")
 
 
 def test_where_the_gain_is_not_determined_the_intervals_allow_for_it(logs):

@@ -18,7 +18,7 @@ from swimbladder.estimation.comparison.drive_outliers import LONGEST, drive_outl
 from swimbladder.estimation.comparison.misread import Drive, refuse_wrong_clock
 from swimbladder.estimation.kalman.depth_filter import follow
 from swimbladder.estimation.kalman.kernels import Samples
-from swimbladder.estimation.series import Array, Mask, stretches
+from swimbladder.estimation.series import Array, Mask, followed, stretches
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.hull import along_hull, heat_expansion, neutral_volume
@@ -111,8 +111,9 @@ class Record:
     volume: Array | None = None  # m3
     volume_absolute: bool = False
     voltage: Array | None = None  # V
-    warmth: Array | None = None  # K, of the hull, above the first sample's; None: not logged
-    gain: float = 0.0  # m3/K of it that is in the volume
+    warmth: Array | None = None  # K, as logged, above the first sample's; None: not logged
+    gain: float = 0.0  # m3/K of the hull's, which is in the volume
+    lag: float = 0.0  # s, time constant with which the hull follows it
     setpoints: tuple[tuple[float, float], ...] = ()  # (s, m)
     reference: Array | None = None  # m
     compared: Mask
@@ -247,7 +248,7 @@ def record(
         layers=layers,
         source=log.source,
     )
-    return warmed(found, heat_expansion(vehicle))
+    return warmed(found, heat_expansion(vehicle), vehicle.hull.thermal_time_constant)
 
 
 def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> Log:
@@ -372,7 +373,7 @@ def _volume(log: Log, vehicle: Vehicle) -> tuple[Array | None, bool]:
 
 
 def _warmth(log: Log) -> Array | None:
-    """Return the hull's temperature above that of the first sample [K] [n]; None: not logged."""
+    """Return the temperature above that of the first sample [K] [n]; None: not logged."""
     T = log.temperature
     if T is None or not (known := np.isfinite(T)).any():
         return None
@@ -381,21 +382,33 @@ def _warmth(log: Log) -> Array | None:
     return np.asarray(warmth - warmth[0])
 
 
-def warmed(record: Record, gain: float) -> Record:
-    """Return a record in whose volume the hull gains so much per kelvin [m3/K]."""
-    warmth, volume, more = record.warmth, record.volume, gain - record.gain
-    if warmth is None or volume is None or record.drive != "volume" or more == 0.0:
+def warmed(record: Record, gain: float, lag: float) -> Record:
+    """Return a record in whose volume the hull gains so much per kelvin [m3/K], after a lag [s]."""
+    volume = record.volume
+    if record.warmth is None or volume is None or record.drive != "volume":
         return record
-    before = _gained(warmth, record.gain)
-    notes = (*(note for note in record.notes if note != before), _gained(warmth, gain))
-    return replace(record, volume=volume + more * warmth, gain=gain, notes=notes)
+    if gain == record.gain and (lag == record.lag or gain == 0.0):
+        return record
+    found = replace(record, volume=volume + more_warmth(record, gain, lag), gain=gain, lag=lag)
+    notes = tuple(note for note in record.notes if note != _gained(record))
+    return replace(found, notes=(*notes, _gained(found)))
 
 
-def _gained(warmth: Array, gain: float) -> str:
-    span, volume = np.ptp(warmth), abs(1e6 * gain * np.ptp(warmth))
+def more_warmth(record: Record, gain: float, lag: float) -> Array:
+    """Return what a hull of this gain [m3/K] and lag [s] displaces beyond the record's [m3] [n]."""
+    assert record.warmth is not None
+    time, warmth = record.time, record.warmth
+    known = record.gain * followed(time, warmth, record.lag)
+    return np.asarray(gain * followed(time, warmth, lag) - known)
+
+
+def _gained(record: Record) -> str:
+    assert record.warmth is not None
+    span = np.ptp(followed(record.time, record.warmth, record.lag))
+    gain = 1e6 * record.gain
     return (
         f"the hull's temperature goes over {span:.3g} K; by its thermal expansion, "
-        f"{1e6 * gain:.3g} cm3/K, that is {volume:.2g} cm3 of volume"
+        f"{gain:.3g} cm3/K, that is {abs(gain * span):.2g} cm3 of volume"
     )
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.record import Record
+from swimbladder.estimation.comparison.record import Record, more_warmth
 from swimbladder.estimation.estimates import Z95, Estimate, Prior, crossing
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
 from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
@@ -87,6 +87,8 @@ NO_NOISE: Mapping[str, float] = {
 _CORRELATION_TIME = Prior(3.0, 3.0)  # s: else noise would be white, or an offset
 _DELAY = Quantity("volume_delay", False, 0.1, 0.0)  # s, by which the volume's stamps are late
 _HEAT = Quantity("hull_gain", False, 1e-6, 0.0)  # m3/K, of the hull beyond the vehicle's file's
+_LAG = Quantity("hull_lag", False, 100.0, 50.0, (0.0, 100.0))  # s, time constant of the hull
+_LAG_STD = 200.0  # s
 
 
 class Likelihood:
@@ -106,7 +108,9 @@ class Likelihood:
         self.priors = {"correlation_time": _CORRELATION_TIME, **problem.priors}
         self.priors[_DELAY.name] = Prior(0.0, problem.delay_std)
         self.priors[_HEAT.name] = Prior(0.0, problem.heat_std)
-        none = {_DELAY.name: 0.0, _HEAT.name: 0.0}
+        lag = vehicle.hull.thermal_time_constant
+        self.priors[_LAG.name] = Prior(lag, _LAG_STD)
+        none = {_DELAY.name: 0.0, _HEAT.name: 0.0, _LAG.name: lag}
         self.quantities, self.values = tuple(quantities), {**none, **values}
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
         self.known = math.isfinite(problem.neutral_std)
@@ -168,9 +172,10 @@ class Likelihood:
         for i, stretch in enumerate(self.samples):
             record = self.records[self.record[i]]
             s, rows = self._late(stretch, record, values[_DELAY.name])
-            if values[_HEAT.name] != 0.0 and record.warmth is not None:
-                warmth = np.interp(s.time, record.time, record.warmth)
-                s = s._replace(volume=s.volume + values[_HEAT.name] * warmth)
+            gain, lag = record.gain + values[_HEAT.name], values[_LAG.name]
+            if gain != 0.0 and record.warmth is not None:
+                more = more_warmth(record, gain, lag)
+                s = s._replace(volume=s.volume + np.interp(s.time, record.time, more))
             start = self.start(i, values, noise)
             yield filter_depth(clear, s, noise=noise, start=start), rows
 
@@ -378,9 +383,10 @@ _UNITS = {
     "correlation_time": "s",
     "volume_delay": "s",
     "hull_gain": "m3/K",
+    "hull_lag": "s",
 }
 _CLEAR = 1.96  # deviations from 0
-_SIGNIFICANT = 1e-3  # chance of as much evidence for process noise without any
+SIGNIFICANT = 1e-3  # chance of as much evidence for process noise without any
 
 
 class Track(NamedTuple):
@@ -410,6 +416,20 @@ class Track(NamedTuple):
         return (first - self.start.neutral) / self.start.neutral_std
 
 
+class Heat(NamedTuple):
+    """What the hull gains per kelvin beyond the vehicle's file [m3/K], after a lag [s]."""
+
+    gain: Estimate
+    lag: Estimate
+    covariance: Array  # [2, 2], m3/K and s
+
+    @property
+    def aside(self) -> Array:
+        """Gain and lag off by the columns of the covariance's root, one after the other [2, 2]."""
+        root = np.linalg.cholesky(self.covariance).T
+        return np.asarray(np.array([self.gain.value, self.lag.value]) + root)
+
+
 @dataclass(frozen=True, kw_only=True)
 class ProcessNoiseFit:
     """What maximises the likelihood of the innovations, and how sure it is.
@@ -418,8 +438,8 @@ class ProcessNoiseFit:
     not included], random_walk [m3/s^0.5], acceleration [m/s^1.5, white], correlated [m], what of
     the depth's noise is so, over a correlation_time [s]: with intervals. p_value: chance of as
     much evidence for the random walk where the neutral volume stays; p_any: for all noise but the
-    depth's white one. delay: of the volumes' stamps [s]. hull_gain: of the hull per kelvin, beyond
-    that of the vehicle's file [m3/K], where its temperature was logged. tracks: of each record.
+    depth's white one. delay: of the volumes' stamps [s]. heat: of the hull, where its temperature
+    was logged. tracks: of each record.
     """
 
     names: tuple[str, ...]
@@ -427,7 +447,7 @@ class ProcessNoiseFit:
     covariance: Array
     noises: dict[str, Estimate]
     delay: Estimate
-    hull_gain: Estimate | None
+    heat: Heat | None
     noise: Noise
     values: dict[str, float]
     log_likelihood: float
@@ -454,13 +474,17 @@ class ProcessNoiseFit:
         )
 
 
-def with_gain(vehicle: Vehicle, gain: Estimate | None) -> Vehicle:
-    """Return a vehicle whose hull gains so much more per kelvin [m3/K], where that is clear."""
+def with_heat(vehicle: Vehicle, heat: Heat | None) -> Vehicle:
+    """Return a vehicle whose hull expands so much more, where that is clear."""
     hull = vehicle.hull
-    if gain is None or hull.parts or abs(gain.value) < _CLEAR * gain.std:
+    if heat is None or hull.parts or abs(heat.gain.value) < _CLEAR * heat.gain.std:
         return vehicle
-    more = {"thermal_expansion": hull.thermal_expansion + gain.value / hull.displaced_volume}
-    return vehicle.model_copy(update={"hull": hull.model_copy(update=more)})
+    total = hull.thermal_expansion + heat.gain.value / hull.displaced_volume
+    more = {"thermal_expansion": total, "thermal_time_constant": heat.lag.value}
+    origin = "identified: from the temperatures of the logs that identified.logs names"
+    provenance = vehicle.provenance | {f"hull.{name}": origin for name in more}
+    changes = {"hull": hull.model_copy(update=more), "provenance": provenance}
+    return vehicle.model_copy(update=changes)
 
 
 class Highest(NamedTuple):
@@ -489,7 +513,7 @@ class Highest(NamedTuple):
     @property
     def significant(self) -> bool:
         """Whether there is more than white noise of the depth: the model lacks something."""
-        return self.p_any < _SIGNIFICANT
+        return self.p_any < SIGNIFICANT
 
     def begin(self) -> Array:
         """Return where a fit without process noise begins: by the smoothed states of each record.
@@ -542,7 +566,7 @@ def highest_with_noise(
 
 def _nuisances(problem: Problem) -> list[Quantity]:
     """Return what all records have in common beside parameters and noise, where there is any."""
-    return [_DELAY] * (problem.delay_std > 0.0) + [_HEAT] * (problem.heat_std > 0.0)
+    return [_DELAY] * (problem.delay_std > 0.0) + [_HEAT, _LAG] * (problem.heat_std > 0.0)
 
 
 def fit_process_noise(
@@ -567,6 +591,11 @@ def described(at: Highest) -> ProcessNoiseFit:
     for q, deviation in zip(full.quantities, std.tolist(), strict=True):
         unit, log = _UNITS.get(q.name) or NAMES[q.name].unit, q.logarithmic
         found[q.name] = Estimate.of(values[q.name], deviation, unit, logarithmic=log)
+    heat, named = None, [q.name for q in full.quantities]
+    if _HEAT.name in named:
+        i = [named.index(q.name) for q in (_HEAT, _LAG)]
+        both = C[np.ix_(i, i)] * np.outer(per[i], per[i])
+        heat = Heat(found[_HEAT.name], found[_LAG.name], both)
     for name in at.absent:
         found[name] = Estimate.given(NO_NOISE[name], _UNITS[name])
     if "random_walk" not in at.absent:
@@ -578,7 +607,7 @@ def described(at: Highest) -> ProcessNoiseFit:
         covariance=C[:p, :p] * np.outer(per[:p], per[:p]),
         noises={q.name: found[q.name] for q in NOISES},
         delay=found.get(_DELAY.name, Estimate.given(0.0, "s")),
-        hull_gain=found.get(_HEAT.name),
+        heat=heat,
         noise=full.noise(values),
         values=values,
         log_likelihood=at.height,

@@ -24,7 +24,12 @@ from swimbladder.estimation.motion.diagnose import (
 )
 from swimbladder.estimation.motion.noise import autoregression, whiteness
 from swimbladder.estimation.motion.problem import NAMES, Experiment, Problem
-from swimbladder.estimation.motion.process_noise import ProcessNoiseFit, Track, height_of
+from swimbladder.estimation.motion.process_noise import (
+    SIGNIFICANT,
+    ProcessNoiseFit,
+    Track,
+    height_of,
+)
 from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
 from swimbladder.estimation.motion.result import (
     Asked,
@@ -222,7 +227,8 @@ def _summary(fit: ProcessNoiseFit) -> Finding:
     drift = fit.noises["random_walk"]
     low, high = (f"{1e6 * minute * end:.2g}" for end in drift.ci95)
     unsure = ", which the logs do not require"
-    texts = {"low": low, "high": high, "sure": "" if fit.drifts else unsure}
+    moves = "does not quite move" if fit.p_any < SIGNIFICANT else "moves"
+    texts = {"low": low, "high": high, "sure": "" if fit.drifts else unsure, "moves": moves}
     numbers = {"minute": minute * drift.value, "p": fit.p_value}
     numbers["farthest"] = max(fit.travelled, default=0.0)
     numbers["acceleration"] = fit.noises["acceleration"].value

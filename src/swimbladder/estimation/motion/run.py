@@ -42,10 +42,11 @@ from swimbladder.estimation.motion.problem import (
     posed,
 )
 from swimbladder.estimation.motion.process_noise import (
+    Heat,
     described,
     fit_process_noise,
     highest_with_noise,
-    with_gain,
+    with_heat,
 )
 from swimbladder.estimation.motion.process_noise_result import with_process_noise
 from swimbladder.estimation.motion.result import (
@@ -312,17 +313,17 @@ def identify(
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         asked = Asked(process_noise, profiles, choices, posterior)
         expands: tuple[Finding, ...] = ()
-        warm: list[Record] = []
-        if (gain := _gain(problem, vehicle)) is not None:
-            total = heat_expansion(vehicle) + gain.value
-            vehicle, expands = _expanded(vehicle, gain)
-            warm = [warmed(r, total + gain.std) for r in records]
-            records = [warmed(r, total) for r in records]
+        aside: list[list[Record]] = []
+        if (heat := _heat(problem, vehicle)) is not None:
+            own = heat_expansion(vehicle)
+            vehicle, expands = _expanded(vehicle, heat)
+            aside = [[warmed(r, own + g, s) for r in records] for g, s in heat.aside.tolist()]
+            records = [warmed(r, own + heat.gain.value, heat.lag.value) for r in records]
             asked = asked._replace(profiles=False)
             problem = posed(records, vehicle, assumed, free=free, drag=drag)
 
-        def warmer(known: Assumed) -> Problem | None:
-            return posed(warm, vehicle, known, free=free, drag=drag) if warm else None
+        def warmer(known: Assumed) -> list[Problem]:
+            return [posed(one, vehicle, known, free=free, drag=drag) for one in aside]
 
         found = _answer(problem, vehicle, asked, advance, warmer(assumed))
         if neutral_std is None and math.isfinite(known) and _contradicts_prior(found):
@@ -342,21 +343,23 @@ def identify(
     return replace(found, findings=(*found.findings, *named[:1]))
 
 
-def _gain(problem: Problem, vehicle: Vehicle) -> Estimate | None:
-    """Return what the hull gains per kelvin beyond the vehicle's file [m3/K]; None: not logged.
+def _heat(problem: Problem, vehicle: Vehicle) -> Heat | None:
+    """Return what the hull gains per kelvin; None where its temperature is not logged.
 
     It is estimated beside process noise: what a hull that cools does looks like a drift.
     """
     if problem.heat_std == 0.0 or not all(e.ramps for e in problem.experiments):
         return None
-    return fit_process_noise(problem, vehicle).hull_gain
+    return fit_process_noise(problem, vehicle).heat
 
 
-def _expanded(vehicle: Vehicle, gain: Estimate) -> tuple[Vehicle, tuple[Finding, ...]]:
-    """Return the vehicle with a gain of its hull [m3/K], where that is clear, and say so."""
-    expanding = with_gain(vehicle, gain)
+def _expanded(vehicle: Vehicle, heat: Heat) -> tuple[Vehicle, tuple[Finding, ...]]:
+    """Return the vehicle with a hull that expands so, where that is clear, and say so."""
+    expanding = with_heat(vehicle, heat)
     said = "hull may expand" if expanding is vehicle else "hull expands"
-    return expanding, (Finding.of("motion", said, gain=1e6 * gain.value, std=1e6 * gain.std),)
+    gain = heat.gain
+    values = {"gain": 1e6 * gain.value, "std": 1e6 * gain.std, "lag": heat.lag.value}
+    return expanding, (Finding.of("motion", said, **values),)
 
 
 def _contradicts_prior(found: Identification, looser: Identification | None = None) -> bool:
@@ -381,11 +384,11 @@ def _sensors(problem: Problem, found: Fit) -> Array:
 
 
 def _answer(
-    problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance, warmer: Problem | None
+    problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance, warmer: Sequence[Problem]
 ) -> Identification:
     """Return the answer with process noise where there is some, else without.
 
-    warmer: the problem of a hull that gains by 1 sigma more per kelvin, which is not known better.
+    warmer: the problems of a hull whose gain and lag are off by as much as they are not known.
     """
     near: Array | None = None
     if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
@@ -412,7 +415,7 @@ def _without_process_noise(
     asked: Asked,
     report: Advance,
     near: Array | None,
-    warmer: Problem | None,
+    warmer: Sequence[Problem],
 ) -> Identification:
     """Return the answer of a fit whose residuals are noise of the depth.
 
@@ -420,8 +423,8 @@ def _without_process_noise(
     """
     names, model = problem.names, problem.model
     found = solve(problem, near)
-    if warmer is not None:
-        moved = solve(warmer, found.x).x - found.x
+    for other in warmer:
+        moved = solve(other, found.x).x - found.x
         found = replace(found, covariance=found.covariance + np.outer(moved, moved))
     report(0.35 if asked.choices or asked.profiles else 0.95)
     findings: list[Finding] = [*not_identifiable(problem, found)]
