@@ -19,7 +19,7 @@ import numpy as np
 
 from swimbladder.cli.common import progress
 from swimbladder.io.config import load_vehicle
-from swimbladder.sim.faults import Campaign, run_missions
+from swimbladder.sim.faults import Campaign, faults
 from swimbladder.sim.faults.campaign_result import rule_of_three
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Vehicle
@@ -99,7 +99,7 @@ def flown(vehicle: Vehicle, seeds: Sequence[int], *, missions: int, healthy: int
         doing = f"{vehicle.name}, seed {number} of {len(seeds)}"
         with progress(doing, 1.0) as advance:
             found.append(
-                run_missions(
+                faults(
                     vehicle,
                     missions=missions,
                     healthy=healthy,

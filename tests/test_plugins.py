@@ -12,7 +12,7 @@ import pytest
 import swimbladder as sb
 from studies.benches import Motor, random_moves
 from swimbladder.cli import main
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import firmware
 from swimbladder.control.records import leaves
 from swimbladder.control.registry import LAWS
 from swimbladder.design.law_comparison.contenders import choose_laws
@@ -298,7 +298,7 @@ class TestALaw:
 
         law = LAWS["hover"]
         compiled, same = Compiled(law, tmp_path), twin(law)
-        library = make_library(limited(HOVER), duration=30.0)
+        library = firmware(limited(HOVER), duration=30.0)
         assert library.to_json()["law"] == "hover"
         parameters = library.parameters
         rng = np.random.default_rng(1)

@@ -3,10 +3,19 @@
 import inspect
 import subprocess
 import sys
+from dataclasses import fields
+from importlib import import_module
+from typing import get_type_hints
 
 import pytest
 
 import swimbladder
+import swimbladder as sb
+from swimbladder.cli import COMMANDS
+from swimbladder.cli.options import Options
+from swimbladder.codegen.pool import PoolOptions
+from swimbladder.design.planning.task import Limits
+from swimbladder.design.sizing.candidates import Parts
 
 
 @pytest.mark.parametrize("name", swimbladder.__all__)
@@ -43,7 +52,7 @@ def test_importing_the_package_imports_nothing_else():
 
 def test_the_example_of_the_docstring_runs(capsys):
     _, _, rest = swimbladder.__doc__.partition("::\n\n")
-    example, _, _ = rest.partition("\n\nThe map")
+    example, _, _ = rest.partition("\n\nEvery command")
     names = {}
     exec(inspect.cleandoc("\n" + example), names)
     assert "overshoot_pct=14.6988" in capsys.readouterr().out
@@ -54,3 +63,77 @@ def test_the_version_is_the_one_that_is_installed():
     from importlib.metadata import version
 
     assert swimbladder.__version__ == version("swimbladder")
+
+
+# What options of a command are in Python: the function's own names for some, and fields of what it
+# takes. Files, pictures and JSON are methods of the answer, or functions that write.
+READERS = {
+    "CastReading": [sb.read_cast],
+    "LogReading": [sb.read_log],
+    "Reading": [sb.read_log],
+}
+RECORDS = {
+    "ballast": [sb.Target, sb.Uncertainty],
+    "board": [sb.Flights],
+    "campaign": [sb.Floats, sb.Spread, sb.Workers],
+    "energy": [sb.Thruster, sb.fit_pump],
+    "firmware": [PoolOptions],
+    "mission": [sb.Mission.limited],
+    "plan": [Limits],
+    "size": [sb.Dive, Parts.with_driver],
+}
+CALLED = {
+    "cast": {"cast", "casts", "column", "columns"},
+    "logs": {"logs", "log"},
+    "span": {"duration"},
+    "ask": {"asked"},
+    "step": {"start", "target"},
+    "no_maps": {"maps"},
+    "without_supervisor": {"supervised"},
+    "column": {"columns"},
+    "log_format": {"form"},
+    "volumes": {"first", "last"},
+}
+ELSEWHERE = {
+    # where it is written, and as what
+    *("out", "json", "plot", "netcdf", "config", "begin"),
+    # fields of the vehicle's file: vehicle.with_sensors(...), a [supervisor] table, its controller
+    *("depth_noise", "depth_quantum", "time_limit", "law"),
+    # other functions: fit_pump, paper_fits, Spread.identified, one mission of faults, predict_ahead
+    *("fit", "paper", "identified", "mission", "horizons", "random_walk", "acceleration_noise"),
+    # how several casts of logs are chosen: read_cast for each
+    *("cast_where", "cast_column", "cast_profile"),
+    # the bottom of a mission: Mission.over; a file with a spread
+    *("bottom", "spread"),
+    # a list that is printed; a step of simulate, whose function takes set-points
+    *("list_scenarios", "target", "seed"),
+}
+
+
+def options(command):
+    """Return (group, field) of every option of a command, and its arguments."""
+    inner = getattr(command, "__wrapped__", command)
+    for name, kind in get_type_hints(inner).items():
+        if isinstance(kind, type) and issubclass(kind, Options):
+            yield from ((kind.__name__, field.name) for field in fields(kind))
+        elif name != "return":
+            yield "", name
+
+
+def names_of(function):
+    """Return the names that a function or a record takes."""
+    if function is Limits:
+        return {*get_type_hints(Limits)}
+    return set(inspect.signature(function).parameters)
+
+
+@pytest.mark.parametrize("command", sorted({*COMMANDS} - {"vehicle", "pool"}))
+def test_every_command_is_a_function_that_takes_the_same(command):
+    name = command.replace("-", "_")
+    function = getattr(sb, name)
+    module = import_module(f"swimbladder.cli.{name}")
+    for group, option in options(getattr(module, name)):
+        takers = [function, *RECORDS.get(name, []), *READERS.get(group, [])]
+        known = set().union(*map(names_of, takers))
+        called = CALLED.get(option, {option}) | {option}
+        assert called & known or option in ELSEWHERE, f"{command}: {group} {option}"

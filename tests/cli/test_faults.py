@@ -13,7 +13,7 @@ from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.tables import write_csv
 from swimbladder.physics.seawater import cast_column
-from swimbladder.sim.faults import run_missions
+from swimbladder.sim.faults import faults
 from swimbladder.sim.faults.single_mission import TRACE_COLUMNS
 from tests.codegen.conftest import gcc
 from tests.quoted import numbers
@@ -134,7 +134,7 @@ def test_missions_are_flown_in_the_water_of_a_cast(capsys, tmp_path):
     assert json.loads(capsys.readouterr().out)["faults"] == plain["faults"]
     column = cast_column(read_cast(cast, latitude=45.0), step=0.1)
     with pytest.raises(InputError) as refused:
-        run_missions(usual(load_vehicle("feup-em"), column=column), missions=2, column=column)
+        faults(usual(load_vehicle("feup-em"), column=column), missions=2, column=column)
     assert main([*words, *out]) == 2
     assert refused.value.what in json.loads(capsys.readouterr().out)["error"]
 

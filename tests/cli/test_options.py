@@ -11,7 +11,7 @@ import typer
 
 from swimbladder.cli import main
 from swimbladder.cli.options import Files, Options, flag, grouped, valued
-from swimbladder.design.ballast import Target, ballast, material_of, seas, uncertainty_of, with_mass
+from swimbladder.design.ballast import Target, ballast
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump, fitted_vehicle, sea
 from swimbladder.design.pool_day.day import asked_of, rules_of
 from swimbladder.design.pool_day.follow import check_waiting
@@ -161,9 +161,7 @@ def _cast(**given):
 
 
 def _ballast(**given):
-    return lambda _: ballast(
-        FLOAT, seas(FLOAT, []).columns, uncertainty=uncertainty_of(FLOAT, {}), draws=1, **given
-    )
+    return lambda _: ballast(FLOAT, **given)
 
 
 REFUSED = [
@@ -171,17 +169,17 @@ REFUSED = [
     ([*SIZE, "--cast", "cast.csv", "--longitude=-400"], _cast(longitude=-400.0)),
     ([*SIZE, "--cast", "cast.csv", "--salinity", "99"], _cast(salinity=99.0)),
     ([*SIZE, "--cast", "cast.csv", "--inversions", "swap"], _cast(inversions="swap")),
-    ([*BALLAST, "--deepest=-5 m"], lambda _: seas(FLOAT, [], -5.0)),
-    ([*BALLAST, "--deepest", "3 km"], lambda _: seas(FLOAT, [], 3000.0)),
+    ([*BALLAST, "--deepest=-5 m"], _ballast(deepest=-5.0)),
+    ([*BALLAST, "--deepest", "3 km"], _ballast(deepest=3000.0)),
     (
         [*BALLAST, "--cast", "cast.csv", "--column", "pressure_dbar=pressure_dbar@dbar"],
-        lambda folder: seas(
+        lambda folder: ballast(
             FLOAT,
             [read_cast(folder / "cast.csv", columns={"pressure_dbar": "pressure_dbar@dbar"})],
         ),
     ),
-    ([*BALLAST, "--mass", "3 kg"], lambda _: with_mass(FLOAT, 3.0)),
-    ([*BALLAST, "--ballast", "cork"], lambda _: material_of("cork")),
+    ([*BALLAST, "--mass", "3 kg"], _ballast(mass=3.0)),
+    ([*BALLAST, "--ballast", "cork"], _ballast(material="cork")),
     ([*BALLAST, "--at-volume", "1 cm3"], _ballast(target=Target(volume=1e-6))),
     ([*BALLAST, "--neutral-depth", "9 km"], _ballast(target=Target(neutral_depth=9000.0))),
     ([*BALLAST, "--probability", "30 %"], _ballast(target=Target(probability=0.3))),

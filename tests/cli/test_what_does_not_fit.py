@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import firmware
 from swimbladder.control.registry import law_by_name
 from swimbladder.design.analysis import analyse
 from swimbladder.design.law_comparison import compare_laws
@@ -19,7 +19,7 @@ from swimbladder.io.presets import preset_text
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.faults import run_missions
+from swimbladder.sim.faults import faults
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.vehicle import Controller
 from tests.vehicles import limited
@@ -50,9 +50,9 @@ COMMANDS = {
     "compare-laws": ([], lambda v, _: compare_laws(v)),
     "firmware": (
         ["--time-limit", "2 h"],
-        lambda v, _: make_library(limited(v), start_depth=1.5, target=3.0, duration=400.0),
+        lambda v, _: firmware(limited(v), start_depth=1.5, target=3.0, duration=400.0),
     ),
-    "faults": (["--time-limit", "2 h"], lambda v, _: run_missions(limited(v), missions=20)),
+    "faults": (["--time-limit", "2 h"], lambda v, _: faults(limited(v), missions=20)),
     "plan": (["--step", "1:3"], lambda v, _: plan(v, 1.0, 3.0)),
     "mission": (["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
     "campaign": (
@@ -148,7 +148,7 @@ DEEP = {
     "firmware": (
         "feup-em",
         ["--target", "120 m", "--time-limit", "2 h"],
-        lambda v, _: make_library(limited(v), start_depth=1.5, target=120.0, duration=400.0),
+        lambda v, _: firmware(limited(v), start_depth=1.5, target=120.0, duration=400.0),
     ),
     "plan": ("feup-em", ["--step", "1:120"], lambda v, _: plan(v, 1.0, 120.0)),
     "tune": ("feup-em", ["--depth", "0:120 m"], lambda v, _: tune(v, depths=(0.0, 120.0))),
@@ -160,7 +160,7 @@ DEEP = {
     "faults": (
         "feup-em",
         ["--depth", "1:120 m", "--time-limit", "2 h"],
-        lambda v, _: run_missions(limited(v), missions=20, depths=(1.0, 120.0)),
+        lambda v, _: faults(limited(v), missions=20, depths=(1.0, 120.0)),
     ),
     "mission": ("example-float", ["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
     "campaign": (

@@ -18,7 +18,7 @@ import numpy as np
 
 from swimbladder.codegen.c99 import c_law
 from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, firmware, write_library
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Law, Measurement
@@ -266,7 +266,7 @@ def report(laws: Sequence[str]) -> str:
     ]
     for name in laws:
         floats = LAWS[name].command == "volume change"
-        made = make_library(limited(load_vehicle(FLOATS[name]) if floats else controlled(name)))
+        made = firmware(limited(load_vehicle(FLOATS[name]) if floats else controlled(name)))
         for mcu in MCUS:
             for supervised in (False, True):
                 with tempfile.TemporaryDirectory() as folder:

@@ -19,7 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, firmware, write_library
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Sensors, Supervisor, Vehicle
@@ -98,9 +98,9 @@ def _libraries(name: str) -> Iterable[Library]:
     for vehicle in vehicles(name):
         if LAWS[name].command == "volume change":
             target, duration = DIVES[name]
-            yield make_library(limited(vehicle), target=target, duration=duration)
+            yield firmware(limited(vehicle), target=target, duration=duration)
         else:
-            yield make_library(limited(vehicle), duration=100 * example(name).tick)
+            yield firmware(limited(vehicle), duration=100 * example(name).tick)
 
 
 def _run(made: Library, folder: Path) -> None:

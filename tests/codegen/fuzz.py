@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from swimbladder.codegen.c99 import c_law
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, firmware, write_library
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
@@ -56,9 +56,9 @@ def library(name: str) -> Library:
     """Return a law's library; the cascade's has the pool procedure, a float's is a dive to 30 m."""
     if LAWS[name].command == "volume change":
         target, duration = (30.0, 1500.0) if name == "rate" else DIVES[name]
-        return make_library(limited(load_vehicle(FLOATS[name])), target=target, duration=duration)
+        return firmware(limited(load_vehicle(FLOATS[name])), target=target, duration=duration)
     pool = PoolOptions(4.5, rounds=2) if name == "cascade" else None
-    return make_library(limited(controlled(name)), duration=100 * example(name).tick, pool=pool)
+    return firmware(limited(controlled(name)), duration=100 * example(name).tick, pool=pool)
 
 
 def kept_inputs(name: str, folder: Path) -> list[Path]:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from swimbladder.codegen.library import Library, make_library
+from swimbladder.codegen.library import Library, firmware
 from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
@@ -417,7 +417,7 @@ def library(name: str) -> Library:
     if name == POOL_DAY:
         return pool_library()
     floats = LAWS[name].command == "volume change"
-    return make_library(limited(load_vehicle(FLOATS[name]) if floats else controlled(name)))
+    return firmware(limited(load_vehicle(FLOATS[name]) if floats else controlled(name)))
 
 
 def report(laws: Sequence[str]) -> str:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, firmware, write_library
 from swimbladder.codegen.pool import PoolOptions, PoolTwin, float32_twin, rehearse
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
@@ -49,7 +49,7 @@ const char *words(int phase) { return swb_pool_words((int8_t)phase); }
 def library() -> Library:
     """Two rounds, 30 and 60 cm3, in a pool of 4.5 m."""
     options = PoolOptions(4.5, first=VOLUMES[0], last=VOLUMES[1], rounds=2)
-    return make_library(limited(paper(sensors=SENSORS)), duration=30.0, pool=options)
+    return firmware(limited(paper(sensors=SENSORS)), duration=30.0, pool=options)
 
 
 def day_twin(made: Library) -> PoolTwin:

@@ -16,8 +16,8 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.codegen import wire
-from swimbladder.codegen.board import BoardAnswer, Flights, fly_board
-from swimbladder.codegen.library import digest, make_library
+from swimbladder.codegen.board import BoardAnswer, Flights, board
+from swimbladder.codegen.library import digest, firmware
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
@@ -37,7 +37,7 @@ ON_BOARD = 228, {"board resets", "ticks lost"}  # a seed, and what its first two
 
 @pytest.fixture(scope="module")
 def made():
-    return make_library(limited(load_vehicle("feup-em", sampled=True)), duration=30.0)
+    return firmware(limited(load_vehicle("feup-em", sampled=True)), duration=30.0)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ class TestOnAnAtmega:
     @pytest.mark.parametrize("mcu", chip.MCUS)
     def test_it_flies_the_golden_mission_to_the_bit(self, feup, programs, mcu, tmp_path):
         with hardware.avr_board(programs[mcu], mcu) as port:
-            answer = fly_board(limited(feup), port, out=tmp_path)
+            answer = board(limited(feup), port, out=tmp_path)
         flight, reset = answer.flights
         assert answer.equal
         assert (reset.name, reset.reason, reset.ended) == ("reset", "restarted", "armed as before")
@@ -87,7 +87,7 @@ class TestOnAnAtmega:
     def test_in_real_time_a_tick_comes_every_sample_time(self, feup, programs, tmp_path):
         with hardware.avr_board(programs["atmega328p"], "atmega328p", speed=1.0) as port:
             short = Flights(duration=3.0)
-            answer = fly_board(limited(feup), port, short, real_time=True, out=tmp_path)
+            answer = board(limited(feup), port, short, real_time=True, out=tmp_path)
         assert answer.equal
         assert answer.flights[0].ticks == 11
         assert answer.flights[0].wall > 10 * TICK
@@ -96,7 +96,7 @@ class TestOnAnAtmega:
     @pytest.mark.prove
     def test_half_a_minute_in_real_time(self, feup, programs, tmp_path):
         with hardware.avr_board(programs["atmega328p"], "atmega328p", speed=1.0) as port:
-            answer = fly_board(limited(feup), port, SHORT, real_time=True, out=tmp_path)
+            answer = board(limited(feup), port, SHORT, real_time=True, out=tmp_path)
         assert answer.equal
         assert answer.flights[0].ticks == 101
         assert answer.speed == pytest.approx(1.0, rel=0.03)
@@ -105,9 +105,7 @@ class TestOnAnAtmega:
     @pytest.mark.prove
     def test_it_flies_faults_to_the_bit(self, feup, programs, tmp_path):
         with hardware.avr_board(programs["atmega2560"], "atmega2560") as port:
-            answer = fly_board(
-                limited(feup), port, replace(SHORT, faults=10, steps=True), out=tmp_path
-            )
+            answer = board(limited(feup), port, replace(SHORT, faults=10, steps=True), out=tmp_path)
         assert answer.equal
         assert len(answer.flights) == 13
         assert sum(bool(flight.reason) for flight in answer.flights) > 5
@@ -117,7 +115,7 @@ class TestOnAnAtmega:
 @pytest.mark.usefixtures("qemu")
 def test_a_cortex_m_flies_to_the_bit(made, feup, tmp_path):
     with hardware.arm_board(made, tmp_path, "cortex-m3") as port:
-        answer = fly_board(limited(feup), port, Flights(duration=60.0), out=tmp_path / "out")
+        answer = board(limited(feup), port, Flights(duration=60.0), out=tmp_path / "out")
     assert answer.equal
     assert answer.flights[0].ticks == 201
     assert answer.stack_left is None
@@ -126,13 +124,11 @@ def test_a_cortex_m_flies_to_the_bit(made, feup, tmp_path):
 def fly_steps(name: str, folder) -> None:
     floats = LAWS[name].command == "volume change"
     dive = {"target": 30.0, "duration": 1200.0}
-    made = make_library(limited(load_vehicle(FLOATS[name])), **dive) if floats else library(name)
+    made = firmware(limited(load_vehicle(FLOATS[name])), **dive) if floats else library(name)
     asked = Flights(**dive, steps=True) if floats else Flights(duration=60.0, steps=True)
     done: list[float] = []
     with hardware.host_board(hardware.host_program(made, folder)) as port:
-        answer = fly_board(
-            limited(made.vehicle), port, asked, out=folder / "out", advance=done.append
-        )
+        answer = board(limited(made.vehicle), port, asked, out=folder / "out", advance=done.append)
     assert answer.equal
     assert sum(done) == pytest.approx(1.0)
     assert [flight.name for flight in answer.flights] == ["golden mission", "steps", "reset"]
@@ -156,7 +152,7 @@ def test_every_law_flies_steps_to_the_bit(name, tmp_path):
 
 def test_what_goes_over_the_wire_is_what_is_logged(feup, host, tmp_path):
     with host() as port:
-        answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+        answer = board(limited(feup), port, SHORT, out=tmp_path / "out")
     logged = rows(answer)
     assert [row["time_s"] for row in logged] == pytest.approx([TICK * n for n in range(101)])
     assert all(row["voltage_V"] == row["twin_voltage_V"] for row in logged)
@@ -168,7 +164,7 @@ def test_what_goes_over_the_wire_is_what_is_logged(feup, host, tmp_path):
 
 def faults_as_at_hand(feup, port, asked, folder) -> set[str]:
     """Fly missions with faults, by the board and by the C at hand; return the kinds of fault."""
-    answer = fly_board(limited(feup), port, asked, out=folder)
+    answer = board(limited(feup), port, asked, out=folder)
     assert answer.equal
     assert len(answer.flights) == 2 + asked.faults
     assert answer.not_flown == ("law hangs", "law waits for ever", "bit flips")
@@ -211,7 +207,7 @@ def test_lost_and_garbled_frames_are_asked_for_again(feup, host, tmp_path, monke
         ("deaf", 1501, "corrupt_at_board"),
     ):
         with host(what, n) as port:
-            answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+            answer = board(limited(feup), port, SHORT, out=tmp_path / "out")
         assert answer.equal, what
         assert answer.frames[counted] > 0, what
         assert answer.frames["sent"] == 101 + BESIDE + answer.frames["lost"], what
@@ -226,7 +222,7 @@ def test_a_board_that_computes_something_else_is_found_out(feup, made, tmp_path,
     changed = made.files[name].replace(gain[0], f".k_pz = {float(gain[1]) * 1.001:.9g}f")
     other = replace(made, files={**made.files, name: changed})
     with hardware.host_board(hardware.host_program(other, tmp_path)) as port:
-        answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+        answer = board(limited(feup), port, SHORT, out=tmp_path / "out")
         line = ["board", "feup-em", "--port", port, "--duration", "30 s", "--time-limit", "2 h"]
         assert main([*line, "--out", str(tmp_path / "again")]) == 1
     assert not answer.equal
@@ -278,7 +274,7 @@ def test_it_is_disarmed_until_it_is_armed_over_the_wire_and_armed_after_a_reset(
 def test_a_board_that_arms_otherwise_is_found_out(feup, made, tmp_path, right, wrong, flight, tick):
     program = hardware.host_program(made, tmp_path, {right: wrong})
     with hardware.host_board(program) as port:
-        answer = fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+        answer = board(limited(feup), port, SHORT, out=tmp_path / "out")
     first = answer.flights[flight].difference
     assert first is not None
     assert (first.field, first.tick) == ("armed", tick)
@@ -337,7 +333,7 @@ def test_an_interruption_keeps_the_log(feup, host, tmp_path):
 
     asked = replace(SHORT, duration=120.0)
     with host() as port, pytest.raises(KeyboardInterrupt):
-        fly_board(limited(feup), port, asked, out=tmp_path / "out", advance=advance)
+        board(limited(feup), port, asked, out=tmp_path / "out", advance=advance)
     assert len((tmp_path / "out/golden-mission.csv").read_text().splitlines()) > 200
 
 
@@ -370,7 +366,7 @@ def test_a_board_that_answers_nothing(feup, host, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_GREETING", 0.6)
     nothing = r"no board answers within 0.6 s .* close the serial monitor"
     with host("silent") as port, pytest.raises(InputError, match=nothing):
-        fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+        board(limited(feup), port, SHORT, out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -378,7 +374,7 @@ def test_a_board_that_falls_silent(feup, host, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_ANSWER", 0.1)
     silent = "no whole answer in 5 tries, at tick 50"
     with host("stops", 1 + BEGINS + 50) as port, pytest.raises(NoAnswerError, match=silent):
-        fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+        board(limited(feup), port, SHORT, out=tmp_path / "out")
 
 
 @pytest.mark.parametrize("percent", [8, 50, 1200])
@@ -386,7 +382,7 @@ def test_another_baud_rate(feup, host, percent, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_GREETING", 0.6)
     garbage = "what it sends at 115200 baud is no frame .* Give the --baud of the sketch"
     with host("baud", percent) as port, pytest.raises(InputError, match=garbage):
-        fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+        board(limited(feup), port, SHORT, out=tmp_path / "out")
 
 
 @pytest.mark.usefixtures("gcc")
@@ -395,7 +391,7 @@ def test_another_version_of_the_protocol(feup, made, tmp_path):
     program = hardware.host_program(made, tmp_path, newer)
     versions = "speaks version 3 of the protocol, and this program 2"
     with hardware.host_board(program) as port, pytest.raises(InputError, match=versions):
-        fly_board(limited(feup), port, SHORT, out=tmp_path / "out")
+        board(limited(feup), port, SHORT, out=tmp_path / "out")
 
 
 def test_the_library_of_another_vehicle(feup, host, tmp_path):
@@ -403,17 +399,17 @@ def test_the_library_of_another_vehicle(feup, host, tmp_path):
     other = feup.model_copy(update={"hull": hull})
     both = r"has the C \w{16}, and this vehicle's is \w{16}"
     with host() as port, pytest.raises(InputError, match=both):
-        fly_board(limited(other), port, SHORT, out=tmp_path / "out")
+        board(limited(other), port, SHORT, out=tmp_path / "out")
 
 
 def test_what_the_flight_cannot_be_leaves_nothing(feup, host, tmp_path):
     out = tmp_path / "out"
     with host() as port, pytest.raises(InputError, match="duration"):
-        fly_board(limited(feup), port, Flights(duration=-1.0), out=out)
+        board(limited(feup), port, Flights(duration=-1.0), out=out)
     assert not out.exists()
     (out / "golden-mission.csv").mkdir(parents=True)
     with host() as port, pytest.raises(InputError, match="--out: cannot write the log: Is a dir"):
-        fly_board(limited(feup), port, SHORT, out=out)
+        board(limited(feup), port, SHORT, out=out)
 
 
 def test_a_port_that_does_not_exist(capsys, tmp_path):
@@ -431,10 +427,10 @@ def test_a_port_that_does_not_exist(capsys, tmp_path):
 def test_without_pyserial(feup, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "serial", None)
     with pytest.raises(InputError, match=r"pip install 'swimbladder\[serial\]'"):
-        fly_board(limited(feup), "/dev/ttyUSB0", SHORT, out=tmp_path / "out")
+        board(limited(feup), "/dev/ttyUSB0", SHORT, out=tmp_path / "out")
 
 
 @pytest.mark.parametrize("faults", [-1, 2.5])
 def test_a_number_of_missions_that_is_none(feup, faults, tmp_path):
     with pytest.raises(InputError, match="faults: must be a whole number"):
-        fly_board(limited(feup), "/dev/no-board", Flights(faults=faults), out=tmp_path / "out")
+        board(limited(feup), "/dev/no-board", Flights(faults=faults), out=tmp_path / "out")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import firmware
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
 from swimbladder.control.records import from_numbers
@@ -30,7 +30,7 @@ def name(request) -> str:
 
 @pytest.mark.parametrize("mcu", chip.MCUS)
 def test_the_papers_mission_is_flown_to_the_bit_on_the_chip(mcu, tmp_path):
-    made = make_library(limited(load_vehicle("feup-em")))
+    made = firmware(limited(load_vehicle("feup-em")))
     on_chip = chip.controller(made, tmp_path, mcu)
     flight = chip.fly(made, on_chip)
     stack = on_chip.close()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from swimbladder.codegen.clock import arming_twin
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import firmware
 from swimbladder.control.supervisor import Watched
 from swimbladder.io.config import load_vehicle
 from tests.codegen import chip
@@ -16,7 +16,7 @@ from tests.vehicles import limited
 
 @pytest.fixture(scope="module")
 def made():
-    return make_library(limited(load_vehicle("feup-em")))
+    return firmware(limited(load_vehicle("feup-em")))
 
 
 @pytest.mark.parametrize("waits", [1, 3])

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import firmware
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import Supervisor
@@ -51,7 +51,7 @@ def test_the_golden_trace_is_equal_on_the_board(board, tmp_path):
 def test_a_sketch_logs_is_armed_and_reports_after_a_watchdog_why_it_came_up(board, tmp_path):
     """Its depth sensor fails, then hangs the loop; the watchdog bites, and the box is printed."""
     mcu, made_core = board
-    made = make_library(limited(paper(supervisor=Supervisor(patience="0.9 s"))), duration=30.0)
+    made = firmware(limited(paper(supervisor=Supervisor(patience="0.9 s"))), duration=30.0)
     text = made.files["examples/FloatAVR/FloatAVR.ino"]
     sensor = (
         "if (ticks == 10u && cause != 8u) { for (;;) {} }"
@@ -83,7 +83,7 @@ def fits(name, board, folder):
     mcu, made_core = board
     if name in FLOATS:
         target, duration = DIVES[name]
-        made = make_library(limited(load_vehicle(FLOATS[name])), target=target, duration=duration)
+        made = firmware(limited(load_vehicle(FLOATS[name])), target=target, duration=duration)
     else:
         made = library(name)
     text = filled(made.files["examples/FloatAVR/FloatAVR.ino"])

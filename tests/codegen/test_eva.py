@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from swimbladder.codegen.library import Library, make_library, write_library
+from swimbladder.codegen.library import Library, firmware, write_library
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
 from tests.codegen import eva, fuzz
@@ -21,8 +21,8 @@ def library(name: str) -> Library:
     if name == "pool day":
         return fuzz.library("cascade")
     if name in SAMPLED:
-        return make_library(limited(controlled(name)), duration=100 * example(name).tick)
-    return make_library(limited(load_vehicle("example-float")))
+        return firmware(limited(controlled(name)), duration=100 * example(name).tick)
+    return firmware(limited(load_vehicle("example-float")))
 
 
 def _shown(name: str, folder: Path, chip: str) -> None:

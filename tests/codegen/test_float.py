@@ -13,7 +13,7 @@ import pytest
 import swimbladder as sb
 from swimbladder.cli import main
 from swimbladder.codegen.golden import fly_float
-from swimbladder.codegen.library import Library, make_library, plan_program, write_library
+from swimbladder.codegen.library import Library, firmware, plan_program, write_library
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import Measurement
@@ -64,10 +64,8 @@ def limited_pump(speed: str):
 def library(noisy: bool = False) -> Library:
     """A dive to 30 m and up again, 25 minutes; with noise, 90 minutes of 100 m."""
     if noisy:
-        return make_library(
-            limited(the_float(sensors=NOISE, supervisor=Supervisor(time_limit="2 h")))
-        )
-    return make_library(limited(the_float()), target=30.0, duration=1500.0)
+        return firmware(limited(the_float(sensors=NOISE, supervisor=Supervisor(time_limit="2 h"))))
+    return firmware(limited(the_float()), target=30.0, duration=1500.0)
 
 
 def _spoilt(made: Library) -> tuple[list[Watched], list[float]]:
@@ -271,7 +269,7 @@ class TestTheC:
     @pytest.mark.promise("restarted", faults=["board resets"])
     @pytest.mark.promise("time-limit")
     def test_a_time_limit_and_a_reset_bring_it_up(self, gcc, tmp_path):  # noqa: ARG002
-        made = make_library(
+        made = firmware(
             limited(the_float(supervisor=Supervisor(time_limit="300 s"))),
             target=30.0,
             duration=300.0,
@@ -345,7 +343,7 @@ class TestTheDive:
     def test_a_float_that_passes_its_depth_limit_turns_round_above_the_deepest(self):
         """Asked for more than the limit, at twice the speed of its law."""
         vehicle = the_float(supervisor=Supervisor(depth_limit="150 m"))
-        made = make_library(limited(vehicle), target=100.0, duration=300.0)
+        made = firmware(limited(vehicle), target=100.0, duration=300.0)
         board = chip.vehicle_twin(made)
 
         def tick(measured, asked):
@@ -362,7 +360,7 @@ class TestTheDive:
     def test_simulate_flies_the_board_tick_by_tick(self):
         """Law and supervisor in the loop do what those of the board do that is flown beside it."""
         vehicle = the_float(supervisor=Supervisor(time_limit="2 h"))
-        board = make_library(vehicle, target=100.0, duration=300.0).in_double()
+        board = firmware(vehicle, target=100.0, duration=300.0).in_double()
         asked = np.where(np.arange(9001) < 4000, 100.0, 20.0)
 
         def tick(seen, reference):
@@ -734,7 +732,7 @@ def test_a_pump_that_stalls_limits_the_depth():
 def test_each_reason_brings_it_up_on_the_chip(tmp_path):
     """By the twin's bits, with one program that begins anew for each of them."""
     own = Supervisor(depth_limit="120 m", time_limit="100 s")
-    made = make_library(limited(the_float(supervisor=own)), duration=300.0)
+    made = firmware(limited(the_float(supervisor=own)), duration=300.0)
     on_chip = chip.vehicle(made, tmp_path, "atmega2560", "-DBEGINS")
     healthy = Watched(50.0, 0.1, math.nan, 14.0, False, 0, 0)
     found = []
@@ -770,12 +768,12 @@ class TestRefusals:
         }
         own = Supervisor(**{field: given[field]})
         with pytest.raises(InputError) as caught:
-            make_library(limited(the_float(supervisor=own)))
+            firmware(limited(the_float(supervisor=own)))
         assert caught.value.field == f"supervisor.{field}"
 
     def test_a_pool_day(self):
         with pytest.raises(InputError) as caught:
-            make_library(limited(the_float()), pool=PoolOptions(4.5))
+            firmware(limited(the_float()), pool=PoolOptions(4.5))
         assert caught.value.field == "--pool"
 
     @pytest.mark.parametrize(
@@ -796,7 +794,7 @@ class TestRefusals:
 
     def test_a_voltage_at_which_the_pump_stands(self):
         with pytest.raises(InputError) as caught:
-            make_library(limited(the_float(supervisor=Supervisor(battery_low="0.1 V"))))
+            firmware(limited(the_float(supervisor=Supervisor(battery_low="0.1 V"))))
         assert caught.value.field == "supervisor.battery_low"
 
     def test_a_float_that_cannot_dive_gets_no_library(self):
@@ -805,11 +803,11 @@ class TestRefusals:
         shut = {"bypass": None, "internal_pressure": 101325.0}
         vehicle = the_float(actuator=vehicle.actuator.model_copy(update=shut))
         with pytest.raises(NoAnswerError, match="has not dived"):
-            make_library(limited(vehicle), duration=900.0)
+            firmware(limited(vehicle), duration=900.0)
 
     def test_a_float_without_a_controller(self):
         with pytest.raises(InputError) as caught:
-            make_library(limited(the_float(controller=None)))
+            firmware(limited(the_float(controller=None)))
         assert caught.value.field == "controller"
 
 

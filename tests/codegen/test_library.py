@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import swimbladder as sb
 from swimbladder.codegen.clock import ControllerTwin, wait_in_ticks
-from swimbladder.codegen.library import Library, make_library, plan_program, write_library
+from swimbladder.codegen.library import Library, firmware, plan_program, write_library
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.vehicle import Controller, Supervisor, Vehicle
@@ -30,7 +30,7 @@ ARDUINO = Path(__file__).parent / "arduino"
 @cache
 def library(name: str) -> Library:
     """A law's library; its golden mission is short, so that the tests are."""
-    return make_library(limited(controlled(name)), duration=300 * example(name).tick)
+    return firmware(limited(controlled(name)), duration=300 * example(name).tick)
 
 
 @pytest.fixture(params=EACH, scope="module")
@@ -203,7 +203,7 @@ def test_a_law_that_may_wait_for_longer_than_the_board_counts_is_refused():
     numbers = {**vehicle.controller.parameters, "longest": 1e6}
     controller = vehicle.controller.model_copy(update={"parameters": numbers})
     with pytest.raises(InputError, match="may wait for 1e\\+06 s, longer than the board counts"):
-        make_library(vehicle.model_copy(update={"controller": controller}))
+        firmware(vehicle.model_copy(update={"controller": controller}))
 
 
 @pytest.mark.parametrize("name", ["cascade"], indirect=True)
@@ -545,14 +545,14 @@ def test_the_sources_of_an_earlier_law_go_and_what_is_not_ours_stays(tmp_path):
 
 def test_a_name_of_any_letters_stays_a_name_of_a_library():
     vehicle = paper(name='Flöat "7"\n*/')
-    files = make_library(limited(vehicle), duration=3.0).files
+    files = firmware(limited(vehicle), duration=3.0).files
     assert "name=Swimbladder Fl_at _7_" in files["library.properties"]
     assert '#define SWB_VEHICLE "Fl_at _7____"' in files["src/swb_controller.h"]
 
 
 def test_a_vehicle_without_a_controller_is_refused():
     with pytest.raises(InputError, match="has no controller"):
-        make_library(limited(paper(controller=None)))
+        firmware(limited(paper(controller=None)))
 
 
 def test_a_controller_that_loses_the_vehicle_gets_no_library():
@@ -560,14 +560,14 @@ def test_a_controller_that_loses_the_vehicle_gets_no_library():
 
     mad = Controller(law="cascade", sample_time=0.3, parameters=TABLE_3 | {"k_pV": "-2e5 V/m3"})
     with pytest.raises(NoAnswerError, match="golden mission"):
-        make_library(limited(paper(controller=mad)), start_depth=3.0, target=1.5, duration=6000.0)
+        firmware(limited(paper(controller=mad)), start_depth=3.0, target=1.5, duration=6000.0)
 
 
 def test_a_supervisor_that_a_healthy_vehicle_does_not_satisfy_gets_no_library():
     vehicle = paper(supervisor=Supervisor(depth_limit="2.5 m"))
     said = r"golden mission .* \(depth limit or too fast to turn\), and nothing is"
     with pytest.raises(NoAnswerError, match=said):
-        make_library(limited(vehicle), target=2.4)
+        firmware(limited(vehicle), target=2.4)
 
 
 def for_depths(*depths: float, supervisor: Supervisor | None = None) -> Vehicle:
@@ -596,7 +596,7 @@ class TestTheFirstDepth:
         assert mission[:2] == pytest.approx(step)
 
     def test_the_sketch_has_it(self):
-        made = make_library(for_depths(5.0, 20.0), duration=30.0)
+        made = firmware(for_depths(5.0, 20.0), duration=30.0)
         text = made.files["examples/FloatAVR/FloatAVR.ino"]
         assert "static float reference_depth = 8.0f;" in text
         assert made.golden.reference[0] == 8.0
@@ -615,6 +615,6 @@ class TestTheFirstDepth:
 
 
 def test_a_time_that_is_over_is_part_of_the_trace():
-    made = make_library(limited(paper(supervisor=Supervisor(time_limit="9 s"))), duration=12.0)
+    made = firmware(limited(paper(supervisor=Supervisor(time_limit="9 s"))), duration=12.0)
     reasons = [row[4] for row in made.golden.checked]
     assert reasons == [0] * 30 + [Reason.TIME_LIMIT] * (len(reasons) - 30)

@@ -11,7 +11,7 @@ from swimbladder.codegen import board, golden, library
 from swimbladder.codegen.board import BoardAnswer, Difference, FlightAnswer, Spread, Times
 from swimbladder.codegen.clock import wait_in_ticks
 from swimbladder.codegen.golden import Mission, first_rows
-from swimbladder.codegen.library import make_library, make_program, meanings, plan_program
+from swimbladder.codegen.library import firmware, make_program, meanings, plan_program
 from swimbladder.codegen.pool import PoolOptions, board_procedure, in_float32
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import NEVER
@@ -29,7 +29,7 @@ FEUP, FLOAT = limited(load_vehicle("feup-em")), limited(load_vehicle("example-fl
 
 @pytest.fixture(scope="module")
 def made():
-    return make_library(FEUP, duration=30.0)
+    return firmware(FEUP, duration=30.0)
 
 
 def test_the_usual_missions_are_those_of_the_firmware_page():

@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from swimbladder.cli import main
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import firmware
 from swimbladder.codegen.pool import PoolOptions, PoolTwin, board_procedure, plan_pool_day, rehearse
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER
@@ -433,9 +433,7 @@ class TestNumbers:
     def test_a_loop_that_does_not_come_to_rest_gets_no_library(self):
         vehicle = load_vehicle("example-eh")
         with pytest.raises(NoAnswerError, match=r"in \(a\) hold, round 1 it took longer than 1200"):
-            make_library(
-                limited(vehicle), duration=30.0, pool=PoolOptions(4.5, rounds=1, last=20e-6)
-            )
+            firmware(limited(vehicle), duration=30.0, pool=PoolOptions(4.5, rounds=1, last=20e-6))
 
 
 def paper_loop():
@@ -472,8 +470,8 @@ def test_the_files_of_a_library_with_a_pool():
 def test_its_supervisor_pushes_only_where_the_file_asks_for_it():
     vehicle, pool = load_vehicle("feup-em"), PoolOptions(4.5)
     asked = vehicle.supervisor.model_copy(update={"prove_after": 30.0})
-    assert make_library(limited(vehicle), duration=30.0).supervisor.proof.unproven < NEVER
+    assert firmware(limited(vehicle), duration=30.0).supervisor.proof.unproven < NEVER
     assert supervisor_parameters(vehicle, 0.3, in_pool=True).proof.unproven == NEVER
     asking = vehicle.model_copy(update={"supervisor": asked})
     with pytest.raises(NoAnswerError, match="glide"):  # a push ends what sinks for half a minute
-        make_library(limited(asking), duration=30.0, pool=pool)
+        firmware(limited(asking), duration=30.0, pool=pool)

@@ -12,7 +12,7 @@ import pytest
 from swimbladder.codegen import board
 from swimbladder.codegen.board import FlightAnswer, Times
 from swimbladder.codegen.golden import Mission
-from swimbladder.codegen.library import make_library
+from swimbladder.codegen.library import firmware
 from swimbladder.control.supervisor import Watched
 from swimbladder.io.config import load_vehicle
 from tests.vehicles import limited
@@ -22,7 +22,7 @@ TICK = 0.3  # s
 
 @pytest.fixture(scope="module")
 def made():
-    return make_library(limited(load_vehicle("feup-em")))
+    return firmware(limited(load_vehicle("feup-em")))
 
 
 class TwinOnTheWire:
@@ -120,6 +120,6 @@ def test_steps_of_a_float_go_down_by_half_down_again_and_up():
 def test_the_shortest_golden_mission_of_a_float_is_a_tick():
     """It begins at its first tick, and ends at the next; one that has not dived is refused."""
     vehicle = limited(load_vehicle("example-float"))
-    ran = make_library(vehicle, start_depth=30.0, target=30.0, duration=0.4)
+    ran = firmware(vehicle, start_depth=30.0, target=30.0, duration=0.4)
     assert len(ran.golden.depth) == 2
     assert math.isclose(ran.golden.depth[0], 30.0, abs_tol=1e-3)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm
 
 from swimbladder.codegen.clock import VehicleTwin
-from swimbladder.codegen.library import Library, make_library, meanings, write_library
+from swimbladder.codegen.library import Library, firmware, meanings, write_library
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.twin import twin
 from swimbladder.control.law import NEVER, Law
@@ -66,7 +66,7 @@ def library(name: str = "feup-em", **supervisor: Any) -> Library:
     changes = {"supervisor": Supervisor(**dict(supervisor))}
     if name == "feup-em":
         changes["sensors"] = Sensors(depth_noise="2 mm", depth_quantum="5 mm")
-    return make_library(limited(vehicle.model_copy(update=changes)), duration=30.0)
+    return firmware(limited(vehicle.model_copy(update=changes)), duration=30.0)
 
 
 class VehicleInC:

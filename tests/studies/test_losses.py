@@ -6,7 +6,7 @@ from scipy.stats import binom
 from studies import losses as study
 from studies.losses import Losses, losses, pooled, seeds_of
 from swimbladder.io.config import load_vehicle
-from swimbladder.sim.faults import run_missions
+from swimbladder.sim.faults import faults
 
 NAMES = "3f6c0e", "a92ed5"
 
@@ -16,7 +16,7 @@ def campaigns():
     vehicle = load_vehicle("feup-em")
     known = vehicle.supervisor.model_copy(update={"time_limit": 1860.0})
     vehicle = vehicle.model_copy(update={"supervisor": known})
-    return [run_missions(vehicle, missions=45, healthy=3, seed=s) for s in seeds_of(NAMES[0], 2)]
+    return [faults(vehicle, missions=45, healthy=3, seed=s) for s in seeds_of(NAMES[0], 2)]
 
 
 def test_seeds_follow_from_the_commit_and_from_nothing_else():

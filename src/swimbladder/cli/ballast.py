@@ -17,7 +17,6 @@ from swimbladder.cli.texts import Given
 
 if TYPE_CHECKING:
     from swimbladder.design.ballast import Ballasting
-    from swimbladder.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -82,48 +81,28 @@ def ballast(
     to.check()
     casts = reading.casts(cast)
 
-    from swimbladder.design.ballast import Target, material_of, seas, uncertainty_of, with_mass
+    from swimbladder.design.ballast import Target, material_of, uncertainty_of
     from swimbladder.design.ballast import ballast as find
     from swimbladder.show.report.ballast import ballast_files
 
     with task.said_as_typed():
-        density, named = material_of(task.material)
+        material_of(task.material)
         refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
-        sea = seas(v, casts, asked["deepest"])
-        v, stated, more = with_mass(v, asked["mass"])
-    warned = [*sea.warnings, *more]
     with stds.said_as_typed():
         uncertainty = uncertainty_of(v, given)
+    wanted = Target(**sought, probability=asked.pop("probability"), speed=asked.pop("speed"))
     with progress("drawing vehicles", 1.0) as advance, task.said_as_typed(), target.said_as_typed():
-        assumed = (*warned, *sea.assumed, stated, *_hull_words(v), *uncertainty.said)
-        found = find(
-            v,
-            sea.columns,
-            target=Target(**sought, probability=asked["probability"], speed=asked["speed"]),
-            uncertainty=uncertainty,
-            density=density,
-            material=named,
-            assumptions=assumed,
-            advance=advance,
-        )
+        found = find(v, casts, target=wanted, uncertainty=uncertainty, advance=advance, **asked)
     files = partial(ballast_files, found)
-    to.answer(found.to_json(), files, _shown(found, warned), good=found.covered)
+    to.answer(found.to_json(), files, _shown(found), good=found.covered)
 
 
-def _hull_words(vehicle: Vehicle) -> list[str]:
-    """Return what is assumed of the hull."""
-    if vehicle.hull.parts:
-        return [f"the hull is {', '.join(part.name for part in vehicle.hull.parts)}"]
-    unknown = "its thermal expansion is not known and taken as 0; [[hull.parts]] would tell"
-    return [f"the hull is one part whose compression is that of psi, and {unknown}"]
-
-
-def _shown(found: Ballasting, warned: list[str]) -> Iterator[object]:
+def _shown(found: Ballasting) -> Iterator[object]:
     """Give what is printed, the answer first."""
     yield f"{found.vehicle.name} in {', '.join(column.source for column in found.columns)}"
-    yield from labelled("warning", warned)
+    yield from labelled("warning", found.warnings)
     yield from ("", *found.sentences, "")
     spread = [f"{name} {1e6 * value:.2g}" for name, value in found.spread.items() if value > 0.0]
     if spread:
         yield f"1 sigma of the neutral volume at the deepest, cm3: {', '.join(spread)}"
-    yield from labelled("assumed", found.assumptions[len(warned) :])
+    yield from labelled("assumed", found.assumptions[len(found.warnings) :])

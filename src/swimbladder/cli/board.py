@@ -66,15 +66,14 @@ def board(
     given = golden.given() | more.given()
     to.check()
     with progress("loading the simulator"):
-        from swimbladder.codegen.board import Flights, fly_board
+        from swimbladder.codegen.board import Flights
+        from swimbladder.codegen.board import board as fly
 
     how, before = line.given(), _logs(to.out)
     flying = progress("flying on the board", 1.0)
     try:
         with golden.said_as_typed(), more.said_as_typed(), compile_notice(), flying as advance:
-            answer = fly_board(
-                v, how.pop("port"), Flights(**given), **how, out=to.out, advance=advance
-            )
+            answer = fly(v, how.pop("port"), Flights(**given), **how, out=to.out, advance=advance)
     except BaseException:
         if _logs(to.out) != before:
             aside(f"the log so far is in {to.out}")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -119,7 +118,6 @@ def campaign(
 
     Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
-    from swimbladder.cli.mission import water
     from swimbladder.io.config import load_mission, load_vehicle
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
@@ -127,12 +125,12 @@ def campaign(
     to.check()
     casts = reading.casts(cast, task.latitude)
     warn_of_mass(v)
-    with asked_of(mission, task):
-        columns = [water(v, task, one) for one in casts] or [water(v, task, None)]
     with progress("loading the simulator"):
         from swimbladder.jobs import Workers, run
-        from swimbladder.sim.campaign.result import Campaign, Sensitivity
+        from swimbladder.sim.campaign.result import result_of, waters_of
         from swimbladder.sim.campaign.run import Floats
+    with asked_of(mission, task), progress("tabulating the water"):
+        columns = waters_of(v, task, casts)
 
     workers = Workers(**who)
     drawn = stated.of(v)
@@ -156,35 +154,18 @@ def campaign(
     if not whole:
         _unfinished(layout, work.part, to.json)
         return
-    layout.tidy()
-    table, energy_unknown = layout.table(), job.plans[0].energy_known
-    found = Campaign(
-        vehicle=v,
-        mission=task,
-        columns=columns,
-        spread=job.spread,
-        seed=job.seed,
-        table=table,
-        energy_unknown=energy_unknown,
-        supervised=job.plans[0].supervised,
-    )
-    files: dict[str, object] = {"floats.csv": found.columns_csv}
-    if job.design is None:
-        answer, shown, good = found.to_json(), _shown(found), bool(found.good.all())
-    else:
+    found = result_of(job)
+    answer = found.to_json()
+    files: dict[str, object] = {"campaign.json": answer, "floats.csv": found.columns_csv}
+    if found.sensitivity is not None:
         from swimbladder.show.plots.campaign import draw_sensitivity
 
-        indices = Sensitivity(design=job.design, table=table, energy_unknown=energy_unknown)
-        found = replace(found, table=indices.independent)
-        good = bool(indices.good.all())
-        answer = {**found.to_json(), "sensitivity": {"asked": floats, **indices.to_json()}}
-        shown = itertools.chain((indices.sentence(floats),), _shown(found), _indices(indices))
-        files["sensitivity.png"] = draw_sensitivity(indices)
+        files["sensitivity.png"] = draw_sensitivity(found.sensitivity)
     with progress("writing the results"):
         from swimbladder.show.files import write_all
 
-        written = write_all(to.out, {"campaign.json": answer, **files})
-    to.answer(answer, [to.out / "campaign.zarr", *written], shown, good=good)
+        written = [to.out / "campaign.zarr", *write_all(to.out, files)]
+    to.answer(answer, written, _shown(found), good=found.completed)
 
 
 def _unfinished(layout: Layout, part: str, json: bool) -> None:
@@ -201,6 +182,8 @@ def _unfinished(layout: Layout, part: str, json: bool) -> None:
 
 def _shown(found: Campaign) -> Iterator[object]:
     """Give what is printed: what became of the floats, their numbers, and what these come from."""
+    if found.sensitivity is not None:
+        yield found.sensitivity.sentence
     what = "what became of them"
     ways = (
         (str(count), f"{100.0 * part:.1f} %", f"{100.0 * low:.1f} to {100.0 * high:.1f} %", words)
@@ -217,6 +200,8 @@ def _shown(found: Campaign) -> Iterator[object]:
         row = ("cycles on one battery", f"{life.median:g}", "{} to {}".format(*life.prediction95))
         what = "the next float"
         yield from ("", table((what, "median", "95 % prediction"), [row], left=[what]))
+    if found.sensitivity is not None:
+        yield from _indices(found.sensitivity)
 
 
 def _indices(found: Sensitivity) -> Iterator[object]:

@@ -21,7 +21,7 @@ from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.design.energy import DriveEnergy, PumpFit
+    from swimbladder.design.energy import Energy, PumpFit
     from swimbladder.vehicle import Vehicle
 
 
@@ -157,33 +157,25 @@ def energy(
     casts = reading.casts(cast)
     asked, thrust = compared.read(), thrusters.read()
     with progress("computing"), compared.said_as_typed(), thrusters.said_as_typed():
-        from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling, sea
-        from swimbladder.design.energy import messages as said_of
+        from swimbladder.design.energy import Thruster
+        from swimbladder.design.energy import energy as find
         from swimbladder.show.report.energy import energy_files, energy_json
 
         refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
-        water, warned = sea(v, next(iter(casts), None), asked["deepest"])
-        found = drive_energy(v, water)
-        thruster = Thruster(**thrust)
-        hover = hovering(found, thruster, weight_error=asked["weight_error"])
-        dive = profiling(found, thruster, speed=asked["speed"])
-        versus = said_of.versus_sentences(hover, dive, found)
-        said = [*warned, *said_of.drive_sentences(found), *versus]
-        rests = said_of.assumptions(found, thruster)
-        answer = energy_json(found, hover, dive) | {"thruster": thruster._asdict()}
-        answer |= {"sentences": said, "assumptions": rests}
-    files = partial(energy_files, found, hover, dive)
-    to.answer(answer, files, _shown(found, said, rests))
+        found = find(v, next(iter(casts), None), thruster=Thruster(**thrust), **asked)
+        answer = energy_json(found)
+    to.answer(answer, partial(energy_files, found), _shown(found))
 
 
-def _shown(found: DriveEnergy, said: Sequence[str], rests: Sequence[str]) -> Iterator[object]:
+def _shown(answer: Energy) -> Iterator[object]:
     """Give what is printed: what it costs, at some depths, and what is assumed."""
     import numpy as np
 
     from swimbladder.show.report.energy import spread_indices
 
+    found = answer.drive
     m = found.map
-    yield from (f"{found.vehicle.name}, {found.vehicle.actuator.kind}", "", *said, "")
+    yield from (f"{found.vehicle.name}, {found.vehicle.actuator.kind}", "", *answer.sentences, "")
     columns = {
         "depth\nm": found.column.depth,
         "out\nmL/s": m.rate_out * 1e6,
@@ -196,7 +188,7 @@ def _shown(found: DriveEnergy, said: Sequence[str], rests: Sequence[str]) -> Ite
     }
     rows = np.transpose([*columns.values()])[spread_indices(found.column.depth.size, _LINES)]
     yield from (table([*columns], (map(_digits, row) for row in rows), left=()), "")
-    yield from labelled("assumed", rests)
+    yield from labelled("assumed", answer.assumptions)
 
 
 def _digits(x: float) -> str:

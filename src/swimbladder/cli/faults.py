@@ -26,7 +26,7 @@ _SHOWN = 20  # lost vehicles that are named; all are in the files
 
 @dataclass(frozen=True)
 class Missions(Options):
-    """Which missions are flown, as `sim.faults.run_missions` has it."""
+    """Which missions are flown, as `sim.faults.faults` has it."""
 
     missions: int = valued("N", "Missions in which something fails.", 100_000)
     healthy: int | None = valued("N", "Missions without a fault (a tenth as many).")
@@ -68,11 +68,11 @@ def faults(
         return
     with progress("loading the simulator"):
         from swimbladder.show.plots.faults import draw_campaign
-        from swimbladder.sim.faults import run_missions
+        from swimbladder.sim.faults import faults as fly
         from swimbladder.sim.faults.single_mission import missions_csv
     keep = unfinished(to.out)
     with kept(keep), compile_notice(), progress("flying missions", 1.0) as advance:
-        flown = run_missions(v, **asked, keep=keep, advance=advance)
+        flown = fly(v, **asked, keep=keep, advance=advance)
 
     def files(answer: Mapping[str, Any]) -> dict[str, object]:
         flights, picture = missions_csv(flown), draw_campaign(flown)

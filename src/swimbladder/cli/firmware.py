@@ -82,12 +82,13 @@ def firmware(
     options, asked = pool.options(), golden.given()
     to.check()
     with progress("loading the simulator"):
-        from swimbladder.codegen.library import make_library, write_library
+        from swimbladder.codegen.library import firmware as make
+        from swimbladder.codegen.library import write_library
 
     named = {"setpoints[0].depth": "target"}
     doing = progress("flying the golden trace", 1.0)
     with golden.said_as_typed(**named), compile_notice(), doing as advance:
-        made = make_library(v, **asked, pool=options, advance=advance)
+        made = make(v, **asked, pool=options, advance=advance)
     to.answer(made.to_json(), write_library(made, to.out), _shown(made))
 
 

@@ -12,20 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import CastFile, CastReading, refuse_doubted_unit, warn_of_mass
+from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass
 from swimbladder.cli.common import aside, asked_of, compile_notice, kept, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError, SwimbladderError
 
 if TYPE_CHECKING:
-    from swimbladder.io.mission import Mission
-    from swimbladder.physics.seawater import Cast, Column
+    from swimbladder.physics.seawater import Cast
     from swimbladder.sim.mission.result import MissionResult
-    from swimbladder.vehicle import Vehicle
 
-_MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
-_BELOW = 50.0  # m more
 _BEGIN = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)  # where the user does not say
 
 
@@ -86,53 +82,31 @@ def mission(
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     asked = how.read()
-    asked["span"] = asked.pop("duration")
-    begin = asked.pop("begin") or _BEGIN
-    if (bottom := asked.pop("bottom")) is not None:
-        task = task.over(bottom)
+    begin, bottom = asked.pop("begin") or _BEGIN, asked.pop("bottom")
+    cycles, span = asked.pop("cycles"), asked.pop("duration")
     to.check()
     keep = unfinished(to.out)
     read = next(iter(reading.casts(cast, task.latitude)), None)
     warn_of_mass(v)
     more: dict[str, object] = {}
     with asked_of(mission, task, duration=how.duration):
-        column = water(v, task, read)
         with progress("loading the simulator"):
             from swimbladder.sim.mission.export import argo_configuration
-            from swimbladder.sim.mission.flight import fly_mission
             from swimbladder.sim.mission.orders import flown_laws
-            from swimbladder.sim.mission.plan_check import limited
             from swimbladder.sim.mission.prepare import cost_words
-            from swimbladder.sim.mission.result import MissionResult
+            from swimbladder.sim.mission.run import mission as fly
 
+        task = (task if bottom is None else task.over(bottom)).limited(cycles=cycles, duration=span)
         if also.config:
             more["argo-config.json"] = argo_configuration(v, task)
         with suppress(SwimbladderError):  # the flight raises it, after what is to be checked first
-            flight = limited(task, cycles=asked["cycles"], span=asked["span"])
-            aside(*cost_words(flight, flown_laws(v, flight, asked.get("supervised"))[0]))
+            aside(*cost_words(task, flown_laws(v, task, asked["supervised"])[0]))
         with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
-            flown = fly_mission(v, task, column, **asked, keep=keep, advance=advance)
-        found = MissionResult(flown, flown.reach)
+            found = fly(v, task, read, **asked, keep=keep, advance=advance)
     answer = found.to_json()
     with progress("writing the files"):
         files = _write(found, to.out, answer, read, begin, more, also)
     to.answer(answer, files, _shown(found, read), good=found.completed, keep=keep)
-
-
-def water(vehicle: Vehicle, task: Mission, cast: Cast | None) -> Column:
-    """Return the water of a cast, or the vehicle's own, as deep as a mission goes."""
-    from swimbladder.physics.seawater import cast_column, uniform_column
-
-    deepest = max([task.start_depth, *(task.reached(phase) for phase in task.phases)])
-    if cast is None:
-        if (place := task.latitude) is not None:
-            why = "it says where a cast was taken, and there is none"
-            how = "Give --cast, or leave it out"
-            raise InputError(why, field="latitude", value=place, unit="deg", remedy=how)
-        return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
-    refuse_doubted_unit([cast], deepest, vehicle.hull.depth_limit)
-    with progress("tabulating the water"):
-        return cast_column(cast)
 
 
 def _write(

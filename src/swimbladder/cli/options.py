@@ -232,7 +232,7 @@ class TimeLimit(Options):
 
 @dataclass(frozen=True)
 class Golden(Options):
-    """The step of the golden trace, as `codegen.library.make_library` has it."""
+    """The step of the golden trace, as `codegen.library.firmware` has it."""
 
     start_depth: Given = valued("DEPTH", "Golden trace: start (1.5 m; float: 0 m)", name="--start")
     target: Given = valued("DEPTH", "Golden trace: set-point (3 m; float: 100 m)")

@@ -51,7 +51,7 @@ _LATE = 0.1  # of a sample time, by which a tick may be late
 class Flights:
     """What is flown: the golden mission, steps to and fro, missions with faults, and a reset.
 
-    start_depth, target [m], duration [s]: of the golden mission, see `library.make_library`; seed:
+    start_depth, target [m], duration [s]: of the golden mission, see `library.firmware`; seed:
     of noise and faults; depths [m]: of the missions with faults, as `sim.faults` has them.
     """
 
@@ -163,7 +163,7 @@ class BoardAnswer:
         }
 
 
-def fly_board(
+def board(
     vehicle: Vehicle,
     port: str,
     flights: Flights | None = None,

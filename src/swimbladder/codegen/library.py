@@ -88,7 +88,7 @@ class Library(BoardProgram):
         } | ({} if self.drive is None else {"drive": self.drive.to_json()})
 
 
-def make_library(
+def firmware(
     vehicle: Vehicle,
     *,
     start_depth: float | None = None,
@@ -180,7 +180,7 @@ def plan_program(
     """Return the golden mission of a vehicle and its program.
 
     asked: the mission's numbers, where they are not the usual ones. Raises InputError as
-    `make_library` does.
+    `firmware` does.
     """
     floats = vehicle.command == "volume change"
     limit = supervisor_parameters(vehicle, _controller(vehicle)[2]).deep.depth_limit
@@ -217,7 +217,7 @@ def make_program(
 ) -> BoardProgram:
     """Return the program of a vehicle's controller, which is to hold it at some depths [m].
 
-    in_pool: its supervisor is for a pool. Raises InputError as `make_library` does.
+    in_pool: its supervisor is for a pool. Raises InputError as `firmware` does.
     """
     law, parameters, tick_s = _controller(vehicle)
     limits = supervisor_parameters(vehicle, tick_s, in_pool=in_pool)

@@ -243,7 +243,8 @@ class Ballasting:
     psi_depth: float  # m
     psi: PsiTerms
     spread: dict[str, float]  # m3, 1 sigma of the neutral volume at the deepest, by cause
-    assumptions: tuple[str, ...]
+    assumptions: tuple[str, ...]  # the warnings first
+    warnings: tuple[str, ...] = ()
 
     @property
     def worst(self) -> Need:
@@ -477,6 +478,76 @@ _POINTS = 200  # depths that each draw is looked at, the extremes of the mean am
 
 
 def ballast(
+    vehicle: Vehicle,
+    casts: Sequence[Cast] = (),
+    *,
+    target: Target = Target(),
+    deepest: float | None = None,
+    uncertainty: Uncertainty | None = None,
+    material: str = "lead",
+    mass: float | None = None,
+    advance: Advance = silent,
+) -> Ballasting:
+    """Find the ballast of a vehicle in a real sea, and whether its stroke is enough.
+
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    casts
+        The seas that it may meet, as `read_cast` returns them; the target is for the first. None:
+        water of constant density, that of the vehicle's file.
+    target
+        What the ballast is to bring about.
+    deepest
+        How deep it is to go [m]; none: its rating, or where the first cast ends.
+    uncertainty
+        What is not known of the vehicle, 1 sigma; none: as its file and `uncertainty_of` have it.
+    material
+        Of the ballast: lead, steel, ..., a density with its unit, or inside.
+    mass
+        On the scale [kg]; none: what trim_error says.
+    advance
+        Called with the share of the work that was done since.
+
+    Returns
+    -------
+    Ballasting
+        What to add, the vehicle with it, and the probability that its stroke does.
+
+    Raises
+    ------
+    InputError
+        A target, a depth or a mass makes no sense, or a cast may be in another unit.
+    NoAnswerError
+        No mass brings about the target.
+    """
+    density, named = material_of(material)
+    sea = seas(vehicle, casts, deepest)
+    vehicle, stated, more = with_mass(vehicle, mass)
+    unknown, warned = uncertainty or uncertainty_of(vehicle, {}), (*sea.warnings, *more)
+    found = ballast_in(
+        vehicle,
+        sea.columns,
+        target=target,
+        uncertainty=unknown,
+        density=density,
+        material=named,
+        assumptions=(*warned, *sea.assumed, stated, *_hull_words(vehicle), *unknown.said),
+        advance=advance,
+    )
+    return replace(found, warnings=warned)
+
+
+def _hull_words(vehicle: Vehicle) -> list[str]:
+    """Return what is assumed of the hull."""
+    if vehicle.hull.parts:
+        return [f"the hull is {', '.join(part.name for part in vehicle.hull.parts)}"]
+    unknown = "its thermal expansion is not known and taken as 0; [[hull.parts]] would tell"
+    return [f"the hull is one part whose compression is that of psi, and {unknown}"]
+
+
+def ballast_in(
     vehicle: Vehicle,
     columns: Sequence[Column],
     *,

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
 from swimbladder.physics.seawater import WaterMotion
 from swimbladder.vehicle import LawNumbers, Parameters, Unit
 from swimbladder.vehicle.schema import refusal
@@ -203,6 +203,20 @@ class Mission(Parameters):
     def over(self, bottom: float) -> Mission:
         """Return the mission over a bottom at another depth [m]; raises InputError as a file's."""
         return Mission(**{**self.model_dump(exclude_unset=True), "bottom_depth": bottom})
+
+    def limited(self, *, cycles: float | None = None, duration: float | None = None) -> Mission:
+        """Return the mission with other cycles, and a time after which none begins [s], if given.
+
+        Raises InputError for what they cannot be.
+        """
+        if cycles is not None and not (cycles >= 1 and cycles == math.floor(cycles)):
+            what = "it must be a whole number of at least 1"
+            remedy = "Give how often the phases are repeated"
+            raise InputError(what, field="cycles", value=cycles, remedy=remedy)
+        if duration is not None:
+            check_number(duration, "duration", "s", above=0.0, finite=False)
+        asked = {"cycles": cycles, "duration": duration}
+        return self.model_copy(update={k: v for k, v in asked.items() if v is not None})
 
     def reached(self, phase: Phase) -> float:
         """Return the depth that a phase comes to [m]: its own, or the bottom; 0 of a surface."""

@@ -3,15 +3,25 @@
 import json
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from swimbladder.io.files import write_atomically
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model
 
 _ALWAYS = ("schema_version", "kind", "law")
+
+
+def save_vehicle(vehicle: Vehicle, path: str | Path, *, head: str = "") -> Path:
+    """Write a file from which the very same vehicle is read; return its path.
+
+    head: lines that stand above it as comments. Raises InputError where it cannot be written.
+    """
+    return write_atomically(Path(path), vehicle_file(vehicle, head=head))
 
 
 def vehicle_file(vehicle: Vehicle, *, head: str = "") -> str:

@@ -8,7 +8,7 @@ from scipy.stats import norm
 from swimbladder.design.ballast import (
     Target,
     Uncertainty,
-    ballast,
+    ballast_in,
     ballasted,
     drawn_volumes,
     sensitivities,
@@ -65,7 +65,7 @@ def force(vehicle, column, depth, volume, added, density, emerged=0.0):
 @pytest.mark.parametrize("volume", [0.0, 1e-4])
 def test_what_is_added_makes_it_neutral_where_it_is_wished(vehicle, density, volume):
     target = Target(neutral_depth=500.0, volume=volume)
-    found = ballast(vehicle, [SEA], target=target, uncertainty=KNOWN, density=density, draws=1)
+    found = ballast_in(vehicle, [SEA], target=target, uncertainty=KNOWN, density=density, draws=1)
     assert force(vehicle, SEA, 500.0, volume, found.added, density) == pytest.approx(0.0, abs=1e-6)
     # and so says the vehicle that is written for the other commands
     made = neutral_volume(found.vehicle, SEA)
@@ -74,15 +74,16 @@ def test_what_is_added_makes_it_neutral_where_it_is_wished(vehicle, density, vol
 
 def test_what_stands_outside_displaces_and_has_to_be_heavier():
     target = Target(neutral_depth=500.0)
-    inside = ballast(FLOAT, [SEA], target=target, uncertainty=KNOWN, density=float("inf"), draws=1)
-    lead = ballast(FLOAT, [SEA], target=target, uncertainty=KNOWN, draws=1)
+    known = {"target": target, "uncertainty": KNOWN, "draws": 1}
+    inside = ballast_in(FLOAT, [SEA], density=float("inf"), **known)
+    lead = ballast_in(FLOAT, [SEA], **known)
     rho = float(np.interp(500.0, SEA.depth, SEA.density))
     assert lead.added / inside.added == pytest.approx(1.0 / (1.0 - rho / LEAD), rel=1e-9)
 
 
 def test_the_hull_stands_out_of_the_water_as_far_as_wished():
     target = Target(freeboard=0.01)
-    found = ballast(FLOAT, [SEA], target=target, uncertainty=KNOWN, draws=1)
+    found = ballast_in(FLOAT, [SEA], target=target, uncertainty=KNOWN, draws=1)
     out = 0.01 * FLOAT.hull.waterplane_area
     rest = force(FLOAT, SEA, 0.0, FLOAT.stroke.maximum, found.added, LEAD, emerged=out)
     assert rest == pytest.approx(0.0, abs=1e-6)
@@ -119,7 +120,7 @@ def test_one_unknown_at_one_depth_has_normal_tails():
     column = uniform_column(FLOAT.water, 1000.0, step=10.0)  # neutral at -78 cm3 at 1000 m
     uncertainty = Uncertainty(trim=100e-6)
     target = Target(probability=0.9)
-    found = ballast(FLOAT, [column], target=target, uncertainty=uncertainty, draws=50_000)
+    found = ballast_in(FLOAT, [column], target=target, uncertainty=uncertainty, draws=50_000)
     (need,) = found.needs
     assert (need.least, need.least_depth) == (pytest.approx(-78e-6, abs=1e-8), 1000.0)
     assert (need.most, need.most_depth) == (pytest.approx(0.0, abs=1e-12), 0.0)
@@ -178,7 +179,7 @@ def test_margins_and_probability_hold_for_simulated_vehicles():
     uncertainty = Uncertainty(
         mass=0.03, volume=20e-6, trim=30e-6, psi=3e-8, heat=1e-5, air=1e-5, density=0.3
     )
-    found = ballast(
+    found = ballast_in(
         vehicle,
         [SEA],
         target=Target(neutral_depth=300.0, volume=120e-6, probability=0.9),
@@ -204,16 +205,16 @@ def test_margins_and_probability_hold_for_simulated_vehicles():
 
 def test_the_best_trim_leaves_both_ends_the_same():
     uncertainty = Uncertainty(psi=5e-9, density=0.1)
-    found = ballast(FLOAT, [SEA], uncertainty=uncertainty)
-    again = ballast(ballasted(FLOAT, found.best, LEAD, SEA), [SEA], uncertainty=uncertainty)
+    found = ballast_in(FLOAT, [SEA], uncertainty=uncertainty)
+    again = ballast_in(ballasted(FLOAT, found.best, LEAD, SEA), [SEA], uncertainty=uncertainty)
     assert again.worst.margin_in == pytest.approx(again.worst.margin_out, abs=2e-6)
     assert again.worst.margin == pytest.approx(found.best_margin, abs=2e-6)
     assert abs(again.best) < 0.003
 
 
 def test_a_speed_takes_volume_at_both_ends():
-    still = ballast(FLOAT, [SEA], uncertainty=KNOWN, draws=1).worst
-    moving = ballast(FLOAT, [SEA], target=Target(speed=0.2), uncertainty=KNOWN, draws=1).worst
+    still = ballast_in(FLOAT, [SEA], uncertainty=KNOWN, draws=1).worst
+    moving = ballast_in(FLOAT, [SEA], target=Target(speed=0.2), uncertainty=KNOWN, draws=1).worst
     # switched drag above epsilon: k_dl eps + k_dt (w^2 - eps^2)
     drag = 0.8 * 0.05 + 16.0 * (0.2**2 - 0.05**2)
     deep = drag / (SEA.density[-1] * SEA.gravity)
@@ -227,7 +228,7 @@ def test_rising_takes_the_volume_of_its_own_drag():
     motion = FLOAT.motion.model_copy(update={"drag": drag})
     light = FLOAT.model_copy(update={"motion": motion})
     even, uneven = (
-        ballast(v, [SEA], target=Target(speed=0.2), uncertainty=KNOWN, draws=1).worst
+        ballast_in(v, [SEA], target=Target(speed=0.2), uncertainty=KNOWN, draws=1).worst
         for v in (FLOAT, light)
     )
     force = 0.8 * 0.05 + 16.0 * (0.2**2 - 0.05**2)
@@ -238,7 +239,7 @@ def test_rising_takes_the_volume_of_its_own_drag():
 
 def test_a_freeboard_beside_a_neutral_depth_is_asked_of_the_stroke():
     target = Target(neutral_depth=700.0, freeboard=0.02)
-    found = ballast(FLOAT, [SEA], target=target, uncertainty=KNOWN, draws=1)
+    found = ballast_in(FLOAT, [SEA], target=target, uncertainty=KNOWN, draws=1)
     (need,) = found.needs
     out = 0.02 * FLOAT.hull.waterplane_area
     assert need.most == pytest.approx(found.curves[0].nominal[0] + out)
@@ -250,15 +251,15 @@ def test_a_freeboard_beside_a_neutral_depth_is_asked_of_the_stroke():
 def test_of_several_seas_the_worst_counts():
     cold = sea(warm=6.0, name="winter")
     target = Target(neutral_depth=500.0)
-    found = ballast(FLOAT, [SEA, cold], target=target, uncertainty=Uncertainty(psi=1e-8))
-    alone = ballast(FLOAT, [SEA], target=target, uncertainty=Uncertainty(psi=1e-8))
+    found = ballast_in(FLOAT, [SEA, cold], target=target, uncertainty=Uncertainty(psi=1e-8))
+    alone = ballast_in(FLOAT, [SEA], target=target, uncertainty=Uncertainty(psi=1e-8))
     assert found.worst.margin <= alone.worst.margin
     assert [need.source for need in found.needs] == ["summer", "winter"]
 
 
 def test_it_says_what_is_short_and_by_how_much():
     made = ballasted(FLOAT, 0.6, LEAD, SEA)
-    found = ballast(made, [SEA], uncertainty=KNOWN, draws=1)
+    found = ballast_in(made, [SEA], uncertainty=KNOWN, draws=1)
     assert not found.covered
     words = " ".join(found.sentences)
     assert "does NOT cover it" in words
@@ -304,7 +305,7 @@ def test_what_is_not_known_by_default_and_as_identified():
 )
 def test_wishes_that_make_no_sense_are_refused(options, words):
     with pytest.raises(InputError, match=words) as caught:
-        ballast(FLOAT, [SEA], uncertainty=KNOWN, draws=1, **options)
+        ballast_in(FLOAT, [SEA], uncertainty=KNOWN, draws=1, **options)
     assert caught.value.field in (
         "neutral_depth",
         "freeboard",
@@ -318,7 +319,7 @@ def test_wishes_that_make_no_sense_are_refused(options, words):
 def test_a_mass_that_nothing_has():
     light = FLOAT.model_copy(update={"stroke": FLOAT.stroke.model_copy(update={"minimum": -0.04})})
     with pytest.raises(NoAnswerError, match="more than half of the vehicle"):
-        ballast(
+        ballast_in(
             light,
             [SEA],
             target=Target(neutral_depth=5.0, volume=-0.04),

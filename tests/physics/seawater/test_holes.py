@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import swimbladder as sb
-from swimbladder.design.ballast import Target, ballast, sensitivities, uncertainty_of
+from swimbladder.design.ballast import Target, ballast_in, sensitivities, uncertainty_of
 from swimbladder.errors import InputError
 from swimbladder.physics.seawater import Cast, cast_column
 from tests.quoted import refused
@@ -68,10 +68,10 @@ def test_the_hole_is_in_the_neutral_volumes_and_two_rows_are_refused():
     spread = sensitivities(vehicle, column, known)["density"]
     hole = (column.pressure > 30e4) & (column.pressure < 70e4)
     assert np.abs(spread[hole]).min() > 5.0 * np.abs(spread[~hole]).max()
-    answer = ballast(vehicle, [column], uncertainty=known, target=Target(), draws=4000)
+    answer = ballast_in(vehicle, [column], uncertainty=known, target=Target(), draws=4000)
     widths = answer.curves[0].high - answer.curves[0].low
     at = answer.curves[0].depth
     assert widths[np.abs(at - 50.0) < 10.0].min() > 2.0 * widths[at > 75.0].max()
     with refused(InputError, field="--cast"):
-        ballast(vehicle, [cast_column(cast([0, 100], stepped))], uncertainty=known)
-    ballast(vehicle, [cast_column(cast([0, 100], lambda p: 30.0 + 0.0 * p))], uncertainty=known)
+        ballast_in(vehicle, [cast_column(cast([0, 100], stepped))], uncertainty=known)
+    ballast_in(vehicle, [cast_column(cast([0, 100], lambda p: 30.0 + 0.0 * p))], uncertainty=known)

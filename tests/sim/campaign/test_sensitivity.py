@@ -169,7 +169,9 @@ def parked(tmp_path_factory):
         store=tmp_path_factory.mktemp("parked") / "campaign.zarr",
     )
     assert run(job, Workers())
-    return Sensitivity(design=job.design, table=job.layout.table(), energy_unknown="")
+    return Sensitivity(
+        design=job.design, table=job.layout.table(), energy_unknown="", asked=job.floats
+    )
 
 
 def test_the_stroke_margin_of_a_float_that_rests(parked):
@@ -191,7 +193,7 @@ def test_outputs_that_some_flights_lack_have_no_indices_and_say_so(parked):
     table = parked.table.copy()
     table[::9, Fact.ARRIVAL] = np.nan
     table[::9, Fact.MISSED] = 1.0
-    some = Sensitivity(design=parked.design, table=table, energy_unknown="no motor")
+    some = Sensitivity(design=parked.design, table=table, energy_unknown="no motor", asked=9)
     found = {one.name: one for one in some.outputs}
     assert "energy per cycle" not in found
     lost = len(table[::9])

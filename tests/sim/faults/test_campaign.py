@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from swimbladder.codegen.library import digest, make_library
+from swimbladder.codegen.library import digest, firmware
 from swimbladder.control.supervisor import Reason
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.faults import draw as drawing
-from swimbladder.sim.faults import run_missions
+from swimbladder.sim.faults import faults
 from swimbladder.sim.faults.campaign_result import Outcome, outcomes, reason_words, rule_of_three
 from swimbladder.sim.faults.draw import course_of, draw
 from swimbladder.sim.faults.kinds import FAULTS, KINDS, draw_fault, kinds_of
@@ -166,7 +166,7 @@ def test_a_first_depth_is_drawn_evenly_of_the_range_or_in_its_logarithm_from_abo
 @pytest.fixture(scope="module")
 def flown(request):
     request.getfixturevalue("gcc")
-    return run_missions(usual(FEUP), missions=310, healthy=60, seed=5)
+    return faults(usual(FEUP), missions=310, healthy=60, seed=5)
 
 
 @pytest.mark.promise("recovered")
@@ -221,10 +221,10 @@ def test_a_run_that_was_killed_goes_on_to_the_same_end(flown, tmp_path):
         raise KilledError
 
     with pytest.raises(KilledError):
-        run_missions(usual(FEUP), missions=310, healthy=60, seed=5, keep=tmp_path, advance=kill)
+        faults(usual(FEUP), missions=310, healthy=60, seed=5, keep=tmp_path, advance=kill)
     kept = {path.name: path.stat().st_mtime_ns for path in tmp_path.glob("*.npy")}
     assert kept
-    again = run_missions(usual(FEUP), missions=310, healthy=60, seed=5, keep=tmp_path)
+    again = faults(usual(FEUP), missions=310, healthy=60, seed=5, keep=tmp_path)
     assert same_rows(again.faulty, flown.faulty)
     assert same_rows(again.healthy, flown.healthy)
     for name, written in kept.items():
@@ -303,20 +303,20 @@ def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
 )
 def test_what_cannot_be_flown_is_refused(vehicle, options, said):
     with pytest.raises(InputError, match=said):
-        run_missions(limited(vehicle), **{"missions": 5, **options})
+        faults(limited(vehicle), **{"missions": 5, **options})
 
 
 def test_without_a_time_limit_neither_missions_nor_firmware_are_written():
     """Nothing else brings up a vehicle whose depth drifts; with one both are the same C."""
     with pytest.raises(InputError, match=r"time_limit: no time limit .* take 1840 s with it"):
-        run_missions(FEUP, missions=5)
+        faults(FEUP, missions=5)
     with pytest.raises(InputError, match="whose depth drifts slowly"):
-        make_library(FEUP, duration=30.0)
+        firmware(FEUP, duration=30.0)
     vehicle = limited(FEUP, 2400.0)
-    flown = run_missions(vehicle, missions=2, healthy=1)
-    made = make_library(vehicle, duration=30.0)
+    flown = faults(vehicle, missions=2, healthy=1)
+    made = firmware(vehicle, duration=30.0)
     assert flown.program == digest(made).hex() == made.to_json()["sha256_of_c"]
-    other = make_library(limited(FEUP, 2500.0), duration=30.0)
+    other = firmware(limited(FEUP, 2500.0), duration=30.0)
     assert digest(other).hex() != flown.program
 
 

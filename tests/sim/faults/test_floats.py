@@ -22,7 +22,7 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.physics.steady_drives import pump_run, valve_flow
 from swimbladder.sim.faults.draw import course_of, draw
 from swimbladder.sim.faults.kinds import KINDS, VALVE, kinds_of, not_drawn
-from swimbladder.sim.faults.run import run_missions
+from swimbladder.sim.faults.run import faults
 from swimbladder.vehicle import PowerLawPump
 from tests.sim.faults.oracle import Fault
 from tests.vehicles import usual
@@ -458,7 +458,7 @@ def test_without_a_supply_what_a_pump_has_is_a_share_of_the_nominal_too():
 @pytest.mark.usefixtures("gcc")
 @pytest.mark.promise("recovered")
 def test_a_campaign_of_shallow_dives(tmp_path):
-    flown = run_missions(
+    flown = faults(
         usual(FLOAT, depths=(15.0, 60.0)),
         missions=8,
         healthy=2,
@@ -466,7 +466,7 @@ def test_a_campaign_of_shallow_dives(tmp_path):
         depths=(15.0, 60.0),
         keep=tmp_path / "kept",
     )
-    again = run_missions(
+    again = faults(
         usual(FLOAT, depths=(15.0, 60.0)),
         missions=8,
         healthy=2,

@@ -16,7 +16,7 @@ from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
 from swimbladder.sim.faults.draw import course_of, draw
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN
 from swimbladder.sim.faults.mission_records import FaultRow, Result
-from swimbladder.sim.faults.run import FaultCampaign, pump_table, run_missions
+from swimbladder.sim.faults.run import FaultCampaign, faults, pump_table
 from tests.codegen.conftest import gcc
 from tests.vehicles import usual
 
@@ -81,14 +81,14 @@ def test_ways_to_fly_a_mission(count, supervised, ideal, monkeypatch):
 def flown(request):
     request.getfixturevalue("gcc")
     shares = []
-    found = run_missions(usual(FEUP), missions=25, seed=6, advance=shares.append)
+    found = faults(usual(FEUP), missions=25, seed=6, advance=shares.append)
     assert sum(shares) == pytest.approx(1.0)
     return found
 
 
 def test_a_tenth_as_many_are_flown_in_health_and_one_at_least(flown):
     assert len(flown.healthy) == 2
-    assert len(run_missions(usual(FEUP), missions=5, seed=6).healthy) == 1
+    assert len(faults(usual(FEUP), missions=5, seed=6).healthy) == 1
 
 
 @pytest.mark.parametrize("well", [False, True])
@@ -99,9 +99,9 @@ def test_a_row_has_what_was_drawn(flown, well):
         assert row["start"] == one.depths[0]
         assert row["deepest"] == max(one.depths)
         assert (row["bottom"], row["supply"]) == (plant.z_bottom, plant.supply)
-        faults = [FaultRow(*fault) for fault in row["faults"]]
-        assert [f.kind for f in faults] == [*one.faults, 0, 0][:2]
-        for fault, drawn in zip(faults, one.fault_rows, strict=False):
+        struck = [FaultRow(*fault) for fault in row["faults"]]
+        assert [f.kind for f in struck] == [*one.faults, 0, 0][:2]
+        for fault, drawn in zip(struck, one.fault_rows, strict=False):
             assert tuple(fault) == tuple(drawn)
         missing = np.isnan(row["flights"]).all(axis=1)
         assert not missing[: 1 if well else 3].any()
@@ -120,7 +120,7 @@ def test_a_row_has_what_was_drawn(flown, well):
 )
 def test_from_one_mission_to_ten_million(counts, said):
     with pytest.raises(InputError, match=rf"{said}: .* from 1 to 10 million"):
-        run_missions(usual(FEUP), **counts)
+        faults(usual(FEUP), **counts)
 
 
 def test_ten_million_and_one_are_the_ends(monkeypatch):
@@ -133,7 +133,7 @@ def test_ten_million_and_one_are_the_ends(monkeypatch):
     monkeypatch.setattr(run, "course_of", begun)
     for missions, healthy in ((10_000_000, 1), (1, 10_000_000)):
         with pytest.raises(BegunError):
-            run_missions(FEUP, missions=missions, healthy=healthy)
+            faults(FEUP, missions=missions, healthy=healthy)
 
 
 def test_a_pumps_table_is_its_datasheet_at_each_voltage_and_head():

@@ -13,7 +13,7 @@ from swimbladder.sim.closed_loop.supervision import supervision_of
 from swimbladder.sim.closed_loop.swell import Swell, depth_error, share_read, wavenumber
 from swimbladder.sim.faults.draw import HEIGHTS, course_of, draw
 from swimbladder.sim.faults.mission_records import Wave
-from swimbladder.sim.faults.run import run_missions
+from swimbladder.sim.faults.run import faults
 from swimbladder.vehicle import Supervisor
 from tests.vehicles import usual
 
@@ -115,5 +115,5 @@ def test_two_hours_of_holding_with_another_sensor_raise_no_alarm(
 @pytest.mark.promise("no-false-alarm")
 @pytest.mark.usefixtures("gcc")
 def test_no_healthy_vehicle_is_brought_up_in_a_sea():
-    found = run_missions(usual(noisy(2e-3)), missions=1, healthy=150, seed=20)
+    found = faults(usual(noisy(2e-3)), missions=1, healthy=150, seed=20)
     assert len(found.false_alarms) == 0

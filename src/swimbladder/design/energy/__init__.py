@@ -1,9 +1,9 @@
 """What changing the volume costs: over depth, against a thruster, and from logged runs of a pump.
 
 energy_per_volume: with rate, power and efficiencies over depth. thruster_comparison: the same task
-by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a pump's
-power law and delivery, with uncertainty, from runs that a vehicle logged, a vehicle with that pump,
-each of the runs, and efficiency over pressure.
+by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). run: both. fit: a
+pump's power law and delivery, with uncertainty, from runs that a vehicle logged, a vehicle with
+that pump, each of the runs, and efficiency over pressure.
 """
 
 from swimbladder.design.energy.energy_per_volume import (
@@ -18,6 +18,7 @@ from swimbladder.design.energy.fit import (
     fitted_vehicle as fitted_vehicle,
     run_columns as run_columns,
 )
+from swimbladder.design.energy.run import Energy as Energy, energy as energy
 from swimbladder.design.energy.thruster_comparison import (
     Hovering as Hovering,
     Profiling as Profiling,

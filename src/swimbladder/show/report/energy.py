@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.energy import DriveEnergy, Hovering, Profiling, PumpFit
+from swimbladder.design.energy import DriveEnergy, Energy, Hovering, Profiling, PumpFit
 from swimbladder.design.energy.fit import efficiency_bands, run_columns
 from swimbladder.design.energy.messages import fit_sentences
 from swimbladder.io.answers import as_json, attributes
@@ -22,8 +22,9 @@ _BAND = "runs pressure_Pa volume_m3 energy_J efficiency fitted_efficiency=fitted
 _HOVERING = "thrust_N thruster_power_W engine_energy_J engine_power_W break_even_s"
 
 
-def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[str, Any]:
+def energy_json(answer: Energy) -> dict[str, Any]:
     """Return the numbers of an answer, SI units, every depth of the tables."""
+    found, hover, dive = answer.drive, answer.hover, answer.dive
     rows = spread_indices(found.column.depth.size, _ROWS)
     return {
         "vehicle": found.vehicle.name,
@@ -47,19 +48,20 @@ def energy_json(found: DriveEnergy, hover: Hovering, dive: Profiling) -> dict[st
             "stroke_depth_m": dive.stroke_depth,
             "break_even_m": dive.break_even,
         },
+        "thruster": answer.thruster._asdict(),
+        "sentences": answer.sentences,
+        "assumptions": answer.assumptions,
     }
 
 
-def energy_files(
-    found: DriveEnergy, hover: Hovering, dive: Profiling, answer: Mapping[str, Any]
-) -> dict[str, object]:
+def energy_files(found: Energy, answer: Mapping[str, Any]) -> dict[str, object]:
     """Return the contents of energy.csv, dives.csv, energy.json (the answer) and two pictures."""
     return {
-        "energy.csv": _known(_columns(found, hover)),
-        "dives.csv": _known(_dives(dive)),
+        "energy.csv": _known(_columns(found.drive, found.hover)),
+        "dives.csv": _known(_dives(found.dive)),
         "energy.json": answer,
-        "energy.png": draw_energy(found),
-        "versus.png": draw_versus(hover, dive, found),
+        "energy.png": draw_energy(found.drive),
+        "versus.png": draw_versus(found.hover, found.dive, found.drive),
     }
 
 

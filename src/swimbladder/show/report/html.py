@@ -5,6 +5,7 @@ import re
 import struct
 import tomllib
 from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from importlib.resources import files
 from typing import Any, NamedTuple
 
@@ -12,7 +13,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from swimbladder import __version__
 from swimbladder.show.plots.style import svg_text
 from swimbladder.units import rounded
 
@@ -54,7 +54,7 @@ def render(template: str, context: Mapping[str, Any], **filters: Callable[..., s
         keep_trailing_newline=True,
     )
     environment.filters |= {"symbols": symbols, "rounded": rounded, **filters}
-    environment.globals["version"] = __version__
+    environment.globals["version"] = version("swimbladder")
     return environment.get_template(template).render(context)
 
 

@@ -13,10 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.io.mission import Mission
-from swimbladder.physics.seawater import Column
+from swimbladder.io.progress import Advance, silent
+from swimbladder.jobs import Workers, run
+from swimbladder.physics.seawater import Cast, Column
 from swimbladder.sim.campaign.draw import Design, Drawn, Index, indices
-from swimbladder.sim.campaign.run import Fact
+from swimbladder.sim.campaign.run import Fact, Floats
 from swimbladder.sim.engine.rodas.records import Stop
+from swimbladder.sim.mission.water import water_of
 from swimbladder.sim.mission.words import REASONS
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
@@ -87,10 +90,126 @@ class BatteryLife(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Output:
+    """An output and its indices, one for each group of inputs; none where `why` says why.
+
+    mean, std: over the independent floats of which it is known.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    std: float
+    indices: tuple[Index, ...]
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Indices of the outputs of a design's floats; table [floats, Fact.COUNT].
+
+    asked: how many floats were asked for.
+    """
+
+    design: Design
+    table: Array
+    energy_unknown: str
+    asked: int
+
+    @property
+    def good(self) -> NDArray[np.bool_]:
+        """Which floats of the design did every phase of every cycle."""
+        return good_floats(self.table)
+
+    @property
+    def sentence(self) -> str:
+        """Say how many of the floats asked for were flown, and of which the shares are."""
+        d, count = self.design, int(np.sum(self.good))
+        return (
+            f"{d.floats} of the {self.asked} floats asked for were flown, {d.rows} (a power of 2) "
+            f"rows of {d.width}: {count} did every phase of every cycle. Two of each row are drawn "
+            "independently, and of them"
+        )
+
+    @property
+    def independent(self) -> Array:
+        """The floats that are drawn independently of each other, without those of A and B mixed."""
+        found: Array = self.table.reshape(self.design.rows, self.design.width, -1)[:, :2]
+        return found.reshape(2 * self.design.rows, -1)
+
+    @cached_property
+    def outputs(self) -> list[Output]:
+        """Failed flights, and what is known of every flight."""
+        return [self._output(*one) for one in self._values()]
+
+    def _values(self) -> Iterator[tuple[str, str, Array]]:
+        t = self.table
+        yield "failed flights", "1", np.where(self.good, 0.0, 1.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            energy = t[:, Fact.DRAWN] / np.where(t[:, Fact.CYCLES] > 0.0, t[:, Fact.CYCLES], np.nan)
+        if not self.energy_unknown:
+            yield "energy per cycle", "J", energy
+        yield "time to depth", "s", t[:, Fact.ARRIVAL]
+        yield "holding error", "m", t[:, Fact.HOLDING]
+        yield "stroke margin", "m3", t[:, Fact.MARGIN]
+
+    def _output(self, name: str, unit: str, values: Array) -> Output:
+        by_row = values.reshape(self.design.rows, self.design.width)
+        alone = by_row[:, :2].ravel()
+        known = alone[np.isfinite(alone)]
+        lost = int(np.sum(~np.isfinite(values)))
+        why, found = "", list[Index]()
+        if lost == len(values):
+            why = "no flight has it"
+        elif lost:
+            why = (
+                f"{lost} of {len(values)} flights have none: without them, or with something in "
+                "their place, the indices would be those of another question"
+            )
+        elif np.ptp(values) <= 1e-12 * np.max(np.abs(values)):
+            why = "it is the same in all flights"
+        else:
+            found = indices(by_row, seed=self.design.seed)
+        return Output(
+            name=name,
+            unit=unit,
+            indices=tuple(found),
+            why=why,
+            mean=float(np.mean(known)) if known.size else float("nan"),
+            std=float(np.std(known, ddof=1)) if known.size > 1 else float("nan"),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the indices as plain values."""
+        return {
+            "asked": self.asked,
+            "floats": self.design.floats,
+            "good": int(np.sum(self.good)),
+            "rows": self.design.rows,
+            "inputs": [list(group) for group in self.design.groups],
+            "outputs": [
+                {
+                    "what": one.name,
+                    "unit": one.unit,
+                    "mean": one.mean,
+                    "std": one.std,
+                    "why_none": one.why or None,
+                    "indices": [
+                        {"inputs": list(group), **found._asdict()}
+                        for group, found in zip(self.design.groups, one.indices, strict=False)
+                    ],
+                }
+                for one in self.outputs
+            ],
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
 class Campaign:
     """Floats of one vehicle on one mission; table [n, Fact.COUNT].
 
-    supervised: whether the laws fly under the vehicle's supervisor.
+    supervised: whether the laws fly under the vehicle's supervisor. sensitivity: where the floats
+    are those of a design drawn independently, what the outcome comes from.
     """
 
     vehicle: Vehicle
@@ -101,6 +220,12 @@ class Campaign:
     table: Array
     energy_unknown: str
     supervised: bool = False
+    sensitivity: Sensitivity | None = None
+
+    @property
+    def completed(self) -> bool:
+        """Whether every float that was flown did every phase of every cycle."""
+        return bool((self if self.sensitivity is None else self.sensitivity).good.all())
 
     @property
     def good(self) -> NDArray[np.bool_]:
@@ -231,113 +356,61 @@ class Campaign:
             ],
             "battery_cycles": None if life is None else {"unit": "1", **life._asdict()},
             "energy_unknown": self.energy_unknown or None,
+            **({} if self.sensitivity is None else {"sensitivity": self.sensitivity.to_json()}),
         }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Output:
-    """An output and its indices, one for each group of inputs; none where `why` says why.
+def campaign(
+    floats: Floats, workers: Workers | None = None, advance: Advance = silent
+) -> Campaign | None:
+    """Fly many floats on a mission: how many do it, how long their batteries last.
 
-    mean, std: over the independent floats of which it is known.
+    Parameters
+    ----------
+    floats
+        The floats, their mission, waters and draws, and the store of their flights, in which a
+        campaign that was killed goes on.
+    workers
+        Who flies them; none: a thread on each core.
+    advance
+        Called with the share of the floats that was flown since.
+
+    Returns
+    -------
+    Campaign or None
+        What became of the floats; None where `workers` left chunks to others.
+
+    Raises
+    ------
+    InputError
+        The store is another campaign's, or the executor cannot be had.
+    NoAnswerError
+        The workers died.
     """
-
-    name: str
-    unit: str
-    mean: float
-    std: float
-    indices: tuple[Index, ...]
-    why: str = ""
+    return result_of(floats) if run(floats, workers or Workers(), advance) else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sensitivity:
-    """Indices of the outputs of a design's floats; table [floats, Fact.COUNT]."""
+def waters_of(vehicle: Vehicle, mission: Mission, casts: Sequence[Cast]) -> list[Column]:
+    """Return the waters of casts, or the vehicle's own, as deep as a mission goes."""
+    return [water_of(vehicle, mission, cast) for cast in casts] or [water_of(vehicle, mission)]
 
-    design: Design
-    table: Array
-    energy_unknown: str
 
-    @property
-    def good(self) -> NDArray[np.bool_]:
-        """Which floats of the design did every phase of every cycle."""
-        return good_floats(self.table)
-
-    def sentence(self, asked: int) -> str:
-        """Say how many of the floats asked for were flown, and of which the shares are."""
-        d, count = self.design, int(np.sum(self.good))
-        return (
-            f"{d.floats} of the {asked} floats asked for were flown, {d.rows} (a power of 2) rows "
-            f"of {d.width}: {count} did every phase of every cycle. Two of each row are drawn "
-            "independently, and of them"
-        )
-
-    @property
-    def independent(self) -> Array:
-        """The floats that are drawn independently of each other, without those of A and B mixed."""
-        found: Array = self.table.reshape(self.design.rows, self.design.width, -1)[:, :2]
-        return found.reshape(2 * self.design.rows, -1)
-
-    @cached_property
-    def outputs(self) -> list[Output]:
-        """Failed flights, and what is known of every flight."""
-        return [self._output(*one) for one in self._values()]
-
-    def _values(self) -> Iterator[tuple[str, str, Array]]:
-        t = self.table
-        yield "failed flights", "1", np.where(self.good, 0.0, 1.0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            energy = t[:, Fact.DRAWN] / np.where(t[:, Fact.CYCLES] > 0.0, t[:, Fact.CYCLES], np.nan)
-        if not self.energy_unknown:
-            yield "energy per cycle", "J", energy
-        yield "time to depth", "s", t[:, Fact.ARRIVAL]
-        yield "holding error", "m", t[:, Fact.HOLDING]
-        yield "stroke margin", "m3", t[:, Fact.MARGIN]
-
-    def _output(self, name: str, unit: str, values: Array) -> Output:
-        by_row = values.reshape(self.design.rows, self.design.width)
-        alone = by_row[:, :2].ravel()
-        known = alone[np.isfinite(alone)]
-        lost = int(np.sum(~np.isfinite(values)))
-        why, found = "", list[Index]()
-        if lost == len(values):
-            why = "no flight has it"
-        elif lost:
-            why = (
-                f"{lost} of {len(values)} flights have none: without them, or with something in "
-                "their place, the indices would be those of another question"
-            )
-        elif np.ptp(values) <= 1e-12 * np.max(np.abs(values)):
-            why = "it is the same in all flights"
-        else:
-            found = indices(by_row, seed=self.design.seed)
-        return Output(
-            name=name,
-            unit=unit,
-            indices=tuple(found),
-            why=why,
-            mean=float(np.mean(known)) if known.size else float("nan"),
-            std=float(np.std(known, ddof=1)) if known.size > 1 else float("nan"),
-        )
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the indices as plain values."""
-        return {
-            "floats": self.design.floats,
-            "good": int(np.sum(self.good)),
-            "rows": self.design.rows,
-            "inputs": [list(group) for group in self.design.groups],
-            "outputs": [
-                {
-                    "what": one.name,
-                    "unit": one.unit,
-                    "mean": one.mean,
-                    "std": one.std,
-                    "why_none": one.why or None,
-                    "indices": [
-                        {"inputs": list(group), **found._asdict()}
-                        for group, found in zip(self.design.groups, one.indices, strict=False)
-                    ],
-                }
-                for one in self.outputs
-            ],
-        }
+def result_of(job: Floats) -> Campaign:
+    """Return what became of the floats of a job all of which is done."""
+    job.layout.tidy()
+    table, unknown = job.layout.table(), job.plans[0].energy_known
+    found = None
+    if job.design is not None:
+        found = Sensitivity(job.design, table, unknown, job.floats)
+        table = found.independent
+    return Campaign(
+        vehicle=job.vehicle,
+        mission=job.mission,
+        columns=job.columns,
+        spread=job.spread,
+        seed=job.seed,
+        table=table,
+        energy_unknown=unknown,
+        supervised=job.plans[0].supervised,
+        sensitivity=found,
+    )

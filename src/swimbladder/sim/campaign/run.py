@@ -22,7 +22,7 @@ from swimbladder.sim.mission.battery_life import battery_life
 from swimbladder.sim.mission.core.records import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import Pilot, pilot_of
-from swimbladder.sim.mission.plan_check import check_flight, limited
+from swimbladder.sim.mission.plan_check import check_flight
 from swimbladder.sim.mission.prepare import Plan, State, cost_words, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
@@ -111,7 +111,7 @@ class Floats:
     @property
     def task(self) -> Mission:
         """The mission with the cycles and the span that are asked for."""
-        return limited(self.mission, cycles=self.cycles, span=self.span)
+        return self.mission.limited(cycles=self.cycles, duration=self.span)
 
     @cached_property
     def design(self) -> Design | None:

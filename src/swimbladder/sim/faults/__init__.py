@@ -6,4 +6,4 @@ flies a campaign and `campaign_result` evaluates it.
 """
 
 from swimbladder.sim.faults.campaign_result import Campaign as Campaign
-from swimbladder.sim.faults.run import run_missions as run_missions
+from swimbladder.sim.faults.run import faults as faults

@@ -150,7 +150,7 @@ def board_of(course: Course) -> Board:
     return Board(sources(program_of(course)), (UNSUPERVISED, SUPERVISED, IDEAL))
 
 
-def run_missions(
+def faults(
     vehicle: Vehicle,
     *,
     missions: int = 100_000,

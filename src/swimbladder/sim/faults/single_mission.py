@@ -168,7 +168,7 @@ def fly_one(
 ) -> Flown:
     """Return mission `number` of a seed, as a campaign flew it, with its trajectories.
 
-    Raises InputError as `run_missions` does.
+    Raises InputError as `faults` does.
     """
     own_law(vehicle, sampled=False)
     course = course_of(vehicle, depths, column)

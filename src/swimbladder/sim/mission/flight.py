@@ -87,7 +87,7 @@ def fly_mission(
     mission that cannot be done and as `buoyancy_engine.drive_map` does.
     """
     plan_check.check_flight(vehicle, mission, column)
-    mission = plan_check.limited(mission, cycles=cycles, span=span)
+    mission = mission.limited(cycles=cycles, duration=span)
     how: dict[str, Any] = dict(waves=waves, accuracy=accuracy, drive_error=drive_error)
     how["supervised"] = supervised
     plan = make_plan(vehicle, mission, column, **how)

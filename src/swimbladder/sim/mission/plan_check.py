@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.rate import RateParameters
 from swimbladder.control.registry import own_law
-from swimbladder.errors import InputError, NoAnswerError, check_number
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column, look_up
@@ -60,21 +60,6 @@ class Reach:
     least: Need
     most: Need
     margin: float  # -, what is left at the nearer end, over the whole stroke
-
-
-def limited(mission: Mission, *, cycles: float | None, span: float | None) -> Mission:
-    """Return a mission with cycles and span [s] in the place of its own, where they are given.
-
-    Raises InputError for what they cannot be.
-    """
-    if cycles is not None and not (cycles >= 1 and cycles == math.floor(cycles)):
-        what = "it must be a whole number of at least 1"
-        remedy = "Give how often the phases are repeated"
-        raise InputError(what, field="cycles", value=cycles, remedy=remedy)
-    if span is not None:
-        check_number(span, "duration", "s", above=0.0, finite=False)
-    asked = {"cycles": cycles, "duration": span}
-    return mission.model_copy(update={k: v for k, v in asked.items() if v is not None})
 
 
 def check_flight(vehicle: Vehicle, mission: Mission, column: Column) -> None:

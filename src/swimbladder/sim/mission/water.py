@@ -13,18 +13,48 @@ does see is how far the water there goes beyond the mean of the water along the 
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
-from swimbladder.physics.seawater import Column, WaterMotion, motion_table
+from swimbladder.physics.seawater import (
+    Cast,
+    Column,
+    WaterMotion,
+    cast_column,
+    motion_table,
+    uniform_column,
+)
+from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.water import Medium, medium_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
 _NO_LAYER = 1e-12  # m3: what rounding makes of even water
+_MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
+_BELOW = 50.0  # m more
+
+
+def water_of(vehicle: Vehicle, mission: Mission, cast: Cast | None = None) -> Column:
+    """Return the water of a cast, or the vehicle's own, as deep as a mission goes.
+
+    Raises InputError where the cast is in another unit, and for the latitude of a cast that there
+    is not; where it may be in another unit, the column's report says it.
+    """
+    deepest = max([mission.start_depth, *(mission.reached(phase) for phase in mission.phases)])
+    if cast is None:
+        if (place := mission.latitude) is not None:
+            why = "it says where a cast was taken, and there is none"
+            how = "Give --cast, or leave it out"
+            raise InputError(why, field="latitude", value=place, unit="deg", remedy=how)
+        return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
+    warning = check_cast_unit(cast, deepest, vehicle.hull.depth_limit)
+    column = cast_column(cast)
+    return replace(column, report=(*column.report, warning)) if warning else column
 
 
 def seen_share(wavenumber: float, height: float) -> float:
