@@ -299,7 +299,7 @@ class TestALaw:
         law = LAWS["hover"]
         compiled, same = Compiled(law, tmp_path), twin(law)
         library = firmware(limited(HOVER), duration=30.0)
-        assert library.to_json()["law"] == "hover"
+        assert library.to_dict()["law"] == "hover"
         parameters = library.parameters
         rng = np.random.default_rng(1)
         seen = sb.Measurement(*map(np.float32, (0.0, 1.5, 6e-6)))

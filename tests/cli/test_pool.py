@@ -30,7 +30,7 @@ def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(
     told = json.loads((folder / "pool.json").read_text())
     assert told["good_enough"]
     logs = [read_log(path) for path in sorted(folder.glob("experiment-*.csv"))]
-    again = identify(logs, load_vehicle("feup-em")).to_json()
+    again = identify(logs, load_vehicle("feup-em")).to_dict()
     assert again["parameters"] == told["parameters"]
     assert len(logs) == len(told["experiments"])
     follows = ["pool", "feup-em", "--follow", str(folder / "pool.csv"), "--no-wait", "--json"]

@@ -255,11 +255,11 @@ def test_what_a_flight_and_a_session_say_of_themselves(made):
         duration=30.0,
         wall=2.0,
     )
-    told = flight.to_json()
+    told = flight.to_dict()
     assert (told["ticks"], told["unequal_ticks"], told["final_depth_m"]) == (100, 3, 2.5)
     assert (told["duration_s"], told["wall_s"], told["first_difference"]) == (30.0, 2.0, None)
     flight.difference = Difference(4, "command", 1.0, 2.0)
-    assert flight.to_json()["first_difference"]["field"] == "command"
+    assert flight.to_dict()["first_difference"]["field"] == "command"
     other = FlightAnswer(name="reset", log=Path("y.csv"), duration=10.0, wall=3.0)
 
     def answer(flights, real_time):
@@ -279,7 +279,7 @@ def test_what_a_flight_and_a_session_say_of_themselves(made):
     both = answer((flight, other), False)
     assert (both.equal, both.speed) == (False, pytest.approx(40.0 / 5.0))
     assert answer((other,), True).equal
-    told, real = both.to_json(), answer((other,), True).to_json()
+    told, real = both.to_dict(), answer((other,), True).to_dict()
     assert told["step"] == pytest.approx({"median_s": 2e-3, "worst_s": 3e-3, "jitter_s": 1e-3})
     assert told["round_trip"]["median_s"] == 2e-3
     assert (told["late_ticks"], real["late_ticks"]) == (None, 7)

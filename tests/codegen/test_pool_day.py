@@ -461,7 +461,7 @@ def test_the_files_of_a_library_with_a_pool():
     for n, phase in enumerate(made.pool.parameters.phases):
         assert f"{n} {phase.words}" in readme
     assert "In health it does one thing" not in readme  # no pushes where they would end a glide
-    told = made.to_json()["pool"]
+    told = made.to_dict()["pool"]
     assert told["rounds"] == 2
     assert told["parameters"]["deep"] == {"value": 3.75, "unit": "m"}
     json.dumps(told, allow_nan=False)

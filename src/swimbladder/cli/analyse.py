@@ -43,7 +43,7 @@ def analyse(vehicle: VehicleName, *, asked: Asked) -> None:
         a = _analysis(vehicle, asked.read()["depth"])
     files = [] if asked.out is None else _write(a, asked.out)
     if asked.json:
-        emit_json({**a.to_json(), "files": [str(path) for path in files]})
+        emit_json({**a.to_dict(), "files": [str(path) for path in files]})
     else:
         _show(a, output)
         say(*(f"wrote {path}" for path in files))
@@ -74,7 +74,7 @@ def _write(a: Analysis, out: Path) -> list[Path]:
     text = io.StringIO()
     _show(a, Output(file=text, width=100, color_system=None))
     report = "".join(line.rstrip() + "\n" for line in text.getvalue().splitlines())
-    files: dict[str, object] = {"analysis.json": a.to_json(), "analysis.txt": report}
+    files: dict[str, object] = {"analysis.json": a.to_dict(), "analysis.txt": report}
     with progress("drawing"):
         from swimbladder.show.files import write_all
         from swimbladder.show.plots import linear

@@ -94,7 +94,7 @@ def ballast(
     with progress("drawing vehicles", 1.0) as advance, task.said_as_typed(), target.said_as_typed():
         found = find(v, casts, target=wanted, uncertainty=uncertainty, advance=advance, **asked)
     files = partial(ballast_files, found)
-    to.answer(found.to_json(), files, _shown(found), good=found.covered)
+    to.answer(found.to_dict(), files, _shown(found), good=found.covered)
 
 
 def _shown(found: Ballasting) -> Iterator[object]:

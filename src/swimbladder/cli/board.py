@@ -79,7 +79,7 @@ def board(
             aside(f"the log so far is in {to.out}")
         raise
     logs, why = [flight.log for flight in answer.flights], list(map(_said, answer.flights))
-    to.answer(answer.to_json(), logs, _shown(answer), good=answer.equal, why=why)
+    to.answer(answer.to_dict(), logs, _shown(answer), good=answer.equal, why=why)
 
 
 def _logs(out: Path) -> dict[Path, int]:

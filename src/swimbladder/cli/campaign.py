@@ -155,7 +155,7 @@ def campaign(
         _unfinished(layout, work.part, to.json)
         return
     found = result_of(job)
-    answer = found.to_json()
+    answer = found.to_dict()
     files: dict[str, object] = {"campaign.json": answer, "floats.csv": found.columns_csv}
     if found.sensitivity is not None:
         from swimbladder.show.plots.campaign import draw_sensitivity

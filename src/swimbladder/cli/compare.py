@@ -179,9 +179,9 @@ class _Task:
     def answer(self) -> dict[str, Any]:
         if self.result is None:
             return {"log": self.log.label, "error": str(self.error)}
-        ahead = None if self.ahead is None else self.ahead.to_json()
+        ahead = None if self.ahead is None else self.ahead.to_dict()
         files = [str(path) for path in self.files]
-        return {**self.result.to_json(), "ahead": ahead, "files": files}
+        return {**self.result.to_dict(), "ahead": ahead, "files": files}
 
 
 def _file_names(tasks: list[_Task]) -> list[str]:
@@ -280,7 +280,7 @@ def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:
             std = _cleared(fitted.std, least)
             spread = f" +- {format_quantity(std, fitted.unit, unit, digits=2)}"
         yield f"fitted to this log: {name} = {value}{spread}"
-    piston = r.to_json()["piston_rms_m"]
+    piston = r.to_dict()["piston_rms_m"]
     if piston is not None:
         yield f"piston: rms {1e3 * piston:.2f} mm"
     if task.ahead is not None:

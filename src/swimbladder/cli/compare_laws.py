@@ -108,7 +108,7 @@ def compare_laws(
         found = compare_laws(v, **options, parts=parts, advance=advance)
     if assumed:
         found = found.assuming(assumed)
-    to.answer(found.to_json(), partial(comparison_files, found, typed_command()), _shown(found))
+    to.answer(found.to_dict(), partial(comparison_files, found, typed_command()), _shown(found))
 
 
 def _list(

@@ -110,7 +110,7 @@ def design_experiment(
         found = find(v, **options, advance=advance)
     files = partial(design_files, found, typed_command())
     why = [f.sentence for f in found.findings if f.severity == "no"]
-    to.answer(found.to_json(), files, _shown(found), good=found.identifiable, why=why)
+    to.answer(found.to_dict(), files, _shown(found), good=found.identifiable, why=why)
 
 
 def _shown(found: Design) -> Iterator[object]:

@@ -78,7 +78,7 @@ def faults(
         flights, picture = missions_csv(flown), draw_campaign(flown)
         return {"faults.json": answer, "missions.csv": flights, "faults.png": picture}
 
-    to.answer(flown.to_json(), files, _shown(flown), keep=keep)
+    to.answer(flown.to_dict(), files, _shown(flown), keep=keep)
     if not flown.passed:
         raise NoAnswerError(_verdict(flown, vehicle, missions.seed))
 
@@ -103,7 +103,7 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
         listed = {f"{stem}-{name}.csv": trace_csv(rows, flown.tick) for name, rows in traces}
         return {**listed, f"{stem}.png": draw_mission(flown)}
 
-    to.answer(flown.to_json(), files, flown.lines())
+    to.answer(flown.to_dict(), files, flown.lines())
 
 
 def _shown(flown: Campaign) -> Iterator[object]:

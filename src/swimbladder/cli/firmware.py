@@ -89,7 +89,7 @@ def firmware(
     doing = progress("flying the golden trace", 1.0)
     with golden.said_as_typed(**named), compile_notice(), doing as advance:
         made = make(v, **asked, pool=options, advance=advance)
-    to.answer(made.to_json(), write_library(made, to.out), _shown(made))
+    to.answer(made.to_dict(), write_library(made, to.out), _shown(made))
 
 
 def _check_law(vehicle: Vehicle, law: str | None) -> None:

@@ -85,7 +85,7 @@ def _identify_deep(
     known_before: Any = {"free": free, "fixed": held, "priors": before}
     with progress("identifying from deep dives", 1.0) as advance:
         found = identify(read, columns, vehicle, **known_before, advance=advance)
-    answer = found.to_json()
+    answer = found.to_dict()
     with progress("drawing the picture"):
         files = write_deep(found, to.out, answer=answer)
     shown = _deep_shown(found, [note for log in read for note in log.report])
@@ -120,7 +120,7 @@ def _deep_parameters(found: DeepIdentification) -> Table:
 def _dives(found: DeepIdentification) -> Table:
     headings = ("dive", "samples", "deepest", "imbalance", "speed off by", "replay off by")
     rows = []
-    for flown, numbers in zip(found.dives, found.to_json()["dives"], strict=True):
+    for flown, numbers in zip(found.dives, found.to_dict()["dives"], strict=True):
         pressures = (numbers[name] / _DBAR for name in ("deepest_Pa", "replay_rms_Pa"))
         deepest, replay = (f"{pressure:.0f} dbar" for pressure in pressures)
         imbalance = f"{1e6 * numbers['imbalance_rms_m3']:.1f} mL"
@@ -298,7 +298,7 @@ def identify(
         found = identify_logs(given, v, **options, advance=advance)
     seconds = time.perf_counter() - begun
     beside = paper_fits(found) if paper and found.identified else None
-    answer = {**found.to_json(), "paper": None if beside is None else beside.to_json()}
+    answer = {**found.to_dict(), "paper": None if beside is None else beside.to_dict()}
     with progress("writing the report", 1.0) as advance:
         run = Run(common.typed_command(), seconds, beside)
         files = write_identification(found, to.out, run, answer=answer, advance=advance)

@@ -103,7 +103,7 @@ def mission(
             aside(*cost_words(task, flown_laws(v, task, asked["supervised"])[0]))
         with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
             found = fly(v, task, read, **asked, keep=keep, advance=advance)
-    answer = found.to_json()
+    answer = found.to_dict()
     with progress("writing the files"):
         files = _write(found, to.out, answer, read, begin, more, also)
     to.answer(answer, files, _shown(found, read), good=found.completed, keep=keep)

@@ -64,7 +64,7 @@ def plan(
         return {**numbers, "plan.png": picture}
 
     shown = (f"{v.name}, goal {found.goal}", "", *found.sentences, "")
-    to.answer(found.to_json(), files, shown)
+    to.answer(found.to_dict(), files, shown)
 
 
 @contextlib.contextmanager

@@ -65,7 +65,7 @@ def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     doing = "looking for what is unstable"
     with kept(keep), compile_notice(), progress(doing, 1.0) as advance:
         found = find(v, **options, keep=keep, advance=advance)
-    to.answer(found.to_json(), partial(_files, found), _shown(found), keep=keep)
+    to.answer(found.to_dict(), partial(_files, found), _shown(found), keep=keep)
     if not found.stable:
         raise NoAnswerError("the loop is not stable over the range that was asked for")
 

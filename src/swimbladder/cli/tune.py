@@ -74,7 +74,7 @@ def tune(
         found = find(v, **options, supervised=not without_supervisor, advance=advance)
     files = partial(tuning_files, found, typed_command())
     why = [found.verdict]
-    to.answer(found.to_json(), files, _shown(found), good=found.proven, why=why)
+    to.answer(found.to_dict(), files, _shown(found), good=found.proven, why=why)
 
 
 def _shown(found: Tuning) -> Iterator[object]:

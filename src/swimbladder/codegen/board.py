@@ -88,7 +88,7 @@ class FlightAnswer:
     duration: float = 0.0  # s, of the flight
     wall: float = 0.0  # s that it took
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI."""
         keys = "name ticks unequal_ticks=unequal reason ended final_depth_m=depth duration_s wall_s"
         first = self.difference and self.difference._asdict()
@@ -145,7 +145,7 @@ class BoardAnswer:
         """Times real time."""
         return sum(one.duration for one in self.flights) / sum(one.wall for one in self.flights)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
         spreads = {"step": self.times.steps, "round_trip": self.times.trips}
         if self.real_time:
@@ -157,7 +157,7 @@ class BoardAnswer:
             "law": self.made.law.name,
             "sha256_of_c": digest(self.made).hex(),
             **attributes(self, keys),
-            "flights": [flight.to_json() for flight in self.flights],
+            "flights": [flight.to_dict() for flight in self.flights],
             "late_ticks": self.times.late if self.real_time else None,
             **{name: spread and spread._asdict() for name, spread in found.items()},
         }

@@ -65,7 +65,7 @@ class Library(BoardProgram):
     pool: PoolDay | None
     files: Mapping[str, str]
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
         return {
             "vehicle": self.vehicle.name,
@@ -84,8 +84,8 @@ class Library(BoardProgram):
                 "final_depth_m": float(self.golden.depth[-1]),
                 "float32_difference_m": self.golden.difference,
             },
-            "pool": None if self.pool is None else self.pool.to_json(),
-        } | ({} if self.drive is None else {"drive": self.drive.to_json()})
+            "pool": None if self.pool is None else self.pool.to_dict(),
+        } | ({} if self.drive is None else {"drive": self.drive.to_dict()})
 
 
 def firmware(

@@ -194,7 +194,7 @@ class PoolDay(NamedTuple):
     neutral: float  # m3, at the surface
     rehearsal: Rehearsal
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
         return {
             "depth_m": self.options.depth,

@@ -345,7 +345,7 @@ class Ballasting:
         here = f"psi in this sea at {self.psi_depth:g} m: {1e6 * t.psi:.3g} cm3/m ({terms})"
         return f"{here}; the vehicle's file has {1e6 * self.given.hull.psi:.3g}."
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the answer as JSON, SI."""
         return {
             **as_json(self.vehicle, "vehicle=name trim_error_m3"),

@@ -104,7 +104,7 @@ class Estimate:
         """Whether there is a number."""
         return self.origin != "none"
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return as_json(self, "value std ci95 unit origin")
 

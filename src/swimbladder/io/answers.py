@@ -12,14 +12,14 @@ from typing import Any
 def plain(value: Any) -> Any:
     """Return `value` in JSON's own types; None for what is not finite, [re, im] for a complex.
 
-    A record that has `to_json` says itself what it is.
+    A record that has `to_dict` says itself what it is.
     """
     if isinstance(value, enum.Enum):
         return plain(value.value)
     if value is None or isinstance(value, (bool, int, str)):
         return value
-    if hasattr(value, "to_json"):
-        return plain(value.to_json())
+    if hasattr(value, "to_dict"):
+        return plain(value.to_dict())
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, complex):

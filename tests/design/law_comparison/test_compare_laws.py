@@ -37,7 +37,7 @@ def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
     assert set(b.rows[0].results) == {s.name for s in FEW}
     assert b.bounds["step-down"] == least_time(TANK, *b.placed[0][1:3]).time
     assert "step-uncertain" in b.no_bound
-    told = b.to_json()
+    told = b.to_dict()
     assert told["laws"][0]["results"]["hold"]["rms_m"] == b.rows[0].results["hold"].rms
     assert told["laws"][0]["reference"] is True
 

@@ -51,7 +51,7 @@ def paper(controlled) -> Analysis:
 
 def test_open_loop_as_json(paper):
     """The check values: polynomial to 1e-6, poles."""
-    answer = json.loads(json.dumps(paper.to_json(), allow_nan=False))
+    answer = json.loads(json.dumps(paper.to_dict(), allow_nan=False))
     found = answer["open_loop"]
     np.testing.assert_allclose(
         found["denominator"], [3.26700, 36.3900, 0.997115, -0.0320596, -0.00203660], rtol=1e-6
@@ -128,7 +128,7 @@ def test_depth_outside_the_stroke_is_said(controlled):
 def test_without_a_controller_nothing_is_said_of_a_loop(feup):
     found = analyse(feup)
     assert (found.closed_loop, found.stable) == (None, None)
-    answer = found.to_json()
+    answer = found.to_dict()
     assert answer["closed_loop"] is None
     assert answer["stable"] is None
     assert "no controller" in found.text()
@@ -140,7 +140,7 @@ def test_positioner_with_its_pid(stepper, position_gains):
         update={"controller": Controller(law="position-pid", sample_time=0.5, parameters=values)}
     )
     found = analyse(vehicle, depth=2.0)
-    answer = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    answer = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert answer["command"] == "volume"
     # (32) in the paper's normalisation: T2 s^2 + s - psi K2.
     T2, K2 = 12.0 / 4.0, 9806.65 / 4.0
@@ -213,7 +213,7 @@ def test_own_law_and_sample_time(feup):
     found = analyse(feup, law=relay, parameters=Nothing(0.0), sample_time=0.5)
     assert found.closed_loop is None
     assert "not linear around rest" in found.text()
-    assert found.to_json()["notes"]
+    assert found.to_dict()["notes"]
 
 
 def test_bad_input_is_refused(feup, controlled):
@@ -344,7 +344,7 @@ def test_any_vehicle_gets_an_answer(
         controller=Controller(law="cascade", sample_time=h, parameters=gains),
     )
     found = analyse(vehicle, depth=depth)
-    answer = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    answer = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert answer["stable"] is (answer["closed_loop"]["spectral_radius"] < 1.0)
     assert found.text()
     c = found.closed_loop

@@ -18,7 +18,7 @@ from swimbladder.design.sizing import (
     sentences,
     size,
     sized_vehicle,
-    to_json,
+    to_dict,
 )
 from swimbladder.design.sizing.candidates import combinations
 from swimbladder.errors import InputError, NoAnswerError
@@ -286,7 +286,7 @@ def test_water_of_one_density_is_said_to_be_none_of_the_sea(found: Sizing) -> No
 
 
 def test_the_answer_is_whole(found: Sizing) -> None:
-    answer = to_json(found)
+    answer = to_dict(found)
     assert answer["chosen"]["mass"] == pytest.approx(answer["pareto"][0]["mass"], rel=2e-3)
     assert len(columns(found)["mass_kg"]) == answer["feasible"]
     text = " ".join(sentences(found))

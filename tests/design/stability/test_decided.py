@@ -82,7 +82,7 @@ def test_an_unstable_law_is_said_with_its_parameters():
     found = stability(wild, depths=(100.0, 1500.0), maps=False)
     assert not found.stable
     assert found.sentences[0].startswith("UNSTABLE: with drag -")
-    assert found.to_json()["decisions"]["largest_eigenvalue"] > 1.0
+    assert found.to_dict()["decisions"]["largest_eigenvalue"] > 1.0
 
 
 def test_drag_that_is_less_on_the_way_up_counts_there():

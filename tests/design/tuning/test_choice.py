@@ -237,7 +237,7 @@ def test_a_law_without_gains_does_not_fit_and_the_others_are_chosen_from(monkeyp
     assert tuned.law.name == "adrc"
     assert tuned.choice == "The law adrc is the only one that has gains for this."
     assert tuned.unfit == {name: str(error) for name, error in why.items()}
-    assert tuned.to_json()["unfit"] == tuned.unfit
+    assert tuned.to_dict()["unfit"] == tuned.unfit
     for name, error in why.items():
         assert f"The law {name} does not fit: {str(error).rstrip('.')}." in tuned.sentences
     monkeypatch.setattr("swimbladder.design.tuning.run.laws_for", lambda *_: [*why])

@@ -131,7 +131,7 @@ def test_the_coefficient_is_that_of_the_drag(fast):
     k = FLOAT.drag.k_dt / FLOAT.water.specific_weight
     assert fast.parameters.coefficient == pytest.approx(k, rel=1e-9)
     assert fast.parameters.tolerance == OWN.tolerance
-    json = fast.to_json()
+    json = fast.to_dict()
     assert json["margins"] is None
     assert json["decision_eigenvalue"] == fast.radius
     assert json["parameters"]["far_speed"]["unit"] == "m/s"
@@ -315,7 +315,7 @@ def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_pat
     names = {"vehicle.toml", "tune.html", "tune.json", "tune.png"}
     assert {p.name for p in out.iterdir()} == names
     found = tune(FLOAT, depths=DEPTHS, runs=20, column=cast_column(read_cast(sea)))
-    assert answer["region"] == pytest.approx(found.to_json()["region"], rel=1e-2)
+    assert answer["region"] == pytest.approx(found.to_dict()["region"], rel=1e-2)
     page = (out / "tune.html").read_text(encoding="utf-8")
     assert "time to the depth, 95 %" in page
     assert "from one decision to the next" in page

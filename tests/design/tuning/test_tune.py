@@ -193,7 +193,7 @@ def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
     assert "starts from rest" in said
     assert "reversals an hour" in said
     assert "2 % of that step are 10 mm, hardly more than it is held to" in said
-    kept = found.to_json()["region"]
+    kept = found.to_dict()["region"]
     assert kept["starts_1_s"] == found.region.starts
     assert kept["turns_1_s"] == found.region.turns
 
@@ -243,7 +243,7 @@ def test_a_positioner_is_tuned_too():
     assert any(leaves in words for words in found.assumptions)
     assert violated_margins(found.margins, WANTED) == ()
     assert found.nominal.settled == 1.0
-    assert found.to_json()["supply_V"] is None
+    assert found.to_dict()["supply_V"] is None
     assert found.result_vehicle.controller.law == "position-observer"
     # with a quantum of 5 mm its small steps cannot be proven, and that is said
     assert found.unmet
@@ -322,9 +322,9 @@ def test_a_law_that_sleeps_is_judged_by_trials_alone():
         NOISY, law="deadband", goal="quiet", hold=0.05, depths=(0.0, 5.0), step=(1.5, 3.0), runs=20
     )
     assert found.margins is None
-    assert found.to_json()["margins"] is None
+    assert found.to_dict()["margins"] is None
     assert found.region.rms < 0.05
-    assert found.to_json()["hold_m"] == 0.05
+    assert found.to_dict()["hold_m"] == 0.05
     assert found.proven
     asked = Promise("quiet", math.nan, held=0.5 * found.region.rms, ballast=0.0)
     missed, times = next(broken(asked, found.region))

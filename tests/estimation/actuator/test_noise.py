@@ -107,8 +107,8 @@ def test_intervals():
     assert Estimate.of(2.0, 0.1, "s").ci95 == pytest.approx((2.0 - 0.1959964, 2.0 + 0.1959964))
     low, high = Estimate.of(2.0, 0.1, "s", reach=0.1 * student(4.0), logarithmic=True).ci95
     assert (np.log(high / 2.0), low * high) == pytest.approx((2.776445 * 0.05, 4.0))
-    assert Estimate.given(3.0, "V").to_json()["origin"] == "set"
-    assert Estimate.unknown("V", "why").to_json() | {"ci95": None} == {
+    assert Estimate.given(3.0, "V").to_dict()["origin"] == "set"
+    assert Estimate.unknown("V", "why").to_dict() | {"ci95": None} == {
         "value": None,
         "std": None,
         "ci95": None,

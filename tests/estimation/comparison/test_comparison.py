@@ -209,7 +209,7 @@ def test_the_statistics_are_those_of_their_names(float_vehicle, voyage):
     assert c.variance_explained == pytest.approx(1.0 - off.var() / noisy.depth.var(), rel=1e-12)
     assert c.largest == pytest.approx(np.abs(off).max())
     assert table["time_s"][0] == 0.0
-    answer = c.to_json()
+    answer = c.to_dict()
     assert answer["rms_m"] == c.rms
     assert answer["fitted"]["start_depth"]["unit"] == "m"
     assert answer["duration_s"] == pytest.approx(voyage.time[-1] - voyage.time[0])
@@ -347,7 +347,7 @@ def test_the_set_point_drives_the_vehicles_own_controller(float_vehicle):
     keep = np.delete(np.arange(len(times)), change)
     assert np.abs(off.residual[keep]).max() < 1e-4
     assert off.volume_rms < 2e-7  # it is straight between samples, and the piston is not
-    assert off.to_json()["piston_rms_m"] == pytest.approx(off.volume_rms / area)
+    assert off.to_dict()["piston_rms_m"] == pytest.approx(off.volume_rms / area)
     assert compare(log, float_vehicle).record.drive == "volume"
 
 
@@ -467,7 +467,7 @@ def test_mission_47_open_loop_with_one_neutral_volume(data_dir, float_vehicle):
 def test_mission_47_closed_loop_with_nothing_fitted(data_dir, float_vehicle):
     c = compare(mission(data_dir, 47), float_vehicle, drive="setpoint", fit=())
     assert c.rms < 0.021
-    assert c.to_json()["piston_rms_m"] < 0.0011
+    assert c.to_dict()["piston_rms_m"] < 0.0011
     assert c.predicted.max() == pytest.approx(1.39, abs=0.05)
 
 

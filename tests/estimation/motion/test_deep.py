@@ -272,7 +272,7 @@ def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
     assert told.fit.tempering < 0.4
     apart = float(f"{told.fit.tempering**-0.5:.2g}")  # how far, over what each says by itself
     assert any(apart in numbers(said) for said in told.sentences)
-    assert told.to_json()["tempering"] == told.fit.tempering
+    assert told.to_dict()["tempering"] == told.fit.tempering
     valve, before = told.parameters["valve"], agreed.parameters["valve"]
     assert valve.std > 1.1 * before.std
     assert abs(valve.value - 0.95) < 0.03

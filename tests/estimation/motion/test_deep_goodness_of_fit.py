@@ -47,7 +47,7 @@ def test_dives_that_belong_together_are_not_doubted(agreed) -> None:
     assert not agreed.inconsistent
     assert all(0.5 < told.misfit.most < 1.5 for told in agreed.dives)
     assert not any("times the noise" in said for said in agreed.sentences)
-    for told, said in zip(agreed.dives, agreed.to_json()["dives"], strict=True):
+    for told, said in zip(agreed.dives, agreed.to_dict()["dives"], strict=True):
         assert (
             said["imbalance_over_noise"],
             said["speed_over_noise"],
@@ -96,7 +96,7 @@ def test_logs_of_two_floats_are_not_identified(scene) -> None:
     said = {log.source for log in named if log.source in first}
     assert said
     assert off <= said
-    answer = found.to_json()
+    answer = found.to_dict()
     assert not answer["identified"]
     assert all(e["std"] is e["ci95"] is None for e in answer["parameters"].values())
     assert all(dive["start_volume"]["ci95"] is None for dive in answer["dives"])

@@ -91,7 +91,7 @@ def test_what_the_data_do_not_tell_has_no_number():
     assert "give psi a prior or a value (--prior, --set)" in " ".join(sentences)
     with pytest.raises(NoAnswerError, match="combination"):
         _ = found.vehicle
-    json = found.to_json()
+    json = found.to_dict()
     assert json["parameters"]["K2"]["value"] is None
     assert json["identified"] is False
 
@@ -296,7 +296,7 @@ def test_neutral_volumes_that_walk():
         found.parameters["K2"].value, rel=0.1
     )
     assert "logs differ" in kinds(found)
-    assert found.to_json()["process_noise"]["noises"]["random_walk"]["unit"] == "m3/s^0.5"
+    assert found.to_dict()["process_noise"]["noises"]["random_walk"]["unit"] == "m3/s^0.5"
 
 
 @pytest.mark.prove

@@ -27,7 +27,7 @@ def test_what_the_data_do_not_tell_makes_no_vehicle_and_no_error():
     found = identify([log], FEUP_EM, neutral_std=float("inf"), profiles=False)
     assert not found.identified
     assert found.result_vehicle == FEUP_EM
-    told = found.to_json()
+    told = found.to_dict()
     assert told["parameters"]["K2"]["value"] is None
     assert all(c["values"] == {} for c in told["choices"])
 

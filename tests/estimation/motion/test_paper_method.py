@@ -33,7 +33,7 @@ def test_a_hull_as_stiff_as_the_water_is_found_as_the_paper_does():
     found = paper_fits(identify(logs, FEUP_EM, fixed={"psi": 0.0}, **QUICK))
     for fit in (found.by_speed, found.by_depth):
         assert fit[:2] == pytest.approx((9806.65 / 1.2358, 44.9 / 1.2358), rel=1e-2)
-    told = found.to_json()
+    told = found.to_dict()
     assert set(told) == {"by_speed", "by_depth", "experiments", "sentence"}
     assert told["experiments"][0]["step_m3"] == pytest.approx(2e-5)
     assert told["by_depth"]["rms_m"] < 1e-3

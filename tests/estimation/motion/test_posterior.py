@@ -26,7 +26,7 @@ def test_a_nearly_normal_posterior_has_the_fit_s_moments():
     assert np.corrcoef(logs.T)[0, 1] == pytest.approx(correlation, abs=0.1)
     low, median, high = drawn.interval("T2")
     assert low < median < high
-    assert drawn.to_json()["T2"] == {"median": median, "ci95": [low, high]}
+    assert drawn.to_dict()["T2"] == {"median": median, "ci95": [low, high]}
 
 
 def test_the_same_seed_draws_the_same():

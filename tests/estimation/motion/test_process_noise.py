@@ -115,7 +115,7 @@ def test_one_campaign_tells_its_parameters_and_that_the_neutral_volume_drifts():
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), std, rtol=1e-9)
     share = np.array(found.travelled) / [np.ptp(neutral) for _, neutral in records]
     assert np.all((share > 0.4) & (share < 1.1))  # a smoothed walk goes less far than the true one
-    told = found.to_json()
+    told = found.to_dict()
     assert set(told["parameters"]) == set(found.names)
     assert told["noises"]["random_walk"]["unit"] == "m3/s^0.5"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from swimbladder.design.ballast import ballast, uncertainty_of
+from swimbladder.design.ballast import ballast_in, uncertainty_of
 from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
 from swimbladder.design.sizing import Dive, size
 from swimbladder.io.config import load_vehicle
@@ -82,7 +82,7 @@ def test_break_even_times_can_be_read_off():
 def test_no_legend_lies_over_the_ends_of_the_stroke():
     vehicle = load_vehicle("example-eh")
     column = uniform_column(vehicle.water, 1000.0)
-    figure = draw_ballasting(ballast(vehicle, [column], uncertainty=uncertainty_of(vehicle, {})))
+    figure = draw_ballasting(ballast_in(vehicle, [column], uncertainty=uncertainty_of(vehicle, {})))
     assert all(axes.get_legend() is None for axes in figure.axes)
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == [

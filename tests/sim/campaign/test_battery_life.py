@@ -210,4 +210,4 @@ def test_without_energy_or_battery_there_is_no_life(column):
     found = Campaign(vehicle=load_vehicle("feup-em"), mission=mission, table=table, **given)
     assert found.battery_life[:3] == (2, 1, 110.0)
     assert replace(found, table=table[:2]).battery_life is None
-    assert replace(found, table=table[:2]).to_json()["battery_cycles"] is None
+    assert replace(found, table=table[:2]).to_dict()["battery_cycles"] is None

@@ -315,7 +315,7 @@ def test_without_a_time_limit_neither_missions_nor_firmware_are_written():
     vehicle = limited(FEUP, 2400.0)
     flown = faults(vehicle, missions=2, healthy=1)
     made = firmware(vehicle, duration=30.0)
-    assert flown.program == digest(made).hex() == made.to_json()["sha256_of_c"]
+    assert flown.program == digest(made).hex() == made.to_dict()["sha256_of_c"]
     other = firmware(limited(FEUP, 2500.0), duration=30.0)
     assert digest(other).hex() != flown.program
 

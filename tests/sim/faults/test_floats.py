@@ -476,4 +476,4 @@ def test_a_campaign_of_shallow_dives(tmp_path):
     )
     assert np.array_equal(flown.faulty.view(float), again.faulty.view(float), equal_nan=True)
     assert len(flown.false_alarms) == len(flown.healthy_lost) == 0
-    assert flown.to_json()["not_drawn"] == not_drawn(FLOAT)
+    assert flown.to_dict()["not_drawn"] == not_drawn(FLOAT)

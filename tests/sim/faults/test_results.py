@@ -253,7 +253,7 @@ def test_the_table_counts_kinds_that_came_alone_pairs_and_all():
 
 
 def test_the_answer_in_json():
-    told, c = CAMPAIGN.to_json(), CAMPAIGN
+    told, c = CAMPAIGN.to_dict(), CAMPAIGN
     assert told["missions"] == len(c.faulty)
     assert told["recoverable"] == c.recoverable.sum()
     assert told["depths_m"] == [COURSE.depths.least, COURSE.depths.most]
@@ -398,11 +398,11 @@ def test_a_mission_tells_what_was_asked_what_failed_and_how_it_ended(flown):
     assert well.lines()[0].startswith("mission h12: ")
     assert "the supervisor detected no fault" in well.lines()
     assert well.reason == ""
-    assert [*well.to_json()["outcomes"]] == ["supervised", "unsupervised"]
+    assert [*well.to_dict()["outcomes"]] == ["supervised", "unsupervised"]
 
 
 def test_a_mission_in_json(flown):
-    told = flown.to_json()
+    told = flown.to_dict()
     assert told["mission"] == 12
     assert told["healthy"] is False
     assert (told["latched_s"], told["reason"]) == (pytest.approx(150.0), "leak")

@@ -67,7 +67,7 @@ def test_it_is_grounded_once_it_let_in_the_volume_and_does_not_sink(profiler, se
     assert found.completed
     assert found.missed == {}
     assert found.arrival is None
-    assert found.to_json()["grounded_m"] == {"descend": [BOTTOM]}
+    assert found.to_dict()["grounded_m"] == {"descend": [BOTTOM]}
     assert (
         "the phase 'descend' was grounded 1 time, at 90 m, and went on with the next phase"
         in found.reasons[1]
@@ -126,7 +126,7 @@ def test_one_that_stays_lets_nothing_more_in(profiler, sea, how):
         deep = "it is no deeper than 100 m (grounding.least_depth)"
         why = f", as {deep if 'least_depth' in least else '85 m above it is at the surface'}"
     assert found.reasons[1].endswith(f"and stayed there{why}")
-    assert found.to_json()["grounded_m"] == {"park": [BOTTOM]}
+    assert found.to_dict()["grounded_m"] == {"park": [BOTTOM]}
     assert tables.cycle_columns(found)["grounded"].sum() == 1.0
 
 
@@ -235,7 +235,7 @@ def test_it_turns_back_where_the_median_of_the_layer_is_that_of_ice(profiler, th
         assert np.isnan(flight.cycles["surfaced"]).all()
         assert flight.rows["z"][flight.rows["t"] > 600.0].min() > 18.0
         assert "for ice it turned back 2 times in 2 cycles from 20 m, 2 of them" in found.reasons[1]
-        assert found.to_json()["ice_turns"] == 2
+        assert found.to_dict()["ice_turns"] == 2
 
 
 def test_after_too_long_it_comes_up_all_the_same(profiler):
@@ -250,7 +250,7 @@ def test_after_too_long_it_comes_up_all_the_same(profiler):
     assert up.tolist() == wanted
     assert 0 < up.sum() < 8
     found = MissionResult(flight, flight.reach)
-    answer = found.to_json()
+    answer = found.to_dict()
     assert answer["surfaced_under_ice"] == up.sum()
     assert answer["ice_turns"] == 8 - up.sum()
     assert tables.cycle_columns(found)["ice_turns"].tolist() == (~up).astype(float).tolist()

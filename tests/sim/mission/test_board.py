@@ -145,7 +145,7 @@ def test_what_the_board_cannot_do_is_refused(watched, water):
     bare = watched.model_copy(update={"controller": None})
     flown = fly_mission(bare, task(), water)
     assert not flown.plan.supervised
-    assert "it has none" in " ".join(MissionResult(flown, flown.reach).to_json()["notes"])
+    assert "it has none" in " ".join(MissionResult(flown, flown.reach).to_dict()["notes"])
     with refused(InputError, field="supervised"):
         fly_mission(bare, task(), water, supervised=True)
 

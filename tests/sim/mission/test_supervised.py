@@ -62,7 +62,7 @@ def test_a_vehicle_without_the_table_flies_its_law_alone():
     )
     assert not alone.plan.supervised
     assert over.plan.supervised
-    assert MissionResult(alone, alone.reach).to_json()["supervised"] is False
+    assert MissionResult(alone, alone.reach).to_dict()["supervised"] is False
     assert alone.rows.tobytes() != over.rows.tobytes()
 
 

@@ -235,7 +235,7 @@ class Design:
             experiments=tuple(_planned(flight, s) for flight in w.flights),
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         rival = self.against
         return {
@@ -271,7 +271,7 @@ def _set(w: EvaluatedSet) -> dict[str, Any]:
         ],
         "parameters": {
             name: {
-                **e.to_json(),
+                **e.to_dict(),
                 "share": prediction.share[name],
                 "share_range": list(w.spread[name]),
                 "sources": prediction.sources[name],

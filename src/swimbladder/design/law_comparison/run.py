@@ -152,7 +152,7 @@ class LawComparison:
         """Return it with one more thing that was assumed, in words."""
         return replace(self, assumptions=(*self.assumptions, words))
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
             "vehicle": self.vehicle.name,

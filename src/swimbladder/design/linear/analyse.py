@@ -338,7 +338,7 @@ class Analysis:
         sentences = [s for subject in self.findings.values() for s in subject]
         return "\n\n".join([title, *sentences]) + "\n"
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return everything in JSON's own types, SI numbers; None for what is infinite."""
         o, stall, limit = self.open_loop, self.stall, self.vehicle.hull.depth_limit
         rest = "depth_m volume_m3 motor_rate_m3_s"

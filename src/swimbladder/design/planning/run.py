@@ -101,7 +101,7 @@ class Plan:
         smoother = "plan it with --goal effort, of a smoother motion"
         return smoother if self.arrive == "rest" else f"{smoother}, or with --arrive rest"
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the answer in SI units."""
         return {
             "vehicle": self.task.vehicle.name,

@@ -293,7 +293,7 @@ class PoolDay:
     def answer(self) -> dict[str, Any]:
         """Return what is known in SI units, ready for JSON."""
         found: dict[str, Any] = {"parameters": {}, "findings": [], "assumptions": []}
-        found |= {"experiments": []} if self.found is None else self.found.to_json()
+        found |= {"experiments": []} if self.found is None else self.found.to_dict()
         return {
             "vehicle": self.vehicle.name,
             "mode": self.mode,
@@ -302,10 +302,10 @@ class PoolDay:
             "targets": [t._asdict() for t in self.asked.targets],
             **{name: found[name] for name in ("parameters", "findings", "assumptions")},
             "experiments": [
-                {**k.to_json(), "neutral_error": e["neutral_error"], "rms_m": e["rms_m"]}
+                {**k.to_dict(), "neutral_error": e["neutral_error"], "rms_m": e["rms_m"]}
                 for k, e in zip(self.kept, found["experiments"], strict=True)
             ],
-            "set_aside": [k.to_json() for k in self.aside],
+            "set_aside": [k.to_dict() for k in self.aside],
             "refused": [{"time_s": n.time, "why": n.sentence} for n in self.refused],
             "files": [str(k.path) for k in (*self.kept, *self.aside)] + [str(self.folder / STATE)],
         }

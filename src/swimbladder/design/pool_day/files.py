@@ -39,7 +39,7 @@ class Kept:
     remarks: tuple[str, ...]
     set_aside: str = ""
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it for pool.json."""
         return {"file": self.path.name, **as_json(self, " ".join(_FACTS)), "remarks": self.remarks}
 

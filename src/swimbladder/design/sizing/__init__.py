@@ -15,5 +15,5 @@ from swimbladder.design.sizing.run import (
     sentences as sentences,
     size as size,
     sized_vehicle as sized_vehicle,
-    to_json as to_json,
+    to_dict as to_dict,
 )

@@ -454,7 +454,7 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
     return table | {name: values[order].tolist() for name, values in numbers.items()}
 
 
-def to_json(found: Sizing) -> dict[str, Any]:
+def to_dict(found: Sizing) -> dict[str, Any]:
     """Return the whole answer in SI units."""
     w, asked = found.evaluation, found.asked
 

@@ -184,7 +184,7 @@ class Decided:
             f"{r.period:.4g} s, and {r.tolerance:g} m halve in {r.halves:.3g} s by its drag.",
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         of_way = "largest_eigenvalue=nominal coefficient_ratio=ratio time_constant_s delivery_s"
         ways = [
@@ -331,7 +331,7 @@ class Around(NamedTuple):
             + ("unstable." if self.whole_sample_radius >= 1.0 else "still stable."),
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
             **as_json(

@@ -128,14 +128,14 @@ class Stability:
             said.append(what)
         return tuple(said)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
             **as_json(
                 self, "vehicle law supervised sample_time_s depths_m stable sentences region=words"
             ),
-            "linear": None if self.around is None else self.around.to_json(),
-            **({} if self.decided is None else {"decisions": self.decided.to_json()}),
+            "linear": None if self.around is None else self.around.to_dict(),
+            **({} if self.decided is None else {"decisions": self.decided.to_dict()}),
             "cycles_depth_m": self.depth,
             "cycles": [_cycle(c) for c in self.cycles],
             **as_json(self, "within_s band_m robustness=stood"),

@@ -172,7 +172,7 @@ class Tuning(gains.Found):
         )
         return tuple(sentences)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON; None where a run never settles."""
         return {
             "vehicle": self.result_vehicle.name,

@@ -294,7 +294,7 @@ class ActuatorIdentification:
         ]
         return {head: np.concatenate([part[head] for part in parts]) for head in parts[0]}
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""
         return {
             **as_json(self, "identified driven_by=driven position=quantity"),
@@ -323,4 +323,4 @@ class ActuatorIdentification:
 
 
 def _json(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
-    return {name: {**e.to_json(), "why": e.why or None} for name, e in estimates.items()}
+    return {name: {**e.to_dict(), "why": e.why or None} for name, e in estimates.items()}

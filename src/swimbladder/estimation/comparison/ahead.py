@@ -200,7 +200,7 @@ class Horizon:
         baselines = {"persistence": self.persistence_rms, "integrator": self.integrator_rms}
         return {name: 1.0 - self.rms / b if b > 0.0 else None for name, b in baselines.items()}
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""
         keys = "rms_m bias_m predicted_std_m=spread coverage95=coverage persistence_rms_m"
         found = as_json(self, f"seconds n {keys} integrator_rms_m")
@@ -228,7 +228,7 @@ class Ahead:
                 found[f"depth_{what}_{h.seconds:g}s_m"] = column
         return found
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""
         noise = {
             name: {"value": value, "unit": UNITS[name], "origin": self.origins[name]}

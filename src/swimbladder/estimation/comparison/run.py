@@ -489,7 +489,7 @@ class Comparison:
         }
         return {name: values for name, values in found.items() if values is not None}
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the outcome in SI units, ready for JSON."""
         area, off = self.vehicle.piston_area, self.volume_rms
         return {

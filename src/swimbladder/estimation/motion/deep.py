@@ -364,7 +364,7 @@ class DeepIdentification:
     sentences: tuple[str, ...]
     assumptions: tuple[str, ...]
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         fit, unknown = self.fit, {"std": None, "ci95": None} if self.inconsistent else {}
         noise = "pressure_Pa water_m_s water_lasts_s=lasts drift_m3_s0.5 runs"
@@ -372,7 +372,7 @@ class DeepIdentification:
         return {
             "vehicle": self.vehicle.name,
             "identified": self.identified,
-            "parameters": {name: e.to_json() | unknown for name, e in self.parameters.items()},
+            "parameters": {name: e.to_dict() | unknown for name, e in self.parameters.items()},
             "noise": as_json(fit.noise, noise),
             "tempering": fit.tempering,
             "random_effects": effects_json(fit),
@@ -381,7 +381,7 @@ class DeepIdentification:
                     "source": one.dive.name,
                     "samples": len(one.imbalance),
                     "deepest_Pa": float(one.dive.pressure.max()),
-                    "start_volume": one.start.to_json() | unknown,
+                    "start_volume": one.start.to_dict() | unknown,
                     "imbalance_rms_m3": rms(one.imbalance),
                     "speed_rms_m_s": rms(one.speed),
                     **as_json(one.misfit, over_noise),

@@ -44,7 +44,7 @@ class PaperFits:
     by_depth: Fit | None
     sentence: str
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
             **_fits(self),

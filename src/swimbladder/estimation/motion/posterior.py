@@ -39,7 +39,7 @@ class Posterior:
         q = np.quantile(self.draws[:, self.names.index(name)], [0.025, 0.5, 0.975])
         return float(q[0]), float(q[1]), float(q[2])
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return median and 95 % interval of each parameter, in SI units."""
         found: dict[str, Any] = {"effective_draws": self.effective}
         for name in self.names:

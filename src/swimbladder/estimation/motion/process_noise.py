@@ -467,7 +467,7 @@ class ProcessNoiseFit:
             float(np.nanmax(n) - np.nanmin(n)) for n in (t.smoothed[:, 2] for t in self.tracks)
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return as_json(
             self, "parameters=estimates noises log_likelihood p_value p_any travelled_m3"

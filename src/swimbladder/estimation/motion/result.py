@@ -73,7 +73,7 @@ class Choice:
     values: dict[str, float]
     reported: bool  # the one whose parameters are given
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         keys = "drag psi parameters rms_m log_likelihood bic weight values reported"
         return as_json(self, keys)
@@ -106,7 +106,7 @@ class ExperimentFit:
     step: float  # m3, typical volume against neutral
     own_gain: tuple[float, float] | None = None
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         keys = "outliers whiteness_p autoregression=ar reference_depth_m drift step_m3 own_gain"
         return {
@@ -172,14 +172,14 @@ class Identification:
         if reasons:
             raise NoAnswerError(" ".join(reasons))
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON; without numbers of what is not identifiable."""
         identified = self.identified
         unknown = {} if identified else {"value": None, "std": None, "ci95": None}
 
         def shown(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
             return {
-                name: e.to_json() | ({} if e.origin == "set" else unknown)
+                name: e.to_dict() | ({} if e.origin == "set" else unknown)
                 for name, e in estimates.items()
             }
 
@@ -192,14 +192,14 @@ class Identification:
             "names": list(self.names),
             "covariance": self.covariance.tolist() if identified else None,
             **as_json(self, "correlation experiments findings"),
-            "choices": [c.to_json() | ({} if identified else {"values": {}}) for c in self.choices],
+            "choices": [c.to_dict() | ({} if identified else {"values": {}}) for c in self.choices],
             "profiles": {
                 name: as_json(p, "values deviance ci95 unit") for name, p in self.profiles.items()
             },
             **as_json(
                 self, "assumptions notes depth_noise_m sensor_noise_m process_noise posterior"
             ),
-            "volume_delay": self.volume_delay.to_json(),
+            "volume_delay": self.volume_delay.to_dict(),
         }
 
 

@@ -179,7 +179,7 @@ class Sensitivity:
             std=float(np.std(known, ddof=1)) if known.size > 1 else float("nan"),
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the indices as plain values."""
         return {
             "asked": self.asked,
@@ -333,7 +333,7 @@ class Campaign:
             found["surfacings under ice"] = t[:, Fact.UNDER_ICE]
         return found
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain values, SI but for what its unit says."""
         life = self.battery_life
         return {
@@ -356,7 +356,7 @@ class Campaign:
             ],
             "battery_cycles": None if life is None else {"unit": "1", **life._asdict()},
             "energy_unknown": self.energy_unknown or None,
-            **({} if self.sensitivity is None else {"sensitivity": self.sensitivity.to_json()}),
+            **({} if self.sensitivity is None else {"sensitivity": self.sensitivity.to_dict()}),
         }
 
 

@@ -46,7 +46,7 @@ class BoardLaw(NamedTuple):
         short = f"a start falls short by {drive.short_0 * 1e6:.3g} cm3 at the surface"
         return f"drive: the pump's rate {fitted}, off by {self.rate_percent} at most; {short}"
 
-    def to_json(self) -> dict[str, float]:
+    def to_dict(self) -> dict[str, float]:
         """Return what a program wants to know of the fit, in SI."""
         depth = 1.0 / self.parameters.drive.per_depth
         return {"fitted_to_m": depth, **as_json(self, "rate_error start_error_m3")}

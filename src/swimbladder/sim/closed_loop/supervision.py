@@ -46,7 +46,7 @@ class Alarm(NamedTuple):
     reason: Reason
     time: float  # s
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return it in SI."""
         return {"reason": self.reason.words, "time_s": self.time}
 

@@ -283,7 +283,7 @@ class Campaign:
         ended = Outcome(int(self.outcome(0)[number])).words
         return f"mission {number}: {', '.join(parts)}: {seen}, {ended}"
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
         alarms, trials = len(self.false_alarms), len(self.healthy)
         return {

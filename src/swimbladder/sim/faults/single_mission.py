@@ -138,7 +138,7 @@ class Flown:
             said.append(f"{name}: {self.outcome(n).words}, {ends}")
         return said
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
         tick, names = self.tick, NAMES[: len(self.results)]
         return {

@@ -215,7 +215,7 @@ class MissionResult:
         """Why the mission ended, and what was not met on the way."""
         return reason_words(self)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain values, SI."""
         f, books = self.flight, self.books
         a = f.accounts
