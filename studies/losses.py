@@ -19,7 +19,7 @@ import numpy as np
 
 from swimbladder.cli.common import progress
 from swimbladder.io.config import load_vehicle
-from swimbladder.sim.faults import Campaign, faults
+from swimbladder.sim.faults import FaultResult, faults
 from swimbladder.sim.faults.campaign_result import rule_of_three
 from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Vehicle
@@ -53,7 +53,7 @@ def seeds_of(commit: str, count: int) -> list[int]:
     return [int.from_bytes(hashlib.sha256(text).digest()[:4], "big") for text in texts]
 
 
-def losses(found: Campaign) -> Losses:
+def losses(found: FaultResult) -> Losses:
     """Return what a campaign counts; a loss counts from the first of two faults too."""
     two = found.fault_row(1, "kind") > 0.0
     lost = np.concatenate([found.lost, found.lost_early])
@@ -92,7 +92,9 @@ def row(words: str, n: Losses, program: str) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def flown(vehicle: Vehicle, seeds: Sequence[int], *, missions: int, healthy: int) -> list[Campaign]:
+def flown(
+    vehicle: Vehicle, seeds: Sequence[int], *, missions: int, healthy: int
+) -> list[FaultResult]:
     """Return the campaigns of a vehicle, one for each seed."""
     found = []
     for number, seed in enumerate(seeds, 1):

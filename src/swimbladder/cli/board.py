@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import aside, compile_notice, progress
 from swimbladder.cli.options import (
@@ -19,10 +17,6 @@ from swimbladder.cli.options import (
     valued,
 )
 from swimbladder.cli.texts import Given
-from swimbladder.units import rounded
-
-if TYPE_CHECKING:
-    from swimbladder.codegen.board import BoardAnswer, FlightAnswer
 
 
 @dataclass(frozen=True)
@@ -78,50 +72,13 @@ def board(
         if _logs(to.out) != before:
             aside(f"the log so far is in {to.out}")
         raise
-    logs, why = [flight.log for flight in answer.flights], list(map(_said, answer.flights))
-    to.answer(answer.to_dict(), logs, _shown(answer), good=answer.equal, why=why)
+    logs, why = (
+        [flight.log for flight in answer.flights],
+        [flight.sentence for flight in answer.flights],
+    )
+    to.answer(answer.to_dict(), logs, answer.sentences, good=answer.equal, why=why)
 
 
 def _logs(out: Path) -> dict[Path, int]:
     """Return the logs in a folder, and when they were written."""
     return {path: path.stat().st_mtime_ns for path in out.glob("*.csv")}
-
-
-def _said(flight: FlightAnswer) -> str:
-    """Return how a flight went, in a sentence."""
-    first = flight.difference
-    said = f"{flight.name}: equal at all {flight.ticks} ticks"
-    if first is not None:
-        both = f"{first.field} {first.board:.9g} on the board, {first.twin:.9g} of the twin"
-        said = f"{flight.name}: first differs at tick {first.tick}: {both}"
-        said += f"; {flight.unequal} of {flight.ticks} ticks differ"
-    faults = f"; {flight.ended}" if flight.ended else ""
-    alarm = f"; the supervisor took over: {flight.reason}" if flight.reason else ""
-    return f"{said}{faults}, at {flight.depth:.2f} m{alarm}"
-
-
-def _shown(answer: BoardAnswer) -> Iterator[object]:
-    """Give what is printed: how each flight went, the board's times, the line's frames."""
-    from swimbladder.codegen.board import Spread
-    from swimbladder.codegen.library import digest
-
-    made, times = answer.made, answer.times
-    where = f"{answer.port}, {answer.baud} baud, C {digest(made).hex()}"
-    yield f"{answer.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s on {where}"
-    yield from map(_said, answer.flights)
-    if answer.not_flown:
-        yield f"not flown over a wire: {', '.join(answer.not_flown)}"
-    listed = [("step on the board", times.steps), ("until the answer", times.trips)]
-    if answer.real_time:
-        listed.append(("between ticks, off the sample time", times.intervals))
-    for name, taken in listed:
-        if (spread := Spread.of(taken)) is not None:
-            median, worst, jitter = (f"{1e3 * time:.3f} ms" for time in spread)
-            yield f"{name}: median {median}, worst {worst}, jitter {jitter}"
-    late = f"; {times.late} ticks were late" if answer.real_time else ""
-    yield f"speed: {rounded(answer.speed, 3)} times real time{late}"
-    counts = "{sent} sent, {lost} lost; corrupt: {corrupt} here, {corrupt_at_board} at the board"
-    yield f"frames: {counts.format(**answer.frames)}"
-    left = answer.stack_left
-    yield f"stack left: {'not known on this board' if left is None else f'{left} bytes'}"
-    yield "equal" if answer.equal else "DIFFERENT"

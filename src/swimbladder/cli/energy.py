@@ -35,7 +35,7 @@ def fit_runs(
         from swimbladder.design.energy.fit import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
         from swimbladder.io.pump_runs import joined_runs, read_pump_runs
-        from swimbladder.show.report.energy import fit_files, fit_json
+        from swimbladder.show.report.energy import fit_files
 
         if v is not None:
             pump_and_valve(v)
@@ -48,7 +48,7 @@ def fit_runs(
             raise (error if error.field in asked else error.at(file=paths[0])) from None
         fitted = None if v is None or found.refusal else fitted_vehicle(v, found)
         said = list(fit_sentences(found, fitted))
-        answer = {**fit_json(found), "sentences": said, "report": runs_read.report}
+        answer = {**found.to_dict(), "sentences": said, "report": runs_read.report}
     files, shown = partial(fit_files, found, fitted), _shown_fit(found, said, runs_read.report)
     to.answer(answer, files, shown, good=not found.refusal, why=[found.refusal])
 
@@ -159,19 +159,18 @@ def energy(
     with progress("computing"), compared.said_as_typed(), thrusters.said_as_typed():
         from swimbladder.design.energy import Thruster
         from swimbladder.design.energy import energy as find
-        from swimbladder.show.report.energy import energy_files, energy_json
+        from swimbladder.show.report.energy import energy_files
 
         refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
         found = find(v, next(iter(casts), None), thruster=Thruster(**thrust), **asked)
-        answer = energy_json(found)
-    to.answer(answer, partial(energy_files, found), _shown(found))
+    to.answer(found.to_dict(), partial(energy_files, found), _shown(found))
 
 
 def _shown(answer: Energy) -> Iterator[object]:
     """Give what is printed: what it costs, at some depths, and what is assumed."""
     import numpy as np
 
-    from swimbladder.show.report.energy import spread_indices
+    from swimbladder.design.energy.run import spread_indices
 
     found = answer.drive
     m = found.map

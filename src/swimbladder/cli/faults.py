@@ -15,10 +15,9 @@ from swimbladder.cli.common import compile_notice, kept, labelled, progress, tab
 from swimbladder.cli.options import Files, Options, TimeLimit, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.units import rounded
 
 if TYPE_CHECKING:
-    from swimbladder.sim.faults import Campaign
+    from swimbladder.sim.faults import FaultResult
     from swimbladder.vehicle import Vehicle
 
 _SHOWN = 20  # lost vehicles that are named; all are in the files
@@ -106,21 +105,12 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
     to.answer(flown.to_dict(), files, flown.lines())
 
 
-def _shown(flown: Campaign) -> Iterator[object]:
+def _shown(flown: FaultResult) -> Iterator[object]:
     """Give what is printed: what was flown, a row for each kind of fault, and what it comes to."""
-    from swimbladder.sim.faults.campaign_result import MILD, rule_of_three
-    from swimbladder.sim.faults.kinds import not_drawn
-
-    course = flown.course
-    assert course.vehicle.controller is not None
-    sea = "" if course.column is None else f" in the water of {course.water}"
-    depths = course.depths
-    between = f"between {rounded(depths.least, 3)} and {rounded(depths.most, 3)} m"
-    missions = f"{len(flown.faulty)} missions with faults {between} ({depths.limit})"
-    law = f"law {course.vehicle.controller.law}"
-    limit = f"time limit {course.time_limit:.0f} s, C {flown.program}"
-    yield f"{course.vehicle.name}{sea}, {law}: {missions}, {limit}"
-    yield from labelled("cast", () if course.column is None else course.column.report)
+    column = flown.course.column
+    first, *rest = flown.sentences
+    yield first
+    yield from labelled("cast", () if column is None else column.report)
     rows = []
     for line in flown.lines():
         counts = [line.missions, line.recoverable, line.recovered]
@@ -130,50 +120,14 @@ def _shown(flown: Campaign) -> Iterator[object]:
     headings = ("fault", "missions", "recoverable", "recovered", "lost", "lost without\nsupervisor")
     more = ("detection\ntime [s]", "95 %\n[s]", "deepest\n[m]")
     yield from ("", table((*headings, *more), rows), "")
-    for part, names in not_drawn(course.vehicle).items():
-        yield f"not drawn, as it lacks {part}: {', '.join(names)}"
-    able, total = int(flown.recoverable.sum()), len(flown.faulty)
-    gone = flown.lines()[-1]
-    yield (
-        f"{able} of {total} missions are recoverable: full buoyancy, commanded 60 s after fault "
-        f"onset, surfaces the vehicle. With the supervisor {gone.recovered} of them were "
-        f"recovered; without it {100.0 * flown.lost_without_supervisor:.0f} % were lost "
-        f"({100.0 * flown.all_lost_without_supervisor:.0f} % of all missions). Of the other "
-        f"{total - able} the supervisor brought up {gone.unrecoverable_surfaced}."
-    )
-    if len(flown.lost_early):
-        yield (
-            f"{len(flown.lost_early)} more were lost that full buoyancy 60 s after the onset of "
-            "the first of two faults would have surfaced, but not 60 s after the second: by then "
-            "it was too late, or the second had had no effect yet"
-        )
-    if len(flown.filled):
-        yield (
-            f"{len(flown.filled)} of the recovered surfaced no later than with full buoyancy 60 s "
-            "after fault onset, and were then filled by a leak at full buoyancy: no command helps"
-        )
-    if len(flown.cut_short):
-        yield (
-            f"in {len(flown.cut_short)} missions the time limit acts before the depth has drifted "
-            'by 3 m: --time-limit "9 h" leaves time for all'
-        )
-    if flown.lost_without_supervisor < MILD:
-        few = f"less than {MILD:.0%} of the recoverable missions were lost"
-        yield f"the faults are mild for this law: without the supervisor {few}"
-    alarms, trials = len(flown.false_alarms), len(flown.healthy)
-    most = f"at most {rule_of_three(alarms, trials):.2g} of them (95 %)"
-    below = f"{len(flown.healthy_lost)} did not come up"
-    yield f"healthy: {alarms} false alarms in {trials} missions, {most}; {below}"
-    if len(flown.too_slow):
-        slow = f"{len(flown.too_slow)} healthy missions had not ended at the time limit"
-        yield f"{slow}, and the supervisor ended them: the law is slow for them"
+    yield from rest
 
 
 def _seconds(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.0f}"
 
 
-def _verdict(flown: Campaign, vehicle: str, seed: int) -> str:
+def _verdict(flown: FaultResult, vehicle: str, seed: int) -> str:
     """Return what is wrong and what to do, the missions by number."""
     parts, lost, alarms = [], flown.lost, flown.false_alarms
     if len(lost):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,11 +14,8 @@ from swimbladder.cli.texts import Given, with_one_unit
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.codegen.library import Library
     from swimbladder.codegen.pool import PoolOptions
     from swimbladder.vehicle import Vehicle
-
-_ARRIVED = 0.1  # of the step, within which a golden trace has arrived
 
 
 def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
@@ -89,7 +85,7 @@ def firmware(
     doing = progress("flying the golden trace", 1.0)
     with golden.said_as_typed(**named), compile_notice(), doing as advance:
         made = make(v, **asked, pool=options, advance=advance)
-    to.answer(made.to_dict(), write_library(made, to.out), _shown(made))
+    to.answer(made.to_dict(), write_library(made, to.out), made.sentences)
 
 
 def _check_law(vehicle: Vehicle, law: str | None) -> None:
@@ -104,43 +100,3 @@ def _check_law(vehicle: Vehicle, law: str | None) -> None:
     why = f"the controller of the vehicle {vehicle.name!r} is {found}"
     remedy = f'Give a vehicle file whose [controller] has law = "{law}" and its parameters'
     raise InputError(why, field="--law", value=law, remedy=remedy)
-
-
-def _shown(made: Library) -> Iterator[object]:
-    """Give what is printed: the law, its golden trace, and what is to be done."""
-    from swimbladder.codegen.library import digest
-    from swimbladder.codegen.pool import pool_summary
-    from swimbladder.control.supervisor_limits import summary
-
-    golden, unit = made.golden, "V" if made.law.command == "voltage" else "m3"
-    low, high = made.limits
-    start, target, _ = made.mission
-    end, way = float(golden.depth[-1]), f"{start:g} to {target:g} m"
-    commands = f"command {low:.6g} to {high:.6g} {unit}"
-    to_do = "fill in the two functions of an example"
-    way_m = abs(made.mission.target - made.mission.start)
-    there = abs(end - made.mission.target) <= _ARRIVED * way_m
-    if made.drive is not None:
-        commands, way = "command seconds of pump and valve", f"{way} and up again"
-        to_do = "fill in one function of an example, and check its pins"
-        there = end <= made.drive.parameters.surface.shallow
-        if golden.depth.max() < (1.0 - _ARRIVED) * target:
-            end, there = float(golden.depth.max()), False
-    yield (
-        f"{made.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s, {commands}; "
-        f"C {digest(made).hex()}"
-    )
-    moves = f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm"
-    ticks = f"{len(golden.depth)} ticks under the supervisor"
-    yield f"golden trace: {way} in {ticks}; {moves}"
-    if not there:
-        yield (
-            f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it tests less "
-            "of the C than one with a longer --duration"
-        )
-    if made.drive is not None:
-        yield made.drive.summary()
-    yield summary(made.supervisor)
-    if made.pool is not None:
-        yield pool_summary(made.pool)
-    yield f"to do: {to_do}; README.md says how, and how to check"

@@ -107,20 +107,9 @@ def answer_of(
     steps = steps_of(s, task)
     last = steps[-1] if steps else dict.fromkeys((*_PLACE, *StepMetrics._fields, *_VOLUME))
     return {
-        "vehicle": s.vehicle.name,
+        **s.to_dict(),
         "mission": task.name,
-        "law": s.law,
-        "supervised": s.supervised,
-        "alarm": s.alarm,
         **{key: value for key, value in last.items() if key != "events"},
-        "duration_s": float(s.time[-1]),
-        "samples": len(s.time),
-        **attributes(s, "completed=finished deepest_m within_depth_limit"),
-        "energy_J": s.books.energy["source"],
-        "energy_basis": s.books.basis,
-        "stop_reason": s.stop.value,
-        "events": _events(s.events),
-        "events_left_out": s.events_left_out,
         "steps": steps,
         "water": None if column is None else column.source,
         "notes": list(notes),

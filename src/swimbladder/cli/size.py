@@ -88,7 +88,7 @@ def size(
     to.check()
     casts = reading.casts(cast)
     with progress("loading"):
-        from swimbladder.design.sizing import Dive, load_parts, sentences, to_dict
+        from swimbladder.design.sizing import Dive, load_parts
         from swimbladder.design.sizing import size as find
         from swimbladder.show.report.size import sizing_files
     sea = None
@@ -104,4 +104,4 @@ def size(
         found = find(vehicle, Dive(**asked), column=sea, parts=listed, advance=advance, **room)
 
     water = labelled("cast", () if sea is None else sea.report)
-    to.answer(to_dict(found), partial(sizing_files, found), (*water, *sentences(found), ""))
+    to.answer(found.to_dict(), partial(sizing_files, found), (*water, *found.sentences, ""))

@@ -28,7 +28,7 @@ from swimbladder.control.law import Measurement
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import check_time_limit
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
-from swimbladder.io.answers import attributes
+from swimbladder.io.answers import Answer, attributes
 from swimbladder.io.files import check_place, make_folder
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import simulate
@@ -41,6 +41,7 @@ from swimbladder.sim.faults.flight import OWN
 from swimbladder.sim.faults.kinds import KINDS, On
 from swimbladder.sim.faults.mission_records import Result
 from swimbladder.sim.faults.run import FaultCampaign
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
 _ON_DECK, _RESET = 3, 5  # ticks before it is armed; before and after a reset
@@ -88,6 +89,19 @@ class FlightAnswer:
     duration: float = 0.0  # s, of the flight
     wall: float = 0.0  # s that it took
 
+    @property
+    def sentence(self) -> str:
+        """How the flight went."""
+        first = self.difference
+        said = f"{self.name}: equal at all {self.ticks} ticks"
+        if first is not None:
+            both = f"{first.field} {first.board:.9g} on the board, {first.twin:.9g} of the twin"
+            said = f"{self.name}: first differs at tick {first.tick}: {both}"
+            said += f"; {self.unequal} of {self.ticks} ticks differ"
+        faults = f"; {self.ended}" if self.ended else ""
+        alarm = f"; the supervisor took over: {self.reason}" if self.reason else ""
+        return f"{said}{faults}, at {self.depth:.2f} m{alarm}"
+
     def to_dict(self) -> dict[str, Any]:
         """Return it in SI."""
         keys = "name ticks unequal_ticks=unequal reason ended final_depth_m=depth duration_s wall_s"
@@ -121,7 +135,7 @@ class Times:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BoardAnswer:
+class BoardAnswer(Answer):
     """What a board did."""
 
     vehicle: Vehicle
@@ -144,6 +158,35 @@ class BoardAnswer:
     def speed(self) -> float:
         """Times real time."""
         return sum(one.duration for one in self.flights) / sum(one.wall for one in self.flights)
+
+    @property
+    def sentences(self) -> list[str]:
+        """How each flight went, the board's times, the line's frames."""
+        return list(self._words())
+
+    def _words(self) -> Iterator[str]:
+        made, times = self.made, self.times
+        where = f"{self.port}, {self.baud} baud, C {digest(made).hex()}"
+        yield f"{self.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s on {where}"
+        yield from (flight.sentence for flight in self.flights)
+        if self.not_flown:
+            yield f"not flown over a wire: {', '.join(self.not_flown)}"
+        listed = [("step on the board", times.steps), ("until the answer", times.trips)]
+        if self.real_time:
+            listed.append(("between ticks, off the sample time", times.intervals))
+        for name, taken in listed:
+            if (spread := Spread.of(taken)) is not None:
+                median, worst, jitter = (f"{1e3 * time:.3f} ms" for time in spread)
+                yield f"{name}: median {median}, worst {worst}, jitter {jitter}"
+        late = f"; {times.late} ticks were late" if self.real_time else ""
+        yield f"speed: {rounded(self.speed, 3)} times real time{late}"
+        counts = (
+            "{sent} sent, {lost} lost; corrupt: {corrupt} here, {corrupt_at_board} at the board"
+        )
+        yield f"frames: {counts.format(**self.frames)}"
+        left = self.stack_left
+        yield f"stack left: {'not known on this board' if left is None else f'{left} bytes'}"
+        yield "equal" if self.equal else "DIFFERENT"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""

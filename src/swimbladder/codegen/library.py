@@ -17,7 +17,14 @@ from swimbladder.codegen import wire
 from swimbladder.codegen.c99 import CSource, c_field, c_float, c_law, c_number, write_c99
 from swimbladder.codegen.clock import MOST_TICKS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, first_rows, fly
-from swimbladder.codegen.pool import BY_VOLTAGE, PoolDay, PoolOptions, in_float32, plan_pool_day
+from swimbladder.codegen.pool import (
+    BY_VOLTAGE,
+    PoolDay,
+    PoolOptions,
+    in_float32,
+    plan_pool_day,
+    pool_summary,
+)
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT
 from swimbladder.control.arming import ARMING, DISARMED, Deck
@@ -30,11 +37,13 @@ from swimbladder.control.supervisor_limits import (
     board_reach,
     check_time_limit,
     command_limits,
+    summary,
     supervisor_parameters,
     time_limit,
 )
 from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import InputError
+from swimbladder.io.answers import Answer
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop.board_law import board_law
@@ -42,6 +51,7 @@ from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 
+_ARRIVED = 0.1  # of the step, within which a golden trace has arrived
 _LATER = 1.0  # ticks, by which a law may be called later than it says
 _ON_BOARD = 100  # rows of the golden trace that a board checks
 _ROW_S, _SAVE_S = 5.0, 600.0  # s, between rows of the black box, and between savings of it
@@ -56,7 +66,7 @@ supervisor turns the vehicle round above."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Library(BoardProgram):
+class Library(BoardProgram, Answer):
     """The files of a library, and what they were made of."""
 
     vehicle: Vehicle
@@ -64,6 +74,45 @@ class Library(BoardProgram):
     golden: Golden
     pool: PoolDay | None
     files: Mapping[str, str]
+
+    @property
+    def sentences(self) -> list[str]:
+        """The law, its golden trace, and what is to be done."""
+        return list(self._words())
+
+    def _words(self) -> Iterator[str]:
+        golden, unit = self.golden, "V" if self.law.command == "voltage" else "m3"
+        low, high = self.limits
+        start, target, _ = self.mission
+        end, way = float(golden.depth[-1]), f"{start:g} to {target:g} m"
+        commands = f"command {low:.6g} to {high:.6g} {unit}"
+        to_do = "fill in the two functions of an example"
+        way_m = abs(self.mission.target - self.mission.start)
+        there = abs(end - self.mission.target) <= _ARRIVED * way_m
+        if self.drive is not None:
+            commands, way = "command seconds of pump and valve", f"{way} and up again"
+            to_do = "fill in one function of an example, and check its pins"
+            there = end <= self.drive.parameters.surface.shallow
+            if golden.depth.max() < (1.0 - _ARRIVED) * target:
+                end, there = float(golden.depth.max()), False
+        yield (
+            f"{self.vehicle.name}: law {self.law.name} every {self.tick_s:.9g} s, {commands}; "
+            f"C {digest(self).hex()}"
+        )
+        moves = f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm"
+        ticks = f"{len(golden.depth)} ticks under the supervisor"
+        yield f"golden trace: {way} in {ticks}; {moves}"
+        if not there:
+            yield (
+                f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it tests "
+                "less of the C than one with a longer --duration"
+            )
+        if self.drive is not None:
+            yield self.drive.summary()
+        yield summary(self.supervisor)
+        if self.pool is not None:
+            yield pool_summary(self.pool)
+        yield f"to do: {to_do}; README.md says how, and how to check"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, NoAnswerError, check_number
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import (
@@ -222,7 +222,7 @@ class Need:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ballasting:
+class Ballasting(Answer):
     """Everything that `ballast` found."""
 
     vehicle: Vehicle  # as ballasted

@@ -5,8 +5,45 @@ import enum
 import json
 import math
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import PurePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Answer:
+    """What an answer is to its user: some lines of words, plain values, and a picture.
+
+    Its words and its picture are those of `show.answers`.
+    """
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Keep a dataclass from making a repr of all its arrays."""
+        super().__init_subclass__(**more)
+        cls.__repr__ = Answer.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """Return what it says, in 15 lines at most."""
+        return str(_shown().text(self))
+
+    def _repr_html_(self) -> str:
+        return str(_shown().html(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return its numbers as plain values, SI, as the command's JSON has them."""
+        raise NotImplementedError
+
+    def plot(self) -> "Figure":
+        """Return its picture, a matplotlib Figure; raises NoAnswerError where it has none."""
+        figure: Figure = _shown().figure(self)
+        return figure
+
+
+def _shown() -> Any:
+    """Return the module that shows answers, which stands above all that make them."""
+    return import_module("swimbladder.show.answers")
 
 
 def plain(value: Any) -> Any:

@@ -12,9 +12,9 @@ from scipy.sparse import lil_array
 from swimbladder.design.planning import least_time, nominal_trajectory, plan
 from swimbladder.design.planning.energy import least_energy
 from swimbladder.design.planning.linear_program import (
-    Answer,
     Goal,
     Near,
+    Solved,
     driven_by,
     scale_of,
     solve,
@@ -237,7 +237,7 @@ def test_rounds_that_go_to_and_fro_settle_on_a_leash_only(monkeypatch):
         about.append(speed)
         states = np.zeros((n + 1, 4))
         states[:, 3] = speed
-        return Answer(states, np.zeros(n), 0.0, 0.0, 0.0)
+        return Solved(states, np.zeros(n), 0.0, 0.0, 0.0)
 
     about.append(np.zeros(n + 1))
     _, settled = settle(task, program, resting(n))

@@ -40,7 +40,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,7 @@ from scipy.stats import t as student
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.estimates import Estimate
+from swimbladder.io.answers import Answer, as_json, attributes
 from swimbladder.io.pump_runs import PumpRuns
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
@@ -212,8 +213,13 @@ class Predicted(NamedTuple):
     predicted_volume: float  # m3
 
 
+_DIVE = "dive runs deepest_Pa energy_J predicted_J volume_m3 predicted_volume_m3"
+_ESTIMATE = "value std ci95 unit"
+_BAND = "runs pressure_Pa volume_m3 energy_J efficiency fitted_efficiency=fitted"
+
+
 @dataclass(frozen=True, kw_only=True)
-class PumpFit:
+class PumpFit(Answer):
     """The fit to runs of a pump."""
 
     runs: PumpRuns
@@ -226,6 +232,19 @@ class PumpFit:
     without: dict[float, dict[str, float]] = field(default_factory=dict)  # numbers without a dive
     reference_voltage: float | None = None  # V, at which the powers hold; None: whatever it was
     by_volume: bool = False  # whether the volumes of runs were commanded, not their times
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the numbers of the fit: parameters with their 95 %, and the dives."""
+        return {
+            "runs": int(self.kept.sum()),
+            "excluded": int((~self.kept).sum()),
+            **attributes(
+                self, "clusters power_rms_W volume_rms_m3 reference_voltage_V by_volume refusal"
+            ),
+            "parameters": {n: as_json(e, _ESTIMATE) for n, e in self.parameters.items()},
+            "dives": [as_json(dive, _DIVE) for dive in self.dives],
+            "efficiency": [as_json(band, _BAND) for band in efficiency_bands(self)],
+        }
 
     def value(self, name: str) -> float:
         """Return a number, 0 where it was not among the unknown ones."""

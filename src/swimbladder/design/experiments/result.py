@@ -11,7 +11,7 @@ from swimbladder.design.experiments.conditions import Conditions, Flight, Settin
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.diagnose import LIMIT
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.plan import Expected, Plan, PlannedExperiment, Trace
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import Vehicle
@@ -186,7 +186,7 @@ _POINTS = 60
 
 
 @dataclass(frozen=True, kw_only=True)
-class Design:
+class Design(Answer):
     """Which experiments to run, their predicted errors, and how these compare.
 
     chosen: the set to run, in order; against: another one, named `rival`. curve: what sizes of

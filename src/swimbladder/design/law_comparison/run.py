@@ -29,7 +29,7 @@ from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.trial import ALONE, BOARD, SUPERVISED, Drawn, Trial, summarise
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
 from swimbladder.physics.seawater import Column
@@ -86,7 +86,7 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LawComparison:
+class LawComparison(Answer):
     """Every contender on every scenario, with the bounds that no controller can beat."""
 
     vehicle: Vehicle

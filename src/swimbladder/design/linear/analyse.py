@@ -13,7 +13,7 @@ from swimbladder.design.linear.routh import RouthTable, routh_table
 from swimbladder.design.linear.sampled import ClosedLoop, LinearLaw, close
 from swimbladder.design.linear.transfer import TransferFunction, transfer_functions
 from swimbladder.errors import InputError
-from swimbladder.io.answers import as_json, plain
+from swimbladder.io.answers import Answer, as_json, plain
 from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
 
@@ -292,7 +292,7 @@ class OpenLoop:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Analysis:
+class Analysis(Answer):
     """Everything that the linear models say of a vehicle at a depth."""
 
     vehicle: Vehicle
@@ -332,11 +332,15 @@ class Analysis:
             "closed loop": (*_closed_loop_words(self), *self.notes),
         }
 
+    @property
+    def sentences(self) -> list[str]:
+        """All findings, a sentence each."""
+        return [s for subject in self.findings.values() for s in subject]
+
     def text(self) -> str:
         """Return the findings as plain text, a paragraph each."""
         title = f"Linear analysis of {self.vehicle.name} at {self.depth:g} m"
-        sentences = [s for subject in self.findings.values() for s in subject]
-        return "\n\n".join([title, *sentences]) + "\n"
+        return "\n\n".join([title, *self.sentences]) + "\n"
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything in JSON's own types, SI numbers; None for what is infinite."""

@@ -23,9 +23,9 @@ from scipy.sparse import coo_array
 
 from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.linear_program import (
-    Answer,
     Goal,
     Near,
+    Solved,
     answer_of,
     columns_of,
     driven_by,
@@ -58,14 +58,14 @@ def winding(task: Task) -> Winding:
     return known_winding(task.vehicle, instead="plan for --goal effort, the least volume moved")
 
 
-def electrical(task: Task, answer: Answer) -> float:
+def electrical(task: Task, answer: Solved) -> float:
     """Return the electrical energy into the motor [J]; raises as `winding` does."""
     R, kappa = winding(task)
     h, u = task.sample_time, answer.commands
     return float(np.sum(u * (u * h - kappa * np.diff(driven_by(task, answer)))) / R)
 
 
-def least_energy(task: Task, steps: Steps, end: int, near: Near | None = None) -> Answer | None:
+def least_energy(task: Task, steps: Steps, end: int, near: Near | None = None) -> Solved | None:
     """Return the motion to rest at sample `end` of least energy [J], None where there is none.
 
     Raises NoAnswerError where the solver gives up.

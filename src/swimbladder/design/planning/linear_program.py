@@ -154,7 +154,7 @@ class Near(NamedTuple):
     back: Flags | None = None
 
 
-class Answer(NamedTuple):
+class Solved(NamedTuple):
     """The optimum: states [n + 1, 4] and commands [n] in SI, the objective, and how sure it is."""
 
     states: Array
@@ -238,7 +238,7 @@ def supply_rows(task: Task, n: int, scale: Scale) -> Rows:
     return rows
 
 
-def solve(task: Task, steps: Steps, goal: Goal, near: Near | None = None) -> Answer | None:
+def solve(task: Task, steps: Steps, goal: Goal, near: Near | None = None) -> Solved | None:
     """Return the optimum, None where nothing meets the demands.
 
     Raises NoAnswerError where the solvers give up.
@@ -255,21 +255,21 @@ def solve(task: Task, steps: Steps, goal: Goal, near: Near | None = None) -> Ans
     return answer_of(task, n, found, near)._replace(objective=found.objective * size)
 
 
-def driven_by(task: Task, answer: Answer) -> Array:
+def driven_by(task: Task, answer: Solved) -> Array:
     """Return the volume [n + 1] in m3 that the motor has driven: what is there and what leaked."""
     _, V, z, _ = answer.states.T
     leaked = 0.5 * task.plant.k_l * task.sample_time * np.cumsum(z[1:] + z[:-1])
     return np.asarray(V + np.concatenate([[0.0], leaked]))
 
 
-def answer_of(task: Task, n: int, found: Optimum, near: Near | None) -> Answer:
+def answer_of(task: Task, n: int, found: Optimum, near: Near | None) -> Solved:
     """Return a program's optimum over n samples in SI."""
     held = near is not None and near.back is not None
     scale = scale_of(task)
     x, u = columns_of(n)
     states, commands = found.x[x] * scale.state, found.x[u] * scale.command
     prices = found.prices[-n:] if held else None
-    return Answer(states, commands, found.objective, found.gap, prices=prices)
+    return Solved(states, commands, found.objective, found.gap, prices=prices)
 
 
 def posed(

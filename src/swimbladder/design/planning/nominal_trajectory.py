@@ -20,7 +20,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from swimbladder.design.linear.models import Array
-from swimbladder.design.planning.linear_program import Answer, Flags, Goal, Near, scale_of, solve
+from swimbladder.design.planning.linear_program import Flags, Goal, Near, Solved, scale_of, solve
 from swimbladder.design.planning.task import STATES, Limits, Steps, Task, steps_along, task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.progress import Advance, silent
@@ -44,7 +44,7 @@ class NominalTrajectory(NamedTuple):
 class Program(Protocol):
     """What finds the optimum for given steps and, as `posed` has it, where to stay; or None."""
 
-    def __call__(self, steps: Steps, near: Near, /) -> Answer | None:
+    def __call__(self, steps: Steps, near: Near, /) -> Solved | None:
         """Return the optimum."""
 
 
@@ -73,7 +73,7 @@ def settle(
     *,
     agree: float = AGREE,
     back: Flags | None = None,
-) -> tuple[Answer | None, NominalTrajectory]:
+) -> tuple[Solved | None, NominalTrajectory]:
     """Return the answer that agrees with its own course, and that course.
 
     agree: largest difference of their speeds, over the scale of speed [-]. back: in which samples
@@ -128,7 +128,7 @@ _BETTER = 1e-6  # the share that is less
 _WORTH = 1e-6  # of the largest price, below which a sample is where it wants to be
 
 
-def best_load_direction(task: Task, program: Program, nominal: NominalTrajectory) -> Answer | None:
+def best_load_direction(task: Task, program: Program, nominal: NominalTrajectory) -> Solved | None:
     """Return the answer whose sides no turn betters, from those of a course; None: there is none.
 
     Raises NoAnswerError as `settle` does.
@@ -153,7 +153,7 @@ class _LoadDirections:
     """The best answer so far, its course, and the sides [n] that it is for."""
 
     def __init__(
-        self, task: Task, program: Program, answer: Answer, nominal: NominalTrajectory, back: Flags
+        self, task: Task, program: Program, answer: Solved, nominal: NominalTrajectory, back: Flags
     ) -> None:
         self.task, self.program = task, program
         self.answer, self.nominal, self.back = answer, nominal, back
@@ -248,11 +248,11 @@ def search_least(task: Task, *, rest: bool, advance: Advance = silent) -> Found:
     """Return the least time and the course that takes it, by bisection; advance: as in `plan`."""
     nominal = resting(1)
 
-    def slack(n: int, end: int, relaxed: str, agree: float) -> Answer:
+    def slack(n: int, end: int, relaxed: str, agree: float) -> Solved:
         nonlocal nominal
         goal = Goal(near=n if relaxed == "near" else None, rest=end, relaxed=relaxed)
 
-        def program(steps: Steps, near: Near) -> Answer | None:
+        def program(steps: Steps, near: Near) -> Solved | None:
             advance(1.0)
             return solve(task, steps, goal, near)
 
@@ -274,7 +274,7 @@ def search_least(task: Task, *, rest: bool, advance: Advance = silent) -> Found:
     return Found(_least(task, settled, missed, size), end, stretched(nominal, end))
 
 
-def _reached(task: Task, slack: Callable[[int, float], Answer]) -> int:
+def _reached(task: Task, slack: Callable[[int, float], Solved]) -> int:
     """Return a number of samples that suffices, at most twice too many."""
     n = max(math.ceil(task.brisk / task.sample_time), 4)
     while n <= MOST_SAMPLES:
@@ -288,7 +288,7 @@ def _reached(task: Task, slack: Callable[[int, float], Answer]) -> int:
     )
 
 
-def _bisect(slack: Callable[[int, float], Answer], low: int, high: int) -> tuple[int, Answer]:
+def _bisect(slack: Callable[[int, float], Solved], low: int, high: int) -> tuple[int, Solved]:
     """Return the least n without slack, and the answer for n - 1, both on settled courses."""
     while high - low > 1:
         middle = (low + high) // 2
@@ -303,5 +303,5 @@ def _bisect(slack: Callable[[int, float], Answer], low: int, high: int) -> tuple
     return high, missed
 
 
-def _least(task: Task, n: int, missed: Answer, size: float) -> LeastTime:
+def _least(task: Task, n: int, missed: Solved, size: float) -> LeastTime:
     return LeastTime(n * task.sample_time, n, missed.objective * size, missed.gap)

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.energy import electrical, least_energy, winding
-from swimbladder.design.planning.linear_program import Answer, Goal, Near, scale_of, solve
+from swimbladder.design.planning.linear_program import Goal, Near, Solved, scale_of, solve
 from swimbladder.design.planning.nominal_trajectory import (
     LeastTime,
     NominalTrajectory,
@@ -22,7 +22,7 @@ from swimbladder.design.planning.nominal_trajectory import (
 )
 from swimbladder.design.planning.task import Limits, Steps, Task, task_of
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.buoyancy_engine import winding as winding_of
 from swimbladder.sim.closed_loop import drive
@@ -34,7 +34,7 @@ _LOST = 0.1  # of the step: a motion that far from the plan is another
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
+class Plan(Answer):
     """The plan at each sample [n + 1], the command held from there on."""
 
     task: Task
@@ -217,10 +217,10 @@ def _check(goal: str, arrive: str | None, duration: float | None) -> str:
 
 def _best(
     task: Task, goal: Goal | None, begin: NominalTrajectory, advance: Advance
-) -> Answer | None:
+) -> Solved | None:
     """Return the best answer for a linear goal, or of least energy to the end of a course."""
 
-    def program(steps: Steps, beside: Near) -> Answer | None:
+    def program(steps: Steps, beside: Near) -> Solved | None:
         advance(1.0)
         if goal is None:
             return least_energy(task, steps, len(steps.A), beside)
@@ -253,7 +253,7 @@ def _impossible(
         if not math.isfinite(limit):
             continue
 
-        def program(steps: Steps, beside: Near, name: str = name) -> Answer | None:
+        def program(steps: Steps, beside: Near, name: str = name) -> Solved | None:
             return solve(task, steps, Goal(near=None, rest=end, relaxed=name), beside)
 
         answer, _ = settle(task, program, stretched(nominal, end))
@@ -273,7 +273,7 @@ def _no_less(value: float) -> float:
 
 
 def _plan_of(
-    task: Task, goal: str, arrive: str, answer: Answer, least: LeastTime, arrival: int
+    task: Task, goal: str, arrive: str, answer: Solved, least: LeastTime, arrival: int
 ) -> Plan:
     h, n = task.sample_time, len(answer.commands)
     time: Array = np.arange(n + 1, dtype=np.float64) * h
@@ -307,7 +307,7 @@ def _plan_of(
     )
 
 
-def _at_limit(task: Task, answer: Answer) -> dict[str, float]:
+def _at_limit(task: Task, answer: Solved) -> dict[str, float]:
     """Return the share of the samples at each limit."""
     _, V, z, w = answer.states.T
     command = "piston speed" if task.plant.positioner else "voltage"

@@ -12,8 +12,6 @@ from swimbladder.design.sizing.requirements import Dive as Dive, requirements as
 from swimbladder.design.sizing.run import (
     Sizing as Sizing,
     columns as columns,
-    sentences as sentences,
     size as size,
     sized_vehicle as sized_vehicle,
-    to_dict as to_dict,
 )

@@ -23,7 +23,7 @@ from swimbladder.design.sizing.candidates import (
 from swimbladder.design.sizing.evaluation import REQUIREMENTS, Evaluation, evaluate
 from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
 from swimbladder.errors import InputError, NoAnswerError, check_number
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.hull import weight_mass
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
@@ -84,7 +84,7 @@ class Sweep:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Sizing:
+class Sizing(Answer):
     """All candidates, weighed, the best of them, and what each wish and each part costs."""
 
     body: Vehicle
@@ -103,6 +103,15 @@ class Sizing:
     def chosen(self) -> Combination:
         """The best combination of parts."""
         return self.batch.of[self.best]
+
+    @property
+    def sentences(self) -> list[str]:
+        """The drive, the stroke, what it takes, what limits it."""
+        return _sentences(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the whole answer in SI units."""
+        return _numbers(self)
 
 
 def size(
@@ -287,7 +296,7 @@ _EVACUATED = 2e4  # Pa
 _YEAR = 365.25 * 86400.0  # s
 
 
-def sentences(found: Sizing) -> list[str]:
+def _sentences(found: Sizing) -> list[str]:
     """Return the answer: the drive, the stroke, what it takes, what limits it."""
     w, b, asked, dive = found.evaluation, found.best, found.asked, found.asked.dive
     c = found.chosen
@@ -454,7 +463,7 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
     return table | {name: values[order].tolist() for name, values in numbers.items()}
 
 
-def to_dict(found: Sizing) -> dict[str, Any]:
+def _numbers(found: Sizing) -> dict[str, Any]:
     """Return the whole answer in SI units."""
     w, asked = found.evaluation, found.asked
 
@@ -480,7 +489,7 @@ def to_dict(found: Sizing) -> dict[str, Any]:
         "chosen": _one(found, found.best),
         "pareto": [_one(found, index) for index in found.pareto],
         "choices": [choice(one) for one in found.choices],
-        "sentences": sentences(found),
+        "sentences": found.sentences,
     }
 
 

@@ -28,7 +28,7 @@ from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, usual_step
 from swimbladder.errors import InputError
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
@@ -40,7 +40,7 @@ from swimbladder.vehicle.schema import no_such
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stability:
+class Stability(Answer):
     """All that was found; parts that were not asked for are empty."""
 
     vehicle: str

@@ -11,7 +11,7 @@ from swimbladder.design.linear.sampled import BoundLaw, SampledLoop
 from swimbladder.design.tuning import gains, trial
 from swimbladder.design.tuning.margins import MARGINS, loops, margin_words
 from swimbladder.errors import NoAnswerError
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.physics.dynamics import Plant
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
@@ -20,7 +20,7 @@ _WIDER = 3.0  # times the rms of a hold, that a band has to be to stand out from
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tuning(gains.Found):
+class Tuning(gains.Found, Answer):
     """A law with its gains, the margins that they guarantee, and what trials gave.
 
     margins: the worst over the region, at the command and at the measured depth. nominal and

@@ -16,7 +16,7 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator.bench import Driven, Quantity
 from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.estimation.series import Array, Mask, rms
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.physics.actuator import reduced, to_identified
 from swimbladder.vehicle import (
     AnyActuator,
@@ -166,7 +166,7 @@ class LogFit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ActuatorIdentification:
+class ActuatorIdentification(Answer):
     """The actuator as identified from the logs.
 
     parameters: K1, T1, dead_zone, load_voltage, asymmetry, rate, and derived: the same by

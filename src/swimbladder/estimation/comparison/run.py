@@ -21,7 +21,7 @@ from swimbladder.estimation.comparison.misread import Drive, misread
 from swimbladder.estimation.comparison.record import Record, follow_in, record
 from swimbladder.estimation.estimates import Finding, bounded_fit, check_names
 from swimbladder.estimation.series import Array, Mask, rms, white_noise
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import plant
@@ -434,7 +434,7 @@ def _spread(residual: Array, slope: Array) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class Comparison(Answer):
     """Measured against predicted depth; statistics over the samples that are compared.
 
     residual is predicted less measured. rms and bias in m; variance_explained is
@@ -457,6 +457,14 @@ class Comparison:
     solution: Solution | None
     notes: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
+
+    @property
+    def sentences(self) -> list[str]:
+        """How far the model is off the log, and what that says."""
+        off = f"{1e3 * self.rms:.1f} mm rms, {1e3 * self.bias:+.1f} mm on average"
+        share = f"{100.0 * self.variance_explained:.2f} % of the variance explained"
+        said = f"{self.source}, driven by {self.record.drive}, {self.n} samples: {off}, {share}"
+        return [said, *(finding.sentence for finding in self.findings), *self.notes]
 
     @property
     def possible(self) -> bool:

@@ -43,7 +43,7 @@ from swimbladder.estimation.motion.deep_model import (
     run_volumes,
 )
 from swimbladder.estimation.series import Array, rms
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.float_log import FloatLog
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.hull import weighing
@@ -347,7 +347,7 @@ class DiveFit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeepIdentification:
+class DeepIdentification(Answer):
     """Parameters from deep dives.
 
     identified: whether the data determine all that was asked for. sentences: what a user has to

@@ -14,7 +14,7 @@ from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
 from swimbladder.estimation.motion.problem import NAMES, Model, Problem
 from swimbladder.estimation.series import Array
-from swimbladder.io.answers import as_json, plain
+from swimbladder.io.answers import Answer, as_json, plain
 from swimbladder.vehicle import (
     Drag,
     Identified,
@@ -118,7 +118,7 @@ class ExperimentFit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Identification:
+class Identification(Answer):
     """The parameters of a vehicle's vertical motion, how sure they are, and why.
 
     parameters: in the order of `names`; covariance [p, p] of their values in SI units. A parameter

@@ -1,12 +1,31 @@
-"""A campaign as a picture: which inputs its outcome comes from."""
+"""A campaign as pictures: its floats' numbers, and which inputs its outcome comes from."""
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from swimbladder.show.plots.style import Ink, grid_of, label_panels, legend_beside, styled
-from swimbladder.sim.campaign.result import Sensitivity
+from swimbladder.sim.campaign.result import Campaign, Sensitivity
 
 _HIGH = 0.36  # of a bar
+
+
+@styled
+def draw_campaign(found: Campaign) -> Figure:
+    """Return how the numbers of the floats are distributed, a panel each."""
+    shown = found.numbers()
+    lines = -(-len(shown) // 3)
+    figure = Figure(figsize=(9.6, 0.8 + 2.4 * lines))
+    panels = grid_of(figure, len(shown), 3)
+    for axes, (words, unit, values) in zip(panels, shown, strict=False):
+        axes.hist(values, bins="auto" if np.ptp(values) > 0.0 else 1, color=Ink.BLUE)
+        axes.axvline(float(np.median(values)), color=Ink.BLACK, lw=1.0, ls="--")
+        axes.set_xlabel(f"{words} [{unit or '-'}]")
+        axes.set_ylabel("floats [-]")
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    label_panels(panels[: len(shown)])
+    figure.suptitle(f"{found.sentence}\ndashed: median", fontsize=10.0)
+    return figure
 
 
 @styled

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from swimbladder.design.energy import DriveEnergy, Hovering, Profiling, PumpFit
+from swimbladder.design.energy import DriveEnergy, Energy, Hovering, Profiling, PumpFit
 from swimbladder.show.plots import style
 from swimbladder.show.plots.style import Ink
 from swimbladder.units import rounded
@@ -23,8 +23,9 @@ _DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
 
 
 @style.styled
-def draw_energy(found: DriveEnergy) -> Figure:
+def draw_energy(answer: Energy) -> Figure:
     """Return energy per volume, rates, power and efficiencies over depth, and the map."""
+    found = answer.drive
     figure, panels = style.new_figure((11.0, 7.0), 2, 3)
     per, rate, power, chain, last, into = panels
     z, m = found.column.depth, found.map

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swimbladder.show.plots import style
 from swimbladder.show.plots.style import Ink
-from swimbladder.sim.faults import Campaign
+from swimbladder.sim.faults import FaultResult
 from swimbladder.sim.faults.kinds import KINDS
 from swimbladder.sim.faults.mission_records import TRACE
 from swimbladder.sim.faults.single_mission import Flown
@@ -23,7 +23,7 @@ _LONGER = 1.3  # of the supervised flight and that with ideal detection: the res
 
 
 @style.styled
-def draw_campaign(flown: Campaign) -> Figure:
+def draw_campaign(flown: FaultResult) -> Figure:
     """Return, for each kind of fault, the outcomes of its missions and the detection time."""
     lines = flown.lines()[:-1][::-1]
     size = (10.0, 0.28 * len(lines) + 1.6)

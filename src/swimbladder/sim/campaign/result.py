@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.io.answers import Answer
 from swimbladder.io.mission import Mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Workers, run
@@ -205,7 +206,7 @@ class Sensitivity:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Campaign:
+class Campaign(Answer):
     """Floats of one vehicle on one mission; table [n, Fact.COUNT].
 
     supervised: whether the laws fly under the vehicle's supervisor. sensitivity: where the floats
@@ -245,28 +246,31 @@ class Campaign:
         ]
         return [(words, n, n / total, share_interval(n, total)) for words, n in found]
 
-    def spreads(self) -> list[tuple[str, str, float, float, float]]:
-        """Return (what, unit, median, 5 %, 95 %) of the numbers over all floats."""
+    def numbers(self) -> list[tuple[str, str, Array]]:
+        """Return (what, unit, of each float that has it [k]) of the numbers that floats have."""
         t = self.table
         cycles = np.maximum(t[:, Fact.CYCLES], 1.0)
-        numbers: list[tuple[str, str, Array]] = [
+        found: list[tuple[str, str, Array]] = [
             ("cycles", "", t[:, Fact.CYCLES]),
             ("arrives at the first depth in", "h", t[:, Fact.ARRIVAL] / 3600.0),
             ("deepest", "m", t[:, Fact.DEEPEST]),
             ("pump runs per cycle", "", t[:, Fact.PUMP_RUNS] / cycles),
         ]
         if not self.energy_unknown:
-            numbers += [
+            found += [
                 ("drive's energy per cycle", "kJ", t[:, Fact.DRIVE] / cycles / 1e3),
                 ("battery's energy per cycle", "kJ", t[:, Fact.DRAWN] / cycles / 1e3),
             ]
-        numbers += [(words, "", values) for words, values in self._avoided.items()]
+        found += [(words, "", values) for words, values in self._avoided.items()]
+        known = [(words, unit, x[np.isfinite(x)]) for words, unit, x in found]
+        return [one for one in known if one[2].size]
+
+    def spreads(self) -> list[tuple[str, str, float, float, float]]:
+        """Return (what, unit, median, 5 %, 95 %) of the numbers over all floats."""
         found = []
-        for words, unit, values in numbers:
-            known = values[np.isfinite(values)]
-            if known.size:
-                low, middle, high = np.quantile(known, [0.05, 0.5, 0.95])
-                found.append((words, unit, float(middle), float(low), float(high)))
+        for words, unit, values in self.numbers():
+            low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
+            found.append((words, unit, float(middle), float(low), float(high)))
         return found
 
     @property
@@ -294,6 +298,18 @@ class Campaign:
             f"{count} of {n} floats did every phase of every cycle: {100.0 * count / n:.1f} % "
             f"({100.0 * low:.1f} to {100.0 * high:.1f} %)"
         )
+
+    @property
+    def sentences(self) -> list[str]:
+        """The answer, and the numbers over all floats."""
+        found = [self.sentence]
+        for words, unit, middle, low, high in self.spreads():
+            value = f"{middle:.4g} {unit}".rstrip()
+            found.append(f"{words}: {value} (90 %: {low:.4g} to {high:.4g})")
+        if (life := self.battery_life) is not None:
+            ends = "{} to {}".format(*life.prediction95)
+            found.append(f"cycles on one battery: {life.median:g} (95 % of the next float: {ends})")
+        return found
 
     @property
     def columns_csv(self) -> dict[str, Array]:

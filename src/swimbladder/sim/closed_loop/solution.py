@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swimbladder.io.answers import Answer, attributes
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import electrical_power, supply_current, winding_current
@@ -227,7 +228,7 @@ class Event:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Solution:
+class Solution(Answer):
     """A run at its sample instants; arrays [n + 1], the inputs of a row hold until the next.
 
     depth [m], speed [m/s, down], volume [m3], motor_rate [m3/s, before leakage], reference [m],
@@ -264,6 +265,33 @@ class Solution:
     alarm: Alarm | None
 
     @property
+    def sentences(self) -> list[str]:
+        """What was flown, where it went, and why it ended."""
+        flown = f"law {self.law} {'and supervisor' if self.supervised else 'alone'}"
+        span = f"{self.time[-1]:g} s in {len(self.time)} samples"
+        way = f"from {self.depth[0]:.3g} to {self.depth[-1]:.3f} m, deepest {self.deepest:.3g} m"
+        said = [f"{self.vehicle.name}, {flown}, {span}: {way}"]
+        said.append(f"volume moved to and fro: {1e6 * self.actuator_travel:.3g} cm3")
+        return [*said, self.stop.value]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a program wants to know, in SI; the arrays are in `dataset`."""
+        return {
+            "vehicle": self.vehicle.name,
+            "law": self.law,
+            "supervised": self.supervised,
+            "alarm": self.alarm,
+            "duration_s": float(self.time[-1]),
+            "samples": len(self.time),
+            **attributes(self, "completed=finished deepest_m within_depth_limit"),
+            "energy_J": self.books.energy["source"],
+            "energy_basis": self.books.basis,
+            "stop_reason": self.stop.value,
+            "events": [{"time_s": event.time, "kind": event.kind} for event in self.events],
+            "events_left_out": self.events_left_out,
+        }
+
+    @property
     def finished(self) -> bool:
         """Whether the simulation reached its end."""
         return self.stop is StopReason.FINISHED
@@ -289,10 +317,10 @@ class Solution:
         import xarray
 
         data = xarray.Dataset(coords={"time": ("time", self.time, TIME)})
-        for name, attributes in VARIABLES.items():
+        for name, about in VARIABLES.items():
             values = getattr(self, name)
             if not np.all(np.isnan(values)):
-                data[name] = ("time", values, attributes)
+                data[name] = ("time", values, about)
         title = f"Vertical motion of {self.vehicle.name}, simulated"
         data.attrs = cf_attributes(title, self.law) | {"stop_reason": self.stop.name}
         return data

@@ -5,5 +5,5 @@
 flies a campaign and `campaign_result` evaluates it.
 """
 
-from swimbladder.sim.faults.campaign_result import Campaign as Campaign
+from swimbladder.sim.faults.campaign_result import FaultResult as FaultResult
 from swimbladder.sim.faults.run import faults as faults

@@ -1,6 +1,7 @@
 """Results of a fault campaign: which missions are recoverable, recovered, and detected how soon."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -10,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
+from swimbladder.io.answers import Answer
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course, reached
 from swimbladder.sim.faults.kinds import KINDS, not_drawn
 from swimbladder.sim.faults.mission_records import FaultRow, Result
+from swimbladder.units import rounded
 
 Array = NDArray[np.float64]
 
@@ -112,7 +115,7 @@ def _results(rows: NDArray[np.void], flight: int, field: str) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Campaign:
+class FaultResult(Answer):
     """Missions with faults and without, a ROW each; see `run`."""
 
     course: Course
@@ -231,6 +234,60 @@ class Campaign:
     def passed(self) -> bool:
         """Whether every recoverable vehicle surfaced, with no false alarm in health."""
         return len(self.lost) == 0 and len(self.false_alarms) == 0
+
+    @property
+    def sentences(self) -> list[str]:
+        """What was flown, and what it comes to."""
+        return list(self._words())
+
+    def _words(self) -> Iterator[str]:
+        course = self.course
+        assert course.vehicle.controller is not None
+        sea = "" if course.column is None else f" in the water of {course.water}"
+        depths = course.depths
+        between = f"between {rounded(depths.least, 3)} and {rounded(depths.most, 3)} m"
+        missions = f"{len(self.faulty)} missions with faults {between} ({depths.limit})"
+        law = f"law {course.vehicle.controller.law}"
+        limit = f"time limit {course.time_limit:.0f} s, C {self.program}"
+        yield f"{course.vehicle.name}{sea}, {law}: {missions}, {limit}"
+        for part, names in not_drawn(self.course.vehicle).items():
+            yield f"not drawn, as it lacks {part}: {', '.join(names)}"
+        able, total = int(self.recoverable.sum()), len(self.faulty)
+        gone = self.lines()[-1]
+        yield (
+            f"{able} of {total} missions are recoverable: full buoyancy, commanded 60 s after "
+            f"fault onset, surfaces the vehicle. With the supervisor {gone.recovered} of them were "
+            f"recovered; without it {100.0 * self.lost_without_supervisor:.0f} % were lost "
+            f"({100.0 * self.all_lost_without_supervisor:.0f} % of all missions). Of the other "
+            f"{total - able} the supervisor brought up {gone.unrecoverable_surfaced}."
+        )
+        if len(self.lost_early):
+            yield (
+                f"{len(self.lost_early)} more were lost that full buoyancy 60 s after the onset of "
+                "the first of two faults would have surfaced, but not 60 s after the second: by "
+                "then it was too late, or the second had had no effect yet"
+            )
+        if len(self.filled):
+            yield (
+                f"{len(self.filled)} of the recovered surfaced no later than with full buoyancy "
+                "60 s after fault onset, and were then filled by a leak at full buoyancy: no "
+                "command helps"
+            )
+        if len(self.cut_short):
+            yield (
+                f"in {len(self.cut_short)} missions the time limit acts before the depth has "
+                'drifted by 3 m: --time-limit "9 h" leaves time for all'
+            )
+        if self.lost_without_supervisor < MILD:
+            few = f"less than {MILD:.0%} of the recoverable missions were lost"
+            yield f"the faults are mild for this law: without the supervisor {few}"
+        alarms, trials = len(self.false_alarms), len(self.healthy)
+        most = f"at most {rule_of_three(alarms, trials):.2g} of them (95 %)"
+        below = f"{len(self.healthy_lost)} did not come up"
+        yield f"healthy: {alarms} false alarms in {trials} missions, {most}; {below}"
+        if len(self.too_slow):
+            slow = f"{len(self.too_slow)} healthy missions had not ended at the time limit"
+            yield f"{slow}, and the supervisor ended them: the law is slow for them"
 
     def lines(self) -> list[Line]:
         """Return a line for each kind of fault that came alone, one for pairs, and one for all."""

@@ -26,7 +26,7 @@ from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.closed_loop.floats import float_model
 from swimbladder.sim.engine.modes import SUPPLY, Z_BOTTOM
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED, Board, c_interface
-from swimbladder.sim.faults.campaign_result import ROW, Campaign, Outcome, outcomes
+from swimbladder.sim.faults.campaign_result import ROW, FaultResult, Outcome, outcomes
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
 from swimbladder.sim.faults.fault_effects import NO_PUMP, PumpTable
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN, Room, fly
@@ -160,7 +160,7 @@ def faults(
     column: Column | None = None,
     keep: Path | None = None,
     advance: Advance = silent,
-) -> Campaign:
+) -> FaultResult:
     """Fly missions with faults, and `healthy` ones without (a tenth as many); return what happened.
 
     depths [m]: least and greatest. column: the water, the vehicle's own where not given. keep: a
@@ -190,7 +190,9 @@ def faults(
                 table[numbers.start : numbers.stop] = rows
                 advance(len(rows) / (missions + healthy))
     program = digest(made).hex()
-    return Campaign(course=course, seed=seed, faulty=tables[0], healthy=tables[1], program=program)
+    return FaultResult(
+        course=course, seed=seed, faulty=tables[0], healthy=tables[1], program=program
+    )
 
 
 def _chunk(campaign: FaultCampaign, seed: int, kept: Store, healthy: bool, numbers: range) -> Rows:

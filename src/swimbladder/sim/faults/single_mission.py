@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swimbladder.control.registry import own_law
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
-from swimbladder.sim.faults.campaign_result import Campaign, Outcome, outcomes, reason_words
+from swimbladder.sim.faults.campaign_result import FaultResult, Outcome, outcomes, reason_words
 from swimbladder.sim.faults.draw import Course, Mission, course_of, draw
 from swimbladder.sim.faults.flight import FULL, OWN
 from swimbladder.sim.faults.kinds import KINDS
@@ -29,7 +29,7 @@ TRACE_COLUMNS = (*_MOTION, *_DRIVE, *_SEEN, "lost_ticks", "board", "reason", "wa
 assert len(TRACE_COLUMNS) == 1 + len(Trace._fields)
 
 
-def missions_csv(flown: Campaign) -> str:
+def missions_csv(flown: FaultResult) -> str:
     """Return a row for each mission with faults; times in s from its start."""
     tick, facts = flown.tick, flown.faulty
     columns: dict[str, Iterable[str]] = {"mission": map(str, range(len(facts)))}

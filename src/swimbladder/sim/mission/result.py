@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
+from swimbladder.io.answers import Answer
 from swimbladder.physics.hull import linear_psi
 from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.engine.rodas.records import OF_DRIVE, Account, Ice, Note, Stop
@@ -25,7 +26,7 @@ _BACK = 0.5  # m below where it turned back, it has
 
 
 @dataclass(frozen=True)
-class MissionResult:
+class MissionResult(Answer):
     """A flight, what it took of the stroke, and what follows."""
 
     flight: Flight
@@ -209,6 +210,11 @@ class MissionResult:
             f"stroke margin {planned:.0f} % of {length:.4g} cm3 as planned, {flown:.0f} % flown"
         )
         return f"{answer}; {margin}" if answer else margin
+
+    @property
+    def sentences(self) -> list[str]:
+        """The answer, how each park and hold went, why it ended, what to know."""
+        return [self.sentence, *self.holding, *self.reasons, *self.notes]
 
     @property
     def reasons(self) -> list[str]:
