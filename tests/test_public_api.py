@@ -65,6 +65,49 @@ def test_the_version_is_the_one_that_is_installed():
     assert swimbladder.__version__ == version("swimbladder")
 
 
+FUNCTIONS = [name for name in sb.__all__ if inspect.isfunction(getattr(sb, name))]
+NEVER_RAISE = {"preset_names", "step_metrics"}
+
+
+def sections(docstring):
+    """Return the lines of each numpydoc section of a docstring, by its heading."""
+    lines, found, heading = inspect.cleandoc(docstring).splitlines(), {}, None
+    for line, below in zip(lines, [*lines[1:], ""], strict=True):
+        if line and below == "-" * len(line):
+            heading = line
+            found[heading] = []
+        elif heading is not None and line.strip("-"):
+            found[heading].append(line)
+    return found
+
+
+def named(lines):
+    """Return the names at the margin of a section, of which a line may have several: ``a, b``."""
+    return [name for line in lines if not line.startswith(" ") for name in line.split(", ")]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_function_says_what_it_takes_returns_and_raises(name):
+    function = getattr(sb, name)
+    signature, said = inspect.signature(function), sections(function.__doc__)
+    kinds = {p.name: p.kind for p in signature.parameters.values()}
+    known = [f"**{p}" if k is inspect.Parameter.VAR_KEYWORD else p for p, k in kinds.items()]
+    documented = named(said.get("Parameters", []))
+    assert set(documented) <= set(known), "no such parameter"
+    assert len(documented) == len(set(documented)), "a parameter twice"
+    assert {p for p in known if not p.startswith("**")} <= set(documented)
+    assert ("Parameters" in said) == bool(known)
+    if signature.return_annotation not in (None, "None"):
+        assert said["Returns"]
+    if name not in NEVER_RAISE:
+        assert said["Raises"]
+    assert [*said] == [s for s in ("Parameters", "Returns", "Raises") if s in said]
+    for lines in said.values():
+        assert not lines[0].startswith(" ")
+        for line, below in zip(lines, [*lines[1:], ""], strict=True):
+            assert line.startswith(" ") or below.startswith(" "), f"nothing is said of {line}"
+
+
 # What options of a command are in Python: the function's own names for some, and fields of what it
 # takes. Files, pictures and JSON are methods of the answer, or functions that write.
 READERS = {

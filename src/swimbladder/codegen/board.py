@@ -218,11 +218,37 @@ def board(
 ) -> BoardAnswer:
     """Fly a vehicle's model by the board at a serial port; return where it differs from its twin.
 
-    The board runs HardwareInTheLoop of the vehicle's library. flights: the golden mission where not
-    given; real_time: a tick comes every sample time, not as soon as it can; out: the folder that
-    the flights' logs are written into as they grow.
-    Raises InputError where the vehicle, the port or the board is not the right one, and
-    NoAnswerError where the board answers no more: the model then gets full buoyancy.
+    The board runs HardwareInTheLoop of the vehicle's library.
+
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it, with a controller and a time limit of its supervisor.
+    port
+        Name of the serial port.
+    flights
+        What is flown; none: the golden mission.
+    baud
+        Of the serial port [Bd].
+    real_time
+        Whether a tick comes every sample time, and not as soon as it can.
+    out
+        The folder that the flights' logs are written into as they grow.
+    advance
+        Called with the share of the work that was done since.
+
+    Returns
+    -------
+    BoardAnswer
+        Each flight with the first difference between board and twin, and what was measured of times
+        and frames.
+
+    Raises
+    ------
+    InputError
+        The vehicle, the port or the board is not the right one.
+    NoAnswerError
+        The board answers no more: the model then gets full buoyancy.
     """
     asked = flights or Flights()
     check_time_limit(vehicle)

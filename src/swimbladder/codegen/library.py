@@ -147,14 +147,37 @@ def firmware(
     pool: PoolOptions | None = None,
     advance: Advance = silent,
 ) -> Library:
-    """Return the library of a vehicle's controller; the golden mission is a depth step.
+    """Return the library of a vehicle's controller, with a golden mission.
 
-    start_depth, target [m], duration [s] (`STEP` where not given; a float's also comes up again,
-    `DIVE`), seed: of its sensors' noise (None: ideal sensors); pool: the pool that its pool
-    procedure is made for (None: it has none).
-    Raises InputError where the vehicle has no controller, its supervisor no time limit, or where it
-    does not fit the pool, and NoAnswerError where it does not come through the mission, or through
-    the pool day.
+    The golden mission is a depth step; a float's also comes up again.
+
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    start_depth, target
+        Of the golden mission [m]; none: those of `STEP`, of a float those of `DIVE`, or others
+        where the controller is for other depths.
+    duration
+        Of the golden mission [s]; none: that of `STEP` or `DIVE`.
+    seed
+        Of the sensors' noise; none: ideal sensors.
+    pool
+        The pool that the library's pool procedure is made for; none: it has none.
+    advance
+        Called with the share of the work that was done since.
+
+    Returns
+    -------
+    Library
+        The files of the library, which `write_library` writes, and what they were made of.
+
+    Raises
+    ------
+    InputError
+        The vehicle has no controller, its supervisor no time limit, or it does not fit the pool.
+    NoAnswerError
+        It does not come through the mission, or through the pool day.
     """
     floats = vehicle.command == "volume change"
     if pool is not None and floats:
@@ -404,10 +427,27 @@ def _in_pool(vehicle: Vehicle, pool: PoolOptions) -> Vehicle:
 
 
 def write_library(library: Library, out: Path) -> list[Path]:
-    """Write the files into the folder `out`, which appears whole; return their paths.
+    """Write the files of a library into a folder, which appears whole; return their paths.
 
-    In a folder that exists the sources of an earlier library that this one has not are removed:
-    the Arduino IDE compiles whatever lies in src. Raises InputError where that is not possible.
+    In a folder that exists the sources of an earlier library that this one has not are removed: the
+    Arduino IDE compiles whatever lies in src.
+
+    Parameters
+    ----------
+    library
+        As `firmware` returns it.
+    out
+        The folder.
+
+    Returns
+    -------
+    list of Path
+        The path of each file.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written, or a source cannot be removed.
     """
 
     def write(folder: Path) -> None:

@@ -19,11 +19,33 @@ def analyse(
     parameters: Any = None,
     sample_time: float | None = None,
 ) -> Analysis:
-    """Return the linear analysis of a vehicle at rest at `depth` [m].
+    """Return the linear analysis of a vehicle at rest at a depth.
 
-    law, parameters, sample_time [s]: those of the vehicle's controller where not given; without
-    either, nothing is said of a closed loop. Raises InputError where the law commands what the
-    actuator does not take, or the depth is negative.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    depth
+        At which it rests [m].
+    law
+        Its control law; none: that of the vehicle's controller. Without either, nothing is said of
+        a closed loop.
+    parameters
+        Of the law; none, without a law: those of the vehicle's controller.
+    sample_time
+        Of the law [s]; none: that of the vehicle's controller.
+
+    Returns
+    -------
+    Analysis
+        What the linear models say of the vehicle and, where the law is linear around rest, of its
+        closed loop; else a note on why there is none.
+
+    Raises
+    ------
+    InputError
+        The law commands what the actuator does not take, it has no sample time, or the depth is
+        negative.
     """
     check_depth(depth)
     controller = vehicle.controller

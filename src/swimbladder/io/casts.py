@@ -117,12 +117,37 @@ def read_cast(
 ) -> Cast:
     """Return the cast in a file.
 
-    columns: {"pressure_dbar": "Pressure@bar"}, names of `CAST_COLUMNS`. where: {"dive": 7} keeps
-    the rows that hold it. form: how a text is to be read, as for logs. profile: which way down or
-    up, or which profile of an Argo file, from 1. latitude, longitude [degrees]: over those of the
-    file. salinity: practical, for a cast that measured none. inversions: what to do with those
-    above 0.03 kg/m3.
-    Raises LogError, an InputError, with file, line, column, value and remedy.
+    Parameters
+    ----------
+    path
+        Of the file: CSV, Parquet, netCDF, Argo or Sea-Bird, also gzipped.
+    columns
+        {"pressure_dbar": "Pressure@bar"}, names of `CAST_COLUMNS`; none: as the file names them.
+    where
+        {"dive": 7} keeps the rows that hold it; none: all rows. Of CSV and Parquet only.
+    form
+        How a text is to be read, as for logs; none: as the usual format has it.
+    profile
+        Which way down or up, or which profile of an Argo file, from 1; none: the only one, or of a
+        cast down and up the way down.
+    latitude, longitude
+        Over those of the file [degrees]; none: those of the file.
+    salinity
+        Practical [-], for a cast that measured none; none: as measured.
+    inversions
+        What to do with density inversions above 0.03 kg/m3: refuse, average or keep.
+
+    Returns
+    -------
+    Cast
+        Absolute Salinity and Conservative Temperature over pressure, and what was assumed.
+
+    Raises
+    ------
+    LogError
+        An InputError: the file is no cast; with file, line, column, value and remedy.
+    InputError
+        What is said of the cast beside its file cannot be.
     """
     check_reading(latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions)
     file, columns, where = Path(path), columns or {}, where or {}

@@ -146,11 +146,29 @@ def load_vehicle(
 ) -> Vehicle:
     """Return the vehicle of a preset's name or of a TOML file.
 
-    sampled: refuse one whose drive has no loop of voltages or positions, a pump and valve; pumped:
-    but take that.
-    weighed: refuse one whose dry mass no water carries; a mass that an identified motion implies is
-    held against the hull always.
-    Raises InputError with file, line, field, value, unit and remedy.
+    A mass that an identified motion implies is held against the hull always.
+
+    Parameters
+    ----------
+    name_or_path
+        The preset's name, or the path of the file.
+    sampled
+        Whether to refuse a vehicle whose drive has no loop of voltages or positions: a pump and
+        valve.
+    pumped
+        Whether to take that even so.
+    weighed
+        Whether to refuse a vehicle whose dry mass no water carries.
+
+    Returns
+    -------
+    Vehicle
+        The vehicle, checked.
+
+    Raises
+    ------
+    InputError
+        There is no such vehicle, or it cannot be; with file, line, field, value, unit and remedy.
     """
     preset = _preset(name_or_path)
     file = name_or_path if preset is None else f"preset {preset}"
@@ -207,7 +225,20 @@ def _preset(name_or_path: str | Path) -> str | None:
 def load_mission(path: str | Path) -> Mission:
     """Return the mission of a TOML file, or of an Argo float's configuration.
 
-    Raises InputError with file, line, field, value, unit and remedy.
+    Parameters
+    ----------
+    path
+        Of the file.
+
+    Returns
+    -------
+    Mission
+        Set-points (for `simulate`), or phases in cycles (for `mission`).
+
+    Raises
+    ------
+    InputError
+        The file cannot be read as a mission; with file, line, field, value, unit and remedy.
     """
     data = _file_bytes(Path(path))
     if _is_argo(data):

@@ -40,9 +40,27 @@ def read_float_log(
 ) -> FloatLog:
     """Return a float's log; whether it is a maker's text, or Argo's, is seen by what it holds.
 
-    log_format_name: ``mermaid``, ``argo``, or a TOML file with a ``[log]`` table for a table.
-    columns and where: of a table, as for other logs; of Argo's netCDF ``cycle``. Raises
-    LogError, an InputError, with file, column and remedy.
+    Parameters
+    ----------
+    path
+        Of the file.
+    log_format_name
+        ``mermaid``, ``argo``, or a TOML file with a ``[log]`` table for a table; none: as the file
+        is.
+    columns
+        Of a table, as for other logs; none: as the file names them.
+    where
+        Of a table, as for other logs; of Argo's netCDF ``cycle``; none: all rows.
+
+    Returns
+    -------
+    FloatLog
+        Pressure and temperature over time, and what the float's devices did.
+
+    Raises
+    ------
+    LogError
+        An InputError: the file is no float's log; with file, column and remedy.
     """
     data = b"" if columns or log_format_name not in (None, "argo") else read_bytes(path)
     if is_netcdf(data):

@@ -175,12 +175,30 @@ def read_log(
 ) -> Log:
     """Return the log in a text, which may be compressed by gzip, or in a Parquet file.
 
-    columns: {"depth_m": "Depth [cm]"}, over those of the log format; a unit in brackets counts,
-    and "Depth@cm" states it where the header does not. where: {"log": 47} keeps the rows that hold
-    it. log_format: a `LogFormat`, a shipped one's name or a TOML file with a ``[log]`` table.
-    required: the columns without which a log is refused, beside ``time_s``; rows without them, and
-    repeated ones, are dropped and reported.
-    Raises LogError, an InputError, with file, line, column, value and remedy.
+    Parameters
+    ----------
+    path
+        Of the file.
+    columns
+        {"depth_m": "Depth [cm]"}, over those of the log format; a unit in brackets counts, and
+        "Depth@cm" states it where the header does not. None: those of the log format.
+    where
+        {"log": 47} keeps the rows that hold it; none: those that the log format keeps.
+    log_format
+        A `LogFormat`, a shipped one's name or a TOML file with a ``[log]`` table; none: the usual.
+    required
+        The columns without which a log is refused, beside ``time_s``; rows without them, and
+        repeated ones, are dropped and reported.
+
+    Returns
+    -------
+    Log
+        What was measured, in SI units, and what was converted, dropped or ignored.
+
+    Raises
+    ------
+    LogError
+        An InputError: the file is no such log; with file, line, column, value and remedy.
     """
     file = LogFile(path, format_of(log_format))
     chosen = {**file.form.where, **(where or {})}

@@ -19,7 +19,24 @@ _ALWAYS = ("schema_version", "kind", "law")
 def save_vehicle(vehicle: Vehicle, path: str | Path, *, head: str = "") -> Path:
     """Write a file from which the very same vehicle is read; return its path.
 
-    head: lines that stand above it as comments. Raises InputError where it cannot be written.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    path
+        Of the file.
+    head
+        Lines that stand above it as comments; empty: there are none.
+
+    Returns
+    -------
+    Path
+        The path of the file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
     """
     return write_atomically(Path(path), vehicle_file(vehicle, head=head))
 

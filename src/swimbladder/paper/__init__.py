@@ -26,11 +26,28 @@ AMOUNT = STAGES + len(FIGURES) + 3  # what `advance` adds up to
 
 
 def reproduce(out: str | Path, *, seed: int = 2023, advance: Advance = silent) -> dict[str, Any]:
-    """Write the report into the folder `out` and return its numbers as results.json has them.
+    """Write the report of the paper's results into a folder and return its numbers.
 
-    seed: of the sensors' noise in the pool; the same seed gives the same report. advance: called
-    for the work done, AMOUNT in all. Raises InputError where the seed is negative or the folder
-    cannot be written, NoAnswerError where the pool procedure does not end; nothing is then written.
+    Parameters
+    ----------
+    out
+        The folder.
+    seed
+        Of the sensors' noise in the pool; the same seed gives the same report.
+    advance
+        Called for the work that was done since, `AMOUNT` in all.
+
+    Returns
+    -------
+    dict
+        The numbers as results.json has them.
+
+    Raises
+    ------
+    InputError
+        The seed is negative, or the folder cannot be written.
+    NoAnswerError
+        The pool procedure does not end; nothing is then written.
     """
     if seed < 0:
         what, remedy = "must not be negative", "Give 0 or more"

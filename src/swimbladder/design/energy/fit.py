@@ -280,14 +280,36 @@ def fit_pump(
     temperature: bool = True,
     voltage: bool = True,
 ) -> PumpFit:
-    """Return power law and delivery of a pump from its runs.
+    """Fit power law and delivery of a pump to its runs.
 
-    power_at: whether a run's power is its mean or was read at its end. shortest: runs shorter than
-    this [s] are left out. depth_limit: of the vehicle [m]. start, temperature: whether these terms
-    may be fitted, where the runs can determine them. voltage: whether the battery's may count,
-    where it predicts dives better; runs without one are taken as at the reference. Raises
-    InputError for runs in a wrong unit, as `check_runs` does, and NoAnswerError where they cannot
-    determine what is asked, naming what lacks.
+    Parameters
+    ----------
+    runs
+        As `read_pump_runs` returns them.
+    power_at
+        Whether a run's power is its mean ("mean") or was read at its end ("end").
+    shortest
+        Runs shorter than this are left out [s].
+    depth_limit
+        Of the vehicle [m]; none: pressures are not compared with it.
+    start, temperature
+        Whether the terms of a start and of temperature may be fitted, where the runs can determine
+        them.
+    voltage
+        Whether the battery's may count, where it predicts dives better; runs without one are taken
+        as at the reference.
+
+    Returns
+    -------
+    PumpFit
+        The numbers with their intervals, and each dive predicted from all others.
+
+    Raises
+    ------
+    InputError
+        The runs are in a wrong unit, as `check_runs` finds it, or there is no such `power_at`.
+    NoAnswerError
+        The runs cannot determine what is asked; the message names what lacks.
     """
     if power_at not in get_args(PowerAt):
         what, remedy = "a power is not read then", "Allowed: mean (over the run), end (of it)"
@@ -582,12 +604,30 @@ def fitted_vehicle(vehicle: Vehicle, fit: PumpFit) -> Vehicle:
     """Return a pump-and-valve vehicle with the pump identified from runs.
 
     A slip, start loss or warmth below 0 is not distinguishable from none, and taken as 0. Without
-    measured volumes delivery, slip and start loss stay, where the vehicle has a power law.
-    Logged pressures are the sea's above the atmosphere, and the pump beats besides what the
-    reservoir's gas lacks of an atmosphere. Where the power goes with the voltage, so does the
-    speed: power and measured delivery are those at the vehicle's supply, see `voltage_factor`;
-    slip goes with the pressure alone. Raises InputError for another actuator, and where nothing
-    has a delivery; NoAnswerError where the fit has a `refusal`.
+    measured volumes delivery, slip and start loss stay, where the vehicle has a power law. Logged
+    pressures are the sea's above the atmosphere, and the pump beats besides what the reservoir's
+    gas lacks of an atmosphere. Where the power goes with the voltage, so does the speed: power and
+    measured delivery are those at the vehicle's supply, see `voltage_factor`; slip goes with the
+    pressure alone.
+
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    fit
+        As `fit_pump` returns it.
+
+    Returns
+    -------
+    Vehicle
+        The vehicle with the pump of the fit.
+
+    Raises
+    ------
+    InputError
+        The vehicle has another actuator, or nothing has a delivery.
+    NoAnswerError
+        The fit has a `refusal`.
     """
     a = pump_and_valve(vehicle)
     if fit.refusal:

@@ -68,23 +68,67 @@ def design_experiment(
     against: Sequence[float] | None = None,
     advance: Advance = silent,
 ) -> Design:
-    """Return the most informative experiments on a vehicle's motion in a pool time.
+    """Find the most informative experiments on a vehicle's motion in a pool time.
 
-    pool_depth, clearance: of the bottom, and of all records from it and from the surface [m].
-    sensor_std, quantum: of the logged depth [m]; sample_time [s]; neutral_std [m3] and drift_std
-    [m3/s]: of an experiment's neutral volume, 1 sigma: where not given, those of the vehicle.
-    delay_std: of how late the volumes' stamps are, 1 sigma [s]. free,
-    fixed, priors, drag: as for `identify`. time: in the pool [s], that of the set `against` where
-    not given, else an hour; releases: at most. settling: until at rest before a release [s],
-    simulated where not given; rest: of that on record [s]; longest: of a record [s]; moves: changes
-    of volume in a record, at most; largest: change of volume [m3]. criterion: largest, D, A, or
-    names of parameters. uncertainty: 1 sigma, as a share, of the vehicle's values, over which the
-    design is good on average. against: volume changes [m3] of single steps to compare with, the
-    paper's eight where the vehicle's motion is an identified one; none where empty. advance: called
-    with the share of the work done since last called.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    pool_depth
+        Depth of the pool's bottom [m].
+    sensor_std
+        Of the logged depth, 1 sigma [m]; none: that of the vehicle.
+    quantum
+        Of the logged depth [m]; none: that of the vehicle.
+    sample_time
+        Of the logged depth [s]; none: that of the vehicle's controller, else 0.3 s.
+    neutral_std
+        Of an experiment's neutral volume, 1 sigma [m3]; none: that of the vehicle, else 0.5 cm3.
+    drift_std
+        Of how fast an experiment's neutral volume grows, 1 sigma [m3/s]; none: that of the vehicle,
+        else 0.1 cm3 a minute.
+    delay_std
+        Of how late the volumes' stamps are, 1 sigma [s].
+    free, fixed, priors, drag
+        As for `identify`.
+    time
+        In the pool [s]; none: that of the set `against`, else an hour.
+    releases
+        At most so many; none: as many as the time allows.
+    clearance
+        Of all records from the bottom and from the surface [m].
+    settling
+        Time until the vehicle is at rest before a release [s]; none: it is simulated.
+    rest
+        How much of that is on record [s].
+    longest
+        Length of a record, at most [s].
+    moves
+        Changes of volume in a record, at most.
+    largest
+        Change of volume, at most [m3].
+    criterion
+        What is to be small: largest, D, A, or names of parameters with commas: the largest of
+        these.
+    uncertainty
+        1 sigma, as a share, of the vehicle's values, over which the design is good on average;
+        none: the covariance that the vehicle was identified with, else 0.3.
+    against
+        Volume changes of single steps to compare with [m3]; none: the paper's eight where the
+        vehicle's motion is an identified one. Empty: nothing to compare with.
+    advance
+        Called with the share of the work that was done since.
 
-    Raises InputError where vehicle, pool and time leave nothing to do. What the experiments will
-    not identify is among the findings.
+    Returns
+    -------
+    Design
+        The experiments in order, their predicted errors, and how these compare. What the
+        experiments will not identify is among the findings.
+
+    Raises
+    ------
+    InputError
+        Vehicle, pool and time leave nothing to do, or a number makes no sense.
     """
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         model = model_of(vehicle, law=drag, bottom_depth=math.inf)

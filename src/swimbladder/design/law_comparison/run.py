@@ -275,19 +275,53 @@ def compare_laws(
     supervised: bool = True,
     advance: Advance = silent,
 ) -> LawComparison:
-    """Return every law on the same scenarios, each tuned fast and tuned quiet for this vehicle.
+    """Fly every law on the same scenarios, each tuned fast and tuned quiet for this vehicle.
 
-    laws: names; all that fit the actuator where not given. The vehicle's own controller is always
-    flown, and the paper's where the vehicle is the paper's. runs: of each scenario, with noise of
-    the vehicle's sensors. depths [m]: least and greatest; what rating, stroke and supply allow
-    where not given. sample_time [s]: of the tuned laws; the controller's where not given.
-    tune_for: goals of `tune`. parts: a folder where what is done is kept; a comparison that was
-    stopped goes on there. column: the water of all runs and of the tuner's trials, the
-    vehicle's own where not given. supervised: whether trials and runs are of law and supervisor, as
-    `firmware` writes them, or of the law alone; the paper's law is always alone. advance: called
-    with the share of the work done.
+    The vehicle's own controller is always flown, and the paper's where the vehicle is the paper's.
 
-    Raises InputError for what cannot be; NoAnswerError where no controller is left to fly.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    laws
+        Names of laws; none: all that fit the actuator.
+    runs
+        Of each scenario, with noise of the vehicle's sensors; 2 or more.
+    depths
+        Least and greatest [m]; none: what rating, stroke and supply allow, and with `supervised`
+        the supervisor.
+    seed
+        Of noise and draws, 0 or more.
+    sample_time
+        Of the tuned laws [s]; none: that of the vehicle's controller.
+    scenarios
+        What is flown; none: the scenarios for this kind of actuator.
+    tune_for
+        Goals of `tune`.
+    parts
+        A folder where what is done is kept: a comparison that was stopped goes on there. None:
+        nothing is kept.
+    column
+        The water of all runs and of the tuner's trials, as `cast_column` returns it; none: the
+        vehicle's own.
+    supervised
+        Whether trials and runs are of law and supervisor, as `firmware` writes them, or of the law
+        alone; the paper's law is always alone.
+    advance
+        Called with the share of the work that was done since.
+
+    Returns
+    -------
+    LawComparison
+        Every controller on every scenario, which laws are left out and why, and the bounds that no
+        controller can beat.
+
+    Raises
+    ------
+    InputError
+        What is asked cannot be.
+    NoAnswerError
+        No controller is left to fly, or the vehicle does not reach the depths.
     """
     if runs < _FEWEST:
         remedy = f"Give {_FEWEST} or more"

@@ -148,16 +148,42 @@ def plan(
     advance: Advance = silent,
     **limits: Unpack[Limits],
 ) -> Plan:
-    """Return the best motion from rest at `start` to rest at `target` [m].
+    """Find the best motion from rest at one depth to rest at another.
 
-    goal: time (the least until it has arrived; of the plans that do, one that moves least volume),
-    effort (least volume moved) or energy (least electrical energy into the motor), both at rest
-    after `duration` [s], twice the least time where not given. arrive: what arrival is for the goal
-    time: band (within `band` [-] of the step for good) or rest. advance: called for every program
-    that was solved. limits: the other arguments of `task_of`.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    start, target
+        Depths at which it rests [m].
+    goal
+        time (the least until it has arrived; of the plans that do, one that moves least volume),
+        effort (least volume moved) or energy (least electrical energy into the motor), both at rest
+        after `duration`.
+    arrive
+        What arrival is for the goal time: band (within `band` of the step for good) or rest. None:
+        band.
+    duration
+        Of the goals effort and energy [s]; none: twice the least time.
+    advance
+        Called with 1 for every program that was solved.
+    **limits
+        The other arguments of `task_of`: sample_time [s] and supply [V], the vehicle's where not
+        given; band [-], of the step, to either side of the target, 0.02 unless given; margin [-],
+        share of supply (a positioner: of its speed) and stroke left for feedback; speed_limit
+        [m/s]; bottom_depth [m].
 
-    Raises InputError for what cannot be meant, NoAnswerError, with the limit in the way, for what
-    cannot be done.
+    Returns
+    -------
+    Plan
+        The motion at each sample, the command held from there on.
+
+    Raises
+    ------
+    InputError
+        What is asked cannot be meant.
+    NoAnswerError
+        It cannot be done, with the limit in the way; or the energy of the motor is not known.
     """
     arrive = _check(goal, arrive, duration)
     task = task_of(vehicle, start, target, **limits)

@@ -219,10 +219,23 @@ class Parts(Parameters):
 
 
 def load_parts(path: str | Path | None = None) -> Parts:
-    """Return the list of parts of a TOML file; of the one that comes with swimbladder when None.
+    """Return the list of parts of a TOML file.
 
-    Raises InputError with file, line, field, value, unit and remedy, and where neither a pump nor a
-    whole screw drive is in it.
+    Parameters
+    ----------
+    path
+        Of the file; none: the list that comes with swimbladder.
+
+    Returns
+    -------
+    Parts
+        What `size` combines.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, with file, line, field, value, unit and remedy; or neither a pump
+        nor a whole screw drive is in it.
     """
     if path is None:
         text = resources.files(__package__).joinpath("parts.toml").read_text(encoding="utf-8")

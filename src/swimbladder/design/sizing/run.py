@@ -126,13 +126,41 @@ def size(
     sweeps: bool = True,
     advance: Advance = silent,
 ) -> Sizing:
-    """Return the drive and battery that do a dive with the least `least`, of all that parts make.
+    """Find the drive and battery with the least mass or energy for a dive, of all that parts make.
 
-    body: its hull, mass and drag are used, its drive and stroke are not. column: the water; that
-    of the body where not given, with a battery at 4 degC. longest_travel of a piston [m],
-    largest_mass of drive and battery [kg], which the body bounds too, as its volume does the
-    stroke. Raises NoAnswerError where no combination will do: which
-    requirement is in the way, and by how much.
+    Parameters
+    ----------
+    body
+        A vehicle, as `load_vehicle` returns it: its hull, mass and drag are used, its drive and
+        stroke are not.
+    dive
+        The dive that is asked for.
+    column
+        The water, as `cast_column` returns it; none: that of the body, with a battery at 4 degC.
+    parts
+        As `load_parts` returns them; none: those that come with swimbladder.
+    least
+        What is to be least: mass or energy.
+    longest_travel
+        Of a piston [m].
+    largest_mass
+        Of drive and battery [kg], which the body bounds too, as its volume does the stroke.
+    sweeps
+        Whether to vary what the dive asks for as well.
+    advance
+        Called with 1 for the first search, and for each of the sweeps.
+
+    Returns
+    -------
+    Sizing
+        The best combination, all others, and what each wish and each part costs.
+
+    Raises
+    ------
+    InputError
+        The body is not rated for the depth, or a number makes no sense.
+    NoAnswerError
+        No combination will do: which requirement is in the way, and by how much.
     """
     parts = load_parts() if parts is None else parts
     if column is None and dive.coldest is None:

@@ -282,19 +282,52 @@ def stability(
     keep: Path | None = None,
     advance: Advance = silent,
 ) -> Stability:
-    """Return what is stable of a vehicle under its controller.
+    """Find what is stable of a vehicle under its controller.
 
-    depths: least and greatest [m]. delay: from a sample to its command, as a share of the sample
-    time. within [s]: in which a disturbance is to be gone, 600 s where not given, of a law of
-    volume changes one and a half times the whole way and an hour. cells: of a map, to a side.
-    voltage_quantum: of the motor's driver [V]. maps: whether to draw where it recovers from.
-    with_robustness: whether to try wrong gains and late commands, over `draws` from the region; of
-    the own law, and of `laws`, which are tuned first. supervised: whether maps and wrong gains fly
-    under the vehicle's supervisor, as flashed; None: where its file has one; those of a law of
-    volume changes never do. keep: folder for what is done, so that a killed run goes on. advance:
-    called with the share of the work that is done.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it, with a controller.
+    depths
+        Least and greatest [m].
+    delay
+        From a sample to its command, as a share of the sample time [-], below 1.
+    within
+        In which a disturbance is to be gone [s]; none: 600 s, of a law of volume changes one and a
+        half times the whole way and an hour.
+    cells
+        Of a map, to a side, 5 to 201.
+    voltage_quantum
+        Of the motor's driver [V].
+    maps
+        Whether to draw where it recovers from.
+    with_robustness
+        Whether to try wrong gains and late commands, over `draws` from the region; of the own law,
+        and of `laws`.
+    laws
+        Names of other laws, which are tuned first.
+    draws
+        Vehicles from the region, 20 or more.
+    supervised
+        Whether maps and wrong gains fly under the vehicle's supervisor, as flashed; none: where its
+        file has one. Those of a law of volume changes never do.
+    keep
+        A folder for what is done, so that a run that was killed goes on there; none: nothing is
+        kept.
+    advance
+        Called with the share of the work that was done since.
 
-    Raises InputError for what cannot be, and for a vehicle without a controller.
+    Returns
+    -------
+    Stability
+        All that was found; parts that were not asked for are empty.
+
+    Raises
+    ------
+    InputError
+        What is asked cannot be, or the vehicle has no controller.
+    NoAnswerError
+        One of `laws` cannot be tuned for this vehicle.
     """
     gains.check_depths(depths, vehicle.hull.emergence_depth)
     for field, value, fits, remedy in (

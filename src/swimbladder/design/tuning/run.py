@@ -61,26 +61,56 @@ def tune(
     supervised: bool = True,
     advance: Advance = silent,
 ) -> Tuning:
-    """Return the gains of a law for this vehicle and goal, with what they guarantee.
+    """Find the gains of a law for this vehicle and goal, with what they guarantee.
 
-    law: the name of one that has a recipe. Not given: the quietest of those that settle nearly as
-    soon as the fastest, or the best for the goal; rate for a pump and valve. goal: fast (a step
-    soon settled), quiet (little volume moved and few starts of the motor while a depth is held; of
-    a pump and valve least power) or energy (least electrical energy for a step and holding).
-    depths: least and greatest [m]. sample_time [s]: the controller's where not given. delay: from a
-    sample to its command, as a share of the sample time. supply [V]: the least; nine tenths of the
-    vehicle's where not given. step: depths [m] of the trial, 1.5 m within the range where not
-    given, of a pump and valve the whole range. hold [m rms]: error allowed to a quiet law (9.5 mm)
-    or one that saves energy (5 cm); of a pump and valve the tolerance, that of its law or 10 m.
-    supervised: whether the trials fly law and supervisor, as `firmware` writes them, or the law
-    alone. advance: called with the share of the work done.
-    column: the water that the trials are flown in and that stroke and neutral volume are held
-    against; margins are those of the vehicle's own psi and density, decisions of a pump and valve
-    with psi as that water has it.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    law
+        The name of one that has a recipe; none: the quietest of those that settle nearly as soon as
+        the fastest, or the best for the goal; rate for a pump and valve.
+    goal
+        fast (a step soon settled), quiet (little volume moved and few starts of the motor while a
+        depth is held; of a pump and valve least power) or energy (least electrical energy for a
+        step and holding).
+    depths
+        Least and greatest [m].
+    sample_time
+        Of the law [s]; none: that of the vehicle's controller.
+    delay
+        From a sample to its command, as a share of the sample time [-], below 1.
+    supply
+        The least [V]; none: nine tenths of the vehicle's.
+    step
+        Depths of the trial [m]; none: 1.5 m within the range, of a pump and valve the whole range.
+    hold
+        Error allowed to a quiet law or one that saves energy [m rms]; none: 9.5 mm and 5 cm. Of a
+        pump and valve the tolerance; none: that of its law or 10 m.
+    runs
+        Of a trial, 20 or more.
+    column
+        The water that the trials are flown in and that stroke and neutral volume are held against,
+        as `cast_column` returns it; margins are those of the vehicle's own psi and density,
+        decisions of a pump and valve with psi as that water has it. None: the vehicle's own.
+    supervised
+        Whether the trials fly law and supervisor, as `firmware` writes them, or the law alone.
+    advance
+        Called with the share of the work that was done since.
 
-    What gains do not keep that gains for the goal have to is `unmet`; `vehicle` of the answer then
-    raises NoAnswerError. Raises InputError for what cannot be; NoAnswerError where no gains hold
-    this vehicle, with what limits them, or where the energy of its motor is not known.
+    Returns
+    -------
+    Tuning
+        The law with its gains, the margins that they guarantee, and what trials gave. What gains do
+        not keep that gains for the goal have to is `unmet`; `vehicle` of the answer then raises
+        NoAnswerError.
+
+    Raises
+    ------
+    InputError
+        What is asked cannot be.
+    NoAnswerError
+        No gains hold this vehicle, with what limits them, or the energy of its motor is not known.
     """
     if goal not in gains.GOALS:
         remedy = f"Choose from {', '.join(gains.GOALS)}"

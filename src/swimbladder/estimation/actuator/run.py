@@ -117,14 +117,37 @@ def identify_actuator(
     asked: Sequence[str] | None = None,
     advance: Advance = silent,
 ) -> ActuatorIdentification:
-    """Return what the logs of one actuator identify, eqs (21)-(24).
+    """Identify an actuator from its logs, eqs (21)-(24).
 
-    vehicle: its file gives the piston's area, the load of the sea, the supply, and what else is
-    known. fixed: {name: value} of PARAMETERS in SI, not fitted. asked: what has to be identified;
-    K1 and T1 where the logs have a voltage, T1 and rate where they have positions alone, rate where
-    they have what was asked of a positioner. advance: called with the share of the work done.
+    Parameters
+    ----------
+    logs
+        As `read_log` returns them; one or more of one actuator.
+    vehicle
+        Its file gives the piston's area, the load of the sea, the supply, and what else is known;
+        none: these are not known.
+    fixed
+        {name: value} of `PARAMETERS` in SI, not fitted.
+    asked
+        What has to be identified; none: K1 and T1 where the logs have a voltage, T1 and rate where
+        they have positions alone, rate where they have what was asked of a positioner.
+    advance
+        Called with the share of the work that was done since.
 
-    Raises LogError or InputError for logs that cannot be used, NoAnswerError where nothing moves.
+    Returns
+    -------
+    ActuatorIdentification
+        The parameters with their intervals. What was asked and is not identifiable is among the
+        findings.
+
+    Raises
+    ------
+    LogError
+        An InputError: a log cannot be used.
+    InputError
+        The logs are of different kinds or none, or a name is none of the parameters.
+    NoAnswerError
+        Nothing moves.
     """
     fixed = dict(fixed or {})
     for names in (tuple(fixed), tuple(asked or ())):

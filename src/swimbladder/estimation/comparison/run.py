@@ -528,15 +528,44 @@ def compare(
 ) -> Comparison:
     """Drive the vehicle with what the log recorded, and compare depths.
 
-    drive: volume (or piston), voltage, or setpoint: the vehicle's own controller, with ideal
-    sensors, follows the logged set-point; the first that the log has where not given.
-    fit: what is fitted to this log (see FITTABLE); the neutral volume where not given, with
-    the state at the start where the vehicle is under way. bottom_depth [m]. surface_margin: depths
-    less than this below the depth of emergence are not compared [m]. submerged: begin where the
-    vehicle is first deeper than that. column: the water of a cast, for a logged volume.
+    Parameters
+    ----------
+    log
+        As `read_log` returns it.
+    vehicle
+        As `load_vehicle` returns it.
+    drive
+        volume (or piston), voltage, or setpoint: the vehicle's own controller, with ideal sensors,
+        follows the logged set-point; none: the first of these that the log has.
+    fit
+        Names of what is fitted to this log, see `FITTABLE`; none: the neutral volume, with the
+        state at the start where the vehicle is under way. An empty list fits nothing.
+    bottom_depth
+        Depth of the bottom [m]; infinite: there is none.
+    surface_margin
+        Depths less than this below the depth of emergence are not compared [m].
+    submerged
+        Whether to begin where the vehicle is first deeper than `surface_margin` below the depth of
+        emergence.
+    column
+        The water of a cast, for a logged volume, as `cast_column` returns it; none: the vehicle's
+        own.
+    advance
+        Called with the share of the work that was done since.
 
-    Raises LogError or InputError where the log and the vehicle do not go together, NoAnswerError
-    where the model cannot follow the log to its end.
+    Returns
+    -------
+    Comparison
+        Measured against predicted depth, and what was fitted.
+
+    Raises
+    ------
+    LogError
+        An InputError: the log has not what drives the vehicle, or does not go together with it.
+    InputError
+        What is asked does not go together with log and vehicle.
+    NoAnswerError
+        The model cannot follow the log to its end.
     """
     rec = record(
         log,

@@ -405,11 +405,34 @@ def identify_deep(
     priors: Mapping[str, Prior] | None = None,
     advance: Advance = silent,
 ) -> DeepIdentification:
-    """Return drag, hull, pump and valve as identified from deep dives.
+    """Identify drag, hull, pump and valve from deep dives.
 
-    columns: the water, one for all dives or one each. free: names of `DEEP`, most of them unless
-    given. Raises InputError for a vehicle without pump and valve, for logs without dives and for
-    what cannot be identified.
+    Parameters
+    ----------
+    logs
+        As `read_float_log` returns them, one for each dive.
+    columns
+        The water, one for all dives or one each, as `cast_column` returns it.
+    vehicle
+        As `load_vehicle` returns it, with pump and valve.
+    free
+        Names of `DEEP` that are identified; none: most of them.
+    fixed
+        By name of `DEEP`, values in SI that are not identified.
+    priors
+        By name of `DEEP` and `CAST`, what is known before the dives; none: the usual.
+    advance
+        Called with the share of the work that was done since.
+
+    Returns
+    -------
+    DeepIdentification
+        The parameters with their intervals, and how far the model is off each dive.
+
+    Raises
+    ------
+    InputError
+        The vehicle has no pump and valve, a log has no dive, or what is asked cannot be identified.
     """
     held, known = fixed or {}, priors or {}
     check_deep_request(vehicle, len(logs), len(columns), free=free, fixed=list(held), priors=known)

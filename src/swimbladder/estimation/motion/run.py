@@ -267,27 +267,67 @@ def identify(
     columns: Sequence[Column] = (),
     advance: Advance = silent,
 ) -> Identification:
-    """Return the parameters that make the vehicle's model meet all logs together, with intervals.
+    """Identify the parameters that make the vehicle's model meet all logs together, with intervals.
 
     Maximum likelihood on depth: each log is an experiment with its own neutral volume, noise and
     starts. Where the vehicle does not quite move as the model has it, there is process noise, and
     the likelihood is that of a Kalman filter's innovations.
 
-    free: what is identified (see NAMES), the drag law's parameters and psi where not given; fixed:
-    values in SI that are not; priors: by name; drag: linear, quadratic or blended, the vehicle's
-    own where not given. neutral_std: 1 sigma [m3] of what is known of a log's neutral volume, inf
-    for nothing; not given, 0.5 cm3 where a log's volume has a zero of its own, at rest, and
-    nothing where it counts from mid-stroke, or the logs say otherwise. speed_std: of its speed at
-    the start about 0 [m/s]. drift_std: of how fast each log's neutral volume grows [m3/s];
-    delay_std: of how late the stamps of the volumes are, the same for all logs [s]. drive: volume
-    or voltage; bottom_depth [m]; surface_margin: samples less than this below the depth of
-    emergence are left out [m]. process_noise: always, never, or, auto, where the logs show it.
-    posterior: seed of draws from it, without process noise (needs emcee).
-    columns: the water of casts, one for all logs or one for each; none: of constant density.
-    advance: called with the share of the work done since last called.
+    Parameters
+    ----------
+    logs
+        As `read_log` returns them; one or more.
+    vehicle
+        As `load_vehicle` returns it.
+    free
+        Names of what is identified, see `NAMES`; none: the drag law's parameters and psi.
+    fixed
+        By name, values in SI that are not identified.
+    priors
+        By name, what is known of what is identified.
+    drag
+        linear, quadratic or blended; none: the vehicle's own law.
+    neutral_std
+        1 sigma of what is known of a log's neutral volume [m3], infinite for nothing; none: 0.5 cm3
+        where a log's volume has a zero of its own, at rest, and nothing where it counts from
+        mid-stroke, or the logs say otherwise.
+    speed_std
+        Of the vehicle's speed at the start about 0, 1 sigma [m/s]; infinite: it is not known.
+    drift_std
+        Of how fast each log's neutral volume grows, 1 sigma [m3/s].
+    delay_std
+        Of how late the stamps of the volumes are, the same for all logs, 1 sigma [s].
+    drive
+        volume or voltage; none: the volume where a log has it, else the voltage.
+    bottom_depth
+        Depth of the bottom [m]; infinite: there is none.
+    surface_margin
+        Samples less than this below the depth of emergence are left out [m].
+    profiles
+        Whether each parameter gets its likelihood profile.
+    choices
+        Whether other models of the same data are compared.
+    process_noise
+        always, never, or auto: where the logs show it.
+    posterior
+        Seed of draws from the posterior, without process noise (needs emcee); none: there are none.
+    columns
+        The water of casts, one for all logs or one for each; none: of constant density.
+    advance
+        Called with the share of the work that was done since.
 
-    Raises InputError where logs, names and vehicle do not go together. What is not identifiable
-    is among the findings, and Identification.vehicle raises NoAnswerError then.
+    Returns
+    -------
+    Identification
+        The parameters, their intervals and why. What is not identifiable is among the findings, and
+        `Identification.vehicle` raises NoAnswerError then.
+
+    Raises
+    ------
+    InputError
+        Logs, names and vehicle do not go together.
+    NoAnswerError
+        The depth never changes, or no filter follows the logs, or the draws do not settle.
     """
     check_logs(logs, neutral_std, speed_std, drive)
     check_nuisances(drift_std, delay_std)

@@ -8,7 +8,13 @@ __all__ = ["preset_names", "preset_text"]
 
 
 def preset_names() -> list[str]:
-    """Return the names of all presets, sorted."""
+    """Return the names of all presets, sorted.
+
+    Returns
+    -------
+    list of str
+        Names that `load_vehicle` takes.
+    """
     return list(shipped(__name__))
 
 

@@ -56,10 +56,28 @@ class Cast:
 
 
 def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) -> Column:
-    """Return a cast as a column down to `deepest` [m], to its own end where that is None.
+    """Return a cast as a column of water.
 
     Above its first row the cast goes on as it begins, for at most a step below its last as it ends.
-    Raises InputError where it ends above `deepest`, or begins far below the surface.
+
+    Parameters
+    ----------
+    cast
+        As `read_cast` returns it.
+    deepest
+        How deep the column goes [m]; none: to the cast's own end.
+    step
+        Between two depths of the column [m].
+
+    Returns
+    -------
+    Column
+        The water on a uniform grid of depths from 0.
+
+    Raises
+    ------
+    InputError
+        The cast ends above `deepest` or above the first step, or begins far below the surface.
     """
     import gsw
 

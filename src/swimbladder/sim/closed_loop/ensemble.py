@@ -168,30 +168,81 @@ def simulate_ensemble(
     workers: int | None = None,
     advance: Advance = silent,
 ) -> xarray.Dataset:
-    """Return `count` runs of a vehicle and its variations as an xarray Dataset over ``lane``.
-
-    vary: name -> array [count]; a field of `dynamics.Plant` (``"a_b"``, ``"T1"``, ``"psi"``, ...)
-    or of the law's parameters (``"k_pz"``). setpoints: (time [s], depth [m] or depths [count]).
-    start_depth [m], start_volume [m3] (neutral where not given), start_speed [m/s]: numbers or
-    arrays [count]. seed: noise of the vehicle's sensors, a stream of its own for each lane.
-    depth_error [m], [samples, count] or [samples, 1]: what is added to the measured depth, before
-    its quantum. neutral_change [m3], likewise: what the neutral volume differs by, from a sample on
-    to the next. keep: summaries only, or trajectories as well. books: also ``energy``, what `Books`
-    calls the source. column: the water, the vehicle's own where not given. supervised: as of
-    `simulate`; the supervisor is the vehicle's in every lane. flashed: the vehicle that it and its
-    board are made for, where that is another (of a full battery). workers: threads (one per core).
-    advance: called with the share of the lanes that is done.
+    """Simulate a vehicle and its variations; return the runs as an xarray Dataset over ``lane``.
 
     A float with pump and valve is flown by a law of volume changes, and surfaces where a set-point
     is 0; start_depth 0 is afloat with all volume out. ``vary`` takes the fields of Plant that are
     not of a motor, and ``pump`` and ``valve``: what these give over what the processor takes them
-    to. There are also ``pump_runs``, ``valve_runs``, ``pumped`` and ``energy``. A lane's steps are
-    as long as its motion lets: an hour costs about 1 ms.
+    to. Of such a float the dataset has ``pump_runs``, ``valve_runs``, ``pumped`` and ``energy`` as
+    well. A lane's steps are as long as its motion lets: an hour costs about 1 ms.
 
-    ``stop`` holds the code of each lane's StopReason; under a supervisor ``alarm`` and
-    ``alarm_time`` say why and when it took over (0 and NaN: it did not). Overshoot, rise and
-    settling are those of the last set-point. Raises InputError for an unknown name, a wrong length
-    or a start that the stroke, the bottom or the surface does not allow.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    count
+        How many runs, 1 or more.
+    setpoints
+        (time [s], depth [m] or depths [count]), the first at 0, in the order of their times.
+    duration
+        How long each run goes on [s], rounded up to whole samples.
+    start_depth
+        Depth at the start [m], a number or an array [count].
+    start_volume
+        Volume at the start [m3], a number or an array [count]; none: neutral.
+    start_speed
+        Speed at the start [m/s], positive down, a number or an array [count].
+    bottom_depth
+        Depth of the bottom [m]; infinite: there is none.
+    vary
+        Name -> array [count]: a field of `dynamics.Plant` (``"a_b"``, ``"T1"``, ``"psi"``, ...) or
+        of the law's parameters (``"k_pz"``); none: all runs have the same.
+    seed
+        Of the noise of the vehicle's sensors, a stream of its own for each lane; none: ideal
+        sensors.
+    law
+        A Law; none: the vehicle's own controller.
+    parameters
+        Of a Law that is given.
+    sample_time
+        Of the law [s]; none: that of the vehicle's controller.
+    depth_error
+        Array [samples, count] or [samples, 1] of what is added to the measured depth, before its
+        quantum [m]; none: nothing.
+    neutral_change
+        What the neutral volume differs by, from a sample on to the next [m3], shaped likewise;
+        none: nothing.
+    keep
+        "summary": summaries only, or "trajectory": trajectories as well.
+    books
+        Whether there is also ``energy``, what `Books` calls the source.
+    column
+        The water, as `cast_column` returns it; none: the vehicle's own.
+    supervised
+        As of `simulate`; the supervisor is the vehicle's in every lane. None: where its file has
+        one.
+    flashed
+        The vehicle that the supervisor and its board are made for, where that is another (of a full
+        battery); none: the same.
+    workers
+        Threads; none: one per core.
+    advance
+        Called with the share of the lanes that was done since.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``stop`` holds the code of each lane's StopReason; under a supervisor ``alarm`` and
+        ``alarm_time`` say why and when it took over (0 and NaN: it did not). Overshoot, rise and
+        settling are those of the last set-point.
+
+    Raises
+    ------
+    InputError
+        A name is unknown, a length is wrong, or the stroke, the bottom or the surface does not
+        allow a start.
+    NoAnswerError
+        A vehicle that floats cannot dive.
     """
     check_counts(count=(count, 1), seed=(seed, 0), workers=(workers, 1))
     if keep not in ("summary", "trajectory"):

@@ -37,14 +37,42 @@ def drive(
     bottom_depth: float = math.inf,
     column: Column | None = None,
 ) -> Solution:
-    """Return the motion under a recorded volume or voltage, at the record's own instants.
+    """Simulate the motion under a recorded volume or voltage, at the record's own instants.
 
-    time [n] in s, growing, at any spacing. volume [n] in m3: linear between instants, as if the
-    actuator followed it exactly. voltage [n] in V: held until the next instant; the motor starts
-    from start_volume [m3], neutral where not given. start_depth [m], start_speed [m/s].
-    column: the water, see `closed_loop.water`; the vehicle's own where not given.
+    Exactly one of `volume` and `voltage` is given.
 
-    Raises InputError unless exactly one input is given, of the length of time and finite.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it, without pump and valve.
+    time
+        Instants [n] in s, growing, at any spacing.
+    volume
+        [n] in m3: linear between instants, as if the actuator followed it exactly; none: a voltage
+        drives.
+    voltage
+        [n] in V: held until the next instant; none: a volume drives.
+    start_depth
+        Depth at the first instant [m].
+    start_speed
+        Speed there [m/s], positive down.
+    start_volume
+        Of a voltage: volume from which the motor starts [m3]; none: neutral.
+    bottom_depth
+        Depth of the bottom [m]; infinite: there is none.
+    column
+        The water, see `closed_loop.water`; none: the vehicle's own.
+
+    Returns
+    -------
+    Solution
+        The run at the record's instants, until it ends or stops.
+
+    Raises
+    ------
+    InputError
+        Not exactly one input is given, or it is not of the length of time and finite; or vehicle,
+        start and input do not go together.
     """
     t = np.ascontiguousarray(time, float)
     given = {"volume": volume, "voltage": voltage}

@@ -146,22 +146,61 @@ def simulate(
     supervised: bool | None = None,
     advance: Advance = silent,
 ) -> Solution:
-    """Return the vehicle's motion under its controller, from rest unless a speed is given.
+    """Simulate the vehicle's motion under its controller, from rest unless a speed is given.
 
-    setpoints: (time [s], depth [m]), the first at 0. duration [s], rounded up to whole samples.
-    start_volume [m3]: neutral at start_depth where not given. bottom_depth [m]. seed: noise and
-    quanta of the vehicle's sensors; None: ideal sensors. law: a Law with its `parameters`, or any
-    Python function ``law(measurement, reference) -> command`` (volts, or m3 for a positioner);
-    the vehicle's own controller where not given. sample_time [s]: needed with a law that the
-    vehicle does not have. parts: steps a sample is divided into (chosen from the drag where not
-    given). column: the water, see `closed_loop.water`; the vehicle's own where not given.
-    checked: refuse depths beyond rating or stroke, a mass that no water carries, and a sample time
-    at which the vehicle's own law does not hold it. supervised: whether the law flies under the
-    vehicle's supervisor, as flashed; where not given, if the vehicle has a table of it and the
-    law is no Python function. advance: called with the share of the time that was simulated.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it.
+    setpoints
+        (time [s], depth [m]), the first at 0, in the order of their times.
+    duration
+        How long it goes on [s], rounded up to whole samples.
+    start_depth
+        Depth at the start [m].
+    start_volume
+        Volume at the start [m3]; none: neutral at start_depth.
+    start_speed
+        Speed at the start [m/s], positive down.
+    bottom_depth
+        Depth of the bottom [m]; infinite: there is none.
+    seed
+        Of noise and quanta of the vehicle's sensors; none: ideal sensors.
+    law
+        A Law, or any Python function ``law(measurement, reference) -> command`` (volts, or m3 for a
+        positioner; of a pump and valve a change of volume in m3); none: the vehicle's own
+        controller.
+    parameters
+        Of a Law that is given.
+    sample_time
+        Of the law [s]; none: that of the vehicle's controller. Needed with a law that the vehicle
+        does not have.
+    parts
+        Steps that a sample is divided into; none: chosen from the drag. Refused for a pump and
+        valve.
+    column
+        The water, see `closed_loop.water`; none: the vehicle's own.
+    checked
+        Whether to refuse depths beyond rating or stroke, a mass that no water carries, and a sample
+        time at which the vehicle's own law does not hold it.
+    supervised
+        Whether the law flies under the vehicle's supervisor, as flashed; none: if the vehicle has a
+        table of it and the law is no Python function.
+    advance
+        Called with the share of the time that was simulated since.
 
-    Raises InputError for what is refused so, for a start outside water or stroke, unordered
-    set-points, no controller, or a column that ends above a depth asked for.
+    Returns
+    -------
+    Solution
+        The run at its samples, until it ends or stops.
+
+    Raises
+    ------
+    InputError
+        What is refused as above, a start outside water or stroke, unordered set-points, no
+        controller, or a column that ends above a depth asked for.
+    NoAnswerError
+        A vehicle that floats cannot dive.
     """
     if not callable(law) or isinstance(law, Law):
         chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time, pumped=True)

@@ -160,10 +160,22 @@ class StepMetrics(NamedTuple):
 
 
 def step_metrics(time: ArrayLike, depth: ArrayLike, *, start: float, target: float) -> StepMetrics:
-    """Return overshoot, 90 % rise and 2 % settling of a step from `start` to `target` [m].
+    """Return overshoot, 90 % rise and 2 % settling of a step.
 
-    time [n] in s, counted from the first; depth [n] in m. The response has not settled where its
-    last sample is outside 2 %. A step of zero length has neither overshoot nor rise.
+    Parameters
+    ----------
+    time
+        Instants [n] in s, counted from the first.
+    depth
+        At these instants [n] in m.
+    start, target
+        Depths between which the step goes [m].
+
+    Returns
+    -------
+    StepMetrics
+        The response has not settled where its last sample is outside 2 %. A step of zero length has
+        neither overshoot nor rise.
     """
     t = np.asarray(time, float)
     z = np.asarray(depth, float)

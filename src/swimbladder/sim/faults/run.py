@@ -161,13 +161,41 @@ def faults(
     keep: Path | None = None,
     advance: Advance = silent,
 ) -> FaultResult:
-    """Fly missions with faults, and `healthy` ones without (a tenth as many); return what happened.
+    """Fly missions with faults and missions without, and return what happened.
 
-    depths [m]: least and greatest. column: the water, the vehicle's own where not given. keep: a
-    folder for what is done, so that a run that was killed
-    goes on there. advance: called with the share of the work that was done.
-    Raises InputError for a vehicle without a controller, for depths that it cannot hold, for water
-    that ends above them, and where there is no C compiler.
+    Parameters
+    ----------
+    vehicle
+        As `load_vehicle` returns it, with a controller and a time limit of its supervisor.
+    missions
+        How many with faults, 1 to 10 million.
+    healthy
+        How many without, 1 to 10 million; none: a tenth as many.
+    seed
+        Of what is drawn for the missions.
+    depths
+        Least and greatest [m]; none: from below the surface to a share of the depth at which the
+        vehicle's supervisor turns it round.
+    column
+        The water, as `cast_column` returns it; none: the vehicle's own.
+    keep
+        A folder for what is done, so that a run that was killed goes on there; none: nothing is
+        kept.
+    advance
+        Called with the share of the work that was done since.
+
+    Returns
+    -------
+    FaultResult
+        The missions with faults and without, a row each.
+
+    Raises
+    ------
+    InputError
+        The vehicle has no controller, it cannot hold the depths, the water ends above them, or
+        there is no C compiler.
+    NoAnswerError
+        The vehicle floats and cannot dive.
     """
     own_law(vehicle, sampled=False)
     if healthy is None:

@@ -42,8 +42,23 @@ _BELOW = 50.0  # m more
 def water_of(vehicle: Vehicle, mission: Mission, cast: Cast | None = None) -> Column:
     """Return the water of a cast, or the vehicle's own, as deep as a mission goes.
 
-    Raises InputError where the cast is in another unit, and for the latitude of a cast that there
-    is not; where it may be in another unit, the column's report says it.
+    Parameters
+    ----------
+    vehicle, mission
+        As `load_vehicle` and `load_mission` return them.
+    cast
+        The water, as `read_cast` returns it; none: that of the vehicle's file, of constant density.
+
+    Returns
+    -------
+    Column
+        The water over depth. Where the cast may be in another unit, its report says it.
+
+    Raises
+    ------
+    InputError
+        The cast is in another unit, it begins far below the surface, or the mission gives the
+        latitude of a cast that there is not.
     """
     deepest = max([mission.start_depth, *(mission.reached(phase) for phase in mission.phases)])
     if cast is None:
