@@ -15,10 +15,8 @@ from swimbladder.design.sizing import (
     columns,
     load_parts,
     requirements,
-    sentences,
     size,
     sized_vehicle,
-    to_dict,
 )
 from swimbladder.design.sizing.candidates import combinations
 from swimbladder.errors import InputError, NoAnswerError
@@ -279,17 +277,17 @@ def test_parts_files_say_what_is_wrong(tmp_path) -> None:
 
 
 def test_water_of_one_density_is_said_to_be_none_of_the_sea(found: Sizing) -> None:
-    assert any("(--cast)" in sentence for sentence in sentences(found))
+    assert any("(--cast)" in sentence for sentence in found.sentences)
     column = found.column
     denser = dataclasses.replace(column, density=column.density + 1e-3 * column.depth)
-    assert not any("--cast" in s for s in sentences(dataclasses.replace(found, column=denser)))
+    assert not any("--cast" in s for s in dataclasses.replace(found, column=denser).sentences)
 
 
 def test_the_answer_is_whole(found: Sizing) -> None:
-    answer = to_dict(found)
+    answer = found.to_dict()
     assert answer["chosen"]["mass"] == pytest.approx(answer["pareto"][0]["mass"], rel=2e-3)
     assert len(columns(found)["mass_kg"]) == answer["feasible"]
-    text = " ".join(sentences(found))
+    text = " ".join(found.sentences)
     assert "1000 m" in text
     assert "cm3" in text
 
@@ -297,7 +295,7 @@ def test_the_answer_is_whole(found: Sizing) -> None:
 def test_the_parts_of_the_battery_are_all_of_it_and_the_reserve_is_of_what_the_cold_leaves(
     found: Sizing,
 ) -> None:
-    said = next(sentence for sentence in sentences(found) if sentence.startswith("Of the battery"))
+    said = next(sentence for sentence in found.sentences if sentence.startswith("Of the battery"))
     drawn, _, cold, lost, kept, stated, unusable = map(float, re.findall(r"([\d.]+) %", said))
     assert drawn + cold + lost + kept + unusable == pytest.approx(100.0, abs=0.3)  # rounded
     assert stated == 100.0 * DIVE.battery_reserve

@@ -16,7 +16,7 @@ from swimbladder.sim.engine.advance import DONE, LEFT_WATER, TOO_DEEP
 from swimbladder.sim.faults.campaign_result import (
     ROW,
     TOGETHER,
-    Campaign,
+    FaultResult,
     Outcome,
     outcomes,
     rule_of_three,
@@ -104,7 +104,9 @@ def made_up(count=1000, seed=2, healthy=30):
             row["faults"] = faults(random, kinds) if table is tables[0] else (NONE, NONE)
             for n in range(4):
                 row["flights"][n] = result(random)
-    return Campaign(course=COURSE, seed=7, faulty=tables[0], healthy=tables[1], program="0123abcd")
+    return FaultResult(
+        course=COURSE, seed=7, faulty=tables[0], healthy=tables[1], program="0123abcd"
+    )
 
 
 CAMPAIGN = made_up()
