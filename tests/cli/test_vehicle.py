@@ -1,4 +1,4 @@
-"""``swimbladder vehicle list|show|new``."""
+"""``swimbladder vehicle list|show|new|set``."""
 
 import json
 
@@ -95,6 +95,54 @@ def test_new_takes_the_kind_as_name_and_does_not_overwrite_unasked(capsys, tmp_p
 def test_bad_input_is_exit_code_2(capsys, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
     assert main(["vehicle", *arguments]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert words in captured.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_fields_are_set_and_the_vehicle_is_printed_or_written(capsys, tmp_path):
+    changes = ["motion.K2=6500", "motion.T2=42 s", "name=slow"]
+    assert main(["vehicle", "set", "feup-em", *changes]) == 0
+    printed = capsys.readouterr().out
+    path = tmp_path / "slow.toml"
+    assert main(["vehicle", "set", "feup-em", *changes, "--out", str(path)]) == 0
+    assert path.read_text() == printed
+    found = load_vehicle(path)
+    given = {"motion.K2": 6500.0, "motion.T2": "42 s", "name": "slow"}
+    assert found == load_vehicle("feup-em").replace(given)
+    assert (found.motion.K2, found.motion.T2, found.name) == (6500.0, 42.0, "slow")
+    assert found.hull == load_vehicle("feup-em").hull
+    assert found.provenance["motion.K2"] == "set by hand"
+    assert found.provenance["hull.psi"].startswith("section 3.2")
+
+
+def test_an_element_of_a_list_is_named_by_its_number():
+    floater = load_vehicle("example-float")
+    part = floater.hull.parts[0]
+    found = floater.replace({"hull.parts.0.compressibility": 2.0 * part.compressibility})
+    assert found.hull.parts[0].compressibility == 2.0 * part.compressibility
+    assert found.hull.parts[0].volume == part.volume
+    assert found.hull.parts[1:] == floater.hull.parts[1:]
+    assert floater.hull.parts[0] == part
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("motion.K9=1", "motion.K9: unknown field. Known here: K2, T2, kind."),
+        ("motion.T2=42 m", "motion.T2: the unit 'm' is of another kind"),
+        ("motion.T2=-4", "motion.T2: must be greater than 0"),
+        ("foo", "not a pair (got 'foo')"),
+        ("hull.parts.0.volume=3", "hull.parts: "),
+        ("provenance.x.y=3", "provenance.x"),
+        ("name.first=x", "name.first: the vehicle has no such field"),
+        ("stroke.minimum=1", "stroke"),
+    ],
+)
+def test_what_cannot_be_set_is_refused(capsys, tmp_path, monkeypatch, change, words):
+    monkeypatch.chdir(tmp_path)
+    assert main(["vehicle", "set", "feup-em", change, "--out", "x.toml"]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert words in captured.err

@@ -99,6 +99,28 @@ def new(
         console.print(f"  swimbladder simulate {target}")
 
 
+_CHANGES = typer.Argument(metavar="FIELD=VALUE...", help='Like motion.K2=6500 "motion.T2=42 s".')
+_OUT = typer.Option("--out", metavar="FILE", help="Write it there (printed).")
+
+
+@vehicle.command("set")
+def set_fields(
+    name: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
+    changes: Annotated[list[str], _CHANGES],
+    out: Annotated[Path | None, _OUT] = None,
+) -> None:
+    """Print a vehicle with other values of some fields, or write it: a number is in SI."""
+    from swimbladder.cli.texts import pairs
+    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.vehicle_file import save_vehicle, vehicle_file
+
+    found = load_vehicle(name).replace(pairs(changes, "vehicle set VEHICLE"))
+    if out is None:
+        sys.stdout.write(vehicle_file(found))
+    else:
+        say(f"wrote {save_vehicle(found, out)}")
+
+
 def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
     """Return every number of a vehicle in SI as {dotted field: {value, unit}}."""
     from pydantic import BaseModel

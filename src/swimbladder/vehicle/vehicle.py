@@ -5,11 +5,13 @@ Beside them stands what identification from logs leaves: how sure the numbers ar
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from swimbladder.errors import InputError
 from swimbladder.vehicle.actuators import (
     Actuator,
     AnyActuator,
@@ -440,6 +442,39 @@ class Vehicle(Parameters):
             return _laminar(self.water.specific_weight / self.motion.K2)
         return self.motion.drag
 
+    def replace(self, changes: Mapping[str, Any]) -> Vehicle:
+        """Return the vehicle with other values of fields, ``{"motion.K2": 6500.0}``.
+
+        Parameters
+        ----------
+        changes
+            Values by the field's path, as the vehicle's file has it; a number is in SI, a text has
+            its unit (``"42 s"``), and the elements of a list are numbered from 0
+            (``"hull.parts.0.volume"``).
+
+        Returns
+        -------
+        Vehicle
+            As if read from a file with these values; its provenance says which were set so.
+
+        Raises
+        ------
+        InputError
+            There is no such field, or the value cannot be, alone or with the others.
+        """
+        found = self.model_dump(exclude_unset=True)
+        for path, value in changes.items():
+            *tables, name = path.split(".")
+            at: Any = found
+            for table in tables:
+                at = _within(at, table, path)
+            if not isinstance(at, dict):
+                raise _no_field(path)
+            at[name] = value
+        own = [path for path in changes if path.split(".")[0] != "provenance"]
+        found["provenance"] = found.get("provenance", {}) | dict.fromkeys(own, "set by hand")
+        return Vehicle(**found)
+
     def with_sensors(self, **given: float) -> Vehicle:
         """Return the vehicle with other numbers of its sensors; raises InputError for bad ones."""
         sensors = Sensors(**{**self.sensors.model_dump(), **given})
@@ -496,3 +531,17 @@ class Vehicle(Parameters):
             if name in names[:i]:
                 remedy = "Give each load its own name"
                 raise refusal("two loads have the same name", remedy, "loads", i, "name")
+
+
+def _within(at: Any, table: str, path: str) -> Any:
+    """Return a table of a table, or an element of a list; raises InputError where there is none."""
+    if isinstance(at, dict):
+        return at.setdefault(table, {})
+    if isinstance(at, (list, tuple)) and table.isdecimal() and int(table) < len(at):
+        return at[int(table)]
+    raise _no_field(path)
+
+
+def _no_field(path: str) -> InputError:
+    remedy = "`swimbladder vehicle show VEHICLE --json` lists all"
+    return InputError("the vehicle has no such field", field=path, remedy=remedy)
