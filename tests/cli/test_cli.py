@@ -14,7 +14,7 @@ import pytest
 import typer
 
 from swimbladder import __version__, cli
-from swimbladder.cli import COMMANDS, common, main
+from swimbladder.cli import COMMANDS, GROUPS, common, main
 from swimbladder.errors import InputError, NoAnswerError
 
 HEAVY = ("scipy", "pandas", "xarray", "matplotlib", "control", "numba", "numpy", "pydantic")
@@ -32,9 +32,12 @@ def imported_by(code):
 def test_help_lists_every_command_with_a_line_on_it(capsys):
     assert main(["--help"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    for name, summary in COMMANDS.items():
-        assert name in shown
-        assert summary in shown
+    for panel, commands in GROUPS.items():
+        place = shown.index(f"─ {panel} ─")
+        for name, summary in commands.items():
+            found = shown.index(f"│ {name} {summary}")
+            assert place < found, "each in its group, one after the other"
+            place = found
 
 
 def test_no_arguments_is_a_question_for_help(capsys):

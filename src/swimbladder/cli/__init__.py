@@ -11,37 +11,48 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from swimbladder.cli.common import run, stop_on_terminate
 
-__all__ = ["COMMANDS", "main"]
+__all__ = ["COMMANDS", "GROUPS", "main"]
 
-COMMANDS = {
-    "simulate": "Simulate depth steps or a mission in closed loop.",
-    "analyse": "Transfer functions, poles, margins and stall depth.",
-    "compare": "Drive the model with a measured log and compare depths.",
-    "identify": "K2, T2, psi and drag from logs, and how sure they are.",
-    "identify-actuator": "K1, T1, dead zone, asymmetry and rate from logged steps.",
-    "design-experiment": "Which pool experiments to run, and what they tell.",
-    "pool": "Guide a day at the pool, simulated or on a growing log.",
-    "ballast": "Neutral volume, ballast and stroke in the sea of a cast.",
-    "tune": "Gains with margins over all that is not known.",
-    "energy": "Joules per mL over depth, against a thruster, from runs.",
-    "plan": "The best step of depth there is, computed beforehand.",
-    "compare-laws": "Every law on the same scenarios, a table and a picture.",
-    "stability": "Eigenvalues, limit cycles, from where it recovers.",
-    "size": "Which pump or screw, motor, stroke, battery do a dive.",
-    "mission": "Dive, park, profile, surface: months, in a real sea.",
-    "campaign": "An array of floats on one mission, each different.",
-    "firmware": "The controller as an Arduino library in C.",
-    "board": "Fly the model by the C on a board at a serial port.",
-    "faults": "Missions in which things fail, flown by the vehicle's C.",
-    "reproduce": "Redo the paper: each figure, table and number, a report.",
-    "vehicle": "List, show and write vehicle files.",
+GROUPS = {
+    "Describe a vehicle": {
+        "vehicle": "List, show, change and write vehicle files.",
+        "size": "Which pump or screw, motor, stroke, battery do a dive.",
+        "ballast": "Neutral volume, ballast and stroke in the sea of a cast.",
+        "energy": "Joules per mL over depth, against a thruster, from runs.",
+    },
+    "Predict what it does": {
+        "simulate": "Simulate depth steps or a mission in closed loop.",
+        "mission": "Dive, park, profile, surface: months, in a real sea.",
+        "campaign": "An array of floats on one mission, each different.",
+        "analyse": "Transfer functions, poles, margins and stall depth.",
+        "plan": "The best step of depth there is, computed beforehand.",
+    },
+    "Measure its parameters": {
+        "design-experiment": "Which pool experiments to run, and what they tell.",
+        "pool": "Guide a day at the pool, simulated or on a growing log.",
+        "identify": "K2, T2, psi and drag from logs, and how sure they are.",
+        "identify-actuator": "K1, T1, dead zone, asymmetry and rate from logged steps.",
+        "compare": "Drive the model with a measured log and compare depths.",
+    },
+    "Control it": {
+        "tune": "Gains with margins over all that is not known.",
+        "compare-laws": "Every law on the same scenarios, a table and a picture.",
+        "stability": "Eigenvalues, limit cycles, from where it recovers.",
+        "firmware": "The controller as an Arduino library in C.",
+        "board": "Fly the model by the C on a board at a serial port.",
+        "faults": "Missions in which things fail, flown by the vehicle's C.",
+    },
+    "Check us": {
+        "reproduce": "Redo the paper: each figure, table and number, a report.",
+    },
 }
+COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -74,14 +85,16 @@ def _app(wanted: set[str | None], *, before: bool) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_root)
+    panels = {name: panel for panel, commands in GROUPS.items() for name in commands}
     for name, summary in COMMANDS.items():
+        how: dict[str, Any] = {"help": summary, "rich_help_panel": panels.get(name)}
         if name not in wanted:
-            app.command(name, help=summary)(_not_loaded)
+            app.command(name, **how)(_not_loaded)
             continue
         module = name.replace("-", "_")
         command = getattr(import_module(f"swimbladder.cli.{module}"), module)
         if isinstance(command, typer.Typer):
-            app.add_typer(command, name=name, help=summary)
+            app.add_typer(command, name=name, **how)
         else:
             app.command(name)(command)
     return app

@@ -95,6 +95,10 @@ class FloatLog:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __repr__(self) -> str:
+        runs = f"{len(self)} pressures, {len(self.actions)} actions"
+        return f"FloatLog({self.source!r}: {self.name or 'no name'}, {runs})"
+
     def of(self, *devices: Device) -> tuple[Action, ...]:
         """Return the actions of these devices, in order."""
         return tuple(action for action in self.actions if action.device in devices)

@@ -158,6 +158,21 @@ class Log:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __repr__(self) -> str:
+        span = float(self.time[-1] - self.time[0]) if len(self) else 0.0
+        names = [
+            "depth",
+            "volume",
+            "piston",
+            "voltage",
+            "current",
+            "temperature",
+            "speed",
+            "reference_depth",
+        ]
+        held = [name for name in names if getattr(self, name) is not None]
+        return f"Log({self.source!r}: {len(self)} samples in {span:g} s, {', '.join(held)})"
+
     def only(self, kept: NDArray[np.bool_]) -> Log:
         """Return the log with the samples that are `kept` (an array of its length)."""
         arrays = ((n, values) for n, values in vars(self).items() if isinstance(values, np.ndarray))

@@ -15,6 +15,7 @@ from swimbladder.vehicle.schema import refusal
 
 _MOST_PHASES = 50  # whether each was missed is kept as a bit of a double's 53
 _DEEPEST = 11_000.0  # m; Challenger Deep: 10,935 m
+_SHOWN = 6  # phases or set-points in the words for a mission
 
 
 class Setpoint(Parameters):
@@ -194,6 +195,16 @@ class Mission(Parameters):
     """how it avoids ice; not given: it does not"""
     water_motion: WaterMotion = WaterMotion()
     """waves that move the water"""
+
+    def __repr__(self) -> str:
+        """Return its phases or set-points in some words."""
+        steps = [f"{p.title} ({p.depth or 0.0:g} m)" for p in self.phases]
+        steps += [f"{point.depth:g} m at {point.time:g} s" for point in self.setpoints]
+        shown = steps if len(steps) <= _SHOWN else [*steps[:_SHOWN], f"{len(steps) - _SHOWN} more"]
+        often = f", {self.cycles} cycles" if self.cycles else ""
+        return f"Mission({self.name!r}: {', '.join(shown)}{often})"
+
+    __str__ = __repr__
 
     @property
     def bottom(self) -> float:

@@ -423,6 +423,26 @@ class Vehicle(Parameters):
     identified: Identified | None = None
     """how sure the identified numbers are, and the noise of the logs"""
 
+    def __repr__(self) -> str:
+        """Return what it is in some lines; `vehicle_file` has every number."""
+        stroke, hull, law = self.stroke, self.hull, self.controller
+        rated = "" if hull.depth_limit is None else f", rated for {hull.depth_limit:g} m"
+        closed = "none" if law is None else f"{law.law}, every {law.sample_time:g} s"
+        psi, displaced = f"{1e6 * hull.psi:.4g} cm3/m", f"{1e3 * hull.displaced_volume:.4g} L"
+        volumes = f"{1e6 * stroke.minimum:.4g} to {1e6 * stroke.maximum:.4g} cm3"
+        return "\n".join(
+            [
+                f"Vehicle {self.name!r}",
+                f"  {self.description}",
+                f"  actuator: {self.actuator.kind}, {volumes}",
+                f"  hull: {displaced}, psi {psi}{rated}",
+                f"  motion: {self.mass:.4g} kg accelerated, {self.drag.law} drag",
+                f"  controller: {closed}",
+            ]
+        )
+
+    __str__ = __repr__
+
     @property
     def engine(self) -> Actuator:
         """The actuator itself, or what one of another package acts as."""

@@ -41,6 +41,10 @@ class Cast:
     pressure_column: str | None = None
     unit_named: bool = False
 
+    def __repr__(self) -> str:
+        low, high = self.pressure[0], self.pressure[-1]
+        return f"Cast({self.name!r}: {len(self.pressure)} rows, {low:g} to {high:g} dbar)"
+
     def __post_init__(self) -> None:
         """Refuse what is no profile."""
         n = len(self.pressure)

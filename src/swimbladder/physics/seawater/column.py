@@ -47,6 +47,9 @@ class Column:
     report: tuple[str, ...] = ()  # what was assumed
     cast: Cast | None = field(default=None, repr=False, compare=False)  # what it was made of
 
+    def __repr__(self) -> str:
+        return f"Column({self.source!r}: {len(self.depth)} depths to {self.deepest:g} m)"
+
     @property
     def step(self) -> float:
         """Distance of two depths [m]."""

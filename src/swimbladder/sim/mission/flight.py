@@ -49,6 +49,10 @@ class Flight:
     stop: Stop
     reach: plan_check.Reach
 
+    def __repr__(self) -> str:
+        flown = f"{len(self.cycles)} cycles, {len(self.rows)} steps, {self.duration:g} s"
+        return f"Flight({self.vehicle.name!r}, {self.mission.name!r}: {flown}, {self.stop.name})"
+
     @property
     def duration(self) -> float:
         """Time flown [s]."""
