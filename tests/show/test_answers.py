@@ -57,6 +57,7 @@ def test_every_answer_has_words_and_a_picture_that_there_are():
     for name, how in answers._ANSWERS.items():
         own = {*dir(found[name]), *found[name].__dataclass_fields__}
         assert how.words or "sentences" in own, name
+        assert not (how.files and how.writes), name
         for path in filter(None, how):
             module, _, function = path.rpartition(".")
             assert callable(getattr(importlib.import_module(f"swimbladder.{module}"), function))
@@ -75,6 +76,14 @@ def test_an_answer_is_short_plain_and_drawn(name, tmp_path):
     figure = answer.plot()
     assert isinstance(figure, Figure)
     assert any(axes.get_xlabel().endswith("]") for axes in figure.axes)
+    paths = answer.save(tmp_path / "saved")
+    assert paths
+    for path in paths:
+        assert path.is_file()
+        assert path.is_relative_to(tmp_path / "saved")
+    numbers = [path for path in paths if path.suffix == ".json" and path.parent.name == "saved"]
+    said = [json.loads(path.read_text()) for path in numbers]
+    assert name == "Library" or json.loads(json_text(answer.to_dict())) in said
 
 
 def test_a_long_answer_is_cut_and_says_so():

@@ -74,17 +74,11 @@ def _write(a: Analysis, out: Path) -> list[Path]:
     text = io.StringIO()
     _show(a, Output(file=text, width=100, color_system=None))
     report = "".join(line.rstrip() + "\n" for line in text.getvalue().splitlines())
-    files: dict[str, object] = {"analysis.json": a.to_dict(), "analysis.txt": report}
     with progress("drawing"):
         from swimbladder.show.files import write_all
-        from swimbladder.show.plots import linear
+        from swimbladder.show.report.analysis import analysis_files
 
-        pictures = {"open_loop": linear.draw_open_loop, "poles": linear.draw_poles}
-        if a.drive is not None:
-            pictures["drive"] = linear.draw_drive
-        if a.closed_loop is not None:
-            pictures |= {"loop_gains": linear.draw_loop_gains, "nyquist": linear.draw_nyquist}
-        return write_all(out, files | {f"{name}.png": draw(a) for name, draw in pictures.items()})
+        return write_all(out, analysis_files(a, a.to_dict()) | {"analysis.txt": report})
 
 
 def _show(a: Analysis, console: Console) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -83,7 +82,6 @@ def ballast(
 
     from swimbladder.design.ballast import Target, material_of, uncertainty_of
     from swimbladder.design.ballast import ballast as find
-    from swimbladder.show.report.ballast import ballast_files
 
     with task.said_as_typed():
         material_of(task.material)
@@ -93,8 +91,7 @@ def ballast(
     wanted = Target(**sought, probability=asked.pop("probability"), speed=asked.pop("speed"))
     with progress("drawing vehicles", 1.0) as advance, task.said_as_typed(), target.said_as_typed():
         found = find(v, casts, target=wanted, uncertainty=uncertainty, advance=advance, **asked)
-    files = partial(ballast_files, found)
-    to.answer(found.to_dict(), files, _shown(found), good=found.covered)
+    to.answer(found, _shown(found), good=found.covered)
 
 
 def _shown(found: Ballasting) -> Iterator[object]:

@@ -76,7 +76,7 @@ def board(
         [flight.log for flight in answer.flights],
         [flight.sentence for flight in answer.flights],
     )
-    to.answer(answer.to_dict(), logs, answer.sentences, good=answer.equal, why=why)
+    to.answer(answer.to_dict(), answer.sentences, logs, good=answer.equal, why=why)
 
 
 def _logs(out: Path) -> dict[Path, int]:

@@ -155,17 +155,9 @@ def campaign(
         _unfinished(layout, work.part, to.json)
         return
     found = result_of(job)
-    answer = found.to_dict()
-    files: dict[str, object] = {"campaign.json": answer, "floats.csv": found.columns_csv}
-    if found.sensitivity is not None:
-        from swimbladder.show.plots.campaign import draw_sensitivity
-
-        files["sensitivity.png"] = draw_sensitivity(found.sensitivity)
     with progress("writing the results"):
-        from swimbladder.show.files import write_all
-
-        written = [to.out / "campaign.zarr", *write_all(to.out, files)]
-    to.answer(answer, written, _shown(found), good=found.completed)
+        written = [to.out / "campaign.zarr", *found.save(to.out)]
+    to.answer(found.to_dict(), _shown(found), written, good=found.completed)
 
 
 def _unfinished(layout: Layout, part: str, json: bool) -> None:

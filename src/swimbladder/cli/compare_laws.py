@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +18,6 @@ from swimbladder.cli.common import (
     progress,
     say,
     table,
-    typed_command,
 )
 from swimbladder.cli.options import AnyVehicle, Files, Options, WithoutSupervisor, grouped, valued
 from swimbladder.cli.texts import Given
@@ -103,12 +101,11 @@ def compare_laws(
     parts = to.out / "parts"
     with progress("loading the simulator"):
         from swimbladder.design.law_comparison import compare_laws
-        from swimbladder.show.report.law_comparison import comparison_files
     with kept(parts), compile_notice(), progress("tuning and flying", 1.0) as advance:
         found = compare_laws(v, **options, parts=parts, advance=advance)
     if assumed:
         found = found.assuming(assumed)
-    to.answer(found.to_dict(), partial(comparison_files, found, typed_command()), _shown(found))
+    to.answer(found, _shown(found))
 
 
 def _list(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,6 @@ from swimbladder.cli.common import (
     quantity,
     severities,
     table,
-    typed_command,
 )
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.cli.settings import Sought, deviation
@@ -104,13 +102,11 @@ def design_experiment(
     to.check()
     with progress("loading the simulator"):
         from swimbladder.design.experiments import design_experiment as find
-        from swimbladder.show.report.design import design_files
 
     with compile_notice(), progress("looking for the best experiments", 1.0) as advance:
         found = find(v, **options, advance=advance)
-    files = partial(design_files, found, typed_command())
     why = [f.sentence for f in found.findings if f.severity == "no"]
-    to.answer(found.to_dict(), files, _shown(found), good=found.identifiable, why=why)
+    to.answer(found, _shown(found), good=found.identifiable, why=why)
 
 
 def _shown(found: Design) -> Iterator[object]:

@@ -49,8 +49,11 @@ def fit_runs(
         fitted = None if v is None or found.refusal else fitted_vehicle(v, found)
         said = list(fit_sentences(found, fitted))
         answer = {**found.to_dict(), "sentences": said, "report": runs_read.report}
-    files, shown = partial(fit_files, found, fitted), _shown_fit(found, said, runs_read.report)
-    to.answer(answer, files, shown, good=not found.refusal, why=[found.refusal])
+    files, shown = (
+        partial(fit_files, found, vehicle=fitted),
+        _shown_fit(found, said, runs_read.report),
+    )
+    to.answer(answer, shown, files, good=not found.refusal, why=[found.refusal])
 
 
 def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> Iterator[object]:
@@ -159,11 +162,10 @@ def energy(
     with progress("computing"), compared.said_as_typed(), thrusters.said_as_typed():
         from swimbladder.design.energy import Thruster
         from swimbladder.design.energy import energy as find
-        from swimbladder.show.report.energy import energy_files
 
         refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
         found = find(v, next(iter(casts), None), thruster=Thruster(**thrust), **asked)
-    to.answer(found.to_dict(), partial(energy_files, found), _shown(found))
+    to.answer(found, _shown(found))
 
 
 def _shown(answer: Energy) -> Iterator[object]:

@@ -66,18 +66,12 @@ def faults(
         _one(v, mission, asked, to)
         return
     with progress("loading the simulator"):
-        from swimbladder.show.plots.faults import draw_campaign
         from swimbladder.sim.faults import faults as fly
-        from swimbladder.sim.faults.single_mission import missions_csv
     keep = unfinished(to.out)
     with kept(keep), compile_notice(), progress("flying missions", 1.0) as advance:
         flown = fly(v, **asked, keep=keep, advance=advance)
 
-    def files(answer: Mapping[str, Any]) -> dict[str, object]:
-        flights, picture = missions_csv(flown), draw_campaign(flown)
-        return {"faults.json": answer, "missions.csv": flights, "faults.png": picture}
-
-    to.answer(flown.to_dict(), files, _shown(flown), keep=keep)
+    to.answer(flown, _shown(flown), keep=keep)
     if not flown.passed:
         raise NoAnswerError(_verdict(flown, vehicle, missions.seed))
 
@@ -102,7 +96,7 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
         listed = {f"{stem}-{name}.csv": trace_csv(rows, flown.tick) for name, rows in traces}
         return {**listed, f"{stem}.png": draw_mission(flown)}
 
-    to.answer(flown.to_dict(), files, flown.lines())
+    to.answer(flown.to_dict(), flown.lines(), files)
 
 
 def _shown(flown: FaultResult) -> Iterator[object]:

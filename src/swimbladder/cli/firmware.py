@@ -85,7 +85,7 @@ def firmware(
     doing = progress("flying the golden trace", 1.0)
     with golden.said_as_typed(**named), compile_notice(), doing as advance:
         made = make(v, **asked, pool=options, advance=advance)
-    to.answer(made.to_dict(), write_library(made, to.out), made.sentences)
+    to.answer(made.to_dict(), made.sentences, write_library(made, to.out))
 
 
 def _check_law(vehicle: Vehicle, law: str | None) -> None:

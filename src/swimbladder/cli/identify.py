@@ -89,7 +89,7 @@ def _identify_deep(
     with progress("drawing the picture"):
         files = write_deep(found, to.out, answer=answer)
     shown = _deep_shown(found, [note for log in read for note in log.report])
-    to.answer(answer, files, shown, good=found.identified, why=found.sentences[:1])
+    to.answer(answer, shown, files, good=found.identified, why=found.sentences[:1])
 
 
 def _deep_shown(found: DeepIdentification, notes: Sequence[str]) -> Iterator[object]:
@@ -305,7 +305,7 @@ def identify(
     named = [path for path in files if to.json or path.suffix != ".png"]
     refused = [f.sentence for f in found.findings if f.severity == "no"]
     shown = _shown(found, beside, seconds)
-    to.answer({**answer, "seconds": seconds}, named, shown, good=found.identified, why=refused)
+    to.answer({**answer, "seconds": seconds}, shown, named, good=found.identified, why=refused)
 
 
 def _refuse_runs(path: Path, vehicle: Vehicle, mapped: Mapping[str, str]) -> None:

@@ -88,7 +88,7 @@ def identify_actuator(
     if why:
         aside(f"no vehicle is written: {why}")
     refusal = [found.refusal]
-    to.answer(found.to_dict(), files, _shown(found), good=found.identified, why=refusal)
+    to.answer(found.to_dict(), _shown(found), files, good=found.identified, why=refusal)
 
 
 def _row(name: str, e: Estimate) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -21,8 +21,6 @@ from swimbladder.errors import InputError, SwimbladderError
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast
     from swimbladder.sim.mission.result import MissionResult
-
-_BEGIN = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)  # where the user does not say
 
 
 def _moment(text: str, option: str) -> datetime.datetime:
@@ -82,7 +80,7 @@ def mission(
 
     v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
     asked = how.read()
-    begin, bottom = asked.pop("begin") or _BEGIN, asked.pop("bottom")
+    begin, bottom = asked.pop("begin"), asked.pop("bottom")
     cycles, span = asked.pop("cycles"), asked.pop("duration")
     to.check()
     keep = unfinished(to.out)
@@ -105,43 +103,29 @@ def mission(
             found = fly(v, task, read, **asked, keep=keep, advance=advance)
     answer = found.to_dict()
     with progress("writing the files"):
-        files = _write(found, to.out, answer, read, begin, more, also)
-    to.answer(answer, files, _shown(found, read), good=found.completed, keep=keep)
+        from swimbladder.show.files import Gone, write_all
+        from swimbladder.show.report.mission import BEGIN, mission_files
+
+        begin = begin or BEGIN
+        made = mission_files(found, answer, begin=begin) | _also(found, read, begin, also)
+        files = write_all(to.out, {**made, "argo-config.json": Gone(), **more})
+    to.answer(answer, _shown(found, read), files, good=found.completed, keep=keep)
 
 
-def _write(
-    found: MissionResult,
-    out: Path,
-    answer: dict[str, Any],
-    cast: Cast | None,
-    begin: datetime.datetime,
-    more: dict[str, object],
-    also: Also,
-) -> list[Path]:
-    """Write the files, `more` among them, take away those of an earlier flight; return paths."""
-    from swimbladder.show.files import Gone, write_all
-    from swimbladder.sim.mission.export import float_configuration
+def _also(
+    found: MissionResult, cast: Cast | None, begin: datetime.datetime, also: Also
+) -> dict[str, object]:
+    """Return what is written beside the files of the answer; what is not asked for goes."""
+    from swimbladder.show.files import Gone
     from swimbladder.sim.mission.og1 import og1_dataset, write_og1
-    from swimbladder.sim.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
 
-    files: dict[str, object] = {
-        "mission.json": answer,
-        "trajectory.csv": trajectory_columns(found),
-        "events.csv": events_csv(found.flight),
-        "cycles.csv": cycle_columns(found),
-        "vertical-speed.csv": speeds(found.flight),
-        "float.json": float_configuration(found, begin=begin),
-        **dict.fromkeys(("mission.nc", "mission.png", "argo-config.json"), Gone()),
-        **more,
-    }
+    files: dict[str, object] = dict.fromkeys(("mission.nc", "mission.png"), Gone())
     if also.netcdf:
         place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
         files["mission.nc"] = partial(write_og1, og1_dataset(found, begin=begin, **place))
     if also.plot:
-        from swimbladder.show.plots.mission import draw_mission
-
-        files["mission.png"] = draw_mission(found)
-    return write_all(out, files)
+        files["mission.png"] = found.plot()
+    return files
 
 
 def _shown(found: MissionResult, cast: Cast | None) -> Iterator[object]:

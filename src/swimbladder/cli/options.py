@@ -15,9 +15,18 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from swimbladder.cli.common import aside, emit_json, progress, quantity, said_as_typed, say
+from swimbladder.cli.common import (
+    aside,
+    emit_json,
+    progress,
+    quantity,
+    said_as_typed,
+    say,
+    typed_command,
+)
 from swimbladder.cli.texts import Given, depth_pair, names, pairs
 from swimbladder.errors import InputError, check_number
+from swimbladder.io.answers import Answer
 
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
@@ -175,9 +184,9 @@ class Files(Options):
 
     def answer(
         self,
-        answer: Mapping[str, Any],
-        files: Sequence[Path] | Contents,
+        answer: Mapping[str, Any] | Answer,
         shown: Iterable[object],
+        files: Sequence[Path] | Contents | None = None,
         *,
         good: bool = True,
         why: Sequence[str] = (),
@@ -185,15 +194,20 @@ class Files(Options):
     ) -> None:
         """Print the answer and its files, as JSON or as `shown`; exit with 1 where it is not good.
 
-        files: their paths, or what returns from the answer what is to be written. why: what is not
-        good; beside JSON it stands on stderr. keep: the folder where unfinished work was kept,
-        which has no use any more.
+        files: their paths, or what returns from the answer what is to be written; none: those that
+        the answer itself has. why: what is not good; beside JSON it stands on stderr. keep:
+        the folder where unfinished work was kept, which has no use any more.
         """
-        if callable(files):
+        if isinstance(answer, Answer):
+            with progress("drawing and writing"):
+                files = answer.save(self.out, command=typed_command())
+            answer = answer.to_dict()
+        elif callable(files):
             with progress("drawing and writing"):
                 from swimbladder.show.files import write_all
 
                 files = write_all(self.out, files(answer))
+        files = files or ()
         if keep is not None:
             shutil.rmtree(keep, ignore_errors=True)
         if self.json:

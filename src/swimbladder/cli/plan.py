@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from swimbladder.cli.common import aside, compile_notice, progress
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given, depth_pair
-
-if TYPE_CHECKING:
-    from swimbladder.design.planning import Plan
 
 
 @dataclass(frozen=True)
@@ -54,17 +51,11 @@ def plan(
     to.check()
     with progress("loading the solvers"):
         from swimbladder.design.planning import plan as find
-        from swimbladder.show.plots.plan import draw_plan
     with _told_how_to_go_on(), compile_notice(), progress("solving programs") as advance:
         found = find(v, start, target, advance=advance, **options)
 
-    def files(answer: Mapping[str, Any]) -> dict[str, object]:
-        columns, picture = found.columns(), draw_plan(found)
-        numbers = {"plan.csv": columns, "mission.toml": _mission(found), "plan.json": answer}
-        return {**numbers, "plan.png": picture}
-
     shown = (f"{v.name}, goal {found.goal}", "", *found.sentences, "")
-    to.answer(found.to_dict(), files, shown)
+    to.answer(found, shown)
 
 
 @contextlib.contextmanager
@@ -76,20 +67,3 @@ def _told_how_to_go_on() -> Iterator[None]:
         sooner = "It takes less long with a longer sample time (--sample-time)"
         aside(f"stopped: nothing is written, and the same command begins anew. {sooner}")
         raise
-
-
-def _mission(found: Plan) -> str:
-    """Return the plan's depths as a mission: each holds until the next sample."""
-    task, h = found.task, found.task.sample_time
-    lines = [
-        f"# Planned by swimbladder plan for {task.vehicle.name}, goal {found.goal}: set-points.",
-        "schema_version = 1",
-        f'name = "planned, {task.start:g} to {task.target:g} m"',
-        f"start_depth = {task.start!r}",
-        f"duration = {float(found.time[-1]) + h!r}",
-    ]
-    if task.plant.z_bottom < float("inf"):
-        lines.append(f"bottom_depth = {task.plant.z_bottom!r}")
-    for time, depth in zip(found.time[:-1].tolist(), found.depth[1:].tolist(), strict=True):
-        lines += ["", "[[setpoints]]", f"time = {time!r}", f"depth = {depth!r}"]
-    return "\n".join(lines) + "\n"

@@ -214,7 +214,7 @@ def pool(
     day.save()
     answer = day.answer()
     written = [*answer.pop("files"), *files]
-    to.answer(answer, written, _end(day, told=told), good=day.verdict.good)
+    to.answer(answer, _end(day, told=told), written, good=day.verdict.good)
 
 
 @contextlib.contextmanager

@@ -16,7 +16,6 @@ from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass, water_of_
 from swimbladder.cli.common import aside, asked_of, compile_notice, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, WithoutSupervisor, grouped, valued
 from swimbladder.cli.texts import Given
-from swimbladder.io.answers import attributes
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
@@ -27,27 +26,15 @@ if TYPE_CHECKING:
 
 _PLACE = ("time_s", "start_depth_m", "target_depth_m")
 _VOLUME = ("peak_volume_m3", "volume_range_m3", "actuator_travel_m3")
-_COLUMNS = (
-    "time_s depth_m speed_m_s volume_m3 voltage_V reference_volume_m3=volume_reference current_A "
-    "power_W reference_depth_m=reference"
-)
 
 
 def write_files(
     s: Solution, task: Mission, column: Column | None, folder: Path, *, netcdf: bool, plot: bool
 ) -> list[Path]:
     """Write the files that were asked for and return their paths."""
-    import numpy as np
-
     from swimbladder.io.tables import write_csv
 
-    asked = "run_s" if s.supervised else "volume_change_m3"
-    known = attributes(s, _COLUMNS) | {
-        asked: np.where(np.isnan(s.drive), np.nan, s.command),
-        "volume_rate_m3_s": np.where(np.isnan(s.drive), np.nan, s.motor_rate),
-        "drive": s.drive,
-    }
-    columns = {name: values for name, values in known.items() if not np.all(np.isnan(values))}
+    columns = s.columns()
     with progress("writing trajectory.csv", len(s.time)) as advance:
         files = [write_csv(folder / "trajectory.csv", columns, advance=advance)]
     if netcdf:
@@ -220,7 +207,7 @@ def simulate(
     files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
     answer = answer_of(s, task, water, notes)
-    to.answer(answer, files, shown(answer))
+    to.answer(answer, shown(answer), files)
     if not s.finished:
         aside(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")
     if not s.within_depth_limit:

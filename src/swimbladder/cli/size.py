@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -90,7 +89,6 @@ def size(
     with progress("loading"):
         from swimbladder.design.sizing import Dive, load_parts
         from swimbladder.design.sizing import size as find
-        from swimbladder.show.report.size import sizing_files
     sea = None
     if casts:
         from swimbladder.physics.seawater import cast_column
@@ -104,4 +102,4 @@ def size(
         found = find(vehicle, Dive(**asked), column=sea, parts=listed, advance=advance, **room)
 
     water = labelled("cast", () if sea is None else sea.report)
-    to.answer(found.to_dict(), partial(sizing_files, found), (*water, *found.sentences, ""))
+    to.answer(found, (*water, *found.sentences, ""))

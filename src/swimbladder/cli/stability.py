@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
@@ -65,24 +64,9 @@ def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     doing = "looking for what is unstable"
     with kept(keep), compile_notice(), progress(doing, 1.0) as advance:
         found = find(v, **options, keep=keep, advance=advance)
-    to.answer(found.to_dict(), partial(_files, found), _shown(found), keep=keep)
+    to.answer(found, _shown(found), keep=keep)
     if not found.stable:
         raise NoAnswerError("the loop is not stable over the range that was asked for")
-
-
-def _files(found: Stability, answer: Mapping[str, Any]) -> dict[str, object]:
-    from swimbladder.show.plots.stability import draw_recovery, draw_robustness
-
-    files: dict[str, object] = {
-        "stability.json": answer,
-        "stability.txt": "\n".join(found.sentences) + "\n",
-        **{f"map-{one.name}.csv": one.csv() for one in found.maps},
-    }
-    if found.maps:
-        files["maps.png"] = draw_recovery(found)
-    if found.stood:
-        files["robustness.png"] = draw_robustness(found)
-    return files
 
 
 def _shown(found: Stability) -> Iterator[object]:

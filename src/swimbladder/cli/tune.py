@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_cast
-from swimbladder.cli.common import compile_notice, labelled, progress, table, typed_command
+from swimbladder.cli.common import compile_notice, labelled, progress, table
 from swimbladder.cli.options import Files, Options, VehicleName, WithoutSupervisor, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.control.records import leaves
@@ -69,12 +68,10 @@ def tune(
     to.check()
     with progress("loading the simulator"):
         from swimbladder.design.tuning import tune as find
-        from swimbladder.show.report.tune import tuning_files
     with compile_notice(), progress("searching gains", 1.0) as advance:
         found = find(v, **options, supervised=not without_supervisor, advance=advance)
-    files = partial(tuning_files, found, typed_command())
     why = [found.verdict]
-    to.answer(found.to_dict(), files, _shown(found), good=found.proven, why=why)
+    to.answer(found, _shown(found), good=found.proven, why=why)
 
 
 def _shown(found: Tuning) -> Iterator[object]:

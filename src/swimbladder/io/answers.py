@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from importlib import import_module
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -39,6 +39,15 @@ class Answer:
         """Return its picture, a matplotlib Figure; raises NoAnswerError where it has none."""
         figure: Figure = _shown().figure(self)
         return figure
+
+    def save(self, folder: str | Path, *, command: str = "") -> list[Path]:
+        """Write it into a folder, as its command does: numbers, tables, pictures; return the paths.
+
+        command: how a report says that it was made. Raises InputError where the folder cannot be
+        written.
+        """
+        paths: list[Path] = _shown().save(self, Path(folder), command)
+        return paths
 
 
 def _shown() -> Any:

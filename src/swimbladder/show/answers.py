@@ -5,11 +5,14 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Sequence
 from importlib import import_module
+from inspect import signature
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from markupsafe import escape
 
 from swimbladder.errors import NoAnswerError
+from swimbladder.show.files import write_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,36 +24,84 @@ _ROOM = "swimbladder"
 
 
 class _Shown(NamedTuple):
-    """Functions of an answer, by module and name: its picture, and its words where it has none."""
+    """Functions of an answer, by module and name; each may be missing.
+
+    picture; words: where it has no sentences; files: what they hold, from itself, its numbers
+    and, where they take one, the command that made it; writes: that writes them itself.
+    """
 
     picture: str = ""
     words: str = ""
+    files: str = ""
+    writes: str = ""
 
 
 # By the class of the answer.
 _ANSWERS = {
     "ActuatorIdentification": _Shown(
-        "show.plots.identify_actuator.draw_speeds", "show.report.actuator_text.headlines"
+        picture="show.plots.identify_actuator.draw_speeds",
+        words="show.report.actuator_text.headlines",
+        writes="show.report.actuator.save_actuator",
     ),
-    "Analysis": _Shown("show.plots.linear.draw_open_loop"),
-    "Ballasting": _Shown("show.plots.ballast.draw_ballasting"),
+    "Analysis": _Shown(
+        picture="show.plots.linear.draw_open_loop", files="show.report.analysis.analysis_files"
+    ),
+    "Ballasting": _Shown(
+        picture="show.plots.ballast.draw_ballasting", files="show.report.ballast.ballast_files"
+    ),
     "BoardAnswer": _Shown(),
-    "Campaign": _Shown("show.plots.campaign.draw_campaign"),
-    "Comparison": _Shown("show.plots.comparison.draw_comparison"),
-    "DeepIdentification": _Shown("show.plots.deep.draw_deep"),
-    "Design": _Shown("show.plots.design.draw_design", "show.report.design.headlines"),
-    "Energy": _Shown("show.plots.energy.draw_energy"),
-    "FaultResult": _Shown("show.plots.faults.draw_campaign"),
-    "Identification": _Shown("show.plots.identify.draw_fits", "show.report.text.headlines"),
-    "LawComparison": _Shown("show.plots.law_comparison.draw_pareto"),
-    "Library": _Shown("show.plots.firmware.draw_golden"),
-    "MissionResult": _Shown("show.plots.mission.draw_mission"),
-    "Plan": _Shown("show.plots.plan.draw_plan"),
-    "PumpFit": _Shown("show.plots.energy.draw_fit", "design.energy.messages.fit_sentences"),
-    "Sizing": _Shown("show.plots.size.draw_candidates"),
-    "Solution": _Shown("show.plots.solution.draw_solution"),
-    "Stability": _Shown("show.plots.stability.draw_recovery"),
-    "Tuning": _Shown("show.plots.tune.draw_tuning"),
+    "Campaign": _Shown(
+        picture="show.plots.campaign.draw_campaign", files="show.report.campaign.campaign_files"
+    ),
+    "Comparison": _Shown(
+        picture="show.plots.comparison.draw_comparison",
+        files="show.report.comparison.comparison_files",
+    ),
+    "DeepIdentification": _Shown(
+        picture="show.plots.deep.draw_deep", writes="show.report.deep.save_deep"
+    ),
+    "Design": _Shown(
+        picture="show.plots.design.draw_design",
+        words="show.report.design.headlines",
+        files="show.report.design.design_files",
+    ),
+    "Energy": _Shown(
+        picture="show.plots.energy.draw_energy", files="show.report.energy.energy_files"
+    ),
+    "FaultResult": _Shown(
+        picture="show.plots.faults.draw_campaign", files="show.report.faults.fault_files"
+    ),
+    "Identification": _Shown(
+        picture="show.plots.identify.draw_fits",
+        words="show.report.text.headlines",
+        writes="show.report.identification.save_identification",
+    ),
+    "LawComparison": _Shown(
+        picture="show.plots.law_comparison.draw_pareto",
+        files="show.report.law_comparison.comparison_files",
+    ),
+    "Library": _Shown(
+        picture="show.plots.firmware.draw_golden", writes="codegen.library.write_library"
+    ),
+    "MissionResult": _Shown(
+        picture="show.plots.mission.draw_mission", files="show.report.mission.mission_files"
+    ),
+    "Plan": _Shown(picture="show.plots.plan.draw_plan", files="show.report.plan.plan_files"),
+    "PumpFit": _Shown(
+        picture="show.plots.energy.draw_fit",
+        words="design.energy.messages.fit_sentences",
+        files="show.report.energy.fit_files",
+    ),
+    "Sizing": _Shown(
+        picture="show.plots.size.draw_candidates", files="show.report.size.sizing_files"
+    ),
+    "Solution": _Shown(
+        picture="show.plots.solution.draw_solution", files="show.report.solution.solution_files"
+    ),
+    "Stability": _Shown(
+        picture="show.plots.stability.draw_recovery", files="show.report.stability.stability_files"
+    ),
+    "Tuning": _Shown(picture="show.plots.tune.draw_tuning", files="show.report.tune.tuning_files"),
 }
 
 
@@ -83,6 +134,20 @@ def figure(answer: Answer) -> Figure:
         raise NoAnswerError(f"{type(answer).__name__} has no picture: its numbers are in to_dict()")
     drawn: Figure = _named(how)(answer)
     return drawn
+
+
+def save(answer: Answer, folder: Path, command: str) -> list[Path]:
+    """Write the files of an answer into a folder; return the paths."""
+    how = _ANSWERS[type(answer).__name__]
+    if how.writes:
+        paths: list[Path] = _named(how.writes)(answer, folder)
+        return paths
+    if not how.files:
+        numbers = {f"{type(answer).__name__.lower()}.json": answer.to_dict()}
+        return write_all(folder, numbers)
+    make = _named(how.files)
+    given = {"command": command} if "command" in signature(make).parameters else {}
+    return write_all(folder, make(answer, answer.to_dict(), **given))
 
 
 def _named(path: str) -> Any:

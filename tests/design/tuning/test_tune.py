@@ -331,7 +331,7 @@ def test_a_law_that_sleeps_is_judged_by_trials_alone():
     assert f"mm rms, not to {500.0 * found.region.rms:.3g} mm" in missed
     assert times == pytest.approx(2.0)
     assert "no margins" in found.sentences[-1]
-    files = tuning_files(found, "swimbladder tune", {})
+    files = tuning_files(found, {}, "swimbladder tune")
     assert "sensitivity.png" not in files
     assert "no margin is claimed" in str(files["tune.html"])
 

@@ -7,7 +7,7 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification
 from swimbladder.estimation.actuator.model import shown_unit
 from swimbladder.estimation.actuator.result import Known, Step
-from swimbladder.io.progress import Advance
+from swimbladder.io.progress import Advance, silent
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.files import Gone, write_all
 from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
@@ -47,6 +47,11 @@ def write_actuator(
     html = _page(found, list(tables), run, advance)
     tables.setdefault("vehicle.toml", Gone(_HEAD))
     return write_all(out, {"identify-actuator.html": html, **tables}), why
+
+
+def save_actuator(found: ActuatorIdentification, out: Path) -> list[Path]:
+    """Write page, steps and picture; return the paths."""
+    return write_actuator(found, out, Run("", 0.0), picture=True, advance=silent)[0]
 
 
 def _page(found: ActuatorIdentification, files: list[str], run: Run, advance: Advance) -> str:

@@ -39,3 +39,8 @@ def write_deep(found: DeepIdentification, out: Path, *, answer: Mapping[str, Any
         head = "\n".join([f"{MARK} from deep dives.", *found.sentences])
         files["vehicle.toml"] = vehicle_file(found.result_vehicle, head=head)
     return write_all(out, files)
+
+
+def save_deep(found: DeepIdentification, out: Path) -> list[Path]:
+    """Write the files of deep dives; return the paths."""
+    return write_deep(found, out, answer=found.to_dict())

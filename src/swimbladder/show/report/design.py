@@ -92,7 +92,7 @@ def comparison(design: Design) -> list[str]:
     return said
 
 
-def design_files(design: Design, command: str, answer: Mapping[str, Any]) -> dict[str, object]:
+def design_files(design: Design, answer: Mapping[str, Any], command: str = "") -> dict[str, object]:
     """Return the contents of the files: plan, page, numbers and pictures.
 
     command: how the page says that it was made; answer: design.json.

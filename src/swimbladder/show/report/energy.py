@@ -29,7 +29,7 @@ def energy_files(found: Energy, answer: Mapping[str, Any]) -> dict[str, object]:
 
 
 def fit_files(
-    fit: PumpFit, vehicle: Vehicle | None, answer: Mapping[str, Any]
+    fit: PumpFit, answer: Mapping[str, Any], vehicle: Vehicle | None = None
 ) -> dict[str, object]:
     """Return the contents of pump.json (the answer), runs.csv, pump.png and, with a vehicle, its.
 

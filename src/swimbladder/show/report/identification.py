@@ -139,6 +139,11 @@ def check_folder(out: Path, vehicle: str | Path) -> None:
     raise InputError(what, file=target, field="--out", remedy="Choose another folder with --out")
 
 
+def save_identification(found: Identification, out: Path) -> list[Path]:
+    """Write page, numbers, pictures and, where identified, the vehicle; return the paths."""
+    return write_identification(found, out, Run("", 0.0), found.to_dict())
+
+
 def write_identification(
     found: Identification, out: Path, run: Run, answer: Mapping[str, Any], advance: Advance = silent
 ) -> list[Path]:

@@ -113,7 +113,7 @@ def table_csv(comparison: LawComparison) -> str:
 
 
 def comparison_files(
-    comparison: LawComparison, command: str, answer: Mapping[str, Any]
+    comparison: LawComparison, answer: Mapping[str, Any], command: str = ""
 ) -> dict[str, object]:
     """Return the contents of page, table, numbers, pictures and a vehicle file for each law.
 

@@ -13,7 +13,7 @@ from swimbladder.show.report.html import TEXTS, drawn_inline, render
 from swimbladder.units import shown_unit, unit_factor
 
 
-def tuning_files(found: Tuning, command: str, answer: Mapping[str, Any]) -> dict[str, object]:
+def tuning_files(found: Tuning, answer: Mapping[str, Any], command: str = "") -> dict[str, object]:
     """Return the contents of vehicle.toml, tune.html, tune.json and pictures.
 
     Gains that do not keep what they have to are in unproven.toml instead. command: how the page

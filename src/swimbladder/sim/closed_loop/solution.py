@@ -239,6 +239,12 @@ class Event:
     kind: str
 
 
+_COLUMNS = (
+    "time_s depth_m speed_m_s volume_m3 voltage_V reference_volume_m3=volume_reference current_A "
+    "power_W reference_depth_m=reference"
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Solution(Answer):
     """A run at its sample instants; arrays [n + 1], the inputs of a row hold until the next.
@@ -323,6 +329,16 @@ class Solution(Answer):
     def actuator_travel(self) -> float:
         """Volume moved to and fro [m3]."""
         return self.books.volume["travel"]
+
+    def columns(self) -> dict[str, Array]:
+        """Return the columns of trajectory.csv: those that are known of its actuator [n]."""
+        asked = "run_s" if self.supervised else "volume_change_m3"
+        known = attributes(self, _COLUMNS) | {
+            asked: np.where(np.isnan(self.drive), np.nan, self.command),
+            "volume_rate_m3_s": np.where(np.isnan(self.drive), np.nan, self.motor_rate),
+            "drive": self.drive,
+        }
+        return {name: values for name, values in known.items() if not np.all(np.isnan(values))}
 
     def dataset(self) -> xarray.Dataset:
         """Return the arrays as an xarray Dataset with CF attributes (units, names, direction)."""

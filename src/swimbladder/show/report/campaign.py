@@ -1,0 +1,15 @@
+"""A campaign as files: its numbers, a row for each float, pictures."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from swimbladder.show.plots.campaign import draw_sensitivity
+from swimbladder.sim.campaign.result import Campaign
+
+
+def campaign_files(found: Campaign, answer: Mapping[str, Any]) -> dict[str, object]:
+    """Return the contents of campaign.json (the answer), floats.csv, and a picture of indices."""
+    files: dict[str, object] = {"campaign.json": answer, "floats.csv": found.columns_csv}
+    if found.sensitivity is not None:
+        files["sensitivity.png"] = draw_sensitivity(found.sensitivity)
+    return files
