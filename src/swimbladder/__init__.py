@@ -32,6 +32,7 @@ All numbers are SI; depth is positive down; a positive volume makes the vehicle 
 from __future__ import annotations
 
 from importlib import import_module
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -180,6 +181,8 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    if isinstance(value, FunctionType):
+        value = import_module(f"{__name__}.io.given").accepting(value)
     globals()[name] = value
     return value
 

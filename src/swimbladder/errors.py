@@ -100,6 +100,8 @@ def check_number(
     remedy: str = "Check the number and its unit",
 ) -> None:
     """Raise InputError about `field` for a number that is not within its bounds, or not finite."""
+    if isinstance(value, str) or not hasattr(value, "__float__"):
+        raise InputError("not a number", field=field, value=value, unit=unit, remedy=remedy)
     if value >= least and value > above and value <= most and (math.isfinite(value) or not finite):
         return
     bound = f"above {above:g}" if above > -math.inf else f"{least:g} or more"

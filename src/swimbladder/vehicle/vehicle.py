@@ -483,6 +483,7 @@ class Vehicle(Parameters):
             There is no such field, or the value cannot be, alone or with the others.
         """
         found = self.model_dump(exclude_unset=True)
+        changes = dict(changes)
         for path, value in changes.items():
             *tables, name = path.split(".")
             at: Any = found

@@ -85,7 +85,7 @@ def tune(
     step
         Depths of the trial [m]; none: 1.5 m within the range, of a pump and valve the whole range.
     hold
-        Error allowed to a quiet law or one that saves energy [m rms]; none: 9.5 mm and 5 cm. Of a
+        Error allowed to a quiet law or one that saves energy, rms [m]; none: 9.5 mm and 5 cm. Of a
         pump and valve the tolerance; none: that of its law or 10 m.
     runs
         Of a trial, 20 or more.

@@ -1,0 +1,148 @@
+"""What a public function is given: files by their names, numbers as texts with units.
+
+The unit of a number is the one that the function's docstring says, ``[m]``; what has none is a
+share or a count.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Sequence
+from functools import cache, wraps
+from importlib import import_module
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+from swimbladder.errors import InputError
+from swimbladder.units import parse_quantity, unit_factor
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+_Taker = Callable[[Any, str], Any]
+_SECTION = re.compile(r"^Parameters\n-+\n(.*?)(?=^[A-Z]\w+\n-+$|\Z)", re.S | re.M)
+_BRACKETS = re.compile(r"\[([^\[\]]+)\]")
+_LOADED_BY = {
+    "Vehicle": ("swimbladder.io.config", "load_vehicle"),
+    "Mission": ("swimbladder.io.config", "load_mission"),
+    "Cast": ("swimbladder.io.casts", "read_cast"),
+    "FloatLog": ("swimbladder.io.float_logs", "read_float_log"),
+    "Log": ("swimbladder.io.logs", "read_log"),
+}
+
+
+def accepting(function: Callable[_P, _T]) -> Callable[_P, _T]:
+    """Return a public function that also takes names of files, and texts with units.
+
+    Whatever else is none of what it takes is an InputError that names the parameter.
+    """
+    taken = inspect.signature(function)
+
+    @wraps(function)
+    def called(*args: _P.args, **given: _P.kwargs) -> _T:
+        bound = taken.bind(*args, **given)
+        for name, take in _takers(function).items():
+            default = taken.parameters[name].default
+            if name in bound.arguments and bound.arguments[name] is not default:
+                bound.arguments[name] = take(bound.arguments[name], name)
+        return function(*bound.args, **bound.kwargs)
+
+    return called
+
+
+@cache
+def units_of(function: Callable[..., Any]) -> dict[str, str]:
+    """Return the unit of each parameter by its docstring; none where it says none."""
+    section = _SECTION.search(inspect.getdoc(function) or "")
+    found: dict[str, str] = {}
+    names: list[str] = []
+    for line in section[1].splitlines() if section else ():
+        if line and not line.startswith(" "):
+            names = [name.strip(" *") for name in line.split(",")]
+            continue
+        for unit in filter(_is_unit, _BRACKETS.findall(line)):
+            for name in names:
+                found.setdefault(name, unit)
+    return found
+
+
+def _is_unit(text: str) -> bool:
+    try:
+        return unit_factor(text, text) == 1.0
+    except InputError:
+        return False
+
+
+@cache
+def _takers(function: Callable[..., Any]) -> dict[str, _Taker]:
+    """Return what reads each parameter that can be given otherwise, by its annotation."""
+    units, found = units_of(function), dict[str, _Taker]()
+    for name, parameter in inspect.signature(function).parameters.items():
+        words = set(re.findall(r"\w+", str(parameter.annotation)))
+        if {"Mapping", "Callable"} & words:
+            continue
+        if (type_name := next((word for word in _LOADED_BY if word in words), None)) is not None:
+            reader = _reader(type_name)
+            found[name] = _each(reader) if "Sequence" in words else reader
+        elif "float" in words and not {"Sequence", "ArrayLike"} & words:
+            number = _number(units.get(name, ""))
+            found[name] = _pair(number) if "tuple" in words else number
+    return found
+
+
+def _number(unit: str) -> _Taker:
+    """Return what reads a number, or a text with its unit."""
+
+    def take(value: Any, name: str) -> Any:
+        if isinstance(value, str):
+            try:
+                return parse_quantity(value, unit)
+            except InputError as error:
+                raise error.at(field=name) from None
+        if value is not None and not hasattr(value, "__float__"):
+            remedy = f'Give a number in {unit}, or a text like "1.5 {unit}"' if unit else "Give 0.1"
+            raise InputError("not a number", field=name, value=value, unit=unit, remedy=remedy)
+        return value
+
+    return take
+
+
+def _pair(number: _Taker) -> _Taker:
+    """Return what reads two numbers."""
+
+    def take(value: Any, name: str) -> Any:
+        if value is None:
+            return value
+        if isinstance(value, str) or not hasattr(value, "__len__") or len(value) != 2:
+            what, remedy = "not two numbers", "Give both in parentheses, like (0.0, 10.0)"
+            raise InputError(what, field=name, value=value, remedy=remedy)
+        return tuple(number(one, name) for one in value)
+
+    return take
+
+
+def _each(read: _Taker) -> _Taker:
+    """Return what reads each of a list."""
+
+    def take(value: Any, name: str) -> Any:
+        if isinstance(value, str | Path) or not isinstance(value, Sequence):
+            what, remedy = "not a list", f"Give several, or one as {name}=[...]"
+            raise InputError(what, field=name, value=value, remedy=remedy)
+        return [read(one, f"{name}[{k}]") for k, one in enumerate(value)]
+
+    return take
+
+
+def _reader(type_name: str) -> _Taker:
+    """Return what reads a file where its name is given, and refuses what is of another type."""
+    home, load = _LOADED_BY[type_name]
+
+    def take(value: Any, name: str) -> Any:
+        if value is None or any(base.__name__ == type_name for base in type(value).__mro__):
+            return value
+        if isinstance(value, str | Path):
+            return getattr(import_module(home), load)(value)
+        remedy = f"Give what {load} returns, or the name of its file"
+        raise InputError(f"no {type_name}", field=name, value=value, remedy=remedy)
+
+    return take

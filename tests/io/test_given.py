@@ -1,0 +1,103 @@
+"""Public functions take names of files and texts with units, and refuse all else by name."""
+
+import inspect
+
+import numpy as np
+import pytest
+
+import swimbladder as sb
+from swimbladder.io.given import accepting, units_of
+from swimbladder.units import parse_quantity
+
+VEHICLE = sb.load_vehicle("feup-em")
+STEP = {"setpoints": [(0.0, 3.0)], "duration": 30.0, "start_depth": 1.5}
+SHARES = {  # numbers that have no unit
+    "stability": {"delay"},
+    "tune": {"delay"},
+    "design_experiment": {"uncertainty"},
+    "read_cast": {"latitude", "longitude", "salinity"},
+}
+FUNCTIONS = {n: f for n in sb.__all__ if inspect.isfunction(f := getattr(sb, n))}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_number_has_a_unit_that_its_text_may_have(name):
+    units = units_of(FUNCTIONS[name])
+    for parameter in inspect.signature(FUNCTIONS[name]).parameters.values():
+        words = str(parameter.annotation)
+        if "float" in words and not any(w in words for w in ("Mapping", "Callable", "Sequence")):
+            known = units.get(parameter.name, "")
+            assert bool(known) != (parameter.name in SHARES.get(name, set())), parameter.name
+            assert parse_quantity(f"2 {known}".strip(), known) == 2.0
+
+
+def test_a_text_is_the_number_in_the_unit_of_the_docstring():
+    by_text = sb.simulate("feup-em", **{**STEP, "duration": "0.5 min", "start_depth": "150 cm"})
+    by_number = sb.simulate(VEHICLE, **STEP)
+    np.testing.assert_array_equal(by_text.depth, by_number.depth)
+    assert by_text.vehicle == VEHICLE
+
+
+def test_both_of_a_pair_may_be_texts():
+    how = {"maps": False, "within": 60.0, "draws": 20}
+    by_text = sb.stability(VEHICLE, depths=("50 cm", 5), **how)
+    assert by_text.to_dict() == sb.stability(VEHICLE, depths=(0.5, 5.0), **how).to_dict()
+
+
+def test_files_are_read_by_their_names(tmp_path):
+    flown = sb.simulate(VEHICLE, **STEP)
+    flown.save(tmp_path)
+    path = str(tmp_path / "trajectory.csv")
+    sb.save_vehicle(VEHICLE, tmp_path / "v.toml")
+    by_name = sb.compare(path, tmp_path / "v.toml", drive="volume")
+    by_log = sb.compare(sb.read_log(path), VEHICLE, drive="volume")
+    assert by_name.to_dict() == by_log.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: sb.simulate("feup", **STEP), "Did you mean feup-em?"),
+        (lambda: sb.simulate(3, **STEP), "vehicle: no Vehicle (got 3). Give what load_vehicle"),
+        (
+            lambda: sb.simulate(VEHICLE, **{**STEP, "duration": "30 m"}),
+            "duration: the unit 'm' is of another kind (got '30 m', expected unit s)",
+        ),
+        (
+            lambda: sb.simulate(VEHICLE, **{**STEP, "duration": [30.0]}),
+            "duration: not a number (got [30.0], expected unit s). Give a number in s, or a text",
+        ),
+        (lambda: sb.stability(VEHICLE, depths=5.0), "depths: not two numbers (got 5.0)"),
+        (lambda: sb.stability(VEHICLE, depths=("0 m", "5 s")), "depths: the unit 's' is of"),
+        (lambda: sb.tune(VEHICLE, delay="ten"), "delay: "),
+        (lambda: sb.ballast("example-float", "c.csv"), "casts: not a list (got 'c.csv')"),
+        (lambda: sb.ballast("example-float", ["c.csv"]), "c.csv, file: there is no such file"),
+        (lambda: sb.ballast("example-float", [3]), "casts[0]: no Cast (got 3). Give what read_c"),
+        (lambda: sb.mission("example-float", "m.toml"), "m.toml, file: there is no such file"),
+        (lambda: sb.size("feup-em", sb.Dive(depth="50 m")), "depth: not a number (got '50 m'"),
+    ],
+)
+def test_what_is_none_of_these_is_refused_by_name(call, says, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(sb.InputError) as refused:
+        call()
+    assert says in str(refused.value)
+
+
+def test_a_default_is_left_as_it_is_and_a_wrong_name_is_a_type_error():
+    @accepting
+    def made(a: float = "as it is", *, b: tuple[float, float] | None = None) -> object:
+        """Return both.
+
+        Parameters
+        ----------
+        a, b
+            Lengths [n] [m].
+        """
+        return a, b
+
+    assert made() == ("as it is", None)
+    assert made("2 km", b=None) == (2000.0, None)
+    assert made(1, b=["3 cm", np.float64(4.0)]) == (1, (0.03, 4.0))
+    with pytest.raises(TypeError, match="unexpected keyword argument 'c'"):
+        made(c=1)
