@@ -134,6 +134,7 @@ def test_an_element_of_a_list_is_named_by_its_number():
         ("motion.T2=42 m", "motion.T2: the unit 'm' is of another kind"),
         ("motion.T2=-4", "motion.T2: must be greater than 0"),
         ("foo", "not a pair (got 'foo')"),
+        ("controller.law=zz", "controller.law: unknown control law"),
         ("hull.parts.0.volume=3", "hull.parts: "),
         ("provenance.x.y=3", "provenance.x"),
         ("name.first=x", "name.first: the vehicle has no such field"),

@@ -11,6 +11,21 @@ from swimbladder.units import parse_quantity
 
 VEHICLE = sb.load_vehicle("feup-em")
 STEP = {"setpoints": [(0.0, 3.0)], "duration": 30.0, "start_depth": 1.5}
+MISSION = sb.Mission(
+    phases=[
+        {"kind": "park", "depth": 40.0, "duration": 600.0},
+        {"kind": "surface", "duration": 60.0},
+    ]
+)
+UNKNOWN = VEHICLE.replace({"controller.law": "zz"})
+
+
+def floats(**changes):
+    profiler = sb.load_vehicle("example-float")
+    given = {"vehicle": profiler, "mission": MISSION, "floats": 2, "store": "a.zarr"}
+    return sb.Floats(**{"columns": [sb.water_of(profiler, MISSION)], **given, **changes})
+
+
 SHARES = {  # numbers that have no unit
     "stability": {"delay"},
     "tune": {"delay"},
@@ -70,6 +85,12 @@ def test_files_are_read_by_their_names(tmp_path):
         (lambda: sb.stability(VEHICLE, depths=5.0), "depths: not two numbers (got 5.0)"),
         (lambda: sb.stability(VEHICLE, depths=("0 m", "5 s")), "depths: the unit 's' is of"),
         (lambda: sb.tune(VEHICLE, delay="ten"), "delay: "),
+        (lambda: sb.analyse(VEHICLE, sample_time=-1.0), "sample_time: it must be above 0"),
+        (lambda: sb.mission("example-float", MISSION, seed=-1), "seed: must be a whole number"),
+        (lambda: floats(columns=[]), "columns: no water is given"),
+        (lambda: floats(store=None), "store: no name of a folder"),
+        (lambda: floats(seed=1.5), "seed: must be a whole number"),
+        (lambda: sb.save_vehicle(UNKNOWN, "v.toml"), "controller.law: unknown control law"),
         (lambda: sb.ballast("example-float", "c.csv"), "casts: not a list (got 'c.csv')"),
         (lambda: sb.ballast("example-float", ["c.csv"]), "c.csv, file: there is no such file"),
         (lambda: sb.ballast("example-float", [3]), "casts[0]: no Cast (got 3). Give what read_c"),

@@ -73,6 +73,7 @@ def test_an_answer_is_short_plain_and_drawn(name, tmp_path):
     assert max(map(len, lines)) <= 100
     assert answer._repr_html_().startswith(f"<div><b>{name}</b><ul><li>")
     assert json.loads(json_text(answer.to_dict()))
+    assert name not in ("Energy", "FaultResult") or json.dumps(answer.to_dict())
     figure = answer.plot()
     assert isinstance(figure, Figure)
     assert any(axes.get_xlabel().endswith("]") for axes in figure.axes)
@@ -84,6 +85,16 @@ def test_an_answer_is_short_plain_and_drawn(name, tmp_path):
     numbers = [path for path in paths if path.suffix == ".json" and path.parent.name == "saved"]
     said = [json.loads(path.read_text()) for path in numbers]
     assert name == "Library" or json.loads(json_text(answer.to_dict())) in said
+
+
+def test_what_was_not_asked_for_is_no_picture_but_said():
+    found = sb.stability("feup-em", depths=(0.0, 5.0), maps=False)
+    with pytest.raises(NoAnswerError, match="no maps were asked for"):
+        found.plot()
+    too_deep = sb.simulate(
+        "feup-em", setpoints=[(0.0, 3.0)], duration=20.0, start_depth=1.0, start_speed=50.0
+    )
+    assert "It passed the 100 m that it is rated for." in repr(too_deep)
 
 
 def test_a_long_answer_is_cut_and_says_so():

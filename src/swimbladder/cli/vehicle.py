@@ -111,10 +111,11 @@ def set_fields(
 ) -> None:
     """Print a vehicle with other values of some fields, or write it: a number is in SI."""
     from swimbladder.cli.texts import pairs
-    from swimbladder.io.config import load_vehicle
+    from swimbladder.io.config import check_vehicle, load_vehicle
     from swimbladder.io.vehicle_file import save_vehicle, vehicle_file
 
     found = load_vehicle(name).replace(pairs(changes, "vehicle set VEHICLE"))
+    check_vehicle(found)
     if out is None:
         sys.stdout.write(vehicle_file(found))
     else:

@@ -426,7 +426,7 @@ def _in_pool(vehicle: Vehicle, pool: PoolOptions) -> Vehicle:
     return vehicle.model_copy(update={"supervisor": knows})
 
 
-def write_library(library: Library, out: Path) -> list[Path]:
+def write_library(library: Library, out: str | Path) -> list[Path]:
     """Write the files of a library into a folder, which appears whole; return their paths.
 
     In a folder that exists the sources of an earlier library that this one has not are removed: the
@@ -449,6 +449,7 @@ def write_library(library: Library, out: Path) -> list[Path]:
     InputError
         The folder cannot be written, or a source cannot be removed.
     """
+    out = Path(out)
 
     def write(folder: Path) -> None:
         for name, text in library.files.items():

@@ -6,7 +6,7 @@ from swimbladder.control.law import Law
 from swimbladder.control.registry import check_command, own_law
 from swimbladder.design.linear import Analysis, analyse_linear
 from swimbladder.design.linear.analyse import check_depth
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
 from swimbladder.sim.closed_loop.checks import law_at_rest
 from swimbladder.vehicle import Vehicle
 
@@ -63,6 +63,7 @@ def analyse(
             unit="s",
             remedy="Give sample_time",
         )
+    check_number(sample_time, "sample_time", "s", above=0.0)
     check_command(law, vehicle)
     if law.command == "volume change":
         note = (

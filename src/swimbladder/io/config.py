@@ -177,12 +177,19 @@ def load_vehicle(
     try:
         if sampled and not pumped:
             refuse_pump_and_valve(vehicle.engine)
-        if weighed or isinstance(vehicle.motion, IdentifiedMotion):
+        if weighed:
             check_mass(vehicle)
-        _check_parts_fit(vehicle if sampled else even_drag(vehicle))
+        check_vehicle(vehicle, sampled=sampled)
     except InputError as error:
         raise _at(error, text, file) from None
     return vehicle
+
+
+def check_vehicle(vehicle: Vehicle, *, sampled: bool = False) -> None:
+    """Raise InputError where a vehicle could not be loaded from its file, as of `load_vehicle`."""
+    if isinstance(vehicle.motion, IdentifiedMotion):
+        check_mass(vehicle)
+    _check_parts_fit(vehicle if sampled else even_drag(vehicle))
 
 
 def _check_parts_fit(vehicle: Vehicle) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from swimbladder.io.config import check_vehicle
 from swimbladder.io.files import write_atomically
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model
@@ -36,8 +37,9 @@ def save_vehicle(vehicle: Vehicle, path: str | Path, *, head: str = "") -> Path:
     Raises
     ------
     InputError
-        The file cannot be written.
+        The file cannot be written, or the vehicle could not be loaded from it.
     """
+    check_vehicle(vehicle)
     return write_atomically(Path(path), vehicle_file(vehicle, head=head))
 
 

@@ -16,7 +16,7 @@ from swimbladder.design.energy.thruster_comparison import (
     hovering,
     profiling,
 )
-from swimbladder.io.answers import Answer, attributes
+from swimbladder.io.answers import Answer, attributes, plain
 
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast
@@ -60,32 +60,35 @@ class Energy(Answer):
         """Return the numbers of the answer, SI units, every depth of the tables."""
         found, hover, dive = self.drive, self.hover, self.dive
         rows = spread_indices(found.column.depth.size, _ROWS)
-        return {
-            "vehicle": found.vehicle.name,
-            "actuator": found.vehicle.actuator.kind,
-            "stall_depth_m": found.stall_depth,
-            "stall_pressure_Pa": found.stall,
-            "depths": depth_columns(found, hover),
-            "efficiency_map": {
-                "voltage_share": found.shares,
-                "depth_m": found.column.depth[rows],
-                "efficiency": found.efficiencies[:, rows],
-            },
-            "hovering": {
-                "depth_m": found.column.deepest,
-                "weight_error_m3": hover.weight_error,
-                **{key: values[-1] for key, values in attributes(hover, _HOVERING).items()},
-            },
-            "profiling": {
-                "speed_m_s": dive.speed,
-                **dive_columns(dive),
-                "stroke_depth_m": dive.stroke_depth,
-                "break_even_m": dive.break_even,
-            },
-            "thruster": self.thruster._asdict(),
-            "sentences": self.sentences,
-            "assumptions": self.assumptions,
-        }
+        numbers: dict[str, Any] = plain(
+            {
+                "vehicle": found.vehicle.name,
+                "actuator": found.vehicle.actuator.kind,
+                "stall_depth_m": found.stall_depth,
+                "stall_pressure_Pa": found.stall,
+                "depths": depth_columns(found, hover),
+                "efficiency_map": {
+                    "voltage_share": found.shares,
+                    "depth_m": found.column.depth[rows],
+                    "efficiency": found.efficiencies[:, rows],
+                },
+                "hovering": {
+                    "depth_m": found.column.deepest,
+                    "weight_error_m3": hover.weight_error,
+                    **{key: values[-1] for key, values in attributes(hover, _HOVERING).items()},
+                },
+                "profiling": {
+                    "speed_m_s": dive.speed,
+                    **dive_columns(dive),
+                    "stroke_depth_m": dive.stroke_depth,
+                    "break_even_m": dive.break_even,
+                },
+                "thruster": self.thruster._asdict(),
+                "sentences": self.sentences,
+                "assumptions": self.assumptions,
+            }
+        )
+        return numbers
 
 
 def energy(

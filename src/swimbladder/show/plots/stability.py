@@ -10,6 +10,7 @@ from matplotlib.patches import Patch
 
 from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.run import Stability
+from swimbladder.errors import NoAnswerError
 from swimbladder.show.plots.style import Ink, label_panels, new_figure, stacked, styled
 from swimbladder.units import length
 
@@ -21,6 +22,8 @@ _COLORS |= {Verdict.BROUGHT_UP: Ink.PURPLE}
 @styled
 def draw_recovery(found: Stability) -> Figure:
     """Return the maps: a cell for each run, a line where no controller comes back any more."""
+    if not found.maps:
+        raise NoAnswerError("no maps were asked for: with maps=True there is a picture of them")
     figure, panels = new_figure((9.0, 7.5), 2, 2)
     for axes, one in zip(panels, found.maps, strict=True):
         _draw(axes, one)

@@ -17,6 +17,7 @@ from swimbladder.jobs import identity, software
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
+from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.engine.rodas.records import OF_DRIVE, OF_LOADS, Account, Stop
 from swimbladder.sim.mission.battery_life import battery_life
 from swimbladder.sim.mission.core.records import Holding
@@ -81,9 +82,17 @@ class Floats:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be flown; the rest of the work knows that it can."""
+        if not isinstance(self.store, str | Path):
+            what, remedy = "no name of a folder", "Give the folder of the store"
+            raise InputError(what, field="store", value=self.store, remedy=remedy)
+        object.__setattr__(self, "store", Path(self.store))
+        if not self.columns:
+            what, remedy = "no water is given", "Give columns=[water_of(vehicle, mission)]"
+            raise InputError(what, field="columns", remedy=remedy)
         if not 1 <= self.floats <= MOST:
             what, remedy = "must be a whole number from 1 to a million", "Give --floats 4000"
             raise InputError(what, field="--floats", value=self.floats, remedy=remedy)
+        check_counts(floats=(self.floats, 1), seed=(self.seed, 0))
         for column in self.columns:
             check_flight(self.vehicle, self.task, column)
         self._most_cycles()

@@ -290,6 +290,8 @@ class Solution(Answer):
         way = f"from {self.depth[0]:.3g} to {self.depth[-1]:.3f} m, deepest {self.deepest:.3g} m"
         said = [f"{self.vehicle.name}, {flown}, {span}: {way}"]
         said.append(f"volume moved to and fro: {1e6 * self.actuator_travel:.3g} cm3")
+        if not self.within_depth_limit:
+            said.append(f"It passed the {self.vehicle.hull.depth_limit:g} m that it is rated for.")
         return [*said, self.stop.value]
 
     def to_dict(self) -> dict[str, Any]:

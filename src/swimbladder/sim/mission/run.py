@@ -5,6 +5,7 @@ from pathlib import Path
 from swimbladder.io.mission import Mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.seawater import Cast
+from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.water import water_of
@@ -51,6 +52,7 @@ def mission(
     NoAnswerError
         The mission cannot be done.
     """
+    check_counts(seed=(seed, 0))
     flight = fly_mission(
         vehicle,
         mission,
