@@ -11,6 +11,7 @@ import swimbladder as sb
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import Answer, json_text
 from swimbladder.show import answers
+from swimbladder.show.report.html import _made_by
 from tests.vehicles import limited
 
 STEP = {"setpoints": [(0.0, 3.0)], "duration": 60.0, "start_depth": 1.5}
@@ -111,3 +112,8 @@ def test_a_long_answer_is_cut_and_says_so():
             Long().plot()
     finally:
         del answers._ANSWERS["Long"]
+
+
+def test_a_page_says_how_it_was_made():
+    assert _made_by("swimbladder tune a&b") == "by <code>swimbladder tune a&amp;b</code>"
+    assert _made_by("") == "from Python"

@@ -72,10 +72,8 @@ def board(
         if _logs(to.out) != before:
             aside(f"the log so far is in {to.out}")
         raise
-    logs, why = (
-        [flight.log for flight in answer.flights],
-        [flight.sentence for flight in answer.flights],
-    )
+    logs = [flight.log for flight in answer.flights]
+    why = [flight.sentence for flight in answer.flights]
     to.answer(answer.to_dict(), answer.sentences, logs, good=answer.equal, why=why)
 
 

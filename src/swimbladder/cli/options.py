@@ -9,7 +9,7 @@ import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -199,10 +199,10 @@ class Files(Options):
         the folder where unfinished work was kept, which has no use any more.
         """
         if isinstance(answer, Answer):
-            with progress("drawing and writing"):
-                files = answer.save(self.out, command=typed_command())
-            answer = answer.to_dict()
-        elif callable(files):
+            from swimbladder.show.answers import contents
+
+            files, answer = partial(contents, answer, command=typed_command()), answer.to_dict()
+        if callable(files):
             with progress("drawing and writing"):
                 from swimbladder.show.files import write_all
 

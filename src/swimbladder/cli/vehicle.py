@@ -115,11 +115,11 @@ def set_fields(
     from swimbladder.io.vehicle_file import save_vehicle, vehicle_file
 
     found = load_vehicle(name).replace(pairs(changes, "vehicle set VEHICLE"))
-    check_vehicle(found)
-    if out is None:
-        sys.stdout.write(vehicle_file(found))
-    else:
+    if out is not None:
         say(f"wrote {save_vehicle(found, out)}")
+        return
+    check_vehicle(found)
+    sys.stdout.write(vehicle_file(found))
 
 
 def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:

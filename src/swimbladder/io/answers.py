@@ -40,14 +40,12 @@ class Answer:
         figure: Figure = _shown().figure(self)
         return figure
 
-    def save(self, folder: str | Path, *, command: str = "") -> list[Path]:
+    def save(self, folder: str | Path) -> list[Path]:
         """Write it into a folder, as its command does: numbers, tables, pictures; return the paths.
 
-        command: how a report says that it was made. Raises InputError where the folder cannot be
-        written.
+        Raises InputError where the folder cannot be written.
         """
-        paths: list[Path] = _shown().save(self, Path(folder), command)
-        return paths
+        return list(_shown().save(self, Path(folder)))
 
 
 def _shown() -> Any:

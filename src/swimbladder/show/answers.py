@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -116,8 +116,7 @@ def text(answer: Answer) -> str:
     """Return an answer as text of 15 lines at most."""
     lines = [line for sentence in sentences(answer) for line in _wrapped(sentence)]
     if len(lines) > _LINES - 1:
-        more = f"... ({len(lines) - _LINES + 2} lines more)"
-        lines = [*lines[: _LINES - 2], more]
+        lines = [*lines[: _LINES - 2], f"... ({len(lines) - _LINES + 2} lines more)"]
     return "\n".join([type(answer).__name__, *lines])
 
 
@@ -136,18 +135,25 @@ def figure(answer: Answer) -> Figure:
     return drawn
 
 
-def save(answer: Answer, folder: Path, command: str) -> list[Path]:
+def save(answer: Answer, folder: Path) -> list[Path]:
     """Write the files of an answer into a folder; return the paths."""
     how = _ANSWERS[type(answer).__name__]
     if how.writes:
-        paths: list[Path] = _named(how.writes)(answer, folder)
-        return paths
+        return list(_named(how.writes)(answer, folder))
+    return write_all(folder, contents(answer, answer.to_dict()))
+
+
+def contents(answer: Answer, numbers: Mapping[str, Any], command: str = "") -> Mapping[str, object]:
+    """Return the contents of the files of an answer, by name.
+
+    numbers: its own, of `to_dict`; command: how a report says that it was made.
+    """
+    how = _ANSWERS[type(answer).__name__]
     if not how.files:
-        numbers = {f"{type(answer).__name__.lower()}.json": answer.to_dict()}
-        return write_all(folder, numbers)
+        return {f"{type(answer).__name__.lower()}.json": numbers}
     make = _named(how.files)
     given = {"command": command} if "command" in signature(make).parameters else {}
-    return write_all(folder, make(answer, answer.to_dict(), **given))
+    return dict(make(answer, numbers, **given))
 
 
 def _named(path: str) -> Any:

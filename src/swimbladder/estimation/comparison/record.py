@@ -387,11 +387,16 @@ def warmed(record: Record, gain: float, lag: float) -> Record:
     volume = record.volume
     if record.warmth is None or volume is None or record.drive != "volume":
         return record
-    if gain == record.gain and (lag == record.lag or gain == 0.0):
+    if not adds_warmth(record, gain, lag):
         return record
     found = replace(record, volume=volume + more_warmth(record, gain, lag), gain=gain, lag=lag)
     notes = tuple(note for note in record.notes if note != _gained(record))
     return replace(found, notes=(*notes, _gained(found)))
+
+
+def adds_warmth(record: Record, gain: float, lag: float) -> bool:
+    """Return whether a hull of this gain and lag displaces anything beyond the record's."""
+    return gain != record.gain or (gain != 0.0 and lag != record.lag)
 
 
 def more_warmth(record: Record, gain: float, lag: float) -> Array:

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.record import Record, more_warmth
+from swimbladder.estimation.comparison.record import Record, adds_warmth, more_warmth
 from swimbladder.estimation.estimates import Z95, Estimate, Prior, crossing
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
 from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
@@ -173,7 +173,7 @@ class Likelihood:
             record = self.records[self.record[i]]
             s, rows = self._late(stretch, record, values[_DELAY.name])
             gain, lag = record.gain + values[_HEAT.name], values[_LAG.name]
-            if gain != 0.0 and record.warmth is not None:
+            if record.warmth is not None and adds_warmth(record, gain, lag):
                 more = more_warmth(record, gain, lag)
                 s = s._replace(volume=s.volume + np.interp(s.time, record.time, more))
             start = self.start(i, values, noise)

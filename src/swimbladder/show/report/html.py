@@ -53,9 +53,14 @@ def render(template: str, context: Mapping[str, Any], **filters: Callable[..., s
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"symbols": symbols, "rounded": rounded, **filters}
+    environment.filters |= {"symbols": symbols, "rounded": rounded, "made_by": _made_by, **filters}
     environment.globals["version"] = version("swimbladder")
     return environment.get_template(template).render(context)
+
+
+def _made_by(command: str) -> str:
+    """Return how a page was made: by a command, or from Python where there is none."""
+    return Markup("by <code>{}</code>").format(command) if command else "from Python"
 
 
 def symbols(text: str) -> Markup:
