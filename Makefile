@@ -61,7 +61,7 @@ calibrate: $(INSTALLED) ## Simulate pool campaigns and say how far the intervals
 	@$(BIN)/python -m studies.calibration
 
 lock: $(INSTALLED) ## Bring requirements.lock up to date with pyproject.toml (LOCK_FLAGS=--upgrade: and every pin)
-	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra dev --no-build \
+	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --extra dev --extra docs --generate-hashes --no-build \
 	  --fork-strategy fewest --no-emit-index-url --no-emit-find-links --no-annotate --no-header \
 	  $(LOCK_FLAGS) --output-file requirements.lock pyproject.toml
 
