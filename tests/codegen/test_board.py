@@ -77,7 +77,7 @@ class TestOnAnAtmega:
         # the law alone; the supervisor shows the actuator every 90 s, which moves it by 5 mm
         assert flight.depth == pytest.approx(3.016, abs=6e-3)
         assert answer.speed > 5.0  # 60 on a free core
-        assert 2e-3 < max(answer.times.steps) < 4e-3  # docs/how-to/firmware.md: 2.9 ms
+        assert 2e-3 < max(answer.times.steps) < 4e-3  # 2.9 ms with the frames
         assert answer.stack_left is not None
         # of the RAM, without variables and the stack that law and supervisor take
         assert {"atmega328p": 1500, "atmega2560": 7600}[mcu] < answer.stack_left

@@ -11,8 +11,8 @@ from tests.codegen.build import run
 from tests.codegen.pool_day import pool_chip
 from tests.codegen.test_eva import library
 
-PAGE = (Path(__file__).parents[2] / "docs/how-to/firmware.md").read_text(encoding="utf-8")
-_BOUND = r"^\| {} \| {} \| (\d+) B \| (\d+) \| [\d.]+ \|$"
+PAGE = (Path(__file__).parents[2] / "docs/reference/boards.md").read_text(encoding="utf-8")
+_BOUND = r"^\| {} \+ supervisor \| {} \| \d+ B \| [\d + B]+ \| \d+ \| (\d+) B \| (\d+) \|$"
 _MEASURED = r"^\| {} \+ supervisor \| {} \| \d+ B \| \d+ \+ (\d+) B \| (\d+) \|"
 _MODELS = {"atmega328p": "ATmega328P", "atmega2560": "ATmega2560"}
 _START = "__ctors_end:\n call main\n1: rjmp 1b\n"

@@ -357,7 +357,7 @@ def test_pool_numbers_follow_from_pool_stroke_and_trim():
 
 
 def test_a_pool_day_is_the_papers_where_nothing_else_is_asked_for():
-    """Four rounds of 20 to 75 cm3, 75 cm clear of surface and bottom: the table of firmware.md."""
+    """Four rounds of 20 to 75 cm3, 75 cm clear of surface and bottom: as the how-to says."""
     assert PoolOptions(4.5) == (4.5, 0.75, 20e-6, 75e-6, 4)
     assert PoolOptions(4.5).volumes == "20 to 75 cm3"
     assert PoolOptions(4.5, last=20e-6).volumes == "20 cm3"
