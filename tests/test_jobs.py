@@ -209,16 +209,6 @@ def test_parts_share_the_chunks(tmp_path):
     assert run(job, Workers(part=(1, 2)))
 
 
-def test_without_dask_the_remedy_is_named(tmp_path, monkeypatch):
-    def missing(name):
-        raise ImportError(name)
-
-    monkeypatch.setattr(jobs.importlib, "import_module", missing)
-    with pytest.raises(InputError, match=r"pip install 'swimbladder\[cluster\]'"):
-        run(Marks(tmp_path / "x"), Workers(executor="dask"))
-    assert not (tmp_path / "x").exists()
-
-
 def test_a_scheduler_that_is_not_there_is_named_before_anything_is_done(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(jobs, "_PATIENCE", 0.5)

@@ -9,7 +9,6 @@ from the disk alone, by a marker that is written last; `run` does it.
 import asyncio
 import contextlib
 import hashlib
-import importlib
 import json
 import multiprocessing
 import os
@@ -41,6 +40,7 @@ from swimbladder.io.files import (
     write_through,
 )
 from swimbladder.io.progress import Advance, silent, so_far
+from swimbladder.plugins import optional
 from swimbladder.vehicle import Vehicle
 
 Item = TypeVar("Item")
@@ -237,7 +237,7 @@ class Workers:
     each core where not given. scheduler: address of a dask scheduler that runs, or the file that it
     wrote; without one dask's workers are local. part: (k, n) for each nth chunk from the kth, from
     1: n such runs, started in any order on any machines, do all of it.
-    Raises InputError for what cannot be.
+    Raises InputError for what cannot be, and where dask is not installed.
     """
 
     executor: str = "threads"
@@ -264,6 +264,8 @@ class Workers:
         if not 1 <= k <= n <= 1_000_000:
             remedy = "Give a number and how many there are, from --part 1/8 to --part 8/8"
             raise InputError("no part of a whole", field="--part", value=f"{k}/{n}", remedy=remedy)
+        if self.executor == "dask":
+            _dask()
 
     @property
     def local(self) -> int:
@@ -351,13 +353,12 @@ def _do(name: str, source: str, job: Job, chunk: int) -> None:
         known.do(chunk)
 
 
+def _dask() -> Any:
+    return optional("distributed", "cluster", "dask", field="--executor", value="dask")
+
+
 def _by_dask(job: Job, chunks: list[int], workers: Workers, report: Callable[[], None]) -> None:
-    try:
-        distributed = importlib.import_module("distributed")
-    except ImportError:
-        what = "dask.distributed is not installed"
-        remedy = "pip install 'swimbladder[cluster]', or use --executor processes"
-        raise InputError(what, field="--executor", value="dask", remedy=remedy) from None
+    distributed = _dask()
     with contextlib.ExitStack() as stack:
         address: Any = workers.scheduler
         if address is None:

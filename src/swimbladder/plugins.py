@@ -1,12 +1,12 @@
-"""What other packages add: entry points of a group, loaded when their name is asked for.
+"""What other packages add: libraries of an extra, and entry points of a group.
 
 A package says in its `pyproject.toml` what it has, under names that swimbladder then knows::
 
     [project.entry-points."swimbladder.laws"]
     tanh = "my_package.laws:TANH"
 
-Nothing is imported before it is used. What cannot be loaded is refused where it is named, with its
-package, and is left out where all are listed: it is in nobody else's way.
+Nothing is imported before it is used. An entry point that cannot be loaded is refused where
+it is named, with its package, and is left out where all are listed: it is in nobody else's way.
 """
 
 import sys
@@ -14,11 +14,26 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from typing import Any, Generic, TypeVar
 
 from swimbladder.errors import InputError
 
 Kind = TypeVar("Kind")
+
+
+def optional(module: str, extra: str, user: str, **place: Any) -> Any:
+    """Return a module that is installed by an extra of swimbladder.
+
+    user: what needs it, for the message. place: as `InputError` has it.
+    Raises InputError naming the extra where it cannot be imported.
+    """
+    try:
+        return import_module(module)
+    except ImportError:
+        what = f"{user} needs the library {module.partition('.')[0]}, which is not installed"
+        remedy = f'Install it: pip install "swimbladder[{extra}]"'
+        raise InputError(what, remedy=remedy, **place) from None
 
 
 @dataclass(eq=False, repr=False)

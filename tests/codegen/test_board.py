@@ -8,7 +8,6 @@ import csv
 import json
 import math
 import re
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -422,12 +421,6 @@ def test_a_port_that_does_not_exist(capsys, tmp_path):
     assert "--port: cannot open the port: No such file or directory (got '/dev/no-board')" in said
     assert "the log so far" not in said
     assert not (tmp_path / "out").exists()
-
-
-def test_without_pyserial(feup, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "serial", None)
-    with pytest.raises(InputError, match=r"pip install 'swimbladder\[serial\]'"):
-        board(limited(feup), "/dev/ttyUSB0", SHORT, out=tmp_path / "out")
 
 
 @pytest.mark.parametrize("faults", [-1, 2.5])

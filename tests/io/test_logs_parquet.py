@@ -1,7 +1,6 @@
 """Logs in Parquet: the same numbers as from CSV, damage and what is missing refused."""
 
 import contextlib
-import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -92,14 +91,6 @@ def test_damage_is_refused(path: Path, tmp_path: Path) -> None:
     for broken in (b"", b"time_s,depth_m\n0,1\n", data[:-1], b"PAR1PAR1", data[:90] + data[200:]):
         file = write(tmp_path, broken, "broken.parquet")
         assert refused(file, columns=COLUMNS).field == "file"
-
-
-def test_without_pyarrow_it_says_what_to_install(path: Path, monkeypatch) -> None:
-    found = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name: None if name == "pyarrow" else found(name)
-    )
-    assert 'pip install "swimbladder[parquet]"' in str(refused(path))
 
 
 @given(

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from swimbladder.control.supervisor import Watched
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.plugins import optional
 
 VERSION = 2
 BAUD = 115_200
@@ -192,12 +193,7 @@ class Wire:
 
 def _opened(port: str, baud: int) -> tuple[Any, type[Exception]]:
     """Return an open port, and what its functions raise."""
-    try:
-        import serial
-    except ImportError as error:
-        what = "pyserial, which speaks to a board, is not installed"
-        remedy = "Install it: pip install 'swimbladder[serial]'"
-        raise InputError(what, field="--port", value=port, remedy=remedy) from error
+    serial = optional("serial", "serial", "speaking to a board", field="--port", value=port)
     failure: type[Exception] = serial.SerialException
     try:
         line = serial.Serial(port, baud, timeout=_READ, write_timeout=_ANSWER, exclusive=True)

@@ -7,7 +7,6 @@ Parquet file is read as such a table too, its columns by name as numbers or as t
 from __future__ import annotations
 
 import csv
-import importlib.util
 import io
 import re
 from collections import deque
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import LogError
 from swimbladder.io.log_format import Delimiter, LogFormat
 from swimbladder.io.log_text import LogFile, counted, text_lines
+from swimbladder.plugins import optional
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -368,24 +368,20 @@ class ParquetRows:
     def __init__(self, data: bytes, file: LogFile) -> None:
         """Read the names of the columns.
 
-        Raises LogError where pyarrow is not installed, the file is damaged, or the format has
+        Raises InputError where pyarrow is not installed, the file is damaged, or the format has
         options that are for texts.
         """
-        if importlib.util.find_spec("pyarrow") is None:
-            remedy = 'Type pip install "swimbladder[parquet]", or write the log as CSV'
-            raise file.refused("reading Parquet needs the library pyarrow", remedy, "file")
+        self._library = optional("pyarrow.parquet", "parquet", "reading Parquet", file=file.path)
         for name in _TEXT_OPTIONS:
             value = getattr(file.form, name)
             if name in file.form.model_fields_set and value:
                 what = "this option is for texts, and the log is Parquet"
                 raise file.refused(what, "Leave it out of the [log] table", name, value=value)
-        import pyarrow.parquet
-
         self.file, self._data = file, data
         self.units: dict[str, str] = {}
         self.parts = 1
         try:
-            self.header = [str(n) for n in pyarrow.parquet.read_schema(io.BytesIO(data)).names]
+            self.header = [str(n) for n in self._library.read_schema(io.BytesIO(data)).names]
         except Exception as error:
             raise self._damaged(error) from None
 
@@ -394,10 +390,8 @@ class ParquetRows:
 
         Raises LogError where the file is damaged.
         """
-        import pyarrow.parquet
-
         try:
-            table = pyarrow.parquet.read_table(io.BytesIO(self._data), columns=list(names))
+            table = self._library.read_table(io.BytesIO(self._data), columns=list(names))
             columns = {name: _column(table.column(name).to_pandas()) for name in names}
         except Exception as error:
             raise self._damaged(error) from None

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
 from swimbladder.estimation.series import Array
 from swimbladder.io.progress import Advance, silent
+from swimbladder.plugins import optional
 
 _WALKERS = 24
 _BURN = 6  # autocorrelation times that are thrown away
@@ -48,6 +49,11 @@ class Posterior:
         return found
 
 
+def sampling_library() -> Any:
+    """Return emcee; raise InputError where it is not installed."""
+    return optional("emcee", "posterior", "drawing from the posterior", field="--posterior")
+
+
 def sample(
     problem: Problem,
     fit: Fit,
@@ -63,12 +69,7 @@ def sample(
     of each of the walkers. advance: called with the share of the work done since last called.
     Raises InputError where emcee is not installed, NoAnswerError where the sampler does not settle.
     """
-    try:
-        import emcee
-    except ImportError:
-        what = "the sampler emcee is not installed"
-        remedy = "Install it: pip install 'swimbladder[posterior]'"
-        raise InputError(what, field="--posterior", remedy=remedy) from None
+    emcee = sampling_library()
     p = problem.shared
     density = _Density(problem, fit)
     rng = np.random.default_rng(seed)

@@ -32,7 +32,7 @@ from swimbladder.estimation.motion.diagnose import choices as list_choices
 from swimbladder.estimation.motion.fit import Fit, followed, inverse_of
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.noise import white_part
-from swimbladder.estimation.motion.posterior import sample
+from swimbladder.estimation.motion.posterior import sample, sampling_library
 from swimbladder.estimation.motion.problem import (
     DELAY,
     NAMES,
@@ -334,6 +334,8 @@ def identify(
     if process_noise not in ("auto", "always", "never"):
         what, remedy = "there is no such mode", "Choose auto, always or never"
         raise InputError(what, field="process_noise", value=process_noise, remedy=remedy)
+    if posterior is not None:
+        sampling_library()
     waters = water_of_each(len(logs), columns)
     read = partial(
         record, vehicle=vehicle, bottom_depth=bottom_depth, surface_margin=surface_margin
