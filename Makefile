@@ -19,10 +19,10 @@ PACKAGES := gcc g++ clang libclang-rt-dev gcc-avr avr-libc arduino-core-avr sima
 SEED ?= $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
 ROUNDS ?= 10
 
-.PHONY: help demo test tests prove lint format bench calibrate lock python tools clean
+.PHONY: help demo test tests prove lint format docs docs-links bench calibrate lock python tools clean
 
 help: ## List the targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
 
 demo: $(INSTALLED) ## Reproduce the paper and write the report
 	@$(BIN)/swimbladder reproduce --out report/paper
@@ -53,6 +53,13 @@ lint: $(INSTALLED) ## Check style, types, layers, words and the size of the sour
 format: $(INSTALLED) ## Format the code and mend what the linter can mend
 	@$(BIN)/ruff check --fix
 	@$(BIN)/ruff format
+
+docs: $(INSTALLED) ## Build the site, run its gallery and check its references: build/docs/index.html
+	@MPLBACKEND=Agg $(BIN)/sphinx-build -W --keep-going -q -b html -d build/doctrees docs build/docs
+	@echo "The site is in $(CURDIR)/build/docs/index.html"
+
+docs-links: $(INSTALLED) ## Ask whether the addresses on the site still answer (needs the network)
+	@$(BIN)/sphinx-build -q -b linkcheck -D plot_gallery=0 -d build/doctrees-links docs build/docs-links
 
 bench: $(INSTALLED) ## Time the package side by side with its peers
 	@$(BIN)/python -m benchmarks

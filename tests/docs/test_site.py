@@ -1,0 +1,111 @@
+"""The site: its gallery runs and draws with units, its reference is whole, its references lead."""
+
+import ast
+import inspect
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+from matplotlib.figure import Figure
+
+import swimbladder as sb
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+GALLERY = DOCS / "gallery"
+EXAMPLES = sorted(GALLERY.glob("*/plot_*.py"))
+MADE = ("auto_gallery", "generated", "backreferences")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_an_example_of_the_gallery_draws_with_units(example, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plt.close("all")
+    last = run(example)
+    figures = [plt.figure(number) for number in plt.get_fignums()]
+    if isinstance(last, Figure):
+        figures.append(last)
+    axes = [one for figure in figures for one in figure.axes]
+    drawn = [one for one in axes if one.axison and one.has_data()]
+    assert drawn
+    for one in drawn:
+        labels = _label(one, "x"), _label(one, "y")
+        assert all(labels), f"{one}: {labels}"
+        assert any(re.search(r"\[.+\]|\(.+\)|,", label) for label in labels), f"no unit: {labels}"
+    plt.close("all")
+
+
+def run(example: Path) -> object:
+    """Run an example, as the gallery does; return the value that it ends in."""
+    tree = ast.parse(example.read_text(encoding="utf-8"))
+    if isinstance(tree.body[-1], ast.Expr):
+        name = ast.Name("last", ast.Store())
+        tree.body[-1] = ast.Assign(targets=[name], value=tree.body[-1].value)
+    names: dict[str, object] = {"__name__": "__main__", "last": None}
+    exec(compile(ast.fix_missing_locations(tree), str(example), "exec"), names)
+    return names["last"]
+
+
+def _label(axes: plt.Axes, which: str) -> str:
+    """Return an axis' label, or that of the axis that it is shared with."""
+    shared = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
+    labels = [getattr(one, f"get_{which}label")() for one in (axes, *shared)]
+    ticks = [tick.get_text() for tick in getattr(axes, f"get_{which}ticklabels")()]
+    named = [text for text in ticks if re.search("[a-z]{3}", text)]
+    return next((label for label in labels if label), ", ".join(named))
+
+
+def test_an_example_imports_what_a_reader_would():
+    assert EXAMPLES
+    for example in EXAMPLES:
+        text = example.read_text(encoding="utf-8")
+        assert "import swimbladder as sb\n" in text, example
+        assert "from swimbladder" not in text, example
+        assert re.match(r'"""\n(.+)\n=+\n\n', text), f"{example} begins with its title"
+
+
+def test_the_reference_lists_every_public_name_and_every_answer():
+    listed = re.findall(r"^   ([\w.]+)$", (DOCS / "api" / "index.rst").read_text(), re.MULTILINE)
+    assert len(listed) == len(set(listed))
+    assert {name for name in listed if "." not in name} == set(sb.__all__)
+    answers = {name.rpartition(".")[2] for name in listed if "." in name}
+    for name in listed:
+        module, _, last = f"swimbladder.{name}".rpartition(".")
+        assert hasattr(import_module(module), last), name
+    for name in sb.__all__:
+        function = getattr(sb, name)
+        if inspect.isfunction(function):
+            said = inspect.signature(function, eval_str=False).return_annotation
+            text = said if isinstance(said, str) else getattr(said, "__name__", str(said))
+            last = text.split("[")[0].split(" | ")[0].rpartition(".")[2]
+            assert last in answers | set(sb.__all__) | {"dict", "list", "Path", "Dataset"}, name
+
+
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(tmp_path):
+    """All but the gallery's pictures: references, headings, docstrings, the pages of its groups."""
+    shutil.copytree(DOCS, tmp_path / "docs", ignore=shutil.ignore_patterns(*MADE))
+    for page in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"):
+        shutil.copy(ROOT / page, tmp_path)
+    options = ["-W", "--keep-going", "-q", "-b", "html", "-D", "plot_gallery=0"]
+    built = subprocess.run(
+        [sys.executable, "-m", "sphinx", *options, str(tmp_path / "docs"), str(tmp_path / "site")],
+        env={**os.environ, "MPLBACKEND": "Agg"},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert built.returncode == 0, built.stderr
+    pages = {path.relative_to(tmp_path / "site").as_posix() for path in tmp_path.rglob("*.html")}
+    assert {"index.html", "search.html", "api/generated/swimbladder.tune.html"} <= pages
+    for example in EXAMPLES:
+        place = f"auto_gallery/{example.parent.name}/{example.stem}"
+        assert f"{place}.html" in pages
+        assert (tmp_path / "docs" / f"{place}.ipynb").exists()
