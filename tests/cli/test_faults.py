@@ -1,7 +1,6 @@
 """``swimbladder faults``: what is printed, written, refused."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from swimbladder.physics.seawater import cast_column
 from swimbladder.sim.faults import faults
 from swimbladder.sim.faults.single_mission import TRACE_COLUMNS
 from tests.codegen.conftest import gcc
+from tests.docs.test_reference import rows
 from tests.quoted import numbers
 from tests.vehicles import usual
 
@@ -143,10 +143,7 @@ def test_missions_are_flown_in_the_water_of_a_cast(capsys, tmp_path):
 def test_the_reference_names_what_is_written(capsys, tmp_path):
     page = Path(__file__).parents[2] / "docs" / "reference" / "files-written.md"
     section = page.read_text(encoding="utf-8").partition("## faults\n")[2].partition("\n## ")[0]
-    tables = [
-        re.findall(r"^\| `(\w+)` \|", block, re.MULTILINE)
-        for block in re.findall(r"(?:^\|.*\n)+", section, re.MULTILINE)
-    ]
+    tables = [list(table) for table in rows("files-written.md", "faults")]
     main([*FEW, "--json", "--out", str(tmp_path)])
     missions = (tmp_path / "missions.csv").read_text(encoding="utf-8")
     assert tables[0] == missions.partition("\n")[0].split(",")
