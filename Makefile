@@ -5,7 +5,7 @@
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 INSTALLED := .venv/installed
-PYTHONS ?= python3.13 python3.12 python3.11 python3
+PYTHONS ?= python3.13 python3.12 python3.11 python3.14 python3
 
 # What the tests of the firmware run: compilers, emulators of AVR chips and Cortex-M, checkers.
 TOOLS := gcc g++ clang avr-gcc avr-size simavr arm-none-eabi-gcc qemu-system-arm cppcheck frama-c
@@ -19,7 +19,7 @@ PACKAGES := gcc g++ clang libclang-rt-dev gcc-avr avr-libc arduino-core-avr sima
 SEED ?= $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
 ROUNDS ?= 10
 
-.PHONY: help demo test tests prove lint format docs docs-links bench calibrate lock python tools clean
+.PHONY: help demo test tests prove dist lint format docs docs-links bench calibrate lock python tools clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1\t\2/p' Makefile | expand -t 12
@@ -42,6 +42,9 @@ prove: $(INSTALLED) ## Hunt for counter-examples and prove what takes long (agai
 	done
 	@$(BIN)/pytest -n 2 -m "prove and not hypothesis"
 	@$(BIN)/python scripts/mutate.py --number 300 --seed 1 --jobs 2
+
+dist: $(INSTALLED) ## Build wheel and sdist, and try the wheel in a fresh environment of each of PYTHONS
+	@$(BIN)/python scripts/dist.py $(PYTHONS)
 
 lint: $(INSTALLED) ## Check style, types, layers, words and the size of the source
 	@$(BIN)/ruff check

@@ -5,28 +5,16 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import swimbladder as sb
+from scripts import dist
 from swimbladder.cli import main
 from swimbladder.errors import InputError
 from swimbladder.plugins import optional
 
 PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text("utf-8"))
-LIBRARIES = {
-    "cluster": "distributed",
-    "parquet": "pyarrow",
-    "posterior": "emcee",
-    "serial": "serial",
-}
-COMMANDS = {
-    "cluster": "campaign example-float dive.toml --floats 2 --executor dask",
-    "parquet": "compare log.parquet --vehicle feup-em --fit none",
-    "posterior": "identify log.csv --vehicle feup-em --posterior",
-    "serial": "board feup-em --time-limit 2h --port /dev/ttyUSB0",
-}
-DIVE = 'schema_version = 1\n[[phases]]\nkind = "surface"\nduration = "1 min"\n'
+LIBRARIES = {extra: library for extra, (library, _) in dist.EXTRAS.items()}
 
 
 @dataclass
@@ -55,11 +43,7 @@ class Folder:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    time = np.arange(0.0, 60.0, 0.5)
-    rows = [f"{t},{1 + 2e-4 * t * t},{-2e-5 * (t > 1)}" for t in time.tolist()]
-    (tmp_path / "log.csv").write_text("\n".join(["time_s,depth_m,volume_m3", *rows]))
-    (tmp_path / "log.parquet").write_bytes(b"PAR1PAR1")
-    (tmp_path / "dive.toml").write_text(DIVE)
+    dist.give_files(tmp_path)
     monkeypatch.chdir(tmp_path)
     return Folder(tmp_path)
 
@@ -72,13 +56,13 @@ def hide(library, monkeypatch):
 
 def test_these_are_the_extras():
     extras = PROJECT["project"]["optional-dependencies"].keys() - {"dev", "docs"}
-    assert extras == LIBRARIES.keys() == COMMANDS.keys()
+    assert extras == LIBRARIES.keys()
 
 
 @pytest.mark.parametrize("extra", LIBRARIES)
 def test_a_command_says_in_one_line_what_to_install(extra, folder, monkeypatch, capsys):
     hide(LIBRARIES[extra], monkeypatch)
-    assert main([*COMMANDS[extra].split(), "--out", "out"]) == 2
+    assert main([*dist.EXTRAS[extra][1].split(), "--out", "out"]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     *before, line = said.err.splitlines()

@@ -372,11 +372,8 @@ class ParquetRows:
         options that are for texts.
         """
         self._library = optional("pyarrow.parquet", "parquet", "reading Parquet", file=file.path)
-        for name in _TEXT_OPTIONS:
-            value = getattr(file.form, name)
-            if name in file.form.model_fields_set and value:
-                what = "this option is for texts, and the log is Parquet"
-                raise file.refused(what, "Leave it out of the [log] table", name, value=value)
+        remedy = "Leave {} out of the [log] table: it is for texts"
+        file.refuse_unused(_TEXT_OPTIONS, "the log is Parquet", remedy, idle=0)
         self.file, self._data = file, data
         self.units: dict[str, str] = {}
         self.parts = 1

@@ -175,6 +175,19 @@ def test_gains_stand_against_the_size_of_the_step(found):
     assert axes.get_xlabel() == "size of the volume change [cm³]"
 
 
+@pytest.mark.parametrize("ci95", [(0.0, np.inf), (0.0, 9000.0), (7000.0, np.inf)])
+def test_an_interval_without_an_end_has_no_band_among_the_gains(found, ci95):
+    (axes,) = plots.draw_gains(found).axes
+    (band,) = axes.patches
+    low, high = found.parameters["K2"].ci95
+    assert (band.get_y(), band.get_y() + band.get_height()) == pytest.approx((low, high))
+    wide = dataclasses.replace(found.parameters["K2"], ci95=ci95)
+    open_ = dataclasses.replace(found, parameters={**found.parameters, "K2": wide})
+    (axes,) = plots.draw_gains(open_).axes
+    assert axes.patches[:] == []
+    assert len(axes.containers) == 2
+
+
 def test_what_is_not_there_cannot_be_drawn(found):
     with pytest.raises(ValueError, match="no pair"):
         confidence.draw_ellipses(dataclasses.replace(found, names=("K2",)))

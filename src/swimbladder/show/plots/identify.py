@@ -422,9 +422,10 @@ def draw_gains(
     joint = found.parameters["K2"].value if absolute else 1.0
     of_all = found.parameters["K2" if absolute else "drag_quadratic"]
     figure, (axes,) = style.new_figure((_WIDTH * 0.8, 3.6))
-    ends = sorted(joint * (of_all.value / end) ** (-1 if absolute else 1) for end in of_all.ci95)
-    label = "all logs, 95 %"
-    shown: list[Any] = [axes.axhspan(*ends, color=Ink.SKY, alpha=0.3, lw=0.0, label=label)]
+    shown: list[Any] = []
+    if of_all.ci95[0] > 0.0 and of_all.ci95[1] < np.inf:
+        ends = sorted(of_all.ci95 if absolute else [of_all.value / end for end in of_all.ci95])
+        shown.append(axes.axhspan(*ends, color=Ink.SKY, alpha=0.3, lw=0.0, label="all logs, 95 %"))
     axes.axhline(joint, color=Ink.BLUE, lw=1.0)
     widest = max(e.step for e in own)
     for sinks, mark, label in ((False, "^", "rising"), (True, "v", "sinking")):
