@@ -95,14 +95,14 @@ def default(info: FieldInfo, unit: str | None) -> str:
     if info.is_required():
         return "**required**"
     if info.default is None:
-        return "not given"
+        return "–"
     if isinstance(info.default, bool):
         return str(info.default).lower()
     return f"{info.default:.12g}" if unit is not None else f"`{json.dumps(info.default)}`"
 
 
 def meaning(model: type[BaseModel], name: str) -> str:
-    """Return what a field means, its choices and its bounds."""
+    """Return what a field means, its choices and its bounds other than > 0 and ≥ 0."""
     text, info = meanings(model).get(name, "which fields this table has"), model.model_fields[name]
     annotation, choices = info.annotation, choices_of(info)
     if len(choices) > 1:
@@ -114,8 +114,9 @@ def meaning(model: type[BaseModel], name: str) -> str:
     for item in metadata:
         for part in getattr(item, "metadata", [item]):
             for name, sign in (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤")):
-                if getattr(part, name, None) is not None:
-                    limits.append(f"{sign} {getattr(part, name):g}")
+                bound = getattr(part, name, None)
+                if bound is not None and (bound or name in ("lt", "le")):
+                    limits.append(f"{sign} {bound:g}")
     return (text + (f" ({', '.join(limits)})" if limits else "")).replace("|", "\\|")
 
 
@@ -134,7 +135,7 @@ def tables(
         if listed is not None and listed not in seen:
             seen.add(listed)
             yield from ("", f"### [[{dotted(place)}]]", "", inspect.cleandoc(listed.__doc__ or ""))
-            yield from ("", "One such table for each; there may be none.")
+            yield from ("", "Any number of these tables.")
             yield from fields(listed)
         members = models_in(info.annotation)
         for member in members:
@@ -144,10 +145,8 @@ def tables(
             kind = "".join(f', kind = "{tag}"' for tag in tags_of(member))
             yield from ("", f"### [{dotted(place)}]{kind}{of(member, name, kin)}", "")
             yield inspect.cleandoc(member.__doc__ or "")
-            if info.default is None:
-                yield from ("", "The table may be left out.")
-            elif not info.is_required():
-                yield from ("", "The table may be left out; its fields then have their defaults.")
+            if not info.is_required():
+                yield from ("", "Optional.")
             yield from fields(member, skip=("kind",))
             yield from tables(member, place, seen, members)
 
@@ -179,17 +178,10 @@ def laws() -> Iterator[str]:
     """Yield each law and its parameters."""
     units = {"voltage": "V", "volume": "m3", "volume change": "a change of volume, m3"}
     for law in (LAWS[name] for name in LAWS.own):
-        command = units[law.command]
-        yield from (
-            "",
-            f"### {law.name}",
-            "",
-            f"{sentence(law.summary)} It commands {command}.",
-            "",
-        )
-        yield from ("| parameter | unit |", "|---|---|")
         names = [name for name in leaf_names(law.parameters) if name != "S_p"]
-        yield from (f"| `{name}` | {law.units[name] or '-'} |" for name in names)
+        yield from ("", f"### {law.name}", "")
+        yield f"{sentence(law.summary)} Command: {units[law.command]}. Parameters:"
+        yield ", ".join(f"`{name}` [{law.units[name] or '-'}]" for name in names) + "."
 
 
 def mission() -> Iterator[str]:
@@ -228,9 +220,7 @@ def log() -> Iterator[str]:
     """Yield the [log] table."""
     yield from ("", "### [log]")
     yield from fields(LogFormat)
-    yield from ("", "### [log.columns]", "", inspect.cleandoc(LogColumns.__doc__ or ""), "")
-    yield from ("| column | meaning |", "|---|---|")
-    yield from (f"| `{name}` | {words} |" for name, words in meanings(LogColumns).items())
+    yield from ("", "### [log.columns]", "", inspect.cleandoc(LogColumns.__doc__ or ""))
     yield from ("", "### [log.where]", "", sentence(meanings(LogFormat)["where"]))
 
 
@@ -251,10 +241,10 @@ def faults() -> Iterator[str]:
         families.setdefault(kind.family, []).append(kind)
     for family, kinds in families.items():
         yield from ("", f"### {family.capitalize()}", "")
-        yield from ("| kind | what fails | severity | why in this range |", "|---|---|---|---|")
+        yield from ("| kind | fault | severity | range from ... to |", "|---|---|---|---|")
         for kind in kinds:
             how = [f"needs {kind.needs}"] if kind.needs else []
-            how += ["from the start of the mission"] if kind.from_start else []
+            how += ["from the start"] if kind.from_start else []
             how += [] if kind.may_end else ["for good"]
             words = kind.words + (f" ({'; '.join(how)})" if how else "")
             sizes = ", then ".join(size(one) for one in (kind.first, kind.second) if one)

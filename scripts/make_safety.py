@@ -27,10 +27,12 @@ PAGE = ROOT / "docs" / "reference" / "safety.md"
 _HEAD = """\
 # Promises of the supervisor
 
-Each promise of [the supervisor](../explanation/supervisor.md), the requirement behind it, the tests
-that show it, and which kinds of [the catalogue of faults](../how-to/faults.md) these inject one by
-one. Tests that take long run in `make prove` only, and say so. The page is made from marks in the
-tests by `scripts/make_safety.py`; a test fails where no test shows a promise.
+What [the supervisor](../explanation/supervisor.md) guarantees, why, which [faults](faults.md) the
+tests inject, and how many tests of which file below `tests/` show it. They carry the mark
+`promise("NAME")`; `scripts/make_safety.py` makes this page from the marks.
+
+| promise | reason | faults injected | tests |
+|---|---|---|---|
 """
 
 
@@ -109,37 +111,24 @@ def wrong(said: dict[str, dict[str, str]], found: list[Shown]) -> Iterator[str]:
 
 def made(said: dict[str, dict[str, str]], found: list[Shown]) -> str:
     """Return the page."""
-    parts = [_HEAD]
+    rows = []
     for name, text in said.items():
-        rows: dict[tuple[str, str], set[str]] = defaultdict(set)
-        for one in found:
-            if one.promise == name:
-                rows[one.file, one.test] |= set(one.faults)
-        for file, test in [key for key in rows if key[1].endswith(_LONG)]:
-            quick = file, test.removesuffix(_LONG)
-            if quick in rows:  # `make test` runs it as well, with other parameters
-                rows[quick] |= rows.pop((file, test))
+        mine = [one for one in found if one.promise == name]
+        tests: dict[str, set[str]] = defaultdict(set)
+        for one in mine:
+            tests[one.file.removeprefix("tests/")].add(one.test.removesuffix(_LONG))
         anchor = text["explained"].lower().replace(" ", "-")
         where = "" if text["explained"] == "The supervisor" else f"#{anchor}"
-        parts += [
-            f"## {name.replace('-', ' ').capitalize()}\n",
-            f"{text['promise']} *Because:* {text['requirement']}"
-            f" [Why so](../explanation/supervisor.md{where})\n",
-            "| shown by | faults |\n|---|---|",
-            *(
-                f"| `{file}`: {test.replace('_', ' ').replace('test ', '')} "
-                f"| {', '.join(sorted(faults))} |"
-                for (file, test), faults in sorted(rows.items())
-            ),
-            "",
-        ]
+        link = f"[{name}](../explanation/supervisor.md{where})"
+        faults = ", ".join(sorted({fault for one in mine for fault in one.faults}))
+        files = ", ".join(f"`{file}` {len(names)}" for file, names in sorted(tests.items()))
+        rows.append(f"| {link}: {text['promise']} | {text['requirement']} | {faults} | {files} |\n")
     alone = {fault for one in found for fault in one.faults}
-    rest = [kind.name for kind in KINDS.values() if kind.name not in alone]
-    parts += [
-        "## Faults that only random missions inject\n",
-        f"{', '.join(rest)}. `swimbladder faults` draws all kinds, alone and in pairs.",
-    ]
-    return "\n".join(parts) + "\n"
+    rest = ", ".join(kind.name for kind in KINDS.values() if kind.name not in alone)
+    return (
+        f"{_HEAD}{''.join(rows)}\nFaults that only the random missions of `swimbladder faults` "
+        f"inject, which draw all kinds, alone and in pairs: {rest}.\n"
+    )
 
 
 def main(arguments: list[str]) -> int:

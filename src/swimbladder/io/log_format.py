@@ -50,7 +50,7 @@ class LogColumn(Parameters):
     unit: str | None = None
     """its unit; of times also iso, clock, tick or a pattern: %d.%m.%Y %H:%M:%S"""
     date: str | None = Field(None, min_length=1)
-    """column with the date, where this one has the time of day"""
+    """column with the date of a time of day"""
 
 
 def _column(value: object) -> object:
@@ -61,7 +61,7 @@ _Column = Annotated[LogColumn | None, BeforeValidator(_column)]
 
 
 class LogColumns(Parameters):
-    """Which column of the file each column of a log is; those not named are looked for as such."""
+    """Columns of the file; columns not named are looked for under these names."""
 
     time_s: _Column = None
     """time of the sample"""
@@ -78,7 +78,7 @@ class LogColumns(Parameters):
     current_A: _Column = None
     """current of the motor"""
     temperature_degC: _Column = None
-    """temperature of the hull, or of the water where it has that"""
+    """temperature of the hull (or water)"""
     speed_m_s: _Column = None
     """vertical speed, positive down"""
     reference_depth_m: _Column = None
@@ -138,10 +138,9 @@ class LogFormat(Parameters):
     """The ``[log]`` table: how to read a log."""
 
     encoding: Encoding | None = None
-    """of the text; not given: by byte order mark, else UTF-8, else Latin-1"""
+    """of the text; default: byte order mark, else UTF-8, else Latin-1"""
     delimiter: Delimiter | None = None
-    """between two fields, a blank for any run of blanks and tabs; not given: taken from the header
-    """
+    """between fields; a blank: any blanks and tabs; default: from the header"""
     decimal: Literal[".", ","] = "."
     """mark before the decimals"""
     comment: str = Field("#", min_length=1, max_length=8)
@@ -149,8 +148,8 @@ class LogFormat(Parameters):
     missing: tuple[str, ...] = ()
     """texts that stand for no number"""
     header_starts: str | None = Field(None, min_length=1)
-    """how the line with the names begins; what stands above, and before it on its line, is left
-    out; not given: the first line with all the names that are needed"""
+    """beginning of the header's line; earlier text is skipped; default: the first line with all
+    names needed"""
     names: tuple[str, ...] | None = Field(None, min_length=1)
     """names of the columns of a file that has no header"""
     skip_lines: Annotated[int, Field(ge=0)] = 0
@@ -158,43 +157,42 @@ class LogFormat(Parameters):
     units_row: bool = False
     """whether the row below the names holds the units"""
     skip_rows: Annotated[int, Field(ge=0)] = 0
-    """rows to leave out below the names and the units"""
+    """rows to skip below names and units"""
     fields: Annotated[int, Field(ge=1)] | None = None
-    """fields in a row, where the header names fewer"""
+    """fields in a row, if the header names fewer"""
     part: Annotated[int, Field(ge=1)] | None = None
-    """which part of a file that repeats its header; not given: all of it"""
+    """part of a file with repeated headers; default: all"""
     bad_rows: Literal["refuse", "drop"] = "refuse"
-    """drop: leave out rows with anything but a number where one is due"""
+    """drop: skip rows with non-numbers"""
     rows: Literal["ordered", "sort"] = "ordered"
-    """sort: put rows in the order of time instead of refusing the log"""
+    """sort: order rows by time instead of refusing"""
     tick: Annotated[float, Unit("s"), Field(gt=0.0), BeforeValidator(_tick)] | None = None
-    """length of a tick, where the unit of time_s is tick; also in Hz"""
+    """length of a tick, for time_s in ticks; also in Hz"""
     counter_bits: Annotated[int, Field(ge=8, le=64)] | None = None
-    """width of the counter in time_s, which begins again at 0 when it is full"""
+    """width of a time counter that wraps to 0"""
     gap: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """a longer step is a gap; not given: five times the median step"""
+    """longer steps are gaps; default: five times the median step"""
     spikes: Literal["report", "drop"] = "report"
-    """what to do with single samples that stand far off"""
+    """single samples far off"""
     volume_zero: Annotated[float | None, _zero("m3")] = None
-    """reading of volume_m3 at mid-stroke; first: neutral at the first sample"""
+    """volume_m3 at mid-stroke; first: neutral at the first sample"""
     piston_zero: Annotated[float | None, _zero("m")] = None
-    """reading of piston_m at mid-stroke; first: neutral at the first sample"""
+    """piston_m at mid-stroke; first: neutral at the first sample"""
     piston_positive: Literal["in", "out"] = "out"
-    """where a larger piston_m moves it; out: more volume"""
+    """direction in which piston_m grows; out: more volume"""
     depth_positive: Literal["down", "up"] = "down"
-    """where depth_m, speed_m_s and reference_depth_m grow in the file"""
+    """direction in which depths and speeds grow"""
     water_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = None
-    """density that turns pressure_Pa into depth, one all the way down"""
+    """density that converts pressure_Pa into depth"""
     gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = 9.80665
-    """gravity that turns pressure_Pa into depth"""
+    """gravity that converts pressure_Pa into depth"""
     atmospheric_pressure: Annotated[float | str | None, BeforeValidator(_surface)] = None
-    """what pressure_Pa reads at the surface; gauge: 0; first: its first reading; first 10 s: the
-    median of those 10 s"""
+    """reading of pressure_Pa at the surface; gauge: 0; first: the first; first 10 s: their
+    median"""
     logger_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = None
-    """density with which the logger turned pressure into depth_m, where that of the water,
-    water_density, is another"""
+    """density that the logger used for depth_m, if not water_density"""
     depth_offset: Annotated[float, Unit("m")] = 0.0
-    """what is added to the depth at the end; positive: deeper"""
+    """added to the depth at the end; positive: deeper"""
     columns: LogColumns = LogColumns()
     """column of a log = column of the file"""
     where: dict[str, str | float] = Field(default_factory=dict)

@@ -19,7 +19,7 @@ _SHOWN = 6  # phases or set-points in the words for a mission
 
 
 class Setpoint(Parameters):
-    """A depth to go to, and when."""
+    """A set-point."""
 
     time: Annotated[float, Unit("s"), Field(ge=0.0)]
     """when the set-point begins to hold"""
@@ -28,47 +28,42 @@ class Setpoint(Parameters):
 
 
 class Phase(Parameters):
-    """A part of a cycle, one after the other.
+    """A phase of a cycle.
 
-    descend and profile go to a depth, down or up, and end there. park and hold stay at one: park
-    corrects seldom and lasts from its begin, hold lasts from its arrival. surface comes up, floats
-    and stays there.
+    descend and profile go to a depth and end there. park and hold stay at one: park corrects seldom
+    and lasts from its begin, hold from its arrival. surface comes up and floats.
     """
 
     kind: Literal["descend", "park", "profile", "hold", "surface"]
     """what is done"""
     name: str = ""
-    """what results call it; not given: its kind"""
+    """name in results; default: its kind"""
     depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth to go to or to stay at; surface has none"""
+    """target depth; surface has none"""
     tolerance: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """how far from its depth it counts as there, and is left alone; not given: as in the vehicle's
-    law `rate`, 10 m where it has another"""
+    """distance that counts as arrived; default: that of the vehicle's law `rate`, else 10 m"""
     speed: Annotated[float, Unit("m/s"), Field(gt=0.0, le=5.0)] | None = None
-    """vertical speed on the way: that at which the depth asked for moves where a law flies that is
-    called at each sample (not given: at once). Of the mission's own rule, not given: as in the
-    vehicle's law `rate`, 10 cm/s where it has another"""
+    """speed at which a sampled law's set-point moves (default: at once), or of the mission's own
+    rule (default: that of the law `rate`, else 10 cm/s)"""
     duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """how long park, hold and surface last; the others end at their depth"""
+    """duration of park, hold and surface"""
     timeout: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time to arrive in, after which the next phase begins (after surface the mission ends); not
-    given: twice the way at its speeds, slower near the depth, and an hour; park has none"""
+    """time to arrive, then the next phase (after surface the mission ends); default: twice the way
+    and an hour; park has none"""
     check_interval: Annotated[float, Unit("s"), Field(ge=0.1)] | None = None
-    """between two samples of depth and speed; not given: park 10 min, the others as in the
-    vehicle's law `rate`, 60 s where it has another"""
+    """time between two samples of depth and speed; default: park 10 min, else that of the law
+    `rate`, or 60 s"""
     law: str | None = None
-    """name of the law that flies the phase; not given: that of the vehicle's controller. `rate` in
-    every phase: the mission's own rule"""
+    """law of the phase; default: the controller's; `rate` in every phase: the mission's own rule"""
     parameters: LawNumbers = Field(default_factory=dict)
-    """parameters of that law; those not given are the controller's, where it is of the same law"""
+    """parameters of that law; default: the controller's, if it has the same law"""
     sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """between two samples of that law, where it is called at each; not given: the controller's"""
+    """sample time of that law; default: the controller's"""
     grounding: Literal["next", "stay", "shift"] | None = None
-    """what it does once grounded: the next phase, or stay at that depth, or shift its own to above
-    it; not given: park and hold stay, the others go on with the next"""
+    """when grounded: go on, stay, or shift the depth above the bottom; default: park and hold stay,
+    others go on"""
     rest_band: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """of a park or hold: as long as the vehicle stays within it of the depth the law rests and the
-    actuator holds; not given: the law never rests"""
+    """park or hold: distance within which law and actuator rest; default: never"""
 
     @property
     def title(self) -> str:
@@ -103,43 +98,40 @@ class Phase(Parameters):
 
 
 class Safety(Parameters):
-    """What a mission must not come near."""
+    """Limits of a mission."""
 
     deepest: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth below which everything is pumped out and the mission ends; not given: the vehicle's
-    depth limit, where it has one"""
+    """depth below which all volume is moved out and the mission ends; default: the depth limit"""
     stroke: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = 0.05
-    """share of the stroke that has to be left at either end"""
+    """share of the stroke to be left at either end"""
     battery: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = 0.1
-    """share of the battery with which no new cycle begins"""
+    """battery share below which no cycle begins"""
 
 
 class Grounding(Parameters):
-    """How a vehicle finds that it lies on the bottom, and what it does then.
+    """How a vehicle detects the bottom, and what it does then.
 
-    It is grounded where its depth does not change for a time after it let in a volume, or all that
-    it can. With this table phases may be deeper than bottom_depth.
+    It is grounded if its depth does not change for a time after it let in a volume, or all that it
+    can. With this table phases may be deeper than bottom_depth.
     """
 
     volume: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """let in while the depth does not change, by which it takes itself to be grounded; not given: a
-    tenth of the stroke"""
+    """let in without change of depth; default: a tenth of the stroke"""
     change: Annotated[float, Unit("m"), Field(gt=0.0)] = 1.0
-    """of the depth; a lesser one is none"""
+    """smallest change of depth that counts"""
     time: Annotated[float, Unit("s"), Field(ge=0.0)] = 60.0
-    """after that without a change of depth"""
+    """without a change of depth after that"""
     shift: Annotated[float, Unit("m"), Field(gt=0.0)] = 100.0
-    """how far above the bottom a phase goes on that shifts its depth (`grounding`); where that is
-    too near the surface it stays"""
+    """height above the bottom at which a shifted phase goes on; too near the surface it stays"""
     least_depth: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
-    """of the bottom, to shift; where it is less deep the vehicle stays"""
+    """bottom depth from which phases shift; shallower they stay"""
 
 
 class Ice(Parameters):
-    """How a vehicle avoids ice at the surface, by the temperature on its way up.
+    """Avoidance of ice at the surface by the temperature on the way up.
 
-    Where the median temperature in a layer is that of ice, it turns back at the top of the layer:
-    its surface phase ends there, and the next one begins.
+    If the median temperature in a layer is that of ice, the vehicle turns back at the top of the
+    layer: its surface phase ends there, and the next one begins.
     """
 
     temperature: Annotated[float, Unit("degC"), Field(ge=-3.0, le=40.0)] = -1.79
@@ -149,9 +141,9 @@ class Ice(Parameters):
     stop_depth: Annotated[float, Unit("m"), Field(gt=0.0)] = 20.0
     """upper edge, where it turns back"""
     wait: Annotated[float, Unit("s"), Field(ge=0.0)] = 0.0
-    """how long after ice it turns back there anyway"""
+    """time after ice in which it turns back in any case"""
     longest: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time without surfacing after which it comes up all the same; not given: it never does"""
+    """time without surfacing after which it surfaces in any case; default: never"""
 
     def check(self) -> None:
         """Refuse edges that do not go together."""
@@ -170,27 +162,26 @@ class Mission(Parameters):
     description: str = ""
     """one sentence on the mission"""
     start_depth: Annotated[float, Unit("m")] = 0.0
-    """depth at which the vehicle rests, neutral, at the start; needed with set-points. With phases
-    0 is afloat, all volume out"""
+    """depth of rest at the start; required with set-points; with phases 0 is afloat, all volume
+    out"""
     start_temperature: Annotated[float, Unit("degC"), Field(ge=-40.0, le=80.0)] | None = None
-    """temperature of the hull at the start, of a vehicle with a hull.thermal_time_constant; not
-    given: the water's there"""
+    """hull temperature at the start, with a hull.thermal_time_constant; default: the water's"""
     bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth of the bottom; not given: none"""
+    """depth of the bottom; default: none"""
     duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """how long it lasts; needed with set-points. With phases no new cycle begins after it"""
+    """duration; required with set-points; with phases no cycle begins after it"""
     latitude: Annotated[float, Unit("deg"), Field(ge=-90.0, le=90.0)] | None = None
-    """north positive, of a cast that does not say it"""
+    """north positive, for a cast without latitude"""
     cycles: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """how often the phases are repeated; not given: once, or for `duration`"""
+    """repetitions of the phases; default: once, or for `duration`"""
     setpoints: tuple[Setpoint, ...] = ()
-    """depths to go to, in the order of time; the first at 0"""
+    """set-points in order of time, the first at 0"""
     phases: tuple[Phase, ...] = ()
     """what a cycle is made of, in order"""
     safety: Safety = Safety()
     """what a mission must not come near"""
     grounding: Grounding | None = None
-    """how it finds the bottom, and what it does there; not given: it does not know of a bottom"""
+    """detection of the bottom; default: none"""
     ice: Ice | None = None
     """how it avoids ice; not given: it does not"""
     water_motion: WaterMotion = WaterMotion()

@@ -25,17 +25,17 @@ _Series = Annotated[tuple[Annotated[float, Field(strict=True)], ...], Field(min_
 
 
 class Move(Parameters):
-    """A change of volume: at the release, or when the depth passes a place on the way up or down.
+    """A change of volume at the release, or when the depth passes a value.
 
-    The volume counts from the one that held the vehicle at rest; it stays until the next move.
+    The volume is relative to that at rest, and stays until the next move.
     """
 
     volume: Annotated[float, Unit("m3")]
-    """volume to go to, above the one at rest; positive is lighter, 0 is back to it"""
+    """volume to go to, relative to that at rest; positive: lighter"""
     depth: _Length | None = None
-    """depth at which it happens; not given: at the release"""
+    """depth at which it happens; default: at the release"""
     going: Literal["up", "down"] | None = None
-    """on which way the depth has to be passed"""
+    """direction in which the depth is passed"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
@@ -46,7 +46,7 @@ class Move(Parameters):
 
 
 class Trace(Parameters):
-    """What the record should look like; other vehicles than the one assumed differ."""
+    """The expected record, of the vehicle assumed."""
 
     time: _Series
     """s since the release"""
@@ -65,13 +65,13 @@ class PlannedExperiment(Parameters):
     """One release: from rest at a depth, through its moves, to the end of the record."""
 
     start_depth: _Length
-    """depth to come to rest at before it"""
+    """depth of rest before the release"""
     longest: Annotated[float, Unit("s"), Field(gt=0.0)]
-    """time after the release at which the record ends at the latest"""
+    """latest end of the record after the release"""
     settling: _Time = 0.0
-    """time expected before the release, to come to rest"""
+    """time expected to come to rest"""
     duration: _Time = 0.0
-    """time expected from the release to the record's end"""
+    """time expected from release to the end of the record"""
     moves: Annotated[tuple[Move, ...], Field(min_length=1)]
     """changes of volume, in order"""
     trace: Trace | None = None
@@ -87,7 +87,7 @@ class PlannedExperiment(Parameters):
 
 
 class Expected(Parameters):
-    """A parameter as the plan's records should identify it."""
+    """Expected estimate of a parameter."""
 
     name: str
     """as `identify` calls it"""
@@ -123,7 +123,7 @@ class Plan(Parameters):
     depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
     """step between two depths that the sensor resolves"""
     neutral_std: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """how well the neutral volume at rest is known, 1 sigma; not given: not"""
+    """uncertainty of the neutral volume at rest, 1 sigma; default: unknown"""
     expected: tuple[Expected, ...] = ()
     """expected errors"""
     experiments: Annotated[tuple[PlannedExperiment, ...], Field(min_length=1)]

@@ -25,22 +25,22 @@ Phase = Literal["descend", "park", "profile", "hold", "surface"]
 
 
 class Supply(Parameters):
-    """The battery: the voltage that limits the motor, and what is in it."""
+    """The battery."""
 
     voltage: Annotated[float, Unit("V"), Field(gt=0.0)]
     """open-circuit voltage"""
     internal_resistance: Annotated[float, Unit("ohm"), Field(ge=0.0)] = 0.0
     """resistance of battery and leads"""
     capacity: Annotated[float, Unit("J"), Field(gt=0.0)] | None = None
-    """energy in the full battery at 20 degC; not given: not stated"""
+    """energy in the full battery at 20 degC; default: unknown"""
     cold_share: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = 1.0
-    """share of the capacity that can be drawn at 0 degC; linear in between"""
+    """share of the capacity available at 0 degC, linear in between"""
     self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = 0.0
     """share of what is in it that is lost per time"""
 
 
 class Driver(Parameters):
-    """The motor's driver, between battery and motor; without this table it loses nothing.
+    """The motor's driver, between battery and motor; default: no loss.
 
     `energy` and `mission` count it, `simulate` does not.
     """
@@ -54,14 +54,14 @@ class Driver(Parameters):
 
 
 class Load(Parameters):
-    """Something else that draws from the battery, counted by `mission`: a processor, a radio."""
+    """Another consumer of the battery, counted by `mission`: a processor, a radio."""
 
     name: str = Field(min_length=1)
     """what draws it"""
     power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
     """power while it is on"""
     phases: tuple[Phase, ...] = ()
-    """phases of a mission in which it is on; empty: all of them"""
+    """mission phases in which it is on; empty: all"""
     energy_per_surfacing: Annotated[float, Unit("J"), Field(ge=0.0)] = 0.0
     """energy of what it does once at each surfacing"""
 
@@ -133,8 +133,8 @@ class ScrewDrive(Parameters):
     efficiency: _Efficiency
     """efficiency of gearbox and spindle eta_e"""
     back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = None
-    """share of the load that turns the motor back; 0 or below: self-locking, and the motor has to
-    push the piston in; not given: the efficiency, as in the paper"""
+    """share of the load that drives the motor back; 0 or below: self-locking; default: the
+    efficiency"""
     piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
     """area of the piston in contact with the water A"""
     reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = 0.0
@@ -189,11 +189,10 @@ class UnifiedActuator(Parameters):
     k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = 0.0
     """volume leaked per time and depth k_l"""
     efficiency: _Efficiency | None = None
-    """efficiency of the transmission, by which back-driving multiplies the load; not given: unknown
-    """
+    """efficiency of the transmission; back-driving multiplies the load by it; default: unknown"""
     back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = None
-    """share of the load that turns the motor back, 0 or below: self-locking; needs `efficiency`;
-    not given: the same"""
+    """share of the load that drives the motor back; 0 or below: self-locking; default:
+    `efficiency`"""
     friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = 0.0
     """dry friction at the motor shaft T_b"""
     resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)] | None = None
@@ -237,7 +236,7 @@ class IdentifiedActuator(Parameters):
     depth_voltage: Annotated[float, Unit("V/m"), Field(ge=0.0)] = 0.0
     """voltage that holds the piston against a metre of water k_z/k_u"""
     dead_zone: Annotated[float, Unit("V"), Field(ge=0.0)] = 0.0
-    """voltage below which the motor does not start, from dry friction T_b/k_u"""
+    """voltage below which the motor does not start, T_b/k_u"""
     k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = 0.0
     """volume leaked per time and depth k_l"""
 
@@ -251,8 +250,7 @@ class Positioner(Parameters):
     piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
     """area of the piston in contact with the water A"""
     moving_power: Annotated[float, Unit("W"), Field(ge=0.0)] | None = None
-    """electrical power of the motor while the piston moves; driver and battery take theirs besides;
-    not given: not known"""
+    """electrical power of the motor while moving, without the driver's; default: unknown"""
     holding_power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
     """electrical power of the motor while the piston is held"""
 
@@ -262,34 +260,31 @@ _VACUUM = 1e3  # Pa; a gas rotary pump goes no lower, and oil gives off what it 
 
 
 class PowerLawPump(Parameters):
-    """A pump as measured: delivery and electrical power, both linear in the pressure it beats.
+    """A pump with delivery and electrical power linear in the pressure.
 
-    The power is that at the supply's terminals while it runs, its driver's loss included.
-    `swimbladder energy --fit` finds these numbers in logged runs.
+    The power is that at the supply's terminals, driver included. `swimbladder energy --fit` fits
+    these numbers to logged runs.
     """
 
     kind: Literal["power-law"] = "power-law"
     delivery: Annotated[float, Unit("m3/s"), Field(gt=0.0)]
     """volume pressed out per time against no pressure"""
     slip: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
-    """delivery lost per pressure while it runs; through it `line` empties at rest"""
+    """delivery lost per pressure; `line` empties through it at rest"""
     idle_power: Annotated[float, Unit("W"), Field(ge=0.0)]
     """electrical power while it runs against no pressure"""
     power_per_pressure: Annotated[float, Unit("W/Pa"), Field(ge=0.0)]
     """what the electrical power grows by per pressure"""
     power_per_temperature: Annotated[float, Unit("W/K"), Field(le=0.0, ge=-10.0)] = 0.0
-    """what the electrical power grows by per kelvin above 15 degC, by which warm oil is thinner; 0
-    or negative"""
+    """electrical power gained per kelvin above 15 degC (warm oil is thinner)"""
     stall_pressure: Annotated[float, Unit("Pa"), Field(gt=0.0)] | None = None
-    """pressure at which the motor stops or a relief valve opens; not given: where the slip takes
-    all of the delivery"""
+    """pressure at which the motor stops or a relief valve opens; default: zero delivery by slip"""
 
 
 class DatasheetPump(Parameters):
-    """A pump from the datasheets of motor and pump (eqs 3-8); it slips while it runs.
+    """A pump from the datasheets of motor and pump (eqs 3-8).
 
-    Its mechanical efficiency over pressure follows from `pump_efficiency` (the part in proportion
-    to pressure), the viscous friction and the dry friction, the volumetric one from the leakage.
+    Its efficiency follows from `pump_efficiency`, viscous and dry friction, and leakage.
     """
 
     kind: Literal["datasheet"] = "datasheet"
@@ -298,16 +293,14 @@ class DatasheetPump(Parameters):
     drive: HydraulicDrive
     """pump and pressure amplifier"""
     speed: Annotated[float, Unit("rad/s"), Field(gt=0.0)] | None = None
-    """motor speed that the driver holds while the supply's voltage allows; not given: full voltage
-    """
+    """motor speed held while the supply allows; default: full voltage"""
 
 
 class CurvePump(Parameters):
-    """A pump by its curve: delivery and electrical power at some pressures that it beats.
+    """A pump by its measured curve: delivery and electrical power over pressure.
 
-    A smooth curve without overshoot goes through them; before the first pressure they are those at
-    the first, and beyond the last nothing is delivered. The power is that at the supply's terminals
-    while it runs, its driver's loss included.
+    A smooth curve without overshoot; constant below the first pressure, no delivery beyond the
+    last. The power is that at the supply's terminals, driver included.
     """
 
     kind: Literal["curve"] = "curve"
@@ -318,7 +311,7 @@ class CurvePump(Parameters):
     power: tuple[Annotated[float, Unit("W"), Field(ge=0.0)], ...]
     """electrical power at each"""
     slip: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
-    """what flows back through it per pressure while it stands, by which `line` empties"""
+    """backflow per pressure at rest, through which `line` empties"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
@@ -336,23 +329,21 @@ Pump = Annotated[PowerLawPump | DatasheetPump | CurvePump, Field(discriminator="
 
 
 class Valve(Parameters):
-    """A valve that lets oil back into the hull, and the way to it: dp = (Q/flow)^2 + laminar part.
+    """A valve that lets oil back into the hull, and its pipe.
 
-    Through an orifice the flow is the root of the pressure difference. Thick oil in narrow ways
-    takes more, in proportion to the flow: Q = flow ((dp + laminar_pressure)^0.5 -
-    laminar_pressure^0.5).
+    Q = flow ((dp + laminar_pressure)^0.5 - laminar_pressure^0.5): an orifice, laminar at small dp.
     """
 
     flow: Annotated[float, Unit("m3/s/Pa^0.5"), Field(gt=0.0)]
-    """volume let in per time and root of the pressure difference, C_d A (2/rho_oil)^0.5"""
+    """flow per root of the pressure difference, C_d A (2/rho_oil)^0.5"""
     laminar_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=1e8)] = 0.0
-    """pressure difference far below which the flow goes with the pressure, not with its root"""
+    """pressure difference far below which the flow is laminar"""
     power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
     """electrical power while it is open"""
 
 
 class PumpAndValve(Parameters):
-    """A pump presses oil into the bladder, a valve lets it back, a check valve holds the volume.
+    """A pump fills the bladder, a valve lets oil back, a check valve holds the volume.
 
     Its command is a change of volume, by the law `rate` or one like it.
     """
@@ -365,22 +356,20 @@ class PumpAndValve(Parameters):
     bypass: Valve | None = None
     """a wide valve that empties the bladder at the surface"""
     line: Oil | None = None
-    """the oil between pump and check valve, which has to come to the sea's pressure before anything
-    is pressed out, and empties through the pump while it stands"""
+    """oil between pump and check valve, which must reach the sea's pressure before delivery"""
     internal_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=2e5)] = 101325.0
-    """absolute pressure of the gas around the oil reservoir in the hull"""
+    """absolute pressure of the gas in the hull around the oil reservoir"""
     leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
     """volume that seeps in per time and pressure while nothing runs"""
     creep: Annotated[float, Unit("m3/s"), Field(ge=0.0, le=1e-6)] = 0.0
-    """volume lost per time while nothing runs, whatever the pressure: oil that seeps back or cools,
-    seals that settle; what is pumped out makes up for it"""
+    """volume lost per time at rest at any pressure (cooling oil, settling seals), made up by
+    pumping"""
     quantum: Annotated[float, Unit("s"), Field(ge=0.0)] = 0.0
-    """step of the time that pump and valve are on; also the shortest one"""
+    """step of run times, and the shortest one"""
     start_volume: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
-    """volume that each start of the pump falls short of its delivery, beside what `line` takes:
-    running up, valves that close late"""
+    """volume lost at each start of the pump, beside `line`"""
     longest_run: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """longest time the pump is on in one action; not given: no limit"""
+    """longest run of the pump in one action; default: no limit"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""

@@ -37,8 +37,8 @@ class Water(Parameters):
     gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = 9.80665
     """gravity g"""
     compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-9)] = 4.4e-10
-    """compressibility of this water, which the constant density leaves out and psi counts beyond;
-    that of sea water near the surface (TEOS-10), fresh water has 4.7e-10"""
+    """compressibility of this water, beyond which psi counts; sea water near the surface (TEOS-10),
+    fresh water 4.7e-10"""
     temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = 15.0
     """temperature in which trim_error holds"""
 
@@ -56,8 +56,8 @@ class Stroke(Parameters):
     maximum: Annotated[float, Unit("m3")]
     """volume with the piston fully out"""
     switch_margin: Annotated[float, Unit("m3"), Field(ge=0.0)] | None = None
-    """volume before either end stop at which a limit switch cuts the command that drives on, at the
-    controller's next sample; the piston may coast to the stop; not given: no switches"""
+    """volume before either end stop at which a limit switch cuts the command at the next sample;
+    default: no switches"""
 
     @property
     def lowest(self) -> float:
@@ -87,44 +87,43 @@ class HullPart(Parameters):
     name: str = Field(min_length=1)
     """what the part is called"""
     volume: Annotated[float, Unit("m3"), Field(gt=0.0)]
-    """water that it displaces at the surface, at reference_temperature"""
+    """volume displaced at the surface at reference_temperature"""
     compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-7)]
-    """share of that volume it loses per pressure"""
+    """relative volume lost per pressure"""
     thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = 0.0
-    """share of that volume it gains per kelvin (three times the linear one)"""
+    """relative volume gained per kelvin (three times the linear expansion)"""
     stiffening: Annotated[float, Unit("1/Pa2"), Field(ge=-1e-14, le=1e-14)] = 0.0
-    """what the compressibility loses per pressure, down to 0; negative: it grows"""
+    """compressibility lost per pressure, down to 0; negative: gained"""
 
 
 class Hull(Parameters):
-    """The body: how much it displaces, how it compresses, where it emerges."""
+    """Displacement, compression and emergence of the body."""
 
     displaced_volume: Annotated[float, Unit("m3"), Field(gt=0.0)]
     """volume displaced at mid-stroke V_p"""
     psi: Annotated[float, Unit("m3/m"), Field(ge=-1e-3, le=1e-3)]
-    """volume the hull loses per metre beyond what the water does, eq. (31); negative: the hull is
-    stiffer than water"""
+    """volume lost per metre beyond what the water does, eq. (31); negative: stiffer than water"""
     waterplane_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
     """cross-section of the hull at the water line"""
     emergence_depth: Annotated[float, Unit("m")] = 0.0
-    """depth of the pressure sensor at which the hull starts to emerge"""
+    """depth of the pressure sensor when the hull begins to emerge"""
     height: Annotated[float, Unit("m"), Field(gt=0.0)]
     """height of the part of the hull that can emerge"""
     depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
     """depth the vehicle is rated for; not given: not stated"""
     trapped_air: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
-    """air caught outside the hull, within displaced_volume, as it is at the surface: Boyle's law,
-    beside psi; for ballast, mission and a cast; else psi only"""
+    """air outside the hull, within displaced_volume, at the surface (Boyle's law, beside psi); for
+    ballast, mission and casts"""
     reference_temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = 15.0
     """temperature of the hull at which it displaces displaced_volume"""
     thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = 0.0
-    """share of displaced_volume it gains per kelvin, of a hull without parts"""
+    """relative volume gained per kelvin, of a hull without parts"""
     thermal_time_constant: Annotated[float, Unit("s"), Field(ge=0.0, le=1e6)] = 0.0
-    """time in which it comes within 1/e of the water's temperature; 0: it has it at once; for
-    mission, campaign, and logs with a temperature"""
+    """time constant to the water's temperature, 0: none; for mission, campaign and logs with
+    temperature"""
     parts: tuple[HullPart, ...] = ()
-    """components of displaced_volume, for ballast, mission and simulate --cast; none: one that psi
-    tells of"""
+    """components of displaced_volume, for ballast, mission and casts; default: one that follows
+    from psi"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
@@ -151,9 +150,8 @@ class Hull(Parameters):
 class Drag(Parameters):
     """Hydrodynamic drag, eq. (16), symmetric in speed but for `rising_ratio`.
 
-    linear: k_dl w. quadratic: k_dt w|w|. switched: laminar up to epsilon, turbulent above,
-    continuous there. switched-literal: eq. (16) as printed, which jumps at epsilon.
-    blended: k_dl w + k_dt w|w|.
+    linear: k_dl w. quadratic: k_dt w|w|. blended: k_dl w + k_dt w|w|. switched: laminar up to
+    epsilon, turbulent above, continuous. switched-literal: eq. (16) as printed, which jumps.
     """
 
     law: Literal["linear", "quadratic", "switched", "switched-literal", "blended"] = "linear"
@@ -165,8 +163,7 @@ class Drag(Parameters):
     epsilon: Annotated[float, Unit("m/s"), Field(ge=0.0)] = 0.0
     """speed at which drag turns turbulent"""
     rising_ratio: Annotated[float, Unit(""), Field(ge=0.1, le=10.0)] = 1.0
-    """drag while rising over that while sinking at the same speed, which the coefficients give; for
-    mission, ballast, energy and size, the others refuse it"""
+    """drag while rising over drag while sinking; for mission, ballast, energy and size"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
@@ -182,7 +179,7 @@ class Drag(Parameters):
 
 
 class PhysicalMotion(Parameters):
-    """Masses and drag, each from where it comes."""
+    """Masses and drag."""
 
     kind: Literal["physical"] = "physical"
     dry_mass: Annotated[float, Unit("kg"), Field(gt=0.0)]
@@ -215,10 +212,10 @@ _Number = Annotated[float, Field(strict=True)]
 
 
 class Between(Parameters):
-    """How logs of one vehicle differ, 1 sigma: the water, what hangs on the hull, the site."""
+    """Variation between logs of one vehicle, 1 sigma."""
 
     psi: Annotated[float, Unit("m3/m"), Field(ge=0.0)]
-    """of psi: water that is warm at the top makes it smaller"""
+    """of psi"""
     drag: Annotated[float, Unit(""), Field(ge=0.0)]
     """of the drag, both coefficients together, as a share"""
     neutral_drift: Annotated[float, Unit("m3/s")] = 0.0
@@ -234,9 +231,7 @@ class Between(Parameters):
 
 
 class Identified(Parameters):
-    """What was identified from logs: the covariance of numbers that stand elsewhere in this file,
-    and the noise that a filter or a prediction has to allow for.
-    """
+    """Covariance of identified parameters, and noise for filters and predictions."""
 
     names: tuple[IdentifiedName, ...] = Field(min_length=1)
     """what was identified"""
@@ -249,10 +244,9 @@ class Identified(Parameters):
     neutral_std: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
     """how far the neutral volume differs between experiments, 1 sigma"""
     neutral_walk: Annotated[float, Unit("m3/s^0.5"), Field(ge=0.0)] = 0.0
-    """intensity of the neutral volume's random walk: its 1 sigma after a second"""
+    """random walk of the neutral volume, 1 sigma after a second"""
     acceleration_noise: Annotated[float, Unit("m/s/s^0.5"), Field(ge=0.0)] = 0.0
-    """intensity of white acceleration, for what the model leaves out: 1 sigma of the speed after a
-    second"""
+    """white acceleration noise, 1 sigma of the speed after a second"""
     logs: tuple[str, ...] = ()
     """the logs that it was identified from"""
     between: Between | None = None
@@ -301,7 +295,7 @@ LawNumbers = dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]]
 
 
 class Sensors(Parameters):
-    """What the controller sees: white noise (1 sigma), then the quantum of the converter."""
+    """Noise (white, 1 sigma) and quantum of what the controller measures."""
 
     depth_noise: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = 0.0
     """white noise of the measured depth, 1 sigma"""
@@ -323,7 +317,7 @@ class Controller(Parameters):
     parameters: LawNumbers = Field(default_factory=dict)
     """parameters of the law, as it names them"""
     depths: tuple[Annotated[float, Unit("m"), Field(ge=0.0)], ...] | None = None
-    """the least and the greatest depth that the law was tuned for; not given: not known"""
+    """least and greatest depth that the law was tuned for; default: unknown"""
 
     def check(self) -> None:
         """Refuse depths that are no range."""
@@ -335,54 +329,48 @@ class Controller(Parameters):
 
 
 class Supervisor(Parameters):
-    """When the firmware's supervisor brings the vehicle up; what is not given follows from others.
+    """Limits of the firmware's supervisor; defaults follow from the vehicle.
 
-    How each is derived: docs/explanation/supervisor.md. `swimbladder firmware` prints them all.
+    Derivation: docs/explanation/supervisor.md. `swimbladder firmware` prints all.
     """
 
     depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth at which it does; not given: 0.9 of where full buoyancy, hull and motor (at
-    `battery_low`) still do their part, less what is not known of the trim"""
+    """depth that is a reason; default: 0.9 of where full buoyancy, hull and motor at `battery_low`
+    suffice, less the uncertainty of the trim"""
     time_limit: Annotated[float, Unit("s"), Field(gt=0.0, le=3e9)] | None = None
-    """time since it was armed at which it does; not given: never"""
+    """time since arming that is a reason; default: none"""
     battery_low: Annotated[float, Unit("V"), Field(gt=0.0)] | None = None
-    """voltage under load that is too low, for 10 s; not given: 0.8 of the supply's, or none for a
-    positioner"""
+    """voltage under load too low for 10 s; default: 0.8 of the supply, positioners none"""
     bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """where the vehicle may lie on the bottom; not given: nowhere, since a vehicle that lies there
-    looks like one whose depth sensor has stopped"""
+    """depth of a bottom on which the vehicle may lie; default: none, and lying on one is a
+    reason"""
     neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """how far the neutral volume may be from `trim_error`, drift and layers of the water included;
-    not given: a quarter of half the stroke, half of what is left above `trim_error` at most; of a
-    pump and valve, whose volume is computed, that half"""
+    """range of the neutral volume about `trim_error`, with drift and layers; default: a quarter of
+    half the stroke, at most half of what is left above `trim_error` (pump and valve: that half)"""
     neutral_change: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """how far the neutral volume may change in a dive from what its first minute showed, layers of
-    the water included; not given: a fifth of `neutral_range`"""
+    """change of the neutral volume within a dive, with layers; default: a fifth of
+    `neutral_range`"""
     model_error: Annotated[float, Unit(""), Field(gt=0.0, lt=1.0)] = 0.3
-    """share of the force on the vehicle, and of psi, that the model may miss"""
+    """relative error of force and psi"""
     patience: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = 5.0
     """how long a sensor may fail, or the actuator not follow"""
     late: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """age of a depth that is late; not given: two samples, at least 1 s"""
+    """age of a late depth; default: two samples, at least 1 s"""
     frozen: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time in which the very same depth means a frozen sensor; not given: what noise and quantum of
-    the sensor make as good as impossible"""
+    """time of an identical depth that is a frozen sensor; default: from noise and quantum"""
     prove_after: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """before it goes deeper a vehicle is pushed outward for a moment where its actuator has not
-    shown for so long that it can (for 3.2 times as long while a law holds a depth, and pushed after
-    3 times it there if the law does not rest), and so is one whose depth was the very same for so
-    long; not given: 30 s, or never where psi is not above 0"""
+    """time after which the actuator has to show that it moves outward before going deeper; also of
+    an identical depth; default: 30 s, never for psi not above 0"""
     hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = None
-    """voltage that keeps the volume at its largest; not given: what the sea's load takes where it
-    can just come up. 0 for a drive that holds by itself"""
+    """voltage that holds the largest volume; 0: the drive holds by itself; default: the sea's load
+    at the recovery depth"""
     release_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time of full buoyancy in which it has to rise by 1 m before the drop weight is released; not
-    given: twice that of the whole stroke and a minute"""
+    """time of full buoyancy without rising 1 m before the drop weight; default: two strokes and a
+    minute"""
     arm_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth that arms a vehicle which nobody has armed; not given: 1 m below where it emerges, or
-    half way to `bottom_depth` where that is less"""
+    """depth that arms the vehicle; default: 1 m below emergence, or half way to `bottom_depth`"""
     arm_after: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = 3.0
-    """how long the depth has to be beyond `arm_depth`; three samples at least"""
+    """time beyond `arm_depth`; at least three samples"""
 
 
 class Vehicle(Parameters):
@@ -413,7 +401,7 @@ class Vehicle(Parameters):
     motion: Motion
     """mass and drag"""
     trim_error: Annotated[float, Unit("m3")] = 0.0
-    """volume at which the vehicle is neutral at the surface; 0 is mid-stroke"""
+    """neutral volume at the surface, from mid-stroke"""
     sensors: Sensors = Sensors()
     """what the controller sees"""
     controller: Controller | None = None
@@ -421,7 +409,7 @@ class Vehicle(Parameters):
     supervisor: Supervisor = Supervisor()
     """when the firmware brings the vehicle up whatever the law says"""
     identified: Identified | None = None
-    """how sure the identified numbers are, and the noise of the logs"""
+    """covariance of identified numbers, and the noise of the logs"""
 
     def __repr__(self) -> str:
         """Return what it is in some lines; `vehicle_file` has every number."""

@@ -387,8 +387,8 @@ def test_a_mission_tells_what_was_asked_what_failed_and_how_it_ended(flown):
         f"{z:.1f} m at {k * TICK:.0f} s" for k, z in zip(m.turns, m.depths, strict=True)
     )
     assert said[1:] == [
-        "from 30 s to 120 s: depth jump, the depth jumps and stays off by so much: -7.5 m",
-        "from 45 s on: depth NaN, no depth comes any more (NaN)",
+        "from 30 s to 120 s: depth jump, the depth jumps and stays off: -7.5 m",
+        "from 45 s on: depth NaN, no depth (NaN)",
         "the supervisor took over at 150 s: leak",
         "with the supervisor: surfaced, deepest 21.3 m, at the end 0.0 m",
         "without it: on the bottom, deepest 21.3 m, at the end 30.0 m",

@@ -23,10 +23,9 @@ Array = NDArray[np.float64]
 
 
 class InternalWave(Parameters):
-    """An internal wave: layers go up and down, at rest at the surface and at the bottom.
+    """An internal wave: layers move up and down, at rest at surface and bottom.
 
-    It carries the vehicle along, and the salt and heat of the layers: what is at a depth came from
-    where it rests. Pressure stays that of the water at rest.
+    It carries the vehicle, salt and heat along. Pressure stays that of the water at rest.
     """
 
     amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=1000.0)]
