@@ -56,7 +56,7 @@ numpydoc_xref_param_type = True
 numpydoc_xref_ignore = {"or", "of", "None", "optional"}
 
 # The gallery.
-GROUPS = ["control"]
+GROUPS = ["control", "pool", "team", "ocean", "study"]
 sphinx_gallery_conf = {
     "examples_dirs": "gallery",
     "gallery_dirs": "auto_gallery",
@@ -64,6 +64,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "filename_pattern": r"/plot_",
     "abort_on_example_error": True,
+    "copyfile_regex": r".*\.toml",
     "run_stale_examples": True,  # an example is as new as the package that it shows
     "image_scrapers": ("matplotlib", "figures.of_answers"),
     "ignore_repr_types": "matplotlib",

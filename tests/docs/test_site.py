@@ -13,6 +13,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 import swimbladder as sb
 
@@ -25,21 +26,23 @@ MADE = ("auto_gallery", "generated", "backreferences")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: f"{path.parent.name}-{path.stem}")
-def test_an_example_of_the_gallery_draws_with_units(example, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_an_example_of_the_gallery_draws_with_units(example, monkeypatch):
+    monkeypatch.chdir(example.parent)  # it may read what stands beside it, and leaves nothing there
+    beside = set(example.parent.iterdir())
     plt.close("all")
     last = run(example)
     figures = [plt.figure(number) for number in plt.get_fignums()]
     if isinstance(last, Figure):
         figures.append(last)
-    axes = [one for figure in figures for one in figure.axes]
-    drawn = [one for one in axes if one.axison and one.has_data()]
+    drawn = [a for figure in figures for a in figure.axes if a.axison and a.has_data()]
     assert drawn
-    for one in drawn:
-        labels = _label(one, "x"), _label(one, "y")
-        assert all(labels), f"{one}: {labels}"
-        assert any(re.search(r"\[.+\]|\(.+\)|,", label) for label in labels), f"no unit: {labels}"
+    for axes in drawn:
+        bar = axes.get_label() == "<colorbar>"  # has one axis
+        labels = [axes.get_ylabel() or axes.get_xlabel()] if bar else _labels(axes, drawn)
+        assert all(labels), f"{axes}: {labels}"
+        assert any(re.search(r"\[.+\]|,", label) for label in labels), f"no unit: {labels}"
     plt.close("all")
+    assert set(example.parent.iterdir()) == beside
 
 
 def run(example: Path) -> object:
@@ -53,13 +56,21 @@ def run(example: Path) -> object:
     return names["last"]
 
 
-def _label(axes: plt.Axes, which: str) -> str:
-    """Return an axis' label, or that of the axis that it is shared with."""
-    shared = getattr(axes, f"get_shared_{which}_axes")().get_siblings(axes)
-    labels = [getattr(one, f"get_{which}label")() for one in (axes, *shared)]
-    ticks = [tick.get_text() for tick in getattr(axes, f"get_{which}ticklabels")()]
-    named = [text for text in ticks if re.search("[a-z]{3}", text)]
-    return next((label for label in labels if label), ", ".join(named))
+def _labels(axes: plt.Axes, drawn: list[plt.Axes]) -> list[str]:
+    """Return the labels of both axes, or those of the panels below and to the left."""
+    found = []
+    for which, at in ("x", "x0"), ("y", "y0"):
+        place = getattr(axes.get_position(), at)
+        line = [a for a in drawn if a.figure is axes.figure]
+        line = [a for a in line if abs(getattr(a.get_position(), at) - place) < 0.02]
+        texts = [getattr(a, f"get_{which}label")() for a in (axes, *line)]
+        texts += [", ".join(_names(getattr(a, f"get_{which}ticklabels")())) for a in line]
+        found.append(next(filter(None, texts), ""))
+    return found
+
+
+def _names(ticks: list[Text]) -> list[str]:
+    return [tick.get_text() for tick in ticks if re.search("[a-z]{3}", tick.get_text())]
 
 
 def test_an_example_imports_what_a_reader_would():

@@ -1,0 +1,18 @@
+"""
+The best that the vehicle allows
+================================
+
+A linear program finds the least time that any controller needs for a step, with 12 V and the stroke
+that there is. The dashed line is what the paper's controller makes of the same step.
+"""
+
+import swimbladder as sb
+
+best = sb.plan("feup-em", "1.5 m", "3 m")
+print(best)
+
+step = sb.simulate("feup-em", setpoints=[(0.0, 3.0)], duration="36 s", start_depth="1.5 m")
+figure = best.plot()
+figure.axes[0].plot(step.time, step.depth, "k--", label="the paper's controller")
+figure.axes[0].legend()
+figure
