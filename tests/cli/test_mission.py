@@ -353,3 +353,13 @@ def test_a_killed_flight_goes_on_to_the_same_end_bit_for_bit(task, tmp_path):
         assert (tmp_path / "whole" / name).read_bytes() == (
             tmp_path / "killed" / name
         ).read_bytes(), name
+
+
+def test_a_date_that_og1_has_not_is_refused_before_flying(task, capsys):
+    given = ["mission", "example-float", str(task), "--begin", "1999-01-01", "--out", "flown"]
+    assert main([*given, "--netcdf"]) == 2
+    assert "--begin: OG 1.0 has times from 2001-09-09" in capsys.readouterr().err
+    assert not os.path.exists("flown")
+    assert main(given) == 0
+    config = json.loads(Path("flown/float.json").read_text())
+    assert config["created"] == "1999-01-01T00:00:00+00:00"

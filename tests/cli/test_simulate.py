@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 import swimbladder
 from swimbladder.cli import main
 from swimbladder.io.presets import preset_text
 from swimbladder.io.templates import KINDS, vehicle_template
+from tests.cf import cf_problems
 from tests.quoted import numbers
 
 COLUMNS = [
@@ -74,7 +76,7 @@ def test_a_float_dives_and_comes_up_again(capsys, tmp_path):
     spent = np.sum(columns["power_W"][:-1] * np.diff(columns["time_s"]))
     assert spent == pytest.approx(a["energy_J"], rel=0.05)  # runs end between samples
     assert (tmp_path / "trajectory.png").stat().st_size > 10_000
-    assert (tmp_path / "trajectory.nc").exists()
+    assert cf_problems(tmp_path / "trajectory.nc") == []
 
 
 def test_a_float_goes_to_one_depth_where_one_is_given(capsys, tmp_path):
@@ -356,7 +358,6 @@ def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_simulated(
 
 
 def test_netcdf_has_the_same_numbers_and_names_them(capsys, tmp_path):
-    xarray = pytest.importorskip("xarray")
     a = answer(capsys, "feup-em", "--netcdf", "--out", str(tmp_path))
     assert a["files"][1] == str(tmp_path / "trajectory.nc")
     _, columns = table(tmp_path / "trajectory.csv")
@@ -369,6 +370,19 @@ def test_netcdf_has_the_same_numbers_and_names_them(capsys, tmp_path):
         assert data.depth.attrs["standard_name"] == "depth"
         assert all("units" in data[name].attrs for name in data.variables)
         assert data.attrs["title"] == "feup-em: step, simulated in closed loop"
+        assert "date is arbitrary" in data.time.attrs["comment"]
+    assert cf_problems(a["files"][1]) == []
+
+
+def test_the_begin_of_a_run_makes_its_times_dates(capsys, tmp_path):
+    given = ["feup-em", "--duration", "30", "--netcdf", "--out", str(tmp_path)]
+    a = answer(capsys, *given, "--begin", "2026-03-01T12:00:00+02:00")
+    with xarray.open_dataset(a["files"][1]) as data:
+        assert data.time.values[0] == np.datetime64("2026-03-01T10:00")
+        assert "comment" not in data.time.attrs
+    assert cf_problems(a["files"][1]) == []
+    assert main(["simulate", *given, "--begin", "tomorrow"]) == 2
+    assert "--begin: this is no time" in capsys.readouterr().err
 
 
 def test_a_picture_is_drawn_where_it_is_asked_for(capsys, tmp_path):

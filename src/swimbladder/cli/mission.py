@@ -14,22 +14,21 @@ import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass
 from swimbladder.cli.common import aside, asked_of, compile_notice, kept, labelled, progress, table
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
+from swimbladder.cli.options import (
+    Files,
+    Options,
+    VehicleName,
+    flag,
+    grouped,
+    valued,
+    watched,
+)
 from swimbladder.cli.texts import Given
-from swimbladder.errors import InputError, SwimbladderError
+from swimbladder.errors import SwimbladderError
 
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast
     from swimbladder.sim.mission.result import MissionResult
-
-
-def _moment(text: str, option: str) -> datetime.datetime:
-    try:
-        found = datetime.datetime.fromisoformat(text)
-    except ValueError:
-        remedy = "Write 2026-03-01T12:00:00Z"
-        raise InputError("this is no time", field=option, value=text, remedy=remedy) from None
-    return found if found.tzinfo else found.replace(tzinfo=datetime.UTC)
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Flown(Options):
     bottom: Given = valued("DEPTH", "Depth of the bottom (as in the mission).")
     seed: int | None = valued(None, "Seed of the sensors' noise (no noise).", min=0)
     supervised: bool = watched()
-    begin: Given = valued("TIME", "Start, ISO 8601, for netCDF (2000-01-01).", read=_moment)
+    begin: Given = valued("DATE", "Start, ISO 8601, for netCDF (none).")
 
 
 @dataclass(frozen=True)
@@ -83,6 +82,10 @@ def mission(
     begin, bottom = asked.pop("begin"), asked.pop("bottom")
     cycles, span = asked.pop("cycles"), asked.pop("duration")
     to.check()
+    if also.netcdf and begin is not None:
+        from swimbladder.sim.mission.og1 import og1_time
+
+        og1_time(begin)
     keep = unfinished(to.out)
     read = next(iter(reading.casts(cast, task.latitude)), None)
     warn_of_mass(v)
@@ -104,25 +107,26 @@ def mission(
     answer = found.to_dict()
     with progress("writing the files"):
         from swimbladder.show.files import Gone, write_all
-        from swimbladder.show.report.mission import BEGIN, mission_files
+        from swimbladder.show.report.mission import mission_files
 
-        begin = begin or BEGIN
         made = mission_files(found, answer, begin=begin) | _also(found, read, begin, also)
         files = write_all(to.out, {**made, "argo-config.json": Gone(), **more})
     to.answer(answer, _shown(found, read), files, good=found.completed, keep=keep)
 
 
 def _also(
-    found: MissionResult, cast: Cast | None, begin: datetime.datetime, also: Also
+    found: MissionResult, cast: Cast | None, begin: datetime.datetime | None, also: Also
 ) -> dict[str, object]:
     """Return what is written beside the files of the answer; what is not asked for goes."""
+    from swimbladder.io.netcdf import write_netcdf
     from swimbladder.show.files import Gone
-    from swimbladder.sim.mission.og1 import og1_dataset, write_og1
+    from swimbladder.sim.mission.og1 import og1_dataset
 
     files: dict[str, object] = dict.fromkeys(("mission.nc", "mission.png"), Gone())
     if also.netcdf:
         place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
-        files["mission.nc"] = partial(write_og1, og1_dataset(found, begin=begin, **place))
+        data = og1_dataset(found, begin=begin, **place)
+        files["mission.nc"] = partial(write_netcdf, dataset=data)
     if also.plot:
         files["mission.png"] = found.plot()
     return files

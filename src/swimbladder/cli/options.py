@@ -4,6 +4,7 @@ The word for a value in the help says how its text is read: ``depth: str = value
 "0 m")`` as metres, LEAST:MOST as two depths. Another way to read it stands beside that.
 """
 
+import datetime
 import inspect
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -97,6 +98,15 @@ def watched() -> Any:
     return valued(None, _ALONE_HELP, False, name=_ALONE, read=supervised)
 
 
+def _moment(text: str, option: str) -> datetime.datetime:
+    try:
+        found = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        remedy = "Write 2026-03-01T12:00:00Z"
+        raise InputError("this is no time", field=option, value=text, remedy=remedy) from None
+    return found if found.tzinfo else found.replace(tzinfo=datetime.UTC)
+
+
 def _read(text: Any, option: str, about: Mapping[str, Any]) -> Any:
     """Return what a text stands for: by a function of it, by the option's word, or as it is."""
     word = about["info"].metavar
@@ -108,6 +118,8 @@ def _read(text: Any, option: str, about: Mapping[str, Any]) -> Any:
         return pairs(text, option)
     if word == "NAME,...":
         return names(text)
+    if word == "DATE":
+        return _moment(text, option)
     return quantity(text, _UNITS[word], option) if word in _UNITS else text
 
 

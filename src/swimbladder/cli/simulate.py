@@ -14,7 +14,15 @@ import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass, water_of_cast
 from swimbladder.cli.common import aside, asked_of, compile_notice, labelled, progress, table
-from swimbladder.cli.options import Files, Options, VehicleName, WithoutSupervisor, grouped, valued
+from swimbladder.cli.options import (
+    Files,
+    Options,
+    VehicleName,
+    WithoutSupervisor,
+    flag,
+    grouped,
+    valued,
+)
 from swimbladder.cli.texts import Given
 
 if TYPE_CHECKING:
@@ -29,7 +37,7 @@ _VOLUME = ("peak_volume_m3", "volume_range_m3", "actuator_travel_m3")
 
 
 def write_files(
-    s: Solution, task: Mission, column: Column | None, folder: Path, *, netcdf: bool, plot: bool
+    s: Solution, task: Mission, column: Column | None, folder: Path, also: Also
 ) -> list[Path]:
     """Write the files that were asked for and return their paths."""
     from swimbladder.io.tables import write_csv
@@ -37,15 +45,16 @@ def write_files(
     columns = s.columns()
     with progress("writing trajectory.csv", len(s.time)) as advance:
         files = [write_csv(folder / "trajectory.csv", columns, advance=advance)]
-    if netcdf:
+    if also.netcdf:
         with progress("writing trajectory.nc"):
-            from swimbladder.io.tables import write
+            from swimbladder.io.netcdf import write_netcdf
 
             title = f"{s.vehicle.name}: {task.name or 'mission'}, simulated in closed loop"
             if column is not None:
                 title += f" in the water of {column.source}"
-            files.append(write(folder / "trajectory.nc", s.dataset(), title=title))
-    if plot:
+            data = s.dataset(also.read()["begin"]).assign_attrs(title=title)
+            files.append(write_netcdf(folder / "trajectory.nc", data))
+    if also.plot:
         with progress("drawing trajectory.png"):
             from swimbladder.show.plots import plot_solution
 
@@ -154,6 +163,15 @@ class Step(Options):
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none)", name="--bottom")
 
 
+@dataclass(frozen=True)
+class Also(Options):
+    """What else is written."""
+
+    netcdf: bool = flag("--netcdf", "Also write trajectory.nc.")
+    begin: Given = valued("DATE", "Start, ISO 8601, for netCDF (none).")
+    plot: bool = flag("--plot", "Also write trajectory.png.")
+
+
 _MISSION = typer.Argument(metavar="MISSION", help="TOML file with set-points, start and duration.")
 _SEED = typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0)
 
@@ -169,8 +187,7 @@ def simulate(
     cast: CastFile = None,
     reading: CastReading,
     to: Files,
-    netcdf: Annotated[bool, typer.Option("--netcdf", help="Also write trajectory.nc.")] = False,
-    plot: Annotated[bool, typer.Option("--plot", help="Also write trajectory.png.")] = False,
+    also: Also,
 ) -> None:
     """Simulate depth steps or a mission in closed loop.
 
@@ -190,6 +207,7 @@ def simulate(
     from swimbladder.io.files import make_folder
 
     v = load_vehicle(vehicle, sampled=True, pumped=True, weighed=True)
+    also.read()
     with step.said_as_typed(**_FIELDS) if mission is None else contextlib.nullcontext():
         task = _mission(v, mission, step)
     to.check()
@@ -204,7 +222,7 @@ def simulate(
             medium = medium_of(v, water, reach=reach)
         s = _run(v, task, seed, water, False if without_supervisor else None)
     folder = make_folder(to.out)
-    files = write_files(s, task, water, folder, netcdf=netcdf, plot=plot)
+    files = write_files(s, task, water, folder, also)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
     answer = answer_of(s, task, water, notes)
     to.answer(answer, shown(answer), files)

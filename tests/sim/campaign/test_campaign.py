@@ -26,6 +26,7 @@ from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.vehicle import Identified
 from swimbladder.vehicle.spread import Spread
+from tests.cf import cf_problems
 
 TASK = Mission(
     phases=[
@@ -356,20 +357,25 @@ def test_the_store_says_what_is_in_it(job):
         assert data.attrs["Conventions"].startswith("CF-")
         assert data.deepest.dims == ("float", "cycle")
         for name, variable in data.variables.items():
-            assert {"units", "long_name"} <= set(variable.attrs), name
+            assert "long_name" in variable.attrs, name
+            assert {"units", "flag_meanings"} & set(variable.attrs), name
         assert data.deepest.attrs["standard_name"] == "depth"
         for name in ("stop", "flown"):  # what each number means, as CF has it
             flags = data[name].attrs
             assert len(flags["flag_meanings"].split()) == len({*flags["flag_values"]})
             assert {*data[name].values.tolist()} <= {*flags["flag_values"]}
         assert np.array_equal(data["drive_energy_in_all"], one.layout.table()[:, Fact.DRIVE])
+        assert json.loads(data.attrs["campaign"])["seed"] == one.seed
+        assert cf_problems(data) == []  # as netCDF, which its attributes allow
     assert len(FLOATS) == Fact.COUNT
     # the unit of every variable is one that the udunits of CF knows
     from pint import UnitRegistry
 
     units = UnitRegistry()
     for variable in data.variables.values():
-        units.parse_units(variable.attrs["units"].replace(" m-1", "/m").replace("m3", "m**3"))
+        units.parse_units(
+            variable.attrs.get("units", "1").replace(" m-1", "/m").replace("m3", "m**3")
+        )
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import StopReason, simulate, simulate_ensemble, step_metrics
 from swimbladder.sim.engine.chain import base_steps
 from swimbladder.vehicle import IdentifiedMotion, Sensors
+from tests.cf import cf_problems
 from tests.vehicles import BLENDED, SWITCHED, paper, pump
 
 N = 37  # not a multiple of a block's lanes
@@ -43,6 +44,12 @@ def test_lanes_are_single_runs(plain: Any) -> None:
         for name, scale in (("depth", 1.0), ("speed", 1.0), ("volume", 1e-4), ("command", 100.0)):
             ours = plain[name].values[:, lane]
             np.testing.assert_allclose(ours, getattr(s, name), rtol=0.0, atol=1e-9 * scale)
+
+
+def test_an_ensemble_follows_cf(plain: Any) -> None:
+    assert cf_problems(plain.transpose("lane", ...)) == []
+    assert plain.stop.attrs["flag_meanings"].split()[0] == "finished"
+    assert plain.command.attrs["units"] == "V"
 
 
 def test_summaries_are_those_of_the_trajectories(plain: Any) -> None:

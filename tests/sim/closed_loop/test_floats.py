@@ -25,6 +25,7 @@ from swimbladder.sim.closed_loop.pumped import BEGIN, END, run_for
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.engine.rodas.records import NOTE, Account, Doing, Note
 from swimbladder.sim.mission.flight import fly_mission
+from tests.cf import cf_problems
 from tests.quoted import refused
 from tests.sim.engine.test_rodas_motion import lane_of
 
@@ -248,6 +249,8 @@ def test_a_neutral_volume_that_drifts_is_followed():
     drift[600:] = 2e-5  # 20 cm3 heavier
     flown = {"setpoints": [(0.0, 400.0)], "duration": 2400.0, "start_depth": 400.0}
     found = simulate_ensemble(FLOAT, count=1, neutral_change=drift, keep="trajectory", **flown)
+    assert cf_problems(found.transpose("lane", ...)) == []
+    assert found.command.attrs["units"] == "m3"
     depth = found["depth"].to_numpy()[:, 0]
     assert np.abs(depth[:600] - 400.0).max() < 1.0
     assert depth[600:].max() > 405.0

@@ -7,14 +7,19 @@ import datetime
 import re
 
 import h5py
+import netCDF4
 import numpy as np
 import pytest
+import xarray
 
+from swimbladder.errors import InputError
+from swimbladder.io.netcdf import UNDATED, write_netcdf
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.og1 import og1_dataset, write_og1
+from swimbladder.sim.mission.og1 import og1_dataset
 from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.result import MissionResult
+from tests.cf import cf_problems
 from tests.sim.mission.conftest import phases
 
 BEGIN = datetime.datetime(2026, 3, 1, 12, 0, tzinfo=datetime.UTC)
@@ -97,14 +102,18 @@ def text(value):
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
-@pytest.fixture(scope="module", params=[(43.4, 7.85), (None, None)], ids=["placed", "nowhere"])
-def file(request, profiler, sea, tmp_path_factory):
+@pytest.fixture(scope="module")
+def flown(profiler, sea):
     task = phases()
     flight = fly_mission(profiler, task, sea)
-    result = MissionResult(flight, reach_of(profiler, task, make_plan(profiler, task, sea)))
+    return MissionResult(flight, reach_of(profiler, task, make_plan(profiler, task, sea)))
+
+
+@pytest.fixture(scope="module", params=[(43.4, 7.85), (None, None)], ids=["placed", "nowhere"])
+def file(request, flown, tmp_path_factory):
     latitude, longitude = request.param
-    data = og1_dataset(result, begin=BEGIN, latitude=latitude, longitude=longitude)
-    path = write_og1(data, tmp_path_factory.mktemp("og1") / "mission.nc")
+    data = og1_dataset(flown, begin=BEGIN, latitude=latitude, longitude=longitude)
+    path = write_netcdf(tmp_path_factory.mktemp("og1") / "mission.nc", data)
     with h5py.File(path) as opened:
         yield opened
 
@@ -119,6 +128,41 @@ def test_global_attributes(file):
     serial = text(file["PLATFORM_SERIAL_NUMBER"][()])
     assert text(file.attrs["id"]) == f"{serial}_20260301T120000_simulated"
     assert text(file["TRAJECTORY"][()]) == f"{serial}_20260301T120000"
+
+
+def test_the_conventions_of_cf(flown, tmp_path):
+    data = og1_dataset(flown, begin=BEGIN, latitude=43.4, longitude=7.85)
+    assert cf_problems(write_netcdf(tmp_path / "mission.nc", data)) == []
+
+
+def test_what_others_read(file):
+    """netCDF4 hides what valid_min, valid_max and _FillValue exclude; xarray finds coordinates."""
+    placed = not np.isnan(file["LATITUDE"][0]) and file["LATITUDE"][0] != -9999.9
+    with netCDF4.Dataset(file.filename) as data:
+        for name in ("TIME", "DEPTH", "PRES", "TEMP", "VOLUME_CHANGE", "CYCLE_NUMBER"):
+            assert not np.ma.is_masked(data[name][:]), name
+        for name in ("LATITUDE", "LONGITUDE", "DEPLOYMENT_LATITUDE"):
+            assert np.ma.getmaskarray(data[name][:]).all() != placed
+    with xarray.open_dataset(file.filename) as data:
+        assert set(data.TEMP.coords) == {"TIME", "LATITUDE", "LONGITUDE", "DEPTH"}
+        assert data.TIME.values[0] == np.datetime64("2026-03-01T12:00")
+        # of argopy and of OG1
+        assert {"PRES", "TEMP", "TIME", "LATITUDE", "LONGITUDE", "CYCLE_NUMBER"} <= {
+            *data.variables
+        }
+
+
+def test_a_mission_without_a_date(flown):
+    data = og1_dataset(flown)
+    assert data.TIME.attrs["valid_min"] <= float(data.TIME[0]) == UNDATED.timestamp()
+    assert "date is arbitrary" in data.TIME.attrs["comment"]
+    assert "comment" not in og1_dataset(flown, begin=BEGIN).TIME.attrs
+
+
+@pytest.mark.parametrize("year", [1999, 2097])
+def test_dates_that_og1_has_not(flown, year):
+    with pytest.raises(InputError, match="from 2001-09-09 to 2096-10-02"):
+        og1_dataset(flown, begin=BEGIN.replace(year=year))
 
 
 def test_positions_and_fixes(file):

@@ -8,11 +8,9 @@ from swimbladder.sim.mission.export import float_configuration
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import cycle_columns, events_csv, speeds, trajectory_columns
 
-BEGIN = datetime.datetime(2000, 1, 1, tzinfo=datetime.UTC)  # where the user does not say
-
 
 def mission_files(
-    found: MissionResult, answer: Mapping[str, Any], *, begin: datetime.datetime = BEGIN
+    found: MissionResult, answer: Mapping[str, Any], *, begin: datetime.datetime | None = None
 ) -> dict[str, object]:
     """Return the contents of mission.json (the answer), the tables, and the float's configuration.
 

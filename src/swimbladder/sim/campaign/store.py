@@ -17,15 +17,16 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.io.answers import plain
 from swimbladder.io.files import make_folder, unfinished
+from swimbladder.io.netcdf import described, meaning, of_type
 from swimbladder.jobs import place_files, release
 from swimbladder.sim.engine.rodas.records import Stop
 
@@ -37,56 +38,49 @@ MARKER = "flown"
 _MOST_WIDE = 1024  # cycles in a chunk
 
 
-class _Kept(NamedTuple):
-    """What a variable is: its unit as CF writes it, and its names."""
-
-    units: str
-    long_name: str
-    standard_name: str = ""
-
-
+_STOPS = " ".join(["not_flown", *(reason.name.lower() for reason in Stop if reason)])
 # In the order of `run.Fact`.
 FLOATS = {
-    "trim": _Kept("m3", "neutral volume more than the vehicle file says"),
-    "psi": _Kept("m3 m-1", "hull compression more than the vehicle file says, volume per depth"),
-    "drag_factor": _Kept("1", "drag over that of the vehicle file"),
-    "pump_factor": _Kept("1", "delivery of the pump over that of the vehicle file"),
-    "mass_factor": _Kept("1", "accelerated mass over that of the vehicle file"),
-    "cast": _Kept("1", "index of the water, from 0"),
-    "stop": _Kept("1", "why it ended"),
-    "cycles": _Kept("1", "cycles flown"),
-    "phases_missed_in_all": _Kept("1", "phases that ran out of time or were not held"),
-    "arrival_mean": _Kept("s", "mean time from the begin of a cycle to its first depth"),
-    "deepest_of_all": _Kept("m", "greatest depth", "depth"),
-    "duration": _Kept("s", "time flown"),
-    "drive_energy_in_all": _Kept("J", "electrical energy of pump, valve and holding"),
-    "battery_energy_in_all": _Kept("J", "energy drawn from the battery"),
-    "pump_runs_in_all": _Kept("1", "runs of the pump"),
-    "charge": _Kept("J", "energy left in the battery"),
-    "holding_error": _Kept("m", "rms distance from the depths of parks and holds after arrival"),
-    "stroke_margin_of_all": _Kept("m3", "stroke that was never used, at the end with the least"),
-    "battery_cycles": _Kept("1", "cycles that one battery lasts, flown or extrapolated"),
-    "grounded_in_all": _Kept("1", "times that it took itself to lie on the bottom"),
-    "ice_turns_in_all": _Kept("1", "times that it turned back for ice"),
-    "surfaced_under_ice_in_all": _Kept(
+    "trim": meaning("m3", "neutral volume more than the vehicle file says"),
+    "psi": meaning("m3 m-1", "hull compression more than the vehicle file says, volume per depth"),
+    "drag_factor": meaning("1", "drag over that of the vehicle file"),
+    "pump_factor": meaning("1", "delivery of the pump over that of the vehicle file"),
+    "mass_factor": meaning("1", "accelerated mass over that of the vehicle file"),
+    "cast": meaning("1", "index of the water, from 0"),
+    "stop": meaning("", "why it ended", flag_meanings=_STOPS),
+    "cycles": meaning("1", "cycles flown"),
+    "phases_missed_in_all": meaning("1", "phases that ran out of time or were not held"),
+    "arrival_mean": meaning("s", "mean time from the begin of a cycle to its first depth"),
+    "deepest_of_all": meaning("m", "greatest depth", "depth", positive="down"),
+    "duration": meaning("s", "time flown"),
+    "drive_energy_in_all": meaning("J", "electrical energy of pump, valve and holding"),
+    "battery_energy_in_all": meaning("J", "energy drawn from the battery"),
+    "pump_runs_in_all": meaning("1", "runs of the pump"),
+    "charge": meaning("J", "energy left in the battery"),
+    "holding_error": meaning("m", "rms distance from the depths of parks and holds after arrival"),
+    "stroke_margin_of_all": meaning("m3", "stroke that was never used, at the end with the least"),
+    "battery_cycles": meaning("1", "cycles that one battery lasts, flown or extrapolated"),
+    "grounded_in_all": meaning("1", "times that it took itself to lie on the bottom"),
+    "ice_turns_in_all": meaning("1", "times that it turned back for ice"),
+    "surfaced_under_ice_in_all": meaning(
         "1", "times that it came up although there may have been ice"
     ),
 }
 # In the order of `run._cycle`.
 CYCLES = {
-    "begin": _Kept("s", "time since the start at which the cycle begins"),
-    "end": _Kept("s", "time since the start at which the cycle ends"),
-    "arrival": _Kept("s", "time from the begin of the cycle to its first depth"),
-    "surfaced": _Kept("s", "time since the start at which it was afloat again"),
-    "deepest": _Kept("m", "greatest depth of the cycle", "depth"),
-    "phases_missed": _Kept("1", "phases that ran out of time or were not held"),
-    "stroke_margin": _Kept("m3", "stroke that was not used, at the end with the least"),
-    "drive_energy": _Kept("J", "electrical energy of pump, valve and holding"),
-    "battery_energy": _Kept("J", "energy drawn from the battery"),
-    "pump_runs": _Kept("1", "runs of the pump"),
-    "grounded": _Kept("1", "times that it took itself to lie on the bottom"),
-    "ice_turns": _Kept("1", "times that it turned back for ice"),
-    "surfaced_under_ice": _Kept("1", "times that it came up although there may have been ice"),
+    "begin": meaning("s", "time since the start at which the cycle begins"),
+    "end": meaning("s", "time since the start at which the cycle ends"),
+    "arrival": meaning("s", "time from the begin of the cycle to its first depth"),
+    "surfaced": meaning("s", "time since the start at which it was afloat again"),
+    "deepest": meaning("m", "greatest depth of the cycle", "depth", positive="down"),
+    "phases_missed": meaning("1", "phases that ran out of time or were not held"),
+    "stroke_margin": meaning("m3", "stroke that was not used, at the end with the least"),
+    "drive_energy": meaning("J", "electrical energy of pump, valve and holding"),
+    "battery_energy": meaning("J", "energy drawn from the battery"),
+    "pump_runs": meaning("1", "runs of the pump"),
+    "grounded": meaning("1", "times that it took itself to lie on the bottom"),
+    "ice_turns": meaning("1", "times that it turned back for ice"),
+    "surfaced_under_ice": meaning("1", "times that it came up although there may have been ice"),
 }
 
 
@@ -118,7 +112,8 @@ class Layout:
         try:
             text = (self.folder / "zarr.json").read_text(encoding="utf-8")
             said = json.loads(text)["attributes"]
-            found, casts = said["hashes"], said["campaign"].get("casts", 1) + self.about["casts"]
+            found, campaign = (json.loads(said[name]) for name in ("hashes", "campaign"))
+            casts = campaign.get("casts", 1) + self.about["casts"]
             differ = [key for key, value in self.hashes.items() if found.get(key) != value]
             if not casts and {"vehicle", "mission"} & set(differ):
                 differ = [key for key in differ if key != "cast"]  # the vehicle's own water
@@ -218,13 +213,10 @@ class Layout:
         held: dict[str, Any] = {}
         group = zarr.create_group(MemoryStore(held), attributes=self._attributes())
 
-        def create(name: str, data: Any, kept: _Kept, **more: Any) -> None:
+        def create(name: str, data: Any, about: Mapping[str, Any]) -> None:
             axis = name in _AXES
             parts = (self.chunk, min(self.cycles, _MOST_WIDE))[: data.ndim]
             dimensions = (name,) if axis else _AXES[: data.ndim]
-            attributes = {"long_name": kept.long_name, "units": kept.units, **more}
-            if kept.standard_name:
-                attributes["standard_name"] = kept.standard_name
             made = group.create_array(
                 name,
                 shape=data.shape,
@@ -234,39 +226,31 @@ class Layout:
                 filters=None,
                 compressors=[ZstdCodec(level=3, checksum=True)],
                 dimension_names=dimensions,
-                attributes=attributes,
+                attributes=plain(of_type(about, data.dtype)),
             )
             if axis:
                 made[:] = data
 
         for name, count in zip(_AXES, (self.floats, self.cycles), strict=True):
             numbers = np.arange(1, count + 1, dtype=np.int32)
-            create(name, numbers, _Kept("1", f"number of the {name}"))
+            create(name, numbers, meaning("1", f"number of the {name}"))
         one = np.broadcast_to(np.float64(), (self.floats,))
-        for name, kept in FLOATS.items():
-            if name == "stop":
-                words = " ".join(["not_flown", *(s.name.lower() for s in Stop if s)])
-                flags = {"flag_values": [int(s) for s in Stop], "flag_meanings": words}
-                create(name, one.astype(np.int8), kept, **flags)
-            else:
-                create(name, one, kept)
-        for name, kept in CYCLES.items():
-            create(name, np.broadcast_to(np.float64(), (self.floats, self.cycles)), kept)
-        flags = {"flag_values": [0, 1], "flag_meanings": "not_flown flown"}
-        create(MARKER, one.astype(np.int8), _Kept("1", "whether the float was flown"), **flags)
+        words = one.astype(np.int64)  # as zarr's attributes are: CF wants flags of one type
+        for name, about in FLOATS.items():
+            create(name, words if "flag_meanings" in about else one, about)
+        for name, about in CYCLES.items():
+            create(name, np.broadcast_to(np.float64(), (self.floats, self.cycles)), about)
+        flown = meaning("", "whether the float was flown", flag_meanings="not_flown flown")
+        create(MARKER, words, flown)
         with warnings.catch_warnings():  # that version 3 of the format does not know of it yet
             warnings.simplefilter("ignore")
             zarr.consolidate_metadata(group.store)
         return {key: buffer.to_bytes() for key, buffer in held.items()}
 
     def _attributes(self) -> dict[str, Any]:
-        return {
-            "Conventions": "CF-1.11",
-            "title": f"{self.about['vehicle']}, {self.floats} floats on a mission",
-            "source": f"swimbladder {version('swimbladder')}",
-            "campaign": dict(self.about),
-            "hashes": dict(self.hashes),
-        }
+        title = f"{self.about['vehicle']}, {self.floats} floats on a mission"
+        held = {"campaign": dict(self.about), "hashes": dict(self.hashes)}
+        return described(title, **{name: json.dumps(value) for name, value in held.items()})
 
 
 _AXES = ("float", "cycle")

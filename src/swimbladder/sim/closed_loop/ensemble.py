@@ -19,7 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.control.law import Law
 from swimbladder.control.records import leaves
+from swimbladder.control.supervisor import Reason
 from swimbladder.errors import InputError
+from swimbladder.io.netcdf import Variable, cf_dataset, described, meaning
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
@@ -30,7 +32,12 @@ from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
 from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.rows import RECORDED, Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
-from swimbladder.sim.closed_loop.solution import TIME, VARIABLES, cf_attributes, close_books
+from swimbladder.sim.closed_loop.solution import (
+    VARIABLES,
+    StopReason,
+    close_books,
+    time_of_run,
+)
 from swimbladder.sim.closed_loop.supervision import Supervision
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.chain import base_steps, book_steps
@@ -140,7 +147,9 @@ _OF_DRIVE = {  # of a float: account, unit, what it is
     "pumped": (FloatAccount.PUMPED, "m3", "volume pressed out"),
 }
 _TRAJECTORIES = {name: VARIABLES[name] for name in ("depth", "speed", "volume")}
-_TRAJECTORIES["command"] = {"long_name": "command of the law, V or m3; s of a float's board"}
+_TRAJECTORIES["command"] = meaning("", "command of the law")
+_STOPS = " ".join(reason.name.lower() for reason in StopReason)
+_ALARMS = " ".join(["none", *(reason.name.lower() for reason in Reason)])
 
 
 def simulate_ensemble(
@@ -316,14 +325,14 @@ def simulate_ensemble(
             work[:, there], record[:, :, there], alarms[:, there] = rows, kept, alarm
             sums.append(sum_)
             advance(rows.shape[1] / count)
-    data = _dataset(vehicle, chosen, clock, work, record)
-    data.attrs["steps_per_sample"] = parts
+    data = _summaries(clock, work)
     accounts = np.concatenate(sums)
     if watch:
-        data["alarm"] = _of_lanes(alarms[0].astype(int), "", "number of the supervisor's Reason")
+        why = meaning("", "why the supervisor took over", flag_meanings=_ALARMS)
+        data["alarm"] = "lane", alarms[0].astype(int), why
         data["alarm_time"] = _of_lanes(alarms[1] * tick, "s", "time at which it took over")
     if model is not None:
-        _add_drive(data, accounts, model)
+        data |= _of_drive(accounts, model)
     elif books:
         closed = [
             close_books(vehicle, replace(medium, plant=Plant(*plant)), sum_, begin, end)
@@ -334,7 +343,16 @@ def simulate_ensemble(
         data["energy"] = _of_lanes(
             np.array([one.energy["source"] for one in closed]), "J", closed[0].basis
         )
-    return data
+    numbers = "lane", np.arange(count), meaning("1", "number of the lane")
+    axes: dict[str, Variable] = {"lane": numbers}
+    if keep == "trajectory":
+        axes["time"] = ("time", np.arange(clock.ticks + 1) * clock.tick, time_of_run())
+        unit = "V" if vehicle.command == "voltage" else "s" if pumped and watch else "m3"
+        for (name, about), rows in zip(_TRAJECTORIES.items(), record, strict=True):
+            data[name] = ("time", "lane"), rows, {"units": unit, **about}
+    title = f"Ensemble of {vehicle.name}, simulated"
+    about = described(title, control_law=chosen.name, steps_per_sample=parts)
+    return cf_dataset(axes | data, about, coordinates=axes)
 
 
 def _stiffest(plants: Array) -> Plant:
@@ -394,28 +412,23 @@ class _Run:
         return rows, block.record[chosen][:, :, :kept], accounts[:kept], alarms
 
 
-def _of_lanes(values: Array, unit: str, what: str) -> tuple[str, Array, dict[str, str]]:
+def _of_lanes(values: Array, unit: str, what: str) -> Variable:
     """Return what a lane has a number of, as a dataset takes it."""
-    about = {"units": unit, "long_name": what} if unit else {"long_name": what}
-    return "lane", values, about
+    return "lane", values, meaning(unit, what)
 
 
-def _add_drive(data: xarray.Dataset, accounts: Array, model: FloatModel) -> None:
-    """Add what the drive of each float did, and its energy."""
-    for name, (account, unit, what) in _OF_DRIVE.items():
-        data[name] = _of_lanes(accounts[:, account], unit, what)
+def _of_drive(accounts: Array, model: FloatModel) -> dict[str, Variable]:
+    """Return what the drive of each float did, and its energy."""
+    found = {name: _of_lanes(accounts[:, n], *about) for name, (n, *about) in _OF_DRIVE.items()}
     a, basis = FloatAccount, "electrical energy of pump and valve"
     energy = accounts[:, [a.PUMP_ENERGY, a.VALVE_ENERGY, a.HOLDING_ENERGY]].sum(axis=1)
     if model.energy_unknown:
         energy, basis = accounts[:, a.PUMP_WORK], "work of the pump on the water"
-    data["energy"] = _of_lanes(energy, "J", basis)
+    return found | {"energy": _of_lanes(energy, "J", basis)}
 
 
-def _dataset(
-    vehicle: Vehicle, law: Law, clock: Schedule, work: Array, record: Array
-) -> xarray.Dataset:
-    import xarray
-
+def _summaries(clock: Schedule, work: Array) -> dict[str, Variable]:
+    """Return what is said of each lane."""
     stopped = work[Row.STOPPED] != 0.0
     ended = np.where(stopped, work[Row.STOP_TICK], clock.ticks)
     overshoot = np.maximum(work[Row.FURTHEST] - 1.0, 0.0) * 100.0
@@ -431,14 +444,11 @@ def _dataset(
         "rise90": (rise, "s", "first sample past 90 % of the last step"),
         "settle2": (settle, "s", "last sample outside 2 % of the last step"),
         "rms_error": (rms, "m", error),
-        "stop": (work[Row.STOPPED].astype(int), "", "code of StopReason"),
         "stop_time": (ended * clock.tick, "s", "time at which the run ended"),
     }
-    data: dict[str, Any] = {name: _of_lanes(*column) for name, column in found.items()}
-    coords: dict[str, Any] = {"lane": np.arange(work.shape[1])}
-    if record.shape[1]:
-        coords["time"] = ("time", np.arange(clock.ticks + 1) * clock.tick, TIME)
-        for (name, about), values in zip(_TRAJECTORIES.items(), record, strict=True):
-            data[name] = (("time", "lane"), values, about)
-    attrs = cf_attributes(f"Ensemble of {vehicle.name}, simulated", law.name)
-    return xarray.Dataset(data, coords=coords, attrs=attrs)
+    stop = (
+        "lane",
+        work[Row.STOPPED].astype(int),
+        meaning("", "why the run ended", flag_meanings=_STOPS),
+    )
+    return {name: _of_lanes(*about) for name, about in found.items()} | {"stop": stop}

@@ -6,6 +6,7 @@ not add up. `step_metrics` are the numbers of a depth step.
 
 from __future__ import annotations
 
+import datetime
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache
@@ -15,6 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.io.answers import Answer, attributes
+from swimbladder.io.netcdf import (
+    UNDATED,
+    cf_dataset,
+    described,
+    meaning,
+    time_since,
+    unless_dated,
+)
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import electrical_power, supply_current, winding_current
@@ -23,7 +32,6 @@ from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.modes import Act, Where
-from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
 if TYPE_CHECKING:
@@ -342,47 +350,38 @@ class Solution(Answer):
         }
         return {name: values for name, values in known.items() if not np.all(np.isnan(values))}
 
-    def dataset(self) -> xarray.Dataset:
-        """Return the arrays as an xarray Dataset with CF attributes (units, names, direction)."""
-        import xarray
+    def dataset(self, begin: datetime.datetime | None = None) -> xarray.Dataset:
+        """Return the arrays as an xarray Dataset that follows the CF conventions.
 
-        data = xarray.Dataset(coords={"time": ("time", self.time, TIME)})
+        begin: when the run does, with its time zone. `time` is in seconds since then.
+        """
+        found = {"time": ("time", self.time, time_of_run(begin))}
         for name, about in VARIABLES.items():
             values = getattr(self, name)
             if not np.all(np.isnan(values)):
-                data[name] = ("time", values, about)
+                found[name] = ("time", values, about)
         title = f"Vertical motion of {self.vehicle.name}, simulated"
-        data.attrs = cf_attributes(title, self.law) | {"stop_reason": self.stop.name}
-        return data
+        about = described(title, control_law=self.law, stop_reason=self.stop.name)
+        return cf_dataset(found, about, coordinates=["time"])
 
 
-def cf_attributes(title: str, law: str) -> dict[str, str]:
-    """Return the CF attributes of a dataset of what was simulated under a law."""
-    conventions = {"source": "swimbladder", "Conventions": "CF-1.11"}
-    return {"title": title, **conventions, "control_law": law}
+def time_of_run(begin: datetime.datetime | None = None) -> dict[str, Any]:
+    """Return the attributes of the time since a run's begin."""
+    return time_since(begin or UNDATED, "time since the start", axis="T", **unless_dated(begin))
 
 
-TIME = {"units": "s", "long_name": "time since the start", "axis": "T"}
-VARIABLES: dict[str, dict[str, Any]] = {
-    "depth": {
-        "units": "m",
-        "standard_name": "depth",
-        "long_name": "depth of the pressure sensor",
-        "positive": "down",
-    },
-    "reference": {"units": "m", "long_name": "depth asked for", "positive": "down"},
-    "speed": {"units": "m s-1", "long_name": "vertical speed, positive down"},
-    "volume": {"units": "m3", "long_name": "change of displaced volume, positive is lighter"},
-    "motor_rate": {"units": "m3 s-1", "long_name": "volume rate driven by the motor"},
-    "drive": {
-        "long_name": "what pump and valve do",
-        "flag_values": [float(one) for one in Doing],
-        "flag_meanings": "nothing pump valve bypass pump_without_delivery",
-    },
-    "voltage": {"units": "V", "long_name": "voltage applied to the motor"},
-    "volume_reference": {"units": "m3", "long_name": "volume asked for by the depth controller"},
-    "current": {"units": "A", "long_name": "motor current"},
-    "power": {"units": "W", "long_name": "electrical power from the supply"},
+_DRIVES = "nothing pump valve bypass pump_without_delivery"
+VARIABLES = {
+    "depth": meaning("m", "depth of the pressure sensor", "depth", positive="down"),
+    "reference": meaning("m", "depth asked for", positive="down"),
+    "speed": meaning("m s-1", "vertical speed, positive down"),
+    "volume": meaning("m3", "change of displaced volume, positive is lighter"),
+    "motor_rate": meaning("m3 s-1", "volume rate driven by the motor"),
+    "drive": meaning("", "what pump and valve do", flag_meanings=_DRIVES),
+    "voltage": meaning("V", "voltage applied to the motor"),
+    "volume_reference": meaning("m3", "volume asked for by the depth controller"),
+    "current": meaning("A", "motor current"),
+    "power": meaning("W", "electrical power from the supply"),
 }
 
 

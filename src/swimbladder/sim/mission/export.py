@@ -11,6 +11,7 @@ from swimbladder.control.argo import ARGO, ways
 from swimbladder.errors import InputError
 from swimbladder.io.argo_config import AT_SURFACE, GROUNDING, GROUNDING_MODE, ICE, LAW, PLACE
 from swimbladder.io.mission import Mission
+from swimbladder.io.netcdf import UNDATED
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.sim.mission.phase_laws import phase_laws
 from swimbladder.sim.mission.prepare import ground_volume
@@ -28,7 +29,7 @@ _PARAMETERS = {
 }
 
 
-def created(begin: datetime.datetime) -> datetime.datetime:
+def created(begin: datetime.datetime | None) -> datetime.datetime:
     """Return when results say that they were made: the same for the same run.
 
     It is the time of SOURCE_DATE_EPOCH where the environment sets it, else the mission's begin.
@@ -36,7 +37,7 @@ def created(begin: datetime.datetime) -> datetime.datetime:
     """
     given = os.environ.get("SOURCE_DATE_EPOCH")
     if not given:
-        return begin.astimezone(datetime.UTC)
+        return (begin or UNDATED).astimezone(datetime.UTC)
     try:
         return datetime.datetime.fromtimestamp(int(given), datetime.UTC)
     except (ValueError, OverflowError, OSError):
@@ -45,7 +46,9 @@ def created(begin: datetime.datetime) -> datetime.datetime:
         raise InputError(what, field=field, value=given, unit="s", remedy=remedy) from None
 
 
-def float_configuration(result: MissionResult, *, begin: datetime.datetime) -> dict[str, Any]:
+def float_configuration(
+    result: MissionResult, *, begin: datetime.datetime | None = None
+) -> dict[str, Any]:
     """Return the float as VirtualFleet's configuration file takes it (version 2.0).
 
     begin: of the mission, see `created`.
