@@ -65,7 +65,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     named = next((word for word in given if not word.startswith("-")), None)
     # to read typer's own options before the command takes pydantic, given or not
     before = completing or named not in COMMANDS or given[0] != named
-    app = _app(set(COMMANDS) if completing else {named} & set(COMMANDS), before=before)
+    app: Any = _app(set(COMMANDS) if completing else {named} & set(COMMANDS), before=before)
+    if completing:
+        from swimbladder.cli.completion import with_offers
+
+        app = with_offers(typer.main.get_command(app))
     return run(lambda: app(args=given, prog_name="swimbladder"), json="--json" in given)
 
 

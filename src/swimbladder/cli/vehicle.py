@@ -71,8 +71,9 @@ def new(
     kind: Annotated[
         str,
         typer.Option(
+            metavar="KIND",
             help="Actuator: electromechanical or electrohydraulic (from datasheets), identified, "
-            "unified, positioner, or pump-valve (a deep float's)."
+            "unified, positioner, or pump-valve (a deep float's).",
         ),
     ] = "electromechanical",
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
