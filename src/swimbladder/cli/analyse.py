@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 class Asked(Options):
     """Where the vehicle rests, and what is written of it."""
 
-    depth: str = valued("DEPTH", "Depth of the rest it is about.", "0 m")
+    depth: str = valued("DEPTH", "Depth of the operating point.", "0 m")
     out: Path | None = valued("DIR", "Folder for analysis.json, analysis.txt and pictures.")
     json: bool = flag("--json", "Print one JSON object and nothing else.")
 
 
 @grouped()
 def analyse(vehicle: VehicleName, *, asked: Asked) -> None:
-    """Linear models with their numbers, poles, Routh's table, margins of the sampled loop.
+    """Linear models: poles, Routh's table, margins of the sampled loop.
 
     The depth is in m, or carries a unit: --depth "50 m". Exit code 1 when the vehicle has a
     controller and its closed loop is not stable, or cannot rest at the depth.

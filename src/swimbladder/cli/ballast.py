@@ -22,22 +22,22 @@ if TYPE_CHECKING:
 class Targets(Options):
     """What the ballast is to bring about, as a `Target` has it."""
 
-    neutral_depth: Given = valued("DEPTH", "Find the mass to be neutral there.")
-    volume: Given = valued("VOLUME", "Of the drive, to be neutral with (0).", name="--at-volume")
-    freeboard: Given = valued("LENGTH", "Hull out of the water, at full volume.")
+    neutral_depth: Given = valued("DEPTH", "Find the mass that is neutral at this depth.")
+    volume: Given = valued("VOLUME", "Volume of the drive at that depth (0).", name="--at-volume")
+    freeboard: Given = valued("LENGTH", "Freeboard at full volume.")
 
 
 @dataclass(frozen=True)
 class Task(Options):
     """Where it is to go, how sure that has to be, and with what."""
 
-    deepest: Given = valued("DEPTH", "To go to (the rating, or the cast's end).")
-    speed: str = valued("SPEED", "To sink and rise with, everywhere.", "0 m/s")
-    probability: str = valued("SHARE", "With which the stroke has to do.", "95 %")
+    deepest: Given = valued("DEPTH", "Greatest depth (the rating, or the cast's end).")
+    speed: str = valued("SPEED", "Vertical speed at every depth.", "0 m/s")
+    probability: str = valued("SHARE", "Probability that the stroke suffices.", "95 %")
     material: str = valued(
-        "WHAT", "lead, steel, ..., a density, or inside.", "lead", name="--ballast"
+        "WHAT", "Ballast: lead, steel, ..., a density, or inside.", "lead", name="--ballast"
     )
-    mass: Given = valued("MASS", "On the scale (that of trim_error).")
+    mass: Given = valued("MASS", "Mass on the scale (that of trim_error).")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Stds(Options):
     density: Given = valued("DENSITY", "1 sigma of the sea's density.", name="--density-std")
 
 
-_CAST = typer.Option("--cast", metavar="CTD", help="Cast: CSV, netCDF, Argo; several: all count.")
+_CAST = typer.Option("--cast", metavar="CTD", help="CTD casts: CSV, netCDF, Argo; all count.")
 
 
 @grouped(out=Path("swimbladder-ballast"))
@@ -67,7 +67,7 @@ def ballast(
     reading: CastReading,
     to: Files,
 ) -> None:
-    r"""Find the ballast of a vehicle in a real sea, and whether its stroke is enough.
+    r"""Find the ballast in a measured cast, and whether the stroke suffices.
 
     Without --cast the water is that of the vehicle's file, of constant density. Exit code 1 says
     that the stroke does not cover it with that probability, what is short and by how much.

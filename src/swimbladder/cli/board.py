@@ -24,17 +24,17 @@ class Line(Options):
     """Where the board is."""
 
     port: str = valued("PORT", "Serial port: /dev/ttyUSB0, COM3.", ...)
-    baud: int | None = valued("N", "Its baud rate (115200).", min=1)
-    real_time: bool = flag("--real-time", "A tick every sample time, not as soon as it can.")
+    baud: int | None = valued("N", "Baud rate (115200).", min=1)
+    real_time: bool = flag("--real-time", "One tick per sample time, not as fast as possible.")
 
 
 @dataclass(frozen=True)
 class More(Options):
     """What is flown beside the golden mission, as `codegen.board.Flights` has it."""
 
-    steps: bool = flag("--steps", "Fly steps to and fro as well.")
-    faults: int = valued("N", "Fly so many missions with faults as well.", 0, min=0)
-    depths: Given = valued("LEAST:MOST", "Depths that these are flown at.", name="--depth")
+    steps: bool = flag("--steps", "Also fly steps.")
+    faults: int = valued("N", "Also fly this many missions with faults.", 0, min=0)
+    depths: Given = valued("LEAST:MOST", "Depth range of these missions.", name="--depth")
 
 
 @grouped(out=Path("swimbladder-board"))
@@ -47,7 +47,7 @@ def board(
     more: More,
     to: Files,
 ) -> None:
-    """Fly the vehicle's model by the C on a board at a serial port: hardware in the loop.
+    """Simulate the vehicle with the C on a board at a serial port: hardware in the loop.
 
     The board runs the sketch HardwareInTheLoop of the library that firmware writes. It flies the
     golden mission (see firmware), steps, missions with faults (see faults), each from a board that

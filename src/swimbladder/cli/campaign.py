@@ -46,8 +46,8 @@ class Flown(Options):
     """How many floats are flown, for how long."""
 
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
-    span: Given = valued("TIME", "After it no cycle begins.", name="--duration")
-    seed: int = valued(None, "Of all that is drawn.", 1, min=0)
+    span: Given = valued("TIME", "No cycle begins after this time.", name="--duration")
+    seed: int = valued(None, "Seed of all random draws.", 1, min=0)
     supervised: bool = watched()
 
 
@@ -60,9 +60,9 @@ class Spreads(Options):
     drag: Given = valued("SHARE", "1 sigma of the drag (10 %).", name="--drag-std")
     pump: Given = valued("SHARE", "1 sigma of the pump's delivery (5 %).", name="--pump-std")
 
-    spread: Path | None = valued("FILE", "TOML file with all of these.")
-    identified: bool = flag("--identified", "Spread as identified of the vehicle, correlated.")
-    sensitivity: bool = flag("--sensitivity", "Sobol indices: what the outcome comes from.")
+    spread: Path | None = valued("FILE", "TOML file with the spread.")
+    identified: bool = flag("--identified", "Spread from the identified covariance.")
+    sensitivity: bool = flag("--sensitivity", "Sobol sensitivity indices of the outcome.")
 
     def of(self, vehicle: Vehicle) -> Spread:
         """Return the spread of a file, or the usual one; as identified; with what is stated."""
@@ -86,23 +86,23 @@ class Spreads(Options):
 class Work(Options):
     """Who flies them, as `jobs.Workers` has it."""
 
-    executor: str = valued("WHO", "threads, processes or dask.", "threads")
-    count: int | None = valued("N", "How many (one on each core).", name="--workers")
-    scheduler: Given = valued("WHERE", "Address of a dask scheduler, or the file it wrote.")
+    executor: str = valued("WHO", "Workers: threads, processes or dask.", "threads")
+    count: int | None = valued("N", "Number of workers (one per core).", name="--workers")
+    scheduler: Given = valued("WHERE", "Dask scheduler: address, or its file.")
     part: str = valued(
-        "K/N", "Fly one part of N, into the same folder.", "1/1", read=_part, show_default=False
+        "K/N", "Compute part K of N, into the same folder.", "1/1", read=_part, show_default=False
     )
 
 
 _MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
-_CAST = typer.Option("--cast", metavar="CTD", help="A water; several: each float draws one.")
+_CAST = typer.Option("--cast", metavar="CTD", help="CTD casts; each float draws one.")
 
 
 @grouped(out=Path("swimbladder-campaign"))
 def campaign(
     vehicle: VehicleName,
     mission: Annotated[Path, _MISSION],
-    floats: Annotated[int, typer.Option(metavar="N", help="How many.")] = 4000,
+    floats: Annotated[int, typer.Option(metavar="N", help="Number of floats.")] = 4000,
     cast: Annotated[list[Path] | None, _CAST] = None,
     *,
     how: Flown,
@@ -111,7 +111,7 @@ def campaign(
     reading: CastReading,
     to: Files,
 ) -> None:
-    """Fly many floats on a mission: how many do it, how long their batteries last.
+    """Simulate many floats on a mission: success, and battery life.
 
     Trim, hull, drag and pump differ, and the water where several casts are given. All results go to
     campaign.zarr in the folder, a chunk of floats at a time, by as many workers as there are.

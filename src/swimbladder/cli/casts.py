@@ -70,7 +70,7 @@ def warn_of_mass(vehicle: Vehicle) -> None:
 
 
 CastFile = Annotated[
-    Path | None, typer.Option("--cast", metavar="CTD", help="The water: CSV, netCDF, Argo profile.")
+    Path | None, typer.Option("--cast", metavar="CTD", help="CTD cast: CSV, netCDF, Argo profile.")
 ]
 
 
@@ -85,14 +85,14 @@ NO_CAST = ("it says how to read a cast, and there is none", "Give --cast too")
 class CastReading(Options):
     """How the casts of every command that takes some are read, and chosen in their files."""
 
-    columns: Several = valued("NAME=COLUMN", "As for logs, NAME=COLUMN@UNIT too.", name="--column")
+    columns: Several = valued("NAME=COLUMN", "Column, NAME=COLUMN@UNIT too.", name="--column")
     where: Several = valued("COLUMN=VALUE", "Only these rows of the file.", name="--where")
     form: Given = valued("FORMAT", r"TOML file with a \[log] table.", name="--log-format")
-    profile: int | None = valued("N", "Which profile of the cast's file.", name="--profile", min=1)
+    profile: int | None = valued("N", "Profile in the cast's file.", name="--profile", min=1)
     latitude: Given = valued("DEGREES", "Of the cast.", name="--latitude", read=_degrees)
     longitude: Given = valued("DEGREES", "Of the cast.", name="--longitude", read=_degrees)
-    salinity: float | None = valued("PSU", "Where the cast has none; 0: fresh.", name="--salinity")
-    inversions: Given = valued("WHAT", "Large ones: average, keep (refuse).", name="--inversions")
+    salinity: float | None = valued("PSU", "If the cast has none; 0: fresh.", name="--salinity")
+    inversions: Given = valued("WHAT", "Inversions: average, keep (refuse).", name="--inversions")
 
     def casts(self, asked: Path | Sequence[Path] | None, place: float | None = None) -> list[Cast]:
         """Return the casts of files, all read alike; what was done to them is in their report.
@@ -127,12 +127,10 @@ def _read(given: Mapping[str, Any], paths: Sequence[Path]) -> list[Cast]:
 class LogCasts(Options):
     """The casts of commands whose --where and --column are about logs."""
 
-    cast: list[Path] | None = valued("CTD", "The water of the logs: one cast, or one for each.")
+    cast: list[Path] | None = valued("CTD", "CTD cast of the logs, or one for each.")
     cast_where: Several = valued("COLUMN=VALUE", "Rows of the cast; VALUE,VALUE: one cast each.")
-    cast_column: Several = valued(
-        "NAME=COLUMN", 'As --column, of the cast: "pressure_dbar=Druck@bar".'
-    )
-    cast_profile: int | None = valued("N", "Which profile of the cast, from 1.")
+    cast_column: Several = valued("NAME=COLUMN", 'Column of the cast: "pressure_dbar=Druck@bar".')
+    cast_profile: int | None = valued("N", "Profile in the cast's file, from 1.")
 
     @property
     def number(self) -> int:

@@ -50,7 +50,7 @@ class Ahead(Options):
     """Predictions over some times, and the noise that they assume."""
 
     horizons: Given = valued(
-        "TIME,...", 'Also predict these times ahead, as "10 s,60 s".', name="--ahead", read=_times
+        "TIME,...", 'Also predict these times ahead: "10 s,60 s".', name="--ahead", read=_times
     )
     random_walk: Given = valued(
         "INTENSITY", "Random walk of the neutral volume, for --ahead.", read=_noise("random_walk")
@@ -99,15 +99,15 @@ _ROUNDING = 1e-6  # of a difference between a log and the model: less is no numb
 class Fit(Options):
     """How a log is compared, as `estimation.comparison.compare` has it."""
 
-    drive: Given = valued("INPUT", "volume, voltage or setpoint (first that is logged).")
+    drive: Given = valued("INPUT", "Input: volume, voltage or setpoint (first logged).")
     fit: Given = valued(
         "NAME,...",
-        "What to fit: neutral_volume (default), neutral_drift, mass, drag, "
+        "Fitted: neutral_volume (default), neutral_drift, mass, drag, "
         "drag_quadratic, psi, start_depth, start_speed; or none.",
     )
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
-    surface_margin: str = valued("DEPTH", "Depths less than this are not compared.", "0.1 m")
-    submerged: bool = flag("--submerged", "Begin where it is first deeper than that.")
+    surface_margin: str = valued("DEPTH", "Smallest depth compared.", "0.1 m")
+    submerged: bool = flag("--submerged", "Begin at the first depth beyond that.")
 
 
 @grouped(out=Path("swimbladder-compare"))

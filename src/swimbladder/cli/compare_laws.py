@@ -36,22 +36,22 @@ class Flights(Options):
 
     laws: Given = valued(
         "LAW,LAW",
-        "Laws to tune and fly (all that fit).",
+        "Laws to compare (all that fit).",
         read=lambda text, _: [name.strip() for name in text.split(",")],
     )
     runs: int = valued("N", "Runs of every scenario.", 40)
     depths: Given = valued(
-        "LEAST:MOST", "Depths (what stroke, supply, rating allow).", name="--depth"
+        "LEAST:MOST", "Depth range (what stroke, supply, rating allow).", name="--depth"
     )
-    sample_time: Given = valued("TIME", "Of the tuned laws (the controller's).")
-    seed: int = valued("N", "Of noise, waves, drift, draws.", 1)
+    sample_time: Given = valued("TIME", "Sample time of the tuned laws (the controller's).")
+    seed: int = valued("N", "Seed of noise, waves, drift and draws.", 1)
 
 
 @dataclass(frozen=True)
 class Sensor(DepthSensor):
     """The depth sensor, which has some noise."""
 
-    depth_noise: Given = valued("DEPTH", "1 sigma of the depths (the vehicle's, else 2 mm).")
+    depth_noise: Given = valued("DEPTH", "Depth noise, 1 sigma (the vehicle's, else 2 mm).")
 
     def assumed(self, vehicle: Vehicle) -> tuple[Vehicle, str]:
         """Return the vehicle with it, and in words what was assumed of it, or nothing."""
@@ -64,7 +64,7 @@ class Sensor(DepthSensor):
         return Sensor(_NOISE).on(vehicle), words
 
 
-_LIST_SCENARIOS = typer.Option("--list-scenarios", help="Print what is flown, and nothing else.")
+_LIST_SCENARIOS = typer.Option("--list-scenarios", help="Print the scenarios only.")
 
 
 @grouped(out=Path("swimbladder-compare-laws"))
@@ -79,7 +79,7 @@ def compare_laws(
     reading: CastReading,
     to: Files,
 ) -> None:
-    r"""Fly every law on the same scenarios: soon, still, and at what cost.
+    r"""Compare all laws on the same scenarios: settling, holding and energy.
 
     Each law is tuned twice, fast and quiet; the vehicle file's own controller is flown as it is.
     With --cast all of it is flown in that water.

@@ -56,7 +56,7 @@ class Setting(Options):
         "RATE", "Drift of the neutral volume, 1 sigma (0.1 cm3/min).", name="--drift"
     )
     delay_std: str = valued(
-        "TIME", "How late the stamps of the volumes are, 1 sigma.", "0.2 s", name="--delay"
+        "TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s", name="--delay"
     )
 
 
@@ -65,17 +65,17 @@ class Experiments(Options):
     """The experiments, and what they are compared with."""
 
     time: Given = valued("TIME", "Pool time, settling included (--against's; 60 min).")
-    releases: int | None = valued("N", "At most so many experiments.", name="--runs", min=1)
-    clearance: str = valued("DEPTH", "From surface and bottom to where records end.", "0.75 m")
+    releases: int | None = valued("N", "Largest number of experiments.", name="--runs", min=1)
+    clearance: str = valued("DEPTH", "Distance of records from surface and bottom.", "0.75 m")
     settling: Given = valued("TIME", "Settling time before a release (simulated).")
     longest: str = valued("TIME", "Longest record.", "240 s")
-    moves: int = valued("N", "Most changes of volume in a record.", 4, min=1)
+    moves: int = valued("N", "Largest number of volume changes in a record.", 4, min=1)
     largest: Given = valued("VOLUME", "Largest change of volume (the stroke's).")
     criterion: str = valued(
-        "WHICH", "largest error, D, A; or NAME,...: the largest of these.", "largest"
+        "WHICH", "Criterion: largest error, D, A, or the largest of NAME,...", "largest"
     )
     uncertainty: Given = valued(
-        "SHARE", "Error of the vehicle's file, 1 sigma (as identified; 30%)."
+        "SHARE", "Uncertainty of the vehicle's file, 1 sigma (as identified; 30%)."
     )
     against: str = valued(
         "SET",

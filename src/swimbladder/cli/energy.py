@@ -90,36 +90,34 @@ _LINES = 11  # depths in the printed table
 class Compared(Options):
     """How deep, and which tasks the drive does in the place of thrusters."""
 
-    deepest: Given = valued("DEPTH", "How deep (the vehicle's rating).", name="--depth")
-    weight_error: str = valued("VOLUME", "Too heavy by this while hovering.", "10 cm3")
-    speed: str = valued("SPEED", "Of dives.", "0.1 m/s")
+    deepest: Given = valued("DEPTH", "Greatest depth (the vehicle's rating).", name="--depth")
+    weight_error: str = valued("VOLUME", "Excess weight while hovering, as volume.", "10 cm3")
+    speed: str = valued("SPEED", "Vertical speed of dives.", "0.1 m/s")
 
 
 @dataclass(frozen=True)
 class Thrusters(Options):
     """The thruster, as `design.energy.Thruster` has it."""
 
-    diameter: str = valued("LENGTH", "Of the propeller.", "76 mm", name="--thruster-diameter")
+    diameter: str = valued("LENGTH", "Propeller diameter.", "76 mm", name="--thruster-diameter")
     efficiency: str = valued(
-        "SHARE", "Of an ideal disc's, driver included.", "35 %", name="--thruster-efficiency"
+        "SHARE", "Of an ideal disc, with driver.", "35 %", name="--thruster-efficiency"
     )
-    number: int = valued("N", "How many thrusters share the work.", 1, name="--thruster-number")
-    idle_power: str = valued(
-        "POWER", "Of each while it turns, pushing or not.", "0 W", name="--thruster-idle"
-    )
+    number: int = valued("N", "Number of thrusters.", 1, name="--thruster-number")
+    idle_power: str = valued("POWER", "Idle power of each.", "0 W", name="--thruster-idle")
 
 
 @dataclass(frozen=True)
 class Runs(Options):
     """How a power and which runs of a table are taken."""
 
-    power_at: str = valued("WHEN", "--fit: mean (over the run) or end (of it).", "mean")
-    shortest: str = valued("TIME", "--fit: leave shorter runs out.", "0 s")
+    power_at: str = valued("WHEN", "--fit: pressure is the mean of a run, or its end.", "mean")
+    shortest: str = valued("TIME", "--fit: shortest run used.", "0 s")
 
 
 _CAST = typer.Option(metavar="FILE", help="CTD cast (the vehicle's own water).")
 _FIT = typer.Option(
-    metavar="RUNS", help="CSV of logged runs, or a Seaglider's dives (.nc): find the pump; repeat."
+    metavar="RUNS", help="Fit a pump to logged runs: CSV, Seaglider .nc; repeatable."
 )
 
 
@@ -135,7 +133,7 @@ def energy(
     runs: Runs,
     to: Files,
 ) -> None:
-    r"""Say what changing the volume costs at each depth, and what a thruster would.
+    r"""Compute the energy per volume at each depth, and that of a thruster.
 
     With --fit RUNS: find a pump's power law and delivery in logged runs, and
     how sure they are; with a VEHICLE of kind pump-valve vehicle.toml has that

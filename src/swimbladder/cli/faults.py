@@ -27,13 +27,13 @@ _SHOWN = 20  # lost vehicles that are named; all are in the files
 class Missions(Options):
     """Which missions are flown, as `sim.faults.faults` has it."""
 
-    missions: int = valued("N", "Missions in which something fails.", 100_000)
+    missions: int = valued("N", "Missions with faults.", 100_000)
     healthy: int | None = valued("N", "Missions without a fault (a tenth as many).")
-    depths: Given = valued("LEAST:MOST", "Depths that they are flown at.", name="--depth")
-    seed: int = valued(None, "Of all that is drawn.", 1, min=0)
+    depths: Given = valued("LEAST:MOST", "Depth range of the missions.", name="--depth")
+    seed: int = valued(None, "Seed of all random draws.", 1, min=0)
 
 
-_MISSION = typer.Option(metavar="N", help="Fly this one again, with its trajectory; hN: healthy.")
+_MISSION = typer.Option(metavar="N", help="Repeat this mission with its trajectory; hN: healthy.")
 
 
 @grouped(out=Path("swimbladder-faults"))
@@ -47,7 +47,7 @@ def faults(
     mission: Annotated[str | None, _MISSION] = None,
     to: Files,
 ) -> None:
-    """Fly the vehicle's own C through missions in which sensors, actuator or battery fail.
+    """Simulate the vehicle's C in missions with faults of sensors, actuator or battery.
 
     With --cast they are flown in that water; the C is that of the vehicle's file.
 

@@ -28,14 +28,14 @@ def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
 class Pool(Options):
     """The pool procedure, as `codegen.pool.PoolOptions` has it."""
 
-    depth: Given = valued("DEPTH", "Add the pool procedure, for a pool this deep.", name="--pool")
+    depth: Given = valued("DEPTH", "Add the procedure for a pool this deep.", name="--pool")
     clearance: Given = valued(
-        "DEPTH", "Its rests, from bottom and surface (0.75 m).", name="--pool-clearance"
+        "DEPTH", "Pool: distance from bottom and surface (0.75 m).", name="--pool-clearance"
     )
     volumes: Given = valued(
-        "FIRST:LAST", "Its changes of volume (20:75 cm3).", name="--pool-volumes", read=_volumes
+        "FIRST:LAST", "Pool: volume changes (20:75 cm3).", name="--pool-volumes", read=_volumes
     )
-    rounds: int | None = valued("N", "Its number of rounds (4).", name="--pool-rounds")
+    rounds: int | None = valued("N", "Pool: rounds (4).", name="--pool-rounds")
 
     def options(self) -> PoolOptions | None:
         """Return what is said of the pool, None where nothing is."""
@@ -50,7 +50,7 @@ class Pool(Options):
         return PoolOptions(given.pop("depth"), **first_last, **given)
 
 
-_LAW = typer.Option(metavar="LAW", help="Refuse a controller of another law.")
+_LAW = typer.Option(metavar="LAW", help="Refuse another law.")
 
 
 @grouped(out=Path("swimbladder-firmware"))

@@ -222,20 +222,20 @@ class Fit(Options):
         "RATE", "Drift of each log's neutral volume, 1 sigma.", "0.1 cm3/min", name="--drift"
     )
     delay_std: str = valued(
-        "TIME", "How late the stamps of the volumes are, 1 sigma.", "0.2 s", name="--delay"
+        "TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s", name="--delay"
     )
-    drive: Given = valued("INPUT", "volume or voltage (first that is logged).")
+    drive: Given = valued("INPUT", "Input: volume or voltage (first logged).")
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
-    surface_margin: str = valued("DEPTH", "Depths less than this are not used.", "0.1 m")
-    profiles: bool = flag("--profiles/--no-profiles", "Likelihood profiles.", True)
+    surface_margin: str = valued("DEPTH", "Smallest depth used.", "0.1 m")
+    profiles: bool = flag("--profiles/--no-profiles", "Profile likelihoods.", True)
     process_noise: str = valued(
         "MODE",
-        "Whether the vehicle may move a little unlike the model: auto, always, never.",
+        "Process noise: auto, always, never.",
         "auto",
     )
-    posterior: bool = flag("--posterior", "Also draw from the posterior (needs emcee).")
-    seed: int = valued(None, "Seed of the draws from the posterior.", 1, min=0)
-    paper: bool = flag("--paper", "Also the paper's fits: eqs (26) and (27), averaged.")
+    posterior: bool = flag("--posterior", "Sample the posterior (needs emcee).")
+    seed: int = valued(None, "Seed of the posterior samples.", 1, min=0)
+    paper: bool = flag("--paper", "Add the paper's fits: eqs (26), (27), averaged.")
 
 
 @grouped(out=Path("swimbladder-identify"))

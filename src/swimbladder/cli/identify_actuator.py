@@ -33,7 +33,7 @@ class Reading(LogReading):
 class Sought(Options):
     """What is known of the actuator, and what is to be identified."""
 
-    fixed: Several = valued("NAME=VALUE", 'Not fitted, as in dead_zone="0.5 V".', name="--set")
+    fixed: Several = valued("NAME=VALUE", 'Fix at a value: dead_zone="0.5 V".', name="--set")
     ask: Given = valued(
         "NAME,...",
         "Exit with 1 unless identified: K1, T1, dead_zone, load_voltage, asymmetry, "
@@ -57,7 +57,7 @@ def identify_actuator(
     plot: Annotated[bool, typer.Option("--plot", help="Also draw steps.png.")] = False,
     to: Files,
 ) -> None:
-    """Find K1, T1, dead zone, asymmetry and rate of an actuator, with a report.
+    """Identify K1, T1, dead zone, asymmetry and rate of an actuator.
 
     From logs of voltage steps, or of moves at full speed where no voltage was logged. Several logs
     are of one actuator. Exit code 1: what was asked for is not identifiable from the logs.

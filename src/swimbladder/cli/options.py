@@ -56,7 +56,7 @@ Contents = Callable[[Mapping[str, Any]], Mapping[str, object]]
 """Returns contents by name, as `show.files.write_all` takes them, from an answer."""
 _VEHICLE = typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
 VehicleName = Annotated[str, _VEHICLE]
-_ALONE, _ALONE_HELP = "--without-supervisor", "Fly the law alone, for study."
+_ALONE, _ALONE_HELP = "--without-supervisor", "Simulate the law alone, without the supervisor."
 WithoutSupervisor = Annotated[bool, typer.Option(_ALONE, help=_ALONE_HELP)]
 AnyVehicle = Annotated[str | None, _VEHICLE]
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")]
@@ -235,9 +235,7 @@ class Files(Options):
 class TimeLimit(Options):
     """How long a mission takes at most, for the supervisor that is flashed."""
 
-    time_limit: Given = valued(
-        "TIME", "The supervisor brings the vehicle up after it ([supervisor] time_limit)."
-    )
+    time_limit: Given = valued("TIME", "Time limit of the supervisor ([supervisor] time_limit).")
 
     def flashed(self, name: str) -> "Vehicle":
         """Return the vehicle that a board runs, with it: of motors, or of pump and valve."""

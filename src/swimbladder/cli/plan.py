@@ -19,26 +19,26 @@ from swimbladder.cli.texts import Given, depth_pair
 class Asked(Options):
     """What is planned, as `design.planning.plan` has it."""
 
-    goal: str = valued("GOAL", "time, effort (volume moved) or energy: the least.", "time")
-    arrive: Given = valued("HOW", "band (for good, goal time's own) or rest (exactly).")
-    duration: Given = valued("TIME", "Until rest, for effort and energy (twice the least).")
-    supply: Given = valued("VOLTAGE", "The battery's (the vehicle's).")
-    sample_time: Given = valued("TIME", "Between commands (the controller's).")
-    band: str = valued("SHARE", "Of the step, to either side of the target.", "2 %")
-    margin: str = valued("SHARE", "Of supply and stroke, left for feedback.", "0 %")
-    speed_limit: Given = valued("SPEED", "Fastest that it may go.")
+    goal: str = valued("GOAL", "Minimise time, effort (volume moved) or energy.", "time")
+    arrive: Given = valued("HOW", "Arrival: band (for good; goal time) or rest (exactly).")
+    duration: Given = valued("TIME", "Time to rest, for effort and energy (twice the least).")
+    supply: Given = valued("VOLTAGE", "Supply voltage (the vehicle's).")
+    sample_time: Given = valued("TIME", "Sample time (the controller's).")
+    band: str = valued("SHARE", "Band about the target, relative to the step.", "2 %")
+    margin: str = valued("SHARE", "Share of supply and stroke kept for feedback.", "0 %")
+    speed_limit: Given = valued("SPEED", "Largest vertical speed.")
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom.", name="--bottom")
 
 
 @grouped(out=Path("swimbladder-plan"))
 def plan(
     vehicle: VehicleName,
-    step: Annotated[str, typer.Option(metavar="FROM:TO", help="Depths, from rest to rest.")],
+    step: Annotated[str, typer.Option(metavar="FROM:TO", help="Step, from rest to rest.")],
     *,
     asked: Asked,
     to: Files,
 ) -> None:
-    r"""Plan a step of depth within voltage, stroke, speed and depths: the best there is.
+    r"""Plan an optimal depth step within voltage, stroke, speed and depth.
 
     plan.csv is a log of it, mission.toml its depths as set-points for `simulate`. Exit code 1 says
     that there is no plan, what is in the way, and how much more of it would do.

@@ -37,13 +37,13 @@ class Rehearsed(Options):
 
     truth: Given = valued("VEHICLE", "The vehicle in the simulated water (VEHICLE).")
     speed: float | None = valued(
-        None, "Simulated seconds a second (60 on a terminal, else as fast as it goes)."
+        None, "Simulated seconds per second (60 on a terminal, else unlimited)."
     )
     sensor_std: Given = valued(
         "DEPTH", "Noise of the simulated depth (the vehicle's; 2 mm if none)."
     )
     seed: int = valued(None, "Seed of the simulated noise.", 0, min=0)
-    most: int = valued(None, "Experiments after which a rehearsal ends.", 16, min=1)
+    most: int = valued(None, "Largest number of experiments in a rehearsal.", 16, min=1)
 
     def operator(self, vehicle: Vehicle, bottom: float) -> Operator:
         """Return who rehearses: the vehicle in simulated water `bottom` [m] deep."""
@@ -72,8 +72,8 @@ class Followed(Options):
         "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.', name="--column"
     )
     log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
-    wait: bool = flag("--wait/--no-wait", "Wait for more, or take the log as finished.", True)
-    timeout: str = valued("TIME", "End when the log has not grown for so long.", "15 min")
+    wait: bool = flag("--wait/--no-wait", "Wait for more rows, or stop at the end.", True)
+    timeout: str = valued("TIME", "Stop if the log has not grown for this time.", "15 min")
 
     def tail(self, vehicle: Vehicle, log: Path) -> tuple[GrowingLog, float]:
         """Return what reads the log, and how long it waits for more [s]."""
@@ -96,10 +96,8 @@ class Procedure(Options):
     """What is done in the pool."""
 
     pool_depth: Given = valued("DEPTH", "Depth of the bottom (4.5 m in a rehearsal).")
-    travel: str = valued("DISTANCE", "An experiment is over after this.", "3 m")
-    plan: Path | None = valued(
-        "PLAN", "What to do, from design-experiment (the paper's experiments)."
-    )
+    travel: str = valued("DISTANCE", "Travel that ends an experiment.", "3 m")
+    plan: Path | None = valued("PLAN", "Plan from design-experiment (the paper's experiments).")
 
 
 def _targets(text: str, option: str) -> list[Target]:
@@ -122,16 +120,16 @@ def _targets(text: str, option: str) -> list[Target]:
 class Goals(Options):
     """How well parameters are to be known."""
 
-    target_std: Given = valued("SHARE", "How well each but psi is to be known (2 %).")
-    target: Given = valued("NAME=STD,...", 'Or each by itself, as in "K2=2%,T2=3%".', read=_targets)
+    target_std: Given = valued("SHARE", "Target standard error, all but psi (2 %).")
+    target: Given = valued("NAME=STD,...", 'Target standard errors: "K2=2%,T2=3%".', read=_targets)
     neutral_std: str = valued(
-        "VOLUME", "How well a rest tells the neutral volume.", "0.5 cm3", read=deviation("m3")
+        "VOLUME", "Prior of the neutral volume at rest, 1 sigma.", "0.5 cm3", read=deviation("m3")
     )
     drift_std: str = valued(
         "RATE", "Drift of each neutral volume, 1 sigma.", "0.1 cm3/min", name="--drift"
     )
     delay_std: str = valued(
-        "TIME", "How late the stamps of the volumes are, 1 sigma.", "0.2 s", name="--delay"
+        "TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s", name="--delay"
     )
 
 
@@ -155,7 +153,7 @@ def pool(
     sought: Sought,
     to: Files,
 ) -> None:
-    """Guide the pool procedure: what to do next, what is known, when to stop.
+    """Guide the pool procedure: next step, present estimates, when to stop.
 
     Exit code 0 when the parameters are good enough, 1 when they are not, with the reason. What is
     known is in DIR at all times; a run in the same folder goes on from there.

@@ -22,7 +22,7 @@ class Asked(Options):
 
 @grouped()
 def reproduce(*, asked: Asked) -> None:
-    """Redo the paper: every figure, table and number, in one report.
+    """Reproduce the paper: every figure, table and number, in one report.
 
     Falcao Carneiro et al. 2023, doi 10.3390/act12100380, from simulation. Exit code 1 when a
     number of the paper, an equation or an independent check is not met and it is not known why.

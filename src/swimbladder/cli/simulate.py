@@ -159,7 +159,7 @@ class Step(Options):
         "DEPTH", f"Start, at rest and neutral ({_START} m; a float: the surface)", name="--start"
     )
     target: Given = valued("DEPTH", f"Set-point ({_TARGET} m; a float: {_DIVE:g} m and up again)")
-    duration: Given = valued("TIME", f"How long ({_DURATION:g} s; a float: as it takes)")
+    duration: Given = valued("TIME", f"Duration ({_DURATION:g} s; a float: as needed)")
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none)", name="--bottom")
 
 

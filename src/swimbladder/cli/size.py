@@ -18,23 +18,23 @@ from swimbladder.cli.texts import Given
 class Task(Options):
     """The dive, as `design.sizing.Dive` has it."""
 
-    depth: str = valued("DEPTH", "How deep it has to go.", "1000 m")
-    speed: str = valued("SPEED", "Down and up.", "0.1 m/s")
-    turn_time: str = valued("TIME", "From sinking to rising at the depth, at most.", "10 min")
-    trim: str = valued("VOLUME", "Neutral volume that is not known, 1 sigma.", "20 cm3")
-    probability: str = valued("SHARE", "With which the stroke covers the trim.", "95 %")
-    freeboard: str = valued("VOLUME", "That lifts the antenna at the surface.", "0 cm3")
-    reserve: str = valued("SHARE", "Of the stroke, kept besides.", "10 %")
+    depth: str = valued("DEPTH", "Greatest depth.", "1000 m")
+    speed: str = valued("SPEED", "Vertical speed.", "0.1 m/s")
+    turn_time: str = valued("TIME", "Longest time from sinking to rising at the depth.", "10 min")
+    trim: str = valued("VOLUME", "Uncertainty of the neutral volume, 1 sigma.", "20 cm3")
+    probability: str = valued("SHARE", "Probability that the stroke covers the trim.", "95 %")
+    freeboard: str = valued("VOLUME", "Volume that lifts the antenna.", "0 cm3")
+    reserve: str = valued("SHARE", "Reserve of the stroke.", "10 %")
     cycles: int = valued("N", "Dives on one battery.", 200)
-    park_time: str = valued("TIME", "At the depth, in each cycle.", "0 s", name="--park")
-    hotel: str = valued("POWER", "Of everything but the drive, all the time.", "20 mW")
+    park_time: str = valued("TIME", "Time at the depth per cycle.", "0 s", name="--park")
+    hotel: str = valued("POWER", "Power of everything but the drive.", "20 mW")
     surface_energy: str = valued(
-        "ENERGY", "For fix and telemetry, in each cycle.", "0 J", name="--surfacing"
+        "ENERGY", "Energy for fix and telemetry per cycle.", "0 J", name="--surfacing"
     )
-    corrections: str = valued("SHARE", "Of way and energy, that decisions add.", "20 %")
-    surface_time: str = valued("TIME", "Afloat, in each cycle.", "15 min")
-    battery_reserve: str = valued("SHARE", "Of the battery, that is not flown with.", "10 %")
-    coldest: Given = valued("TEMP", "Water that the battery is in (the cast's, or 4 degC).")
+    corrections: str = valued("SHARE", "Added way and energy of corrections.", "20 %")
+    surface_time: str = valued("TIME", "Time at the surface per cycle.", "15 min")
+    battery_reserve: str = valued("SHARE", "Reserve of the battery.", "10 %")
+    coldest: Given = valued("TEMP", "Battery temperature (the cast's, or 4 degC).")
 
 
 @dataclass(frozen=True)
@@ -42,10 +42,10 @@ class Driver(Options):
     """The motor's driver, in place of the list's."""
 
     efficiency: Given = valued(
-        "SHARE", "Of the motor's driver (the list's).", name="--driver-efficiency"
+        "SHARE", "Efficiency of the driver (the list's).", name="--driver-efficiency"
     )
     standby_power: Given = valued(
-        "POWER", "That it draws all the time (the list's).", name="--driver-standby"
+        "POWER", "Standby power of the driver (the list's).", name="--driver-standby"
     )
 
 
@@ -53,9 +53,9 @@ class Driver(Options):
 class Limits(Options):
     """What is to be least, and what the body has room for."""
 
-    least: str = valued("WHAT", "mass (drive and battery) or energy (per cycle).", "mass")
-    longest_travel: str = valued("LENGTH", "Of a piston that there is room for.", "0.6 m")
-    largest_mass: Given = valued("MASS", "Of drive and battery (the body's).")
+    least: str = valued("WHAT", "Minimise mass (drive, battery) or energy (per cycle).", "mass")
+    longest_travel: str = valued("LENGTH", "Longest travel of a piston.", "0.6 m")
+    largest_mass: Given = valued("MASS", "Largest mass of drive and battery (the body's).")
 
 
 _BODY = typer.Argument(metavar="BODY", help="Preset or TOML file with hull, mass and drag.")
@@ -75,7 +75,7 @@ def size(
     reading: CastReading,
     to: Files,
 ) -> None:
-    """Search all combinations of parts for the drive and battery that do a dive.
+    """Search all combinations of parts for a drive and battery that meet the dive.
 
     vehicle.toml is the body with that drive, for `energy`, `ballast` and `mission`. Exit code 1
     says that no combination will do, which requirement is in the way, and by how much.

@@ -24,27 +24,26 @@ def _all(texts: list[str], _: str) -> tuple[str, ...]:
 class Asked(Options):
     """What is looked at, as `design.stability.stability` has it."""
 
-    depths: str = valued("LEAST:MOST", "Depths it is for.", "0:10 m", name="--depth")
-    delay: str = valued("SHARE", "From sample to command, of a sample.", "10 %")
+    depths: str = valued("LEAST:MOST", "Depth range.", "0:10 m", name="--depth")
+    delay: str = valued("SHARE", "Computation delay, as a share of the sample time.", "10 %")
     within: Given = valued(
         "TIME",
-        "In which a disturbance is to be gone (600 s; of a float half as long again as "
-        "the way, and an hour).",
+        "Recovery time (600 s; floats: 1.5 times the way and an hour).",
     )
-    cells: int = valued("N", "Of a map, to a side.", 21)
-    voltage_quantum: str = valued("VOLTAGE", "Step of the motor's driver (none).", "0 V")
-    no_maps: bool = flag("--no-maps", "Leave out from where it recovers.")
-    with_robustness: bool = flag("--robustness", "Try gains of 0.5 to 2 and half a sample late.")
+    cells: int = valued("N", "Cells of a map per side.", 21)
+    voltage_quantum: str = valued("VOLTAGE", "Voltage step of the motor's driver (none).", "0 V")
+    no_maps: bool = flag("--no-maps", "Skip the recovery maps.")
+    with_robustness: bool = flag("--robustness", "Vary the gain (0.5 to 2) and the delay.")
     laws: Several = valued(
-        "LAW", "With --robustness: this law too, tuned first.", name="--law", read=_all
+        "LAW", "--robustness: also this law, tuned first.", name="--law", read=_all
     )
-    draws: int = valued("N", "Vehicles of each trial.", 200)
+    draws: int = valued("N", "--robustness: vehicles per case.", 200)
     supervised: bool = watched()
 
 
 @grouped(out=Path("swimbladder-stability"))
 def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
-    r"""Say how stable a vehicle is under its law: small motions, limit cycles, large motions.
+    r"""Analyse stability under the law: small motions, limit cycles, large motions.
 
     Eigenvalues and margins over all that is not known of the vehicle; limit cycles of dead zones,
     quanta and limits, foretold and simulated; maps of what it recovers from. Maps and --robustness

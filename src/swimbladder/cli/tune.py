@@ -21,23 +21,17 @@ if TYPE_CHECKING:
 class Design(Options):
     """What gains are sought."""
 
-    law: Given = valued(
-        "LAW",
-        "Name of a law (chosen; of a pump and valve rate). "
-        "docs/reference/vehicle-file.md has all; a wrong one lists them.",
-    )
-    goal: str = valued(
-        "GOAL", "fast: least settling time; quiet: least motion of the actuator; energy.", "fast"
-    )
-    depths: str = valued("LEAST:MOST", "Range of depths of the design.", "0:10 m", name="--depth")
-    step: Given = valued("FROM:TO", "Step of the trials (1.5 m; of a float all depths).")
+    law: Given = valued("LAW", "Law (chosen; pump and valve: rate); a wrong name lists all.")
+    goal: str = valued("GOAL", "fast (settling time), quiet (actuator motion) or energy.", "fast")
+    depths: str = valued("LEAST:MOST", "Depth range of the design.", "0:10 m", name="--depth")
+    step: Given = valued("FROM:TO", "Step of the simulations (1.5 m; float: all depths).")
     sample_time: Given = valued("TIME", "Sample time (the controller's).")
     delay: str = valued("SHARE", "Computation delay, as a share of the sample time.", "10 %")
-    supply: Given = valued("VOLTAGE", "Least supply (nine tenths of the vehicle's).")
+    supply: Given = valued("VOLTAGE", "Lowest supply (0.9 of the vehicle's).")
     hold: Given = valued(
-        "DEPTH", "Allowed holding error, rms (quiet 9.5 mm, energy 5 cm; of a float its band)."
+        "DEPTH", "Allowed holding error, rms (quiet 9.5 mm, energy 5 cm; float: its band)."
     )
-    runs: int = valued("N", "Runs of every trial.", 200)
+    runs: int = valued("N", "Simulations per case.", 200)
 
 
 @grouped(out=Path("swimbladder-tune"))

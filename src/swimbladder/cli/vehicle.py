@@ -100,8 +100,8 @@ def new(
         console.print(f"  swimbladder simulate {target}")
 
 
-_CHANGES = typer.Argument(metavar="FIELD=VALUE...", help='Like motion.K2=6500 "motion.T2=42 s".')
-_OUT = typer.Option("--out", metavar="FILE", help="Write it there (printed).")
+_CHANGES = typer.Argument(metavar="FIELD=VALUE...", help='Fields: motion.K2=6500 "motion.T2=42 s".')
+_OUT = typer.Option("--out", metavar="FILE", help="File to write (default: print).")
 
 
 @vehicle.command("set")
