@@ -12,8 +12,8 @@ from tests.codegen.pool_day import pool_chip
 from tests.codegen.test_eva import library
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/boards.md").read_text(encoding="utf-8")
-_BOUND = r"^\| {} \+ supervisor \| {} \| \d+ B \| [\d + B]+ \| \d+ \| (\d+) B \| (\d+) \|$"
-_MEASURED = r"^\| {} \+ supervisor \| {} \| \d+ B \| \d+ \+ (\d+) B \| (\d+) \|"
+_BOUND = r"^\| {} \| {} \|(?: \d+)? \| \d+ \| \d+ \+ \d+ \| \d+ \| (\d+) \| (\d+) \|$"
+_MEASURED = r"^\| {} \| {} \|(?: \d+)? \| \d+ \| \d+ \+ (\d+) \| (\d+) \|"
 _MODELS = {"atmega328p": "ATmega328P", "atmega2560": "ATmega2560"}
 _START = "__ctors_end:\n call main\n1: rjmp 1b\n"
 _MAIN = """main:
