@@ -20,7 +20,6 @@ from swimbladder.io.files import write_through
 if TYPE_CHECKING:
     import xarray as xr
 
-CONVENTIONS = "CF-1.11"
 UNDATED = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
 """What times count from where the user has not said when a run begins."""
 
@@ -64,7 +63,7 @@ def unless_dated(begin: datetime.datetime | None) -> dict[str, str]:
 def described(title: str, **more: Any) -> dict[str, Any]:
     """Return the attributes of a file; none is of the time at which it was written."""
     source = f"swimbladder {version('swimbladder')}"
-    said = {"Conventions": CONVENTIONS, "title": title, "source": source}
+    said = {"Conventions": "CF-1.11", "title": title, "source": source}
     return said | {"history": f"written by {source}"} | more
 
 

@@ -160,3 +160,17 @@ def test_python_control_gets_the_same_function(feup):
     ours = np.polyval(t.numerator, 0.1j) / np.polyval(t.denominator, 0.1j)
     assert t.to_control()(0.1j) == pytest.approx(ours)
     np.testing.assert_allclose(sorted(t.poles, key=abs), sorted(t.to_control().poles(), key=abs))
+    assert (t.to_control().input_labels, t.to_control().output_labels) == (["U"], ["Z"])
+
+
+def test_python_control_takes_both_by_the_names_of_their_signals(feup):
+    control = pytest.importorskip("control")
+    model, t = linearise(plant(feup)), by_key(feup)["34", "Z/U"].to_control()
+    (u,), z = model.inputs, model.outputs[0]
+    theirs = model.part(input=u, output=z).to_control()
+    time = np.linspace(0.0, 5.0, 50)
+    ours = control.step_response(t, T=time).outputs
+    np.testing.assert_allclose(control.step_response(theirs, T=time).outputs, ours, rtol=1e-6)
+    filtered = control.tf([1.0], [2.0, 1.0], inputs=["Z"], outputs=["seen"], name="filter")
+    chain = control.interconnect([t.copy(name="vehicle"), filtered], inputs="U", outputs="seen")
+    assert chain(0.1j) == pytest.approx(t(0.1j) / (1.0 + 0.2j))

@@ -13,6 +13,7 @@ import pytest
 import xarray
 
 from swimbladder.errors import InputError
+from swimbladder.io.casts import read_cast
 from swimbladder.io.netcdf import UNDATED, write_netcdf
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.og1 import og1_dataset
@@ -150,6 +151,15 @@ def test_what_others_read(file):
         assert {"PRES", "TEMP", "TIME", "LATITUDE", "LONGITUDE", "CYCLE_NUMBER"} <= {
             *data.variables
         }
+
+
+def test_it_is_read_as_a_cast(flown, tmp_path):
+    data = og1_dataset(flown, begin=BEGIN, latitude=43.4, longitude=7.85)
+    path = write_netcdf(tmp_path / "mission.nc", data)
+    cast = read_cast(path, profile=1, salinity=38.0)
+    assert (cast.latitude, cast.longitude) == pytest.approx((43.4, 7.85))
+    deepest = float(flown.flight.rows["z"].max())
+    assert cast.pressure.max() == pytest.approx(deepest, rel=0.02)
 
 
 def test_a_mission_without_a_date(flown):

@@ -37,7 +37,8 @@ class TransferFunction:
         """Return it as a python-control TransferFunction."""
         import control
 
-        return control.tf(list(self.numerator), list(self.denominator))
+        ratio = [*self.numerator], [*self.denominator]
+        return control.tf(*ratio, inputs=self.input, outputs=self.output)
 
 
 def volume_per_voltage(*, inertia: float, k_u: float, k_q: float, k_v: float) -> Ratio:
