@@ -190,6 +190,10 @@ def test_what_may_be_zero_is_said_so(found):
     last = text.headlines(odd)[-1]
     assert last.startswith("psi ")
     assert {0.0, -0.3, 0.5, 95.0} <= numbers(last)  # cm3/m, %
+    e = dataclasses.replace(e, ci95=(0.0, np.inf))
+    odd = dataclasses.replace(found, parameters={**found.parameters, "psi": e})
+    said = "psi is not distinguishable from 0 (95 %: 0.00 or more cm3/m)."
+    assert text.headlines(odd)[-1] == said
 
 
 def test_a_prior_is_named_where_it_makes_the_value():

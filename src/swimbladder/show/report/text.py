@@ -75,8 +75,7 @@ def _headline(found: Identification, name: str) -> str:
     e = found.parameters[name]
     r = row(name, e)
     if e.ci95[0] <= 0.0 <= e.ci95[1]:
-        between = f"it lies between {r.ci95.replace(' to ', ' and ')} {r.unit} (95 %)"
-        return f"{name} is not distinguishable from 0: {between}."
+        return f"{name} is not distinguishable from 0 (95 %: {r.ci95} {r.unit})."
     half = 0.5 * (e.ci95[1] - e.ci95[0]) / abs(e.value)
     source = ", mostly by its prior" if e.origin == "prior" else ""
     known = f"known to {rounded(100.0 * half, 2)} %" if math.isfinite(half) else f"95 %: {r.ci95}"
