@@ -135,10 +135,10 @@ def energy(
 ) -> None:
     r"""Compute the energy per volume at each depth, and that of a thruster.
 
-    With --fit RUNS: find a pump's power law and delivery in logged runs, and
-    how sure they are; with a VEHICLE of kind pump-valve vehicle.toml has that
-    pump. Exit code 1 says that the electrical power is not known, and which
-    fields tell it, or that the runs are not those of one pump.
+    With --fit RUNS: fit a pump's power law and delivery to logged runs, with
+    intervals; with a VEHICLE of kind pump-valve vehicle.toml has that pump.
+    Exit code 1: the electrical power is not known (the fields that state it
+    are named), or the runs are not those of one pump.
     """
     from swimbladder.io.config import load_vehicle
 

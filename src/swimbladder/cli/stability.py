@@ -45,10 +45,10 @@ class Asked(Options):
 def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     r"""Analyse stability under the law: small motions, limit cycles, large motions.
 
-    Eigenvalues and margins over all that is not known of the vehicle; limit cycles of dead zones,
-    quanta and limits, foretold and simulated; maps of what it recovers from. Maps and --robustness
-    fly law and supervisor, as flashed, where the file has a table [supervisor]. Exit code 1 says
-    that it is unstable, and with which parameters. A run that was killed goes on where it was.
+    Eigenvalues and margins over the 95 % parameter region; limit cycles of dead zones, quanta and
+    limits, predicted and simulated; maps of what it recovers from. Maps and --robustness include
+    the supervisor where the file has a table [supervisor]. Exit code 1: it is unstable; the
+    parameters are named. A run that is killed resumes.
     """
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import unfinished

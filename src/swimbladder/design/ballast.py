@@ -543,7 +543,7 @@ def _hull_words(vehicle: Vehicle) -> list[str]:
     """Return what is assumed of the hull."""
     if vehicle.hull.parts:
         return [f"the hull is {', '.join(part.name for part in vehicle.hull.parts)}"]
-    unknown = "its thermal expansion is not known and taken as 0; [[hull.parts]] would tell"
+    unknown = "its thermal expansion is unknown and assumed 0; [[hull.parts]] states it"
     return [f"the hull is one part whose compression is that of psi, and {unknown}"]
 
 

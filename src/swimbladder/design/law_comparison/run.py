@@ -463,7 +463,7 @@ def _assumptions(
         found.append("the paper's law flies alone, as the paper has it")
     if vehicle.supply is not None and vehicle.command != "volume change":
         weak = contenders.LOW_SUPPLY * vehicle.supply.voltage
-        found.append(f"a low battery gives {weak:.3g} V, which the tuned laws reckon with")
+        found.append(f"a low battery gives {weak:.3g} V, which the tuned laws assume")
     found += [f"vehicles drawn: {words}" for words in around.words]
     if column is not None:
         found += [f"cast: {remark}" for remark in column.report]

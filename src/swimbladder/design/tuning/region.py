@@ -133,7 +133,7 @@ def region(vehicle: Vehicle, *, drawn: int = _DRAWN) -> Region:
         neutral = max(NEUTRAL, 2.0 * known.neutral_std)
     walk = neutral_walk(vehicle)
     drift = f"{60e6 * walk:.2g} cm3 in a root hour"
-    moves = f", walking {drift}" if walk > 0.0 else ""
+    moves = f", random walk {drift}" if walk > 0.0 else ""
     words.append(f"neutral volume within {1e6 * neutral:.2g} cm3{moves}")
     found = [Member(plant(moved_by_volume(vehicle)), {})]
     found += [member(vehicle, s) for s in unit_points(vehicle, drawn=drawn)]

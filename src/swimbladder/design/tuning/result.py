@@ -24,7 +24,7 @@ class Tuning(gains.Found, Answer):
     """A law with its gains, the margins that they guarantee, and what trials gave.
 
     margins: the worst over the region, at the command and at the measured depth. nominal and
-    region: trials of the vehicle as it is and of vehicles drawn from the region, with the supply
+    region: trials of the nominal vehicle and of vehicles drawn from the region, with the supply
     low. least: the least time of the step that any controller could take. waves: share of half
     hours in which waves alarm the supervisor. unmet: what the gains do not keep, in words; limit:
     what is in the way.

@@ -123,7 +123,7 @@ def tune(
         what, remedy = "a delay is given as a share of the sample time", "Give 0 or more, below 1"
         raise InputError(what, field="--delay", value=delay, remedy=remedy)
     if runs < 20:
-        raise InputError("too few runs to tell", field="--runs", value=runs, remedy="Give 20")
+        raise InputError("too few runs", field="--runs", value=runs, remedy="Give 20")
     h = _sample_time(vehicle, sample_time)
     noisy, sensor = _with_noise(vehicle)
     pumped = vehicle.command == "volume change"

@@ -279,7 +279,7 @@ def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> No
     sigma = orders.runaway(flight.vehicle, psi, speed)
     if sigma > 0.0:
         why += (
-            f". It runs away from there e-fold in {1.0 / sigma:.3g} s, as its hull gives way by "
+            f". It is unstable there, e-folding time {1.0 / sigma:.3g} s: its hull loses "
             f"{psi * 1e6:.3g} cm3/m more than the water"
         )
         remedies += ["stiffen the hull (hull.psi)"]

@@ -144,7 +144,7 @@ def cost_words(mission: Mission, laws: Sequence[PhaseLaw]) -> list[str]:
     )
     remedy = (
         "Let it rest (rest_band, of a park or hold), take a longer sample_time, or write "
-        f'law = "{RATE.name}" in every phase, which looks seldom'
+        f'law = "{RATE.name}" in every phase, which samples seldom'
     )
     if board:
         remedy = "Give its [controller] a longer sample_time, or --without-supervisor"

@@ -23,7 +23,7 @@ REASONS = {
     Stop.FINISHED: "the mission came to its end",
     Stop.RESERVE: "the battery came to its reserve (safety.battery)",
     Stop.DID_NOT_SURFACE: "it did not come to the surface in the time that the phase has",
-    Stop.PASSED_DEPTH: "it sank below the depth it may go to, pressed all volume out and came up",
+    Stop.PASSED_DEPTH: "it sank below its depth limit, went to full buoyancy and came up",
     Stop.LOST: "it sank and did not come up again: it is lost",
     Stop.BATTERY_EMPTY: "the battery ran empty: it is lost",
     Stop.LEFT_WATER: "the hull left the water: check mass, waterplane area and height",
