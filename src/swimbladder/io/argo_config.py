@@ -23,8 +23,8 @@ import numpy as np
 
 from swimbladder.errors import InputError, UnitError
 from swimbladder.io.cast_columns import cast_unit
-from swimbladder.io.cast_netcdf import NetCDF, is_netcdf
-from swimbladder.io.log_text import LogFile
+from swimbladder.io.cast_netcdf import NetCDF
+from swimbladder.io.log_text import LogFile, is_netcdf
 from swimbladder.io.mission import Mission
 from swimbladder.units import unit_factor
 

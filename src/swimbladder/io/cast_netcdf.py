@@ -54,11 +54,6 @@ class Variable:
         return self.values.dtype.kind == "f"
 
 
-def is_netcdf(data: bytes) -> bool:
-    """Say whether bytes are those of a netCDF file."""
-    return data.startswith((b"CDF\x01", b"CDF\x02", b"\x89HDF\r\n\x1a\n"))
-
-
 def netcdf_cast(
     data: bytes, path: Path, columns: Mapping[str, str], profile: int | None
 ) -> tuple[RawCast, int | None]:

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError, LogError, SwimbladderError
 from swimbladder.io.cast_cnv import cnv_cast, is_cnv
 from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_sources, raw_cast
-from swimbladder.io.cast_netcdf import is_netcdf, netcdf_cast
+from swimbladder.io.cast_netcdf import netcdf_cast
 from swimbladder.io.cast_rows import Inversions, averaged, one_leg, stable, without_spikes
 from swimbladder.io.cast_units import MOST_SALT, by_depth, check_units
 from swimbladder.io.log_format import LogFormat, format_of
 from swimbladder.io.log_table import read_table
-from swimbladder.io.log_text import LogFile, read_bytes
+from swimbladder.io.log_text import LogFile, is_netcdf, read_bytes
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 from swimbladder.plugins import Registry

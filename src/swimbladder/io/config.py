@@ -257,7 +257,7 @@ def load_mission(path: str | Path) -> Mission:
 
 def _is_argo(data: bytes) -> bool:
     """Return whether a mission's file is JSON or netCDF; no TOML begins so."""
-    from swimbladder.io.cast_netcdf import is_netcdf
+    from swimbladder.io.log_text import is_netcdf
 
     text = data.removeprefix(BOM_UTF8).lstrip(b"[ \t\r\n")
     return text.startswith(b"{") or is_netcdf(data)

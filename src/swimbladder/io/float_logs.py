@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.io.cast_netcdf import is_netcdf
 from swimbladder.io.files import pipes_kept
 from swimbladder.io.float_log import DEVICES, Action, FloatLog
 from swimbladder.io.log_format import LogColumn, format_of
@@ -19,7 +18,7 @@ from swimbladder.io.log_formats.argo import is_argo, read_argo
 from swimbladder.io.log_formats.argo_trajectory import read_trajectory
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_table import check_columns, listed, named_columns, read_table
-from swimbladder.io.log_text import LogFile, read_bytes
+from swimbladder.io.log_text import LogFile, is_netcdf, read_bytes
 
 FLOAT_COLUMNS = {"time_s": "s", "pressure_Pa": "Pa", "temperature_degC": "degC"}
 FLOAT_COLUMNS |= {f"{device}_s": "s" for device in DEVICES}

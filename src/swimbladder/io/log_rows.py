@@ -346,7 +346,7 @@ class Rows:
 
 
 _HEADER_OPTIONS = ("encoding", "delimiter", "header_starts", "names", "skip_lines", "units_row")
-_TEXT_OPTIONS = (*_HEADER_OPTIONS, "skip_rows", "fields", "part")
+TEXT_OPTIONS = (*_HEADER_OPTIONS, "skip_rows", "fields", "part")
 
 
 def is_parquet(data: bytes, file: LogFile) -> bool:
@@ -373,7 +373,7 @@ class ParquetRows:
         """
         self._library = optional("pyarrow.parquet", "parquet", "reading Parquet", file=file.path)
         remedy = "Leave {} out of the [log] table: it is for texts"
-        file.refuse_unused(_TEXT_OPTIONS, "the log is Parquet", remedy, idle=0)
+        file.refuse_unused(TEXT_OPTIONS, "the log is Parquet", remedy, idle=0)
         self.file, self._data = file, data
         self.units: dict[str, str] = {}
         self.parts = 1

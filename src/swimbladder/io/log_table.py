@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swimbladder.io.log_format import COLUMNS, LogColumn, bracketed
 from swimbladder.io.log_numbers import ColumnReader, RowTest, TimeColumn, column_texts, none_chosen
 from swimbladder.io.log_rows import Column, ParquetRows, Rows, Sheet, is_parquet
-from swimbladder.io.log_text import LogFile, read_bytes
+from swimbladder.io.log_text import LogFile, is_netcdf, read_bytes
 from swimbladder.vehicle.schema import did_you_mean
 
 Mapped = Mapping[str, LogColumn | str]
@@ -228,6 +228,10 @@ def open_sheet(file: LogFile, wanted: Sequence[Collection[str]] = ()) -> Sheet:
     Raises LogError where it cannot be read or has no header.
     """
     data = read_bytes(file.path)
+    if is_netcdf(data):
+        from swimbladder.io.log_netcdf import NetCDFRows  # which reads casts, as tables are read
+
+        return NetCDFRows(data, file)
     return ParquetRows(data, file) if is_parquet(data, file) else Rows(data, file, wanted)
 
 

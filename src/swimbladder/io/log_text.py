@@ -95,6 +95,11 @@ def read_bytes(path: str | Path) -> bytes:
     raise LogError(what, file=path, field="file", remedy=remedy)
 
 
+def is_netcdf(data: bytes) -> bool:
+    """Say whether bytes are those of a netCDF file."""
+    return data.startswith((b"CDF\x01", b"CDF\x02", b"\x89HDF\r\n\x1a\n"))
+
+
 def text_lines(data: bytes, file: LogFile) -> tuple[list[str], bool]:
     """Return the lines of a text, whatever ends them, and whether the last one is ended.
 

@@ -188,7 +188,7 @@ def read_log(
     log_format: LogFormat | str | Path | None = None,
     required: Collection[str] = REQUIRED,
 ) -> Log:
-    """Return the log in a text, which may be compressed by gzip, or in a Parquet file.
+    """Return the log in a text, which may be compressed by gzip, in Parquet or in netCDF.
 
     Parameters
     ----------

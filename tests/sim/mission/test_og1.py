@@ -14,6 +14,7 @@ import xarray
 
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
+from swimbladder.io.logs import read_log
 from swimbladder.io.netcdf import UNDATED, write_netcdf
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.og1 import og1_dataset
@@ -153,13 +154,16 @@ def test_what_others_read(file):
         }
 
 
-def test_it_is_read_as_a_cast(flown, tmp_path):
+def test_it_is_read_as_a_cast_and_as_a_log(flown, tmp_path):
     data = og1_dataset(flown, begin=BEGIN, latitude=43.4, longitude=7.85)
     path = write_netcdf(tmp_path / "mission.nc", data)
     cast = read_cast(path, profile=1, salinity=38.0)
     assert (cast.latitude, cast.longitude) == pytest.approx((43.4, 7.85))
     deepest = float(flown.flight.rows["z"].max())
     assert cast.pressure.max() == pytest.approx(deepest, rel=0.02)
+    log = read_log(path)
+    assert log.depth.max() == deepest
+    assert np.ptp(log.time) == pytest.approx(flown.flight.duration, abs=1e-6)
 
 
 def test_a_mission_without_a_date(flown):
