@@ -7,13 +7,13 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 INSTALLED := .venv/installed
 PYTHONS ?= python3.13 python3.12 python3.11 python3.14 python3
 
-# What the tests of the firmware run: compilers, emulators of AVR chips and Cortex-M, checkers.
-TOOLS := gcc g++ clang avr-gcc avr-size simavr arm-none-eabi-gcc qemu-system-arm cppcheck frama-c
+# What tests run: compilers, emulators of AVR chips and Cortex-M, checkers, a browser.
+TOOLS := gcc g++ clang avr-gcc avr-size simavr arm-none-eabi-gcc qemu-system-arm cppcheck frama-c chromium
 HEADERS := /usr/include/simavr/sim_avr.h /usr/lib/avr/include/avr/io.h \
   /usr/share/arduino/hardware/arduino/avr/cores/arduino/Arduino.h \
   /usr/lib/llvm-*/lib/clang/*/lib/linux/libclang_rt.asan-*.a
 PACKAGES := gcc g++ clang libclang-rt-dev gcc-avr avr-libc arduino-core-avr simavr libsimavr-dev libelf-dev \
-  gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm cppcheck frama-c-base
+  gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm cppcheck frama-c-base chromium
 
 # Where `make prove` begins to draw examples, and how often it draws all of them anew.
 SEED ?= $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')

@@ -82,7 +82,7 @@ def test_files_are_written(capsys, tmp_path, preset):
     out = tmp_path / "new" / "folder"
     a = answer(capsys, preset, "--out", str(out))
     names = ["analysis.json", "analysis.txt", "loop_gains.png", "nyquist.png", "open_loop.png"]
-    assert sorted(p.name for p in out.iterdir()) == [*names, "poles.png"]
+    assert sorted(p.name for p in out.iterdir()) == [*names, "poles.png", "report.html"]
     assert sorted(a["files"]) == sorted(str(p) for p in out.iterdir())
     written = json.loads((out / "analysis.json").read_text(encoding="utf-8"))
     assert written == {key: value for key, value in a.items() if key != "files"}

@@ -38,6 +38,7 @@ def test_a_neutral_depth_in_words_and_files(capsys, tmp_path, cast):
     assert "The stroke covers it with a probability of more than 99" in said
     assert "it goes down to 1000 m (its rating)" in said
     assert {p.name for p in out.iterdir()} == {
+        "report.html",
         "ballast.png",
         "ballast.csv",
         "ballast.json",

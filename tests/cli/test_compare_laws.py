@@ -10,6 +10,7 @@ from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison import SCENARIOS
 from swimbladder.io.config import load_vehicle
 from tests.docs.test_reference import check, rows
+from tests.pages import figures_of, without_scripts
 
 
 @pytest.mark.prove
@@ -27,9 +28,9 @@ def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
     written = [f for f in files if not f.startswith("parts/")]
     assert written == [
         "laws.csv",
-        "laws.html",
         "laws.json",
         "pareto.png",
+        "report.html",
         "steps.png",
         "vehicles/cascade-the-papers.toml",
     ]
@@ -42,10 +43,12 @@ def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
     hold = dict(zip(lines[0].split(","), lines[1 + 9].split(","), strict=True))
     assert hold["scenario"] == "hold"
     assert float(hold["rms_m"]) == answer["laws"][0]["results"]["hold"]["rms_m"]
-    page = (out / "laws.html").read_text(encoding="utf-8")
-    assert not re.search(r'(?:src|href)="(?!#|data:)', page)  # nothing is fetched
-    assert "{{" not in page
-    assert page.count("<svg") == 2
+    page = (out / "report.html").read_text(encoding="utf-8")
+    plain = without_scripts(page)
+    listed = set(re.findall(r'(?:src|href)="([^"]*)"', plain))
+    assert listed == set(written) - {"report.html"}  # nothing is fetched
+    assert "{{" not in plain
+    assert set(figures_of(page)) == {"pareto", "steps"}
     for s in SCENARIOS:
         assert f'id="{s.name}"' in page
     flown = load_vehicle(out / "vehicles/cascade-the-papers.toml")

@@ -6,6 +6,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.io.plan import load_plan
+from tests.pages import figures_of, without_scripts
 from tests.quoted import numbers
 
 QUICK = [
@@ -34,16 +35,16 @@ def test_it_prints_and_writes_a_plan(capsys, tmp_path):
     assert {20.0, -20.0} <= numbers(printed)  # cm3, of the steps that it is held against
     assert "1 sigma" in printed
     assert "drag law: linear" in printed
-    names = {"plan.toml", "plan.html", "plan.png", "design.png", "design.json"}
+    names = {"plan.toml", "report.html", "plan.png", "design.png", "design.json"}
     assert {path.name for path in tmp_path.iterdir()} == names
     plan = load_plan(tmp_path / "plan.toml")
     assert len(plan.experiments) == 2
     head = (tmp_path / "plan.toml").read_text(encoding="utf-8").splitlines()
     assert head[1].startswith("# 2 experiments in")
-    page = (tmp_path / "plan.html").read_text(encoding="utf-8")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert page.count("☐") == 2
-    assert "data:image/png;base64" in page
-    assert "http" not in page  # it needs nothing but itself
+    assert set(figures_of(page)) == {"plan", "design"}
+    assert "http" not in without_scripts(page)  # it needs nothing but itself
 
 
 def test_json_is_one_object(capsys, tmp_path):

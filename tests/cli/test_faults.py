@@ -32,6 +32,7 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
     assert code == (0 if told["passed"] else 1)
     assert told["passed"] == (not told["lost"] and not told["healthy"]["false_alarms"])
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "report.html",
         "faults.json",
         "missions.csv",
         "faults.png",
@@ -64,6 +65,7 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
     assert one["reason"] == given["reason"]
     assert one["faults"][0]["kind"] == given["fault_1"]
     assert {p.name for p in (tmp_path / "one").iterdir()} == {
+        "report.html",
         "mission-7-supervised.csv",
         "mission-7-unsupervised.csv",
         "mission-7-ideal_detection.csv",

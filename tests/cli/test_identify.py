@@ -102,7 +102,7 @@ def test_the_files_say_what_was_printed(made):
         )
     }
     assert names == {
-        "identify.html",
+        "report.html",
         "identify.json",
         "residuals.csv",
         "vehicle.toml",
@@ -129,7 +129,7 @@ def test_the_files_say_what_was_printed(made):
 
 
 def told_order(names):
-    first = ["identify.html", "identify.json", "residuals.csv", "vehicle.toml"]
+    first = ["report.html", "identify.json", "residuals.csv", "vehicle.toml"]
     order = ["fits", "residuals", "distribution", "ellipses", "profiles", "neutral", "gains"]
     return [*first, *(f"figures/{name}.png" for name in order if f"figures/{name}.png" in names)]
 
@@ -202,7 +202,7 @@ def test_what_the_data_do_not_tell_is_exit_1_without_a_number(capsys, pool, tmp_
         "distribution.png",
         "neutral.png",
     }
-    assert "ψ" in (out / "identify.html").read_text(encoding="utf-8")
+    assert "ψ" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_a_vehicle_file_that_is_not_ours_is_left_alone(capsys, pool, made, tmp_path):

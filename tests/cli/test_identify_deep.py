@@ -72,7 +72,13 @@ def test_in_words_and_files(capsys, tmp_path, files):
     said = capsys.readouterr().out
     assert "pump_delivery" in said
     assert "drag 160 +- 16 N s2/m2" in said
-    assert {p.name for p in out.iterdir()} == {"deep.png", "deep.csv", "deep.json", "vehicle.toml"}
+    assert {p.name for p in out.iterdir()} == {
+        "deep.csv",
+        "deep.json",
+        "deep.png",
+        "report.html",
+        "vehicle.toml",
+    }
     after = load_vehicle(out / "vehicle.toml")
     kept = json.loads((out / "deep.json").read_text())
     told = kept["parameters"]["pump_delivery"]["value"]
@@ -205,6 +211,6 @@ def test_a_number_without_a_place(capsys, tmp_path, files):
     assert said.startswith("thermal_expansion ")
     assert min(numbers(said)) < -0.001  # 1/K, the least that a vehicle's file may have
     assert "temperature_degC" in said
-    assert {p.name for p in out.iterdir()} == {"deep.png", "deep.csv", "deep.json"}
+    assert {p.name for p in out.iterdir()} == {"deep.png", "deep.csv", "deep.json", "report.html"}
     assert run(files, out, "--set", "drag_up=0.02") == 2
     assert "--set" in capsys.readouterr().err

@@ -17,7 +17,7 @@ def test_it_writes_a_log_a_mission_and_a_picture(capsys, tmp_path):
     columns, keys = rows("files-written.md", "plan")
     assert set(told) == set(keys)
     assert told["least_time_s"] == pytest.approx(14.4)
-    names = ["mission.toml", "plan.csv", "plan.json", "plan.png"]
+    names = ["mission.toml", "plan.csv", "plan.json", "plan.png", "report.html"]
     assert sorted(p.name for p in out.iterdir()) == names
     header = (out / "plan.csv").read_text().splitlines()[0].split(",")
     assert set(header) == set(columns) - {"reference_volume_m3"}

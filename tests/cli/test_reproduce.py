@@ -26,17 +26,17 @@ def test_the_report_is_made_and_named(tmp_path, capsys):
     out = tmp_path / "report" / "paper"
     assert main(["reproduce", "--out", str(out), "--seed", "3"]) == 0
     shown = capsys.readouterr().out
-    assert str(out / "index.html") in shown.replace("\n", "")
+    assert str(out / "report.html") in shown.replace("\n", "")
     assert "37 of 37 checked and met" in shown
     assert "0 fail" in shown
-    assert (out / "index.html").is_file()
+    assert (out / "report.html").is_file()
     assert json.loads((out / "results.json").read_text())["seed"] == 3
 
 
 def test_json_is_one_object_and_nothing_else(tmp_path, capsys):
     assert main(["reproduce", "--out", str(tmp_path / "paper"), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert answer["report"] == str(tmp_path / "paper" / "index.html")
+    assert answer["report"] == str(tmp_path / "paper" / "report.html")
     assert answer["passed"] is True
     assert answer["seed"] == 2023
     written = json.loads((tmp_path / "paper" / "results.json").read_text())
@@ -46,7 +46,7 @@ def test_json_is_one_object_and_nothing_else(tmp_path, capsys):
 def test_the_folder_has_a_default(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce"]) == 0
-    assert (tmp_path / "report" / "paper" / "index.html").is_file()
+    assert (tmp_path / "report" / "paper" / "report.html").is_file()
     assert capsys.readouterr().out
 
 
@@ -59,7 +59,7 @@ def test_a_verdict_that_fails_is_exit_code_1(tmp_path, capsys, monkeypatch):
     captured = capsys.readouterr()
     assert "fails: section 9, pigs fly: yes against no" in captured.err
     assert "1 fail" in captured.out
-    page = (tmp_path / "paper" / "index.html").read_text(encoding="utf-8")
+    page = (tmp_path / "paper" / "report.html").read_text(encoding="utf-8")
     assert 'class="verdict fails">FAILS' in page  # the report is there all the same
 
 

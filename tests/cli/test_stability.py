@@ -22,6 +22,7 @@ def test_it_says_what_is_stable_and_writes_it(capsys, tmp_path):
     assert "With a whole sample of delay" in said
     assert "unstable." in said
     assert {p.name for p in out.iterdir()} == {
+        "report.html",
         "stability.json",
         "stability.txt",
         "maps.png",

@@ -199,7 +199,7 @@ def test_what_identify_actuator_writes(capsys, tmp_path):
     )
     check(keys, told)
     assert header(out / "steps.csv") == list(columns)
-    written = {"identify-actuator.html", "steps.csv", "steps.png", "vehicle.toml"}
+    written = {"report.html", "steps.csv", "steps.png", "vehicle.toml"}
     assert {path.name for path in out.iterdir()} == written
 
 
@@ -280,7 +280,7 @@ def test_what_reproduce_writes(capsys, tmp_path):
     told = answer(capsys, "reproduce", "--out", str(tmp_path))
     check(keys, told)
     assert {path.name for path in tmp_path.iterdir()} == {
-        "index.html",
+        "report.html",
         "results.json",
         "figures",
         "trajectories",

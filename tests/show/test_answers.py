@@ -2,8 +2,10 @@
 
 import importlib
 import json
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -12,6 +14,8 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import Answer, json_text
 from swimbladder.show import answers
 from swimbladder.show.report.html import _made_by
+from swimbladder.show.tables import dataset, split
+from tests.pages import figures_of, without_scripts
 from tests.vehicles import limited
 
 STEP = {"setpoints": [(0.0, 3.0)], "duration": 60.0, "start_depth": 1.5}
@@ -60,6 +64,9 @@ def test_every_answer_has_words_and_a_picture_that_there_are():
         assert how.words or "sentences" in own, name
         assert not (how.files and how.writes), name
         for path in filter(None, how):
+            if path.startswith("."):
+                assert path[1:] in own, name
+                continue
             module, _, function = path.rpartition(".")
             assert callable(getattr(importlib.import_module(f"swimbladder.{module}"), function))
 
@@ -78,7 +85,13 @@ def test_an_answer_is_short_plain_and_drawn(name, tmp_path):
     figure = answer.plot()
     assert isinstance(figure, Figure)
     assert any(axes.get_xlabel().endswith("]") for axes in figure.axes)
+    _check_tables(answer)
+    page = answer.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert figures_of(page)
+    assert len(page) < 3_000_000
+    assert not re.search(r"(?:src|href)=|https?://", re.sub("<li><a.*", "", without_scripts(page)))
     paths = answer.save(tmp_path / "saved")
+    assert name == "Library" or tmp_path / "saved/report.html" in paths
     assert paths
     for path in paths:
         assert path.is_file()
@@ -86,6 +99,52 @@ def test_an_answer_is_short_plain_and_drawn(name, tmp_path):
     numbers = [path for path in paths if path.suffix == ".json" and path.parent.name == "saved"]
     said = [json.loads(path.read_text()) for path in numbers]
     assert name == "Library" or json.loads(json_text(answer.to_dict())) in said
+
+
+def _check_tables(answer):
+    """A table has a unit for each array, which the dataset has too, along one dimension."""
+    frame, found = answer.to_dataframe(), answer.to_dataset()
+    assert len(frame) > 0
+    units = frame.attrs["units"]
+    assert set(units) <= set(frame)
+    assert all(re.fullmatch(r"[A-Za-z]+[0-9]?( [A-Za-z]+-[1-9])?", unit) for unit in units.values())
+    assert len(found.sizes) == 1
+    (size,) = found.sizes.values()
+    assert size == len(frame)
+    assert {array.attrs["units"] for array in found.values() if "units" in array.attrs}
+
+
+@pytest.mark.parametrize(
+    ("column", "name", "unit"),
+    [
+        ("depth_m", "depth", "m"),
+        ("volume_rate_m3_s", "volume_rate", "m3 s-1"),
+        ("density_kg_m3", "density", "kg m-3"),
+        ("energy_per_volume_J_m3", "energy_per_volume", "J m-3"),
+        ("temperature_degC", "temperature", "degC"),
+        ("phases_missed", "phases_missed", ""),
+        ("m", "m", ""),
+    ],
+)
+def test_a_column_says_its_unit(column, name, unit):
+    assert dict(split([column])) == {column: (name, unit)}
+
+
+def test_a_table_lies_along_its_first_column_where_that_rises():
+    s = sb.simulate("feup-em", **STEP)
+    frame = s.to_dataframe()
+    assert np.array_equal(frame["depth_m"], s.depth)
+    assert np.array_equal(s.to_dataset()["depth"], s.depth)
+    plain = dataset(frame, "a step")
+    assert plain["depth"].dims == ("time",)
+    assert plain["depth"].attrs == {"long_name": "depth", "units": "m"}
+    assert np.array_equal(plain["time"], s.time)
+    found = sb.analyse("feup-em")
+    response = found.to_dataframe()
+    system = found.to_control()
+    at = response["frequency_rad_s"].to_numpy()
+    expected = np.abs(system(1j * at)[system.output_index["z"], 0])
+    assert response["gain"].to_numpy() == pytest.approx(expected, rel=1e-6)
 
 
 def test_what_was_not_asked_for_is_no_picture_but_said():

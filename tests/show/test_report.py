@@ -1,13 +1,9 @@
 """HTML that needs nothing but itself: templates, symbols, pictures."""
 
-import re
-
 import jinja2
 import pytest
-from matplotlib.figure import Figure
 
-from swimbladder.show.plots.style import svg_text
-from swimbladder.show.report import inline_svg, render, symbols
+from swimbladder.show.report import render, symbols
 
 
 @pytest.mark.parametrize(
@@ -27,30 +23,6 @@ from swimbladder.show.report import inline_svg, render, symbols
 )
 def test_symbols(text, html):
     assert str(symbols(text)) == html
-
-
-def figure():
-    drawn = Figure(figsize=(2.0, 1.0))
-    axes = drawn.subplots()
-    axes.plot([0.0, 1.0], [0.0, 1.0], "o-")
-    return drawn
-
-
-def test_two_pictures_share_a_page():
-    svg = svg_text(figure())
-    one, two = (inline_svg(svg, name=name, label="a & b") for name in ("one", "two"))
-    ids = re.findall(r'\bid="([^"]+)"', one + two)
-    assert len(ids) == len(set(ids))
-    for picture in (one, two):
-        own = set(re.findall(r'\bid="([^"]+)"', picture))
-        used = re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', picture)
-        assert used
-        assert {a or b for a, b in used} <= own
-        assert picture.startswith("<svg")
-        assert 'role="img" aria-label="a &amp; b"' in picture
-        assert "<metadata" not in picture
-        assert "viewBox" in picture
-        assert not re.search(r"<svg[^>]*\swidth=", picture)
 
 
 def test_a_name_that_is_missing_is_an_error():

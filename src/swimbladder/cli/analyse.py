@@ -13,7 +13,16 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from swimbladder.cli.common import Output, aside, emit_json, output, progress, say, table
+from swimbladder.cli.common import (
+    Output,
+    aside,
+    emit_json,
+    output,
+    progress,
+    say,
+    table,
+    typed_command,
+)
 from swimbladder.cli.options import Options, VehicleName, flag, grouped, valued
 
 if TYPE_CHECKING:
@@ -75,10 +84,11 @@ def _write(a: Analysis, out: Path) -> list[Path]:
     _show(a, Output(file=text, width=100, color_system=None))
     report = "".join(line.rstrip() + "\n" for line in text.getvalue().splitlines())
     with progress("drawing"):
+        from swimbladder.show.answers import contents
         from swimbladder.show.files import write_all
-        from swimbladder.show.report.analysis import analysis_files
 
-        return write_all(out, analysis_files(a, a.to_dict()) | {"analysis.txt": report})
+        files = contents(a, a.to_dict(), typed_command())
+        return write_all(out, {**files, "analysis.txt": report})
 
 
 def _show(a: Analysis, console: Console) -> None:

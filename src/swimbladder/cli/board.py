@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from swimbladder.cli.common import aside, compile_notice, progress
+from swimbladder.cli.common import aside, compile_notice, progress, typed_command
 from swimbladder.cli.options import (
     Files,
     Golden,
@@ -72,9 +72,16 @@ def board(
         if _logs(to.out) != before:
             aside(f"the log so far is in {to.out}")
         raise
-    logs = [flight.log for flight in answer.flights]
+    numbers, logs = answer.to_dict(), [flight.log for flight in answer.flights]
+    with progress("writing the report"):
+        from swimbladder.show.answers import page
+        from swimbladder.show.files import write_all
+        from swimbladder.show.report.html import REPORT
+
+        named = {log.name: None for log in logs}
+        logs += write_all(to.out, {REPORT: page(answer, numbers, named, typed_command())})
     why = [flight.sentence for flight in answer.flights]
-    to.answer(answer.to_dict(), answer.sentences, logs, good=answer.equal, why=why)
+    to.answer(numbers, answer.sentences, logs, good=answer.equal, why=why)
 
 
 def _logs(out: Path) -> dict[Path, int]:

@@ -19,6 +19,7 @@ from swimbladder.cli.common import (
     progress,
     say,
     table,
+    typed_command,
 )
 from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
 from swimbladder.cli.texts import Given
@@ -155,9 +156,14 @@ def campaign(
         _unfinished(layout, work.part, to.json)
         return
     found = result_of(job)
+    numbers = found.to_dict()
     with progress("writing the results"):
-        written = [to.out / "campaign.zarr", *found.save(to.out)]
-    to.answer(found.to_dict(), _shown(found), written, good=found.completed)
+        from swimbladder.show.answers import contents
+        from swimbladder.show.files import write_all
+
+        files = contents(found, numbers, typed_command())
+        written = [to.out / "campaign.zarr", *write_all(to.out, files)]
+    to.answer(numbers, _shown(found), written, good=found.completed)
 
 
 def _unfinished(layout: Layout, part: str, json: bool) -> None:

@@ -16,7 +16,15 @@ import typer
 
 from swimbladder.cli import common
 from swimbladder.cli.casts import LogCasts
-from swimbladder.cli.common import aside, compile_notice, labelled, progress, quantity, table
+from swimbladder.cli.common import (
+    aside,
+    compile_notice,
+    labelled,
+    progress,
+    quantity,
+    table,
+    typed_command,
+)
 from swimbladder.cli.logs import Chosen, LogReading
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
 from swimbladder.cli.texts import Given
@@ -147,6 +155,7 @@ def compare(
             if len(tasks) == 1:
                 raise
             task.error = error
+    _write_page(tasks, to.out)
     answers = [task.answer() for task in tasks]
     if to.json:
         common.emit_json(answers[0] if len(answers) == 1 else {"comparisons": answers})
@@ -156,6 +165,9 @@ def compare(
     code = max(task.exit_code for task in tasks)
     if code:
         raise typer.Exit(code)
+
+
+_DRAWN = 12  # figures of a report
 
 
 @dataclass
@@ -234,6 +246,36 @@ def _write(task: _Task, out: Path, *, plot: bool) -> list[Path]:
             if task.ahead is not None:
                 files[f"{task.name}-ahead.png"] = draw_ahead(task.ahead)
         return write_all(out, files)
+
+
+def _write_page(tasks: list[_Task], out: Path) -> None:
+    """Write one report of all logs that could be compared."""
+    done = [(task, task.result) for task in tasks if task.result is not None]
+    if not done:
+        return
+    with progress("writing the report"):
+        from swimbladder.io.files import write_atomically
+        from swimbladder.show.plots.comparison import draw_comparison
+        from swimbladder.show.report.html import REPORT
+        from swimbladder.show.report.page import answer_page
+
+        worst = sorted(done, key=lambda one: -one[1].rms)[:_DRAWN]
+        said = [line for _, found in done for line in found.sentences]
+        if len(done) > len(worst):
+            said.append(f"The figures are those of the {_DRAWN} logs with the largest rms.")
+        figures = {task.name: draw_comparison(found) for task, found in worst}
+        numbers = {task.log.label: task.answer() for task, _ in done}
+        about = {
+            "command": typed_command(),
+            "files": [path.name for task, _ in done for path in task.files],
+            "good": all(found.possible for _, found in done),
+        }
+        title = f"{done[0][1].vehicle.name} compared with {done[0][0].log.label}"
+        title += f" and {len(done) - 1} more" if len(done) > 1 else ""
+        path = out / REPORT
+        write_atomically(path, answer_page(title, said, numbers, figures, about))
+    for task, _ in done:
+        task.files = [*task.files, path]
 
 
 def _cleared(value: float, least: float) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.casts import NO_CAST, CastReading, refuse_doubted_unit
-from swimbladder.cli.common import labelled, progress, table
+from swimbladder.cli.common import labelled, progress, table, typed_command
 from swimbladder.cli.options import AnyVehicle, Files, Options, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
@@ -50,7 +50,7 @@ def fit_runs(
         said = list(fit_sentences(found, fitted))
         answer = {**found.to_dict(), "sentences": said, "report": runs_read.report}
     files, shown = (
-        partial(fit_files, found, vehicle=fitted),
+        partial(fit_files, found, vehicle=fitted, command=typed_command()),
         _shown_fit(found, said, runs_read.report),
     )
     to.answer(answer, shown, files, good=not found.refusal, why=[found.refusal])

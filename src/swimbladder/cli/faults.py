@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, water_of_cast
-from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
+from swimbladder.cli.common import compile_notice, kept, labelled, progress, table, typed_command
 from swimbladder.cli.options import Files, Options, TimeLimit, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError, NoAnswerError
@@ -85,16 +85,22 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
         raise InputError(why, field="--mission", value=mission, remedy=remedy)
     with progress("loading the simulator"):
         from swimbladder.show.plots.faults import draw_mission
+        from swimbladder.show.report.html import REPORT
+        from swimbladder.show.report.page import answer_page
         from swimbladder.sim.faults.single_mission import NAMES, fly_one, trace_csv
     how = {name: asked[name] for name in ("seed", "depths", "column")}
     with compile_notice(), progress("flying the mission"):
         flown = fly_one(vehicle, int(number), healthy=mission.startswith("h"), **how)
 
-    def files(_: Mapping[str, Any]) -> dict[str, object]:
+    def files(numbers: Mapping[str, Any]) -> dict[str, object]:
         stem = f"mission-{'h' if flown.healthy else ''}{flown.mission.number}"
         traces = zip(NAMES, flown.rows, strict=False)
         listed = {f"{stem}-{name}.csv": trace_csv(rows, flown.tick) for name, rows in traces}
-        return {**listed, f"{stem}.png": draw_mission(flown)}
+        pictures = {stem: draw_mission(flown)}
+        title = f"{vehicle.name}: mission {mission} of the fault campaign"
+        about = {"command": typed_command(), "files": [*listed, f"{stem}.png"]}
+        report = answer_page(title, flown.lines(), numbers, pictures, about)
+        return {REPORT: report, **listed, f"{stem}.png": pictures[stem]}
 
     to.answer(flown.to_dict(), flown.lines(), files)
 

@@ -17,7 +17,14 @@ from rich.text import Text
 
 from swimbladder.cli import common
 from swimbladder.cli.casts import LogCasts, refuse_doubted_unit
-from swimbladder.cli.common import compile_notice, labelled, progress, severities, table
+from swimbladder.cli.common import (
+    compile_notice,
+    labelled,
+    progress,
+    severities,
+    table,
+    typed_command,
+)
 from swimbladder.cli.logs import LogReading
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
 from swimbladder.cli.settings import Sought, deviation, known, setting
@@ -87,7 +94,7 @@ def _identify_deep(
         found = identify(read, columns, vehicle, **known_before, advance=advance)
     answer = found.to_dict()
     with progress("drawing the picture"):
-        files = write_deep(found, to.out, answer=answer)
+        files = write_deep(found, to.out, answer=answer, command=typed_command())
     shown = _deep_shown(found, [note for log in read for note in log.report])
     to.answer(answer, shown, files, good=found.identified, why=found.sentences[:1])
 

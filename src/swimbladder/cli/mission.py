@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass
-from swimbladder.cli.common import aside, asked_of, compile_notice, kept, labelled, progress, table
+from swimbladder.cli.common import (
+    aside,
+    asked_of,
+    compile_notice,
+    kept,
+    labelled,
+    progress,
+    table,
+    typed_command,
+)
 from swimbladder.cli.options import (
     Files,
     Options,
@@ -106,11 +115,14 @@ def mission(
             found = fly(v, task, read, **asked, keep=keep, advance=advance)
     answer = found.to_dict()
     with progress("writing the files"):
+        from swimbladder.show.answers import page
         from swimbladder.show.files import Gone, write_all
+        from swimbladder.show.report.html import REPORT
         from swimbladder.show.report.mission import mission_files
 
         made = mission_files(found, answer, begin=begin) | _also(found, read, begin, also)
-        files = write_all(to.out, {**made, "argo-config.json": Gone(), **more})
+        made = {**made, "argo-config.json": Gone(), **more}
+        files = write_all(to.out, {REPORT: page(found, answer, made, typed_command()), **made})
     to.answer(answer, _shown(found, read), files, good=found.completed, keep=keep)
 
 

@@ -30,9 +30,10 @@ def reproduce(*, asked: Asked) -> None:
     with progress("loading the simulator"):
         from swimbladder.paper import AMOUNT
         from swimbladder.paper import reproduce as make_report
+        from swimbladder.show.report.html import REPORT
     with compile_notice(), progress("redoing the paper", AMOUNT) as advance:
         found = make_report(asked.out, seed=asked.seed, advance=advance)
-    page = (asked.out / "index.html").resolve()
+    page = (asked.out / REPORT).resolve()
     if asked.json:
         emit_json({**found, "report": str(page)})
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass, water_of_cast
-from swimbladder.cli.common import aside, asked_of, compile_notice, labelled, progress, table
+from swimbladder.cli.common import (
+    aside,
+    asked_of,
+    compile_notice,
+    labelled,
+    progress,
+    table,
+    typed_command,
+)
 from swimbladder.cli.options import (
     Files,
     Options,
@@ -61,6 +69,19 @@ def write_files(
             files.append(folder / "trajectory.png")
             plot_solution(s, files[-1])
     return files
+
+
+def write_page(s: Solution, answer: Mapping[str, Any], files: Sequence[Path]) -> Path:
+    """Write the report beside the files; return its path."""
+    with progress("writing the report"):
+        from swimbladder.io.files import write_atomically
+        from swimbladder.show.answers import page
+        from swimbladder.show.report.html import REPORT
+
+        names = {path.name: None for path in files}
+        path = files[0].parent / REPORT
+        write_atomically(path, page(s, answer, names, typed_command()))
+    return path
 
 
 def steps_of(s: Solution, task: Mission) -> list[dict[str, Any]]:
@@ -225,6 +246,7 @@ def simulate(
     files = write_files(s, task, water, folder, also)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
     answer = answer_of(s, task, water, notes)
+    files.append(write_page(s, answer, files))
     to.answer(answer, shown(answer), files)
     if not s.finished:
         aside(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")

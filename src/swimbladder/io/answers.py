@@ -10,6 +10,8 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
     from matplotlib.figure import Figure
 
 
@@ -39,6 +41,26 @@ class Answer:
         """Return its picture, a matplotlib Figure; raises NoAnswerError where it has none."""
         figure: Figure = _shown().figure(self)
         return figure
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return its main table; the units stand in `attrs["units"]`, as UDUNITS writes them.
+
+        Raises NoAnswerError where it has no table.
+        """
+        frame: pd.DataFrame = _shown().dataframe(self)
+        return frame
+
+    def to_dataset(self) -> "xr.Dataset":
+        """Return its arrays with a unit and a name for each; raises NoAnswerError without any."""
+        dataset: xr.Dataset = _shown().dataset(self)
+        return dataset
+
+    def report(self, path: str | Path) -> Path:
+        """Write it as one HTML page, its figures to hover and zoom; return the path.
+
+        The page holds all that it needs. Raises InputError where the file cannot be written.
+        """
+        return Path(_shown().report(self, Path(path)))
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write it into a folder, as its command does: numbers, tables, pictures; return the paths.

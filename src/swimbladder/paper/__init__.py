@@ -19,6 +19,7 @@ from swimbladder.paper.files import trajectories
 from swimbladder.paper.page import FIGURES, Judged, answer, draw, page
 from swimbladder.paper.published import independent, published
 from swimbladder.show.files import write_all
+from swimbladder.show.report.html import REPORT
 
 __all__ = ["AMOUNT", "reproduce"]
 
@@ -70,6 +71,6 @@ def reproduce(out: str | Path, *, seed: int = 2023, advance: Advance = silent) -
     found = answer(evidence, judged, files)
     html = page(evidence, judged, figures, files)
     advance(1.0)
-    write_all(place, {"index.html": html, "results.json": found, **contents}, advance=advance)
+    write_all(place, {REPORT: html, "results.json": found, **contents}, advance=advance)
     plain_answer: dict[str, Any] = plain(found)
     return plain_answer

@@ -16,7 +16,7 @@ from swimbladder.paper.evidence import SENSORS, Evidence
 from swimbladder.paper.tables import tables
 from swimbladder.paper.verdict import EquationCheck, Finding, Verdict, texts
 from swimbladder.show.plots import paper
-from swimbladder.show.report.html import drawn_inline, render
+from swimbladder.show.report.html import page_figure, render
 from swimbladder.sim.pool import Fit
 
 FIGURES: dict[str, Callable[[Evidence], Figure]] = {
@@ -83,16 +83,10 @@ def page(e: Evidence, judged: Judged, figures: dict[str, Figure], files: Sequenc
         "pool": {"depth": POOL_DEPTH, "clearance": CLEARANCE, "sensors": SENSORS},
         "jitter": [1e6 * _last_minute(run) for run in e.runs],
         "difference": _pulse_difference(e),
-        "figures": {name: _shown(name, figure) for name, figure in figures.items()},
+        "figures": {name: page_figure(name, f, said=_ABOUT) for name, f in figures.items()},
         "files": files,
     }
     return render("paper.html.j2", context | ERRATA)
-
-
-def _shown(name: str, figure: Figure) -> dict[str, str]:
-    about = _ABOUT[name]
-    label = "{title}. {caption}".format(**about)
-    return {**about, "name": name, "svg": drawn_inline(figure, name=name, label=label)}
 
 
 def _last_minute(run: Any) -> float:

@@ -312,11 +312,11 @@ def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_pat
     command = ["tune", "example-float", "--depth", "100:300 m", "--runs", "20", "--cast", str(sea)]
     assert main([*command, "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    names = {"vehicle.toml", "tune.html", "tune.json", "tune.png"}
+    names = {"vehicle.toml", "report.html", "tune.json", "tune.png"}
     assert {p.name for p in out.iterdir()} == names
     found = tune(FLOAT, depths=DEPTHS, runs=20, column=cast_column(read_cast(sea)))
     assert answer["region"] == pytest.approx(found.to_dict()["region"], rel=1e-2)
-    page = (out / "tune.html").read_text(encoding="utf-8")
+    page = (out / "report.html").read_text(encoding="utf-8")
     assert "time to the depth, 95 %" in page
     assert "from one decision to the next" in page
     assert bind(load_file(out / "vehicle.toml").controller)[1] == pytest.approx(

@@ -333,7 +333,7 @@ def test_a_law_that_sleeps_is_judged_by_trials_alone():
     assert "no margins" in found.sentences[-1]
     files = tuning_files(found, {}, "swimbladder tune")
     assert "sensitivity.png" not in files
-    assert "no margin is claimed" in str(files["tune.html"])
+    assert "no margin is claimed" in str(files["report.html"])
 
 
 def test_the_energy_of_samples_is_that_of_the_books():
@@ -424,12 +424,12 @@ def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     assert answer["waves"] == 0.0
     assert sorted(p.name for p in out.iterdir()) == [
         "sensitivity.png",
-        "tune.html",
+        "report.html",
         "tune.json",
         "tune.png",
         "vehicle.toml",
     ]
-    page = (out / "tune.html").read_text()
+    page = (out / "report.html").read_text()
     assert "at 0, 1.5, 3, 5 m" in page
     assert f'<td class="n">{answer["margins"]["peak_sensitivity"]:.2f}</td>' in page
     assert "http" not in page.replace("http://www.w3.org", "")

@@ -43,15 +43,28 @@ def run(name, start, target, **more):
 )
 def test_panels_are_what_is_known(solution, panels):
     figure = draw_solution(solution())
-    assert [axes.get_ylabel() for axes in figure.axes] == panels
+    shown = [axes for axes in figure.axes if axes.get_ylabel()]
+    assert [axes.get_ylabel() for axes in shown] == panels
     assert figure.axes[-1].get_xlabel() == "time [s]"
-    assert figure.axes[0].yaxis_inverted()  # depth downwards
-    assert not any(axes.yaxis_inverted() for axes in figure.axes[1:])
+    assert shown[0].yaxis_inverted()  # depth downwards
+    assert not any(axes.yaxis_inverted() for axes in shown[1:])
+
+
+def test_the_band_of_2_percent_and_the_part_in_which_the_volume_moves_are_shown():
+    s = run("feup-em", 1.5, 3.0)
+    depth, early, *_ = draw_solution(s).axes
+    (band,) = depth.collections
+    low, high = band.get_datalim(depth.transData).intervaly
+    assert (low, high) == pytest.approx((3.0 - 0.02 * 1.5, 3.0 + 0.02 * 1.5))
+    first, end = early.get_xlim()
+    moved = np.abs(np.diff(s.volume))
+    assert moved[s.time[1:] <= end].sum() > 0.8 * moved.sum()
+    assert end - first < 0.3 * (s.time[-1] - s.time[0])
 
 
 def test_curves_are_the_solution():
     s = run("feup-em", 1.5, 3.0)
-    depth, volume, voltage = draw_solution(s).axes
+    depth, volume, voltage = (axes for axes in draw_solution(s).axes if axes.get_ylabel())
     lines = {line.get_label(): line for line in depth.get_lines()}
     assert np.array_equal(lines["depth"].get_ydata(), s.depth)
     assert np.array_equal(lines["set-point"].get_ydata(), s.reference)

@@ -320,8 +320,8 @@ def test_a_table_counts_floats_and_casts_from_one(vehicle, column):
     table[:, Drawn.CAST] = 0.0, 2.0, 1.0
     given = {"spread": Spread(), "seed": 1, "energy_unknown": ""}
     campaign = Campaign(vehicle=vehicle, mission=TASK, columns=[column], table=table, **given)
-    assert campaign.columns_csv["float"].tolist() == [1.0, 2.0, 3.0]
-    assert campaign.columns_csv["cast"].tolist() == [1.0, 3.0, 2.0]
+    assert campaign.by_float()["float"].tolist() == [1.0, 2.0, 3.0]
+    assert campaign.by_float()["cast"].tolist() == [1.0, 3.0, 2.0]
 
 
 def test_how_often_each_float_met_the_bottom_and_ice_is_counted(vehicle, column, job):
@@ -344,7 +344,7 @@ def test_how_often_each_float_met_the_bottom_and_ice_is_counted(vehicle, column,
         assert np.all(data.grounded.values >= 1.0)
     given = {"spread": Spread(), "seed": 1, "energy_unknown": ""}
     campaign = Campaign(vehicle=vehicle, mission=mission, columns=[water], table=table, **given)
-    assert campaign.columns_csv["ice_turns"].tolist() == table[:, Fact.ICE_TURNS].tolist()
+    assert campaign.by_float()["ice_turns"].tolist() == table[:, Fact.ICE_TURNS].tolist()
     said = [words for words, *_ in campaign.spreads()]
     assert said[-3:] == ["times grounded", "ice turns", "surfacings under ice"]
 

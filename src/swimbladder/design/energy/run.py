@@ -56,6 +56,10 @@ class Energy(Answer):
         """What is taken for granted."""
         return messages.assumptions(self.drive, self.thruster)
 
+    def columns(self) -> dict[str, Any]:
+        """Return the columns of energy.csv: a row per depth."""
+        return depth_columns(self.drive, self.hover)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers of the answer, SI units, every depth of the tables."""
         found, hover, dive = self.drive, self.hover, self.dive

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from swimbladder.design.linear import depths, models, pump_valve
 from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.routh import RouthTable, routh_table
@@ -321,6 +323,17 @@ class Analysis(Answer):
         stroke, p = self.vehicle.stroke, self.operating_point
         held = self.stall is None or p.depth <= self.stall.holding_depth
         return bool(held and stroke.minimum <= p.volume <= stroke.maximum)
+
+    def to_control(self) -> Any:
+        """Return the linear model, command to depth and volume, as a python-control StateSpace."""
+        return self.model.to_control()
+
+    def response(self, count: int = 600) -> tuple[Any, Any]:
+        """Return frequencies [rad/s] about the poles, and the response of depth to the command."""
+        rates = np.abs([p for p in self.open_loop.poles if abs(p) > 1e-9])
+        w = np.geomspace(rates.min() / 30.0, rates.max() * 30.0, count)
+        model = self.model
+        return w, model.part(output="z", input=model.inputs[0]).at(1j * w)[:, 0, 0]
 
     @property
     def findings(self) -> dict[str, tuple[str, ...]]:

@@ -30,10 +30,8 @@ class _Break(NamedTuple):
 @styled
 def draw_open_loop(analysis: Analysis) -> Figure:
     """Draw the Bode diagram of the open loop, command to depth."""
-    model = analysis.model
+    w, response = analysis.response()
     rates = np.abs([p for p in analysis.open_loop.poles if abs(p) > 1e-9])
-    w = np.geomspace(rates.min() / 30.0, rates.max() * 30.0, 600)
-    response = model.part(output="z", input=model.inputs[0]).at(1j * w)[:, 0, 0]
     what, unit = ("voltage", "m/V") if analysis.vehicle.voltage_driven else ("volume", "m/m³")
     figure, top, bottom = _bode(f"|depth/{what}| [{unit}]")
     top.loglog(w, np.abs(response), color=Ink.BLUE)

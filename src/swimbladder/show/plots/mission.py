@@ -19,6 +19,8 @@ from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import cycle_columns, speeds
 
 Array = NDArray[np.float64]
+_NEAR_EMPTY = 50.0  # % of charge, below which zero is drawn too
+_LAYERS = 20  # in which speeds are drawn
 _MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
 
 
@@ -74,14 +76,22 @@ def _depth(result: MissionResult, first: Records, unit: float, words: str, axes:
 def _speed(result: MissionResult, axes: Axes) -> None:
     table = speeds(result.flight)
     for way, color in (("sinking", Ink.BLUE), ("rising", Ink.VERMILION)):
-        speed = table[f"{way}_m_s"]
+        depth, speed = _smoothed(table["depth_m"], table[f"{way}_m_s"])
         if np.isfinite(speed).any():
-            axes.plot(100.0 * speed, table["depth_m"], color=color, label=way)
+            axes.plot(100.0 * speed, depth, color=color, label=way)
     axes.set_xlim(left=0.0)
     depth_axis(axes)
     axes.set_xlabel("mean vertical speed [cm/s]")
     if axes.lines:
         axes.legend(loc="best")
+
+
+def _smoothed(depth: Array, speed: Array) -> tuple[Array, Array]:
+    """Return depths and mean speeds of thicker layers: pump runs make single ones a saw-tooth."""
+    layers = np.array_split(np.arange(len(depth)), _LAYERS)
+    time = [1.0 / speed[one][np.isfinite(speed[one])] for one in layers]
+    mean = [1.0 / np.mean(one) if len(one) else np.nan for one in time]
+    return np.array([np.mean(depth[one]) for one in layers]), np.array(mean)
 
 
 def _volume(result: MissionResult, first: Records, unit: float, words: str, axes: Axes) -> None:
@@ -165,5 +175,8 @@ def _battery(result: MissionResult, axes: Axes) -> None:
         axes.set_ylabel("energy drawn [kJ]")
     else:
         axes.plot(rows["t"] / unit, 100.0 * charge, color=Ink.BLUE)
-        axes.set(ylim=(min(0.0, 100.0 * float(charge.min())), 102.0), ylabel="battery left [%]")
+        axes.set_ylabel("battery left [%]")
+        least = 100.0 * float(charge.min())
+        if least < _NEAR_EMPTY:
+            axes.set_ylim(min(0.0, least), 102.0)
     axes.set_xlabel(f"time [{words}]")

@@ -13,6 +13,7 @@ from swimbladder.show.plots.style import Ink
 from swimbladder.sim.closed_loop import Solution
 
 Array = NDArray[np.float64]
+_SETTLED = 0.02  # of a step, as step_metrics has it
 
 
 def plot_solution(solution: Solution, path: str | Path) -> Path:
@@ -30,9 +31,41 @@ def draw_solution(solution: Solution) -> Figure:
     values = {"voltage": s.voltage, "drive": s.drive}
     values |= {"power [W]": s.power, "current [A]": s.current}
     known = {name: x for name, x in values.items() if not np.all(np.isnan(x))}
-    figure, axes = style.stacked((7.5, 1.0 + 1.65 * (2 + len(known))), *[1.0] * (2 + len(known)))
-    _depth(s, axes[0])
-    _volume(s, axes[1])
+    ends = [float(max(s.time[-1], s.time[0] + 1e-9)), *_early(s)]
+    rows, wide = 2 + len(known), len(ends)
+    shape = {"sharex": "col", "sharey": "row", "width_ratios": (2.0, 1.0)[:wide]}
+    figure, made = style.new_figure(
+        (7.5 + 2.0 * (wide - 1), 1.0 + 1.65 * rows), rows, wide, **shape
+    )
+    for column, end in enumerate(ends):
+        axes = made[column::wide]
+        _panels(s, known, axes, legend=column == 0)
+        axes[-1].set_xlim(float(s.time[0]), end)
+        if column:
+            axes[0].set_title(f"the first {end:.3g} s", fontsize=10.0)
+            for place in axes:
+                place.set_ylabel("")
+    figure.align_ylabels(made[::wide])
+    return figure
+
+
+def _early(s: Solution) -> list[float]:
+    """Return the end of a first part to draw by itself [s], where the volume moves early in it.
+
+    That is where four fifths of all that is moved is moved in the first tenth of the time.
+    """
+    moved = np.cumsum(np.abs(np.diff(s.volume)))
+    if not len(moved) or moved[-1] <= 0.0 or len(np.unique(s.reference)) > 1:
+        return []
+    span = float(s.time[-1] - s.time[0])
+    busy = float(s.time[np.searchsorted(moved, 0.8 * moved[-1]) + 1] - s.time[0])
+    return [float(s.time[0]) + 3.0 * busy] if 0.0 < busy < 0.1 * span else []
+
+
+def _panels(s: Solution, known: dict[str, Array], axes: list[Axes], *, legend: bool) -> None:
+    """Draw depth, volume and what is known of the drive, from above."""
+    _depth(s, axes[0], legend=legend)
+    _volume(s, axes[1], legend=legend)
     for (name, x), place in zip(known.items(), axes[2:], strict=True):
         if name == "voltage":
             place.step(s.time, x, where="post", color=Ink.GREEN, lw=0.9)
@@ -43,14 +76,12 @@ def draw_solution(solution: Solution) -> Figure:
             place.plot(s.time, x, ".", color=Ink.GREEN, ms=2.5, mew=0.0)
             place.set_ylabel(f"{name}\nat samples")
     axes[-1].set_xlabel("time [s]")
-    axes[-1].set_xlim(float(s.time[0]), float(max(s.time[-1], s.time[0] + 1e-9)))
-    figure.align_ylabels(axes)
-    return figure
 
 
-def _depth(s: Solution, axes: Axes) -> None:
+def _depth(s: Solution, axes: Axes, *, legend: bool) -> None:
     if not np.all(np.isnan(s.reference)):
         style.setpoint(axes, s.time, s.reference)
+        _settling_band(s, axes)
     axes.plot(s.time, s.depth, color=Ink.BLUE, label="depth")
     for kind, marker in (("reached the bottom", "v"), ("began to emerge", "^")):
         at = [event.time for event in s.events if event.kind == kind]
@@ -60,11 +91,26 @@ def _depth(s: Solution, axes: Axes) -> None:
         how: Any = {"color": Ink.ORANGE, "ms": 7, "zorder": 3, "label": "supervisor took over"}
         axes.plot(alarm.time, np.interp(alarm.time, s.time, s.depth), "X", **how)
     style.depth_axis(axes)
-    if len(axes.get_lines()) > 1:
+    if legend and len(axes.get_lines()) > 1:
         style.legend_above(axes)
 
 
-def _volume(s: Solution, axes: Axes) -> None:
+def _settling_band(s: Solution, axes: Axes) -> None:
+    """Shade 2 % of each step to either side of its set-point."""
+    changes = np.flatnonzero(np.diff(s.reference) != 0.0) + 1
+    before, label = float(s.depth[0]), "2 % of the step"
+    for part in np.split(np.arange(len(s.time)), changes):
+        target = float(s.reference[part[0]])
+        half = _SETTLED * abs(target - before)
+        if half > 0.0:
+            end = s.time[min(part[-1] + 1, len(s.time) - 1)]
+            how: Any = {"color": Ink.GREY, "alpha": 0.25, "lw": 0.0, "label": label}
+            axes.fill_between([s.time[part[0]], end], target - half, target + half, **how)
+            label = "_nolegend_"
+        before = target
+
+
+def _volume(s: Solution, axes: Axes, *, legend: bool) -> None:
     if not np.all(np.isnan(s.volume_reference)):
         how: Any = {"where": "post", "color": Ink.ORANGE, "lw": 0.8, "label": "asked for"}
         axes.step(s.time, s.volume_reference * 1e6, **how)
@@ -78,7 +124,7 @@ def _volume(s: Solution, axes: Axes) -> None:
         # what is asked for may go far beyond what any motor follows
         axes.set_ylim(low - 3.0 * room, high + 3.0 * room)
     axes.set_ylabel("volume [cm³]")
-    if len(axes.get_lines()) > 1:
+    if legend and len(axes.get_lines()) > 1:
         style.legend_above(axes)
 
 

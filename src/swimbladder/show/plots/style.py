@@ -1,6 +1,5 @@
 """How every picture looks: colours that all can distinguish, units on axes, depth downwards."""
 
-import io
 import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -166,20 +165,3 @@ def save(figure: Figure, path: str | Path) -> Path:
 
 # no date and no program in a file, so that it is the same tomorrow
 _QUIET = {"svg": {"Date": None, "Creator": None}, "png": {"Software": None}}
-
-
-def png(figure: Figure) -> bytes:
-    """Return a figure as the content of a PNG file."""
-    return _content(figure, "png")
-
-
-def svg_text(figure: Figure) -> str:
-    """Return a figure as the text of an SVG file."""
-    return _content(figure, "svg").decode()
-
-
-def _content(figure: Figure, form: str) -> bytes:
-    with mpl.rc_context(STYLE):
-        content = io.BytesIO()
-        figure.savefig(content, format=form, metadata=_QUIET[form])
-    return content.getvalue()

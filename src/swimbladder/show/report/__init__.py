@@ -5,7 +5,6 @@
 """
 
 from swimbladder.show.report.html import (
-    inline_svg as inline_svg,
     render as render,
     symbols as symbols,
 )

@@ -11,9 +11,8 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.files import Gone, write_all
 from swimbladder.show.plots.identify_actuator import draw_log, draw_speeds, draw_steps, shows_speeds
-from swimbladder.show.plots.style import png
 from swimbladder.show.report.actuator_text import headlines, labels, pairs, rows, words
-from swimbladder.show.report.html import PageFigure, page_figure, render
+from swimbladder.show.report.html import REPORT, PageFigure, page_figure, render
 from swimbladder.show.report.identification import Run
 from swimbladder.units import rounded, unit_factor
 
@@ -46,12 +45,17 @@ def write_actuator(
         tables["steps.png"] = draw_steps(found)
     html = _page(found, list(tables), run, advance)
     tables.setdefault("vehicle.toml", Gone(_HEAD))
-    return write_all(out, {"identify-actuator.html": html, **tables}), why
+    return write_all(out, {REPORT: html, **tables}), why
 
 
 def save_actuator(found: ActuatorIdentification, out: Path) -> list[Path]:
     """Write page, steps and picture; return the paths."""
     return write_actuator(found, out, Run("", 0.0), picture=True, advance=silent)[0]
+
+
+def page(found: ActuatorIdentification) -> str:
+    """Return the report of an identification that was made in Python."""
+    return _page(found, [], Run("", 0.0), silent)
 
 
 def _page(found: ActuatorIdentification, files: list[str], run: Run, advance: Advance) -> str:
@@ -61,7 +65,7 @@ def _page(found: ActuatorIdentification, files: list[str], run: Run, advance: Ad
     names = labels(found)
     speeds = []
     if shows_speeds(found):
-        speeds = [page_figure("speeds", png(draw_speeds(found)), f"speeds-{_kind(found)}")]
+        speeds = [page_figure("speeds", draw_speeds(found), f"speeds-{_kind(found)}")]
     advance(share)
     logs = []
     for number, (fit, name) in enumerate(zip(found.logs, names, strict=True), start=1):
@@ -108,7 +112,7 @@ def _kind(found: ActuatorIdentification) -> str:
 
 def _figures(found: ActuatorIdentification, steps: list[Step], number: int) -> list[PageFigure]:
     """Return the pictures of one log."""
-    log, each = png(draw_log(found, steps)), png(draw_steps(found, steps[0].source))
+    log, each = draw_log(found, steps), draw_steps(found, steps[0].source)
     return [
         page_figure(f"log-{number}", log, "log"),
         page_figure(f"steps-{number}", each, f"steps-{_kind(found)}"),

@@ -13,7 +13,7 @@ def campaign_files(found: Campaign, answer: Mapping[str, Any]) -> dict[str, obje
     The last where the floats are a design.
     """
     picture = draw_campaign(found)
-    files: dict[str, object] = {"campaign.json": answer, "floats.csv": found.columns_csv}
+    files: dict[str, object] = {"campaign.json": answer, "floats.csv": found.by_float()}
     files["campaign.png"] = picture
     if found.sensitivity is not None:
         files["sensitivity.png"] = draw_sensitivity(found.sensitivity)

@@ -3,7 +3,7 @@
 In plain words: what to do, in which order, and its predicted errors.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from swimbladder.design.experiments import Design
@@ -11,8 +11,7 @@ from swimbladder.design.experiments.conditions import Release
 from swimbladder.design.experiments.result import percent
 from swimbladder.io.plan import Move, plan_file
 from swimbladder.show.plots.design import draw_design, draw_plan
-from swimbladder.show.plots.style import png
-from swimbladder.show.report.html import data_url, render
+from swimbladder.show.report.html import REPORT, PageFigure, page_figure, render
 from swimbladder.show.report.text import row
 
 
@@ -97,13 +96,14 @@ def design_files(design: Design, answer: Mapping[str, Any], command: str = "") -
 
     command: how the page says that it was made; answer: design.json.
     """
-    images = {"plan": png(draw_plan(design)), "design": png(draw_design(design))}
-    return {
+    pictures = {"plan": draw_plan(design), "design": draw_design(design)}
+    files: dict[str, object] = {
         "plan.toml": plan_file(design.plan(), head=_head(design)),
-        "plan.html": _page(design, images, command),
-        **{f"{name}.png": image for name, image in images.items()},
+        **{f"{name}.png": made for name, made in pictures.items()},
         "design.json": answer,
     }
+    figures = {n: page_figure(n, made, f"experiments-{n}") for n, made in pictures.items()}
+    return {REPORT: _page(design, figures, list(files), command), **files}
 
 
 def _head(design: Design) -> str:
@@ -114,7 +114,9 @@ def _head(design: Design) -> str:
     return "\n".join(lines)
 
 
-def _page(design: Design, images: Mapping[str, bytes], command: str) -> str:
+def _page(
+    design: Design, figures: Mapping[str, PageFigure], files: Sequence[str], command: str
+) -> str:
     w = design.chosen
     names = w.prediction.names
     experiments = [
@@ -131,8 +133,9 @@ def _page(design: Design, images: Mapping[str, bytes], command: str) -> str:
         "ranges": [f"{percent(w.spread[n][0])} to {percent(w.spread[n][1])}" for n in names],
         "rivals": [f"{design.gains[name]:.1f}" for name in names] if design.gains else [],
         "comparison": comparison(design),
-        "images": {name: data_url(image) for name, image in images.items()},
+        "figures": figures,
+        "files": files,
         "command": command,
-        "findings": sorted(design.findings, key=lambda f: f.severity == "note"),
+        "listed": sorted(design.findings, key=lambda f: f.severity == "note"),
     }
     return render("plan.html.j2", values)

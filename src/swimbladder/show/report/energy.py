@@ -8,10 +8,12 @@ import numpy as np
 from swimbladder.design.energy import Energy, PumpFit
 from swimbladder.design.energy.fit import run_columns
 from swimbladder.design.energy.messages import fit_sentences
-from swimbladder.design.energy.run import depth_columns, dive_columns
+from swimbladder.design.energy.run import dive_columns
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.answers import page
 from swimbladder.show.files import Gone
 from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
+from swimbladder.show.report.html import REPORT
 from swimbladder.vehicle import Vehicle
 
 HEAD = "Pump found by swimbladder energy --fit."
@@ -20,7 +22,7 @@ HEAD = "Pump found by swimbladder energy --fit."
 def energy_files(found: Energy, answer: Mapping[str, Any]) -> dict[str, object]:
     """Return the contents of energy.csv, dives.csv, energy.json (the answer) and two pictures."""
     return {
-        "energy.csv": _known(depth_columns(found.drive, found.hover)),
+        "energy.csv": _known(found.columns()),
         "dives.csv": _known(dive_columns(found.dive)),
         "energy.json": answer,
         "energy.png": draw_energy(found),
@@ -29,13 +31,15 @@ def energy_files(found: Energy, answer: Mapping[str, Any]) -> dict[str, object]:
 
 
 def fit_files(
-    fit: PumpFit, answer: Mapping[str, Any], vehicle: Vehicle | None = None
+    fit: PumpFit, answer: Mapping[str, Any], vehicle: Vehicle | None = None, command: str = ""
 ) -> dict[str, object]:
-    """Return the contents of pump.json (the answer), runs.csv, pump.png and, with a vehicle, its.
+    """Return the contents of the report, pump.json (the answer), runs.csv and pump.png.
 
-    That is vehicle.toml. Where the fit is refused, that of an earlier run is taken away.
+    With a vehicle also those of vehicle.toml. Where the fit is refused, that of an earlier run is
+    taken away.
     """
     files = {"pump.json": answer, "runs.csv": run_columns(fit), "pump.png": draw_fit(fit)}
+    files = {REPORT: page(fit, answer, files, command), **files}
     if fit.refusal:
         return {**files, "vehicle.toml": Gone(HEAD)}
     if vehicle is None:

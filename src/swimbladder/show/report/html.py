@@ -1,8 +1,7 @@
-"""HTML that needs nothing but itself: pictures and styles stand in the file, nothing is fetched."""
+"""HTML that needs nothing but itself: figures, styles and plotly stand in the file."""
 
-import base64
+import json
 import re
-import struct
 import tomllib
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
@@ -13,13 +12,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
-from swimbladder.show.plots.style import svg_text
+from swimbladder.show.plots.interactive import as_plotly
 from swimbladder.units import rounded
 
 TEXTS = tomllib.loads(files("swimbladder.show.report").joinpath("texts.toml").read_text("utf-8"))
 """What the reports say of figures, parameters and tables, texts.toml."""
 
-_FULL = 1440  # pixels of a picture as wide as the page
+REPORT = "report.html"
+"""The name of the page of every answer."""
+
+_PLOTLY = files("swimbladder.show").joinpath("plotly/plotly-basic.min.js")
 
 _GREEK = {
     "psi": "ψ",
@@ -55,6 +57,7 @@ def render(template: str, context: Mapping[str, Any], **filters: Callable[..., s
     )
     environment.filters |= {"symbols": symbols, "rounded": rounded, "made_by": _made_by, **filters}
     environment.globals["version"] = version("swimbladder")
+    environment.globals["plotly"] = Markup(_PLOTLY.read_text("utf-8"))
     return environment.get_template(template).render(context)
 
 
@@ -92,53 +95,39 @@ class Picture(NamedTuple):
 
 
 class PageFigure(NamedTuple):
-    """A picture as a page has it: inside the file, its letters as large as those of the others."""
+    """A figure as a page has it: to hover and zoom, inside the file."""
 
     name: str
     title: str
     caption: str
-    data: str
-    width: str
+    plot: Markup
 
 
-def page_figure(name: str, image: bytes, about: str = "", part: str = "") -> PageFigure:
-    """Return a PNG as a picture of a page, with the title and caption of texts.toml.
+def page_figure(
+    name: str,
+    figure: Figure,
+    about: str = "",
+    part: str = "",
+    said: Mapping[str, Mapping[str, str]] = TEXTS["figures"],
+) -> PageFigure:
+    """Return a figure for a page, with its title and caption.
 
-    about: what they are called there, where not as the picture; part: what of it the title adds.
+    about: what they are called in `said`, where not as the figure; part: what of it the title adds.
     """
-    said = TEXTS["figures"][about or name]
-    title = f"{said['title']}{part}"
-    (pixels,) = struct.unpack(">I", image[16:20])
-    width = f"{min(100.0 * pixels / _FULL, 100.0):.0f}%"
-    stop = "" if title.endswith("?") else "."
-    return PageFigure(name, f"{title}{stop}", said["caption"], data_url(image), width)
+    found = said.get(about or name, {"title": "", "caption": ""})
+    title, caption = found["title"] + part, found["caption"]
+    stop = "" if not title or title.endswith("?") else "."
+    return PageFigure(name, title + stop, caption, _plot(figure, name, f"{title}{stop} {caption}"))
 
 
-def data_url(image: bytes) -> str:
-    """Return a PNG as an address that holds it."""
-    return "data:image/png;base64," + base64.b64encode(image).decode("ascii")
-
-
-def drawn_inline(figure: Figure, *, name: str, label: str) -> Markup:
-    """Return a figure to stand inside HTML, as `inline_svg` does."""
-    return inline_svg(svg_text(figure), name=name, label=label)
-
-
-def inline_svg(svg: str, *, name: str, label: str) -> Markup:
-    """Return an SVG file's text to stand inside HTML, described by `label` to those who cannot see.
-
-    Identifiers get `name` in front, so that several pictures can share a page.
-    """
-    body = svg[svg.index("<svg") :]
-    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', body)
-    body = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', body)
-    body = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", body)
-    body = re.sub(r"<svg\b([^>]*)>", lambda m: _opening(m.group(1), label), body, count=1)
-    return Markup(body)
-
-
-def _opening(attributes: str, label: str) -> str:
-    kept = re.sub(r'\s(?:width|height|version|xmlns:xlink)="[^"]*"', "", attributes)
-    linked = 'xmlns:xlink="http://www.w3.org/1999/xlink"'
-    return f'<svg{kept} {linked} role="img" aria-label="{escape(label)}">'
+def _plot(figure: Figure, name: str, label: str) -> Markup:
+    """Return a figure as the element and the data that page.html.j2 makes a plotly figure of."""
+    data = json.dumps(as_plotly(figure), separators=(",", ":"), allow_nan=False)
+    div = Markup('<div class="plot" role="img" data-name="{}" aria-label="{}"></div>')
+    kept = Markup(data.replace("<", "\\u003c"))
+    return (
+        div.format(name, label.strip() or name)
+        + Markup('\n<script type="application/json">')
+        + kept
+        + Markup("</script>\n<noscript>This figure needs JavaScript.</noscript>")
+    )

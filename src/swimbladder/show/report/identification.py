@@ -21,9 +21,8 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.files import write_all, written_by
 from swimbladder.show.plots import identify as plots
 from swimbladder.show.plots.identify import labels
-from swimbladder.show.plots.style import png
 from swimbladder.show.report import text
-from swimbladder.show.report.html import PageFigure, Picture, page_figure, render
+from swimbladder.show.report.html import REPORT, PageFigure, Picture, page_figure, render
 from swimbladder.show.report.text import row
 from swimbladder.sim.pool import Fit
 from swimbladder.units import rounded, shown_unit, unit_factor
@@ -144,6 +143,12 @@ def save_identification(found: Identification, out: Path) -> list[Path]:
     return write_identification(found, out, Run("", 0.0), found.to_dict())
 
 
+def report_page(found: Identification) -> str:
+    """Return the report of an identification that was made in Python."""
+    figures = {p.name: page_figure(p.name, p.draw(), p.about, p.part) for p in pictures(found)}
+    return page(found, figures, Run("", 0.0), files=())
+
+
 def write_identification(
     found: Identification, out: Path, run: Run, answer: Mapping[str, Any], advance: Advance = silent
 ) -> list[Path]:
@@ -156,10 +161,11 @@ def write_identification(
     """
     check_folder(out, "")
     drawn = pictures(found, run.paper)
-    images, figures = {}, {}
+    images: dict[str, object] = {}
+    figures = {}
     for name, draw, about, part in drawn:
-        images[f"figures/{name}.png"] = image = png(draw())
-        figures[name] = page_figure(name, image, about, part)
+        images[f"figures/{name}.png"] = made = draw()
+        figures[name] = page_figure(name, made, about, part)
         advance(1.0 / (len(drawn) + 1))
     files: dict[str, object] = {"identify.json": answer, "residuals.csv": residuals(found)}
     if found.identified:
@@ -169,7 +175,7 @@ def write_identification(
         names = (f"{name} [{NAMES[name].unit}]" for name in found.posterior.names)
         files[POSTERIOR] = dict(zip(names, found.posterior.draws.T, strict=True))
     html = page(found, figures, run, files=list(files))
-    written = write_all(out, {"identify.html": html, **files})
+    written = write_all(out, {REPORT: html, **files})
     _sweep(out, [*files])
     advance(1.0 / (len(drawn) + 1))
     return written

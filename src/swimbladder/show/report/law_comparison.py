@@ -4,7 +4,7 @@ Rows of text are the same on the terminal, on the page and in the CSV file.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from swimbladder.design.law_comparison import LawComparison
@@ -14,7 +14,7 @@ from swimbladder.io.answers import as_json
 from swimbladder.io.tables import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.law_comparison import draw_pareto, draw_steps
-from swimbladder.show.report.html import TEXTS, drawn_inline, render
+from swimbladder.show.report.html import REPORT, TEXTS, PageFigure, page_figure, render
 
 SOON = ("law", "settles [s]", "of bound", "95 % [s]", "over [%]", "deep [%]", "lost")
 STILL = ("law", "hold", "swell", "deep", "drift", "L/h", "starts", "turns", "J/h")
@@ -119,27 +119,23 @@ def comparison_files(
 
     command: how the page says that it was made; answer: laws.json.
     """
-    pareto, steps = draw_pareto(comparison), draw_steps(comparison)
-    label = "Settling and holding of every law against the volume it moves."
-    images = {
-        "pareto": drawn_inline(pareto, name="pareto", label=label),
-        "steps": drawn_inline(steps, name="steps", label="Depth of every law after a step."),
-    }
-    files: dict[str, object] = {
-        "laws.html": _page(comparison, images, command),
-        "laws.csv": table_csv(comparison),
-        "laws.json": answer,
-        "pareto.png": pareto,
-        "steps.png": steps,
-    }
+    pictures = {"pareto": draw_pareto(comparison), "steps": draw_steps(comparison)}
+    files: dict[str, object] = {"laws.csv": table_csv(comparison), "laws.json": answer}
+    files |= {f"{name}.png": made for name, made in pictures.items()}
     for row in comparison.rows:
         flown = comparison.vehicle.model_copy(update={"controller": row.who.controller()})
         head = f"As flown by swimbladder compare-laws: {row.who.name}."
         files[f"vehicles/{row.who.slug}.toml"] = vehicle_file(flown, head=head)
-    return files
+    figures = {name: page_figure(name, made) for name, made in pictures.items()}
+    return {REPORT: _page(comparison, figures, list(files), command), **files}
 
 
-def _page(comparison: LawComparison, images: Mapping[str, str], command: str) -> str:
+def _page(
+    comparison: LawComparison,
+    figures: Mapping[str, PageFigure],
+    files: Sequence[str],
+    command: str,
+) -> str:
     flown = [
         {
             "words": p.scenario.words,
@@ -153,5 +149,6 @@ def _page(comparison: LawComparison, images: Mapping[str, str], command: str) ->
         for p in comparison.placed
     ]
     table = {"headings": HEADINGS, "rows": summary(comparison), "notes": notes(comparison)}
-    values = {"comparison": comparison, "flown": flown, "images": images, "command": command}
+    values = {"comparison": comparison, "flown": flown, "figures": figures}
+    values |= {"files": files, "command": command}
     return render("law_comparison.html.j2", table | values)

@@ -1,7 +1,7 @@
 """A tuning as files: the vehicle with its controller, a page, numbers and pictures."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from swimbladder.control.records import leaves
@@ -9,39 +9,34 @@ from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
-from swimbladder.show.report.html import TEXTS, drawn_inline, render
+from swimbladder.show.report.html import REPORT, TEXTS, PageFigure, page_figure, render
 from swimbladder.units import shown_unit, unit_factor
 
 
 def tuning_files(found: Tuning, answer: Mapping[str, Any], command: str = "") -> dict[str, object]:
-    """Return the contents of vehicle.toml, tune.html, tune.json and pictures.
+    """Return the contents of vehicle.toml, report.html, tune.json and pictures.
 
     Gains that do not keep what they have to are in unproven.toml instead. command: how the page
     says that it was made; answer: tune.json. A law without margins has no sensitivity.png.
     """
-    tune = draw_tuning(found)
-    label = "Depth, volume and voltage of the trials against time."
-    images = {"tune": drawn_inline(tune, name="tune", label=label)}
-    pictures: dict[str, object] = {"tune.png": tune}
+    pictures = {"tune": draw_tuning(found)}
     if found.margins is not None:
-        pictures["sensitivity.png"] = figure = draw_sensitivity(found)
-        label = "Sensitivity against frequency over the region."
-        images["sensitivity"] = drawn_inline(figure, name="sensitivity", label=label)
+        pictures["sensitivity"] = draw_sensitivity(found)
     head = f"Tuned by swimbladder tune, law {found.law.name}, goal {found.goal}."
-    return {
-        "vehicle.toml" if found.proven else "unproven.toml": vehicle_file(
-            found.result_vehicle, head="\n".join([head, *found.sentences])
-        ),
-        "tune.html": _page(found, images, command),
-        "tune.json": answer,
-        **pictures,
-    }
+    text = vehicle_file(found.result_vehicle, head="\n".join([head, *found.sentences]))
+    files: dict[str, object] = {"vehicle.toml" if found.proven else "unproven.toml": text}
+    files |= {"tune.json": answer, **{f"{name}.png": made for name, made in pictures.items()}}
+    figures = {name: page_figure(name, made) for name, made in pictures.items()}
+    return {REPORT: _page(found, figures, list(files), command), **files}
 
 
-def _page(found: Tuning, images: Mapping[str, str], command: str) -> str:
+def _page(
+    found: Tuning, figures: Mapping[str, PageFigure], files: Sequence[str], command: str
+) -> str:
     values = {
         "found": found,
-        "images": images,
+        "figures": figures,
+        "files": files,
         "command": command,
         "trials": _trials(found),
         "margins": _margins(found),

@@ -311,9 +311,8 @@ class Campaign(Answer):
             found.append(f"cycles on one battery: {life.median:g} (95 % of the next float: {ends})")
         return found
 
-    @property
-    def columns_csv(self) -> dict[str, Array]:
-        """The columns of floats.csv: a row per float."""
+    def by_float(self) -> dict[str, Array]:
+        """Return the columns of floats.csv: a row per float."""
         t = self.table
         found: dict[str, Array] = {
             "float": np.arange(1.0, len(t) + 1.0),
