@@ -73,6 +73,7 @@ def test_a_wheel_that_the_sdist_does_not_make_is_refused(built, tmp_path):
         dist.check(other, sdist, ROOT)
 
 
+@pytest.mark.slow
 def test_the_installed_wheel_simulates_draws_and_writes_firmware(built, tmp_path):
     packages = Path(sysconfig.get_path("purelib"))
     there = dist.Environment.beside(packages, tmp_path.resolve() / "environment")
