@@ -15,6 +15,7 @@ from swimbladder.io.answers import Answer, json_text
 from swimbladder.show import answers
 from swimbladder.show.report.html import _made_by
 from swimbladder.show.tables import dataset, split
+from tests.cf import cf_problems
 from tests.pages import figures_of, without_scripts
 from tests.vehicles import limited
 
@@ -112,6 +113,7 @@ def _check_tables(answer):
     (size,) = found.sizes.values()
     assert size == len(frame)
     assert {array.attrs["units"] for array in found.values() if "units" in array.attrs}
+    assert cf_problems(found) == []
 
 
 @pytest.mark.parametrize(
@@ -137,7 +139,7 @@ def test_a_table_lies_along_its_first_column_where_that_rises():
     assert np.array_equal(s.to_dataset()["depth"], s.depth)
     plain = dataset(frame, "a step")
     assert plain["depth"].dims == ("time",)
-    assert plain["depth"].attrs == {"long_name": "depth", "units": "m"}
+    assert (plain["depth"].attrs["long_name"], plain["depth"].attrs["units"]) == ("depth", "m")
     assert np.array_equal(plain["time"], s.time)
     found = sb.analyse("feup-em")
     response = found.to_dataframe()

@@ -132,12 +132,11 @@ def _also(
     """Return what is written beside the files of the answer; what is not asked for goes."""
     from swimbladder.io.netcdf import write_netcdf
     from swimbladder.show.files import Gone
-    from swimbladder.sim.mission.og1 import og1_dataset
 
     files: dict[str, object] = dict.fromkeys(("mission.nc", "mission.png"), Gone())
     if also.netcdf:
         place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
-        data = og1_dataset(found, begin=begin, **place)
+        data = found.dataset(begin=begin, **place)
         files["mission.nc"] = partial(write_netcdf, dataset=data)
     if also.plot:
         files["mission.png"] = found.plot()

@@ -10,6 +10,7 @@ import numpy as np
 
 from swimbladder.control.records import leaves
 from swimbladder.io.netcdf import cf_dataset, described, meaning
+from swimbladder.sim.closed_loop.solution import time_of_run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,10 +50,17 @@ def dataset(frame: pd.DataFrame, title: str) -> xr.Dataset:
     rises = first.dtype.kind in "if" and bool(np.all(np.diff(first) > 0.0))
     along = names[frame.columns[0]][0] if rises else "row"
     arrays = {
-        name: (along, frame[column].to_numpy(), meaning(unit, name.replace("_", " ")))
+        name: (along, frame[column].to_numpy(), _meaning(name, unit, axis=name == along))
         for column, (name, unit) in names.items()
     }
     return cf_dataset(arrays, described(title), coordinates=[along] if rises else [])
+
+
+def _meaning(name: str, unit: str, *, axis: bool) -> dict[str, Any]:
+    if axis and (name, unit) == ("time", "s"):
+        return time_of_run()
+    down = {"standard_name": "depth", "positive": "down"} if name == "depth" else {}
+    return meaning(unit, name.replace("_", " "), **down)
 
 
 def split(columns: Any) -> Iterator[tuple[str, tuple[str, str]]]:

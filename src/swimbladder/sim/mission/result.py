@@ -1,9 +1,11 @@
 """A mission flown, as numbers and sentences."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,9 @@ from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.plan_check import Reach
 from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = NDArray[np.float64]
 _BACK = 0.5  # m below where it turned back, it has
@@ -220,6 +225,15 @@ class MissionResult(Answer):
     def reasons(self) -> list[str]:
         """Why the mission ended, and what was not met on the way."""
         return reason_words(self)
+
+    def dataset(self, **given: Any) -> xr.Dataset:
+        """Return what mission.nc has, in the terms of OG 1.0.
+
+        given: begin, latitude and longitude, as `og1_dataset` takes them.
+        """
+        from swimbladder.sim.mission.og1 import og1_dataset
+
+        return og1_dataset(self, **given)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain values, SI."""
