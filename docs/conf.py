@@ -122,6 +122,58 @@ def _on_site(text: str, folder: Path) -> str:
     return _LINK.sub(mended, text)
 
 
+# The example whose picture a page begins with.
+PICTURES = {
+    "how-to/analyse": "control/plot_3_margins",
+    "how-to/ballast": "ocean/plot_2_two_seas",
+    "how-to/board": "team/plot_3_flash",
+    "how-to/campaign": "study/plot_3_campaign",
+    "how-to/compare": "pool/plot_6_compare",
+    "how-to/compare-laws": "control/plot_4_all_laws",
+    "how-to/design-experiment": "pool/plot_1_design",
+    "how-to/energy": "ocean/plot_3_thruster",
+    "how-to/extend": "control/plot_2_own_law",
+    "how-to/faults": "team/plot_4_break_it",
+    "how-to/firmware": "team/plot_3_flash",
+    "how-to/float-logs": "ocean/plot_5_speeds",
+    "how-to/identify": "pool/plot_2_identify",
+    "how-to/identify-actuator": "pool/plot_3_actuator",
+    "how-to/logs": "pool/plot_5_messy_log",
+    "how-to/mission": "ocean/plot_1_argo_year",
+    "how-to/plan": "control/plot_5_least_time",
+    "how-to/pool": "pool/plot_4_stepper",
+    "how-to/python": "study/plot_2_ensemble",
+    "how-to/simulate": "team/plot_2_profiles",
+    "how-to/size": "ocean/plot_4_size",
+    "how-to/stability": "control/plot_6_recovery",
+    "how-to/tune": "control/plot_4_all_laws",
+}
+
+
+def _pictured(text: str, example: str) -> str:
+    """Return a page with the picture of an example below its first paragraph."""
+    group, _, name = example.partition("/")
+    title = (HERE / "gallery" / f"{example}.py").read_text(encoding="utf-8").split("\n")[1]
+    figure = (
+        f":::{{figure}} /auto_gallery/{group}/images/sphx_glr_{name}_001.png\n"
+        f":alt: {title}\n:width: 75%\n\n"
+        f"{{doc}}`{title} </auto_gallery/{example}>`, from the gallery.\n:::\n\n"
+    )
+    head, first, rest = text.split("\n\n", 2)
+    return "\n\n".join([head, first, figure + rest])
+
+
+def _drawn(text: str) -> str:
+    """Return a page whose pictures of examples that were not run are blank ones."""
+
+    def mended(found: re.Match[str]) -> str:
+        if (HERE / found[0].lstrip("/")).exists():
+            return found[0]
+        return f"{found[1]}/thumb/{found[2]}_thumb.png"
+
+    return re.sub(r"(/auto_gallery/\w+/images)/(sphx_glr_\w+)_001\.png", mended, text)
+
+
 def _read(app, name, source):
     path = Path(app.env.doc2path(name))
     if path.suffix == ".markdown":  # stands for a page above `docs/`
@@ -130,6 +182,9 @@ def _read(app, name, source):
         source[0] = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         source[0] = _on_site(source[0], path.parent)
+        if name in PICTURES:
+            source[0] = _pictured(source[0], PICTURES[name])
+        source[0] = _drawn(source[0])
 
 
 def _reference(app, env, node, around):

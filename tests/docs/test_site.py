@@ -120,3 +120,11 @@ def test_the_site_builds_without_a_warning(tmp_path):
         place = f"auto_gallery/{example.parent.name}/{example.stem}"
         assert f"{place}.html" in pages
         assert (tmp_path / "docs" / f"{place}.ipynb").exists()
+
+
+def test_every_how_to_has_a_picture_and_every_picture_an_example():
+    text = (DOCS / "conf.py").read_text(encoding="utf-8")
+    pictures = dict(re.findall(r'^    "([\w/-]+)": "(\w+/plot_\w+)",$', text, re.MULTILINE))
+    pages = {f"how-to/{path.stem}" for path in (DOCS / "how-to").glob("*.md")}
+    assert pages == set(pictures)
+    assert set(pictures.values()) <= {f"{e.parent.name}/{e.stem}" for e in EXAMPLES}

@@ -44,6 +44,7 @@ print(found)
 
 moves = 1e-6 * np.array([0.0, -40.0, -40.0, 40.0, 40.0, -30.0, -30.0, 5.0])
 pulses = np.interp(time, [5.0, 7.0, 25.0, 29.0, 50.0, 54.0, 75.0, 77.0], moves)
-seen = sb.compare(log(pulses, 1.5), found.vehicle)
+identified = found.vehicle.replace({"name": "the vehicle identified in the pool,"})
+seen = sb.compare(log(pulses, 1.5), identified)
 print(seen)
 seen.plot()
