@@ -39,12 +39,12 @@ pool = []
 for change, start in [(20e-6, 3.75), (-30e-6, 0.75), (45e-6, 3.75), (-75e-6, 0.75)]:
     ramp = np.clip((time - 3.0) * np.sign(change) * 40e-6, min(change, 0.0), max(change, 0.0))
     pool.append(log(ramp, start))
-found = sb.identify(pool, "feup-em", drag="blended", profiles=False, choices=False)
+start = sb.load_vehicle("feup-em").replace({"name": "what was identified in the pool,"})
+found = sb.identify(pool, start, drag="blended", profiles=False, choices=False)
 print(found)
 
 moves = 1e-6 * np.array([0.0, -40.0, -40.0, 40.0, 40.0, -30.0, -30.0, 5.0])
 pulses = np.interp(time, [5.0, 7.0, 25.0, 29.0, 50.0, 54.0, 75.0, 77.0], moves)
-identified = found.vehicle.replace({"name": "the vehicle identified in the pool,"})
-seen = sb.compare(log(pulses, 1.5), identified)
+seen = sb.compare(log(pulses, 1.5), found.vehicle)
 print(seen)
 seen.plot()
