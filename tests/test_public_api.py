@@ -139,7 +139,7 @@ CALLED = {
 }
 ELSEWHERE = {
     # where it is written, and as what
-    *("out", "json", "plot", "netcdf", "config", "begin"),
+    *("out", "full", "json", "plot", "netcdf", "config", "begin"),
     # fields of the vehicle's file: vehicle.with_sensors(...), a [supervisor] table, its controller
     *("depth_noise", "depth_quantum", "time_limit", "law"),
     # other functions: fit_pump, paper_fits, Spread.identified, one mission of faults, predict_ahead

@@ -60,7 +60,7 @@ def test_json_answers_what_was_asked(capsys):
 
 
 def test_text_has_tables_and_sentences(capsys):
-    assert main(["analyse", "feup-em", "--depth", "0.1 km"]) == 1
+    assert main(["analyse", "feup-em", "--depth", "0.1 km", "--full"]) == 1
     captured = capsys.readouterr()
     assert "feup-em at 100 m" in captured.err
     text = " ".join(captured.out.split())

@@ -10,6 +10,7 @@ from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison import SCENARIOS
 from swimbladder.io.config import load_vehicle
 from tests.docs.test_reference import check, rows
+from tests.few_lines import few
 from tests.pages import figures_of, without_scripts
 
 
@@ -55,6 +56,8 @@ def test_the_page_the_table_and_the_pictures(capsys, tmp_path):
     assert bind(flown.controller) == bind(load_vehicle("feup-em").controller)
     # the same again, from what was kept, for a person
     assert main(command) == 0
+    few(capsys.readouterr().out)
+    assert main([*command, "--full"]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert "cascade, the paper's" in told
     assert "J/h is unknown: R and k_T of the motor are not known" in told

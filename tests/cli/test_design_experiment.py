@@ -26,7 +26,7 @@ QUICK = [
 
 
 def test_it_prints_and_writes_a_plan(capsys, tmp_path):
-    code = main([*QUICK, "--against", "20,-20 cm3", "--out", str(tmp_path)])
+    code = main([*QUICK, "--against", "20,-20 cm3", "--full", "--out", str(tmp_path)])
     printed = capsys.readouterr().out
     assert code == 0
     design = json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))

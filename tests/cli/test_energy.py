@@ -32,7 +32,10 @@ def test_the_answer_and_the_table_agree(capsys, tmp_path):
 
 
 def test_words_for_people(capsys, tmp_path):
-    assert main(["energy", "example-em", "--depth", "50 m", "--out", str(tmp_path / "o")]) == 0
+    assert (
+        main(["energy", "example-em", "--depth", "50 m", "--full", "--out", str(tmp_path / "o")])
+        == 0
+    )
     said = capsys.readouterr().out
     assert "Pressing out at 50 m takes" in said
     assert "It stalls at 155.8 m" in said
@@ -42,10 +45,10 @@ def test_words_for_people(capsys, tmp_path):
 
 
 def test_a_depth_beyond_the_rating_is_said_first_and_percent_has_its_blank(capsys, tmp_path):
-    out = ["--out", str(tmp_path / "o")]
+    out = ["--full", "--out", str(tmp_path / "o")]
     assert main(["energy", "example-float", "--depth", "2500 m", *out]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert said[2] == "2500 m is deeper than the vehicle is rated for, 2000 m."
+    assert said[1] == "2500 m is deeper than the vehicle is rated for, 2000 m."
     assert main(["energy", "example-float", *out]) == 0
     said = capsys.readouterr().out
     assert "rated" not in said

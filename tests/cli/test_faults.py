@@ -75,7 +75,7 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
 
 @pytest.mark.usefixtures("gcc")
 def test_the_table_is_printed(capsys, tmp_path):
-    code = main([*FEW, "--out", str(tmp_path)])
+    code = main([*FEW, "--full", "--out", str(tmp_path)])
     said = capsys.readouterr()
     kept = json.loads((tmp_path / "faults.json").read_text(encoding="utf-8"))
     for row in kept["kinds"]:  # its name, and its counts

@@ -168,6 +168,7 @@ def test_the_report_for_people(capsys, pool, tmp_path):
         "psi=4.04 cm3/m +- 10 %",
         "--set",
         "T2=36.3 s",
+        "--full",
         "--out",
         tmp_path,
     )
@@ -178,7 +179,8 @@ def test_the_report_for_people(capsys, pool, tmp_path):
     assert "T2" in out
     assert "set" in out
     assert "behind the best" in out
-    assert f"wrote {tmp_path / 'vehicle.toml'}" in out
+    (wrote,) = (line for line in out.splitlines() if line.startswith(f"wrote to {tmp_path}: "))
+    assert "vehicle.toml" in wrote
     assert not (tmp_path / "figures" / "profiles.png").exists()
 
 

@@ -68,7 +68,7 @@ def test_the_numbers_and_the_files(capsys, log, tmp_path):
 
 
 def test_the_report_for_people(capsys, log, tmp_path):
-    out = run(capsys, log, "--out", tmp_path / "out").out
+    out = run(capsys, log, "--out", tmp_path / "out", "--full").out
     assert "mm/s/V" in out
     assert "no limit is seen" in out
     assert "not known" in out

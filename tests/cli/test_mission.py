@@ -307,7 +307,8 @@ def test_a_battery_that_does_not_last_is_exit_1(task, tmp_path, capsys):
 
 
 def test_of_many_cycles_the_first_and_last_are_printed_and_all_are_written(task, capsys):
-    assert main(["mission", "example-float", str(task), "--cycles", "26", "--out", "flown"]) == 0
+    flown = ["mission", "example-float", str(task), "--cycles", "26", "--out", "flown", "--full"]
+    assert main(flown) == 0
     said = capsys.readouterr().out.splitlines()
     first = [line.split()[0] for line in said if line[:5].strip().isdigit()]
     assert first == [str(n) for n in (*range(1, 12), 26)]

@@ -97,8 +97,9 @@ def test_a_group_is_options_of_its_command():
         "names",
         "count",
         "shallow",
-        "out",
+        "full",
         "json",
+        "out",
     ]
     assert taken["share"].default == "20 %"
     assert taken["vehicle"].default is inspect.Parameter.empty

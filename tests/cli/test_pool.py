@@ -11,6 +11,7 @@ from swimbladder.design.pool_day import follow
 from swimbladder.estimation.motion import identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import read_log
+from tests.few_lines import few
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +43,11 @@ def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(
 
 def test_the_verdict_is_told_once(rehearsal, capsys, tmp_path):
     main(["pool", "feup-em", "--simulate", "--most", "1", "--out", str(tmp_path)])
-    interim = capsys.readouterr().out
-    assert interim.count("At least 3 more") == 2  # at the end from all sides
+    interim = few(capsys.readouterr().out)
+    assert interim.count("At least 3 more") == 1
     _, code, said = rehearsal
     assert code == 0
-    assert said.count("Good enough to stop") == 1
+    assert few(said).count("Good enough to stop") == 1
 
 
 @pytest.fixture(scope="module")

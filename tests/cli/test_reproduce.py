@@ -10,6 +10,7 @@ from swimbladder.cli import main
 from swimbladder.paper.evidence import gather
 from swimbladder.paper.verdict import claim
 from swimbladder.show import files
+from tests.few_lines import few
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -25,7 +26,7 @@ def gathered_once():
 def test_the_report_is_made_and_named(tmp_path, capsys):
     out = tmp_path / "report" / "paper"
     assert main(["reproduce", "--out", str(out), "--seed", "3"]) == 0
-    shown = capsys.readouterr().out
+    shown = few(capsys.readouterr().out)
     assert str(out / "report.html") in shown.replace("\n", "")
     assert "37 of 37 checked and met" in shown
     assert "0 fail" in shown

@@ -29,10 +29,12 @@ def test_list_has_every_preset(capsys):
 
 
 def test_show_prints_the_file_itself(capsys):
-    assert main(["vehicle", "show", "feup-em"]) == 0
+    assert main(["vehicle", "show", "feup-em", "--full"]) == 0
     captured = capsys.readouterr()
     assert captured.out == preset_text("feup-em")
     assert "mass that is accelerated" in captured.err
+    assert main(["vehicle", "show", "feup-em"]) == 0
+    assert "mass that is accelerated" in capsys.readouterr().out
 
 
 def test_show_gives_numbers_units_and_what_follows(capsys):
@@ -103,8 +105,12 @@ def test_bad_input_is_exit_code_2(capsys, tmp_path, monkeypatch, arguments, word
 
 def test_fields_are_set_and_the_vehicle_is_printed_or_written(capsys, tmp_path):
     changes = ["motion.K2=6500", "motion.T2=42 s", "name=slow"]
-    assert main(["vehicle", "set", "feup-em", *changes]) == 0
+    assert main(["vehicle", "set", "feup-em", *changes, "--full"]) == 0
     printed = capsys.readouterr().out
+    assert main(["vehicle", "set", "feup-em", *changes]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "motion.K2: 7935.54 to 6500.0 1/m2/s" in said
+    assert said[-1].startswith("nothing is written: --out FILE")
     path = tmp_path / "slow.toml"
     assert main(["vehicle", "set", "feup-em", *changes, "--out", str(path)]) == 0
     assert path.read_text() == printed

@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import typer
-from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from swimbladder.cli.common import (
-    Output,
-    aside,
-    emit_json,
-    output,
-    progress,
-    say,
-    table,
-    typed_command,
-)
-from swimbladder.cli.options import Options, VehicleName, flag, grouped, valued
+from swimbladder.cli.common import Output, aside, progress, table, text_lines, typed_command
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -34,32 +24,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Asked(Options):
-    """Where the vehicle rests, and what is written of it."""
+    """Where the vehicle rests."""
 
     depth: str = valued("DEPTH", "Depth of the operating point.", "0 m")
-    out: Path | None = valued("DIR", "Folder for analysis.json, analysis.txt and pictures.")
-    json: bool = flag("--json", "Print one JSON object and nothing else.")
 
 
-@grouped()
-def analyse(vehicle: VehicleName, *, asked: Asked) -> None:
+@grouped(out=None)
+def analyse(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     """Linear models: poles, Routh's table, margins of the sampled loop.
 
     The depth is in m, or carries a unit: --depth "50 m". Exit code 1 when the vehicle has a
-    controller and its closed loop is not stable, or cannot rest at the depth.
+    controller and its closed loop is not stable, or cannot rest at the depth. Files are written
+    with --out.
     """
     with progress("analysing"):
         a = _analysis(vehicle, asked.read()["depth"])
-    files = [] if asked.out is None else _write(a, asked.out)
-    if asked.json:
-        emit_json({**a.to_dict(), "files": [str(path) for path in files]})
-    else:
-        _show(a, output)
-        say(*(f"wrote {path}" for path in files))
     if not a.rests:
         aside(f"no rest: stroke or supply do not hold {a.vehicle.name} at {a.depth:g} m")
-    if a.stable is False or not a.rests:
-        raise typer.Exit(1)
+    to.answer(a.to_dict(), _shown(a), partial(_files, a), good=a.rests and a.stable is not False)
+
+
+def _files(a: Analysis, numbers: Mapping[str, Any]) -> Mapping[str, object]:
+    from swimbladder.show.answers import contents
+
+    paper = Output(width=100, color_system=None, highlight=False)
+    lines = (line for part in _shown(a) for line in text_lines(part, paper))
+    report = "".join(f"{line}\n" for line in lines)
+    return {**contents(a, numbers, typed_command()), "analysis.txt": report}
 
 
 def _analysis(vehicle: str, depth: float) -> Analysis:
@@ -76,39 +67,14 @@ def _analysis(vehicle: str, depth: float) -> Analysis:
         raise (locate(error, vehicle) if Path(vehicle).is_file() else error) from None
 
 
-def _write(a: Analysis, out: Path) -> list[Path]:
-    """Write the answer, the report and the pictures; return their paths."""
-    import io
-
-    text = io.StringIO()
-    _show(a, Output(file=text, width=100, color_system=None))
-    report = "".join(line.rstrip() + "\n" for line in text.getvalue().splitlines())
-    with progress("drawing"):
-        from swimbladder.show.answers import contents
-        from swimbladder.show.files import write_all
-
-        files = contents(a, a.to_dict(), typed_command())
-        return write_all(out, {**files, "analysis.txt": report})
-
-
-def _show(a: Analysis, console: Console) -> None:
-    """Print everything there is to read, tables between the sentences."""
-    console.print(Text(f"Linear analysis of {a.vehicle.name} at {a.depth:g} m", style="bold"))
-    tables: dict[str, list[Table]] = {
-        "Rest": [],
-        "Open loop": [_transfer_functions(a), _poles(a), _routh(a)],
-        "Depth": [_neutral_volume(a)],
-        "Closed loop": [] if a.closed_loop is None else [_modes(a), _margins(a)],
-    }
-    if a.drive is not None:
-        tables["Open loop"].append(_motions(a))
-        tables["Depth"].append(_drive(a.drive))
-    for title, listed in tables.items():
-        console.print(Text(f"\n{title}", style="bold"))
-        for sentence in a.findings[title.lower()]:
-            console.print(Text(sentence))
-        for one in listed:
-            console.print(Padding(one, (1, 0, 0, 2)))
+def _shown(a: Analysis) -> Iterator[object]:
+    """Give what there is to read, then the tables."""
+    yield Text(f"Linear analysis of {a.vehicle.name} at {a.depth:g} m", style="bold")
+    yield from a.sentences
+    closed = [] if a.closed_loop is None else [_modes(a), _margins(a)]
+    pumped = [] if a.drive is None else [_drive(a.drive), _motions(a)]
+    tables = (*closed, _neutral_volume(a), *pumped, _poles(a), _routh(a), _transfer_functions(a))
+    yield from (Padding(one, (1, 0, 0, 2)) for one in tables)
 
 
 def _titled(title: str, headings: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:

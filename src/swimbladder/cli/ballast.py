@@ -98,7 +98,7 @@ def _shown(found: Ballasting) -> Iterator[object]:
     """Give what is printed, the answer first."""
     yield f"{found.vehicle.name} in {', '.join(column.source for column in found.columns)}"
     yield from labelled("warning", found.warnings)
-    yield from ("", *found.sentences, "")
+    yield from found.sentences
     spread = [f"{name} {1e6 * value:.2g}" for name, value in found.spread.items() if value > 0.0]
     if spread:
         yield f"1 sigma of the neutral volume at the deepest, cm3: {', '.join(spread)}"

@@ -14,10 +14,8 @@ from swimbladder.cli.common import (
     aside,
     asked_of,
     compile_notice,
-    emit_json,
     kept,
     progress,
-    say,
     table,
     typed_command,
 )
@@ -153,7 +151,7 @@ def campaign(
     with kept(job.store), compile_notice(), progress(doing, 1.0) as advance:
         whole = run(job, workers, advance)
     if not whole:
-        _unfinished(layout, work.part, to.json)
+        _unfinished(layout, work.part, to)
         return
     found = result_of(job)
     numbers = found.to_dict()
@@ -166,16 +164,13 @@ def campaign(
     to.answer(numbers, _shown(found), written, good=found.completed)
 
 
-def _unfinished(layout: Layout, part: str, json: bool) -> None:
+def _unfinished(layout: Layout, part: str, to: Files) -> None:
     """Say how far the campaign is of which this was a part."""
     done = len(layout.done())
     chunks = f"{done} of {layout.count} chunks of the campaign are done"
     sentence = f"part {part} is flown: {chunks}, the others are for other parts"
-    if json:
-        state = {"sentence": sentence, "chunks": layout.count, "done": done}
-        emit_json({**state, "files": [str(layout.folder)]})
-    else:
-        say(sentence)
+    state = {"sentence": sentence, "chunks": layout.count, "done": done}
+    to.show({**state, "files": [str(layout.folder)]}, [sentence])
 
 
 def _shown(found: Campaign) -> Iterator[object]:
@@ -187,23 +182,22 @@ def _shown(found: Campaign) -> Iterator[object]:
         (str(count), f"{100.0 * part:.1f} %", f"{100.0 * low:.1f} to {100.0 * high:.1f} %", words)
         for words, count, part, (low, high) in found.shares()
     )
-    yield from (found.sentence, "", table(("floats", "share", "95 %", what), ways, left=[what]))
+    yield from (found.sentence, table(("floats", "share", "95 %", what), ways, left=[what]))
     numbers = (
         (words, f"{middle:.4g}", f"{low:.4g}", f"{high:.4g}", unit)
         for words, unit, middle, low, high in found.spreads()
     )
     headings = ("per float", "median", "5 %", "95 %", "unit")
-    yield from ("", table(headings, numbers, left=("per float", "unit")))
+    yield table(headings, numbers, left=("per float", "unit"))
     if (life := found.battery_life) is not None:
         row = ("cycles on one battery", f"{life.median:g}", "{} to {}".format(*life.prediction95))
         what = "the next float"
-        yield from ("", table((what, "median", "95 % prediction"), [row], left=[what]))
+        yield table((what, "median", "95 % prediction"), [row], left=[what])
     if found.sensitivity is not None:
         yield from _indices(found.sensitivity)
 
 
 def _indices(found: Sensitivity) -> Iterator[object]:
-    yield ""
     headings = ("output", "comes from", "first order", "95 %", "total", "95 % ")
     rows = []
     for one in found.outputs:

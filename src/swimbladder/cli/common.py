@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import re
 import shutil
@@ -85,10 +86,38 @@ console = Console(stderr=True, highlight=False)
 output = Output(highlight=False, markup=False, emoji=False)
 
 
-def say(*parts: object) -> None:
-    """Print what was asked for: sentences, each on one line however long it is, and tables."""
-    for part in parts:
-        output.print(part, soft_wrap=isinstance(part, (str, Text)))
+def show_answer(parts: Iterable[object], ends: Sequence[str] = (), *, full: bool = False) -> None:
+    """Print what was asked for, its most important first: 15 lines at most, or all of it.
+
+    ends: sentences that close it in any case. A table of which no row has room is left out.
+    """
+    blocks = [text_lines(part) for part in parts]
+    kept, room = [line for block in blocks for line in block], _LINES - sum(map(_rows, ends))
+    if not full and sum(map(_rows, kept)) > room:
+        kept, every, room = [], len(kept), room - 1
+        for block in blocks:
+            taken = [line for k, line in enumerate(block, 1) if sum(map(_rows, block[:k])) <= room]
+            room = room - sum(map(_rows, taken)) if len(taken) == len(block) else 0
+            kept += taken if room or len(taken) != _HEADING else []
+        left = every - len(kept)
+        ends = [f"... {left} line{'' if left == 1 else 's'} more: --full", *ends]
+    for line in (*kept, *ends):
+        output.print(Text.from_ansi(line), soft_wrap=True)
+
+
+_LINES, _HEADING = 15, 1
+
+
+def text_lines(part: object, paper: Output = output) -> list[str]:
+    """Return the lines of a sentence, one however long it is, or of a table."""
+    with paper.capture() as printed:
+        paper.print(part, soft_wrap=isinstance(part, str | Text))
+    return [line.rstrip() for line in printed.get().splitlines()]
+
+
+def _rows(line: str) -> int:
+    """Return how many rows of the terminal a line takes; one where there is none."""
+    return math.ceil(Text.from_ansi(line).cell_len / output.width) or 1 if output.is_terminal else 1
 
 
 def aside(*sentences: str) -> None:
@@ -102,12 +131,10 @@ def labelled(label: str, sentences: Iterable[str]) -> list[str]:
     return [f"{label}: {sentence}" for sentence in sentences]
 
 
-def severities(findings: Sequence[Any]) -> Iterator[Text | str]:
-    """Give findings that are warnings, then those that are notes, a blank line before each."""
-    for kind, style in (("warning", "bold yellow"), ("note", "")):
-        listed = [f.sentence for f in findings if f.severity == kind]
-        yield from ([""] if listed else [])
-        yield from (Text(sentence, style=style) for sentence in labelled(kind, listed))
+def severity(findings: Sequence[Any], kind: str) -> list[Text]:
+    """Return the findings that are of one kind, warnings in yellow."""
+    listed = labelled(kind, (f.sentence for f in findings if f.severity == kind))
+    return [Text(line, style="bold yellow" if kind == "warning" else "") for line in listed]
 
 
 def table(

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.text import Text
 
-from swimbladder.cli import common
 from swimbladder.cli.casts import LogCasts
 from swimbladder.cli.common import (
     aside,
@@ -157,11 +157,9 @@ def compare(
             task.error = error
     _write_page(tasks, to.out)
     answers = [task.answer() for task in tasks]
-    if to.json:
-        common.emit_json(answers[0] if len(answers) == 1 else {"comparisons": answers})
-    else:
-        for part in _shown(tasks):
-            common.say(part)
+    found = answers[0] if len(answers) == 1 else {"comparisons": answers}
+    aside(*(f"error: {task.error}" for task in tasks if task.error is not None))
+    to.show(found, _shown(tasks), to.wrote([path for task in tasks for path in task.files]))
     code = max(task.exit_code for task in tasks)
     if code:
         raise typer.Exit(code)
@@ -284,16 +282,18 @@ def _cleared(value: float, least: float) -> float:
 
 
 def _shown(tasks: list[_Task]) -> Iterator[object]:
-    """Give a row for each log, then what was fitted, noted and written."""
+    """Give a row for each log and what was found wrong, then what was fitted and noted."""
     headings = ("log", "driven by", "rms", "bias", "variance", "largest", "samples")
     yield table(headings, ((task.log.label, *_row(task.result)) for task in tasks))
+    for task in tasks:
+        of = f" ({task.log.label})" if len(tasks) > 1 else ""
+        for f in () if task.result is None else task.result.findings:
+            yield Text(f"{f.severity}: {f.sentence}{of}", style="bold")
     yield "predicted less measured depth; variance: the share of it that is explained"
     said: set[str] = set()
     for task in tasks:
         if len(tasks) > 1:
             yield f"\n{task.log.label}"
-        if task.error is not None:
-            aside(f"error: {task.error}")
         if task.result is not None:
             yield from _one(task, task.result, said)
 
@@ -308,9 +308,7 @@ def _row(r: Comparison | None) -> tuple[str, ...]:
 
 
 def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:
-    """Give what was fitted, the notes not yet said, and the files."""
-    from rich.text import Text
-
+    """Give what was fitted, and the notes not yet said."""
     from swimbladder.estimation.comparison.run import FITTABLE
 
     for name, fitted in r.fitted.items():
@@ -327,7 +325,5 @@ def _one(task: _Task, r: Comparison, said: set[str]) -> Iterator[object]:
         yield f"piston: rms {1e3 * piston:.2f} mm"
     if task.ahead is not None:
         yield from _ahead_shown(task.ahead)
-    yield from (Text(f"{f.severity}: {f.sentence}", style="bold") for f in r.findings)
     yield from labelled("note", (note for note in r.notes if note not in said))
     said.update(r.notes)
-    yield from (f"wrote {path}" for path in task.files)

@@ -12,11 +12,9 @@ import typer
 from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_cast
 from swimbladder.cli.common import (
     compile_notice,
-    emit_json,
     kept,
     labelled,
     progress,
-    say,
     table,
 )
 from swimbladder.cli.options import AnyVehicle, Files, Options, WithoutSupervisor, grouped, valued
@@ -87,7 +85,7 @@ def compare_laws(
     What is done is kept in the folder's parts/, so that a stopped comparison goes on there.
     """
     if list_scenarios:
-        _list(vehicle, flights.read()["depths"], supervised=not without_supervisor, json=to.json)
+        _list(vehicle, flights.read()["depths"], to, supervised=not without_supervisor)
         return
     if vehicle is None:
         raise InputError("no vehicle", field="VEHICLE", remedy="Name a preset or a TOML file")
@@ -109,7 +107,7 @@ def compare_laws(
 
 
 def _list(
-    vehicle: str | None, depths: tuple[float, float] | None, *, supervised: bool, json: bool
+    vehicle: str | None, depths: tuple[float, float] | None, to: Files, *, supervised: bool
 ) -> None:
     """Print the scenarios, with the depths that a vehicle gives them where one is named."""
     from swimbladder.design.law_comparison.contenders import SCENARIOS, place, places, scenarios_of
@@ -124,15 +122,13 @@ def _list(
             p = place(one, v, where)
             shown[one.name] |= {"start_m": p.start, "target_m": p.target}
             shown[one.name]["duration_s"] = p.duration
-    if json:
-        emit_json({"scenarios": shown})
-        return
     rows = []
     for name, told in shown.items():
         numbers = [f"{x:.5g}" for key, x in told.items() if key != "words"]
         rows.append((name, *numbers, told["words"]))
     numbers = ["from [m]", "to [m]", "for [s]"] if vehicle else []
-    say(table(("scenario", *numbers, "what"), rows, left=("scenario", "what")))
+    listed = table(("scenario", *numbers, "what"), rows, left=("scenario", "what"))
+    to.show({"scenarios": shown}, [listed])
 
 
 def _shown(found: LawComparison) -> Iterator[object]:
@@ -143,10 +139,10 @@ def _shown(found: LawComparison) -> Iterator[object]:
     controllers = f"{count} controller{'' if count == 1 else 's'}"
     scenarios = f"{len(found.placed)} scenarios of {found.runs} runs"
     yield f"{found.vehicle.name}, {controllers} on {scenarios}"
-    yield from ("", *found.sentences, "")
+    yield from found.sentences
     rows = [dict(zip(HEADINGS, row, strict=True)) for row in summary(found)]
     for shown in (SOON, STILL):
-        yield from (table(shown, ([row[heading] for heading in shown] for row in rows)), "")
-    yield from (*notes(found), "")
+        yield table(shown, ([row[heading] for heading in shown] for row in rows))
+    yield from notes(found)
     yield from (f"left out: {name}: {why}" for name, why in found.left_out.items())
     yield from labelled("assumed", found.assumptions)

@@ -14,7 +14,7 @@ from swimbladder.cli.common import (
     labelled,
     progress,
     quantity,
-    severities,
+    severity,
     table,
 )
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
@@ -117,13 +117,12 @@ def _shown(found: Design) -> Iterator[object]:
     yield f"{found.vehicle.name}, {c.question.model.law} drag, a pool of {c.setting.pool_depth:g} m"
     if not found.identifiable:
         failed = [f.sentence for f in found.findings if f.severity == "no"]
-        first = "\nNo set of experiments in this time identifies all parameters:"
+        first = "No set of experiments in this time identifies all parameters:"
         yield from (Text(sentence, style="bold") for sentence in (first, *failed))
-    yield from ("", *headlines(found), "", _experiments(found), "", _parameters(found))
-    said = comparison(found)
-    yield from ("", *said) if said else ()
-    yield from severities(found.findings)
-    yield from ("", *labelled("assumed", found.assumptions))
+    yield from (*headlines(found), *severity(found.findings, "warning"))
+    yield from (_experiments(found), _parameters(found), *comparison(found))
+    yield from severity(found.findings, "note")
+    yield from labelled("assumed", found.assumptions)
 
 
 def _experiments(found: Design) -> Table:

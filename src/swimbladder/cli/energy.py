@@ -59,7 +59,7 @@ def fit_runs(
 def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> Iterator[object]:
     from swimbladder.design.energy import efficiency_bands
 
-    yield from (*said, "")
+    yield from said
     shown = {
         "W/Pa": ("mW/dbar", 1e7),
         "m3/s/Pa": ("mL/s/MPa", 1e12),
@@ -71,14 +71,14 @@ def _shown_fit(found: PumpFit, said: Sequence[str], report: Sequence[str]) -> It
         unit, factor = shown.get(e.unit, (e.unit, 1.0))
         rows.append((name, *(f"{x * factor:.4g}" for x in (e.value, *e.ci95)), unit))
     headings = ["parameter", "value", "95 % from", "to", "unit"]
-    yield from (table(headings, rows, left=("parameter", "unit")), "")
+    yield table(headings, rows, left=("parameter", "unit"))
     bands = []
     for b in efficiency_bands(found):
         took = f"{b.pressure / 1e4:.0f}", f"{b.runs}", f"{1e6 * b.volume:.3g}", f"{b.energy:.4g}"
         bands.append((*took, f"{b.efficiency:.3f}", f"{b.fitted:.3f}"))
     if bands:
         headings = ["dbar", "runs", "mL a run", "J a run", "efficiency", "by the law"]
-        yield from (table(headings, bands, left=()), "")
+        yield table(headings, bands, left=())
     yield from report
 
 
@@ -174,7 +174,7 @@ def _shown(answer: Energy) -> Iterator[object]:
 
     found = answer.drive
     m = found.map
-    yield from (f"{found.vehicle.name}, {found.vehicle.actuator.kind}", "", *answer.sentences, "")
+    yield from (f"{found.vehicle.name}, {found.vehicle.actuator.kind}", *answer.sentences)
     columns = {
         "depth\nm": found.column.depth,
         "out\nmL/s": m.rate_out * 1e6,
@@ -186,7 +186,7 @@ def _shown(answer: Energy) -> Iterator[object]:
         "hold\nW": m.holding_power,
     }
     rows = np.transpose([*columns.values()])[spread_indices(found.column.depth.size, _LINES)]
-    yield from (table([*columns], (map(_digits, row) for row in rows), left=()), "")
+    yield table([*columns], (map(_digits, row) for row in rows), left=())
     yield from labelled("assumed", answer.assumptions)
 
 

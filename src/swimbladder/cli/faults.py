@@ -106,11 +106,9 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
 
 
 def _shown(flown: FaultResult) -> Iterator[object]:
-    """Give what is printed: what was flown, a row for each kind of fault, and what it comes to."""
+    """Give what is printed: what was flown, what it comes to, a row for each kind of fault."""
     column = flown.course.column
-    first, *rest = flown.sentences
-    yield first
-    yield from labelled("cast", () if column is None else column.report)
+    yield from flown.sentences
     rows = []
     for line in flown.lines():
         counts = [line.missions, line.recoverable, line.recovered]
@@ -119,8 +117,8 @@ def _shown(flown: FaultResult) -> Iterator[object]:
         rows.append((line.name, *map(str, counts), *times, f"{line.deepest:.1f}"))
     headings = ("fault", "missions", "recoverable", "recovered", "lost", "lost without\nsupervisor")
     more = ("detection\ntime [s]", "95 %\n[s]", "deepest\n[m]")
-    yield from ("", table((*headings, *more), rows), "")
-    yield from rest
+    yield table((*headings, *more), rows)
+    yield from labelled("cast", () if column is None else column.report)
 
 
 def _seconds(value: float) -> str:

@@ -21,7 +21,7 @@ from swimbladder.cli.common import (
     compile_notice,
     labelled,
     progress,
-    severities,
+    severity,
     table,
     typed_command,
 )
@@ -103,7 +103,7 @@ def _deep_shown(found: DeepIdentification, notes: Sequence[str]) -> Iterator[obj
     """Give what is printed, the answer first."""
     first, *others = found.sentences
     yield from (Text(first, style="bold"), *others)
-    yield from ("", _deep_parameters(found), "", _dives(found), "")
+    yield from (_deep_parameters(found), _dives(found))
     yield from (*labelled("assumed", found.assumptions), *labelled("note", notes))
 
 
@@ -150,19 +150,20 @@ def _shown(found: Identification, paper: PaperFits | None, seconds: float) -> It
         noise += f" ({1e3 * found.sensor_noise:.2g} mm of them the sensor's)"
     yield f"{found.result_vehicle.name}, {logs}, {found.law} drag, {noise}, {seconds:.2g} s"
     if not found.identified:
-        yield Text("\nNot identifiable from these logs:", style="bold red")
+        yield Text("Not identifiable from these logs:", style="bold red")
     style = "" if found.identified else "bold"
-    yield from ("", *(Text(sentence, style=style) for sentence in headlines(found)))
-    yield from severities(findings(found))
-    yield from ("", _parameters(found))
+    yield from (Text(sentence, style=style) for sentence in headlines(found))
+    yield from severity(findings(found), "warning")
+    yield _parameters(found)
+    yield from severity(findings(found), "note")
     if found.posterior is not None:
         yield _posterior(found.posterior)
     yield from (f"correlation of {a} and {b}: {r:+.2f}" for a, b, r in correlations(found))
     if found.choices:
-        yield from ("", _choices(found))
-    yield from ("", _logs(found), "")
+        yield _choices(found)
+    yield _logs(found)
     if paper is not None:
-        yield f"{paper.sentence}\n"
+        yield paper.sentence
     yield from labelled("assumed", found.assumptions)
     yield from labelled("note", reading(found, labels(found)))
 

@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import aside, labelled, progress, quantity, table, typed_command
+from swimbladder.cli.common import (
+    aside,
+    labelled,
+    progress,
+    quantity,
+    severity,
+    table,
+    typed_command,
+)
 from swimbladder.cli.logs import LogReading
 from swimbladder.cli.options import Files, LogFiles, Options, grouped, valued
 from swimbladder.cli.texts import Given, Several, pair
@@ -109,10 +117,11 @@ _HEADINGS = ("", "value", "1 sigma", "95 % interval")
 
 
 def _shown(found: ActuatorIdentification) -> Iterator[object]:
-    """Give what is printed: the parameters, each log, the nine, and what is to be said."""
+    """Give what is printed: what is wrong, the parameters, each log, the nine, the rest."""
+    asked = [f.sentence for f in found.findings if f.severity == "no"]
+    yield from (*labelled("not identified", asked), *severity(found.findings, "warning"))
     shown = {**found.parameters, **found.derived}
     yield table(_HEADINGS, (_row(name, e) for name, e in shown.items()))
-    asked = {f.sentence for f in found.findings if f.severity == "no"}
     reasons: dict[str, list[str]] = {}
     for name, e in shown.items():
         if not e.known and not any(e.why in sentence for sentence in asked):
@@ -120,15 +129,13 @@ def _shown(found: ActuatorIdentification) -> Iterator[object]:
     yield from (f"{', '.join(without)}: {why}" for why, without in reasons.items())
     if len(found.logs) > 1:
         yield from _each(found)
-    yield "\nThe nine parameters of the model (section 2.3)"
+    yield "The nine parameters of the model (section 2.3)"
     nine = (
         (known.symbol, _value(known.value, known.unit), known.source, known.origin)
         for known in found.nine
     )
     yield table(("", "value", "from", " "), nine, left=("", "from", " "))
-    yield ""
-    marks = {"no": "not identified", "warning": "warning", "note": "note"}
-    yield from (f"{marks[finding.severity]}: {finding.sentence}" for finding in found.findings)
+    yield from severity(found.findings, "note")
     yield from (*labelled("assumed", found.assumptions), *labelled("note", found.notes))
 
 
@@ -138,7 +145,7 @@ def _value(value: float | None, unit: str) -> str:
 
 def _each(found: ActuatorIdentification) -> Iterator[object]:
     """Give what each log determines, a row for each of its numbers."""
-    yield "\nEach log by itself"
+    yield "Each log by itself"
     for fit in found.logs:
         refusal = "" if fit.refusal is None else f": {fit.refusal}"
         yield f"{Path(fit.source).name}{refusal}"

@@ -153,16 +153,15 @@ def _shown(found: MissionResult, cast: Cast | None) -> Iterator[object]:
     count = len(flight.cycles)
     cycles = f"{count} cycle{'s' if count > 1 else ''}, {span_words(flight.duration)}"
     yield f"{flight.vehicle.name} in {flight.column.source or 'the given water'}: {cycles}"
+    yield from (found.sentence, *found.reasons, *found.notes, *found.holding)
     yield from law_words(found.laws)
-    yield from labelled("cast", () if cast is None else flight.column.report)
-    yield from ("", found.sentence, *found.holding, *found.reasons, *found.notes, "")
     heading, *lines = cycle_words(found)
     yield table(heading, lines, left=())
     if len(lines) < count:
         yield f"({count - len(lines)} cycles more in cycles.csv)"
     if found.energy_known:
-        yield ""
         total = found.books.drawn
         for name, energy in sorted(found.books.battery.items(), key=lambda pair: -pair[1]):
             share = 100.0 * energy / total if total > 0.0 else 0.0
             yield f"{name}: {energy / 1e3:.4g} kJ, {share:.0f} %"
+    yield from labelled("cast", () if cast is None else flight.column.report)

@@ -22,7 +22,7 @@ from swimbladder.cli.common import (
     progress,
     quantity,
     said_as_typed,
-    say,
+    show_answer,
     typed_command,
 )
 from swimbladder.cli.texts import Given, depth_pair, names, pairs
@@ -181,12 +181,28 @@ class Options:
             yield
 
 
-@dataclass(frozen=True)
-class Files(Options):
-    """Where the files of a command go, and whether its answer is JSON."""
+@dataclass(frozen=True, kw_only=True)
+class Shown(Options):
+    """How much of an answer is printed: 15 lines, all of it, or JSON."""
+
+    full: bool = flag("--full", "Print the whole answer, not 15 lines of it.")
+    json: bool = flag("--json", "Print one JSON object and nothing else.")
+
+    def show(
+        self, answer: Mapping[str, Any], parts: Iterable[object], ends: Sequence[str] = ()
+    ) -> None:
+        """Print an answer as JSON or by its parts, the most important first, and `ends`."""
+        if self.json:
+            emit_json(answer)
+        else:
+            show_answer(parts, ends, full=self.full)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Files(Shown):
+    """Where the files of a command go, and how its answer is printed."""
 
     out: Path = valued("DIR", "Folder for the files.", ..., name="--out")
-    json: bool = flag("--json", "Print one JSON object and nothing else.")
 
     def check(self) -> None:
         """Raise InputError where the folder could not be made."""
@@ -206,29 +222,41 @@ class Files(Options):
     ) -> None:
         """Print the answer and its files, as JSON or as `shown`; exit with 1 where it is not good.
 
-        files: their paths, or what returns from the answer what is to be written; none: those that
-        the answer itself has. why: what is not good; beside JSON it stands on stderr. keep:
-        the folder where unfinished work was kept, which has no use any more.
+        shown: its parts, the most important first, of which 15 lines are printed. files: their
+        paths, or what returns from the answer what is to be written; none: those that the answer
+        itself has. Without a folder none is written. why: what is not good; beside JSON it stands
+        on stderr. keep: the folder where unfinished work was kept, which has no use any more.
         """
         if isinstance(answer, Answer):
             from swimbladder.show.answers import contents
 
-            files, answer = partial(contents, answer, command=typed_command()), answer.to_dict()
-        if callable(files):
+            make = partial(contents, answer, command=typed_command())
+            files, answer = files or make, answer.to_dict()
+        if self.out is None:
+            files = None
+        elif callable(files):
             with progress("drawing and writing"):
                 from swimbladder.show.files import write_all
 
                 files = write_all(self.out, files(answer))
-        files = files or ()
         if keep is not None:
             shutil.rmtree(keep, ignore_errors=True)
-        if self.json:
-            emit_json({**answer, "files": [str(path) for path in files]})
-            aside(*(() if good else why))
-        else:
-            say(*shown, *(f"wrote {path}" for path in files))
+        paths = [str(path) for path in files or ()]
+        self.show({**answer, "files": paths}, shown, self.wrote(files or ()))
+        aside(*(why if self.json and not good else ()))
         if not good:
             raise typer.Exit(1)
+
+    def wrote(self, files: Sequence[Path]) -> list[str]:
+        """Return the line that says where the files are; none where there are none."""
+        named = [str(path.relative_to(self.out)) for path in files if path.is_relative_to(self.out)]
+        more = len(named) - _NAMED
+        if more > 1 and not self.full:
+            named = [*named[:_NAMED], f"{more} more"]
+        return [f"wrote to {self.out}: {', '.join(named)}"] if named else []
+
+
+_NAMED = 8  # files that one line names
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,7 @@ def plan(
     with _told_how_to_go_on(), compile_notice(), progress("solving programs") as advance:
         found = find(v, start, target, advance=advance, **options)
 
-    shown = (f"{v.name}, goal {found.goal}", "", *found.sentences, "")
-    to.answer(found, shown)
+    to.answer(found, (f"{v.name}, goal {found.goal}", *found.sentences))
 
 
 @contextlib.contextmanager

@@ -197,7 +197,7 @@ def pool(
     with compile_notice(), _no_empty_folder(to.out):
         kept = _begin(to.out, v, mode)
         day = PoolDay(v, to.out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=kept)
-        view, begun = View(day, quiet=to.json), day.found
+        view = View(day, quiet=to.json)
         files = [to.out / "pool.csv"] if simulate else []
         if simulate:
             pace = rehearsed.speed or (60.0 if view.live else math.inf)
@@ -206,13 +206,11 @@ def pool(
             growing = follow_log(day, tail, timeout=limit) if followed.wait else finished(day, tail)
             _through(view, growing)
             aside(*labelled("note", tail.report))
-        latest = day.found
         day.settle()
-        told = not view.live and day.found is latest is not begun
     day.save()
     answer = day.answer()
-    written = [*answer.pop("files"), *files]
-    to.answer(answer, _end(day, told=told), written, good=day.verdict.good)
+    written = [*map(Path, answer.pop("files")), *files]
+    to.answer(answer, _end(day), written, good=day.verdict.good)
 
 
 @contextlib.contextmanager
@@ -275,11 +273,10 @@ def _begin(out: Path, vehicle: Vehicle, mode: str) -> list[Kept]:
     return []
 
 
-def _end(day: PoolDay, *, told: bool) -> Iterator[object]:
-    """Give the verdict where it has not been told already, what is next, and the experiments."""
-    if not told:
-        yield day.verdict.sentence
-        if day.found is not None:
-            yield parameter_table(day)
+def _end(day: PoolDay) -> Iterator[object]:
+    """Give the verdict, what is next, and the parameters."""
+    yield day.verdict.sentence
     if not day.verdict.good:
         yield f"Next: {day.next.sentence()}"
+    if day.found is not None:
+        yield parameter_table(day)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from swimbladder.cli.common import output, table
+from swimbladder.cli.common import aside, output, table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -44,7 +44,7 @@ def parameter_table(day: PoolDay) -> Table:
 
 
 class View:
-    """Shows a day's news: nothing where quiet, a panel on a terminal, else lines."""
+    """Shows a day's news: nothing where quiet, a panel on a terminal, else lines on stderr."""
 
     def __init__(self, day: PoolDay, *, quiet: bool) -> None:
         self.day, self.quiet = day, quiet
@@ -61,11 +61,8 @@ class View:
 
     def _tell(self, news: News) -> None:
         self._news.append(news)
-        if self.quiet or self.live:
-            return
-        output.print(_line(news), soft_wrap=True)
-        if news.kind == "identified":
-            output.print(parameter_table(self.day))
+        if not (self.quiet or self.live):
+            aside(_line(news))
 
     @contextlib.contextmanager
     def _panel(self) -> Iterator[Any]:

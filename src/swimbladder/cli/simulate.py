@@ -155,7 +155,7 @@ def shown(answer: dict[str, Any]) -> Iterator[object]:
     span = f"{answer['duration_s']:g} s in {answer['samples']} samples"
     yield f"{answer['vehicle']}{water}, {flown}, {span}"
     yield table(headings, rows, left=())
-    yield "peak: largest volume to either side of mid-stroke; travel: volume moved in all"
+    yield answer["stop_reason"]
     kinds = [event["kind"] for event in answer["events"]]
     for kind in dict.fromkeys(kinds):
         at = next(e["time_s"] for e in answer["events"] if e["kind"] == kind)
@@ -163,7 +163,7 @@ def shown(answer: dict[str, Any]) -> Iterator[object]:
         yield f"{kind} {times}at {at:.6g} s"
     if answer["energy_basis"].startswith("electrical"):
         yield f"energy: {answer['energy_J']:.4g} J, {answer['energy_basis']}"
-    yield answer["stop_reason"]
+    yield "peak: largest volume to either side of mid-stroke; travel: volume moved in all"
     yield from labelled("note", answer["notes"])
 
 

@@ -102,4 +102,4 @@ def size(
         found = find(vehicle, Dive(**asked), column=sea, parts=listed, advance=advance, **room)
 
     water = labelled("cast", () if sea is None else sea.report)
-    to.answer(found, (*water, *found.sentences, ""))
+    to.answer(found, (*found.sentences, *water))

@@ -73,12 +73,12 @@ def _shown(found: Stability) -> Iterator[object]:
     from swimbladder.design.stability.run import cycle_rows, robustness_rows
 
     yield f"{found.vehicle}, {found.flown}, sampled every {found.sample_time:g} s"
-    yield from ("", *found.sentences)
+    yield from found.sentences
     if found.cycles:
         headings = ["limit cycle from", "kind", "predicted", "every", "simulated", "every", "error"]
-        yield from ("", table(headings, cycle_rows(found.cycles), left=headings[:2]))
+        yield table(headings, cycle_rows(found.cycles), left=headings[:2])
     if found.stood:
         gains = sorted({s.gain for s in found.stood})
         headings = ["settle (over) [%]", "late", *(f"gain {g:g}" for g in gains)]
-        yield from ("", table(headings, robustness_rows(found.stood), left=headings[:2]))
-    yield from ("", *labelled("assumed", found.words))
+        yield table(headings, robustness_rows(found.stood), left=headings[:2])
+    yield from labelled("assumed", found.words)

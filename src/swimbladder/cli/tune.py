@@ -74,11 +74,11 @@ def _shown(found: Tuning) -> Iterator[object]:
 
     every = f"sampled every {found.sample_time:g} s"
     yield f"{found.result_vehicle.name}, law {found.law.name}, goal {found.goal}, {every}"
-    yield from ("", *found.sentences, "")
+    yield from found.sentences
     units = {name: (unit, shown_unit(unit)) for name, unit in found.law.units.items()}
     rows = [
         (name, f"{float(value) * unit_factor(*units[name]):.5g}", units[name][1])
         for name, value in leaves(found.parameters).items()
     ]
     yield table(("parameter", "value", "unit"), rows, left=("parameter", "unit"))
-    yield from ("", *labelled("assumed", found.assumptions))
+    yield from labelled("assumed", found.assumptions)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import console, emit_json, say, table
+from swimbladder.cli.common import console, table
+from swimbladder.cli.options import Shown, grouped
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,56 +17,57 @@ if TYPE_CHECKING:
 
 vehicle = typer.Typer(no_args_is_help=True)
 
-_Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-
 
 @vehicle.command("list")
-def list_presets(json: _Json = False) -> None:
+@grouped()
+def list_presets(*, to: Shown) -> None:
     """List the vehicles that come with swimbladder."""
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.presets import preset_names
 
     found = [(name, load_vehicle(name)) for name in preset_names()]
     rows = [(name, v.actuator.kind, v.description) for name, v in found]
-    if json:
-        keys = ("name", "kind", "description")
-        emit_json({"vehicles": [dict(zip(keys, row, strict=True)) for row in rows]})
-        return
+    keys = ("name", "kind", "description")
     headings = ("name", "actuator", "description")
-    say(table(headings, rows, left=headings, collapse_padding=False))
+    listed = table(headings, rows, left=headings, collapse_padding=False)
+    to.show({"vehicles": [dict(zip(keys, row, strict=True)) for row in rows]}, [listed])
 
 
 @vehicle.command()
+@grouped()
 def show(
     name: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
-    json: _Json = False,
+    *,
+    to: Shown,
 ) -> None:
-    """Print a vehicle's file, and on stderr the numbers that follow from it."""
+    """Say what follows from a vehicle's numbers; with --full print its file, to keep and edit."""
     from swimbladder.io.config import load_vehicle, vehicle_text
 
     v = load_vehicle(name)
-    derived = _derived(v)
-    if json:
-        said = {"name": v.name, "kind": v.actuator.kind, "description": v.description}
-        keys = ("value", "unit", "meaning")
-        numbers = {name: dict(zip(keys, row, strict=True)) for name, row in derived.items()}
-        follows = {"derived": numbers, "provenance": v.provenance}
-        emit_json({**said, "parameters": _parameters(v), **follows})
-        return
-    sys.stdout.write(vehicle_text(name))
-    sys.stdout.flush()
+    derived, text = _derived(v), vehicle_text(name)
     rows = (
         (meaning, "" if value is None else f"{value:.6g}", unit)
         for value, unit, meaning in derived.values()
     )
-    headings = ("follows from it", "", "")
-    console.print("", table(headings, rows, left=headings, collapse_padding=False), sep="\n")
+    headings = (f"follows from the numbers of {v.name}", "", "")
+    follows = table(headings, rows, left=headings[:1], collapse_padding=False)
+    if to.full and not to.json:
+        console.print(follows, "", sep="\n")
+        sys.stdout.write(text)
+        return
+    keys = ("value", "unit", "meaning")
+    numbers = {name: dict(zip(keys, row, strict=True)) for name, row in derived.items()}
+    said = {"name": v.name, "kind": v.actuator.kind, "description": v.description}
+    answer = {**said, "parameters": _parameters(v), "derived": numbers, "provenance": v.provenance}
+    file = f"its file, of {len(text.splitlines())} lines: --full"
+    to.show(answer, [f"{v.name}, {v.actuator.kind}: {v.description}", follows], [file])
 
 
 _PATH = typer.Argument(metavar="FILE", help="Where to write; KIND.toml by default.")
 
 
 @vehicle.command()
+@grouped()
 def new(
     path: Annotated[Path | None, _PATH] = None,
     kind: Annotated[
@@ -77,7 +79,8 @@ def new(
         ),
     ] = "electromechanical",
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
-    json: _Json = False,
+    *,
+    to: Shown,
 ) -> None:
     """Write a vehicle file to start from: every field, its unit, meaning and default."""
     from swimbladder.io.files import there, write_atomically
@@ -93,34 +96,41 @@ def new(
         remedy = "Choose another name, or overwrite it with --force"
         raise InputError("the file exists already", file=target, field="FILE", remedy=remedy)
     write_atomically(target, vehicle_template(kind, name=target.stem))
-    if json:
-        emit_json({"kind": kind, "files": [target]})
-    else:
-        console.print(f"wrote {target}: put in your numbers, then")
-        console.print(f"  swimbladder simulate {target}")
+    then = [f"wrote {target}: put in your numbers, then", f"  swimbladder simulate {target}"]
+    to.show({"kind": kind, "files": [target]}, then)
 
 
 _CHANGES = typer.Argument(metavar="FIELD=VALUE...", help='Fields: motion.K2=6500 "motion.T2=42 s".')
-_OUT = typer.Option("--out", metavar="FILE", help="File to write (default: print).")
+_OUT = typer.Option("--out", metavar="FILE", help="File to write.")
 
 
 @vehicle.command("set")
+@grouped()
 def set_fields(
     name: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     changes: Annotated[list[str], _CHANGES],
     out: Annotated[Path | None, _OUT] = None,
+    *,
+    to: Shown,
 ) -> None:
-    """Print a vehicle with other values of some fields, or write it: a number is in SI."""
+    """Write a vehicle with other values of some fields: a number is in SI."""
     from swimbladder.cli.texts import pairs
     from swimbladder.io.config import check_vehicle, load_vehicle
     from swimbladder.io.vehicle_file import save_vehicle, vehicle_file
 
-    found = load_vehicle(name).replace(pairs(changes, "vehicle set VEHICLE"))
-    if out is not None:
-        say(f"wrote {save_vehicle(found, out)}")
-        return
+    before = load_vehicle(name)
+    found = before.replace(pairs(changes, "vehicle set VEHICLE"))
     check_vehicle(found)
-    sys.stdout.write(vehicle_file(found))
+    if to.full and not to.json:
+        sys.stdout.write(vehicle_file(found))
+    files = [] if out is None else [save_vehicle(found, out)]
+    old, new = _parameters(before), _parameters(found)
+    was = {field: {"before": old.get(field, {}).get("value")} for field in new}
+    changed = {field: was[field] | x for field, x in new.items() if x != old.get(field)}
+    said = [f"{f}: {x['before']} to {x['value']} {x['unit']}".rstrip() for f, x in changed.items()]
+    end = f"wrote {out}" if out else "nothing is written: --out FILE writes it, --full prints it"
+    if to.json or not to.full:
+        to.show({"changed": changed, "files": files}, said, [end])
 
 
 def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:

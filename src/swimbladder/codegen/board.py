@@ -168,6 +168,7 @@ class BoardAnswer(Answer):
         made, times = self.made, self.times
         where = f"{self.port}, {self.baud} baud, C {digest(made).hex()}"
         yield f"{self.vehicle.name}: law {made.law.name} every {made.tick_s:.9g} s on {where}"
+        yield "equal" if self.equal else "DIFFERENT"
         yield from (flight.sentence for flight in self.flights)
         if self.not_flown:
             yield f"not flown over a wire: {', '.join(self.not_flown)}"
@@ -186,7 +187,6 @@ class BoardAnswer(Answer):
         yield f"frames: {counts.format(**self.frames)}"
         left = self.stack_left
         yield f"stack left: {'not known on this board' if left is None else f'{left} bytes'}"
-        yield "equal" if self.equal else "DIFFERENT"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""

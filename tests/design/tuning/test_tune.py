@@ -46,6 +46,7 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
 from swimbladder.show.report.tune import tuning_files
 from swimbladder.sim.closed_loop import simulate_ensemble
+from tests.few_lines import few
 
 FEUP = load_vehicle("feup-em")
 NOISY = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update={"depth_noise": 2e-3})})
@@ -435,6 +436,8 @@ def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     assert "http" not in page.replace("http://www.w3.org", "")
     assert load_vehicle(out / "vehicle.toml").controller.law == "adrc"
     assert load_vehicle(out / "vehicle.toml").controller.depths == (0.0, 5.0)
+    assert main([*command, "--runs", "30", "--out", str(out)]) == 0
+    assert few(capsys.readouterr().out).startswith("feup-em, law adrc, goal fast")
     simulate = ["simulate", str(out / "vehicle.toml"), "--start", "1.5", "--target", "3"]
     assert (
         main(

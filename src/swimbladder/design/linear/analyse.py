@@ -337,12 +337,12 @@ class Analysis(Answer):
 
     @property
     def findings(self) -> dict[str, tuple[str, ...]]:
-        """What the numbers mean: by subject, a sentence or two for each point."""
+        """What the numbers mean: by subject, the most important first."""
         return {
+            "closed loop": (*_closed_loop_words(self), *self.notes),
+            "depth": tuple(_depths(self)),
             "rest": tuple(_rest(self)),
             "open loop": (*_open_loop_words(self), *_motions(self), *_section_2_5(self)),
-            "depth": tuple(_depths(self)),
-            "closed loop": (*_closed_loop_words(self), *self.notes),
         }
 
     @property
