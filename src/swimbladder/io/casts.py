@@ -7,11 +7,13 @@ stands in `Cast.report`.
 Formats that are no table of text are swimbladder's own, and those of other packages.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +26,14 @@ from swimbladder.io.cast_rows import Inversions, averaged, one_leg, stable, with
 from swimbladder.io.cast_units import MOST_SALT, by_depth, check_units
 from swimbladder.io.log_format import LogFormat, format_of
 from swimbladder.io.log_table import read_table
-from swimbladder.io.log_text import LogFile, is_netcdf, read_bytes
+from swimbladder.io.log_text import LogFile, is_frame, is_netcdf, read_bytes
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 from swimbladder.plugins import Registry
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +110,7 @@ _LATITUDE = 45.0  # where gravity is the mean of pole and equator, to 1 part in 
 
 
 def read_cast(
-    path: str | Path,
+    path: str | Path | pd.DataFrame | xr.Dataset,
     *,
     columns: Mapping[str, str] | None = None,
     where: Mapping[str, str | float] | None = None,
@@ -120,7 +126,8 @@ def read_cast(
     Parameters
     ----------
     path
-        Of the file: CSV, Parquet, netCDF, Argo or Sea-Bird, also gzipped.
+        Of the file: CSV, Parquet, netCDF, Argo or Sea-Bird, also gzipped; or a DataFrame or a
+        Dataset of one profile, with units in `attrs["units"]`, in names or in `columns`.
     columns
         {"pressure_dbar": "Pressure@bar"}, names of `CAST_COLUMNS`; none: as the file names them.
     where
@@ -150,9 +157,10 @@ def read_cast(
         What is said of the cast beside its file cannot be.
     """
     check_reading(latitude=latitude, longitude=longitude, salinity=salinity, inversions=inversions)
-    file, columns, where = Path(path), columns or {}, where or {}
-    data = read_bytes(file)
-    binary, said = recognised(data, file)
+    columns, where = columns or {}, where or {}
+    file: Any = path if is_frame(path) else Path(str(path))
+    data = b"" if is_frame(path) else read_bytes(file)
+    binary, said = (None, []) if is_frame(path) else recognised(data, file)
     if binary is not None:
         if where or form is not None:
             what = "rows and log formats are chosen in CSV and Parquet only"
@@ -160,7 +168,7 @@ def read_cast(
             raise LogError(what, file=file, field="where" if where else "log_format", remedy=remedy)
         raw, profile = binary.read(data, file, columns, profile)
     else:
-        text = LogFile(file, format_of(form))
+        text = LogFile.of(file, format_of(form))
         raw = _text_cast(text, columns, where, salted=salinity is not None)
     raw.report.extend(said)
     stated: dict[str, Any] = {"latitude": latitude, "longitude": longitude}

@@ -5,8 +5,11 @@ valve_s, bypass_s``: for how long the device then runs, in the row in which it b
 elsewhere. A row may have a run and no pressure. Other names and units are mapped as for other logs.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +21,11 @@ from swimbladder.io.log_formats.argo import is_argo, read_argo
 from swimbladder.io.log_formats.argo_trajectory import read_trajectory
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_table import check_columns, listed, named_columns, read_table
-from swimbladder.io.log_text import LogFile, is_netcdf, read_bytes
+from swimbladder.io.log_text import LogFile, is_frame, is_netcdf, read_bytes
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 FLOAT_COLUMNS = {"time_s": "s", "pressure_Pa": "Pa", "temperature_degC": "degC"}
 FLOAT_COLUMNS |= {f"{device}_s": "s" for device in DEVICES}
@@ -31,7 +38,7 @@ _ABSOLUTE = (9.5e4, 1.06e5)  # Pa: a log whose least pressure is here counts fro
 
 @pipes_kept()
 def read_float_log(
-    path: str | Path,
+    path: str | Path | pd.DataFrame | xr.Dataset,
     *,
     log_format_name: str | None = None,
     columns: Mapping[str, str] | None = None,
@@ -42,7 +49,7 @@ def read_float_log(
     Parameters
     ----------
     path
-        Of the file.
+        Of the file; or a table as a DataFrame or a Dataset, as for other logs.
     log_format_name
         ``mermaid``, ``argo``, or a TOML file with a ``[log]`` table for a table; none: as the file
         is.
@@ -61,24 +68,29 @@ def read_float_log(
     LogError
         An InputError: the file is no float's log; with file, column and remedy.
     """
-    data = b"" if columns or log_format_name not in (None, "argo") else read_bytes(path)
+    source: Any = path
+    mapped = is_frame(source) or columns or log_format_name not in (None, "argo")
+    data = b"" if mapped else read_bytes(source)
     if is_netcdf(data):
-        return read_trajectory(path, data, where or {})
+        return read_trajectory(source, data, where or {})
     if log_format_name == "argo" or is_argo(data.partition(b"\n")[0]):
-        return read_argo(path, where or {})
+        return read_argo(source, where or {})
     if log_format_name == "mermaid" or is_mermaid(data):
-        log = read_mermaid(path)
+        log = read_mermaid(source)
         # while it comes up it may log no pressure, but it pumps
         pumps = [action.time for action in log.actions if action.stage is None]
         time = np.append(log.time, pumps)
         stage = np.append(log.stage, np.full(len(pumps), _NONE))
         order = np.argsort(time, kind="stable")
-        _refuse_dives(time[order], stage[order] >= 0, stage[order] == _NONE, LogFile(path))
+        _refuse_dives(time[order], stage[order] >= 0, stage[order] == _NONE, LogFile(source))
         return log
-    mapped, file = dict(columns or {}), LogFile(path, format_of(log_format_name))
-    check_columns(file, mapped, FLOAT_COLUMNS, "a float's log")
+    columns = dict(columns or {})
+    file = LogFile.of(path, format_of(log_format_name))
+    check_columns(file, columns, FLOAT_COLUMNS, "a float's log")
     rows = {**file.form.where, **(where or {})}
-    table = read_table(file, rows, lambda header: _sources(file, mapped, header), [], FLOAT_COLUMNS)
+    table = read_table(
+        file, rows, lambda header: _sources(file, columns, header), [], FLOAT_COLUMNS
+    )
     return _float_log(table.values, file)
 
 

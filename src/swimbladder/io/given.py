@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from swimbladder.errors import InputError
+from swimbladder.io.log_text import is_frame
 from swimbladder.units import parse_quantity, unit_factor
 
 _P = ParamSpec("_P")
@@ -140,7 +141,7 @@ def _reader(type_name: str) -> _Taker:
     def take(value: Any, name: str) -> Any:
         if value is None or any(base.__name__ == type_name for base in type(value).__mro__):
             return value
-        if isinstance(value, str | Path):
+        if isinstance(value, str | Path) or (load.startswith("read_") and is_frame(value)):
             return getattr(import_module(home), load)(value)
         remedy = f"Give what {load} returns, or the name of its file"
         raise InputError(f"no {type_name}", field=name, value=value, remedy=remedy)

@@ -389,7 +389,7 @@ class ParquetRows:
         """
         try:
             table = self._library.read_table(io.BytesIO(self._data), columns=list(names))
-            columns = {name: _column(table.column(name).to_pandas()) for name in names}
+            columns = {name: column_of(table.column(name).to_pandas()) for name in names}
         except Exception as error:
             raise self._damaged(error) from None
         return np.arange(1, table.num_rows + 1), columns
@@ -400,7 +400,7 @@ class ParquetRows:
         return self.file.refused(what, "Write the file anew, or as CSV", "file")
 
 
-def _column(series: pd.Series[Any]) -> Column:
+def column_of(series: pd.Series[Any]) -> Column:
     """Return numbers as floats, durations in seconds, instants as ISO 8601, all else as texts."""
     kind = getattr(series.dtype, "kind", "O")
     if kind in "biufm":

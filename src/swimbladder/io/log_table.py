@@ -227,6 +227,10 @@ def open_sheet(file: LogFile, wanted: Sequence[Collection[str]] = ()) -> Sheet:
 
     Raises LogError where it cannot be read or has no header.
     """
+    if file.frame is not None:
+        from swimbladder.io.log_netcdf import FrameRows
+
+        return FrameRows(file)
     data = read_bytes(file.path)
     if is_netcdf(data):
         from swimbladder.io.log_netcdf import NetCDFRows  # which reads casts, as tables are read

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypedDict, Unpack
+from typing import Any, Self, TypedDict, Unpack
 
 from swimbladder.errors import LogError
 from swimbladder.io.files import read_at_most, why_unreadable
@@ -43,11 +43,22 @@ class Value(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class LogFile:
-    """A file that is read: how, and the report of what was assumed or left out."""
+    """A file that is read: how, and the report of what was assumed or left out.
+
+    frame: a DataFrame or a Dataset that is read in its place; its kind stands for the name.
+    """
 
     path: str | Path
     form: LogFormat = field(default_factory=LogFormat)
     report: list[str] = field(default_factory=list)
+    frame: Any = None
+
+    @classmethod
+    def of(cls, source: Any, form: LogFormat) -> Self:
+        """Return what is read: a file by its name, a pandas DataFrame or an xarray Dataset."""
+        if is_frame(source):
+            return cls(type(source).__name__, form, frame=source)
+        return cls(source, form)
 
     def refused(
         self, what: str, remedy: str, field: str, *, line: int | None = None, **more: Unpack[Value]
@@ -68,6 +79,12 @@ class LogFile:
             if name in self.form.model_fields_set and value not in (None, idle):
                 what, unit = f"{name} has no use: {why}", "s" if name == "tick" else None
                 raise self.refused(what, remedy.format(name), name, value=value, unit=unit)
+
+
+def is_frame(source: object) -> bool:
+    """Whether this is a DataFrame or a Dataset; neither library is loaded to see it."""
+    bases = {f"{base.__module__.split('.')[0]}.{base.__name__}" for base in type(source).__mro__}
+    return not bases.isdisjoint({"pandas.DataFrame", "xarray.Dataset"})
 
 
 def counted(number: int, noun: str) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,10 @@ from swimbladder.io.log_numbers import TimeColumn
 from swimbladder.io.log_table import Table
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import parse_quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 Array = NDArray[np.float64]
 
@@ -181,19 +185,20 @@ class Log:
 
 
 def read_log(
-    path: str | Path,
+    path: str | Path | pd.DataFrame | xr.Dataset,
     *,
     columns: Mapping[str, str | LogColumn] | None = None,
     where: Mapping[str, str | float] | None = None,
     log_format: LogFormat | str | Path | None = None,
     required: Collection[str] = REQUIRED,
 ) -> Log:
-    """Return the log in a text, which may be compressed by gzip, in Parquet or in netCDF.
+    """Return the log in a file or a DataFrame.
 
     Parameters
     ----------
     path
-        Of the file.
+        Of the file: a text, which may be compressed by gzip, Parquet or netCDF; or a pandas
+        DataFrame or an xarray Dataset, with units in `attrs["units"]`, in names or in `columns`.
     columns
         {"depth_m": "Depth [cm]"}, over those of the log format; a unit in brackets counts, and
         "Depth@cm" states it where the header does not. None: those of the log format.
@@ -215,7 +220,7 @@ def read_log(
     LogError
         An InputError: the file is no such log; with file, line, column, value and remedy.
     """
-    file = LogFile(path, format_of(log_format))
+    file = LogFile.of(path, format_of(log_format))
     chosen = {**file.form.where, **(where or {})}
     mapped = log_table.mapped_columns(file, columns or {}, required)
     needed = tuple(name for name in COLUMNS if name == "time_s" or name in required)
@@ -230,7 +235,7 @@ def header_names(path: str | Path) -> list[str]:
 
     Raises LogError where there is none.
     """
-    return log_table.open_sheet(LogFile(path)).header
+    return log_table.open_sheet(LogFile.of(path, LogFormat())).header
 
 
 def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Sequence[str]) -> Log:

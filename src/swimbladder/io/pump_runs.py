@@ -57,7 +57,7 @@ def read_pump_runs(
     rows that hold it. form: how the text is to be read, as for logs.
     Raises LogError, an InputError, with file, line, column, value and remedy.
     """
-    mapped, file = dict(columns or {}), LogFile(path, format_of(form))
+    mapped, file = dict(columns or {}), LogFile.of(path, format_of(form))
     if Path(path).suffix.lower() == ".nc":
         return _of_a_dive(path, file, {**mapped, **(where or {})})
     check_columns(file, mapped, RUN_COLUMNS, "a table of runs")
