@@ -44,6 +44,7 @@ def test_eight_experiments_of_the_paper():
     # K2 and T2 err together: their ratio is known far better than either
     assert mass.std / mass.value < 0.5 * found.parameters["T2"].std / 36.3
     vehicle = found.vehicle
+    assert vehicle.replace({"name": "another"}).motion == vehicle.motion  # it can be edited
     assert found.parameters["K2"].value == vehicle.motion.K2
     assert found.parameters["psi"].value == vehicle.hull.psi
     assert vehicle.identified.names == ("K2", "T2", "psi")
@@ -78,7 +79,10 @@ def test_each_drag_law_is_recognised():
         assert f"--drag {law}" in said[0].sentence
         assert not wrong.identified  # its neutral volumes would have to wander
         assert "wanders" in kinds(wrong, "no")
-        assert found.result_vehicle.drag.law == law
+        vehicle = found.result_vehicle
+        assert vehicle.drag.law == law
+        renamed = vehicle.replace({"name": "another"})  # what was identified can be edited
+        assert renamed.motion == vehicle.motion
 
 
 def test_what_the_data_do_not_tell_has_no_number():

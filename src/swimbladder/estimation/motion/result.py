@@ -298,7 +298,7 @@ def _motion(
 ) -> IdentifiedMotion | PhysicalMotion:
     old = vehicle.motion
     if model.law == "linear" and isinstance(old, IdentifiedMotion):
-        return IdentifiedMotion(K2=values["K2"], T2=values["T2"])
+        return IdentifiedMotion(kind="identified", K2=values["K2"], T2=values["T2"])
     terms: dict[str, Any] = {"law": model.law}
     if model.law != "quadratic":
         terms["k_dl"] = model.specific_weight / values["K2"]
@@ -310,8 +310,8 @@ def _motion(
     dry, water, drag = m, 0.0, Drag(**terms)
     if isinstance(old, PhysicalMotion) and m >= old.dry_mass + old.entrained_mass:
         dry, water = old.dry_mass, old.entrained_mass
-    added = m - dry - water
-    return PhysicalMotion(dry_mass=dry, entrained_mass=water, added_mass=added, drag=drag)
+    rest = {"entrained_mass": water, "added_mass": m - dry - water, "drag": drag}
+    return PhysicalMotion(kind="physical", dry_mass=dry, **rest)
 
 
 def _provenance(
