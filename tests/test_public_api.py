@@ -135,6 +135,7 @@ CALLED = {
     "without_supervisor": {"supervised"},
     "column": {"columns"},
     "log_format": {"form"},
+    "fields": {"log_format"},
     "volumes": {"first", "last"},
 }
 ELSEWHERE = {

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 import typer
 
-from swimbladder.cli import main
+from swimbladder.cli import COMMANDS, main
 from swimbladder.cli.options import Files, Options, flag, grouped, valued
 from swimbladder.design.ballast import Target, ballast
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump, fitted_vehicle, sea
@@ -259,3 +260,14 @@ def test_what_the_command_refuses_python_refuses(words, call, written, capsys, m
     if error.remedy and "`" not in error.remedy:
         assert error.remedy in answer["error"]
     assert not (written / "out").exists()
+
+
+@pytest.mark.parametrize("command", sorted({*COMMANDS} - {"vehicle"}))
+def test_the_options_that_most_need_come_first(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main([command, "--help"]) == 0
+    first, _, advanced = capsys.readouterr().out.partition("─ Advanced ")
+    options, later = (re.findall(r"^│ \*? *(--[\w-]+)", text, re.M) for text in (first, advanced))
+    assert {"--out", "--full", "--json", "--help"} <= set(options)
+    assert len(options) <= 16
+    assert later or len(options) <= 8

@@ -127,7 +127,7 @@ def test_times_of_the_day_go_on_over_midnight(tmp_path: Path) -> None:
     path = write(tmp_path, text)
     log = read_log(path, columns={"time_s": "t@clock"})
     assert log.time.tolist() == [0.0, 1.5, 3.25]
-    assert "@clock" in str(refused(path, columns={"time_s": "t"}))
+    assert read_log(path, columns={"time_s": "t"}).time.tolist() == [0.0, 1.5, 3.25]
     assert "time_s read from 't' as times of the day, in seconds from the first" in log.report
     error = refused(write(tmp_path, rows(["10:00:00", "10:60:00"])), columns={"time_s": "t@clock"})
     assert (error.line, error.value) == (3, "10:60:00")

@@ -56,7 +56,7 @@ class Stds(Options):
 _CAST = typer.Option("--cast", metavar="CTD", help="CTD casts: CSV, netCDF, Argo; all count.")
 
 
-@grouped(out=Path("swimbladder-ballast"))
+@grouped("deepest neutral_depth freeboard ballast mass", out=Path("swimbladder-ballast"))
 def ballast(
     vehicle: VehicleName,
     cast: Annotated[list[Path] | None, _CAST] = None,

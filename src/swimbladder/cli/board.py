@@ -37,7 +37,7 @@ class More(Options):
     depths: Given = valued("LEAST:MOST", "Depth range of these missions.", name="--depth")
 
 
-@grouped(out=Path("swimbladder-board"))
+@grouped("port time_limit faults steps", out=Path("swimbladder-board"))
 def board(
     vehicle: VehicleName,
     *,

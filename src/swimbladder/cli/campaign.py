@@ -97,7 +97,7 @@ _MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cyc
 _CAST = typer.Option("--cast", metavar="CTD", help="CTD casts; each float draws one.")
 
 
-@grouped(out=Path("swimbladder-campaign"))
+@grouped("floats cycles duration sensitivity", out=Path("swimbladder-campaign"))
 def campaign(
     vehicle: VehicleName,
     mission: Annotated[Path, _MISSION],

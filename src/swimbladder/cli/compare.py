@@ -25,7 +25,7 @@ from swimbladder.cli.common import (
     table,
     typed_command,
 )
-from swimbladder.cli.logs import Chosen, LogReading
+from swimbladder.cli.logs import Chosen, LogReading, LogVehicle, vehicle_of
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import SwimbladderError
@@ -118,10 +118,10 @@ class Fit(Options):
     submerged: bool = flag("--submerged", "Begin at the first depth beyond that.")
 
 
-@grouped(out=Path("swimbladder-compare"))
+@grouped("where column fit ahead", out=Path("swimbladder-compare"))
 def compare(
     logs: LogFiles,
-    vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: LogVehicle = None,
     *,
     reading: LogReading,
     fit: Fit,
@@ -139,7 +139,7 @@ def compare(
     """
     from swimbladder.io.config import load_vehicle
 
-    v = load_vehicle(vehicle, sampled=True)
+    v = load_vehicle(vehicle_of(reading.chosen(logs), vehicle), sampled=True)
     options, horizons = fit.given(), ahead.asked()
     tasks = [_Task(log) for log in reading.chosen(logs)]
     from swimbladder.estimation.comparison.record import water_of_each

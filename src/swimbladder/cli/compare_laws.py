@@ -65,7 +65,7 @@ class Sensor(DepthSensor):
 _LIST_SCENARIOS = typer.Option("--list-scenarios", help="Print the scenarios only.")
 
 
-@grouped(out=Path("swimbladder-compare-laws"))
+@grouped("laws runs depth depth_noise", out=Path("swimbladder-compare-laws"))
 def compare_laws(
     vehicle: AnyVehicle = None,
     *,

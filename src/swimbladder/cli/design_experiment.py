@@ -85,7 +85,7 @@ class Experiments(Options):
     )
 
 
-@grouped(out=Path("swimbladder-design-experiment"))
+@grouped("pool_depth time runs sensor_std free prior", out=Path("swimbladder-design-experiment"))
 def design_experiment(
     vehicle: VehicleName, *, setting: Setting, sought: Sought, experiments: Experiments, to: Files
 ) -> None:

@@ -121,7 +121,7 @@ _FIT = typer.Option(
 )
 
 
-@grouped(out=Path("swimbladder-energy"))
+@grouped("depth speed fit", out=Path("swimbladder-energy"))
 def energy(
     vehicle: AnyVehicle = None,
     cast: Annotated[Path | None, _CAST] = None,

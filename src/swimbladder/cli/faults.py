@@ -36,7 +36,7 @@ class Missions(Options):
 _MISSION = typer.Option(metavar="N", help="Repeat this mission with its trajectory; hN: healthy.")
 
 
-@grouped(out=Path("swimbladder-faults"))
+@grouped("missions healthy depth time_limit mission", out=Path("swimbladder-faults"))
 def faults(
     vehicle: VehicleName,
     *,

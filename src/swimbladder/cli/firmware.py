@@ -53,7 +53,7 @@ class Pool(Options):
 _LAW = typer.Option(metavar="LAW", help="Refuse another law.")
 
 
-@grouped(out=Path("swimbladder-firmware"))
+@grouped("law time_limit pool", out=Path("swimbladder-firmware"))
 def firmware(
     vehicle: VehicleName,
     law: Annotated[str | None, _LAW] = None,

@@ -10,9 +10,8 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
 from rich.text import Text
 
 from swimbladder.cli import common
@@ -25,7 +24,7 @@ from swimbladder.cli.common import (
     table,
     typed_command,
 )
-from swimbladder.cli.logs import LogReading
+from swimbladder.cli.logs import LogReading, LogVehicle, vehicle_of
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, valued
 from swimbladder.cli.settings import Sought, deviation, known, setting
 from swimbladder.cli.texts import Given, names, once
@@ -246,10 +245,10 @@ class Fit(Options):
     paper: bool = flag("--paper", "Add the paper's fits: eqs (26), (27), averaged.")
 
 
-@grouped(out=Path("swimbladder-identify"))
+@grouped("where column free set prior drag", out=Path("swimbladder-identify"))
 def identify(
     logs: LogFiles,
-    vehicle: Annotated[str, typer.Option(metavar="VEHICLE", help="Preset or TOML file.")],
+    vehicle: LogVehicle = None,
     *,
     reading: LogReading,
     sought: Sought,
@@ -266,6 +265,7 @@ def identify(
     """
     from swimbladder.io.config import load_vehicle
 
+    vehicle = vehicle_of(reading.chosen(logs), vehicle)
     v = load_vehicle(vehicle)
     if v.command == "volume change":
         useless = "it has no use with --cast and a pump and valve"

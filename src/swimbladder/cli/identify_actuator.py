@@ -49,7 +49,7 @@ class Sought(Options):
     )
 
 
-@grouped(out=Path("swimbladder-identify-actuator"))
+@grouped("where column set ask", out=Path("swimbladder-identify-actuator"))
 def identify_actuator(
     logs: LogFiles,
     vehicle: Annotated[

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
 
 from swimbladder.cli.common import aside, progress
 from swimbladder.cli.options import Options, valued
 from swimbladder.cli.texts import Given, Several, pair, pairs
-from swimbladder.errors import LogError
+from swimbladder.errors import InputError, LogError
 
 if TYPE_CHECKING:
     from swimbladder.io.log_format import LogFormat
     from swimbladder.io.logs import Log
     from swimbladder.vehicle import Vehicle
+
+
+LogVehicle = Annotated[
+    str | None,
+    typer.Option("--vehicle", metavar="VEHICLE", help="Preset or TOML file (that of the format)."),
+]
 
 
 class Chosen(NamedTuple):
@@ -47,6 +55,9 @@ class LogReading(Options):
     where: Several = valued("COLUMN=VALUE", "Only these rows; VALUE,VALUE: one log each.")
     column: Several = valued("NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.')
     log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
+    fields: Several = valued(
+        "FIELD=VALUE", r"Field of the \[log] table: atmospheric_pressure=gauge.", name="--log"
+    )
 
     def chosen(self, paths: Sequence[Path]) -> list[Chosen]:
         """Return every selection of every file, in order; raises InputError naming the option."""
@@ -55,6 +66,28 @@ class LogReading(Options):
     def columns(self) -> dict[str, str]:
         """Return columns by name; raises InputError naming the option."""
         return pairs(self.column or [], "--column")
+
+    def _shipped(self, path: Path, required: Collection[str]) -> str | None:
+        return (
+            shipped_format(path, {*required} - {*self.columns()}) if not self.log_format else None
+        )
+
+    def _form(self, known: str | None) -> LogFormat | None:
+        """Return the log format asked for, or a known one, with `fields`; None: the usual.
+
+        Raises InputError naming the option.
+        """
+        from swimbladder.io.log_format import LogFormat, log_format
+
+        stated, name = pairs(self.fields or [], "--log"), self.log_format or known
+        form = None if name is None else log_format(name)
+        if not stated:
+            return form
+        given = {} if form is None else form.model_dump(exclude_unset=True)
+        try:
+            return LogFormat(**{**given, **stated})
+        except InputError as error:
+            raise error.but(field=f"--log {error.field}") from None
 
     def log(
         self,
@@ -66,22 +99,73 @@ class LogReading(Options):
     ) -> Log:
         """Return the log of a vehicle, read by the format asked for or the one shipped for it.
 
-        quiet: that a shipped one is used has been said. required: columns it must have. Raises
-        LogError, an InputError, with file, line, column, value and remedy.
+        quiet: what was taken has been said. required: columns it must have. A pressure becomes a
+        depth by the density of the vehicle's water, where none is stated. Raises LogError, an
+        InputError, with file, line, column, value and remedy.
         """
+        from swimbladder.io.log_format import LogFormat
+        from swimbladder.io.log_names import NOT_READ, TAKEN
         from swimbladder.io.logs import read_log
 
-        columns = self.columns()
+        columns, said = self.columns(), list[str]()
+        known = self._shipped(log.path, required)
+        form = self._form(known)
+        if known:
+            said.append(f"its columns are those of the log format {known}, and read so")
         with progress(f"reading {log.label}"):
-            form = _format(log.path, vehicle, columns, self.log_format, required, quiet=quiet)
+            how: dict[str, Any] = {"columns": columns, "where": log.where, "required": required}
             try:
-                return read_log(
-                    log.path, columns=columns, where=log.where, log_format=form, required=required
-                )
+                found = read_log(log.path, **how, log_format=form)
             except LogError as error:
-                if form is None and not columns and error.field in required:
+                if error.field == "water_density" and vehicle is not None:
+                    density = vehicle.water.density
+                    said.append(f"water of {density:g} kg/m3, the vehicle's, makes depths of it")
+                    form = (form or LogFormat()).model_copy(update={"water_density": density})
+                    found = read_log(log.path, **how, log_format=form)
+                elif form is None and not columns and error.field in required:
                     raise _of_its_kind(error, log.path, vehicle) from None
-                raise
+                else:
+                    raise
+        said += [note for note in found.report if note.startswith((TAKEN, NOT_READ))]
+        aside(*(f"{log.path}: {note}" for note in said if not quiet))
+        return found
+
+
+def vehicle_of(logs: Sequence[Chosen], given: str | None) -> str:
+    """Return the vehicle given, else the preset that the logs' known format is named after.
+
+    Raises InputError where there is none.
+    """
+    from swimbladder.io.presets import preset_names
+
+    if given is not None:
+        return given
+    found = {shipped_format(log.path, ("time_s", "depth_m")) for log in logs}
+    name = found.pop() if len(found) == 1 else None
+    if name not in preset_names():
+        why = "which vehicle made the log is not said"
+        remedy = f"Give --vehicle: one of {', '.join(preset_names())}, or a file that "
+        remedy += "`swimbladder vehicle new` begins"
+        raise InputError(why, field="--vehicle", remedy=remedy)
+    aside(f"the logs are in the format of {name}: --vehicle {name}")
+    return str(name)
+
+
+def shipped_format(path: Path, required: Collection[str]) -> str | None:
+    """Return the name of the one shipped log format whose columns a log has; None: not needed."""
+    from swimbladder.io.log_format import log_format
+    from swimbladder.io.log_formats import FORMATS
+    from swimbladder.io.logs import header_names
+
+    header = set(header_names(path))
+    if set(required) <= header:
+        return None
+    fitting = []
+    for name in FORMATS.own:
+        mapped = log_format(name).columns.mapped().values()
+        if mapped and {column.name for column in mapped} <= header:
+            fitting.append(name)
+    return fitting[0] if len(fitting) == 1 else None
 
 
 def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogError:
@@ -100,35 +184,3 @@ def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogErr
         return error
     formats = f"formats of this vehicle's logs, for --log-format: {', '.join(known)}"
     return error.but(remedy=f"{error.remedy}; {formats}")
-
-
-def _format(
-    path: Path,
-    vehicle: Vehicle | None,
-    columns: Mapping[str, str],
-    asked: str | None,
-    required: Collection[str],
-    *,
-    quiet: bool,
-) -> LogFormat | None:
-    """Return the log format asked for; else the shipped one of the vehicle, where it fits.
-
-    It fits where the log has all its columns and lacks a required one; that it is used is said.
-    """
-    from swimbladder.io.log_format import log_format
-    from swimbladder.io.log_formats import FORMATS
-    from swimbladder.io.logs import header_names
-
-    if asked is not None:
-        return log_format(asked)
-    if vehicle is None or vehicle.name not in FORMATS:
-        return None
-    header = set(header_names(path))
-    if set(required) <= header | set(columns):
-        return None
-    form = log_format(vehicle.name)
-    if not {column.name for column in form.columns.mapped().values()} <= header:
-        return None
-    if not quiet:
-        aside(f"{path}: its columns are those of the log format {vehicle.name}, and read so")
-    return form

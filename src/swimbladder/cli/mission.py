@@ -64,7 +64,7 @@ class Also(Options):
 _MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
 
 
-@grouped(out=Path("swimbladder-mission"))
+@grouped("cycles duration bottom netcdf", out=Path("swimbladder-mission"))
 def mission(
     vehicle: VehicleName,
     mission: Annotated[Path, _MISSION],

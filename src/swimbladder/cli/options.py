@@ -7,14 +7,16 @@ The word for a value in the help says how its text is read: ``depth: str = value
 import datetime
 import inspect
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
+from typer.models import OptionInfo
 
 from swimbladder.cli.common import (
     aside,
@@ -292,10 +294,17 @@ class Golden(Options):
     seed: int = valued(None, "Golden trace: seed of the sensors' noise.", 1, min=0)
 
 
-def grouped(**defaults: object) -> Callable[[Callable[..., None]], Callable[..., None]]:
+_COMMON = ("vehicle", "cast", "seed", "plot", "out", "full", "json")
+
+
+def grouped(
+    first: str | None = None, /, **defaults: object
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Return a decorator: a command's groups of options are options of its own for typer.
 
-    defaults: of fields of its groups, where they are another command's too, ``out=Path("here")``.
+    first: the options that most need, between blanks: with those that all commands share they
+    come first in the help, the others under "Advanced". None: all do. defaults: of fields of its
+    groups, where they are another command's too, ``out=Path("here")``.
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
@@ -322,11 +331,23 @@ def grouped(**defaults: object) -> Callable[[Callable[..., None]], Callable[...,
                 given[name] = kind(**{one: given.pop(word) for one, word in called.items()})
             command(**given)
 
+        if first is not None:
+            taken = [_placed(one, {*first.split(), *_COMMON}) for one in taken]
         flat.__annotations__ = {one.name: one.annotation for one in taken}
         flat.__signature__ = inspect.Signature(taken)  # type: ignore[attr-defined]
         return flat
 
     return decorate
+
+
+def _placed(one: inspect.Parameter, first: Collection[str]) -> inspect.Parameter:
+    """Return a parameter of a command, under "Advanced" in its help unless it comes first."""
+    kind, info = get_args(one.annotation)[:2]
+    if one.name in first or not isinstance(info, OptionInfo):
+        return one
+    later = copy(info)
+    later.rich_help_panel = "Advanced"
+    return one.replace(annotation=Annotated[kind, later])
 
 
 def _option(one: Field[Any]) -> str:

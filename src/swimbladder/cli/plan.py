@@ -30,7 +30,7 @@ class Asked(Options):
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom.", name="--bottom")
 
 
-@grouped(out=Path("swimbladder-plan"))
+@grouped("step goal arrive duration supply bottom", out=Path("swimbladder-plan"))
 def plan(
     vehicle: VehicleName,
     step: Annotated[str, typer.Option(metavar="FROM:TO", help="Step, from rest to rest.")],

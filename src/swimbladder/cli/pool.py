@@ -140,7 +140,7 @@ _SIMULATE = typer.Option("--simulate", help="Rehearse on the simulated vehicle."
 _FOLLOW = typer.Option(metavar="LOG", help="Follow a log that is being written.")
 
 
-@grouped(out=Path("swimbladder-pool"))
+@grouped("simulate follow pool_depth plan truth target_std", out=Path("swimbladder-pool"))
 def pool(
     vehicle: VehicleName,
     simulate: Annotated[bool, _SIMULATE] = False,

@@ -197,7 +197,7 @@ _MISSION = typer.Argument(metavar="MISSION", help="TOML file with set-points, st
 _SEED = typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0)
 
 
-@grouped(out=Path("swimbladder-simulate"))
+@grouped("start target duration bottom netcdf", out=Path("swimbladder-simulate"))
 def simulate(
     vehicle: VehicleName,
     mission: Annotated[Path | None, _MISSION] = None,

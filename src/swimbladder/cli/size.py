@@ -63,7 +63,7 @@ _CAST = typer.Option(metavar="FILE", help="CTD cast (the body's own water).")
 _PARTS = typer.Option(metavar="FILE", help="List of parts (a typical one).")
 
 
-@grouped(out=Path("swimbladder-size"))
+@grouped("depth speed cycles turn_time park parts least", out=Path("swimbladder-size"))
 def size(
     body: Annotated[str, _BODY] = "example-eh",
     *,

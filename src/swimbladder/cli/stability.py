@@ -41,7 +41,7 @@ class Asked(Options):
     supervised: bool = watched()
 
 
-@grouped(out=Path("swimbladder-stability"))
+@grouped("depth law robustness no_maps", out=Path("swimbladder-stability"))
 def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     r"""Analyse stability under the law: small motions, limit cycles, large motions.
 

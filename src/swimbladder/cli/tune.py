@@ -34,7 +34,7 @@ class Design(Options):
     runs: int = valued("N", "Simulations per case.", 200)
 
 
-@grouped(out=Path("swimbladder-tune"))
+@grouped("law goal depth step depth_noise", out=Path("swimbladder-tune"))
 def tune(
     vehicle: VehicleName,
     *,

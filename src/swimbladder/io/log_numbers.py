@@ -227,6 +227,7 @@ def none_chosen(
 
 Columns = Mapping[str, Column]
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-inf", "nat", "#n/a"}
+_FIRST = 100  # rows that say what the mark before the decimals is
 _LARGEST = 1e15  # in SI: no number of a log is larger, and their products stay finite
 
 
@@ -240,6 +241,7 @@ class ColumnReader:
         self.file, self.form, self.units = file, file.form, units
         self.columns, self.line, self.conversions = columns, line, list[str]()
         self.times = TimeColumn()
+        self._comma = self.form.decimal == "," or self._has_decimal_commas()
         self._missing = frozenset(_MISSING | {text.strip().lower() for text in self.form.missing})
         self._bad: dict[int, LogError] = {}  # by row
 
@@ -248,6 +250,21 @@ class ColumnReader:
         if name == "time_s" and reads_text(column):
             return self._times(column)
         return self._numbers(name, column)
+
+    def _has_decimal_commas(self) -> bool:
+        """Say whether numbers can only have decimal commas: not three digits behind each, no point.
+
+        It is reported.
+        """
+        every = [column for column in self.columns.values() if isinstance(column, list)]
+        texts = [text.strip() for column in every for text in column[:_FIRST]]
+        commas = [text for text in texts if re.fullmatch(r"[-+]?\d+,\d+", text)]
+        points = any(re.fullmatch(r"[-+]?\d*\.\d+", text) for text in texts)
+        sure = [text for text in commas if len(text.partition(",")[2]) != 3]
+        if points or not sure:
+            return False
+        self.file.report.append("the numbers have decimal commas")
+        return True
 
     def refuse_bad(self) -> None:
         """Raise LogError for the first row with anything but a number, unless such rows may go."""
@@ -352,7 +369,7 @@ class ColumnReader:
             absent = [value for value in texts if value is not None]
             return np.where(np.isfinite(given) & ~np.isin(given, absent), given, np.nan)
         values = np.empty(len(given))
-        comma, missing = self.form.decimal == ",", self._missing
+        comma, missing = self._comma, self._missing
         stated = frozenset(text.strip() for text in self.form.missing)
         for k, text in enumerate(given):
             found = math.nan if text.strip() in stated else number(text, comma=comma)

@@ -5,7 +5,6 @@ Which column of the file each of them is read from is found first.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.io.log_format import COLUMNS, LogColumn, bracketed
+from swimbladder.io.log_names import likely, meant_columns, text_unit
 from swimbladder.io.log_numbers import ColumnReader, RowTest, TimeColumn, column_texts, none_chosen
 from swimbladder.io.log_rows import Column, ParquetRows, Rows, Sheet, is_parquet
 from swimbladder.io.log_text import LogFile, is_netcdf, read_bytes
@@ -117,28 +117,18 @@ def column_sources(
     source = depth_source(set(sources), set(mapped), file)
     for other in {"depth_m", "pressure_Pa"} - {source} if source else ():
         sources.pop(other, None)
+    at_hand = {*sources, "depth_m"} if source else {*sources}
+    if not (file.form.columns.mapped() or at_hand.issuperset(needed)):
+        sources |= meant_columns(file, header, sources)
+        source = depth_source(set(sources), set(mapped), file)
     for name in needed:
         if name not in sources and not (name == "depth_m" and source):
             how = f"with --column {name}=NAME or in a [log] table"
             how += ", or a pressure with pressure_Pa=NAME" if name == "depth_m" else ""
-            columns = f"columns of the file: {listed(header)}{_likely(header, sources)}"
+            columns = f"columns of the file: {listed(header)}{likely(header, sources)}"
             remedy = f"Say which one it is {how}; {columns}"
             raise file.refused(f"the log has no column {name}", remedy, name)
     return sources
-
-
-def _likely(header: Sequence[str], sources: Mapping[str, LogColumn]) -> str:
-    """Return the options that map what is not read yet, where one column alone has the word."""
-    words: dict[str, list[str]] = {}
-    for column in header:
-        words.setdefault(re.split(r"[^a-z]", column.strip().lower())[0], []).append(column)
-    found = [
-        f'--column "{name}={column}"'
-        for name in COLUMNS
-        for column in words.get(name.rpartition("_")[0], [])
-        if name not in sources and len(words[name.rpartition("_")[0]]) == 1
-    ]
-    return f". Perhaps {' '.join(found)}" if found else ""
 
 
 def listed(header: Sequence[str], limit: int = 30) -> str:
@@ -203,6 +193,7 @@ def read_table(
         report.append(f"{int(kept.sum())} of {len(line)} rows chosen")
         line = line[kept]
         columns = {name: _only(column, kept) for name, column in columns.items()}
+    sources = {name: text_unit(name, c, columns[c.name], file) for name, c in sources.items()}
     texts = {}
     for name in sorted(set(labels) & set(sources)):
         columns[sources[name].name], texts[name] = _numbered(columns[sources[name].name])

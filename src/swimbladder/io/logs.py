@@ -84,8 +84,8 @@ def _from_pressure(data: dict[str, Array], file: LogFile) -> Array:
         looks = f"{first:.6g} Pa, looks {'absolute' if first > 7e4 else 'gauge'}"
         what = f"what pressure_Pa reads at the surface is not said; its first reading, {looks}"
         remedy = (
-            'Add atmospheric_pressure = "gauge", "1013 mbar" (what the sensor reads there) '
-            'or "first" (its first reading is at the surface) to the [log] table'
+            "Say it with --log atmospheric_pressure=gauge, =1013mbar (what the sensor reads there) "
+            "or =first (its first reading is at the surface), or in the [log] table"
         )
         raise file.refused(what, remedy, "atmospheric_pressure")
     why = "the depth comes from pressure_Pa"
