@@ -2,9 +2,10 @@
 Predicted on a dive that was not fitted
 =======================================
 
-The truth is no model of ours: SciPy integrates the equations below, with drag that goes with the
-square of the speed and a neutral volume that drifts. `identify` is given four releases in a pool,
-with 2 mm of noise. The identified vehicle, driven by the volume of another dive, then predicts it.
+The truth is simulated apart from the package: SciPy integrates the equations below, with drag that
+is mostly turbulent and a neutral volume that drifts. `identify` is given four releases in a pool,
+with 2 mm of noise. The identified vehicle, driven by the volume of another dive, then predicts it;
+of that dive only the neutral volume is fitted.
 """
 
 import tempfile
