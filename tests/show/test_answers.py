@@ -149,6 +149,17 @@ def test_a_table_lies_along_its_first_column_where_that_rises():
     assert response["gain"].to_numpy() == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_page_says_where_the_answer_is_no(tmp_path):
+    deep = sb.simulate(
+        "feup-em", setpoints=[(0.0, 3.0)], duration=20.0, start_depth=1.0, start_speed=50.0
+    )
+    fine = sb.simulate("feup-em", **STEP)
+    pages = [one.report(tmp_path / "page.html").read_text("utf-8") for one in (deep, fine)]
+    assert ["The answer is no." in page for page in pages] == [True, False]
+    assert all("<title>feup-em: simulation</title>" in page for page in pages)
+    assert all("Depth, volume and drive." in page for page in pages)
+
+
 def test_what_was_not_asked_for_is_no_picture_but_said():
     found = sb.stability("feup-em", depths=(0.0, 5.0), maps=False)
     with pytest.raises(NoAnswerError, match="no maps were asked for"):

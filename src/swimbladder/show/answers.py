@@ -237,11 +237,12 @@ def page(
     figures = {Path(name).stem: made for name, made in files.items() if isinstance(made, Figure)}
     if not figures and _ANSWERS[type(answer).__name__].picture:
         with suppress(NoAnswerError):
-            figures = {type(answer).__name__.lower(): figure(answer)}
+            figures = {_kind(answer): figure(answer)}
     about = {
         "command": command,
         "files": list(files),
         "assumptions": getattr(answer, "assumptions", ()),
+        "good": all(getattr(answer, name, True) for name in _GOOD),
     }
     return answer_page(_title(answer), sentences(answer), numbers, figures, about)
 
@@ -251,8 +252,24 @@ def _title(answer: Answer) -> str:
     flown = getattr(answer, "flight", answer)
     vehicle = getattr(flown, "result_vehicle", getattr(flown, "vehicle", ""))
     name = getattr(vehicle, "name", vehicle)
-    kind = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", type(answer).__name__).lower()
-    return f"{name}: {kind}" if name else kind.capitalize()
+    return f"{name}: {_kind(answer)}" if name else _kind(answer).capitalize()
+
+
+def _kind(answer: Answer) -> str:
+    """Return what an answer is, in words."""
+    name = type(answer).__name__
+    return _KINDS.get(name, re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower())
+
+
+_GOOD = ("completed", "covered", "equal", "finished", "identified", "within_depth_limit")
+_KINDS = {
+    "BoardAnswer": "hardware in the loop",
+    "DeepIdentification": "deep",
+    "FaultResult": "faults",
+    "Library": "firmware",
+    "MissionResult": "mission",
+    "Solution": "simulation",
+}
 
 
 def _named(path: str) -> Any:
