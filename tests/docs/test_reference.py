@@ -89,6 +89,7 @@ def test_what_analyse_writes(capsys, tmp_path):
     told = answer(capsys, "analyse", "feup-em", "--out", str(tmp_path))
     check(keys, told)
     with_controller = {
+        "report.html",
         "analysis.json",
         "analysis.txt",
         "open_loop.png",

@@ -47,6 +47,8 @@ KINDS: dict[str, str] = {"not told": "not identifiable"}
 
 # Parts of the names of written files: "mission-7-told.csv": "mission-7-ideal-detection.csv".
 FILES: dict[str, str] = {
+    "tune.html": "report.html",
+    "laws.html": "report.html",
     "wishes.png": "requirements.png",
     "-alone.csv": "-unsupervised.csv",
     "-told.csv": "-ideal_detection.csv",
