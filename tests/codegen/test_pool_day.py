@@ -260,7 +260,7 @@ def test_the_log_of_a_sketch_in_water_tells_the_vehicle(board, tmp_path, capsys)
         "4.5 m",
         "--target-std",
         "4 %",
-        "--delay",  # the board reads both sensors in one tick
+        "--delay-std",  # the board reads both sensors in one tick
         "20 ms",
         "--out",
         str(tmp_path / "out"),

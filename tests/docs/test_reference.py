@@ -97,7 +97,7 @@ def test_what_analyse_writes(capsys, tmp_path):
         "loop_gains.png",
         "nyquist.png",
     }
-    assert {path.name for path in tmp_path.iterdir()} == with_controller
+    assert {path.name for path in tmp_path.iterdir()} == {*with_controller, "report.html"}
     text = (FOLDER / "files-written.md").read_text(encoding="utf-8")
     assert all(f"`{name}`" in text for name in with_controller)
     assert set(json.loads((tmp_path / "analysis.json").read_text())) == set(told) - {"files"}

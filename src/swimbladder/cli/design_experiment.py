@@ -52,12 +52,8 @@ class Setting(Options):
     neutral_std: Given = valued(
         "VOLUME", "Prior of the neutral volume at rest, 1 sigma (0.5 cm3).", read=deviation("m3")
     )
-    drift_std: Given = valued(
-        "RATE", "Drift of the neutral volume, 1 sigma (0.1 cm3/min).", name="--drift"
-    )
-    delay_std: str = valued(
-        "TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s", name="--delay"
-    )
+    drift_std: Given = valued("RATE", "Drift of the neutral volume, 1 sigma (0.1 cm3/min).")
+    delay_std: str = valued("TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s")
 
 
 @dataclass(frozen=True)

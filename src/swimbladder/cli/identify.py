@@ -225,12 +225,8 @@ class Fit(Options):
     speed_std: str = valued(
         "SPEED", "Prior of each log's start speed, 1 sigma; or none.", "none", read=deviation("m/s")
     )
-    drift_std: str = valued(
-        "RATE", "Drift of each log's neutral volume, 1 sigma.", "0.1 cm3/min", name="--drift"
-    )
-    delay_std: str = valued(
-        "TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s", name="--delay"
-    )
+    drift_std: str = valued("RATE", "Drift of each log's neutral volume, 1 sigma.", "0.1 cm3/min")
+    delay_std: str = valued("TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s")
     drive: Given = valued("INPUT", "Input: volume or voltage (first logged).")
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
     surface_margin: str = valued("DEPTH", "Smallest depth used.", "0.1 m")

@@ -125,12 +125,8 @@ class Goals(Options):
     neutral_std: str = valued(
         "VOLUME", "Prior of the neutral volume at rest, 1 sigma.", "0.5 cm3", read=deviation("m3")
     )
-    drift_std: str = valued(
-        "RATE", "Drift of each neutral volume, 1 sigma.", "0.1 cm3/min", name="--drift"
-    )
-    delay_std: str = valued(
-        "TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s", name="--delay"
-    )
+    drift_std: str = valued("RATE", "Drift of each neutral volume, 1 sigma.", "0.1 cm3/min")
+    delay_std: str = valued("TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s")
 
 
 _POOL = 4.5  # m
