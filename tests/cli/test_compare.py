@@ -118,7 +118,7 @@ def test_the_report_for_people(capsys, sailed, tmp_path):
     out = capsys.readouterr().out
     assert "trajectory.csv" in out
     assert "cm3" in out
-    assert out.endswith(f"\nwrote to {tmp_path}: compare.csv\n")
+    assert out.endswith(f"\nwrote to {tmp_path}: compare.csv, report.html\n")
 
 
 def test_other_columns_and_several_logs(capsys, sailed, tmp_path):
@@ -188,7 +188,9 @@ def test_a_log_format_from_a_file_and_the_shipped_one_of_the_vehicle(capsys, tmp
     capsys.readouterr()
     main(["compare", *map(str, common), "--json"])
     assert "read so" in " ".join(capsys.readouterr().err.split())
-    text = refusal(capsys, log, "--vehicle", "feup-em", "--out", tmp_path)
+    unnamed = tmp_path / "unnamed.csv"
+    unnamed.write_text(f"a,b,c,d\n{rows}", encoding="ascii")
+    text = refusal(capsys, unnamed, "--vehicle", "feup-em", "--out", tmp_path)
     assert "--column time_s=NAME" in text
     assert "--log-format" not in text  # no format is known of that vehicle's logs
     raw = tmp_path / "raw.txt"

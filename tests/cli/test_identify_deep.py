@@ -68,7 +68,7 @@ def run(files, out, *options):
 
 def test_in_words_and_files(capsys, tmp_path, files):
     out = tmp_path / "out"
-    assert run(files, out) == 0
+    assert run(files, out, "--full") == 0
     said = capsys.readouterr().out
     assert "pump_delivery" in said
     assert "drag 160 +- 16 N s2/m2" in said

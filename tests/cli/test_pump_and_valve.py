@@ -31,7 +31,6 @@ def test_a_pump_and_valve_is_refused_and_told_where_to_go(command, tmp_path, cap
 def test_a_new_vehicle_of_the_kind_says_what_takes_it(tmp_path, capsys):
     path = tmp_path / "float.toml"
     assert main(["vehicle", "new", str(path), "--kind", "pump-valve"]) == 0
-    told = capsys.readouterr().err
-    assert "swimbladder simulate" in told
+    assert "swimbladder simulate" in capsys.readouterr().out
     assert main(["energy", str(path), "--out", str(tmp_path / "out")]) == 0
     assert "J/mL" in capsys.readouterr().out

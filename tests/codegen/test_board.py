@@ -237,7 +237,7 @@ def test_a_board_that_computes_something_else_is_found_out(feup, made, tmp_path,
     assert np.float32(logged[first.tick]["voltage_V"]) == first.board
     said = capsys.readouterr().out
     assert f"first differs at tick {first.tick}: command {first.board:.9g} on the board, " in said
-    assert said.splitlines()[-3] == "DIFFERENT"
+    assert "DIFFERENT" in said.splitlines()
 
 
 @pytest.mark.promise("disarmed-holds")
@@ -325,7 +325,8 @@ def test_the_command_answers_as_its_page_says(made, host, tmp_path, capsys):
     assert told["equal"] is True
     assert told["sha256_of_c"] == digest(made).hex()
     assert f"115200 baud, C {told['sha256_of_c']}\n" in said
-    assert told["files"] == [str(tmp_path / f"out/{f}.csv") for f in ("golden-mission", "reset")]
+    names = ("golden-mission.csv", "reset.csv", "report.html")
+    assert told["files"] == [str(tmp_path / "out" / name) for name in names]
     assert told["flights"][0]["ticks"] == 101
 
 

@@ -54,12 +54,13 @@ def test_units_come_from_attributes_from_names_or_are_stated(step):
 
 def test_a_frame_without_units_is_asked_for_them_by_name(step):
     bare = pd.DataFrame({"time": step.time, "depth": step.depth})
-    with pytest.raises(InputError) as caught:
-        sb.read_log(bare)
-    said = str(caught.value)
-    assert said.startswith("DataFrame")
-    assert "time_s" in said
-    assert "columns of the file: time, depth" in said
+    for columns, name in (({}, "depth_m"), ({"depth_m": "depth@m"}, "time")):
+        with pytest.raises(InputError) as caught:
+            sb.read_log(bare, columns=columns)
+        said = str(caught.value)
+        assert said.startswith("DataFrame")
+        assert name in said
+        assert "unit" in said or 'depth_m=depth@m"' in said
 
 
 def test_instants_are_seconds_as_columns_and_as_an_index(step):
