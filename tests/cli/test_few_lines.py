@@ -60,7 +60,14 @@ def place(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("command", [*QUICK, "vehicle list", "vehicle set"])
+SLOW = ("identify", "faults", "size", "design-experiment")  # seconds each: `make prove` takes them
+EACH = [
+    pytest.param(command, marks=pytest.mark.prove if command in SLOW else ())
+    for command in (*QUICK, "vehicle list", "vehicle set")
+]
+
+
+@pytest.mark.parametrize("command", EACH)
 def test_a_command_prints_15_lines_at_most(command, place, monkeypatch, capsys):
     monkeypatch.chdir(place)
     name, *more = command.split()
