@@ -11,7 +11,9 @@ import shutil
 import signal
 import sys
 import threading
+from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -96,8 +98,9 @@ def show_answer(parts: Iterable[object], ends: Sequence[str] = (), *, full: bool
     if not full and sum(map(_rows, kept)) > room:
         kept, every, room = [], len(kept), room - 1
         for block in blocks:
-            taken = [line for k, line in enumerate(block, 1) if sum(map(_rows, block[:k])) <= room]
-            room = room - sum(map(_rows, taken)) if len(taken) == len(block) else 0
+            until = list(accumulate(map(_rows, block), initial=0))  # rows, of the lines before
+            taken = block[: bisect_right(until, room, lo=1) - 1]
+            room = room - until[-1] if len(taken) == len(block) else 0
             kept += taken if room or len(taken) != _HEADING else []
         left = every - len(kept)
         ends = [f"... {left} line{'' if left == 1 else 's'} more: --full", *ends]

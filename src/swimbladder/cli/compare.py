@@ -32,6 +32,8 @@ from swimbladder.errors import SwimbladderError
 from swimbladder.units import format_quantity, shown_unit
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from swimbladder.estimation.comparison import Comparison
     from swimbladder.estimation.comparison.ahead import Ahead as Predicted
     from swimbladder.io.logs import Log
@@ -178,6 +180,7 @@ class _Task:
     result: Comparison | None = None
     ahead: Predicted | None = None
     error: SwimbladderError | None = None
+    drawn: Figure | None = None
     files: Sequence[Path] = ()
 
     @property
@@ -240,7 +243,7 @@ def _write(task: _Task, out: Path, *, plot: bool) -> list[Path]:
         if plot:
             from swimbladder.show.plots.comparison import draw_ahead, draw_comparison
 
-            files[f"{task.name}.png"] = draw_comparison(task.result)
+            files[f"{task.name}.png"] = task.drawn = draw_comparison(task.result)
             if task.ahead is not None:
                 files[f"{task.name}-ahead.png"] = draw_ahead(task.ahead)
         return write_all(out, files)
@@ -261,7 +264,7 @@ def _write_page(tasks: list[_Task], out: Path) -> None:
         said = [line for _, found in done for line in found.sentences]
         if len(done) > len(worst):
             said.append(f"The figures are those of the {_DRAWN} logs with the largest rms.")
-        figures = {task.name: draw_comparison(found) for task, found in worst}
+        figures = {task.name: task.drawn or draw_comparison(found) for task, found in worst}
         numbers = {task.log.label: task.answer() for task, _ in done}
         about = {
             "command": typed_command(),

@@ -115,14 +115,13 @@ def mission(
             found = fly(v, task, read, **asked, keep=keep, advance=advance)
     answer = found.to_dict()
     with progress("writing the files"):
-        from swimbladder.show.answers import page
+        from swimbladder.show.answers import with_page
         from swimbladder.show.files import Gone, write_all
-        from swimbladder.show.report.html import REPORT
         from swimbladder.show.report.mission import mission_files
 
         made = mission_files(found, answer, begin=begin) | _also(found, read, begin, also)
         made = {**made, "argo-config.json": Gone(), **more}
-        files = write_all(to.out, {REPORT: page(found, answer, made, typed_command()), **made})
+        files = write_all(to.out, with_page(found, answer, made, typed_command()))
     to.answer(answer, _shown(found, read), files, good=found.completed, keep=keep)
 
 

@@ -45,9 +45,14 @@ _VOLUME = ("peak_volume_m3", "volume_range_m3", "actuator_travel_m3")
 
 
 def write_files(
-    s: Solution, task: Mission, column: Column | None, folder: Path, also: Also
+    s: Solution,
+    task: Mission,
+    column: Column | None,
+    folder: Path,
+    also: Also,
+    answer: Mapping[str, Any],
 ) -> list[Path]:
-    """Write the files that were asked for and return their paths."""
+    """Write the files that were asked for, and the report; return their paths."""
     from swimbladder.io.tables import write_csv
 
     columns = s.columns()
@@ -62,26 +67,20 @@ def write_files(
                 title += f" in the water of {column.source}"
             data = s.dataset(also.read()["begin"]).assign_attrs(title=title)
             files.append(write_netcdf(folder / "trajectory.nc", data))
-    if also.plot:
-        with progress("drawing trajectory.png"):
-            from swimbladder.show.plots import plot_solution
-
-            files.append(folder / "trajectory.png")
-            plot_solution(s, files[-1])
-    return files
-
-
-def write_page(s: Solution, answer: Mapping[str, Any], files: Sequence[Path]) -> Path:
-    """Write the report beside the files; return its path."""
-    with progress("writing the report"):
+    beside: dict[str, object] = {path.name: None for path in files}
+    with progress("drawing and writing the report"):
         from swimbladder.io.files import write_atomically
         from swimbladder.show.answers import page
         from swimbladder.show.report.html import REPORT
 
-        names = {path.name: None for path in files}
-        path = files[0].parent / REPORT
-        write_atomically(path, page(s, answer, names, typed_command()))
-    return path
+        if also.plot:
+            from swimbladder.show.plots.style import save
+
+            beside["trajectory.png"] = figure = s.plot()
+            files.append(save(figure, folder / "trajectory.png"))
+        files.append(folder / REPORT)
+        write_atomically(files[-1], page(s, answer, beside, typed_command()))
+    return files
 
 
 def steps_of(s: Solution, task: Mission) -> list[dict[str, Any]]:
@@ -242,11 +241,9 @@ def simulate(
 
             medium = medium_of(v, water, reach=reach)
         s = _run(v, task, seed, water, False if without_supervisor else None)
-    folder = make_folder(to.out)
-    files = write_files(s, task, water, folder, also)
     notes = [*_notes(s, water, medium), *_seed_unused(v, seed)]
     answer = answer_of(s, task, water, notes)
-    files.append(write_page(s, answer, files))
+    files = write_files(s, task, water, make_folder(to.out), also, answer)
     to.answer(answer, shown(answer), files)
     if not s.finished:
         aside(f"stopped at {s.time[-1]:.6g} s: {s.stop.value}")

@@ -211,9 +211,14 @@ def contents(answer: Answer, numbers: Mapping[str, Any], command: str = "") -> M
         make = _named(how.files)
         given = {"command": command} if "command" in signature(make).parameters else {}
         made = dict(make(answer, numbers, **given))
-    if REPORT not in made:
-        made = {REPORT: page(answer, numbers, made, command)} | made
-    return made
+    return made if REPORT in made else with_page(answer, numbers, made, command)
+
+
+def with_page(
+    answer: Answer, numbers: Mapping[str, Any], files: Mapping[str, object], command: str = ""
+) -> dict[str, object]:
+    """Return the contents of files, by name, with the page of the answer before them."""
+    return {REPORT: page(answer, numbers, files, command), **files}
 
 
 def report(answer: Answer, path: Path) -> Path:

@@ -175,13 +175,10 @@ class _Panel:
         lined, marked = style not in ("None", " ", ""), marker in _MARKERS
         if not len(x) or not (lined or marked):
             return
-        color = _color(line.get_color(), line.get_alpha())
         mode = "+".join(word for word, on in (("lines", lined), ("markers", marked)) if on)
         trace: dict[str, Any] = {"type": "scatter", "mode": mode, "x": x, "y": y}
         if lined:
-            dash = _DASHES.get(str(style), "solid")
-            trace["line"] = {"color": color, "width": 1.2 * line.get_linewidth(), "dash": dash}
-            trace["line"]["shape"] = _STEPS.get(line.get_drawstyle(), "linear")
+            trace["line"] = _pen(line) | {"shape": _STEPS.get(line.get_drawstyle(), "linear")}
         if marked:
             small = 0.5 if marker == "." else 1.0
             trace["marker"] = {
@@ -278,10 +275,7 @@ class _Panel:
             if held != (True, True) and any(held) and np.size(line.get_xdata()):
                 ends = [np.asarray(v, dtype=float)[[0, -1]] for v in line.get_data(orig=False)]
                 made = self._across(held, *ends)
-                dash = _DASHES.get(str(line.get_linestyle()), "solid")
-                color = _color(line.get_color(), line.get_alpha())
-                pen = {"color": color, "width": 1.2 * line.get_linewidth(), "dash": dash}
-                yield made | {"type": "line", "line": pen}
+                yield made | {"type": "line", "line": _pen(line)}
         for patch in self.axes.patches:
             held = _held(patch.get_transform(), self.axes)
             if isinstance(patch, Rectangle) and held != (True, True) and any(held):
@@ -324,6 +318,13 @@ def _held(transform: Transform, axes: Axes) -> tuple[bool, bool]:
     """Whether x and y of a transform are data, not shares of the panel."""
     x, y = transform.contains_branch_seperately(axes.transData)
     return bool(x), bool(y)
+
+
+def _pen(line: Line2D) -> dict[str, Any]:
+    """Return color, width and dashes of a line."""
+    dash = _DASHES.get(str(line.get_linestyle()), "solid")
+    color = _color(line.get_color(), line.get_alpha())
+    return {"color": color, "width": 1.2 * line.get_linewidth(), "dash": dash}
 
 
 def _note(text: str, x: float, y: float, xref: str, yref: str, as_in: Text) -> dict[str, Any]:
@@ -375,9 +376,7 @@ def _key(name: str, handle: Any) -> dict[str, Any]:
     """Return an entry of the legend that stands for no single curve."""
     key: dict[str, Any] = {"type": "scatter", "x": [None], "y": [None], "name": name}
     if isinstance(handle, Line2D):
-        dash = _DASHES.get(str(handle.get_linestyle()), "solid")
-        pen = {"color": _color(handle.get_color(), handle.get_alpha()), "dash": dash}
-        return key | {"mode": "lines", "line": pen}
+        return key | {"mode": "lines", "line": _pen(handle)}
     paints = (
         np.reshape(paint, (-1, 4)) for paint in (handle.get_facecolor(), handle.get_edgecolor())
     )

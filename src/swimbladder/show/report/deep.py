@@ -8,10 +8,9 @@ import numpy as np
 
 from swimbladder.estimation.motion.deep import DeepIdentification
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.answers import page
+from swimbladder.show.answers import with_page
 from swimbladder.show.files import Gone, write_all
 from swimbladder.show.plots.deep import draw_deep
-from swimbladder.show.report.html import REPORT
 from swimbladder.show.report.identification import MARK, check_folder
 
 
@@ -50,7 +49,7 @@ def write_deep(
     if found.identified:
         head = "\n".join([f"{MARK} from deep dives.", *found.sentences])
         files["vehicle.toml"] = vehicle_file(found.result_vehicle, head=head)
-    return write_all(out, {REPORT: page(found, answer, files, command), **files})
+    return write_all(out, with_page(found, answer, files, command))
 
 
 def save_deep(found: DeepIdentification, out: Path) -> list[Path]:

@@ -10,10 +10,9 @@ from swimbladder.design.energy.fit import run_columns
 from swimbladder.design.energy.messages import fit_sentences
 from swimbladder.design.energy.run import dive_columns
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.answers import page
+from swimbladder.show.answers import with_page
 from swimbladder.show.files import Gone
 from swimbladder.show.plots.energy import draw_energy, draw_fit, draw_versus
-from swimbladder.show.report.html import REPORT
 from swimbladder.vehicle import Vehicle
 
 HEAD = "Pump found by swimbladder energy --fit."
@@ -39,7 +38,7 @@ def fit_files(
     taken away.
     """
     files = {"pump.json": answer, "runs.csv": run_columns(fit), "pump.png": draw_fit(fit)}
-    files = {REPORT: page(fit, answer, files, command), **files}
+    files = with_page(fit, answer, files, command)
     if fit.refusal:
         return {**files, "vehicle.toml": Gone(HEAD)}
     if vehicle is None:
