@@ -13,6 +13,7 @@ from swimbladder.show.report import render, symbols
         ("k_z/k_u z", "k<sub>z</sub>/k<sub>u</sub> z"),
         ("75 cm2, 4 m3/m, s^3", "75 cm<sup>2</sup>, 4 m<sup>3</sup>/m, s<sup>3</sup>"),
         ("rho g psi", "ρ g ψ"),
+        ("psi (--psi-std)", "ψ (--psi-std)"),
         ("4.04e-6 m", "4.04 × 10<sup>−6</sup> m"),
         ("1e-12 of 2e+04", "10<sup>−12</sup> of 2 × 10<sup>4</sup>"),
         ("-3.5 %, +-350, a-b, 1-2", "−3.5 %, ±350, a-b, 1-2"),

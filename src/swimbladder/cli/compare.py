@@ -90,7 +90,7 @@ def _ahead_shown(ahead: Predicted) -> Iterator[object]:
     headings = ("ahead", "rms", "bias", "skill", "without drag", "in 95 % band", "predictions")
     rows = []
     for h in ahead.horizons:
-        off = f"{1e3 * h.rms:.1f} mm", f"{1e3 * h.bias:+.1f} mm"
+        off = f"{1e3 * h.rms:.1f} mm", f"{1e3 * h.bias:+z.1f} mm"
         skill = ("-" if known is None else f"{known:.2f}" for known in h.skill.values())
         rows.append((f"{h.seconds:g} s", *off, *skill, f"{100.0 * h.coverage:.1f} %", str(h.n)))
     yield table(headings, rows)
@@ -306,7 +306,7 @@ def _row(r: Comparison | None) -> tuple[str, ...]:
         return ("-",) * 6
     share = 100.0 * r.variance_explained
     explained = f"{share:.2f} %" if math.isfinite(share) else "-"
-    off = f"{1e3 * r.rms:.1f} mm", f"{1e3 * r.bias:+.1f} mm"
+    off = f"{1e3 * r.rms:.1f} mm", f"{1e3 * r.bias:+z.1f} mm"
     return (r.record.drive, *off, explained, f"{1e3 * r.largest:.1f} mm", str(r.n))
 
 

@@ -461,7 +461,7 @@ class Comparison(Answer):
     @property
     def sentences(self) -> list[str]:
         """How far the model is off the log, and what that says."""
-        off = f"{1e3 * self.rms:.1f} mm rms, {1e3 * self.bias:+.1f} mm on average"
+        off = f"{1e3 * self.rms:.1f} mm rms, {1e3 * self.bias:+z.1f} mm on average"
         share = f"{100.0 * self.variance_explained:.2f} % of the variance explained"
         said = f"{self.source}, driven by {self.record.drive}, {self.n} samples: {off}, {share}"
         return [said, *(finding.sentence for finding in self.findings), *self.notes]

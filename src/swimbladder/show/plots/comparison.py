@@ -80,7 +80,7 @@ def draw_comparison(comparison: Comparison) -> Figure:
 
 def _title(c: Comparison) -> str:
     driven = c.record.drive.replace("setpoint", "set-point")
-    off = f"rms {1e3 * c.rms:.1f} mm, bias {1e3 * c.bias:+.1f} mm"
+    off = f"rms {1e3 * c.rms:.1f} mm, bias {1e3 * c.bias:+z.1f} mm"
     share = f"{100.0 * c.variance_explained:.2f} % of the variance"
     return f"{c.vehicle.name} driven by the logged {driven}: {off}, {share}"
 

@@ -35,7 +35,7 @@ _GREEK = {
     "Delta": "Δ",
     "pi": "π",
 }
-_GREEK_WORD = re.compile(r"\b(" + "|".join(_GREEK) + r")(?=\b|_)")
+_GREEK_WORD = re.compile(r"(?<!--)\b(" + "|".join(_GREEK) + r")(?=\b|_)")
 _SYMBOL = re.compile(
     r"\b([kTQVUFBCDJnSβηΔ])_([A-Za-z0-9]{1,4})\b"  # k_z, T_z, V_p
     r"|\b([KTA])([12])\b"  # K1, T2
