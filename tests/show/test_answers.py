@@ -160,6 +160,11 @@ def test_a_page_says_where_the_answer_is_no(tmp_path):
     assert all("Depth, volume and drive." in page for page in pages)
 
 
+def test_the_page_of_a_plan_names_the_vehicle(tmp_path):
+    page = sb.plan("feup-em", 1.5, 2.0).report(tmp_path / "page.html").read_text("utf-8")
+    assert "<title>feup-em: plan</title>" in page
+
+
 def test_what_was_not_asked_for_is_no_picture_but_said():
     found = sb.stability("feup-em", depths=(0.0, 5.0), maps=False)
     with pytest.raises(NoAnswerError, match="no maps were asked for"):

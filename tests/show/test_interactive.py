@@ -80,6 +80,7 @@ def test_steps_areas_bars_and_spans_are_what_they_were():
     assert (line["xref"], line["x0"], line["x1"]) == ("x domain", 0.0, 1.0)
     assert (line["yref"], line["y0"], line["y1"]) == ("y", 2.0, 2.0)
     span = next(s for s in layout["shapes"] if s["type"] == "rect")
+    assert (line.get("layer", "above"), span["layer"]) == ("above", "below")
     assert (span["xref"], span["x0"], span["x1"]) == ("x", 0.5, 1.0)
     assert (span["yref"], span["y0"], span["y1"]) == ("y domain", 0.0, 1.0)
 

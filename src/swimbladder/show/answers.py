@@ -254,7 +254,7 @@ def page(
 
 def _title(answer: Answer) -> str:
     """Return what a page is called: the vehicle and what was asked."""
-    flown = getattr(answer, "flight", answer)
+    flown = getattr(answer, "flight", getattr(answer, "task", answer))
     vehicle = getattr(flown, "result_vehicle", getattr(flown, "vehicle", ""))
     name = getattr(vehicle, "name", vehicle)
     return f"{name}: {_kind(answer)}" if name else _kind(answer).capitalize()

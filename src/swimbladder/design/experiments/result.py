@@ -10,7 +10,7 @@ import numpy as np
 from swimbladder.design.experiments.conditions import Conditions, Flight, Setting
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
 from swimbladder.estimation.estimates import Finding
-from swimbladder.estimation.motion.diagnose import LIMIT
+from swimbladder.estimation.motion.diagnose import LIMIT, describe
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.plan import Expected, Plan, PlannedExperiment, Trace
 from swimbladder.units import format_quantity
@@ -38,23 +38,11 @@ def judge(
     )
 
 
-def describe(left: Mapping[str, float]) -> str:
-    """Return biases as text: "K2 by +81 %, T2 more than tenfold"."""
-    return ", ".join(
-        f"{name} by {_signed(share)} %" if share < 9.0 else f"{name} more than tenfold"
-        for name, share in left.items()
-    )
-
-
 def percent(share: float | None) -> str:
     """Return a share as text, with two digits."""
     if share is None or not math.isfinite(share):
         return "not known"
     return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
-
-
-def _signed(share: float) -> str:
-    return f"{100.0 * share:+.2g}" if abs(share) < 0.995 else f"{100.0 * share:+.0f}"
 
 
 def _coarse(setting: Setting) -> Iterator[Finding]:

@@ -100,9 +100,20 @@ def judge(listed: tuple[Choice, ...]) -> Iterator[Finding]:
     zero = next((c for c in same if c.psi == "zero"), None)
     if zero is not None and reported.psi != "zero" and zero.bic - reported.bic > _DECISIVE:
         both = [n for n in reported.values if n in ("K2", "T2", "mass") and n in zero.values]
-        shares = [100.0 * (zero.values[n] / reported.values[n] - 1.0) for n in both]
-        shift = " and ".join(f"{n} by {s:+.0f} %" for n, s in zip(both, shares, strict=True))
+        shift = describe({n: zero.values[n] / reported.values[n] - 1.0 for n in both})
         yield Finding.of("motion", "psi", shifts=shift, without=zero.rms, rms=reported.rms)
+
+
+def describe(biases: Mapping[str, float]) -> str:
+    """Return biases as text: "K2 by +81 %, T2 more than tenfold"."""
+    return ", ".join(
+        f"{name} by {_signed(share)} %" if share < 9.0 else f"{name} more than tenfold"
+        for name, share in biases.items()
+    )
+
+
+def _signed(share: float) -> str:
+    return f"{100.0 * share:+.2g}" if abs(share) < 0.995 else f"{100.0 * share:+.0f}"
 
 
 _PSI = dict(free="psi estimated", prior="psi with its prior", set="psi as set", zero="no psi")

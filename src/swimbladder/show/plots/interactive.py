@@ -275,17 +275,17 @@ class _Panel:
             if held != (True, True) and any(held) and np.size(line.get_xdata()):
                 ends = [np.asarray(v, dtype=float)[[0, -1]] for v in line.get_data(orig=False)]
                 made = self._across(held, *ends)
-                yield made | {"type": "line", "line": _pen(line)}
+                yield made | {"type": "line", "line": _pen(line), "layer": "above"}
         for patch in self.axes.patches:
             held = _held(patch.get_transform(), self.axes)
             if isinstance(patch, Rectangle) and held != (True, True) and any(held):
                 (x, y), wide, high = patch.get_xy(), patch.get_width(), patch.get_height()
                 made = self._across(held, (x, x + wide), (y, y + high))
-                face = _color(patch.get_facecolor(), None)
-                yield made | {"type": "rect", "fillcolor": face, "line": {"width": 0}}
+                made |= {"type": "rect", "layer": "below", "line": {"width": 0}}
+                yield made | {"fillcolor": _color(patch.get_facecolor(), None)}
 
     def _across(self, held: tuple[bool, bool], x: Any, y: Any) -> dict[str, Any]:
-        made: dict[str, Any] = {"layer": "below"}
+        made: dict[str, Any] = {}
         for name, data, ends in (("x", held[0], x), ("y", held[1], y)):
             made[f"{name}ref"] = f"{name}{self.number}" + ("" if data else " domain")
             made |= {f"{name}0": float(ends[0]), f"{name}1": float(ends[1])}

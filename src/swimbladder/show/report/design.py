@@ -83,7 +83,7 @@ def comparison(design: Design) -> list[str]:
     )
     said = [f"Against {design.rival}, in {other.time / 60.0:.0f} min: {errors}."]
     if other.psi is not None and design.chosen.psi is not None:
-        from swimbladder.design.experiments.result import describe
+        from swimbladder.estimation.motion.diagnose import describe
 
         shift = f"psi left out would shift {describe(other.psi.refit)}"
         there, here = (f"at {1e3 * w.psi.rms:.1f} mm" for w in (other, design.chosen) if w.psi)
