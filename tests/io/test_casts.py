@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from scipy.io import netcdf_file
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.io.cast_columns import CAST_COLUMNS, cast_unit, kind_of
+from swimbladder.io.cast_columns import CAST_COLUMNS, kind_of
 from swimbladder.io.cast_rows import legs
 from swimbladder.io.casts import read_cast
+from swimbladder.io.columns import plain_unit
 from swimbladder.physics.seawater import cast_column
 from tests.examples import examples
 
@@ -96,7 +97,7 @@ def test_units_of_oceanographers(unit):
     from swimbladder.units import unit_factor
 
     wanted = {"decibar": "dbar", "degrees_Celsius": "degC", "S m-1": "S/m"}.get(unit, "")
-    assert unit_factor(cast_unit(unit), wanted) == 1.0
+    assert unit_factor(plain_unit(unit), wanted) == 1.0
 
 
 def test_other_names_and_units_as_for_logs(tmp_path):
@@ -544,7 +545,9 @@ def test_netcdf_may_be_gzipped_and_mapped(tmp_path):
     np.testing.assert_array_equal(read_cast(packed).SA, read_cast(path).SA)
     shallow = read_cast(path, columns={"pressure_dbar": "PRES@kPa"})
     np.testing.assert_allclose(shallow.pressure[-1], 50.0)
-    assert "no such variable" in str(refused(path, columns={"salinity": "SALT"}))
+    error = refused(path, columns={"salinity": "SALT"})
+    assert "no such column" in str(error)
+    assert "Did you mean PSAL?" in error.remedy
     assert "CSV and Parquet only" in str(refused(path, where={"N": 1}))
 
 
@@ -794,9 +797,9 @@ def test_temperatures_on_the_scale_of_1968(tmp_path):
     [
         (lambda text: text.replace("*END*", "*"), "no end"),
         (lambda text: text.replace("file_type = ascii", "file_type = binary"), "binary"),
-        (lambda text: text.replace("prDM: Pressure", "oxML: Oxygen"), "pressure or depth"),
+        (lambda text: text.replace("prDM: Pressure", "oxML: Oxygen"), "neither pressure nor depth"),
         (lambda text: text.replace("[db]", "[ml/l]"), "of another kind"),
-        (lambda text: text.rsplit("\n", 40)[0] + "\n 1 2 x\n", "not the 5 numbers"),
+        (lambda text: text.rsplit("\n", 40)[0] + "\n 1 2 x\n", "without the header's 5 fields"),
         (lambda text: text.replace("# name 3", "# name 7"), "not numbered"),
         (lambda text: text.split("*END*")[0] + "*END*\n", "no rows"),
     ],

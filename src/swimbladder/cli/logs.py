@@ -103,8 +103,8 @@ class LogReading(Options):
         depth by the density of the vehicle's water, where none is stated. Raises LogError, an
         InputError, with file, line, column, value and remedy.
         """
+        from swimbladder.io.columns import NOT_READ, TAKEN
         from swimbladder.io.log_format import LogFormat
-        from swimbladder.io.log_names import NOT_READ, TAKEN
         from swimbladder.io.logs import read_log
 
         columns, said = self.columns(), list[str]()

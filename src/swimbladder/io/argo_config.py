@@ -22,10 +22,10 @@ import gsw
 import numpy as np
 
 from swimbladder.errors import InputError, UnitError
-from swimbladder.io.cast_columns import cast_unit
-from swimbladder.io.cast_netcdf import NetCDF
+from swimbladder.io.columns import plain_unit
 from swimbladder.io.log_text import LogFile, is_netcdf
 from swimbladder.io.mission import Mission
+from swimbladder.io.netcdf import NetCDF
 from swimbladder.units import unit_factor
 
 PLACE = 45.0  # degrees of latitude
@@ -229,7 +229,7 @@ def _standard(
         words, _, said = name.removeprefix("CONFIG_").rpartition("_")
         if words == standard != "":
             try:
-                own = _FACTORS.get((said, unit)) or unit_factor(cast_unit(said), unit)
+                own = _FACTORS.get((said, unit)) or unit_factor(plain_unit(said), unit)
                 return _number(name, given, path, None if least is None else least / own) * own
             except UnitError as error:
                 raise error.at(file=path, field=name) from None

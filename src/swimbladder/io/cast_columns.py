@@ -9,17 +9,26 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, LogError
+from swimbladder.errors import LogError
+from swimbladder.io.columns import (
+    check_columns,
+    mapped_column,
+    no_column,
+    plain_unit,
+    words_and_unit,
+)
 from swimbladder.io.log_format import LogColumn, bracketed
-from swimbladder.io.log_table import check_columns, listed, mapped_column
+from swimbladder.io.log_rows import Sheet
+from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, Value, counted
-from swimbladder.units import unit_factor
+from swimbladder.units import has_kind
 
 Array = NDArray[np.float64]
 _FARTHEST = {"latitude": 90.0, "longitude": 360.0}  # degrees
@@ -96,26 +105,24 @@ class RawCast:
 def raw_cast(
     columns: Mapping[str, Array | None],
     file: LogFile,
-    row: NDArray[np.int64] | None = None,
+    row: NDArray[np.int64],
     **more: Any,
 ) -> RawCast:
     """Return the columns of a profile, by their names in `CAST_COLUMNS`, as a cast.
 
-    row: the lines of a text; samples are numbered where there are none. more: other fields.
+    row: the lines of a text, or the numbers of samples. more: other fields.
     """
     fields: dict[str, Any] = {name.split("_")[0]: values for name, values in columns.items()}
     for name in _FARTHEST:
         values = columns.get(name)
         fields[name] = None if values is None else place_of(name, values, file.report)
-    lines = np.arange(1, len(fields["temperature"]) + 1) if row is None else row
-    named = "sample" if row is None else "line"
-    fields |= {"path": Path(file.path), "report": file.report, "row": lines, "row_name": named}
-    return RawCast(**fields, **more)
+    fields |= {"path": Path(file.path), "report": file.report, "row": row}
+    return RawCast(**{**fields, **more})
 
 
 _DEPTHS = {"pressure_dbar": "dbar", "depth_m": "m"}
 _WATERS = {"temperature_degC": "degC", "salinity": "", "conductivity_S_m": "S/m"}
-_PLACES = {"latitude": "", "longitude": ""}
+_PLACES = {"latitude": "deg", "longitude": "deg"}
 CAST_COLUMNS = {**_DEPTHS, **_WATERS, "density_kg_m3": "kg/m3", **_PLACES}
 """The columns of a cast and their units; salinity is practical salinity, PSS-78.
 
@@ -139,35 +146,6 @@ NAMES: dict[str, set[str]] = {name: set() for name in CAST_COLUMNS}
 for _column, _words in _CALLED:
     NAMES[_column] |= set(_words.split())
 _ABSOLUTE = re.compile(r"absolute.?salinity|^sa\b")
-_PLAIN = ("dbar", "bar", "mbar", "Pa", "kPa", "MPa", "hPa", "psi", "m", "cm", "degC")
-_QUOTIENTS = ("S/m", "mS/cm", "uS/cm", "kg/m3")
-_ENDINGS = {"db": "dbar", "decibar": "dbar", "c": "degC", "psu": "", "deg": ""}
-_ENDINGS |= {unit.lower().replace("/", "_"): unit for unit in (*_PLAIN, *_QUOTIENTS)}
-_WRITTEN = (
-    ("", "|1|psu|pss-78|pss|ppt|1e-3|0.001|practical salinity scale"),
-    ("", "deg|degree_north|degrees_north|degree_east|degrees_east"),
-    ("dbar", "decibar|decibars|db"),
-    ("kPa", "kpascal"),
-    ("m", "meter|meters|metre|metres|salt water, m"),
-    ("degC", "c|celsius|deg c|deg_c|degree_c|degrees_c|degree_celsius|degrees_celsius"),
-    ("degC", "degrees celsius|its-90, deg c"),
-    ("K", "kelvin"),
-    ("S/m", "s m-1|s.m-1|siemens/meter|mhos/m"),
-    ("mS/cm", "ms cm-1"),
-    ("uS/cm", "microsiemens per centimeter"),
-    ("kg/m3", "kg m-3"),
-    ("d", "days"),
-    ("h", "hours"),
-    ("min", "minutes"),
-    ("s", "second|seconds"),
-    ("cs", "csec"),
-)
-_UNITS = {name: unit for unit, names in _WRITTEN for name in names.split("|")}
-
-
-def cast_unit(text: str) -> str:
-    """Return a unit as it stands in files of oceanographers in the grammar of `units`."""
-    return _UNITS.get(text.strip().lower(), text.strip())
 
 
 def kind_of(name: str) -> tuple[str, str | None] | None:
@@ -177,25 +155,13 @@ def kind_of(name: str) -> tuple[str, str | None] | None:
     """
     if name in CAST_COLUMNS:
         return name, CAST_COLUMNS[name]
-    unit = bracketed(name)
-    bare = name if unit is None else re.split(r"[\[(]", name)[0]
-    word = re.sub(r"[ .-]+", "_", bare.strip().lower()).removeprefix("ctd_")
+    words, unit = words_and_unit(name)
+    word = re.sub(r"[ .-]+", "_", words.strip(" _").lower()).removeprefix("ctd_")
     word = word.removeprefix("sci_water_")
-    for ending, meant in sorted(_ENDINGS.items(), key=lambda item: -len(item[0])):
-        if unit is None and word.endswith(f"_{ending}"):
-            word, unit = word.removesuffix(f"_{ending}"), meant
-            break
-    for column, names in NAMES.items():
-        if word in names and _fits(column, unit):
-            return column, None if unit is None else cast_unit(unit)
-    return None
-
-
-def _fits(column: str, unit: str | None) -> bool:
-    try:
-        return unit is None or bool(unit_factor(cast_unit(unit), CAST_COLUMNS[column]))
-    except InputError:
-        return True  # the name is right; that the unit is not is said where it is read
+    column = next((column for column, names in NAMES.items() if word in names), None)
+    if column is None or unit is None or bracketed(name) is not None:
+        return None if column is None else (column, unit)
+    return (column, unit) if has_kind(unit, CAST_COLUMNS[column]) else None
 
 
 def check_names(names: Collection[str], file: LogFile) -> None:
@@ -203,12 +169,30 @@ def check_names(names: Collection[str], file: LogFile) -> None:
     check_columns(file, names, CAST_COLUMNS, "a cast")
 
 
-def cast_sources(
+def sheet_cast(
     file: LogFile,
-    mapped: Mapping[str, str | LogColumn],
-    header: Sequence[str],
+    mapped: Mapping[str, str],
     *,
-    salted: bool = False,
+    where: Mapping[str, str | float] | None = None,
+    salted: bool = True,
+    sheet: Sheet | None = None,
+    **more: Any,
+) -> RawCast:
+    """Return the cast of a table, read as logs are.
+
+    salted: whether the salinity is stated elsewhere, or is asked for later. sheet: what is read in
+    the file's place. more: fields of the cast. Raises LogError.
+    """
+    choose, rows = partial(cast_sources, file, mapped, salted=salted), {**file.form.where}
+    table = read_table(file, rows | {**(where or {})}, choose, [], CAST_COLUMNS, sheet=sheet)
+    down = table.sources.get("pressure_dbar")
+    names = {name: column.name for name, column in table.sources.items()}
+    known = {"names": names, "unit_named": None if down is None else down.unit}
+    return raw_cast(table.values, file, row=table.line, **{**known, **more})
+
+
+def cast_sources(
+    file: LogFile, mapped: Mapping[str, str | LogColumn], sheet: Sheet, *, salted: bool = False
 ) -> dict[str, LogColumn]:
     """Return which column of a file each column of a cast is read from.
 
@@ -217,19 +201,21 @@ def cast_sources(
     Raises LogError where a name is unknown, or what a cast needs is missing.
     """
     check_names(mapped, file)
+    header = sheet.header
     sources = {name: _given(file, name, given, header) for name, given in mapped.items()}
-    kinds = [(column, *(kind_of(column) or ("", None))) for column in header]
-    for name in CAST_COLUMNS:
-        found = [LogColumn(name=c, unit=unit) for c, meant, unit in kinds if meant == name]
-        if name in sources or not found:
-            continue
-        if len(found) > 1 and name in header:
-            found = [column for column in found if column.name == name]
+    kinds = {column: kind_of(column) or ("", None) for column in header}
+    for name in (name for name in CAST_COLUMNS if name not in sources):
+        found = [column for column in header if sheet.meant.get(column) == name]
+        found = found or [column for column in header if kinds[column][0] == name]
+        plain = [c for c in found if c == name] or [c for c in found if c.lower() in NAMES[name]]
+        found = plain if len(found) > 1 and plain else found
         if len(found) > 1:
-            names = ", ".join(column.name for column in found)
             what = f"several columns may be the {name.split('_')[0]}"
-            raise file.refused(what, f'Choose one with --column "{name}=NAME"', name, value=names)
-        sources[name] = found[0]
+            remedy = f'Choose one with --column "{name}=NAME"'
+            raise file.refused(what, remedy, name, value=", ".join(found))
+        for column in found:
+            unit = sheet.units.get(column, kinds[column][1])
+            sources[name] = LogColumn(name=column, unit=unit)
     _need(file, sources, header, salted=salted)
     return sources
 
@@ -240,7 +226,7 @@ def _given(file: LogFile, name: str, given: str | LogColumn, header: Sequence[st
     if unit is None:
         kind = kind_of(column.name)
         unit = kind[1] if kind is not None and kind[0] == name else None
-    return column if unit is None else LogColumn(name=column.name, unit=cast_unit(unit))
+    return column if unit is None else LogColumn(name=column.name, unit=plain_unit(unit))
 
 
 def _need(
@@ -259,6 +245,4 @@ def _need(
                 absolute = [column for column in header if _ABSOLUTE.search(column.lower())]
                 if absolute:
                     more += f" ({absolute[0]} is not practical: gsw.SP_from_SA makes it so)"
-            columns = f"columns of the file: {listed(header)}"
-            remedy = f'Say which column it is with --column "{names[0]}=NAME"{more}; {columns}'
-            raise file.refused(f"the cast has {what}", remedy, names[0])
+            raise no_column(file, f"the cast has {what}", names[0], header, more)

@@ -19,13 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError, SwimbladderError
-from swimbladder.io.cast_cnv import cnv_cast, is_cnv
-from swimbladder.io.cast_columns import CAST_COLUMNS, RawCast, cast_sources, raw_cast
-from swimbladder.io.cast_netcdf import netcdf_cast
+from swimbladder.io.cast_columns import RawCast, sheet_cast
+from swimbladder.io.cast_formats import cnv_cast, is_cnv, netcdf_cast
 from swimbladder.io.cast_rows import Inversions, averaged, one_leg, stable, without_spikes
 from swimbladder.io.cast_units import MOST_SALT, by_depth, check_units
 from swimbladder.io.log_format import LogFormat, format_of
-from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, is_frame, is_netcdf, read_bytes
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
@@ -168,8 +166,9 @@ def read_cast(
             raise LogError(what, file=file, field="where" if where else "log_format", remedy=remedy)
         raw, profile = binary.read(data, file, columns, profile)
     else:
-        text = LogFile.of(file, format_of(form))
-        raw = _text_cast(text, columns, where, salted=salinity is not None)
+        text, salted = LogFile.of(file, format_of(form)), salinity is not None
+        chosen = ", ".join(f"{name}={value}" for name, value in where.items())
+        raw = sheet_cast(text, columns, where=where, salted=salted, name=chosen)
     raw.report.extend(said)
     stated: dict[str, Any] = {"latitude": latitude, "longitude": longitude}
     if "@" in columns.get("pressure_dbar", ""):
@@ -199,19 +198,6 @@ def check_reading(
         what = "not one of the choices"
         remedy = "Choose refuse, average or keep"
         raise InputError(what, field="inversions", value=inversions, remedy=remedy)
-
-
-def _text_cast(
-    file: LogFile, columns: Mapping[str, str], where: Mapping[str, str | float], *, salted: bool
-) -> RawCast:
-    """Return the cast of a text or a Parquet file, read as logs are."""
-    choose = partial(cast_sources, file, columns, salted=salted)
-    table = read_table(file, {**file.form.where, **where}, choose, [], CAST_COLUMNS)
-    down = table.sources.get("pressure_dbar")
-    name = ", ".join(f"{name}={value}" for name, value in where.items())
-    names = {name: column.name for name, column in table.sources.items()}
-    unit = None if down is None else down.unit
-    return raw_cast(table.values, file, row=table.line, name=name, names=names, unit_named=unit)
 
 
 def _salted(raw: RawCast, salinity: float | None) -> RawCast:

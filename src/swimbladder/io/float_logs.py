@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.io.columns import check_columns, named_columns, no_column
 from swimbladder.io.files import pipes_kept
 from swimbladder.io.float_log import DEVICES, Action, FloatLog
 from swimbladder.io.log_format import LogColumn, format_of
 from swimbladder.io.log_formats.argo import is_argo, read_argo
 from swimbladder.io.log_formats.argo_trajectory import read_trajectory
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
-from swimbladder.io.log_table import check_columns, listed, named_columns, read_table
+from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, is_frame, is_netcdf, read_bytes
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def read_float_log(
     check_columns(file, columns, FLOAT_COLUMNS, "a float's log")
     rows = {**file.form.where, **(where or {})}
     table = read_table(
-        file, rows, lambda header: _sources(file, columns, header), [], FLOAT_COLUMNS
+        file, rows, lambda sheet: _sources(file, columns, sheet.header), [], FLOAT_COLUMNS
     )
     return _float_log(table.values, file)
 
@@ -97,14 +98,12 @@ def read_float_log(
 def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:
     """Return which column of the file each column of the log is read from."""
     found = named_columns(file, mapped, header, FLOAT_COLUMNS)
-    columns = f"columns of the file: {listed(header)}"
     for name in _NEEDED:
         if name not in found:
-            remedy = f"Say which one it is with --column {name}=NAME; {columns}"
-            raise file.refused(f"the float's log has no column {name}", remedy, name)
+            raise no_column(file, f"the float's log has no column {name}", name, header)
     if not {f"{device}_s" for device in DEVICES} & set(found):
-        remedy = f"Say which columns hold their seconds with --column pump_s=NAME; {columns}"
-        raise file.refused("the float's log does not say when pump or valve ran", remedy, "pump_s")
+        what = "the float's log does not say when pump or valve ran"
+        raise no_column(file, what, "pump_s", header)
     return found
 
 

@@ -21,6 +21,7 @@ _BESIDE = 4  # and how fast the signal moves
 _SCALE = 1.4826  # standard deviation over median absolute deviation, of a normal distribution
 _FEWEST = 9  # samples that can define what is normal
 _SHOWN = 3  # places that a report names
+_PIECE = 1 << 16  # samples that are judged at once
 # Steps of a coarse sensor, for a signal that otherwise hardly changes: a flicker is no spike.
 _COARSE = {"depth_m": 0.025, "piston_m": 2e-4, "volume_m3": 5e-7}
 
@@ -139,7 +140,8 @@ def _around(values: Array, reach: int, of: Callable[..., Any]) -> Array:
     padded = np.pad(values, reach, mode="reflect" if len(values) > reach else "edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
     near = [k for k in range(2 * reach + 1) if abs(k - reach) > 1]
-    return np.asarray(of(windows[:, near], axis=1), dtype=np.float64)
+    pieces = (windows[k : k + _PIECE, near] for k in range(0, len(windows), _PIECE))
+    return np.concatenate([of(piece, axis=1) for piece in pieces], dtype=np.float64)
 
 
 def _quantum(steps: Array, height: Array, coarse: float) -> float:

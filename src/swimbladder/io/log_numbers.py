@@ -6,14 +6,15 @@ by the numbers that are asked for.
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from datetime import UTC, datetime
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError
+from swimbladder.io.columns import TEXT
 from swimbladder.io.log_format import LogColumn, bracketed, column_factor
 from swimbladder.io.log_rows import Column
 from swimbladder.io.log_text import LogFile, counted
@@ -21,8 +22,10 @@ from swimbladder.io.log_text import LogFile, counted
 Array = NDArray[np.float64]
 Instant = Callable[[str], tuple[float, bool]]
 
+_ISO = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d\d")
 _CLOCK = re.compile(r"(\d{1,3}):([0-5]\d):([0-5]\d(?:[.,]\d{1,9})?)")
 _DAY = 86400.0
+_CHOICES = 40  # values of a column that an error names
 _COUNTERS = (16, 24, 32)  # bits of the counters that are common
 _DIRECTIVES = set("YymdHMSfIpzjbB%")
 _DATES, _YEARS = set("mdjbB"), set("Yy")
@@ -194,7 +197,7 @@ class RowTest:
             what = "no such column to choose rows by" if name not in header else "two such columns"
             remedy = f"Columns of the file: {', '.join(header[:30])}"
             raise file.refused(what, remedy, "where", value=name)
-        self.name, self._text = name, str(value).strip()
+        self.name, self._text, self.seen = name, str(value).strip(), dict[str, None]()
         self._comma = file.form.decimal == ","
         try:
             self._number: float | None = float(value)
@@ -202,7 +205,9 @@ class RowTest:
             self._number = None
 
     def of(self, column: Column) -> NDArray[np.bool_]:
-        """Return for each row whether it holds the value."""
+        """Return for each row whether it holds the value; remember which ones there are."""
+        if len(self.seen) <= _CHOICES:
+            self.seen |= dict.fromkeys(text.strip() for text in column_texts(column))
         if not isinstance(column, list):
             return np.isin(column, [] if self._number is None else [self._number])
         return np.array([self._same(text.strip()) for text in column], dtype=bool)
@@ -214,18 +219,18 @@ class RowTest:
 
 
 def none_chosen(
-    file: LogFile, total: int, where: Mapping[str, str | float], columns: Mapping[str, Column]
+    file: LogFile, total: int, where: Mapping[str, str | float], seen: Iterable[str]
 ) -> LogError:
     """Return the error for a log of which no row is left, with what the column holds."""
-    found = list(dict.fromkeys(text.strip() for text in column_texts(columns[next(iter(where))])))
-    choices = ", ".join(text[:40] for text in found[:40]) + (", ..." if len(found) > 40 else "")
+    found = [*seen]
+    more = ", ..." if len(found) > _CHOICES else ""
+    choices = ", ".join(text[:40] for text in found[:_CHOICES]) + more
     what = f"none of {total} rows is chosen"
     remedy = f"Choose one of: {choices}"
     asked = ", ".join(f"{name}={value}" for name, value in where.items())
     return file.refused(what, remedy, "where", value=asked)
 
 
-Columns = Mapping[str, Column]
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-inf", "nat", "#n/a"}
 _FIRST = 100  # rows that say what the mark before the decimals is
 _LARGEST = 1e15  # in SI: no number of a log is larger, and their products stay finite
@@ -235,54 +240,112 @@ class ColumnReader:
     """Turns the texts of columns into numbers; remembers which rows hold something else."""
 
     def __init__(
-        self, file: LogFile, line: NDArray[np.int64], columns: Columns, units: Mapping[str, str]
+        self,
+        file: LogFile,
+        sources: Mapping[str, LogColumn],
+        units: Mapping[str, str],
+        labels: Collection[str] = (),
     ) -> None:
-        """Keep the texts; `units`: of each column that may be read."""
+        """Read the columns of the file, `sources`, in the units of their names.
+
+        labels: columns that may hold texts, which are numbered in their order.
+        """
         self.file, self.form, self.units = file, file.form, units
-        self.columns, self.line, self.conversions = columns, line, list[str]()
+        self.sources, self.rows = dict(sources), 0
+        self.texts: dict[str, Any] = {name: [] for name in sorted(set(labels) & set(sources))}
+        self.conversions = list[str]()
         self.times = TimeColumn()
-        self._comma = self.form.decimal == "," or self._has_decimal_commas()
+        self._comma = self.form.decimal == ","
         self._missing = frozenset(_MISSING | {text.strip().lower() for text in self.form.missing})
+        said = (number(text, comma=self.form.decimal == ",") for text in self.form.missing)
+        self._absent = [value for value in said if value is not None]
+        self._lines: list[NDArray[np.int64]] = []
+        self._parts: dict[str, list[Array]] = {name: [] for name in sources}
+        self._zones: dict[bool, str] = {}
         self._bad: dict[int, LogError] = {}  # by row
 
-    def read(self, name: str, column: LogColumn) -> Array:
-        """Return the numbers of a column as they are written; times that are text in seconds."""
-        if name == "time_s" and reads_text(column):
-            return self._times(column)
-        return self._numbers(name, column)
+    def add(self, line: NDArray[np.int64], columns: Mapping[str, Column]) -> None:
+        """Read rows more: their lines, and the columns of the file."""
+        if not self.rows:
+            self._comma = self._comma or self._has_decimal_commas(columns.values())
+            for name, column in self.sources.items():
+                self.sources[name] = text_unit(name, column, columns[column.name], self.file)
+        for name, column in self.sources.items():
+            given = columns[column.name]
+            if name in self.texts:
+                self.texts[name] += [text.strip() for text in column_texts(given)]
+            elif name == "time_s" and reads_text(column):
+                days = None if column.date is None else columns[column.date]
+                self._parts[name].append(self._times(column, given, days, line))
+            else:
+                self._parts[name].append(self._numbers(name, column, given, line))
+        self._lines.append(line)
+        self.rows += len(line)
 
-    def _has_decimal_commas(self) -> bool:
-        """Say whether numbers can only have decimal commas: not three digits behind each, no point.
+    def values(self) -> tuple[dict[str, Array], NDArray[np.int64]]:
+        """Return the columns in the units of their names, and their lines.
 
-        It is reported.
+        Raises LogError for rows with anything but numbers, unless such rows may go, and for a unit
+        that is of another kind.
         """
-        every = [column for column in self.columns.values() if isinstance(column, list)]
+        self._line = np.concatenate(self._lines)
+        self._lines.clear()
+        for name, texts in self.texts.items():
+            numbers, self.texts[name] = _numbered(texts)
+            self._parts[name] = [self._numbers(name, self.sources[name], numbers, self._line)]
+        if len(self._zones) == 2:
+            what = "some times have a zone and others have none"
+            remedy, other = "Give all of them a zone, or none", [*self._zones.values()][-1]
+            name = self.sources["time_s"].name
+            raise self.file.refused(what, remedy, name, value=other)
+        self._refuse_bad()  # first: it may be why the rest makes no sense
+        found = {}
+        for name, column in self.sources.items():
+            parts = self._parts.pop(name)
+            found[name] = self._in_unit(name, column, np.concatenate(parts))
+        self._refuse_bad()
+        if not self._bad:
+            return found, self._line
+        first, rows = self._bad[min(self._bad)], counted(len(self._bad), "row")
+        where = f"on line {first.line} ({first.field}: {str(first.value)[:40]!r})"
+        said = f"{rows} with anything but a number dropped, the first {where}"
+        self.file.report.append(said)
+        kept = np.ones(self.rows, dtype=bool)
+        kept[list(self._bad)] = False
+        return {name: column[kept] for name, column in found.items()}, self._line[kept]
+
+    def _has_decimal_commas(self, columns: Iterable[Column]) -> bool:
+        """Say whether numbers can only have decimal commas: one without three digits, no point."""
+        every = [column for column in columns if isinstance(column, list)]
         texts = [text.strip() for column in every for text in column[:_FIRST]]
         commas = [text for text in texts if re.fullmatch(r"[-+]?\d+,\d+", text)]
         points = any(re.fullmatch(r"[-+]?\d*\.\d+", text) for text in texts)
         sure = [text for text in commas if len(text.partition(",")[2]) != 3]
         if points or not sure:
             return False
-        self.file.report.append("the numbers have decimal commas")
+        self.conversions.append("the numbers have decimal commas")
         return True
 
-    def refuse_bad(self) -> None:
+    def _refuse_bad(self) -> None:
         """Raise LogError for the first row with anything but a number, unless such rows may go."""
-        if self._bad and (self.form.bad_rows == "refuse" or len(self._bad) > len(self.line) / 2):
+        if self._bad and (self.form.bad_rows == "refuse" or len(self._bad) > self.rows / 2):
             raise self._bad[min(self._bad)]
 
-    def in_unit(self, name: str, column: LogColumn, values: Array) -> Array:
+    def _in_unit(self, name: str, column: LogColumn, values: Array) -> Array:
         """Return a column in the unit of its name; raises LogError where its own unit is none."""
         factor = None
         if name == "time_s":
             if reads_text(column):
                 self.times = TimeColumn(column.name, None)
-                return values
-            values, factor = counter_seconds(values, column, self.line, self.file)
+                return self._seconds(column, values)
+            values, factor = counter_seconds(values, column, self._line, self.file)
+        unit = self.units[name]
+        if unit == "degC" and _unit(column) == "K":
+            self.conversions.append(f"{column.name} is in kelvin; 273.15 subtracted")
+            return values - 273.15
         factor = factor if factor is not None else self._factor(name, column)
         if name == "time_s":
             self.times = TimeColumn(column.name, 1.0 if factor is None else factor)
-        unit = self.units[name]
         if column.name != name:
             stated = f"taken to be in {unit}" if factor is None else f"times {factor:g} for {unit}"
             stated = f"in {unit}" if factor == 1.0 else stated
@@ -293,48 +356,40 @@ class ColumnReader:
         what = "too large for anything measured"
         remedy = "Check the unit; if it stands for no number, add it to missing in a [log] table"
         for k in wild.tolist():
-            self._spoilt(k, what, remedy, column, float(values[k]), unit)
+            self._spoilt(k, self._line[k], column, what, remedy, float(values[k]), unit)
         values[wild] = np.nan
         return values
 
-    def good_rows(self) -> NDArray[np.bool_]:
-        """Return which rows hold numbers; raises LogError unless the others may go."""
-        self.refuse_bad()
-        kept = np.ones(len(self.line), dtype=bool)
-        if self._bad:
-            first, rows = self._bad[min(self._bad)], counted(len(self._bad), "row")
-            where = f"on line {first.line} ({first.field}: {str(first.value)[:40]!r})"
-            said = f"{rows} with anything but a number dropped, the first {where}"
-            self.file.report.append(said)
-            kept[list(self._bad)] = False
-        return kept
-
     def _spoilt(
-        self, k: int, what: str, remedy: str, column: LogColumn, value: object, unit: str = ""
+        self,
+        k: int,
+        line: int,
+        column: LogColumn,
+        what: str,
+        remedy: str,
+        value: object,
+        unit: str = "",
     ) -> None:
         """Remember that row k holds no number, and where that was first found."""
         if k not in self._bad:
-            line, name = self.line[k], column.name
+            name = column.name
             error = self.file.refused(what, remedy, name, line=line, value=value, unit=unit)
             self._bad[k] = error
 
-    def _times(self, column: LogColumn) -> Array:
-        """Return times that are text, in seconds from the first; NaN where missing.
-
-        Times of the day are unwound over midnight. Raises LogError where the unit is no pattern or
-        some times have a zone and others have none.
+    def _times(
+        self, column: LogColumn, given: Column, days: Column | None, line: NDArray[np.int64]
+    ) -> Array:
+        """Return times that are text in seconds, NaN where missing; raises LogError for a unit
+        that is no pattern.
         """
         why = f"the time is no number but {column.unit}"
         self.file.refuse_unused(("tick", "counter_bits"), why)
         instant = _instant(column, self.file)
-        texts = [text.strip() for text in column_texts(self.columns[column.name])]
-        days = [""] * len(texts)
-        if column.date is not None:
-            days = [text.strip() for text in column_texts(self.columns[column.date])]
+        texts = [text.strip() for text in column_texts(given)]
+        dates = [""] * len(texts) if days is None else map(str.strip, column_texts(days))
         between = "T" if column.unit == "iso" else " "
         values = np.full(len(texts), np.nan)
-        zones: dict[bool, int] = {}
-        for k, (day, time) in enumerate(zip(days, texts, strict=True)):
+        for k, (day, time) in enumerate(zip(dates, texts, strict=True)):
             if time.lower() in self._missing or (column.date and day.lower() in self._missing):
                 continue
             try:
@@ -342,13 +397,14 @@ class ColumnReader:
             except (ValueError, OverflowError):
                 what = "not a time in ISO 8601" if column.unit == "iso" else "not a time"
                 text = f"{day} {time}".strip()
-                self._spoilt(k, what, time_remedy(column, text), column, text)
+                remedy = time_remedy(column, text)
+                self._spoilt(self.rows + k, line[k], column, what, remedy, text)
             else:
-                zones.setdefault(zoned, k)
-        if len(zones) == 2:
-            what = "some times have a zone and others have none"
-            remedy, other = "Give all of them a zone, or none", texts[max(zones.values())]
-            raise self.file.refused(what, remedy, column.name, value=other)
+                self._zones.setdefault(zoned, time)
+        return values
+
+    def _seconds(self, column: LogColumn, values: Array) -> Array:
+        """Return times in seconds from the first; times of the day are unwound over midnight."""
         if column.unit == "clock" or (column.date is None and _dateless(column.unit or "")):
             values = _unwound(values, _DAY)[0]
         found = values[np.isfinite(values)]
@@ -357,27 +413,31 @@ class ColumnReader:
         self.conversions.append(f"{read}, in seconds from the first")
         return values - (found[0] if len(found) else 0.0)
 
-    def _numbers(self, name: str, column: LogColumn) -> Array:
+    def _numbers(
+        self, name: str, column: LogColumn, given: Column, line: NDArray[np.int64]
+    ) -> Array:
         """Return the numbers of a column as they are written."""
         if column.date is not None:
             what = "a column with the date goes with a time of the day"
             remedy = 'Map it with unit = "iso", or with a pattern'
             raise self.file.refused(what, remedy, name, value=column.date)
-        given = self.columns[column.name]
-        if not isinstance(given, list):
-            texts = [number(text, comma=False) for text in self.form.missing]
-            absent = [value for value in texts if value is not None]
-            return np.where(np.isfinite(given) & ~np.isin(given, absent), given, np.nan)
-        values = np.empty(len(given))
-        comma, missing = self._comma, self._missing
-        stated = frozenset(text.strip() for text in self.form.missing)
-        for k, text in enumerate(given):
-            found = math.nan if text.strip() in stated else number(text, comma=comma)
-            values[k] = math.nan if found is None else found
-            if found is None and text.strip().lower() not in missing:
-                self._not_a_number(name, column, k, text.strip())
-        values[~np.isfinite(values)] = np.nan
-        return values
+        values = given if not isinstance(given, list) else self._fast(given)
+        if values is None:
+            found = [number(text, comma=self._comma) for text in given]
+            values = np.array([math.nan if one is None else one for one in found])
+            for k in (k for k, one in enumerate(found) if one is None):
+                text = str(given[k]).strip()
+                if text.lower() not in self._missing:
+                    self._not_a_number(name, column, k, line[k], text)
+        return np.where(np.isfinite(values) & ~np.isin(values, self._absent), values, np.nan)
+
+    def _fast(self, texts: list[str]) -> Array | None:
+        """Return texts as numbers at once; None where one may be none, or has a decimal comma."""
+        try:
+            odd = self._comma or "_" in "".join(texts)
+            return None if odd else np.array(texts, dtype=np.float64)
+        except ValueError:
+            return None
 
     def _factor(self, name: str, column: LogColumn) -> float | None:
         try:
@@ -386,24 +446,24 @@ class ColumnReader:
             remedy = error.remedy or ""
             if name != "time_s" and column.unit in ("iso", "clock", "tick"):
                 remedy = f"Only time_s is read as {column.unit}"
-            if column.unit is None:
+            if name != "time_s" or column.unit is None:
                 remedy += f'; state the unit with --column "{name}={column.name}@UNIT"'
             if name == "time_s":
                 remedy += "; for times that are no numbers see iso, clock and patterns"
             given, unit = column.unit or column.name, self.units[name]
             raise self.file.refused(error.what, remedy, name, value=given, unit=unit) from None
 
-    def _not_a_number(self, name: str, column: LogColumn, k: int, text: str) -> None:
+    def _not_a_number(self, name: str, column: LogColumn, k: int, line: int, text: str) -> None:
         """Remember a field that is no number, with what it looks like as remedy."""
         remedy = time_remedy(column, text) if name == "time_s" else ""
         if not remedy and "," in text and self.form.decimal == ".":
             remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
-        if not remedy and k == 0 and not any(letter.isdigit() for letter in text[:20]):
+        if not remedy and self.rows + k == 0 and not any(letter.isdigit() for letter in text[:20]):
             remedy = "If this row holds the units, set units_row = true in a [log] table"
         drop = 'or set bad_rows = "drop" in a [log] table'
         correct = "Correct the field, leave it empty where nothing was measured"
         remedy = remedy or f"{correct}, {drop}"
-        self._spoilt(k, "not a number", remedy, column, text)
+        self._spoilt(self.rows + k, line, column, "not a number", remedy, text)
 
 
 def _scaled(values: Array, factor: float) -> Array:
@@ -411,3 +471,33 @@ def _scaled(values: Array, factor: float) -> Array:
     parts = round(1.0 / factor) if factor < 1.0 else 1
     with np.errstate(over="ignore"):
         return values / parts if parts > 1 and 1.0 / parts == factor else values * factor
+
+
+def text_unit(name: str, column: LogColumn, texts: Column, file: LogFile) -> LogColumn:
+    """Return a column, of times that are texts with what they are: ISO 8601, or of the day.
+
+    Raises LogError where the column is taken for the time by its name alone, and says no unit.
+    """
+    if name != "time_s" or column.date or column.unit not in (None, TEXT):
+        return column
+    found = (text.strip() for text in texts) if isinstance(texts, list) else ()
+    first = next(filter(None, found), "")
+    for unit, pattern in {"iso": _ISO, "clock": _CLOCK}.items():
+        if pattern.match(first):
+            return LogColumn(name=column.name, unit=unit)
+    if column.unit == TEXT:
+        what = "it may be the time, and says no unit"
+        remedy = f'Say it: --column "time_s={column.name}@s", or @ms, @min, @h'
+        raise file.refused(what, remedy, name, value=column.name)
+    return column
+
+
+def _numbered(texts: list[str]) -> tuple[Column, tuple[str, ...]]:
+    """Return texts as they are where all are numbers, else theirs from 1; and the texts."""
+    found = tuple(dict.fromkeys(text for text in texts if text))
+    try:
+        [float(text or "nan") for text in found]
+    except ValueError:
+        numbers = {text: float(k) for k, text in enumerate(found, start=1)}
+        return np.array([numbers.get(text, np.nan) for text in texts]), found
+    return texts, found

@@ -9,22 +9,20 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections import deque
-from collections.abc import Collection, Iterator, Sequence
-from itertools import islice
+from collections import Counter, deque
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import compress, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
+from swimbladder.io.columns import named_by_unit, plain_unit
 from swimbladder.io.log_format import Delimiter, LogFormat
-from swimbladder.io.log_text import LogFile, counted, text_lines
+from swimbladder.io.log_text import LogFile, counted, is_netcdf, read_bytes, whole_text
+from swimbladder.io.netcdf import NetCDF
 from swimbladder.plugins import optional
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # What no log writes on purpose: controls but the tab, and the mark of what could not be decoded.
 CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\ufffd]")
@@ -33,6 +31,7 @@ BLANK = "".join(map(chr, range(33))) + "\x7f\u00a0\ufeff"
 _NUMERIC = re.compile(r"[-+]?\d[\d.,:/TZ+-]*([eE][-+]?\d+)?")
 _DELIMITERS: tuple[Delimiter, ...] = (";", "\t", "|", ",")
 _LIKELY = 60  # lines among which the header is looked for where its names are not known
+_HEAD, _BLOCK = 1 << 22, 1 << 20  # characters: above the rows at most, of rows taken at once
 
 
 def _delimiter(line: str, file: LogFile) -> Delimiter:
@@ -80,6 +79,7 @@ def quoted_row(lines: list[str], delimiter: Delimiter) -> list[str] | None:
 
 
 Column = list[str] | NDArray[np.float64]
+Chunk = tuple[NDArray[np.int64], dict[str, Column]]
 
 _LONGEST_QUOTE = 20  # lines that a quoted field may go over
 _TAILS = 10  # latest rows that the last one is held against
@@ -88,59 +88,108 @@ _TAILS = 10  # latest rows that the last one is held against
 class Sheet(Protocol):
     """A file with named columns, none of them read yet.
 
-    units: what a row of units says, by name. parts: how many times the header stands in it, once
-    it is read.
+    units: what a row of units says, by name. meant: of which column a name is, where the file says.
+    parts: how many times the header stands in it, once it is read.
     """
 
     header: list[str]
     units: dict[str, str]
+    meant: dict[str, str]
     parts: int
 
-    def take(self, names: Collection[str]) -> tuple[NDArray[np.int64], dict[str, Column]]:
-        """Return the line of each row, and the columns of these names as the file has them."""
+    def chunks(self, names: Collection[str]) -> Iterator[Chunk]:
+        """Yield lines of rows, and the columns of these names as the file has them, by pieces."""
 
 
 class Rows:
     """The rows of a text below their header: a `Sheet`."""
 
-    def __init__(self, data: bytes, file: LogFile, wanted: Sequence[Collection[str]] = ()) -> None:
+    def __init__(
+        self,
+        data: bytes,
+        file: LogFile,
+        wanted: Sequence[Collection[str]] = (),
+        *,
+        strict: bool = False,
+    ) -> None:
         """Find the header, which has one of each of the names `wanted`, and the row of units.
 
-        Raises LogError where the bytes are no text or there is no header.
+        strict: whether one damaged row is too many. Raises LogError where the bytes are no text or
+        there is no header.
         """
         self.file, self.form, self.report = file, file.form, file.report
-        self.units: dict[str, str] = {}
-        self.parts = 1
-        self._lines, self._ended = text_lines(data, file)
-        self._clean = not any(CONTROL.search(line) for line in self._lines)
+        self.units, self.meant, self.parts = dict[str, str](), dict[str, str](), 1
+        self._allowed = 0.0 if strict else 0.1
+        text = whole_text(data, file)
+        self._clean = not CONTROL.search(text)
+        cut = not text.endswith("\n")  # the last line may be
+        self._text = text.removesuffix("\n")
+        self._last = self._text.count("\n") + 1 if cut else 0
+        end = self._text.find("\n", _HEAD)
+        self._lines = self._text[: end if end >= 0 else None].split("\n") if text else []
         self.header, self._next = self._find_header(wanted)
         form = self.form
         self._fields = form.fields or len(self.header)
-        self._remarks = self._void = 0
+        self._remarks = self._void = self._whole = self._skip = 0
+        self._ragged: list[tuple[int, int]] = []  # line, number of fields
+        self._junk: list[int] = []
+        self._again: list[int] = []
+        self._tails: deque[int] = deque(maxlen=_TAILS)  # lengths of the last fields
         if self._fields < len(self.header):
             what = f"the header names {len(self.header)} columns, more than there are fields"
             remedy = "Give the number of fields in a row"
             raise file.refused(what, remedy, "fields", line=self._next, value=form.fields)
         if form.units_row:
             self._read_units()
-        for line, _ in islice(self._records(self._next), form.skip_rows):
-            self._next = line
+        below = self._records(self._next + 1, self._lines[self._next :])
+        for self._next, _ in islice(below, form.skip_rows):
+            pass
         if form.skip_rows:
             self.report.append(f"{counted(form.skip_rows, 'row')} below the names left out")
+        self._start = sum(len(line) + 1 for line in self._lines[: self._next])
+        self._lines = []
 
-    def take(self, names: Collection[str]) -> tuple[NDArray[np.int64], dict[str, Column]]:
-        """Return the line of each whole row, and the columns of these names as texts.
+    def chunks(self, names: Collection[str]) -> Iterator[Chunk]:
+        """Yield the line of each whole row, and the columns of these names as texts, by pieces.
 
         Raises LogError where more than a tenth of the rows is damaged.
         """
-        columns: dict[str, list[str]] = {name: [] for name in names}
-        filled = [(self.header.index(name), column) for name, column in columns.items()]
-        lines: list[int] = []
-        for line, row in self._whole():
-            lines.append(line)
-            for index, column in filled:
-                column.append(row[index] if index < len(row) else "")
-        return np.array(lines, dtype=np.int64), dict(columns)
+        at = {name: self.header.index(name) for name in names}
+        for first, text in self._blocks():
+            lines = text.split("\n")
+            rows = [line.split(self._separator) for line in lines] if self._plain(text) else []
+            if rows and {len(row) for row in rows} == {self._fields}:
+                number: list[int] = [*range(first, first + len(rows))]
+                self._whole += len(rows)
+                self._tails.extend(len(row[-1]) for row in rows[-_TAILS:])
+            else:
+                found = [*self._good(self._records(first, lines))]
+                number, rows = [line for line, _ in found], [row for _, row in found]
+            columns: dict[str, Column] = {
+                name: [row[k] if k < len(row) else "" for row in rows] for name, k in at.items()
+            }
+            yield np.array(number, dtype=np.int64), columns
+        self._judge()
+
+    def _blocks(self) -> Iterator[tuple[int, str]]:
+        """Yield pieces of the text, whole lines, each with the number of its first line."""
+        text, at, number = self._text, self._start, self._next + 1
+        while at < len(text):
+            end = at + _BLOCK
+            for _ in range(_LONGEST_QUOTE):  # a quoted field is not taken apart
+                end = text.find("\n", end) if text.find("\n", end) >= 0 else len(text)
+                if text.count('"', at, end) % 2 == 0:
+                    break
+                end += 1
+            piece = text[at:end]
+            yield number, piece
+            at, number = end + 1, number + piece.count("\n") + 1
+
+    def _plain(self, text: str) -> bool:
+        """Say whether lines can only be rows: no remarks, quotes, headers, parts, and no end."""
+        odd = ('"', f"\n{self.form.comment}", "\n\t", self.header[0])
+        whole = self._clean and self._fields > 1 and self.form.part is None and not self._skip
+        return whole and not self._last and not any(word in f"\n{text}" for word in odd)
 
     def _find_header(self, wanted: Sequence[Collection[str]]) -> tuple[list[str], int]:
         """Return the names of the columns and the index of the line below; find the delimiter.
@@ -160,6 +209,7 @@ class Rows:
         else:
             at, line = self._first(top)
         self._delimiter = _delimiter(line, self.file)
+        self._separator = None if self._delimiter == " " else self._delimiter
         if form.delimiter is None and self._delimiter != ",":
             named = "blanks" if self._delimiter == " " else repr(self._delimiter)
             report.append(f"fields are separated by {named}, as in the header")
@@ -216,10 +266,15 @@ class Rows:
             line = self._lines[at]
             if line.strip(BLANK) and not line.startswith(self.form.comment):
                 return at, line
+        if self.form.names is not None:
+            raise self.file.refused(
+                "there are no rows", "Give a file with a row per sample", "rows"
+            )
         raise self.file.refused("the log is empty", "Give a CSV with a header", "header")
 
     def _read_units(self) -> None:
-        line, row = next(self._records(self._next), (0, []))
+        below = self._records(self._next + 1, self._lines[self._next :])
+        line, row = next(below, (0, []))
         if not row:
             what = "there is no row of units below the names"
             raise self.file.refused(what, "Leave units_row out", "units_row")
@@ -228,67 +283,63 @@ class Rows:
         self.units = {name: text for name, text in named if text not in ("", "-")}
         self._next = line
 
-    def _records(self, start: int) -> Iterator[tuple[int, list[str]]]:
-        """Yield (line counted from 1, fields) from a line on, without blank lines and remarks."""
-        lines, comment, delimiter = self._lines, self.form.comment, self._delimiter
-        at = start
+    def _records(self, first: int, lines: list[str]) -> Iterator[tuple[int, list[str]]]:
+        """Yield (line counted from 1, fields), without blank lines and remarks."""
+        at = 0
         while at < len(lines):
             line = lines[at]
             at += 1
             if not line.strip(BLANK):
                 self._void += bool(line.strip())
-            elif line.startswith(comment):
+            elif line.startswith(self.form.comment):
                 self._remarks += 1
             elif '"' in line and line.count('"') % 2:
-                row, more = self._longer(at - 1)
+                row, more = self._longer(lines, at - 1)
                 at += more
-                yield at, row
+                yield first + at - 1, row
             else:
-                yield at, _split(line, delimiter)
+                yield first + at - 1, _split(line, self._delimiter)
 
-    def _longer(self, at: int) -> tuple[list[str], int]:
+    def _longer(self, lines: list[str], at: int) -> tuple[list[str], int]:
         """Return the row of a quoted field that goes on below, and over how many lines more.
 
         A stray quotation mark must not swallow the file: what has not the header's length is taken
         as the one line.
         """
-        for more in range(1, min(_LONGEST_QUOTE, len(self._lines) - at)):
-            if self._lines[at + more].count('"') % 2:
-                row = quoted_row(self._lines[at : at + more + 1], self._delimiter)
+        for more in range(1, min(_LONGEST_QUOTE, len(lines) - at)):
+            if lines[at + more].count('"') % 2:
+                row = quoted_row(lines[at : at + more + 1], self._delimiter)
                 if row is not None and len(row) == self._fields:
                     return row, more
                 break
-        return _split(self._lines[at], self._delimiter), 0
+        return _split(lines[at], self._delimiter), 0
 
-    def _whole(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield the rows that are whole, and report those that are not."""
-        named, last = self.form.names is None, 0 if self._ended else len(self._lines)
-        whole = skip = 0
-        ragged: list[tuple[int, int]] = []
-        junk: list[int] = []
-        again: list[int] = []
-        tails: deque[int] = deque(maxlen=_TAILS)  # lengths of the last fields
-        for line, row in self._records(self._next):
-            if skip:
-                skip -= 1
+    def _good(self, records: Iterator[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
+        """Yield the records that are whole rows, and keep in mind those that are not."""
+        form, tails = self.form, self._tails
+        for line, row in records:
+            if self._skip:
+                self._skip -= 1
             elif not self._clean and any(CONTROL.search(field) for field in row):
-                junk.append(line)
-            elif named and self._is_header(row):
-                again.append(line)
+                self._junk.append(line)
+            elif form.names is None and self._is_header(row):
+                self._again.append(line)
                 self.parts += 1
-                skip = self.form.units_row + self.form.skip_rows
-            elif self.form.part not in (None, self.parts):
+                self._skip = form.units_row + form.skip_rows
+            elif form.part not in (None, self.parts):
                 continue
-            elif line == last and tails and (len(row) < self._fields or len(row[-1]) < min(tails)):
+            elif (
+                line == self._last
+                and tails
+                and (len(row) < self._fields or len(row[-1]) < min(tails))
+            ):
                 self.report.append(f"the last row, on line {line}, is cut short and is dropped")
             elif len(row) == self._fields or self._differs_by_a_blank(row):
-                whole += 1
+                self._whole += 1
                 tails.append(len(row[-1]))
                 yield line, row
             else:
-                ragged.append((line, len(row)))
-        self._report(again)
-        self._judge(whole, ragged, junk)
+                self._ragged.append((line, len(row)))
 
     def _is_header(self, row: list[str]) -> bool:
         first = row[0].strip(BLANK)
@@ -300,115 +351,182 @@ class Rows:
             return not row[-1].strip()
         return len(row) == self._fields - 1 and self.form.fields is None and not self.header[-1]
 
-    def _report(self, again: list[int]) -> None:
-        """Report remarks, blocks without text, and headers within the rows."""
-        form = self.form
+    def _judge(self) -> None:
+        """Report what was left out; raise LogError where that is more than a tenth of the rows."""
+        form, report, again = self.form, self.report, self._again
         if self._fields > len(self.header):
             more = counted(self._fields - len(self.header), "field")
-            self.report.append(f"{more} of each row, beyond the names, not used")
+            report.append(f"{more} of each row, beyond the names, not used")
         if self._remarks:
-            remarks = counted(self._remarks, "remark")
-            self.report.append(f"{remarks}, after {form.comment!r}, left out")
+            report.append(f"{counted(self._remarks, 'remark')}, after {form.comment!r}, left out")
         if self._void:
-            self.report.append(f"{counted(self._void, 'line')} of control characters left out")
+            report.append(f"{counted(self._void, 'line')} of control characters left out")
         if again:
             times = "once" if len(again) == 1 else f"{len(again)} times"
-            self.report.append(f"the header stands again {times}, first on line {again[0]}")
-        if form.part is None:
-            return
-        if form.part > self.parts:
+            report.append(f"the header stands again {times}, first on line {again[0]}")
+        if form.part is not None and form.part > self.parts:
             what = f"the file has {counted(self.parts, 'part')}"
             remedy = "A part begins where the header stands again"
             raise self.file.refused(what, remedy, "part", value=form.part)
-        self.report.append(f"part {form.part} of {self.parts} chosen")
-
-    def _judge(self, whole: int, ragged: list[tuple[int, int]], junk: list[int]) -> None:
-        """Report the rows that are damaged; raise LogError where they are more than a tenth."""
+        if form.part is not None:
+            report.append(f"part {form.part} of {self.parts} chosen")
+        junk, ragged, whole = self._junk, self._ragged, self._whole
         words = f"{counted(len(ragged), 'row')} without the header's {self._fields} fields"
-        if len(junk) * 10 > whole:
+        if len(junk) > self._allowed * whole:
             total = whole + len(ragged) + len(junk)
             what = f"{len(junk)} of {total} rows have characters that are no text"
             remedy = "Check that this is a log, and set encoding in a [log] table"
             raise self.file.refused(what, remedy, "row", line=junk[0])
-        if len(ragged) * 10 > whole:
+        if len(ragged) > self._allowed * whole:
             line, fields = ragged[0]
             remedy = "Check the delimiter; decimal commas need another one between fields"
-            if fields > self._fields and {count for _, count in ragged} == {fields}:
+            if fields > self._fields and {length for _, length in ragged} == {fields}:
                 remedy += f"; if the header names too few columns, set fields = {fields}"
             what = f"{words}, of {whole + len(ragged)}"
             raise self.file.refused(what, remedy, "row", line=line, value=f"{fields} fields")
         if junk:
             rows = counted(len(junk), "row")
             said = f"{rows} with characters that are no text dropped, the first on line {junk[0]}"
-            self.report.append(said)
+            report.append(said)
         if ragged:
-            self.report.append(f"{words} dropped, the first on line {ragged[0][0]}")
+            report.append(f"{words} dropped, the first on line {ragged[0][0]}")
 
 
 _HEADER_OPTIONS = ("encoding", "delimiter", "header_starts", "names", "skip_lines", "units_row")
 TEXT_OPTIONS = (*_HEADER_OPTIONS, "skip_rows", "fields", "part")
 
 
-def is_parquet(data: bytes, file: LogFile) -> bool:
-    """Say whether the bytes of a file are Parquet.
+class Arrays:
+    """Series of one length as columns: a `Sheet`, whose lines are rows counted from 1."""
 
-    Raises LogError where its name says so and its bytes do not.
+    def __init__(
+        self,
+        series: Mapping[str, Any],
+        units: Mapping[str, str],
+        meant: Mapping[str, str] | None = None,
+    ) -> None:
+        """Take pandas Series or arrays of numbers by name, and the units of those that have one.
+
+        meant: as for a `Sheet`; where that is not given, one that is a log's by name and unit, as
+        `depth` in m, is called as that.
+        """
+        self.parts, self.units, self.meant = 1, dict[str, str](), dict(meant or {})
+        self._columns: dict[str, Any] = {}
+        for name, one in series.items():
+            unit = plain_unit(units.get(name, "").partition(" since ")[0])
+            column = named_by_unit(name, unit) if meant is None else None
+            self._columns[column or name] = one
+            if unit and column is None:
+                self.units[name] = unit
+        self.header = [*self._columns]
+
+    def chunks(self, names: Collection[str]) -> Iterator[Chunk]:
+        """Yield the number of each row, and the columns of these names."""
+        length = max((len(column) for column in self._columns.values()), default=0)
+        yield np.arange(1, length + 1), {name: column_of(self._columns[name]) for name in names}
+
+
+def parquet_sheet(data: bytes, file: LogFile) -> Arrays:
+    """Return the columns of a Parquet file.
+
+    Raises InputError where pyarrow is not installed, the file is damaged, or the format has
+    options that are for texts.
     """
-    if data.startswith(b"PAR1") and data.endswith(b"PAR1"):
-        return True
-    if Path(file.path).suffix == ".parquet":
-        what = "this is not Parquet, or not all of it"
-        raise file.refused(what, "Write the file anew; a CSV has another suffix", "file")
-    return False
-
-
-class ParquetRows:
-    """The rows of a Parquet file: a `Sheet`, whose lines are rows counted from 1."""
-
-    def __init__(self, data: bytes, file: LogFile) -> None:
-        """Read the names of the columns.
-
-        Raises InputError where pyarrow is not installed, the file is damaged, or the format has
-        options that are for texts.
-        """
-        self._library = optional("pyarrow.parquet", "parquet", "reading Parquet", file=file.path)
-        remedy = "Leave {} out of the [log] table: it is for texts"
-        file.refuse_unused(TEXT_OPTIONS, "the log is Parquet", remedy, idle=0)
-        self.file, self._data = file, data
-        self.units: dict[str, str] = {}
-        self.parts = 1
-        try:
-            self.header = [str(n) for n in self._library.read_schema(io.BytesIO(data)).names]
-        except Exception as error:
-            raise self._damaged(error) from None
-
-    def take(self, names: Collection[str]) -> tuple[NDArray[np.int64], dict[str, Column]]:
-        """Return the number of each row, and the columns of these names.
-
-        Raises LogError where the file is damaged.
-        """
-        try:
-            table = self._library.read_table(io.BytesIO(self._data), columns=list(names))
-            columns = {name: column_of(table.column(name).to_pandas()) for name in names}
-        except Exception as error:
-            raise self._damaged(error) from None
-        return np.arange(1, table.num_rows + 1), columns
-
-    def _damaged(self, error: Exception) -> LogError:
+    library = optional("pyarrow.parquet", "parquet", "reading Parquet", file=file.path)
+    _refuse_text_options(file, "the log is Parquet")
+    try:
+        frame = library.read_table(io.BytesIO(data)).to_pandas(ignore_metadata=True)
+    except Exception as error:
         # whatever a decoder makes of damaged bytes, it is the bytes that are wrong
         what = f"this Parquet file cannot be read: {' '.join(str(error).split())[:200]}"
-        return self.file.refused(what, "Write the file anew, or as CSV", "file")
+        raise file.refused(what, "Write the file anew, or as CSV", "file") from None
+    return Arrays({str(name): one for name, one in frame.items()}, {})
 
 
-def column_of(series: pd.Series[Any]) -> Column:
+def netcdf_sheet(data: bytes, file: LogFile) -> Arrays:
+    """Return the variables of a netCDF file that have as many numbers as most.
+
+    Raises LogError where the bytes are damaged or the format has options that are for texts.
+    """
+    _refuse_text_options(file, "the log is netCDF")
+    found = NetCDF(data, file).variables.items()
+    series = {name: one for name, one in found if one.numeric and one.values.ndim == 1}
+    sizes = Counter(one.values.size for one in series.values()).most_common(1)
+    chosen = {name: one for name, one in series.items() if one.values.size == sizes[0][0]}
+    units = {name: one.attributes.get("units", "") for name, one in chosen.items()}
+    return Arrays({name: one.values for name, one in chosen.items()}, units)
+
+
+def frame_sheet(file: LogFile) -> Arrays:
+    """Return a DataFrame, a named index among its columns, or what a Dataset has along its one
+    dimension; instants are seconds since the first.
+
+    The units are those of `attrs["units"]`: of a DataFrame by column, of a Dataset in each array's.
+    Raises LogError where a Dataset has several dimensions, a DataFrame a name twice, or the format
+    has options that are for texts.
+    """
+    kind, frame = str(file.path), file.frame
+    file.refuse_unused(TEXT_OPTIONS, f"this is a {kind}", "Leave {} out", idle=0)
+    units = frame.attrs.get("units", {})
+    if kind == "Dataset":
+        if len(frame.sizes) != 1:
+            what = f"the Dataset has the dimensions {', '.join(map(str, frame.sizes))}"
+            raise file.refused(what, "Choose one profile or one log, with isel or sel", "sizes")
+        series = {name: one for name, one in frame.variables.items() if one.ndim == 1}
+        units = {name: one.attrs.get("units", "") for name, one in series.items()}
+        frame = frame[[*series]].to_dataframe()
+    if any(frame.index.names) or frame.index.dtype.kind == "M":
+        frame = frame.rename_axis(index=frame.index.name or "time").reset_index()
+    if not frame.columns.is_unique:
+        twice = frame.columns[frame.columns.duplicated()][0]
+        raise file.refused("a column stands there twice", "Rename one", str(twice))
+    timed = {name for name, one in frame.items() if one.dtype.kind in "mM"}
+    said = {str(name): "s" if name in timed else str(units.get(name, "")) for name in frame}
+    columns = {
+        str(name): one - one.iloc[0] if one.dtype.kind == "M" and len(one) else one
+        for name, one in frame.items()
+    }
+    return Arrays(columns, said)
+
+
+def _refuse_text_options(file: LogFile, why: str) -> None:
+    remedy = "Leave {} out of the [log] table: it is for texts"
+    file.refuse_unused(TEXT_OPTIONS, why, remedy, idle=0)
+
+
+def chosen(column: Column, kept: NDArray[np.bool_]) -> Column:
+    """Return the rows of a column that are kept."""
+    return [*compress(column, kept)] if isinstance(column, list) else column[kept]
+
+
+def column_of(series: Any) -> Column:
     """Return numbers as floats, durations in seconds, instants as ISO 8601, all else as texts."""
+    if isinstance(series, np.ndarray):
+        return series
     kind = getattr(series.dtype, "kind", "O")
     if kind in "biufm":
         numbers = series.dt.total_seconds() if kind == "m" else series
         return np.asarray(numbers.to_numpy(dtype=np.float64, na_value=np.nan))
     if kind == "M":
-        return [
-            instant.isoformat() if known else ""
-            for instant, known in zip(series, series.notna(), strict=True)
-        ]
+        known = series.notna()
+        return [x.isoformat() if is_one else "" for x, is_one in zip(series, known, strict=True)]
     return ["" if value is None else str(value) for value in series]
+
+
+def open_sheet(file: LogFile, wanted: Sequence[Collection[str]] = ()) -> Sheet:
+    """Return the table in a file, a DataFrame or a Dataset, its header read.
+
+    wanted: of each of these sets the header of a text has a name. Raises LogError where it cannot
+    be read or has no header.
+    """
+    if file.frame is not None:
+        return frame_sheet(file)
+    data = read_bytes(file.path)
+    if is_netcdf(data):
+        return netcdf_sheet(data, file)
+    if data.startswith(b"PAR1") and data.endswith(b"PAR1"):
+        return parquet_sheet(data, file)
+    if Path(file.path).suffix == ".parquet":
+        what = "this is not Parquet, or not all of it"
+        raise file.refused(what, "Write the file anew; a CSV has another suffix", "file")
+    return Rows(data, file, wanted)

@@ -117,8 +117,8 @@ def is_netcdf(data: bytes) -> bool:
     return data.startswith((b"CDF\x01", b"CDF\x02", b"\x89HDF\r\n\x1a\n"))
 
 
-def text_lines(data: bytes, file: LogFile) -> tuple[list[str], bool]:
-    """Return the lines of a text, whatever ends them, and whether the last one is ended.
+def whole_text(data: bytes, file: LogFile) -> str:
+    """Return a text whose lines end in a newline, whatever ends them in the file.
 
     A NUL that a program in C wrote beside each line end is left out. Raises LogError where the
     bytes are no text.
@@ -127,17 +127,13 @@ def text_lines(data: bytes, file: LogFile) -> tuple[list[str], bool]:
         if data.startswith(magic):
             raise file.refused(f"not a text but {what}", remedy, "file")
     text = _decoded(data, file).replace("\r\n", "\n").replace("\r", "\n")
-    if "\0" in text:
-        bare = text.replace("\n\0", "\n").replace("\0\n", "\n")
-        if len(bare) < len(text):
-            nuls = counted(len(text) - len(bare), "NUL")
-            file.report.append(f"{nuls} beside line ends left out")
-        text = bare
-    lines = text.split("\n")
-    ended = not lines[-1]
-    if ended:
-        lines.pop()
-    return lines, ended
+    if "\0" not in text:
+        return text
+    bare = text.replace("\n\0", "\n").replace("\0\n", "\n")
+    if len(bare) < len(text):
+        nuls = counted(len(text) - len(bare), "NUL")
+        file.report.append(f"{nuls} beside line ends left out")
+    return bare
 
 
 def _decoded(data: bytes, file: LogFile) -> str:

@@ -19,11 +19,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.io import log_table
+from swimbladder.io.columns import (
+    Mapped,
+    check_columns,
+    likely,
+    meant_columns,
+    named_columns,
+    no_column,
+    wanted_names,
+)
 from swimbladder.io.log_checks import find_gaps, in_order, suspects
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, format_of
 from swimbladder.io.log_numbers import TimeColumn
-from swimbladder.io.log_table import Table
+from swimbladder.io.log_rows import Sheet, open_sheet
+from swimbladder.io.log_table import Table, read_table
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import parse_quantity
 
@@ -222,11 +231,12 @@ def read_log(
     """
     file = LogFile.of(path, format_of(log_format))
     chosen = {**file.form.where, **(where or {})}
-    mapped = log_table.mapped_columns(file, columns or {}, required)
+    mapped = {**file.form.columns.mapped(), **(columns or {})}
+    check_columns(file, (*mapped, *required), COLUMNS, "a log")
     needed = tuple(name for name in COLUMNS if name == "time_s" or name in required)
-    sources = partial(log_table.column_sources, file, mapped, needed)
-    wanted = log_table.wanted_names(mapped, needed)
-    table = log_table.read_table(file, chosen, sources, wanted)
+    choices = [("depth_m", "pressure_Pa") if name == "depth_m" else (name,) for name in needed]
+    sources = partial(_sources, file, mapped, needed)
+    table = read_table(file, chosen, sources, wanted_names(mapped, choices))
     return _log(table, file, chosen, needed)
 
 
@@ -235,7 +245,44 @@ def header_names(path: str | Path) -> list[str]:
 
     Raises LogError where there is none.
     """
-    return log_table.open_sheet(LogFile.of(path, LogFormat())).header
+    return open_sheet(LogFile.of(path, LogFormat())).header
+
+
+def _depth_source(names: set[str], mapped: set[str], file: LogFile) -> str | None:
+    """Return which of the columns at hand is to become the depth, None where there is none.
+
+    depth_m, unless pressure_Pa is mapped and depth_m only happens to be there. Raises LogError
+    where both are mapped.
+    """
+    both = {"depth_m", "pressure_Pa"}
+    if both <= mapped:
+        what = "depth cannot come both from depth_m and from pressure_Pa"
+        raise file.refused(what, "Map one of the two", "pressure_Pa")
+    if both <= names:
+        return "pressure_Pa" if "pressure_Pa" in mapped else "depth_m"
+    return next(iter(both & names), None)
+
+
+def _sources(
+    file: LogFile, mapped: Mapped, needed: Sequence[str], sheet: Sheet
+) -> dict[str, LogColumn]:
+    """Return which column of the file each column of the log is read from."""
+    header = sheet.header
+    sources = named_columns(file, mapped, header, COLUMNS)
+    source = _depth_source(set(sources), set(mapped), file)
+    for other in {"depth_m", "pressure_Pa"} - {source} if source else ():
+        sources.pop(other, None)
+    at_hand = {*sources, "depth_m"} if source else {*sources}
+    if not (file.form.columns.mapped() or at_hand.issuperset(needed)):
+        sources |= meant_columns(file, header, sources)
+        source = _depth_source(set(sources), set(mapped), file)
+    for name in needed:
+        if name not in sources and not (name == "depth_m" and source):
+            more = " or in a [log] table"
+            more += ", or a pressure with pressure_Pa=NAME@UNIT" if name == "depth_m" else ""
+            what, hint = f"the log has no column {name}", likely(header, sources)
+            raise no_column(file, what, name, header, more, hint)
+    return sources
 
 
 def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Sequence[str]) -> Log:

@@ -1,21 +1,29 @@
-"""What netCDF files and zarr stores say of their numbers, by the CF conventions.
+"""netCDF files in and out; what they, and zarr stores, say of their numbers by CF's conventions.
 
-Units are written as UDUNITS reads them; standard names are those of CF's table. The numbers of a
-dataset are as the file has them: `xarray.decode_cf` makes dates of its times.
+Of numbers with quality flags those are read that are good (Argo user's manual, reference table 2:
+1 good, 2 probably good, 5 changed, 8 interpolated). Written units are as UDUNITS reads them;
+standard names are those of CF's table. The numbers of a dataset are as the file has them:
+`xarray.decode_cf` makes dates of its times.
 """
 
 from __future__ import annotations
 
 import datetime
+import io
+import warnings
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from swimbladder.io.columns import plain_unit
 from swimbladder.io.files import write_through
+from swimbladder.io.log_text import LogFile, counted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -94,3 +102,125 @@ def write_netcdf(path: str | Path, dataset: xr.Dataset) -> Path:
     Raises InputError where the file cannot be written.
     """
     return write_through(path, partial(dataset.to_netcdf, engine="h5netcdf"))
+
+
+Array = NDArray[np.float64]
+_GOOD = "1258"
+_UNJUDGED = "09"  # no quality control, and missing: NaN shows the second
+
+
+@dataclass(frozen=True, kw_only=True)
+class Series:
+    """A variable: numbers with NaN where it has none, or texts, and its attributes as texts."""
+
+    values: Array | NDArray[np.str_]
+    attributes: Mapping[str, str]
+
+    @property
+    def numeric(self) -> bool:
+        """Whether it holds numbers."""
+        return self.values.dtype.kind == "f"
+
+
+def _variable(found: Any) -> Series:
+    """Return a variable of xarray's, not finite numbers as NaN."""
+    said = {str(key): _text(value).strip("\0 ") for key, value in found.attrs.items()}
+    values = found.values
+    if values.dtype.kind in "SUO":
+        texts = np.array([_text(item) for item in np.ravel(values)], dtype=np.str_)
+        return Series(values=texts.reshape(values.shape), attributes=said)
+    numbers = values.astype(np.float64)
+    numbers[~np.isfinite(numbers)] = np.nan
+    return Series(values=numbers, attributes=said)
+
+
+def _text(value: object) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+class NetCDF:
+    """The variables of a netCDF file by name; what is done with them is reported."""
+
+    def __init__(self, data: bytes, file: LogFile) -> None:
+        """Read the variables; raises LogError where the bytes are damaged."""
+        import h5py
+        import xarray as xr
+
+        self.file = file
+        options = dict.fromkeys(("decode_times", "decode_timedelta", "decode_coords"), False)
+        how: dict[str, Any] = {"engine": "scipy", **options}
+        if not data.startswith(b"CDF"):
+            how |= {"engine": "h5netcdf", "phony_dims": "access"}
+        try:
+            if not data.startswith(b"CDF"):
+                with h5py.File(io.BytesIO(data), "r") as probe:
+                    probe.attrs.get("_nc3_strict")  # where it fails it prints that
+            with (
+                warnings.catch_warnings(action="ignore"),  # of contradictory attributes
+                xr.open_dataset(io.BytesIO(data), **how) as found,
+            ):
+                self.variables = {str(n): _variable(one) for n, one in found.variables.items()}
+        except Exception as error:  # whatever a decoder makes of damaged bytes, it is the bytes
+            what = f"this netCDF file cannot be read: {' '.join(str(error).split())[:200]}"
+            remedy = "Fetch it anew, or write its variables to a CSV"
+            raise file.refused(what, remedy, "file") from None
+
+    def texts(self, name: str) -> list[str]:
+        """Return the texts of a variable; none where it has numbers or there is none."""
+        found = self.variables.get(name)
+        return [] if found is None or found.numeric else [str(x) for x in np.ravel(found.values)]
+
+    def refuse_unless(self, kind: str, remedy: str) -> None:
+        """Raise LogError where an Argo file's DATA_TYPE is not `kind` (reference table 1)."""
+        said = " ".join(self.texts("DATA_TYPE")).strip("\0 ")
+        if said != kind:
+            what = f"this netCDF file is none of the type {kind}"
+            raise self.file.refused(what, remedy, "DATA_TYPE", value=said or "nothing")
+
+    def numeric(self, name: str) -> bool:
+        """Say whether there is a variable of the name, and it holds numbers."""
+        return name in self.variables and self.variables[name].numeric
+
+    def numbers(self, name: str) -> Array:
+        """Return the numbers of a variable, whatever their flags."""
+        return np.array(self.variables[name].values, dtype=np.float64)
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a variable by its attribute, "" where it has none."""
+        return plain_unit(self.variables[name].attributes.get("units", ""))
+
+    def good(self, name: str) -> Array:
+        """Return the numbers of a variable, NaN for those that are flagged as bad, which is said.
+
+        Raises LogError for flags that are not one for each value.
+        """
+        values = self.numbers(name)
+        named = next((n for n in (f"{name}_QC", f"{name}_qc") if n in self.variables), None)
+        if named is not None:
+            good = np.isin(self.flags(named, name, values.shape), [*_GOOD, *_UNJUDGED])
+            if bad := int((np.isfinite(values) & ~good).sum()):
+                said = f"{counted(bad, 'value')} of {name} flagged as bad left out"
+                self.file.report.append(said)
+            values[~good] = np.nan
+        return values
+
+    def flags(self, named: str, found: str, shape: tuple[int, ...]) -> NDArray[np.str_]:
+        """Return a flag for each value of `found`, from numbers, letters or strings of them.
+
+        Raises LogError where there are not as many.
+        """
+        flags = self.variables[named]
+        if flags.numeric:
+            texts = np.nan_to_num(flags.values, nan=9.0).astype(int).astype(np.str_)
+        elif flags.values.shape == shape:  # a text for each, as xarray writes them
+            texts = flags.values.astype("U1")
+        else:
+            size = shape[-1]
+            rows = [list(text.ljust(size)[:size]) for text in self.texts(named)]
+            texts = np.array(rows, dtype=np.str_)
+            texts = texts.reshape(shape) if texts.size == np.prod(shape) else texts
+        if texts.shape != shape:
+            what = f"not one flag for each value of {found}"
+            remedy = "Give the flags the shape of the values, or write what is good to a CSV"
+            raise self.file.refused(what, remedy, named)
+        return texts

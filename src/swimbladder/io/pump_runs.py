@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.io import log_table
+from swimbladder.io.columns import check_columns, named_columns, no_column, wanted_names
 from swimbladder.io.log_format import LogColumn, LogFormat, format_of
-from swimbladder.io.log_table import check_columns, listed
+from swimbladder.io.log_rows import Sheet
+from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile
 
 Array = NDArray[np.float64]
@@ -61,10 +62,9 @@ def read_pump_runs(
     if Path(path).suffix.lower() == ".nc":
         return _of_a_dive(path, file, {**mapped, **(where or {})})
     check_columns(file, mapped, RUN_COLUMNS, "a table of runs")
-    wanted = [set(log_table.column_readings(given)) for given in mapped.values()]
-    wanted += [{name} for name in ("duration_s", "pressure_Pa") if name not in mapped]
+    wanted = wanted_names(mapped, [("duration_s",), ("pressure_Pa",)])
     rows, choose = {**file.form.where, **(where or {})}, partial(_sources, file, mapped)
-    found = log_table.read_table(file, rows, choose, wanted, RUN_COLUMNS, labels=("dive",))
+    found = read_table(file, rows, choose, wanted, RUN_COLUMNS, labels=("dive",))
     values = found.values
     power = values.get("power_W")
     if power is None:
@@ -115,9 +115,10 @@ def joined_runs(tables: Sequence[PumpRuns]) -> PumpRuns:
     return PumpRuns(**columns, dive=column("dive", more.tolist()), report=tuple(report))
 
 
-def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dict[str, LogColumn]:
+def _sources(file: LogFile, mapped: Mapping[str, str], sheet: Sheet) -> dict[str, LogColumn]:
     """Return which column of the file each column of the table is read from."""
-    sources = log_table.named_columns(file, mapped, header, RUN_COLUMNS)
+    header = sheet.header
+    sources = named_columns(file, mapped, header, RUN_COLUMNS)
     if "power_W" in sources:
         sources.pop("current_A", None)
     needed = ["duration_s", "pressure_Pa"]
@@ -125,9 +126,7 @@ def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dic
     for name in needed:
         if name not in sources:
             or_both = ", or power_W" if name in ("voltage_V", "current_A") else ""
-            columns = f"columns of the file: {listed(header)}"
-            remedy = f'Say which one it is with --column "{name}=NAME@UNIT"; {columns}'
-            raise file.refused(f"the table has no column {name}{or_both}", remedy, name)
+            raise no_column(file, f"the table has no column {name}{or_both}", name, header)
     return sources
 
 

@@ -11,8 +11,8 @@ import gsw
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.io.cast_netcdf import NetCDF
 from swimbladder.io.log_text import LogFile, read_bytes
+from swimbladder.io.netcdf import NetCDF
 from swimbladder.io.pump_runs import PumpRuns
 
 Array = NDArray[np.float64]

@@ -17,6 +17,7 @@ import numpy as np
 
 from swimbladder.io.float_log import Action, Device, FloatLog
 from swimbladder.io.log_format import LogColumn
+from swimbladder.io.log_rows import Sheet
 from swimbladder.io.log_table import Array, Table, read_table
 from swimbladder.io.log_text import LogFile, counted
 
@@ -97,8 +98,8 @@ def refuse_several(file: LogFile, what: str, found: Sequence[str], column: str) 
 def _read(
     file: LogFile, where: Mapping[str, str | float], columns: Mapping[str, LogColumn]
 ) -> Table:
-    def choose(header: list[str]) -> dict[str, LogColumn]:
-        return {name: column for name, column in columns.items() if column.name in header}
+    def choose(sheet: Sheet) -> dict[str, LogColumn]:
+        return {name: column for name, column in columns.items() if column.name in sheet.header}
 
     return read_table(file, where, choose, [], _UNITS, labels=_LABELS)
 

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
-from swimbladder.io.cast_columns import cast_unit
-from swimbladder.io.cast_netcdf import NetCDF
+from swimbladder.io.columns import plain_unit
 from swimbladder.io.float_log import Action, Device, FloatLog
 from swimbladder.io.log_formats.argo import refuse_several
 from swimbladder.io.log_text import LogFile, counted, read_bytes
+from swimbladder.io.netcdf import NetCDF
 from swimbladder.units import unit_factor
 
 Array = NDArray[np.float64]
@@ -94,7 +94,7 @@ def read_trajectory(path: str | Path, data: bytes, where: Mapping[str, str | flo
             Action(device=device, time=_DAY * (day - first), asked=seconds, seconds=seconds)
             for _, day, device, seconds in runs
         ),
-        report=(*(text for text in file.report if "no unit" in text), said),
+        report=(said,),
     )
 
 
@@ -119,10 +119,10 @@ def _columns(found: NetCDF, names: tuple[str, ...]) -> dict[str, Array]:
 
 def _pressures(found: NetCDF) -> Array:
     """Return the pressures [dbar] [n], those that are flagged as bad left out."""
-    raw = found.values("pressure_dbar", "PRES")
+    raw = found.good("PRES")
     if "PRES_ADJUSTED" not in found.variables:
         return raw
-    adjusted = found.values("pressure_dbar", "PRES_ADJUSTED")
+    adjusted = found.good("PRES_ADJUSTED")
     if adjusted.shape != raw.shape:
         remedy = "Fetch the file anew"
         raise found.file.refused("not as many numbers as PRES has", remedy, "PRES_ADJUSTED")
@@ -158,7 +158,7 @@ def _runs(technical: NetCDF) -> list[Run]:
     for name in names:
         unit = technical.variables[name].attributes.get("units", "")
         try:
-            seconds = rows[name] * unit_factor(cast_unit(unit), "s")
+            seconds = rows[name] * unit_factor(plain_unit(unit), "s")
         except InputError:
             remedy = "Correct the variable's attribute `units`: Coriolis writes csec"
             raise file.refused("its unit is no time", remedy, name, value=unit) from None
