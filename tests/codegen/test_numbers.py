@@ -10,8 +10,8 @@ import pytest
 from swimbladder.codegen import board, golden, library
 from swimbladder.codegen.board import BoardAnswer, Difference, FlightAnswer, Spread, Times
 from swimbladder.codegen.clock import wait_in_ticks
-from swimbladder.codegen.golden import Mission, first_rows
-from swimbladder.codegen.library import firmware, make_program, meanings, plan_program
+from swimbladder.codegen.golden import BoardProgram, Mission, first_rows
+from swimbladder.codegen.library import Library, firmware, make_program, meanings, plan_program
 from swimbladder.codegen.pool import PoolOptions, board_procedure, in_float32
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import NEVER
@@ -36,10 +36,10 @@ def test_the_usual_missions_are_those_of_the_firmware_page():
     """1.5 to 3 m in 1335 ticks; of a float 0 to 100 m and up again in 5401."""
     mission, program = plan_program(FEUP)
     assert mission[:2] == (1.5, 3.0)
-    assert math.ceil(mission.duration / program.tick_s) + 1 == 1335
+    assert mission.ticks(program.tick_s) == 1335
     mission, program = plan_program(FLOAT)
     assert mission[:2] == (0.0, 100.0)
-    assert math.ceil(mission.duration / program.tick_s) + 1 == 5401
+    assert mission.ticks(program.tick_s) == 5401
 
 
 @pytest.mark.parametrize(
@@ -128,6 +128,21 @@ def test_a_board_checks_a_hundred_ticks_and_its_sensors_fail_at_the_end(made):
     text = made.files["examples/GoldenTrace/golden.h"]
     assert sum(line.lstrip().startswith("{0x") for line in text.splitlines()) == 100
     assert len(made.golden.checked) == len(made.golden.depth) + gap + 15
+
+
+@pytest.mark.parametrize(
+    ("deepest", "end", "said"), [(91.0, 0.5, None), (89.0, 0.5, "89 m"), (91.0, 9.0, "9 m")]
+)
+def test_a_golden_trace_of_a_float_arrives_when_it_was_down_and_comes_up(deepest, end, said):
+    """Within a tenth of 100 m, where it was to go, and then at the surface."""
+    mission, program = plan_program(FLOAT)
+    golden = SimpleNamespace(depth=np.array([0.0, deepest, end]), difference=0.0)
+    given = {name: getattr(program, name) for name in BoardProgram.__dataclass_fields__}
+    made = Library(vehicle=FLOAT, mission=mission, golden=golden, pool=None, files={}, **given)
+    sentences = made.sentences
+    short = [line for line in sentences if "before the vehicle has arrived" in line]
+    assert bool(short) == (said is not None)
+    assert not short or f"ends at {said}," in short[0]
 
 
 class Quiet:
@@ -377,6 +392,7 @@ def test_a_loop_made_for_want_of_a_cascade_is_slow_against_the_sample_time():
     [
         (PoolOptions(1.81), None),  # 0.31 m between 0.75 m from surface and bottom
         (PoolOptions(1.79), "between the depths of rest"),
+        (PoolOptions(0.6, clearance=0.15), None),  # 0.3 m, to the bit
         (PoolOptions(4.5, clearance=0.1001), None),
         (PoolOptions(4.5, clearance=0.1), "rest clear of it"),
         (PoolOptions(4.5, first=20e-6, last=20e-6, rounds=1), None),

@@ -100,6 +100,7 @@ def rotates(p, state, m, reference):
     a, b, c = state.x, state.y, state.z
     a, b, c = m.depth, a, b
     c, a, b = a + later(state), b + c, reference
+    b, c, a = m.depth - a, reference, c
     return a - 2.0 * b + 4.0 * c, S(b, c, a), 1.0
 
 

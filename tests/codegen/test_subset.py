@@ -457,6 +457,32 @@ def test_what_is_refused_names_file_line_and_remedy(step, says, line):
         assert line in file.read().splitlines()[error.line - 1]
 
 
+def most_turns(p, s, m, r):
+    for _ in range(32767):
+        r = r + 1.0
+    return r, s, 1.0
+
+
+def too_many_turns(p, s, m, r):
+    for _ in range(32768):
+        r = r + 1.0
+    return r, s, 1.0
+
+
+def test_loops_turn_as_often_as_an_int_of_16_bits_counts():
+    made = {
+        "name": "turns",
+        "summary": "",
+        "command": "voltage",
+        "parameters": Q,
+        "state": S,
+        "initial": start,
+    }
+    read_law(Law(step=most_turns, **made))
+    with pytest.raises(InputError, match="not 1 to 32767 turns"):
+        read_law(Law(step=too_many_turns, **made))
+
+
 def test_parameters_that_are_no_floats_are_refused():
     law = Law(
         name="wrong",

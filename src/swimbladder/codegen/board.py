@@ -490,7 +490,7 @@ def _fly_depths(
         return said.command, said.wide
 
     if made.drive is not None:
-        n = max(math.ceil(mission.duration / made.tick_s - 1e-9), 1) + 1
+        n = mission.ticks(made.tick_s)
         shares = np.array([share for share, _ in turns]) * n
         at = np.searchsorted(shares, np.arange(n), side="right") - 1
         asked = np.array([depth for _, depth in turns])[at]

@@ -48,6 +48,10 @@ class Mission(NamedTuple):
     target: float  # m
     duration: float  # s
 
+    def ticks(self, tick_s: float) -> int:
+        """Return how many ticks it has at an interval [s], its first and its last among them."""
+        return max(math.ceil(self.duration / tick_s - 1e-9), 1) + 1
+
 
 class Golden(NamedTuple):
     """What the vehicle saw and said at each tick of its mission, and how far float32 took it."""
@@ -202,7 +206,7 @@ def first_rows(made: BoardProgram, golden: Golden, most: int) -> list[tuple[Any,
 def _fly_on_seconds(
     vehicle: Vehicle, made: BoardProgram, mission: Mission, seed: int | None, advance: Advance
 ) -> Golden:
-    n = max(math.ceil(mission.duration / made.tick_s - 1e-9), 1) + 1
+    n = mission.ticks(made.tick_s)
     asked = np.where(np.arange(n) < _UP * n, mission.target, 0.0)
     given: dict[str, Any] = {"tick": made.tick_s, "start_depth": mission.start, "asked": asked}
 
