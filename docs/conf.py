@@ -124,6 +124,14 @@ def _on_site(text: str, folder: Path) -> str:
 
 # The example whose picture a page begins with.
 PICTURES = {
+    "explanation/actuators": "team/plot_1_datasheet",
+    "explanation/conventions": "control/plot_1_paper_step",
+    "explanation/filter": "pool/plot_6_compare",
+    "explanation/hull": "ocean/plot_2_two_seas",
+    "explanation/identification": "pool/plot_2_identify",
+    "explanation/laws": "control/plot_4_all_laws",
+    "explanation/stability": "control/plot_6_recovery",
+    "explanation/supervisor": "team/plot_4_break_it",
     "how-to/analyse": "control/plot_3_margins",
     "how-to/ballast": "ocean/plot_2_two_seas",
     "how-to/board": "team/plot_3_flash",
