@@ -188,12 +188,12 @@ def test_processes_that_always_die_are_given_up(tmp_path):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"executor": "ray"}, "--executor: no such executor"),
-        ({"count": 0}, "--workers: must be"),
-        ({"scheduler": "tcp://a:1"}, "--scheduler: only dask"),
+        ({"executor": "ray"}, "executor: no such executor"),
+        ({"count": 0}, "count: must be"),
+        ({"scheduler": "tcp://a:1"}, "scheduler: only dask"),
         ({"scheduler": "tcp://a:1", "executor": "dask", "count": 2}, "workers of its own"),
-        ({"part": (0, 3)}, "--part: no part"),
-        ({"part": (4, 3)}, "--part: no part"),
+        ({"part": (0, 3)}, "part: no part"),
+        ({"part": (4, 3)}, "part: no part"),
     ],
 )
 def test_workers_that_cannot_be_are_refused(given, words):

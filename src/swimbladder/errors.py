@@ -9,21 +9,67 @@
     `-- NoAnswerError         the input is fine, the answer is "no"        exit code 1
 
 Every message names the place, the value, the unit and the remedy, so that it can be acted on
-without reading the source.
+without reading the source. It calls a parameter as Python does, `goal="energy"`; the command line
+prints the option of it, --goal energy: by `OPTIONS`, which only a command fills.
 """
 
 from __future__ import annotations
 
+import ast
+import json
 import math
+import re
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Any, Self
+
+OPTIONS: dict[str, str] = {}
+"""The options of the command that runs, by the parameters that they are in Python."""
+
+_PARAMETER = re.compile(r"`(\w+)=([^`]*)`")
+
+
+class Parameter(str):
+    """A field that is a parameter, where a file stands beside it."""
+
+    __slots__ = ()
+
+
+def as_asked(text: str, options: Mapping[str, str] = OPTIONS) -> str:
+    """Return a text whose parameters are named as the user gave them: `depth=9` as --depth 9."""
+    return _PARAMETER.sub(lambda found: _option(found, options), text) if options else text
+
+
+def column_as(name: str, column: str) -> str:
+    """Return how a column of a file is given: `columns={"depth_m": "z@cm"}`."""
+    return f"`columns={json.dumps({name: column}, ensure_ascii=False)}`"
+
+
+def _option(found: re.Match[str], options: Mapping[str, str]) -> str:
+    option, text = options.get(found[1]), found[2]
+    if option is None:
+        return found[0]
+    try:
+        value = ast.literal_eval(text) if text else True
+    except (SyntaxError, ValueError):
+        return f"{option} {text}"
+    if isinstance(value, bool):
+        return option
+    if isinstance(value, Mapping):
+        return " ".join(f'{option} "{name}={one}"' for name, one in value.items())
+    said = ":".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    return f'{option} "{said}"' if " " in said else f"{option} {said}"
 
 
 class SwimbladderError(Exception):
     """The root of all errors that swimbladder raises on purpose."""
 
     exit_code = 1
+
+    def asked(self, options: Mapping[str, str]) -> Self:
+        """Return the same error, its parameters named by their options."""
+        return type(self)(as_asked(str(self), options))
 
 
 @dataclass(eq=False, repr=False)
@@ -68,6 +114,18 @@ class InputError(SwimbladderError):
         """Return the same error with the place filled in where it was not known."""
         place = {"file": file, "field": field, "line": line}
         return self.but(**{name: x for name, x in place.items() if getattr(self, name) is None})
+
+    def asked(self, options: Mapping[str, str]) -> Self:
+        """Return the same error, its parameters named by their options."""
+        field, remedy = self.field or "", as_asked(self.remedy or "", options) or None
+        if self.file is None or isinstance(field, Parameter):
+            name, _, item = field.partition("[")
+            if field in options:
+                field = options[field]
+            elif name in options and item.endswith("]"):
+                field = f"{options[name]} {item[:-1]}"
+        what = as_asked(self.what, options)
+        return self.but(what=what, remedy=remedy, field=field or None)
 
     def but(self, **facts: Any) -> Self:
         """Return the same error with other facts, by the names that its creation has for them."""

@@ -31,7 +31,7 @@ from zipfile import BadZipFile
 import numpy as np
 from pydantic import BaseModel
 
-from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+from swimbladder.errors import InputError, NoAnswerError, Parameter, SwimbladderError
 from swimbladder.io.files import (
     file_there,
     make_folder,
@@ -250,20 +250,20 @@ class Workers:
         k, n = self.part
         if self.executor not in EXECUTORS:
             given, remedy = self.executor, f"Choose from {', '.join(EXECUTORS)}"
-            raise InputError("no such executor", field="--executor", value=given, remedy=remedy)
+            raise InputError("no such executor", field="executor", value=given, remedy=remedy)
         if self.count is not None and not 1 <= self.count <= 4096:
             what = "must be a whole number from 1 to 4096"
             remedy = "Leave it out for one on each core"
-            raise InputError(what, field="--workers", value=self.count, remedy=remedy)
+            raise InputError(what, field="count", value=self.count, remedy=remedy)
         if self.scheduler is not None and self.executor != "dask":
-            what, remedy = "only dask has a scheduler", "Give --executor dask"
-            raise InputError(what, field="--scheduler", value=self.scheduler, remedy=remedy)
+            what, remedy = "only dask has a scheduler", "Give `executor='dask'`"
+            raise InputError(what, field="scheduler", value=self.scheduler, remedy=remedy)
         if self.scheduler is not None and self.count is not None:
             what, remedy = "a scheduler has workers of its own", "Leave it out"
-            raise InputError(what, field="--workers", value=self.count, remedy=remedy)
+            raise InputError(what, field="count", value=self.count, remedy=remedy)
         if not 1 <= k <= n <= 1_000_000:
-            remedy = "Give a number and how many there are, from --part 1/8 to --part 8/8"
-            raise InputError("no part of a whole", field="--part", value=f"{k}/{n}", remedy=remedy)
+            remedy = "Give a number and how many there are, like `part='1/8'`"
+            raise InputError("no part of a whole", field="part", value=f"{k}/{n}", remedy=remedy)
         if self.executor == "dask":
             _dask()
 
@@ -318,7 +318,7 @@ def _by_pool(job: Job, chunks: list[int], workers: Workers, report: Callable[[],
         if tries >= _TRIES:
             what = (
                 f"the worker processes died {tries} times without doing anything. Look for what "
-                "kills them, such as too little memory, or use --executor threads"
+                "kills them, such as too little memory, or use `executor='threads'`"
             )
             raise NoAnswerError(what)
 
@@ -347,14 +347,14 @@ def _do(name: str, source: str, job: Job, chunk: int) -> None:
     """Do a chunk in a process that may be anywhere."""
     if source != software():
         what = f"a worker has another version of swimbladder: {release()}, where {source} is needed"
-        raise InputError(what, field="--executor", remedy="Install the same on all machines")
+        raise InputError(what, field="executor", remedy="Install the same on all machines")
     known = _MET.setdefault(name, job)
     if chunk not in known.done():
         known.do(chunk)
 
 
 def _dask() -> Any:
-    return optional("distributed", "cluster", "dask", field="--executor", value="dask")
+    return optional("distributed", "cluster", "dask", field="executor", value="dask")
 
 
 def _by_dask(job: Job, chunks: list[int], workers: Workers, report: Callable[[], None]) -> None:
@@ -369,7 +369,7 @@ def _by_dask(job: Job, chunks: list[int], workers: Workers, report: Callable[[],
             address = _written_address(Path(address))
         elif "://" not in address and not re.search(r":\d+$", address):
             what = "there is no such file, and it is no address with a port"
-            raise InputError(what, field="--scheduler", value=address, remedy=_WHERE)
+            raise InputError(what, field="scheduler", value=address, remedy=_WHERE)
         client = stack.enter_context(_client(distributed, address))
         stack.enter_context(client.as_current())
         _check_versions(client)
@@ -383,7 +383,7 @@ def _written_address(file: Path) -> str:
         return str(json.loads(file.read_text(encoding="utf-8"))["address"])
     except (OSError, ValueError, KeyError, TypeError):
         what = "no file that a scheduler wrote"
-        raise InputError(what, file=file, field="--scheduler", remedy=_WHERE) from None
+        raise InputError(what, file=file, field=Parameter("scheduler"), remedy=_WHERE) from None
 
 
 def _client(distributed: Any, address: Any) -> Any:
@@ -399,7 +399,7 @@ def _client(distributed: Any, address: Any) -> Any:
         )
     except (OSError, ValueError) as error:  # a TimeoutError is one too
         what = f"no scheduler answers there: {error}"
-        raise InputError(what, field="--scheduler", value=str(address), remedy=_WHERE) from None
+        raise InputError(what, field="scheduler", value=str(address), remedy=_WHERE) from None
 
 
 def _check_versions(client: Any) -> None:
@@ -421,7 +421,7 @@ def _check_versions(client: Any) -> None:
                 f"{here}"
             )
             remedy = "Install the same on all machines, and start the workers again"
-            raise InputError(what, field="--scheduler", remedy=remedy)
+            raise InputError(what, field="scheduler", remedy=remedy)
 
 
 def _send(

@@ -131,9 +131,18 @@ def test_another_seed_is_another_trace(tmp_path, capsys):
         (["--pool", "4.5 s"], "--pool"),
         (["--pool-rounds", "2"], "Give --pool"),
         (["--pool", "1 m"], "between the depths of rest"),
-        (["--pool", "4.5 m", "--pool-volumes", "10:400 cm3"], "got 400.0, expected unit cm3"),
-        (["--pool", "4.5 m", "--pool-volumes", "10 : 400 cm3"], "got 400.0, expected unit cm3"),
-        (["--pool", "4.5 m", "--pool-volumes", "10 cm3:500 mL"], "got 500.0, expected unit cm3"),
+        (
+            ["--pool", "4.5 m", "--pool-volumes", "10:400 cm3"],
+            "got '10:400 cm3', expected unit cm3",
+        ),
+        (
+            ["--pool", "4.5 m", "--pool-volumes", "10 : 400 cm3"],
+            "got '10 : 400 cm3', expected",
+        ),
+        (
+            ["--pool", "4.5 m", "--pool-volumes", "10 cm3:500 mL"],
+            "got '10 cm3:500 mL', expected",
+        ),
         (["--pool", "4.5 m", "--pool-volumes", "0 m3"], "has to be above 0"),
         (["--pool", "4.5 m", "--pool-volumes", "10:"], "--pool-volumes"),
         (["--pool", "4.5 m", "--pool-volumes", "10:20 m"], "--pool-volumes"),

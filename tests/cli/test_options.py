@@ -70,7 +70,7 @@ def test_an_error_below_names_the_option_and_what_was_typed():
         pytest.raises(InputError, match=r"--start: too deep .got '50 cm'.*Give less --share") as e,
         Some(start_depth="50 cm").said_as_typed(),
     ):
-        raise InputError("too deep", field="start_depth", value=0.5, remedy="Give less `share`")
+        raise InputError("too deep", field="start_depth", value=0.5, remedy="Give less `share=`")
     assert e.value.field == "--start"
     with (
         pytest.raises(InputError, match=r"--start: too deep .got 'here'"),
@@ -254,7 +254,9 @@ def test_what_the_command_refuses_python_refuses(words, call, written, capsys, m
     error = refused.value
     assert main([*words, "--json", "--out", "out"]) == error.exit_code == 2
     answer = json.loads(capsys.readouterr().out)
-    assert error.what in answer["error"]
+    assert "`" in error.what or error.what in answer["error"]
+    assert "--" not in str(error)
+    assert not re.search(r"`\w+=", answer["error"])
     if error.field.isidentifier() and error.field != "cast":
         assert answer["field"] in words or any(w.startswith(answer["field"] + "=") for w in words)
     if error.remedy and "`" not in error.remedy:

@@ -89,9 +89,9 @@ def test_the_density_is_the_vehicles_and_the_surface_is_asked_for_as_it_is_typed
     command = ["compare", "odd.csv", "--vehicle", "feup-em"]
     assert main(command) == 2
     said = capsys.readouterr().err
-    (option,) = re.findall(r"--log atmospheric_pressure=gauge", said)
+    (option,) = re.findall(r'--log-format "atmospheric_pressure=gauge"', said)
     assert "looks absolute" in said
-    assert main([*command, *option.replace("gauge", "14.6959psi").split()]) == 0
+    assert main([*command, *option.replace("gauge", "14.6959psi").replace('"', "").split()]) == 0
     assert "water of 1000 kg/m3, the vehicle's, makes depths of it" in capsys.readouterr().err
 
 
@@ -113,10 +113,13 @@ def test_texts_of_times_say_themselves_what_they_are(log, tmp_path):
 @pytest.mark.parametrize(
     ("header", "words"),
     [
-        ("Time,Depth (ft)", 'Say it: --column "time_s=Time@s", or @ms, @min, @h'),
-        ("Time (s),Depth", '--column "depth_m=Depth@m"'),
-        ("Time (s),Depth (ft),Tiefe (m)", '"depth_m=Depth (ft)" --column "depth_m=Tiefe (m)"'),
-        ("Time (s),Depth (kg)", '--column "depth_m=Depth (kg)@m"'),
+        ("Time,Depth (ft)", 'Say it: `columns={"time_s": "Time@s"}`, or @ms, @min, @h'),
+        ("Time (s),Depth", '{"depth_m": "Depth@m"}'),
+        (
+            "Time (s),Depth (ft),Tiefe (m)",
+            '{"depth_m": "Depth (ft)"}` `columns={"depth_m": "Tiefe (m)"}',
+        ),
+        ("Time (s),Depth (kg)", '{"depth_m": "Depth (kg)@m"}'),
     ],
 )
 def test_what_may_be_two_things_is_refused_with_what_to_type(tmp_path, header, words):
@@ -133,7 +136,7 @@ def test_a_stepper_in_degrees_is_told_how_it_is_read(tmp_path):
     path.write_text("Time (s),Depth (ft),Stepper (deg)\n1,2,3\n2,3,4\n", encoding="ascii")
     read = read_log(path)
     (note,) = (note for note in read.report if note.startswith("not read: piston_m"))
-    (column,) = re.findall(r'--column "piston_m=(.*?)"', note)
+    (column,) = re.findall(r'{"piston_m": "(.*?)"}', note)
     assert column == "Stepper (deg)@0.01 mm/deg"
     again = read_log(path, columns={"piston_m": column})
     assert again.piston.tolist() == pytest.approx([3e-5, 4e-5])

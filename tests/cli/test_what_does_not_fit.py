@@ -13,7 +13,7 @@ from swimbladder.design.law_comparison import compare_laws
 from swimbladder.design.planning import plan
 from swimbladder.design.stability import stability
 from swimbladder.design.tuning import tune
-from swimbladder.errors import InputError, SwimbladderError
+from swimbladder.errors import InputError, SwimbladderError, as_asked
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.io.presets import preset_text
 from swimbladder.physics.seawater import uniform_column
@@ -190,7 +190,7 @@ def test_a_depth_beyond_the_rating_or_the_cast(command, tmp_path, capsys):
     if isinstance(caught.value, InputError):
         assert caught.value.remedy
         assert caught.value.remedy in said
-        assert caught.value.field in {"setpoints[0].depth", "--target", "--step", "--depth", "cast"}
+        assert caught.value.field in {"setpoints[0].depth", "target", "step", "depths", "cast"}
         assert caught.value.value in {120.0, "120 m", 500.0}
     else:
-        assert str(caught.value) in said
+        assert as_asked(str(caught.value), {"depths": "--depth", "step": "--step"}) in said

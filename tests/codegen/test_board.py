@@ -383,7 +383,7 @@ def test_a_board_that_falls_silent(feup, host, tmp_path, monkeypatch):
 @pytest.mark.parametrize("percent", [8, 50, 1200])
 def test_another_baud_rate(feup, host, percent, tmp_path, monkeypatch):
     monkeypatch.setattr(wire, "_GREETING", 0.6)
-    garbage = "what it sends at 115200 baud is no frame .* Give the --baud of the sketch"
+    garbage = "what it sends at 115200 baud is no frame .* Give the `baud=` of the sketch"
     with host("baud", percent) as port, pytest.raises(InputError, match=garbage):
         board(limited(feup), port, SHORT, out=tmp_path / "out")
 
@@ -411,7 +411,7 @@ def test_what_the_flight_cannot_be_leaves_nothing(feup, host, tmp_path):
         board(limited(feup), port, Flights(duration=-1.0), out=out)
     assert not out.exists()
     (out / "golden-mission.csv").mkdir(parents=True)
-    with host() as port, pytest.raises(InputError, match="--out: cannot write the log: Is a dir"):
+    with host() as port, pytest.raises(InputError, match="out: cannot write the log: Is a dir"):
         board(limited(feup), port, SHORT, out=out)
 
 

@@ -774,7 +774,7 @@ class TestRefusals:
     def test_a_pool_day(self):
         with pytest.raises(InputError) as caught:
             firmware(limited(the_float()), pool=PoolOptions(4.5))
-        assert caught.value.field == "--pool"
+        assert caught.value.field == "depth"
 
     @pytest.mark.parametrize(
         ("option", "value"),

@@ -603,7 +603,7 @@ class TestTheFirstDepth:
 
     @pytest.mark.parametrize("target", [4.9, 20.1])
     def test_another_one_is_refused(self, target):
-        said = rf"--target: the controller was tuned for 5 to 20 m, .* \(got {target}, .* m\)"
+        said = rf"target: the controller was tuned for 5 to 20 m, .* \(got {target}, .* m\)"
         with pytest.raises(InputError, match=said):
             plan_program(for_depths(5.0, 20.0), (None, target, None))
         plan_program(for_depths(5.0, 20.0), (None, 20.0, None))

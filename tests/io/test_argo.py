@@ -66,7 +66,7 @@ def test_it_may_be_packed_and_alone(tables) -> None:
 @pytest.mark.parametrize(
     ("change", "where", "says"),
     [
-        (("", ""), {}, "the file holds 2 cycles: 4, 5. Choose one dive: --where cycle=4;"),
+        (("", ""), {}, "the file holds 2 cycles: 4, 5. Choose one dive: `where={'cycle': '4'}`;"),
         (("2031-05-01,5", "2031-06-01,4"), {"cycle": "4"}, "holds 2 deployments: 2031-05-01"),
         ((",pump,500", ",bleed,500"), {"cycle": "4"}, "line 4, action: no such action (got 'bleed"),
         ((",11.2", ",eleven"), {"cycle": "4"}, "line 4, duration_s: not a number"),

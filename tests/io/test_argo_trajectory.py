@@ -156,7 +156,7 @@ def test_the_only_cycle_needs_no_choice_and_seconds_may_be_in_seconds(tmp_path) 
     log = read_float_log(pair(tmp_path, units="second"))
     assert log.name == "cycle 7"
     assert [(a.device, a.seconds) for a in log.actions] == [("valve", 30.0), ("pump", 1120.0)]
-    assert read_float_log(tmp_path / "7900001_Rtraj.nc", log_format_name="argo").name == "cycle 7"
+    assert read_float_log(tmp_path / "7900001_Rtraj.nc", log_format="argo").name == "cycle 7"
 
 
 def test_adjusted_pressures_are_taken_and_bad_ones_are_not(tmp_path) -> None:
@@ -208,10 +208,10 @@ def test_what_is_no_cycle_is_refused(tmp_path, change, says: str) -> None:
 @pytest.mark.parametrize(
     ("where", "says"),
     [
-        ({"cycle": "9"}, "--where cycle: no such cycle (got '9'). Cycles with actions"),
+        ({"cycle": "9"}, "where: no such cycle (got '9'). Cycles with actions"),
         ({"cycle": "four"}, "no such cycle (got 'four')"),
-        ({"mission_day0": "2031-05-01"}, "--where: no such column (got 'mission_day0')"),
-        ({}, "the file holds 2 cycles: 4, 5. Choose one dive: --where cycle=4; several"),
+        ({"mission_day0": "2031-05-01"}, "where: no such column (got 'mission_day0')"),
+        ({}, "the file holds 2 cycles: 4, 5. Choose one dive: `where={'cycle': '4'}`; several"),
     ],
 )
 def test_a_cycle_that_is_not_there_is_refused(path, where, says: str) -> None:

@@ -119,7 +119,7 @@ def test_semicolons_decimal_commas_and_gzip(tmp_path):
     form.write_text('[log]\ndecimal = ","\n')
     path = tmp_path / "cast.csv.gz"
     path.write_bytes(gzip.compress("\n".join(lines).encode()))
-    np.testing.assert_allclose(read_cast(path, form=form, **PLACE).pressure, p)
+    np.testing.assert_allclose(read_cast(path, log_format=form, **PLACE).pressure, p)
 
 
 def test_conductivity_instead_of_salinity(tmp_path):
@@ -149,7 +149,7 @@ def test_fresh_water_with_a_stated_salinity(tmp_path):
     path = csv(tmp_path, {"pressure_dbar": p, "temperature_degC": 15.0 - 0.2 * p})
     error = refused(path)
     assert "neither salinity nor conductivity" in str(error)
-    assert "--salinity" in error.remedy
+    assert "`salinity=" in error.remedy
     cast = read_cast(path, salinity=0.0)
     assert cast_column(cast).density[0] == pytest.approx(gsw.rho_t_exact(0.0, 15.0, 0.0), abs=2e-3)
     with pytest.raises(InputError, match="no practical salinity"):
@@ -335,7 +335,7 @@ def test_several_casts_in_a_file_have_to_be_chosen_from(tmp_path):
     )
     error = refused(path)
     assert "profiles in it (1: 0 to 500 dbar" in str(error)
-    assert "--where" in error.remedy
+    assert "`where=" in error.remedy
     np.testing.assert_allclose(read_cast(path, where={"dive": 2}, **PLACE).pressure, p)
 
 
@@ -376,7 +376,7 @@ def test_depths_of_both_signs_are_refused_with_the_line(tmp_path):
 def test_salinity_as_a_share_of_mass_is_refused_and_a_soft_lake_is_not_shut_out(tmp_path):
     error = refused(plain(tmp_path, salinity=sea()[2] / 1000.0))
     assert "As kg/kg or g/g it is 38.5 g/kg: multiply the column by 1000" in error.remedy
-    assert "--salinity" in error.remedy
+    assert "`salinity=" in error.remedy
     fresh = plain(tmp_path, salinity=np.zeros(251))
     assert np.all(read_cast(fresh, **PLACE).SA == 0.0)
     soft = plain(tmp_path, salinity=np.full(251, 0.06))
@@ -395,7 +395,7 @@ def test_conductivity_in_another_unit_names_the_option_that_reads_it(
         t = t - 12.0
     path = csv(tmp_path, {"pressure_dbar": p, "temperature_degC": t, "cond": C * factor})
     error = refused(path)
-    assert f'--column "conductivity_S_m=cond@{unit}"' in error.remedy
+    assert f'`columns={{"conductivity_S_m": "cond@{unit}"}}`' in error.remedy
     if not constant:
         again = read_cast(path, columns={"conductivity_S_m": f"cond@{unit}"}, **PLACE)
         np.testing.assert_allclose(again.SA, gsw.SA_from_SP(s, p, 8.0, 43.0), atol=1e-4)
@@ -653,7 +653,7 @@ def test_several_primary_profiles_are_not_chosen_from(tmp_path):
     error = refused(path)
     assert "there are 2 profiles" in str(error)
     assert "2: float 6901234 cycle 12 to 500 dbar" in str(error)
-    assert "--profile N" in error.remedy
+    assert "`profile=1`" in error.remedy
     assert read_cast(path, profile=2).pressure[-1] == pytest.approx(500.0)
 
 
@@ -717,7 +717,7 @@ def test_the_abyss_is_warm_in_kilopascals_only(tmp_path):
     columns = {"pressure": 10.0 * p, "temperature": 8.0 + (t - 13.2), "salinity": s - 3.5}
     error = refused(csv(tmp_path, columns))
     assert "warmer than any sea" in str(error)
-    assert '--column "pressure_dbar=pressure@kPa"' in error.remedy
+    assert '`columns={"pressure_dbar": "pressure@kPa"}`' in error.remedy
     read_cast(csv(tmp_path, columns), columns={"pressure_dbar": "pressure@kPa"})
 
 

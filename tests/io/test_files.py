@@ -189,5 +189,5 @@ def test_a_name_that_no_folder_can_have_is_refused_before_anything_is_done(tmp_p
     for name in ("x" * 244, "ψ" * 130, "x" * 300):
         with pytest.raises(InputError, match="longer than 243 bytes") as caught:
             check_place(tmp_path / name)
-        assert caught.value.field == "--out"
+        assert caught.value.field == "out"
     check_place(tmp_path / ("x" * 243))

@@ -311,7 +311,7 @@ def test_the_kind_of_log_is_seen(tmp_path: Path, made_up: Path) -> None:
     table.write_text("time_s,pressure_Pa,pump_s\n0,0,1\n60,1e5,\n")
     assert len(read_float_log(table)) == 2
     with refused(LogError, field="[PRESS ,0038]"):
-        read_float_log(table, log_format_name="mermaid")
+        read_float_log(table, log_format="mermaid")
 
 
 @pytest.mark.parametrize(

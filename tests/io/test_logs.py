@@ -153,7 +153,7 @@ def test_rows_are_chosen(tmp_path: Path) -> None:
     error = refused(path, where={"log": 3})
     assert "1, 2" in str(error)
     assert "time_s" in str(refused(path, where={"dive": 3}))
-    assert "--where" in str(refused(path))
+    assert "`where=" in str(refused(path))
 
 
 def test_rows_without_numbers_and_repeated_rows_are_dropped_and_said(tmp_path: Path) -> None:
@@ -304,7 +304,7 @@ def test_a_mission_of_a_real_float(data_dir: Path) -> None:
     assert log.depth.max() == pytest.approx(1.385799)
     assert log.reference_depth is not None
     assert set(log.reference_depth) == {0.5, 1.35}
-    assert "--where" in str(refused(path, log_format="ntnu-bv"))
+    assert "`where=" in str(refused(path, log_format="ntnu-bv"))
     assert "t_s" in str(refused(path))
 
 
@@ -319,7 +319,7 @@ def test_columns_that_say_what_they_are_are_taken_and_the_others_proposed(tmp_pa
     assert log.volume.tolist() == pytest.approx([3e-6, 3e-6])
     assert log.speed is None  # two may be the speed
     path.write_text("t,z\n1,0\n")
-    with pytest.raises(LogError, match='Perhaps --column "depth_m=z@m"'):
+    with pytest.raises(LogError, match=r'Perhaps `columns=\{"depth_m": "z@m"\}`'):
         read_log(path)
 
 

@@ -322,7 +322,7 @@ def test_a_unit_in_brackets_that_is_none_asks_for_one(tmp_path: Path) -> None:
     path = write(tmp_path, "time_s,P (abs)\n0,1\n1,2\n")
     error = refused(path, columns={"depth_m": "P (abs)"})
     assert (error.field, error.unit) == ("depth_m", "m")
-    assert '--column "depth_m=P (abs)@UNIT"' in str(error)
+    assert '`columns={"depth_m": "P (abs)@UNIT"}`' in str(error)
 
 
 def test_the_four_header_lines_of_a_toa5_file(tmp_path: Path) -> None:

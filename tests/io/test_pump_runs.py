@@ -88,10 +88,14 @@ def test_a_voltage_beside_the_power(tmp_path):
         ("duration_s,pressure_Pa,power_W\n10,1e5,7\n10,2e9,8\n", {}, "line 3, pressure_Pa"),
         (HEAD + "10,1e5,7,12,20,1\n", {}, "line 2, volume_m3"),
         (HEAD + "10,1e5,-7,1e-5,20,1\n", {}, "Give what is drawn as positive numbers"),
-        (HEAD + "10,1e5,7e6,1e-5,20,1\n", {}, 'State its unit: --column "power_W=NAME@mW"'),
+        (HEAD + "10,1e5,7e6,1e-5,20,1\n", {}, 'State its unit: `columns={"power_W": "NAME@mW"}`'),
         (HEAD + "10,1e5,7,1e-5,20,1\n", {"depth_m": "d"}, "no such column of a table of runs"),
         (HEAD + "10,1e5,7,1e-5,20,1\n", {"power_W": "watts"}, "watts"),
-        ("duration_s,pressure_Pa,power_W,voltage_V\n10,1e5,7,14500\n", {}, "voltage_V=NAME@mV"),
+        (
+            "duration_s,pressure_Pa,power_W,voltage_V\n10,1e5,7,14500\n",
+            {},
+            '"voltage_V": "NAME@mV"',
+        ),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path, text, columns, words):

@@ -300,7 +300,7 @@ def test_a_file_in_the_way_and_a_negative_seed_are_refused_at_once(tmp_path):
         reproduce(tmp_path / "file")
     with pytest.raises(InputError, match="cannot make the folder"):
         reproduce(tmp_path / "file" / "paper")
-    with pytest.raises(InputError, match=r"--seed: must not be negative"):
+    with pytest.raises(InputError, match=r"seed: must not be negative"):
         reproduce(tmp_path / "paper", seed=-1)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 

@@ -83,13 +83,12 @@ def ballast(
     from swimbladder.design.ballast import Target, material_of, uncertainty_of
     from swimbladder.design.ballast import ballast as find
 
-    with task.said_as_typed():
-        material_of(task.material)
-        refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
+    material_of(task.material)
+    refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
     with stds.said_as_typed():
         uncertainty = uncertainty_of(v, given)
     wanted = Target(**sought, probability=asked.pop("probability"), speed=asked.pop("speed"))
-    with progress("drawing vehicles", 1.0) as advance, task.said_as_typed(), target.said_as_typed():
+    with progress("drawing vehicles", 1.0) as advance, target.said_as_typed():
         found = find(v, casts, target=wanted, uncertainty=uncertainty, advance=advance, **asked)
     to.answer(found, _shown(found), good=found.covered)
 

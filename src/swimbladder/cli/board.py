@@ -66,7 +66,7 @@ def board(
     how, before = line.given(), _logs(to.out)
     flying = progress("flying on the board", 1.0)
     try:
-        with golden.said_as_typed(), more.said_as_typed(), compile_notice(), flying as advance:
+        with compile_notice(), flying as advance:
             answer = fly(v, how.pop("port"), Flights(**given), **how, out=to.out, advance=advance)
     except BaseException:
         if _logs(to.out) != before:

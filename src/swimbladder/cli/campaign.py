@@ -77,8 +77,7 @@ class Spreads(Options):
                 raise error.but(field="--identified") from None
         inputs = {name: getattr(self, name) for name in ("trim", "psi", "drag", "pump")}
         given = {name: text for name, text in inputs.items() if text is not None}
-        with self.said_as_typed():
-            return Spread(**{**found.model_dump(), **given})
+        return Spread(**{**found.model_dump(), **given})
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,7 @@ def campaign(
 
     workers = Workers(**who)
     drawn = stated.of(v)
-    with asked_of(mission, task, duration=how.span):
+    with asked_of(mission, task, span=how.span):
         job = Floats(
             vehicle=v,
             mission=task,

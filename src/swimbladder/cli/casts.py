@@ -7,7 +7,6 @@ carry.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,34 +14,34 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import aside, progress, quantity
+from swimbladder.cli.common import aside, progress, quantity, said_as_typed
 from swimbladder.cli.logs import selections
 from swimbladder.cli.options import Options, valued
 from swimbladder.cli.texts import Given, Several, pairs
-from swimbladder.errors import InputError
+from swimbladder.errors import OPTIONS, as_asked
 
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast, Column
     from swimbladder.vehicle import Vehicle
 
 
-def refuse_doubted_unit(
-    casts: Sequence[Cast], asked: float | None, rating: float | None, *, option: str = "--column"
-) -> None:
-    """Raise InputError as `check_cast_unit` does; what it warns of stands on stderr.
+OF_CASTS = {name: f"--cast-{name.removesuffix('s')}" for name in ("columns", "where", "profile")}
+"""The options about casts of commands whose --where and --column are about logs."""
 
-    option: the one that maps columns.
-    """
+
+def refuse_doubted_unit(
+    casts: Sequence[Cast],
+    asked: float | None,
+    rating: float | None,
+    options: Mapping[str, str] = OPTIONS,
+) -> None:
+    """Raise InputError as `check_cast_unit` does; what it warns of stands on stderr."""
     from swimbladder.physics.seawater.cast_unit import check_cast_unit
 
     for cast in casts:
-        try:
+        with said_as_typed(options, {}):
             doubt = check_cast_unit(cast, asked, rating)
-        except InputError as error:
-            remedy = (error.remedy or "").replace("--column", option)
-            raise error.but(remedy=remedy) from None
-        if doubt:
-            aside(f"warning: {doubt.replace('--column', option)}")
+        aside(*([f"warning: {as_asked(doubt, options)}"] if doubt else ()))
 
 
 @dataclass(frozen=True)
@@ -54,9 +53,7 @@ class DepthSensor(Options):
 
     def on(self, vehicle: Vehicle) -> Vehicle:
         """Return the vehicle with this sensor; raises InputError for one that there is not."""
-        given = self.given()
-        with self.said_as_typed():
-            return vehicle.with_sensors(**given)
+        return vehicle.with_sensors(**self.given())
 
 
 def warn_of_mass(vehicle: Vehicle) -> None:
@@ -87,7 +84,7 @@ class CastReading(Options):
 
     columns: Several = valued("NAME=COLUMN", "Column, NAME=COLUMN@UNIT too.", name="--column")
     where: Several = valued("COLUMN=VALUE", "Only these rows of the file.", name="--where")
-    form: Given = valued("FORMAT", r"TOML file with a \[log] table.", name="--log-format")
+    log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
     profile: int | None = valued("N", "Profile in the cast's file.", name="--profile", min=1)
     latitude: Given = valued("DEGREES", "Of the cast.", name="--latitude", read=_degrees)
     longitude: Given = valued("DEGREES", "Of the cast.", name="--longitude", read=_degrees)
@@ -108,8 +105,7 @@ class CastReading(Options):
 
         given = self.given()
         facts = ("latitude", "longitude", "salinity", "inversions")
-        with self.said_as_typed():
-            check_reading(**{name: given[name] for name in facts if name in given})
+        check_reading(**{name: given[name] for name in facts if name in given})
         return _read({"latitude": place, **given}, paths)
 
 
@@ -146,10 +142,8 @@ class LogCasts(Options):
         columns = pairs(self.cast_column or [], "--cast-column")
         reading = {"columns": columns, "profile": self.cast_profile, "inversions": "average"}
         for rows in selections(self.cast_where or []):
-            try:
+            with said_as_typed(OF_CASTS, {}):
                 found += _read({**reading, "where": rows}, self.cast or [])
-            except InputError as error:
-                raise _of_cast(error) from None
         return found
 
     def water(self, rating: float | None) -> list[Column]:
@@ -164,11 +158,10 @@ class LogCasts(Options):
         from swimbladder.physics.seawater import cast_column
 
         found = self.casts()
-        refuse_doubted_unit(found, 0.0, rating, option="--cast-column")
+        refuse_doubted_unit(found, 0.0, rating, OF_CASTS)
         return [cast_column(cast, step=_SHALLOW) for cast in found]
 
 
-_OF_CASTS = {"--column": "--cast-column", "--where": "--cast-where", "--profile": "--cast-profile"}
 _SHALLOW = 0.1  # m, rows of the water of a shallow log: a halocline has half a metre
 
 
@@ -187,13 +180,3 @@ def water_of_cast(
         from swimbladder.physics.seawater import cast_column
 
         return cast_column(casts[0], step=_SHALLOW)
-
-
-def _of_cast(error: InputError) -> InputError:
-    """Return an error about a cast with the options that are about it where logs are read too."""
-    remedy, field = error.remedy or "", error.field
-    for option, meant in _OF_CASTS.items():
-        remedy = remedy.replace(option, meant)
-        field = meant if field in (option, option[2:]) else field
-    remedy = re.sub(r"state --salinity, 0|give --salinity \S+", "fill a column salinity, 0", remedy)
-    return error.but(field=field, remedy=remedy)

@@ -6,7 +6,6 @@ import contextlib
 import errno
 import math
 import os
-import re
 import shutil
 import signal
 import sys
@@ -22,7 +21,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.measure import Measurement
 from rich.text import Text
 
-from swimbladder.errors import InputError, SwimbladderError
+from swimbladder.errors import InputError, SwimbladderError, as_asked
 from swimbladder.io.answers import json_text
 from swimbladder.io.progress import Advance, silent
 from swimbladder.units import parse_quantity
@@ -113,6 +112,7 @@ _LINES, _HEADING = 15, 1
 
 def text_lines(part: object, paper: Output = output) -> list[str]:
     """Return the lines of a sentence, one however long it is, or of a table."""
+    part = as_asked(part) if isinstance(part, str) else part
     with paper.capture() as printed:
         paper.print(part, soft_wrap=isinstance(part, str | Text))
     return [line.rstrip() for line in printed.get().splitlines()]
@@ -126,7 +126,7 @@ def _rows(line: str) -> int:
 def aside(*sentences: str) -> None:
     """Print sentences on stderr, beside what was asked for."""
     for sentence in sentences:
-        console.print(sentence, markup=False, soft_wrap=True)
+        console.print(as_asked(sentence), markup=False, soft_wrap=True)
 
 
 def labelled(label: str, sentences: Iterable[str]) -> list[str]:
@@ -136,7 +136,7 @@ def labelled(label: str, sentences: Iterable[str]) -> list[str]:
 
 def severity(findings: Sequence[Any], kind: str) -> list[Text]:
     """Return the findings that are of one kind, warnings in yellow."""
-    listed = labelled(kind, (f.sentence for f in findings if f.severity == kind))
+    listed = labelled(kind, (as_asked(f.sentence) for f in findings if f.severity == kind))
     return [Text(line, style="bold yellow" if kind == "warning" else "") for line in listed]
 
 
@@ -288,34 +288,32 @@ def quantity(text: str, unit: str, option: str) -> float:
 
 
 @contextlib.contextmanager
-def said_as_typed(typed: Mapping[str, str | None], **options: str) -> Iterator[None]:
-    """Name in InputErrors of the block the option, and what was typed for its number.
+def said_as_typed(options: Mapping[str, str], typed: Mapping[str, object]) -> Iterator[None]:
+    """Name in errors of the block the options of parameters, and what was typed for a number.
 
-    typed: by option; options: of fields that are called otherwise, ``deepest="--depth"``; a remedy
-    has them between backticks.
+    typed: by option.
     """
     try:
         yield
-    except InputError as error:
-        option = options.get(error.field or "", error.field)
-        text = typed.get(option or "")
-        remedy = re.sub(r"`(\w+)`", lambda of: options.get(of[1], of[0]), error.remedy or "")
-        value = error.value if text is None or isinstance(error.value, str) else text
-        raise error.but(field=option, value=value, remedy=remedy or None) from None
+    except SwimbladderError as error:
+        said = error.asked(options)
+        if isinstance(said, InputError) and not isinstance(said.value, str):
+            text = typed.get(said.field or "")
+            said = said.but(value=text) if isinstance(text, str) else said
+        raise said from None
 
 
 @contextlib.contextmanager
-def asked_of(path: Path, task: Mission, **typed: str | None) -> Iterator[None]:
-    """Say in InputErrors of the block where it was asked: an option, or the mission's file."""
+def asked_of(path: Path, task: Mission, **typed: object) -> Iterator[None]:
+    """Say in InputErrors of the block that the mission's file asks for it, unless it was typed."""
     from swimbladder.io.config import locate
 
     try:
-        options = {name: f"--{name}" for name in typed}
-        with said_as_typed({f"--{name}": text for name, text in typed.items()}, **options):
-            yield
+        yield
     except InputError as error:
         field = (error.field or "-").split("[")[0].split(".")[0]
-        raise (locate(error, path) if hasattr(task, field) else error) from None
+        own = hasattr(task, field) and typed.get(field) is None
+        raise (locate(error, path) if own else error) from None
 
 
 _printed: list[bool] = []  # whether the command has printed its JSON object

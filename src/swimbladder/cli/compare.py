@@ -150,8 +150,7 @@ def compare(
     for task, name, water in zip(tasks, _file_names(tasks), waters, strict=True):
         task.name, task.water = name, water
         try:
-            with fit.said_as_typed(), ahead.said_as_typed():
-                _compare(task, v, reading.log(task.log, v), options, horizons)
+            _compare(task, v, reading.log(task.log, v), options, horizons)
             task.files = _write(task, to.out, plot=plot)
         except SwimbladderError as error:
             if len(tasks) == 1:

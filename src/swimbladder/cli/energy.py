@@ -30,7 +30,7 @@ def fit_runs(
 ) -> None:
     """Find a pump in tables of its runs, print what it is and write the files."""
     table_form, asked = reading.read(), runs.read()
-    with progress("reading and fitting"), runs.said_as_typed():
+    with progress("reading and fitting"):
         from swimbladder.design.energy import fit_pump, fitted_vehicle
         from swimbladder.design.energy.fit import pump_and_valve
         from swimbladder.design.energy.messages import fit_sentences
@@ -157,7 +157,7 @@ def energy(
     runs.refuse("there is no file that this is about", "Give --fit RUNS.csv too")
     casts = reading.casts(cast)
     asked, thrust = compared.read(), thrusters.read()
-    with progress("computing"), compared.said_as_typed(), thrusters.said_as_typed():
+    with progress("computing"):
         from swimbladder.design.energy import Thruster
         from swimbladder.design.energy import energy as find
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from swimbladder.cli import common
-from swimbladder.cli.casts import LogCasts, refuse_doubted_unit
+from swimbladder.cli.casts import OF_CASTS, LogCasts, refuse_doubted_unit
 from swimbladder.cli.common import (
     compile_notice,
     labelled,
@@ -73,7 +73,7 @@ def _identify_deep(
     to.check()
     check_folder(to.out, given)
     check_deep_request(vehicle, len(logs), casts.number, free=free, fixed=list(held), priors=before)
-    how: Any = {"log_format_name": reading.log_format, "columns": reading.columns()}
+    how: Any = {"log_format": reading.format_name, "columns": reading.mapped}
     read = []
     for log in logs:
         with progress(f"reading {log.label}"):
@@ -81,7 +81,7 @@ def _identify_deep(
     found_casts = casts.casts()
     deepest = max(float(np.nanmax(log.pressure)) for log in read) / _DBAR
     reach = -float(gsw.z_from_p(deepest, found_casts[0].latitude))
-    refuse_doubted_unit(found_casts, reach, vehicle.hull.depth_limit, option="--cast-column")
+    refuse_doubted_unit(found_casts, reach, vehicle.hull.depth_limit, OF_CASTS)
 
     from swimbladder.estimation.motion.deep import identify_deep as identify
     from swimbladder.physics.seawater import cast_column
@@ -285,7 +285,7 @@ def identify(
     for log in reading.chosen(logs):
         quiet = log.path in seen
         if casts.cast and not quiet:
-            _refuse_runs(log.path, v, reading.columns())
+            _refuse_runs(log.path, v, reading.mapped)
         given.append(reading.log(log, v, quiet=quiet))
         seen.add(log.path)
     with progress("loading the simulator"):
@@ -298,7 +298,7 @@ def identify(
     begun = time.perf_counter()
     logs_given = "one log" if len(given) == 1 else f"{len(given)} logs"
     doing = progress(f"identifying from {logs_given}", 1.0)
-    with sought.said_as_typed(), fit.said_as_typed(), compile_notice(), doing as advance:
+    with compile_notice(), doing as advance:
         found = identify_logs(given, v, **options, advance=advance)
     seconds = time.perf_counter() - begun
     beside = paper_fits(found) if paper and found.identified else None

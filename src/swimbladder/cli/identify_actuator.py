@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 class Reading(LogReading):
     """How logs of an actuator are read."""
 
-    column: Several = valued(
-        "NAME=COLUMN", r'As in piston_m="Position \[mm]" or piston_m=Position@mm.'
+    columns: Several = valued(
+        "NAME=COLUMN", r'As in piston_m="Position \[mm]" or piston_m=Position@mm.', name="--column"
     )
 
 

@@ -12,7 +12,7 @@ import typer
 
 from swimbladder.cli.common import aside, progress
 from swimbladder.cli.options import Options, valued
-from swimbladder.cli.texts import Given, Several, pair, pairs
+from swimbladder.cli.texts import Several, once, pair, pairs
 from swimbladder.errors import InputError, LogError
 
 if TYPE_CHECKING:
@@ -48,38 +48,47 @@ def selections(texts: Sequence[str]) -> list[dict[str, str]]:
     return [dict(zip(names, one, strict=True)) for one in product(*values)]
 
 
+def _states(text: str) -> bool:
+    """Whether a text given as a log format is a field of one, not its name."""
+    return "=" in text and not Path(text).exists()
+
+
 @dataclass(frozen=True)
 class LogReading(Options):
     """Which rows of files make logs, and how they are read."""
 
     where: Several = valued("COLUMN=VALUE", "Only these rows; VALUE,VALUE: one log each.")
-    column: Several = valued("NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.')
-    log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
-    fields: Several = valued(
-        "FIELD=VALUE", r"Field of the \[log] table: atmospheric_pressure=gauge.", name="--log"
+    columns: Several = valued(
+        "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.', name="--column"
+    )
+    log_format: Several = valued(
+        "FORMAT", r"TOML file with a \[log] table; also FIELD=VALUE: atmospheric_pressure=gauge."
     )
 
     def chosen(self, paths: Sequence[Path]) -> list[Chosen]:
         """Return every selection of every file, in order; raises InputError naming the option."""
         return [Chosen(path, one) for path in paths for one in selections(self.where or [])]
 
-    def columns(self) -> dict[str, str]:
-        """Return columns by name; raises InputError naming the option."""
-        return pairs(self.column or [], "--column")
+    @property
+    def mapped(self) -> dict[str, str]:
+        """The columns by name; raises InputError naming the option."""
+        return pairs(self.columns or [], "--column")
 
-    def _shipped(self, path: Path, required: Collection[str]) -> str | None:
-        return (
-            shipped_format(path, {*required} - {*self.columns()}) if not self.log_format else None
-        )
+    @property
+    def format_name(self) -> str | None:
+        """The log format that is named."""
+        named = [text for text in self.log_format or () if not _states(text)]
+        return once([("", name) for name in named], "--log-format").get("")
 
     def _form(self, known: str | None) -> LogFormat | None:
-        """Return the log format asked for, or a known one, with `fields`; None: the usual.
+        """Return the log format asked for, or a known one, with fields; None: the usual.
 
         Raises InputError naming the option.
         """
         from swimbladder.io.log_format import LogFormat, log_format
 
-        stated, name = pairs(self.fields or [], "--log"), self.log_format or known
+        name = self.format_name or known
+        stated = pairs([text for text in self.log_format or () if _states(text)], "--log-format")
         form = None if name is None else log_format(name)
         if not stated:
             return form
@@ -87,7 +96,7 @@ class LogReading(Options):
         try:
             return LogFormat(**{**given, **stated})
         except InputError as error:
-            raise error.but(field=f"--log {error.field}") from None
+            raise error.but(field=f"--log-format {error.field}") from None
 
     def log(
         self,
@@ -107,8 +116,9 @@ class LogReading(Options):
         from swimbladder.io.log_format import LogFormat
         from swimbladder.io.logs import read_log
 
-        columns, said = self.columns(), list[str]()
-        known = self._shipped(log.path, required)
+        columns, said, known = self.mapped, list[str](), None
+        if self.format_name is None:
+            known = shipped_format(log.path, {*required} - {*columns})
         form = self._form(known)
         if known:
             said.append(f"its columns are those of the log format {known}, and read so")

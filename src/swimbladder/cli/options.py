@@ -7,8 +7,8 @@ The word for a value in the help says how its text is read: ``depth: str = value
 import datetime
 import inspect
 import shutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from copy import copy
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import partial, wraps
@@ -28,7 +28,7 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.texts import Given, depth_pair, names, pairs
-from swimbladder.errors import InputError, check_number
+from swimbladder.errors import OPTIONS, InputError, check_number
 from swimbladder.io.answers import Answer
 
 if TYPE_CHECKING:
@@ -170,17 +170,15 @@ class Options:
         for option, value in self.changed(*but).items():
             raise InputError(why, field=option, value=value, remedy=remedy)
 
-    @contextmanager
-    def said_as_typed(self, **others: str) -> Iterator[None]:
-        """Name in InputErrors of the block the option of a field, and what was typed for it.
+    def said_as_typed(self, **others: str) -> AbstractContextManager[None]:
+        """Name in errors of the block the option of a field, and what was typed for it.
 
-        others: fields of the functions in the block that this group calls otherwise, ``z="depth"``.
+        A command does so for all of its groups: this is for fields of which two have one, and for
+        others: those that this group calls otherwise, ``z="depth"``.
         """
         options = self.named()
-        typed = {options[name]: text for name, text in vars(self).items() if isinstance(text, str)}
         renamed = {field: options[name] for field, name in others.items()}
-        with said_as_typed(typed, **{"cast": "--cast", **options, **renamed}):
-            yield
+        return said_as_typed({**options, **renamed}, self.changed())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -311,13 +309,16 @@ def grouped(
         hints = get_type_hints(command, include_extras=True)
         groups: dict[str, tuple[type[Options], dict[str, str]]] = {}
         taken: list[inspect.Parameter] = []
+        asked: dict[str, str] = {}  # the option of each parameter
         for name, parameter in inspect.signature(command).parameters.items():
             kind = hints[name]
             if not (isinstance(kind, type) and issubclass(kind, Options)):
                 taken.append(_parameter(name, kind, parameter.default))
+                asked.setdefault(name, _typed_as(name, kind))
                 continue
-            options = kind.named().items()
-            called = {one: option.lstrip("-").replace("-", "_") for one, option in options}
+            options = kind.named()
+            asked = {**options, **asked}
+            called = {one: option.lstrip("-").replace("-", "_") for one, option in options.items()}
             groups[name] = kind, called
             own = get_type_hints(kind)
             for one in fields(kind):
@@ -327,9 +328,15 @@ def grouped(
 
         @wraps(command)
         def flat(**given: Any) -> None:
+            typed = {"--" + name.replace("_", "-"): value for name, value in given.items()}
             for name, (kind, called) in groups.items():
                 given[name] = kind(**{one: given.pop(word) for one, word in called.items()})
-            command(**given)
+            OPTIONS.update(asked)
+            try:
+                with said_as_typed(asked, typed):
+                    command(**given)
+            finally:
+                OPTIONS.clear()
 
         if first is not None:
             taken = [_placed(one, {*first.split(), *_COMMON}) for one in taken]
@@ -348,6 +355,14 @@ def _placed(one: inspect.Parameter, first: Collection[str]) -> inspect.Parameter
     later = copy(info)
     later.rich_help_panel = "Advanced"
     return one.replace(annotation=Annotated[kind, later])
+
+
+def _typed_as(name: str, kind: object) -> str:
+    """Return how a parameter of a command is typed: its option, or the word of an argument."""
+    info = get_args(kind)[1] if get_args(kind) else None
+    if not isinstance(info, OptionInfo):
+        return str(getattr(info, "metavar", None) or name)
+    return info.default if isinstance(info.default, str) else "--" + name.replace("_", "-")
 
 
 def _option(one: Field[Any]) -> str:

@@ -82,8 +82,7 @@ class Followed(Options):
         from swimbladder.io.log_format import LogFormat, log_format
 
         given = self.read()
-        with self.said_as_typed():
-            check_waiting(timeout=given["timeout"])
+        check_waiting(timeout=given["timeout"])
         form = LogFormat() if self.log_format is None else log_format(self.log_format)
         if self.wait:  # one bad row must not end the day
             form = form.model_copy(update={"bad_rows": "drop"})
@@ -176,12 +175,11 @@ def pool(
         from swimbladder.design.pool_day.day import asked_of, rules_of
         from swimbladder.design.pool_day.verdict import Asked
 
-        with sought.said_as_typed(), goals.said_as_typed(), procedure.said_as_typed():
-            before, aims = sought.given(), goals.given()
-            errors = {name: aims.pop(f"{name}_std") for name in ("neutral", "drift", "delay")}
-            known = Asked(**before, **{f"{name}_std": std for name, std in errors.items()})
-            asked = asked_of(v, known, **aims)
-            rules = rules_of(v, pool_depth=bottom, travel=done["travel"], plan=chosen)
+        before, aims = sought.given(), goals.given()
+        errors = {name: aims.pop(f"{name}_std") for name in ("neutral", "drift", "delay")}
+        known = Asked(**before, **{f"{name}_std": std for name, std in errors.items()})
+        asked = asked_of(v, known, **aims)
+        rules = rules_of(v, pool_depth=bottom, travel=done["travel"], plan=chosen)
         tasks = plan_tasks(chosen) if chosen else paper_tasks(v, pool_depth=bottom)
     mode = "simulated" if simulate else "followed"
     # What is wrong with the input is said before anything is touched.

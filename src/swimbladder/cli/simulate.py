@@ -228,8 +228,7 @@ def simulate(
 
     v = load_vehicle(vehicle, sampled=True, pumped=True, weighed=True)
     also.read()
-    with step.said_as_typed(**_FIELDS) if mission is None else contextlib.nullcontext():
-        task = _mission(v, mission, step)
+    task = _mission(v, mission, step)
     to.check()
     casts = reading.casts(cast)
     warn_of_mass(v)

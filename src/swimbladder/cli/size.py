@@ -95,10 +95,9 @@ def size(
 
         sea = cast_column(casts[0])
         refuse_doubted_unit(casts, asked["depth"], vehicle.hull.depth_limit)
-    with driver.said_as_typed():
-        listed = load_parts(parts).with_driver(**driver.read())
+    listed = load_parts(parts).with_driver(**driver.read())
     doing = progress("weighing drives", total=6.0)
-    with task.said_as_typed(), limits.said_as_typed(), doing as advance:
+    with doing as advance:
         found = find(vehicle, Dive(**asked), column=sea, parts=listed, advance=advance, **room)
 
     water = labelled("cast", () if sea is None else sea.report)

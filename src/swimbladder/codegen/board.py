@@ -27,7 +27,7 @@ from swimbladder.codegen.wire import BAUD, Said, Wire
 from swimbladder.control.law import Measurement
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import check_time_limit
-from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+from swimbladder.errors import InputError, NoAnswerError, Parameter, SwimbladderError
 from swimbladder.io.answers import Answer, attributes
 from swimbladder.io.files import check_place, make_folder
 from swimbladder.io.progress import Advance, silent
@@ -413,7 +413,7 @@ class _Flight:
             self.log = path.open("w", encoding="utf-8", newline="\n", buffering=1)
         except OSError as error:
             what, remedy = f"cannot write the log: {error.strerror}", "Choose another folder"
-            raise InputError(what, file=path, field="--out", remedy=remedy) from error
+            raise InputError(what, file=path, field=Parameter("out"), remedy=remedy) from error
         more = "depth_age_s,battery_V,leak,lost_ticks,step_us,round_trip_us"
         self.log.write(f"{facts['header']},supervisor_reason,twin_{facts['column']},{more}\n")
 

@@ -36,7 +36,7 @@ UNPLUGGED = 15  # ticks of full buoyancy at the end of what is checked
 
 _UP = 2.0 / 3.0  # of a float's golden mission, after which it is to come up
 _LONGER = (
-    "Give a longer --duration, or see what valve and bypass let in at the surface "
+    "Give a longer `duration=`, or see what valve and bypass let in at the surface "
     "(actuator.valve.flow, actuator.internal_pressure)"
 )
 

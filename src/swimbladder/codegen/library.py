@@ -42,7 +42,7 @@ from swimbladder.control.supervisor_limits import (
     time_limit,
 )
 from swimbladder.design.tuning.trial import usual_step
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, Parameter
 from swimbladder.io.answers import Answer
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
@@ -105,7 +105,7 @@ class Library(BoardProgram, Answer):
         if not there:
             yield (
                 f"the golden trace ends at {end:.3g} m, before the vehicle has arrived: it tests "
-                "less of the C than one with a longer --duration"
+                "less of the C than one with a longer `duration=`"
             )
         if self.drive is not None:
             yield self.drive.summary()
@@ -183,7 +183,7 @@ def firmware(
     if pool is not None and floats:
         what = f"the pool {BY_VOLTAGE}, and this vehicle has a pump and a valve"
         remedy = "Leave it out, and log a dive of the sketch"
-        raise InputError(what, field="--pool", value=pool.depth, unit="m", remedy=remedy)
+        raise InputError(what, field="depth", value=pool.depth, unit="m", remedy=remedy)
     check_time_limit(vehicle)
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
     asked = start_depth, target, duration
@@ -260,13 +260,13 @@ def plan_program(
     least, most = tuned or (max(vehicle.hull.emergence_depth, 0.0), limit)
     usual = _usual(floats, least, min(most, limit))
     mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
-    for name, depth in (("start", mission.start), ("target", mission.target)):
+    for name, depth in (("start_depth", mission.start), ("target", mission.target)):
         if depth > limit:
-            raise turned_round(depth, limit, f"--{name}")
+            raise turned_round(depth, limit, name)
     if tuned and not least <= mission.target <= most:
         what = f"the controller was tuned for {least:g} to {most:g} m, and the sketch begins here"
         remedy = "Give a depth within these, or tune for others (`swimbladder tune --depth`)"
-        raise InputError(what, field="--target", value=mission.target, unit="m", remedy=remedy)
+        raise InputError(what, field="target", value=mission.target, unit="m", remedy=remedy)
     made = make_program(vehicle, depths=mission[:2], in_pool=in_pool)
     if floats:
         _check_dive(mission, made.parameters.surface.shallow)
@@ -410,9 +410,15 @@ def _check_dive(mission: Mission, shallow: float) -> None:
     """Raise InputError where a float's golden mission is none."""
     start, target, duration = mission
     for option, value, good, unit, what in (
-        ("--start", start, start >= 0.0, "m", "a float starts at the surface, 0 m, or below it"),
-        ("--target", target, target > shallow, "m", f"a float dives deeper than {shallow:.3g} m"),
-        ("--duration", duration, duration > 0.0, "s", "a mission takes a finite time above 0"),
+        (
+            "start_depth",
+            start,
+            start >= 0.0,
+            "m",
+            "a float starts at the surface, 0 m, or below it",
+        ),
+        ("target", target, target > shallow, "m", f"a float dives deeper than {shallow:.3g} m"),
+        ("duration", duration, duration > 0.0, "s", "a mission takes a finite time above 0"),
     ):
         if not (good and math.isfinite(value)):
             raise InputError(what, field=option, value=value, unit=unit, remedy="Give another one")
@@ -467,7 +473,7 @@ def write_library(library: Library, out: str | Path) -> list[Path]:
         except OSError as error:
             what = f"cannot remove a source of another law: {error.strerror or error}"
             remedy = "Remove it by hand, or choose an empty folder"
-            raise InputError(what, file=old, field="--out", remedy=remedy) from error
+            raise InputError(what, file=old, field=Parameter("out"), remedy=remedy) from error
     return [out / name for name in library.files]
 
 

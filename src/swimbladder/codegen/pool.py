@@ -165,7 +165,7 @@ BY_VOLTAGE = "procedure changes the volume by a voltage for a time"
 # over the sample time, of a loop made for want of a cascade: docs/explanation/laws.md
 _BANDWIDTH = 0.1
 _LEAST_TRAVEL = 0.3  # m, between the depths of rest, as guide.rules has it for a glide
-_DEEPER = "Choose a deeper pool or a smaller --pool-clearance"
+_DEEPER = "Choose a deeper pool or a smaller `clearance=`"
 _OVER = 1.0  # m, deeper than the bottom, that a depth may be and count as one
 
 
@@ -257,7 +257,7 @@ def board_procedure(
     if p.positioner > 0.0:
         what = f"the {BY_VOLTAGE}, and this actuator takes positions"
         remedy = "Do the steps by hand, with the sketch that holds a depth"
-        raise InputError(what, field="--pool", value=vehicle.actuator.kind, remedy=remedy)
+        raise InputError(what, field="depth", value=vehicle.actuator.kind, remedy=remedy)
     S_p = limits.S_p
     sensors = vehicle.sensors
     margin = max(MARGIN, 6.0 * sensors.depth_noise + 2.0 * sensors.depth_quantum)
@@ -300,7 +300,7 @@ def _own_loop(vehicle: Vehicle, S_p: float) -> CascadeParameters | None:
     return own if isinstance(own, CascadeParameters) else None
 
 
-def _of_depth(depth: float, what: str, remedy: str, option: str = "--pool") -> InputError:
+def _of_depth(depth: float, what: str, remedy: str, option: str = "depth") -> InputError:
     return InputError(what, field=option, value=depth, unit="m", remedy=remedy)
 
 
@@ -313,7 +313,7 @@ def _check_pool(
         near = f"a vehicle within {margin:.3g} m of surface or bottom"
         what = f"{near} counts as arrived there, and has to rest clear of it"
         remedy = f"Give more than {2.0 * margin:.3g} m"
-        raise _of_depth(clearance, what, remedy, "--pool-clearance")
+        raise _of_depth(clearance, what, remedy, "clearance")
     travel = options.depth - p.z_surface - 2.0 * clearance
     if not travel >= _LEAST_TRAVEL:
         leaves = f"this leaves {travel:.3g} m between the depths of rest"
@@ -328,12 +328,12 @@ def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters)
     """Raise InputError unless stroke and trim leave room for every change of volume."""
     if options.rounds < 1:
         what, remedy = "there has to be one at least", "Leave it out for four"
-        raise InputError(what, field="--pool-rounds", value=options.rounds, remedy=remedy)
+        raise InputError(what, field="rounds", value=options.rounds, remedy=remedy)
     if options.rounds == 1 and options.first != options.last:
         given = f"{options.first * 1e6:g}:{options.last * 1e6:g} cm3"
         what = "one round has one change of volume"
-        remedy = "Give a single volume, or more --pool-rounds"
-        raise InputError(what, field="--pool-volumes", value=given, remedy=remedy)
+        remedy = "Give a single volume, or more `rounds=`"
+        raise InputError(what, field="volumes", value=given, remedy=remedy)
     deep = p.V_0 + p.psi * (options.depth - options.clearance)
     shallow = p.V_0 + p.psi * (p.z_surface + options.clearance)
     high, low = max(deep, shallow), min(deep, shallow)
@@ -347,5 +347,5 @@ def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters)
         what = f"a change of volume has to be above 0 and to fit the stroke, {should}"
         remedy = f"Give at most {fits * 1e6:.3g} cm3, or a smaller supervisor.neutral_range"
         if not 0.0 < change <= fits:
-            option, cm3 = "--pool-volumes", change * 1e6
+            option, cm3 = "volumes", change * 1e6
             raise InputError(what, field=option, value=cm3, unit="cm3", remedy=remedy)

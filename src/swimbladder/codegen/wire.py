@@ -113,14 +113,14 @@ class Wire:
             while answer is None and time.monotonic() < until:
                 self._send(_HELLO, b"")
                 answer = self._answer(_HELLO, _AGAIN)
-        problem = partial(InputError, field="--port", value=self.port)
+        problem = partial(InputError, field="port", value=self.port)
         if answer is None and self._heard:
             what = f"what it sends at {self.baud} baud is no frame of this protocol"
-            remedy = f"Give the --baud of the sketch ({BAUD} as written), and flash {_SKETCH}"
+            remedy = f"Give the `baud=` of the sketch ({BAUD} as written), and flash {_SKETCH}"
             raise problem(what, remedy=remedy)
         if answer is None:
             what = f"no board answers within {_GREETING:g} s"
-            remedy = f"Flash {_SKETCH}, close the serial monitor, and check port and --baud"
+            remedy = f"Flash {_SKETCH}, close the serial monitor, and check port and `baud=`"
             raise problem(what, remedy=remedy)
         version, theirs = answer[0], answer[1:]
         if version != VERSION:
@@ -128,7 +128,7 @@ class Wire:
             raise problem(what, remedy=f"Flash {_SKETCH}, written by this version")
         if theirs != digest:
             what = f"the board has the C {theirs.hex()}, and this vehicle's is {digest.hex()}"
-            remedy = f"Flash {_SKETCH}, for this vehicle and without --pool; or give its vehicle"
+            remedy = f"Flash {_SKETCH}, for this vehicle, without a pool; or give its vehicle"
             raise problem(what, remedy=remedy)
 
     def _ask(self, kind: int, payload: bytes) -> bytes:
@@ -193,7 +193,7 @@ class Wire:
 
 def _opened(port: str, baud: int) -> tuple[Any, type[Exception]]:
     """Return an open port, and what its functions raise."""
-    serial = optional("serial", "serial", "speaking to a board", field="--port", value=port)
+    serial = optional("serial", "serial", "speaking to a board", field="port", value=port)
     failure: type[Exception] = serial.SerialException
     try:
         line = serial.Serial(port, baud, timeout=_READ, write_timeout=_ANSWER, exclusive=True)
@@ -208,5 +208,5 @@ def _opened(port: str, baud: int) -> tuple[Any, type[Exception]]:
                 remedy += f"; there are {found}"
         except (ImportError, OSError):
             pass
-        raise InputError(what, field="--port", value=port, remedy=remedy) from error
+        raise InputError(what, field="port", value=port, remedy=remedy) from error
     return line, failure

@@ -568,7 +568,7 @@ def check_time_limit(vehicle: Vehicle, remedy: str = "") -> None:
     if vehicle.supervisor.time_limit is None:
         drifts = "a vehicle whose depth drifts slowly"
         what = f"no time limit is stated, and nothing else brings up {drifts}"
-        say = 'Give the longest that a mission takes from arming on, like --time-limit "2 h"'
+        say = 'Give the longest that a mission takes from arming on, like `time_limit="2 h"`'
         say = f"{say}, or as time_limit in [supervisor]{remedy}"
         raise InputError(what, field="supervisor.time_limit", remedy=say)
 

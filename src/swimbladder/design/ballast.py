@@ -66,7 +66,7 @@ class Uncertainty:
     def __post_init__(self) -> None:
         """Refuse what is no standard deviation."""
         for name, value in self.numbers().items():
-            check_number(value, f"--{name}-std", least=0.0, remedy="Check the standard deviation")
+            check_number(value, name, least=0.0, remedy="Check the standard deviation")
 
     def numbers(self) -> dict[str, float]:
         """Return the standard deviations by name."""
@@ -87,16 +87,16 @@ def uncertainty_of(vehicle: Vehicle, given: Mapping[str, float | None]) -> Uncer
         else:
             loss = sum(part.volume * abs(part.compressibility) for part in hull_parts(vehicle))
             values["psi"] = _SHARE * loss * vehicle.water.specific_weight
-            origin = f"assumed: {100.0 * _SHARE:g} % of the hull's compression; --psi-std"
+            origin = f"assumed: {100.0 * _SHARE:g} % of the hull's compression; `psi=`"
         said.append(_shown("psi", values["psi"], origin))
     if "trim" not in values and not {"mass", "volume"} & set(values):
         known = found.neutral_std if found is not None else 0.0
         values["trim"] = known or _TRIM
-        origin = "identified" if known else "assumed: what weighing it in water leaves; --trim-std"
+        origin = "identified" if known else "assumed: what weighing it in water leaves; `trim=`"
         said.append(_shown("trim", values["trim"], origin))
     if "density" not in values:
         values["density"] = _DENSITY
-        said.append(_shown("density", _DENSITY, "assumed; --density-std"))
+        said.append(_shown("density", _DENSITY, "assumed; `density=`"))
     return Uncertainty(**values, said=tuple(said))
 
 
@@ -424,7 +424,7 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
         ends = [(cast_column(cast).deepest, cast.name) for cast in casts]
         shallowest, name = min(ends, key=itemgetter(0))
         deepest = min(shallowest, math.inf if limit is None else limit)
-        why = "its rating" if deepest == limit else "where the cast ends; --deepest"
+        why = "its rating" if deepest == limit else "where the cast ends; `deepest=`"
         assumed.append(f"it goes down to {deepest:g} m ({why})")
         warnings += above_rating(name, shallowest, limit, "deepest")
     columns = [cast_column(cast, deepest) for cast in casts]
@@ -444,7 +444,7 @@ def with_mass(vehicle: Vehicle, mass: float | None = None) -> tuple[Vehicle, str
         if isinstance(vehicle.motion, PhysicalMotion):
             assumed += f" (its dry mass there is {vehicle.motion.dry_mass:.6g} kg)"
         warning = mass_mismatch(vehicle)
-        rest = ", and trim_error is taken; weigh it and give --mass"
+        rest = ", and trim_error is taken; weigh it and give `mass=`"
         return vehicle, assumed, [warning + rest] if warning else []
     if not 0.5 * by_trim < mass < 2.0 * by_trim:
         litres = by_trim / vehicle.water.density * 1e3
@@ -670,7 +670,7 @@ def _check(vehicle: Vehicle, columns: Sequence[Column], target: Target, density:
         unknown = float(column.density_std.max())
         what = f"the cast {column.source} has two rows, and between them the water is not known"
         remedy = "Give the rows between, or leave the cast out for water of constant density"
-        need(rows > 2 or unknown <= _KNOWN, "--cast", round(unknown, 3), "kg/m3", what, remedy)
+        need(rows > 2 or unknown <= _KNOWN, "cast", round(unknown, 3), "kg/m3", what, remedy)
     what, remedy = "a probability from 50 % to below 100 % is asked for", "Write it like 95 %"
     need(0.5 <= probability < 1.0, "probability", probability, "", what, remedy)
     what = "no speed of a vehicle that moves by its volume"

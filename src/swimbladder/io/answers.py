@@ -9,6 +9,8 @@ from importlib import import_module
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
+from swimbladder.errors import as_asked
+
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
@@ -82,7 +84,9 @@ def plain(value: Any) -> Any:
     """
     if isinstance(value, enum.Enum):
         return plain(value.value)
-    if value is None or isinstance(value, (bool, int, str)):
+    if isinstance(value, str):
+        return as_asked(value)
+    if value is None or isinstance(value, (bool, int)):
         return value
     if hasattr(value, "to_dict"):
         return plain(value.to_dict())

@@ -16,7 +16,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import LogError
+from swimbladder.errors import LogError, column_as
 from swimbladder.io.columns import (
     check_columns,
     mapped_column,
@@ -211,7 +211,7 @@ def cast_sources(
         found = plain if len(found) > 1 and plain else found
         if len(found) > 1:
             what = f"several columns may be the {name.split('_')[0]}"
-            remedy = f'Choose one with --column "{name}=NAME"'
+            remedy = f"Choose one with {column_as(name, 'NAME')}"
             raise file.refused(what, remedy, name, value=", ".join(found))
         for column in found:
             unit = sheet.units.get(column, kinds[column][1])
@@ -241,7 +241,7 @@ def _need(
         if not any(name in sources for name in names) and not (salted and "salinity" in names):
             more = ""
             if "salinity" in names:
-                more = "; for a lake state --salinity, 0 in fresh water"
+                more = "; for a lake give `salinity=0`, that of fresh water"
                 absolute = [column for column in header if _ABSOLUTE.search(column.lower())]
                 if absolute:
                     more += f" ({absolute[0]} is not practical: gsw.SP_from_SA makes it so)"

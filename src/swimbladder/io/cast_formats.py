@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import Parameter
 from swimbladder.io.cast_columns import (
     NAMES,
     RawCast,
@@ -143,7 +144,9 @@ def _asked(found: NetCDF, profile: int | None) -> int:
     count = len(pressures)
     if profile is not None and profile > count:
         what = f"the file has {counted(count, 'profile')}"
-        raise found.file.refused(what, f"Choose from 1 to {count}", "--profile", value=profile)
+        raise found.file.refused(
+            what, f"Choose from 1 to {count}", Parameter("profile"), value=profile
+        )
     if profile is not None or count < 2:
         return (profile or 1) - 1
     held = [k for k in range(count) if np.isfinite(pressures[k]).any()]
@@ -157,7 +160,7 @@ def _asked(found: NetCDF, profile: int | None) -> int:
         )
         more = ", ..." if len(chosen) > _SHOWN else ""
         what = f"there are {len(chosen)} profiles in it ({some}{more})"
-        raise found.file.refused(what, "Choose one with --profile N", "profile")
+        raise found.file.refused(what, "Choose one with `profile=1`", Parameter("profile"))
     why = "the primary sampling" if primary else "the only one with pressures"
     found.file.report.append(f"profile {chosen[0] + 1} of {count} taken, {why}")
     return chosen[0]

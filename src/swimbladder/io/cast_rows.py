@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import Parameter
 from swimbladder.io.cast_columns import RawCast
 from swimbladder.io.cast_units import COLDEST, DEEPEST, MOST_SALT, WARMEST
 from swimbladder.io.log_text import counted
@@ -39,7 +40,7 @@ def stable(
         return SA, CT
     count = counted(int((jumps < 0.0).sum()), "density inversion")
     where = f"the largest {size:.2g} kg/m3 at {pressure[worst + 1]:.1f} dbar"
-    noise, option = f"more than noise makes ({INVERSION:g})", "with --inversions average"
+    noise, option = f"more than noise makes ({INVERSION:g})", "with `inversions='average'`"
     if size > INVERSION and inversions == "refuse":
         lighter = f"{size:.2g} kg/m3 lighter than that at {pressure[worst]:.1f} dbar above it"
         what = f"the water at {pressure[worst + 1]:.1f} dbar is {lighter}, {noise}"
@@ -152,14 +153,16 @@ def one_leg(raw: RawCast, pressure: Array, profile: int | None) -> NDArray[np.in
     found = legs(pressure)
     if profile is not None and profile > len(found):
         what = f"the file has {counted(len(found), 'profile')}"
-        raise raw.refused(what, f"Choose from 1 to {len(found)}", "--profile", value=profile)
+        raise raw.refused(
+            what, f"Choose from 1 to {len(found)}", Parameter("profile"), value=profile
+        )
     if profile is None and len(found) > 2:
         ends = ", ".join(
             f"{n}: {pressure[a]:.0f} to {pressure[b]:.0f} dbar"
             for n, (a, b) in enumerate(found[:6], start=1)
         )
         what = f"there are {len(found)} profiles in it ({ends}{', ...' if len(found) > 6 else ''})"
-        remedy = "Choose one with --profile N, or rows with --where COLUMN=VALUE"
+        remedy = "Choose one with `profile=1`, or rows with `where={'COLUMN': 'VALUE'}`"
         raise raw.refused(what, remedy, "profile")
     number = (profile or 1) - 1
     if profile is None and len(found) == 2:

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import column_as
 from swimbladder.io.cast_columns import RawCast
 from swimbladder.units import unit_factor
 
@@ -148,8 +149,8 @@ def _by_air(raw: RawCast, least: float) -> None:
 
 
 def _map(raw: RawCast, unit: str, column: str = "pressure_dbar") -> str:
-    """Return the option that reads a column in another unit."""
-    return f'--column "{column}={raw.names.get(column, "NAME")}@{unit}"'
+    """Return what reads a column in another unit."""
+    return column_as(column, f"{raw.names.get(column, 'NAME')}@{unit}")
 
 
 def _by_depth(raw: RawCast, p: Array, depth: Array) -> RawCast:
@@ -230,7 +231,7 @@ def _salt(raw: RawCast) -> None:
         if 0.0 < most < _SHARES and middle >= 0.0:
             what = f"a salinity of {most:.4g} at most is next to none"
             share = f"As kg/kg or g/g it is {1e3 * most:.4g} g/kg"
-            lake = f"for a lake as fresh as that give --salinity {most:.2g}"
+            lake = f"for a lake as fresh as that give `salinity={most:.2g}`"
             remedy = f"{share}: multiply the column by 1000 in the file; {lake}"
             raise raw.refused(what, remedy, "salinity", value=round(most, 6))
         if 0.0 <= middle <= MOST_SALT:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, LogError, SwimbladderError
+from swimbladder.errors import InputError, LogError, Parameter, SwimbladderError, column_as
 from swimbladder.io.cast_columns import RawCast, sheet_cast
 from swimbladder.io.cast_formats import cnv_cast, is_cnv, netcdf_cast
 from swimbladder.io.cast_rows import Inversions, averaged, one_leg, stable, without_spikes
@@ -68,7 +68,7 @@ def _guarded(function: Callable[..., Any], name: str) -> Callable[..., Any]:
             why = f"{type(error).__name__}: {' '.join(str(error).split())}"
             what = f"the cast format {name!r} of the package {package} fails: {why}"
             remedy = f"Update {package}, or uninstall it"
-            raise InputError(what, field="--cast", remedy=remedy) from error
+            raise InputError(what, field="cast", remedy=remedy) from error
 
     return call
 
@@ -99,7 +99,7 @@ def recognised(data: bytes, path: Path) -> tuple[CastFormat | None, list[str]]:
         what = f"several cast formats know it as theirs: {' and '.join(known)}"
         packages = ", ".join(str(CAST_FORMATS.package(name)) for name in known)
         remedy = f"Uninstall the packages of all but one: {packages}"
-        raise InputError(what, file=path, field="--cast", remedy=remedy)
+        raise InputError(what, file=path, field=Parameter("cast"), remedy=remedy)
     return next(iter(known.values()), None), said
 
 
@@ -112,7 +112,7 @@ def read_cast(
     *,
     columns: Mapping[str, str] | None = None,
     where: Mapping[str, str | float] | None = None,
-    form: LogFormat | str | Path | None = None,
+    log_format: LogFormat | Mapping[str, Any] | str | Path | None = None,
     profile: int | None = None,
     latitude: float | None = None,
     longitude: float | None = None,
@@ -130,7 +130,7 @@ def read_cast(
         {"pressure_dbar": "Pressure@bar"}, names of `CAST_COLUMNS`; none: as the file names them.
     where
         {"dive": 7} keeps the rows that hold it; none: all rows. Of CSV and Parquet only.
-    form
+    log_format
         How a text is to be read, as for logs; none: as the usual format has it.
     profile
         Which way down or up, or which profile of an Argo file, from 1; none: the only one, or of a
@@ -160,13 +160,13 @@ def read_cast(
     data = b"" if is_frame(path) else read_bytes(file)
     binary, said = (None, []) if is_frame(path) else recognised(data, file)
     if binary is not None:
-        if where or form is not None:
+        if where or log_format is not None:
             what = "rows and log formats are chosen in CSV and Parquet only"
-            remedy = "Choose a profile with --profile N, variables with --column"
+            remedy = "Choose a profile with `profile=1`, variables with `columns=`"
             raise LogError(what, file=file, field="where" if where else "log_format", remedy=remedy)
         raw, profile = binary.read(data, file, columns, profile)
     else:
-        text, salted = LogFile.of(file, format_of(form)), salinity is not None
+        text, salted = LogFile.of(file, format_of(log_format)), salinity is not None
         chosen = ", ".join(f"{name}={value}" for name, value in where.items())
         raw = sheet_cast(text, columns, where=where, salted=salted, name=chosen)
     raw.report.extend(said)
@@ -206,8 +206,8 @@ def _salted(raw: RawCast, salinity: float | None) -> RawCast:
         raw.report.append(f"a salinity of {salinity:g} is taken all the way down, as stated")
         return replace(raw, salinity=np.full(len(raw), salinity), conductivity=None)
     if raw.salinity is None and raw.conductivity is None:
-        lake = "for a lake state --salinity, 0 in fresh water"
-        remedy = f'Say which column it is with --column "salinity=NAME"; {lake}'
+        lake = "for a lake give `salinity=0`, that of fresh water"
+        remedy = f"Say which column it is with {column_as('salinity', 'NAME')}; {lake}"
         raise raw.refused("the cast has neither salinity nor conductivity", remedy, "salinity")
     return raw
 
@@ -224,7 +224,7 @@ def _whole(raw: RawCast) -> RawCast:
     if len(kept) < 2:
         what = f"{'one row is' if len(kept) else 'no row is'} no cast"
         each = "at different depths, each with pressure, temperature and salinity"
-        remedy = f"Give two rows at least, {each}; --where may have chosen too few"
+        remedy = f"Give two rows at least, {each}; `where=` may have chosen too few"
         raise raw.refused(what, remedy, "pressure_dbar" if raw.pressure is not None else "depth_m")
     if kept.sum() < 2:
         worst = min(known, key=lambda name: int(known[name].sum()))

@@ -9,7 +9,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
-from swimbladder.errors import LogError
+from swimbladder.errors import LogError, column_as
 from swimbladder.io.log_format import COLUMNS, LogColumn, bracketed
 from swimbladder.io.log_text import LogFile
 from swimbladder.units import has_kind, unit_factor
@@ -100,11 +100,11 @@ class _Meant(NamedTuple):
 
     @property
     def option(self) -> str:
-        """How it is read on the command line, in a unit that may be it."""
+        """How it is mapped, in a unit that may be it."""
         unit = _EXAMPLES.get(self.name, COLUMNS[self.name])
         if has_kind(self.unit, "rad"):
             unit = "0.01 mm/deg"
-        return f'--column "{self.name}={self.column}{"" if self.sure else f"@{unit}"}"'
+        return column_as(self.name, self.column if self.sure else f"{self.column}@{unit}")
 
 
 def _meant(header: Sequence[str], but: Mapping[str, LogColumn]) -> dict[str, list[_Meant]]:
@@ -228,8 +228,8 @@ def named_columns(
 def no_column(
     file: LogFile, what: str, name: str, header: Sequence[str], more: str = "", hint: str = ""
 ) -> LogError:
-    """Return the error for a table that lacks a column, with the option that says which it is."""
-    how = f'Say which one it is with --column "{name}=NAME@UNIT"{more}'
+    """Return the error for a table that lacks a column, with what says which it is."""
+    how = f"Say which one it is with {column_as(name, 'NAME@UNIT')}{more}"
     return file.refused(what, f"{how}; columns of the file: {listed(header)}{hint}", name)
 
 

@@ -18,7 +18,7 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, Parameter
 
 _MARK = ".swimbladder-"
 _OLD = 86_400.0  # s after which what another machine left is no longer being written
@@ -199,8 +199,8 @@ def make_folder(path: str | Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         what = f"cannot make the folder: {getattr(error, 'strerror', None) or error}"
-        remedy = "Choose another folder with --out"
-        raise InputError(what, file=folder, field="--out", remedy=remedy) from error
+        remedy = "Choose another folder with `out=`"
+        raise InputError(what, file=folder, field=Parameter("out"), remedy=remedy) from error
     remove_leftovers(folder)
     return folder
 
@@ -209,13 +209,17 @@ def check_place(out: Path) -> None:
     """Raise InputError where the folder could not be made."""
     if len(os.fsencode(out.name)) > _LONGEST:
         what = f"the name is longer than {_LONGEST} bytes"
-        raise InputError(what, file=out, field="--out", remedy="Choose a shorter name with --out")
+        raise InputError(
+            what, file=out, field=Parameter("out"), remedy="Choose a shorter name with `out=`"
+        )
     make_folder(out.parent)
     if out.is_dir():
         remove_leftovers(out)
     elif out.exists():
         what = "there is a file of that name, where the folder should be"
-        raise InputError(what, file=out, field="--out", remedy="Choose another folder with --out")
+        raise InputError(
+            what, file=out, field=Parameter("out"), remedy="Choose another folder with `out=`"
+        )
 
 
 def unfinished(out: Path) -> Path:
@@ -240,7 +244,7 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
                 files.sort(key=lambda p: p.suffix == ".html")
                 targets = [out / path.relative_to(temporary) for path in files]
                 for target in targets:
-                    _check_kind(target, "--out")
+                    _check_kind(target, Parameter("out"))
                 for path, target in zip(files, targets, strict=True):
                     target.parent.mkdir(parents=True, exist_ok=True)
                     path.replace(target)
@@ -249,8 +253,8 @@ def publish(out: Path, write: Callable[[Path], None]) -> None:
                 temporary.rename(out)
     except OSError as error:
         what = f"cannot write the files: {error.strerror or error}"
-        remedy = "Choose a folder that can be written with --out"
-        raise InputError(what, file=out, field="--out", remedy=remedy) from error
+        remedy = "Choose a folder that can be written with `out=`"
+        raise InputError(what, file=out, field=Parameter("out"), remedy=remedy) from error
 
 
 def shipped(package: str) -> dict[str, Traversable]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import column_as
 from swimbladder.io.columns import check_columns, named_columns, no_column
 from swimbladder.io.files import pipes_kept
 from swimbladder.io.float_log import DEVICES, Action, FloatLog
@@ -41,7 +42,7 @@ _ABSOLUTE = (9.5e4, 1.06e5)  # Pa: a log whose least pressure is here counts fro
 def read_float_log(
     path: str | Path | pd.DataFrame | xr.Dataset,
     *,
-    log_format_name: str | None = None,
+    log_format: str | None = None,
     columns: Mapping[str, str] | None = None,
     where: Mapping[str, str] | None = None,
 ) -> FloatLog:
@@ -51,7 +52,7 @@ def read_float_log(
     ----------
     path
         Of the file; or a table as a DataFrame or a Dataset, as for other logs.
-    log_format_name
+    log_format
         ``mermaid``, ``argo``, or a TOML file with a ``[log]`` table for a table; none: as the file
         is.
     columns
@@ -70,13 +71,13 @@ def read_float_log(
         An InputError: the file is no float's log; with file, column and remedy.
     """
     source: Any = path
-    mapped = is_frame(source) or columns or log_format_name not in (None, "argo")
+    mapped = is_frame(source) or columns or log_format not in (None, "argo")
     data = b"" if mapped else read_bytes(source)
     if is_netcdf(data):
         return read_trajectory(source, data, where or {})
-    if log_format_name == "argo" or is_argo(data.partition(b"\n")[0]):
+    if log_format == "argo" or is_argo(data.partition(b"\n")[0]):
         return read_argo(source, where or {})
-    if log_format_name == "mermaid" or is_mermaid(data):
+    if log_format == "mermaid" or is_mermaid(data):
         log = read_mermaid(source)
         # while it comes up it may log no pressure, but it pumps
         pumps = [action.time for action in log.actions if action.stage is None]
@@ -86,7 +87,7 @@ def read_float_log(
         _refuse_dives(time[order], stage[order] >= 0, stage[order] == _NONE, LogFile(source))
         return log
     columns = dict(columns or {})
-    file = LogFile.of(path, format_of(log_format_name))
+    file = LogFile.of(path, format_of(log_format))
     check_columns(file, columns, FLOAT_COLUMNS, "a float's log")
     rows = {**file.form.where, **(where or {})}
     table = read_table(
@@ -110,7 +111,7 @@ def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dic
 def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> FloatLog:
     time, pressure = values["time_s"], values["pressure_Pa"]
     if np.any(np.diff(time) < 0.0):
-        remedy = "Give one dive, in order, or choose it with --where COLUMN=VALUE"
+        remedy = "Give one dive, in order, or choose it with `where={'COLUMN': 'VALUE'}`"
         raise file.refused("the times do not increase", remedy, "time_s")
     known = np.isfinite(pressure)
     if known.sum() < 2:
@@ -124,7 +125,9 @@ def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> Floa
     if deepest < _SHALLOW:
         size = f"{deepest:.4g} Pa, that of {deepest / 1e4:.2g} m of water"
         what = f"the greatest pressure is {size}: it is likely in kPa, dbar or bar"
-        raise file.refused(what, 'State its unit: --column "pressure_Pa=NAME@dbar"', "pressure_Pa")
+        raise file.refused(
+            what, 'State its unit: `columns={"pressure_Pa": "NAME@dbar"}`', "pressure_Pa"
+        )
     _check_seconds(values, float(time[-1] - time[0]), file)
     _refuse_dives(time[known], pressure[known] > _UNDER, pressure[known] < _UP, file)
     actions = [
@@ -160,7 +163,9 @@ def _refuse_dives(
     if again:
         after = f"after {time[again[0]] - time[0]:.6g} s the float dives again"
         what = f"the log holds {len(again) + 1} dives: {after}"
-        remedy = "Give a file for each dive, or choose the rows of one with --where COLUMN=VALUE"
+        remedy = (
+            "Give a file for each dive, or choose the rows of one with `where={'COLUMN': 'VALUE'}`"
+        )
         raise file.refused(what, remedy, "log")
 
 
@@ -169,5 +174,5 @@ def _check_seconds(values: Mapping[str, NDArray[np.float64]], lasts: float, file
     for name in (f"{device}_s" for device in DEVICES):
         ran = float(np.nansum(values.get(name, np.zeros(1))))
         if ran > lasts:
-            remedy = f'They are likely milliseconds: --column "{name}=NAME@ms"'
+            remedy = f"They are likely milliseconds: {column_as(name, 'NAME@ms')}"
             raise file.refused(f"{ran:.4g} s of runs in a log of {lasts:.4g} s", remedy, name)

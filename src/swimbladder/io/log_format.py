@@ -28,8 +28,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -213,10 +214,10 @@ class _LogFile(Parameters):
     log: LogFormat
 
 
-def format_of(given: LogFormat | str | Path | None) -> LogFormat:
-    """Return a log format that is given, by itself or as `log_format` takes it, or the usual."""
-    if given is None:
-        return LogFormat()
+def format_of(given: LogFormat | Mapping[str, Any] | str | Path | None) -> LogFormat:
+    """Return a log format: given itself, by its fields, or as `log_format` takes it; the usual."""
+    if given is None or isinstance(given, Mapping):
+        return LogFormat(**given or {})
     return given if isinstance(given, LogFormat) else log_format(given)
 
 
@@ -237,7 +238,7 @@ def log_format(name_or_path: str | Path) -> LogFormat:
         known = FORMATS.names()
         formats = f"{did_you_mean(text, known)}Log formats: {', '.join(known)}"
         remedy = f"{formats}; or give the path of a TOML file with a [log] table"
-        raise InputError(what, field="--log-format", value=text, remedy=remedy)
+        raise InputError(what, field="log_format", value=text, remedy=remedy)
     return read_model(_LogFile, file_text(path), path, versioned=False).log
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, LogError
+from swimbladder.errors import InputError, LogError, Parameter, column_as
 from swimbladder.io.columns import TEXT
 from swimbladder.io.log_format import LogColumn, bracketed, column_factor
 from swimbladder.io.log_rows import Column
@@ -114,11 +114,15 @@ def time_remedy(column: LogColumn, text: str) -> str:
     if reads_text(column):
         return f"The pattern is {column.unit}"
     if re.match(r"\d{4}-?\d\d-?\d\d[T ]", text):
-        return f'If it is a time in ISO 8601, map it with --column "time_s={column.name}@iso"'
+        return (
+            f"If it is a time in ISO 8601, map it with {column_as('time_s', f'{column.name}@iso')}"
+        )
     if re.match(r"\d{1,2}[./-]\d{1,2}[./-]\d{2,4}", text):
         return f"If it is a date, state its pattern in a [log] table: {_PATTERN}"
     if _CLOCK.match(text):
-        return f'If it is a time of the day, map it with --column "time_s={column.name}@clock"'
+        return (
+            f"If it is a time of the day, map it with {column_as('time_s', f'{column.name}@clock')}"
+        )
     return ""
 
 
@@ -196,7 +200,7 @@ class RowTest:
         if header.count(name) != 1:
             what = "no such column to choose rows by" if name not in header else "two such columns"
             remedy = f"Columns of the file: {', '.join(header[:30])}"
-            raise file.refused(what, remedy, "where", value=name)
+            raise file.refused(what, remedy, Parameter("where"), value=name)
         self.name, self._text, self.seen = name, str(value).strip(), dict[str, None]()
         self._comma = file.form.decimal == ","
         try:
@@ -228,7 +232,7 @@ def none_chosen(
     what = f"none of {total} rows is chosen"
     remedy = f"Choose one of: {choices}"
     asked = ", ".join(f"{name}={value}" for name, value in where.items())
-    return file.refused(what, remedy, "where", value=asked)
+    return file.refused(what, remedy, Parameter("where"), value=asked)
 
 
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "+inf", "-inf", "nat", "#n/a"}
@@ -447,7 +451,7 @@ class ColumnReader:
             if name != "time_s" and column.unit in ("iso", "clock", "tick"):
                 remedy = f"Only time_s is read as {column.unit}"
             if name != "time_s" or column.unit is None:
-                remedy += f'; state the unit with --column "{name}={column.name}@UNIT"'
+                remedy += f"; state the unit with {column_as(name, f'{column.name}@UNIT')}"
             if name == "time_s":
                 remedy += "; for times that are no numbers see iso, clock and patterns"
             given, unit = column.unit or column.name, self.units[name]
@@ -457,7 +461,7 @@ class ColumnReader:
         """Remember a field that is no number, with what it looks like as remedy."""
         remedy = time_remedy(column, text) if name == "time_s" else ""
         if not remedy and "," in text and self.form.decimal == ".":
-            remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (--log-format)'
+            remedy = 'If it is a decimal comma, set decimal = "," in a [log] table (`log_format=`)'
         if not remedy and self.rows + k == 0 and not any(letter.isdigit() for letter in text[:20]):
             remedy = "If this row holds the units, set units_row = true in a [log] table"
         drop = 'or set bad_rows = "drop" in a [log] table'
@@ -487,7 +491,7 @@ def text_unit(name: str, column: LogColumn, texts: Column, file: LogFile) -> Log
             return LogColumn(name=column.name, unit=unit)
     if column.unit == TEXT:
         what = "it may be the time, and says no unit"
-        remedy = f'Say it: --column "time_s={column.name}@s", or @ms, @min, @h'
+        remedy = f"Say it: {column_as('time_s', f'{column.name}@s')}, or @ms, @min, @h"
         raise file.refused(what, remedy, name, value=column.name)
     return column
 

@@ -93,8 +93,8 @@ def _from_pressure(data: dict[str, Array], file: LogFile) -> Array:
         looks = f"{first:.6g} Pa, looks {'absolute' if first > 7e4 else 'gauge'}"
         what = f"what pressure_Pa reads at the surface is not said; its first reading, {looks}"
         remedy = (
-            "Say it with --log atmospheric_pressure=gauge, =1013mbar (what the sensor reads there) "
-            "or =first (its first reading is at the surface), or in the [log] table"
+            "Say it with `log_format={'atmospheric_pressure': 'gauge'}`, 1013 mbar (what it reads "
+            "there) or first (its first reading is at the surface), or in the [log] table"
         )
         raise file.refused(what, remedy, "atmospheric_pressure")
     why = "the depth comes from pressure_Pa"
@@ -198,7 +198,7 @@ def read_log(
     *,
     columns: Mapping[str, str | LogColumn] | None = None,
     where: Mapping[str, str | float] | None = None,
-    log_format: LogFormat | str | Path | None = None,
+    log_format: LogFormat | Mapping[str, Any] | str | Path | None = None,
     required: Collection[str] = REQUIRED,
 ) -> Log:
     """Return the log in a file or a DataFrame.
@@ -214,7 +214,8 @@ def read_log(
     where
         {"log": 47} keeps the rows that hold it; none: those that the log format keeps.
     log_format
-        A `LogFormat`, a shipped one's name or a TOML file with a ``[log]`` table; none: the usual.
+        A `LogFormat`, its fields, a shipped one's name or a TOML file with a ``[log]`` table; none:
+        the usual.
     required
         The columns without which a log is refused, beside ``time_s``; rows without them, and
         repeated ones, are dropped and reported.
@@ -289,7 +290,9 @@ def _log(table: Table, file: LogFile, where: Mapping[str, object], needed: Seque
     """Return the log of a table: rows without numbers dropped, ordered, turned, checked."""
     form, report, read = file.form, file.report, len(table.line)
     source = next((name for name in ("depth_m", "pressure_Pa") if name in table.values), None)
-    several = "" if where else "choose one of several logs in the file with --where COLUMN=VALUE, "
+    several = (
+        "" if where else "choose one of several logs in the file with `where={'COLUMN': 'VALUE'}`, "
+    )
     if table.parts > 1 and form.part is None:
         several += "choose a part of it with part = 1 in its [log] table, "
     table = in_order(_complete(table, source, needed, file), file, several)

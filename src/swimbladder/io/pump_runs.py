@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import column_as
 from swimbladder.io.columns import check_columns, named_columns, no_column, wanted_names
 from swimbladder.io.log_format import LogColumn, LogFormat, format_of
 from swimbladder.io.log_rows import Sheet
@@ -142,7 +143,7 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], file: LogFile) 
         v = values.get(name, np.zeros(0))
         for row in np.flatnonzero((v < low) | (v > high))[:1]:
             what = "no run of a pump has this"
-            remedy = f'State its unit: --column "{name}=NAME@{likely}"'
+            remedy = f"State its unit: {column_as(name, f'NAME@{likely}')}"
             if name == "duration_s" and v[row] < 0.0:
                 what = "a run lasts no less than 0 s"
                 remedy = _MEND
@@ -153,7 +154,9 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], file: LogFile) 
     if known.size and float(np.max(known)) < 2.5e4:
         most = f"{float(np.max(known)):.4g} Pa, that of 2.5 m of water at most"
         what = f"the greatest pressure is {most}: it is likely in dbar or bar"
-        raise file.refused(what, 'State its unit: --column "pressure_Pa=NAME@dbar"', "pressure_Pa")
+        raise file.refused(
+            what, 'State its unit: `columns={"pressure_Pa": "NAME@dbar"}`', "pressure_Pa"
+        )
 
 
 def _check_power(power: Array, field: str, file: LogFile) -> None:
@@ -164,7 +167,7 @@ def _check_power(power: Array, field: str, file: LogFile) -> None:
         return
     small = "mW" if field == "power_W" else "mA"
     what = f"half of the runs take more than {middle:.4g} W"
-    remedy = f'State its unit: --column "{field}=NAME@{small}"'
+    remedy = f"State its unit: {column_as(field, f'NAME@{small}')}"
     if middle <= 0.0:
         what = f"half of the runs take less than {middle:.4g} W"
         remedy = "Give what is drawn as positive numbers"

@@ -52,7 +52,7 @@ def reproduce(out: str | Path, *, seed: int = 2023, advance: Advance = silent) -
     """
     if seed < 0:
         what, remedy = "must not be negative", "Give 0 or more"
-        raise InputError(what, field="--seed", value=seed, remedy=remedy)
+        raise InputError(what, field="seed", value=seed, remedy=remedy)
     place = Path(out)
     check_place(place)
     evidence = gather(seed, advance)

@@ -163,12 +163,12 @@ def test_drag_that_is_quadratic_is_planned_as_it_is():
         ),
         (FEUP, (1.5, 3.0), {"goal": "energy"}, NoAnswerError, "no torque constant k_T"),
         (TANK, (0.5, 1.0), {"goal": "energy"}, NoAnswerError, "positioner' has no winding"),
-        (FEUP, (1.5, 60.0), {"sample_time": 0.003}, NoAnswerError, "longer sample time"),
+        (FEUP, (1.5, 60.0), {"sample_time": 0.003}, NoAnswerError, "longer `sample_time=`"),
         (FEUP, (1.5, 120.0), {}, InputError, "its rating"),
         (FEUP, (1.5, 3.0), {"bottom_depth": 2.0}, InputError, "the bottom"),
         (FEUP, (2.0, 2.0), {}, InputError, "same depth"),
         (FEUP, (1.5, 3.0), {"goal": "fun"}, InputError, "no such goal"),
-        (FEUP, (1.5, 3.0), {"duration": 20.0}, InputError, "--duration"),
+        (FEUP, (1.5, 3.0), {"duration": 20.0}, InputError, "duration"),
         (FEUP, (1.5, 3.0), {"goal": "effort", "arrive": "band"}, InputError, "end at rest"),
         (FEUP, (1.5, 3.0), {"band": 0.0}, InputError, "must be more than 0"),
         (FEUP, (1.5, 3.0), {"margin": 1.2}, InputError, r"0 or more, .*got 120\.0, .* %"),
@@ -204,7 +204,9 @@ def test_a_plan_that_the_simulator_leaves_by_far_is_none_and_what_is_offered_is_
     """What is offered keeps within the tenth of the step by which the other is refused."""
     with pytest.raises(NoAnswerError, match="no plan that the vehicle would follow") as refused:
         plan(FEUP, *step)
-    assert "with --goal effort, of a smoother motion, or with --arrive rest" in str(refused.value)
+    assert "with `goal='effort'`, of a smoother motion, or with `arrive='rest'`" in str(
+        refused.value
+    )
     assert float(str(refused.value).split("up to ")[1].split()[0]) > 0.1 * abs(step[1] - step[0])
     for offered in ({"goal": "effort"}, {"arrive": "rest"}):
         assert plan(FEUP, *step, **offered).residual < 0.1 * abs(step[1] - step[0])
@@ -216,7 +218,7 @@ def test_a_plan_that_misses_the_band_by_little_says_so_in_metres():
     said = " ".join(found.sentences)
     assert "(inside 1.37 m of the target for good)" in said
     assert "keeps within 6.8 m of it. That is more than the band" in said
-    assert "or plan it with --goal effort" in said
+    assert "or plan it with `goal='effort'`" in said
     assert dataclasses.replace(found, residual=6.86).lost  # a tenth of 68.5 m
     assert "within 980 mm" in " ".join(dataclasses.replace(found, residual=0.98).sentences)
 

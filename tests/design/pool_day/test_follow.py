@@ -113,7 +113,7 @@ def test_a_log_without_volume_is_refused_with_the_remedy(tmp_path):
     with refused(LogError, field="volume_m3 or piston_m") as caught:
         tail_of(path).read_new()
     assert str(path) in str(caught.value)
-    assert "--column" in str(caught.value)
+    assert "`columns=" in str(caught.value)
 
 
 def test_a_logger_that_writes_in_bursts_gives_what_the_finished_log_gives(lines, tmp_path):
@@ -188,5 +188,5 @@ def test_it_ends_when_nothing_comes(tmp_path):
         sleep=lambda _: None,
         clock=lambda: next(clock),
     )
-    with refused(LogError, field="--follow"):
+    with refused(LogError, field="follow"):
         list(happening)

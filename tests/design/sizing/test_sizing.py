@@ -277,10 +277,10 @@ def test_parts_files_say_what_is_wrong(tmp_path) -> None:
 
 
 def test_water_of_one_density_is_said_to_be_none_of_the_sea(found: Sizing) -> None:
-    assert any("(--cast)" in sentence for sentence in found.sentences)
+    assert any("(`cast=`)" in sentence for sentence in found.sentences)
     column = found.column
     denser = dataclasses.replace(column, density=column.density + 1e-3 * column.depth)
-    assert not any("--cast" in s for s in dataclasses.replace(found, column=denser).sentences)
+    assert not any("cast=" in s for s in dataclasses.replace(found, column=denser).sentences)
 
 
 def test_the_answer_is_whole(found: Sizing) -> None:

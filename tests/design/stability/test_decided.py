@@ -188,7 +188,7 @@ def test_it_comes_back_from_everywhere_within_its_stroke(tmp_path):
 
 
 def test_what_has_no_samples_is_refused_gains_late_by_one():
-    with refused(InputError, field="--robustness"):
+    with refused(InputError, field="with_robustness"):
         stability(FLOAT, depths=(100.0, 500.0), with_robustness=True)
-    with refused(InputError, field="--law"):
+    with refused(InputError, field="laws"):
         stability(FLOAT, depths=(100.0, 500.0), laws=("adrc",))

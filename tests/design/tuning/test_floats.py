@@ -113,7 +113,7 @@ def test_a_board_knows_the_pump_of_a_full_battery():
 def test_a_supervisor_that_ends_the_flight_or_turns_it_round_is_a_no():
     with pytest.raises(NoAnswerError, match="brings it up: time limit"):
         tune(changed("supervisor", time_limit=3600.0), depths=DEPTHS, runs=20)
-    with refused(InputError, field="--depth", value=300.0):
+    with refused(InputError, field="depths", value=300.0):
         tune(changed("supervisor", depth_limit=250.0), depths=DEPTHS, runs=20)
 
 
@@ -278,15 +278,15 @@ def test_where_no_setting_does_it_the_answer_is_no_and_why(vehicle, options, wor
 
 
 def test_what_does_not_go_together_is_refused():
-    with refused(InputError, field="--law"):
+    with refused(InputError, field="law"):
         tune(FLOAT, law="planned", depths=DEPTHS)
-    with refused(InputError, field="--law"):
+    with refused(InputError, field="law"):
         tune(load_vehicle("feup-em"), law="rate")
-    with refused(InputError, field="--depth"):
+    with refused(InputError, field="depths"):
         tune(FLOAT)  # 0 to 10 m: within the band
-    with refused(InputError, field="--hold"):
+    with refused(InputError, field="hold"):
         tune(FLOAT, depths=DEPTHS, hold=-1.0)
-    with refused(InputError, field="--supply"):
+    with refused(InputError, field="supply"):
         tune(FLOAT, depths=DEPTHS, supply=20.0)
 
 
@@ -309,7 +309,7 @@ def test_decisions_are_judged_with_the_psi_of_the_cast(sea):
 @pytest.mark.prove
 def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_path):
     out = tmp_path / "out"
-    command = ["tune", "example-float", "--depth", "100:300 m", "--runs", "20", "--cast", str(sea)]
+    command = ["tune", "example-float", "depths", "100:300 m", "--runs", "20", "--cast", str(sea)]
     assert main([*command, "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     names = {"vehicle.toml", "report.html", "tune.json", "tune.png"}
@@ -325,6 +325,6 @@ def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_pat
 
 
 def test_the_command_says_no_with_exit_code_1(capsys, tmp_path):
-    command = ["tune", "example-float", "--depth", "100:2500 m", "--out", str(tmp_path / "out")]
+    command = ["tune", "example-float", "depths", "100:2500 m", "--out", str(tmp_path / "out")]
     assert main(command) == 1
     assert "rated for 2000 m" in capsys.readouterr().err

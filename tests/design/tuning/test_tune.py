@@ -240,7 +240,9 @@ def test_a_positioner_is_tuned_too():
         runs=20,
     )
     assert found.judged == (0.0, 0.4, 0.9, 1.0)  # the step leaves the range, and that is said
-    leaves = "0.4 to 1 m, leaves the depths of 0 to 0.9 m (--depth): the margins are judged at 1 m"
+    leaves = (
+        "0.4 to 1 m, leaves the depths of 0 to 0.9 m (`depths=`): the margins are judged at 1 m"
+    )
     assert any(leaves in words for words in found.assumptions)
     assert violated_margins(found.margins, WANTED) == ()
     assert found.nominal.settled == 1.0
@@ -381,7 +383,7 @@ LIGHT = FEUP.model_copy(
         (FEUP, {"depths": (5.0, 2.0)}, InputError, "no range"),
         (FEUP, {"delay": 1.5}, InputError, "share of the sample"),
         (FEUP, {"supply": 20.0}, InputError, "not above the vehicle's"),
-        (FEUP, {"supply": -1.0}, InputError, "^--supply: .* Give more than 0 V, and up to 12 V"),
+        (FEUP, {"supply": -1.0}, InputError, "^supply: .* Give more than 0 V, and up to 12 V"),
         (FEUP, {"step": (2.0, 2.0)}, InputError, "no step"),
         (load_vehicle("ntnu-bv"), {"law": "planned"}, InputError, "Choose one of: position-obs"),
         (FEUP, {"law": "position-observer"}, InputError, "commands a volume"),

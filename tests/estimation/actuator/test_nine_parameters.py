@@ -140,7 +140,7 @@ def test_the_load_of_the_sea_is_taken_off():
     log = log_of(time, position, voltage=voltage, depth=np.full(len(time), 20.0))
     alone = identify_actuator([log])
     assert alone.parameters["load_voltage"].value == pytest.approx(1.54, abs=0.05)
-    assert any("without --vehicle" in note for note in alone.notes)
+    assert any("without `vehicle=`" in note for note in alone.notes)
     told = identify_actuator([log], load_vehicle("feup-em"))
     assert told.parameters["load_voltage"].value == pytest.approx(0.0, abs=0.05)
 

@@ -66,7 +66,7 @@ def test_the_unit_that_the_numbers_are_in_is_named(pool, tmp_path, true, read):
     if true == read:
         assert record(log, own(), drive="volume").duration == pytest.approx(120.0)
         return
-    with pytest.raises(LogError, match=f'--column "time_s=t@{true}"') as refused:
+    with pytest.raises(LogError, match=f'`columns={{"time_s": "t@{true}"}}`') as refused:
         record(log, own(), drive="volume")
     assert f"where the times are {_UNITS[true]} only" in refused.value.what
 

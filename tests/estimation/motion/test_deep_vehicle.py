@@ -41,7 +41,7 @@ def test_a_value_without_a_place_is_one_that_no_file_reads(scene, tmp_path, name
     (said,) = out_of_place(vehicle, values, list(TRUTH))
     assert said.startswith(f"{name} comes out {value:.4g}")
     assert says in said
-    assert said.endswith(f"--set {name}=VALUE.")
+    assert said.endswith(f"`fixed={{'{name}': 'VALUE'}}`.")
     if name == "compressibility":  # it is held at 0 where dives hardly tell it
         return
     with pytest.raises(InputError):
@@ -116,10 +116,10 @@ def test_a_given_value_without_a_place_is_refused(scene) -> None:
         hours=12.0,
         start=begin_of(body_of(vehicle), TRUTH, column, 0.05),
     )
-    with pytest.raises(InputError, match=r"^--set: .*drag_up=0\.05"):
+    with pytest.raises(InputError, match=r"^fixed: .*drag_up=0\.05"):
         identify_deep([log], [column], vehicle, fixed={"drag_up": 0.05})
     known = {"thermal_expansion": Prior(1.0, 0.1)}
-    with pytest.raises(InputError, match=r"^--prior: "):
+    with pytest.raises(InputError, match=r"^priors: "):
         identify_deep([log], [column], vehicle, priors=known)
 
 

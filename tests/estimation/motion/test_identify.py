@@ -76,7 +76,7 @@ def test_each_drag_law_is_recognised():
         wrong = identify(logs, FEUP_EM, profiles=False)
         said = [f for f in wrong.findings if f.kind in ("model", "refused")]
         assert len(said) == 1
-        assert f"--drag {law}" in said[0].sentence
+        assert f"`drag='{law}'`" in said[0].sentence
         assert not wrong.identified  # its neutral volumes would have to wander
         assert "wanders" in kinds(wrong, "no")
         vehicle = found.result_vehicle
@@ -92,7 +92,7 @@ def test_what_the_data_do_not_tell_has_no_number():
     assert not found.identified
     sentences = [f.sentence for f in found.findings if f.severity == "no"]
     assert any("K2" in s and "combination" in s for s in sentences)
-    assert "give psi a prior or a value (--prior, --set)" in " ".join(sentences)
+    assert "give psi a prior or a value (`priors=`, `fixed=`)" in " ".join(sentences)
     with pytest.raises(NoAnswerError, match="combination"):
         _ = found.vehicle
     json = found.to_dict()

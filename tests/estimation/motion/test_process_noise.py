@@ -205,7 +205,7 @@ def test_draws_that_cannot_be_made_are_said():
     assert found.posterior is None
     (said,) = (f for f in found.findings if f.kind == "posterior")
     assert said.severity == "warning"
-    assert "--process-noise never" in said.sentence
+    assert "`process_noise='never'`" in said.sentence
 
 
 @pytest.mark.prove

@@ -72,6 +72,6 @@ def test_the_hole_is_in_the_neutral_volumes_and_two_rows_are_refused():
     widths = answer.curves[0].high - answer.curves[0].low
     at = answer.curves[0].depth
     assert widths[np.abs(at - 50.0) < 10.0].min() > 2.0 * widths[at > 75.0].max()
-    with refused(InputError, field="--cast"):
+    with refused(InputError, field="cast"):
         ballast_in(vehicle, [cast_column(cast([0, 100], stepped))], uncertainty=known)
     ballast_in(vehicle, [cast_column(cast([0, 100], lambda p: 30.0 + 0.0 * p))], uncertainty=known)

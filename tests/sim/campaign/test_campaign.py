@@ -425,7 +425,7 @@ def test_a_folder_that_is_no_store_is_refused(job):
 def test_cycles_without_an_end_are_refused(job):
     up = [{"kind": "descend", "depth": 50.0}, {"kind": "profile", "depth": 20.0}]
     endless = Mission(phases=up, duration=1e6)
-    with pytest.raises(InputError, match="--cycles"):
+    with pytest.raises(InputError, match="cycles"):
         job(floats=4, mission=endless)
     assert job(floats=4, mission=endless, cycles=3).layout.cycles == 3
     # a year of cycles of at least 1500 s

@@ -324,7 +324,7 @@ def test_depths_that_no_rating_limits_say_so():
     """ntnu-bv states none: its stroke and motor give the depth. With a rating there is nothing."""
     vehicle = load_vehicle("ntnu-bv")
     assert (
-        "no rating is stated, give hull.depth_limit or --depth"
+        "no rating is stated, give hull.depth_limit or `depths=`"
         in course_of(usual(vehicle), None).depths.limit
     )
     rated = vehicle.model_copy(

@@ -112,10 +112,10 @@ def test_a_row_has_what_was_drawn(flown, well):
 @pytest.mark.parametrize(
     ("counts", "said"),
     [
-        ({"missions": 0}, "--missions"),
-        ({"missions": 10_000_001}, "--missions"),
-        ({"missions": 1, "healthy": 0}, "--healthy"),
-        ({"missions": 1, "healthy": 10_000_001}, "--healthy"),
+        ({"missions": 0}, "missions"),
+        ({"missions": 10_000_001}, "missions"),
+        ({"missions": 1, "healthy": 0}, "healthy"),
+        ({"missions": 1, "healthy": 10_000_001}, "healthy"),
     ],
 )
 def test_from_one_mission_to_ten_million(counts, said):

@@ -72,14 +72,14 @@ def check_runs(runs: PumpRuns, kept: NDArray[np.bool_], *, depth_limit: float | 
             done = f"{work:.3g} J of work against the sea for {energy:.3g} J from the battery"
             what = f"the runs would press out {done}, {work / energy:.3g} times as much"
             wrong = "Pressure, volume, power or time is in the wrong unit"
-            how = '--column "pressure_Pa=NAME@dbar", --column "volume_m3=NAME@mL"'
+            how = '`columns={"pressure_Pa": "NAME@dbar", "volume_m3": "NAME@mL"}`'
             remedy = f"{wrong}: state it, as in {how}"
             raise _wrong_pressure(what, float(np.max(runs.pressure[deep])), remedy)
     deepest = float(np.max(runs.pressure[kept], initial=0.0))
     if depth_limit is not None and deepest > 1.5 * 1e4 * depth_limit:
         rated = f"the vehicle is rated for {depth_limit:g} m (hull.depth_limit)"
         what = f"the greatest pressure is that of {deepest / 1e4:.5g} m, and {rated}"
-        remedy = 'State the unit of the pressure: --column "pressure_Pa=NAME@dbar"'
+        remedy = 'State the unit of the pressure: `columns={"pressure_Pa": "NAME@dbar"}`'
         raise _wrong_pressure(what, deepest, remedy)
 
 
@@ -101,7 +101,7 @@ def check_groups(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None
         raise NoAnswerError(f"{within}: {why}. Log runs at several depths")
     if np.any(pressure < -2e5) or np.any(pressure > 1.2e8):
         worst = float(pressure[np.argmax(np.abs(pressure))])
-        remedy = 'State its unit: --column "pressure_Pa=NAME@dbar"'
+        remedy = 'State its unit: `columns={"pressure_Pa": "NAME@dbar"}`'
         raise _wrong_pressure("no pressure of a sea", worst, remedy)
 
 

@@ -78,8 +78,8 @@ def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
         f"the water: {found.column.source}, {found.column.deepest:g} m deep",
         f"{thruster.number} thruster{'s' if thruster.number > 1 else ''} of "
         f"{thruster.diameter * 1e3:.3g} mm with {100.0 * thruster.efficiency:.0f} % of an ideal "
-        f"disc's efficiency and {thruster.idle_power:g} W of idle power each (--thruster-diameter, "
-        f"--thruster-efficiency, --thruster-number, --thruster-idle{assumed})",
+        f"disc's efficiency and {thruster.idle_power:g} W of idle power each (`diameter=`, "
+        f"`efficiency=`, `number=`, `idle_power=`{assumed})",
         "steady speeds at full voltage; processor, sensors and driver's standby not counted",
         oil_note(found.vehicle),
         *found.column.report,

@@ -65,7 +65,7 @@ def _remedies(chosen: EvaluatedSet, stretched: Mapping[str, float]) -> Iterator[
     parts = [f"With half as much travel again {worst} would be known to {known}"]
     if 1.0 < longer < 50.0:
         parts.append(f"about {longer:.1f} times the pool time would do")
-    parts.append(f"or give what is known of it (--prior, --set {worst})")
+    parts.append("or give what is known of it (`priors=`, `fixed=`)")
     yield Finding("remedy", "note", f"{'; '.join(parts)}.")
 
 

@@ -159,7 +159,7 @@ def design_experiment(
         if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
             what = "it must be between 0 and 100 %"
             remedy = "Give the share by which the vehicle may be off, like 30%"
-            raise InputError(what, field="--uncertainty", value=uncertainty, remedy=remedy)
+            raise InputError(what, field="uncertainty", value=uncertainty, remedy=remedy)
         c = Conditions(question, s, limits)
         others = vehicles(question, covariance_of(question, vehicle, uncertainty))
         judged = criterion_of(criterion, question.names)
@@ -204,7 +204,7 @@ def _settling(
 ) -> tuple[float, str]:
     """Return the time until a vehicle is at rest [s], and where it comes from."""
     if given is not None:
-        check_number(given, "--settling", "s", least=0.0)
+        check_number(given, "settling", "s", least=0.0)
         return given, "as given"
     try:
         p = pool_parameters(vehicle, dV=_SETTLING_STEP, pool_depth=pool_depth, clearance=clearance)
@@ -232,26 +232,26 @@ def _sample_time(vehicle: Vehicle) -> float:
 def _check(s: Setting, sensor_std: float | None) -> None:
     """Raise InputError for what no pool or sensor is; sensor_std: the noise where it was given."""
     if not (s.noise > 0.0 or s.quantum > 0.0):
-        what = "it must be above 0 where there is no --quantum: no sensor is without either"
+        what = "it must be above 0 where there is no `quantum=`: no sensor is without either"
         what = "the noise of the depth sensor is not known" if sensor_std is None else what
         remedy = "Give it, 1 sigma, like 2 mm: log the vehicle lying on the bottom to see it"
-        raise InputError(what, field="--sensor-std", value=sensor_std, unit="m", remedy=remedy)
-    check_number(s.noise, "--sensor-std", "m", least=0.0)
-    check_number(s.quantum, "--quantum", "m", least=0.0)
-    check_number(s.sample_time, "--sample-time", "s", above=0.0)
-    check_number(s.neutral_std, "--neutral-std", "m3", above=0.0, finite=False)
-    check_number(s.drift_std, "--drift-std", "m3/s", least=0.0)
-    check_number(s.delay_std, "--delay-std", "s", least=0.0)
-    check_number(s.clearance, "--clearance", "m", above=0.0)
-    check_number(s.rest, "--rest", "s", least=0.0)
-    check_number(s.longest, "--longest", "s", above=FEWEST * s.sample_time)
-    check_number(s.largest, "--largest", "m3", above=0.0, finite=False)
-    check_number(s.moves, "--moves", "", least=1)
+        raise InputError(what, field="sensor_std", value=sensor_std, unit="m", remedy=remedy)
+    check_number(s.noise, "sensor_std", "m", least=0.0)
+    check_number(s.quantum, "quantum", "m", least=0.0)
+    check_number(s.sample_time, "sample_time", "s", above=0.0)
+    check_number(s.neutral_std, "neutral_std", "m3", above=0.0, finite=False)
+    check_number(s.drift_std, "drift_std", "m3/s", least=0.0)
+    check_number(s.delay_std, "delay_std", "s", least=0.0)
+    check_number(s.clearance, "clearance", "m", above=0.0)
+    check_number(s.rest, "rest", "s", least=0.0)
+    check_number(s.longest, "longest", "s", above=FEWEST * s.sample_time)
+    check_number(s.largest, "largest", "m3", above=0.0, finite=False)
+    check_number(s.moves, "moves", "", least=1)
     if s.deepest - s.shallowest < _LEAST_TRAVEL:
         ends = f"{s.clearance:g} m from surface and bottom"
         what = f"a pool of {s.pool_depth:g} m leaves no travel, {ends}"
-        remedy = "Choose a deeper pool or a smaller --clearance"
-        raise InputError(what, field="--pool-depth", value=s.pool_depth, unit="m", remedy=remedy)
+        remedy = "Choose a deeper pool or a smaller `clearance=`"
+        raise InputError(what, field="pool_depth", value=s.pool_depth, unit="m", remedy=remedy)
 
 
 def _rival(
@@ -267,7 +267,7 @@ def _rival(
             within = f"{1e6 * limits.least:.0f} to {1e6 * limits.most:.0f} cm3"
             what = f"this change of volume is not within {within}, or none"
             value, remedy = f"{1e6 * dV:g} cm3", "Choose others"
-            raise InputError(what, field="--against", value=value, unit="cm3", remedy=remedy)
+            raise InputError(what, field="against", value=value, unit="cm3", remedy=remedy)
     return paper_steps(against, setting)
 
 

@@ -147,7 +147,7 @@ def criterion(text: str, names: Sequence[str]) -> Criterion:
     wanted = [part.strip() for part in text.split(",")]
     if not all(part in names for part in wanted):
         remedy = f"Choose largest, D or A, or name parameters: {', '.join(names)}"
-        raise InputError("no such criterion", field="--criterion", value=text, remedy=remedy)
+        raise InputError("no such criterion", field="criterion", value=text, remedy=remedy)
     among = tuple(names.index(part) for part in dict.fromkeys(wanted))
     return Criterion(kind="largest", among=among)
 
@@ -193,9 +193,9 @@ def choose(table: Table, budget: float, most: int) -> list[int]:
     any.
     """
     if not (table.cost <= budget).any():
-        remedy = f"Give at least {table.cost.min() / 60.0:.1f} min, or a shorter --settling"
+        remedy = f"Give at least {table.cost.min() / 60.0:.1f} min, or a shorter `settling=`"
         what, value = "the time is too short for one release", round(budget)
-        raise InputError(what, field="--time", value=value, unit="s", remedy=remedy)
+        raise InputError(what, field="time", value=value, unit="s", remedy=remedy)
     found = []
     for guide in (table, table.whole):
         chosen = _greedy(guide, budget, most)

@@ -127,7 +127,7 @@ def places(
         words = f"down to {100.0 * _REACH:.0f} % of {rounded(reach, 3)} m, where {why}"
         if vehicle.hull.depth_limit is None and most > top + _UNSTATED:
             most = top + _UNSTATED
-            words = f"down to {most:g} m, as the vehicle states no rating (--depth)"
+            words = f"down to {most:g} m, as the vehicle states no rating (`depths=`)"
         if most <= top:
             at = f"{why} at {rounded(reach, 3)} m"
             raise NoAnswerError(f"there is no depth to compare laws at: {at}")
@@ -137,7 +137,7 @@ def places(
         remedy = "Give the least and the greatest, like 0:10"
         raise refused_depths("no range of depths under water", given, remedy)
     if most >= reach and why == _TURNED:
-        raise turned_round(most, reach, "--depth")
+        raise turned_round(most, reach, "depths")
     if most >= reach:
         raise NoAnswerError(
             f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Compare laws for "
@@ -236,7 +236,7 @@ def choose_laws(vehicle: Vehicle, wanted: Sequence[str] | None) -> tuple[list[st
     """
     for name in wanted or ():
         if name not in LAWS:
-            raise no_such("no such law", name, LAWS.names(), field="--laws")
+            raise no_such("no such law", name, LAWS.names(), field="laws")
     command = vehicle.command
     kept = []
     out = {} if wanted else dict(LAWS.broken())

@@ -325,9 +325,9 @@ def compare_laws(
     """
     if runs < _FEWEST:
         remedy = f"Give {_FEWEST} or more"
-        raise InputError("too few runs", field="--runs", value=runs, remedy=remedy)
+        raise InputError("too few runs", field="runs", value=runs, remedy=remedy)
     if seed < 0:
-        raise InputError("must be 0 or more", field="--seed", value=seed, remedy="Give --seed 1")
+        raise InputError("must be 0 or more", field="seed", value=seed, remedy="Give `seed=1`")
     everyone = contenders.own(vehicle)
     names, left_out = contenders.choose_laws(vehicle, laws)
     where = contenders.places(vehicle, depths, supervised=supervised)

@@ -55,7 +55,7 @@ class Form(NamedTuple):
 
 def winding(task: Task) -> Winding:
     """Return the winding of the motor; raises NoAnswerError where it is not known."""
-    return known_winding(task.vehicle, instead="plan for --goal effort, the least volume moved")
+    return known_winding(task.vehicle, instead="plan for `goal='effort'`, the least volume moved")
 
 
 def electrical(task: Task, answer: Solved) -> float:

@@ -115,7 +115,7 @@ def interior(problem: Problem) -> Optimum | None:
 def _unsolved(problem: Problem, why: str) -> NoAnswerError:
     kind = "linear" if problem.Q is None else "quadratic"
     what = f"the {kind} program of {len(problem.cost)} variables was not solved ({why})"
-    return NoAnswerError(f"{what}: plan with a longer sample time (--sample-time)")
+    return NoAnswerError(f"{what}: plan with a longer sample time (`sample_time=`)")
 
 
 Flags = NDArray[np.bool_]

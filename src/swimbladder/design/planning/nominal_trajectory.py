@@ -108,7 +108,7 @@ def settle(
     if answer is None or gap > _NEARLY:
         raise NoAnswerError(
             f"the plan does not settle: after {_ROUNDS} rounds its drag is still for speeds that "
-            f"differ by {100.0 * gap:.2g} %. Plan with a shorter sample time (--sample-time)"
+            f"differ by {100.0 * gap:.2g} %. Plan with a shorter sample time (`sample_time=`)"
         )
     return answer, nominal
 
@@ -283,7 +283,7 @@ def _reached(task: Task, slack: Callable[[int, float], Solved]) -> int:
         n *= 2
     raise NoAnswerError(
         f"the duration: rest at {task.target:g} m is not reached in {MOST_SAMPLES} samples of "
-        f"{task.sample_time:g} s. Plan with a longer sample time (--sample-time), a larger stroke, "
+        f"{task.sample_time:g} s. Plan with a longer `sample_time=`, a larger stroke, "
         "or a higher supply or speed limit"
     )
 

@@ -98,8 +98,8 @@ class Plan(Answer):
         """What to ask for instead where the simulator does not keep to the plan."""
         if self.goal != "time":
             return "plan a shorter step"
-        smoother = "plan it with --goal effort, of a smoother motion"
-        return smoother if self.arrive == "rest" else f"{smoother}, or with --arrive rest"
+        smoother = "plan it with `goal='effort'`, of a smoother motion"
+        return smoother if self.arrive == "rest" else f"{smoother}, or with `arrive='rest'`"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in SI units."""
@@ -223,21 +223,21 @@ def _lost(found: Plan) -> NoAnswerError:
 def _check(goal: str, arrive: str | None, duration: float | None) -> str:
     if goal not in GOALS:
         remedy = f"Choose from {', '.join(GOALS)}"
-        raise InputError("no such goal", field="--goal", value=goal, remedy=remedy)
+        raise InputError("no such goal", field="goal", value=goal, remedy=remedy)
     if arrive is not None and arrive not in ARRIVALS:
         remedy = f"Choose from {', '.join(ARRIVALS)}"
-        raise InputError("no such arrival", field="--arrive", value=arrive, remedy=remedy)
+        raise InputError("no such arrival", field="arrive", value=arrive, remedy=remedy)
     if goal == "time":
         if duration is not None:
             what = "the goal time looks for the duration itself"
             remedy = "Leave it out, or choose the goal effort or energy"
-            raise InputError(what, field="--duration", value=duration, unit="s", remedy=remedy)
+            raise InputError(what, field="duration", value=duration, unit="s", remedy=remedy)
         return arrive or "band"
     if arrive == "band":
         what = f"the goal {goal} is for plans that end at rest"
-        raise InputError(what, field="--arrive", value=arrive, remedy="Leave it out")
+        raise InputError(what, field="arrive", value=arrive, remedy="Leave it out")
     if duration is not None and not 0.0 < duration < math.inf:
-        raise InputError("must be above 0", field="--duration", value=duration, unit="s")
+        raise InputError("must be above 0", field="duration", value=duration, unit="s")
     return "rest"
 
 

@@ -152,16 +152,16 @@ def task_of(
         if vehicle.controller is None:
             what = "the vehicle has no controller, so a plan needs a sample time"
             remedy = 'Give one, like "0.3 s"'
-            raise InputError(what, field="--sample-time", unit="s", remedy=remedy)
+            raise InputError(what, field="sample_time", unit="s", remedy=remedy)
         sample_time = vehicle.controller.sample_time
     if vehicle.controller is not None:
         own_law(vehicle)
-    check_number(sample_time, "--sample-time", "s", above=0.0)
+    check_number(sample_time, "sample_time", "s", above=0.0)
     if speed_limit is not None:
-        check_number(speed_limit, "--speed-limit", "m/s", above=0.0)
+        check_number(speed_limit, "speed_limit", "m/s", above=0.0)
     for name, share, fits, least in (
-        ("--band", band, 0.0 < band < 1.0, "more than 0"),
-        ("--margin", margin, 0.0 <= margin < 1.0, "0 or more"),
+        ("band", band, 0.0 < band < 1.0, "more than 0"),
+        ("margin", margin, 0.0 <= margin < 1.0, "0 or more"),
     ):
         if not fits:
             what, remedy = f"must be {least}, and less than the whole", 'Write it like "5 %"'
@@ -169,8 +169,8 @@ def task_of(
     if supply is not None:
         if vehicle.supply is None:
             what = "the vehicle's actuator takes a volume, not a voltage"
-            raise InputError(what, field="--supply", value=supply, remedy="Leave the supply out")
-        check_number(supply, "--supply", "V", above=0.0)
+            raise InputError(what, field="supply", value=supply, remedy="Leave the supply out")
+        check_number(supply, "supply", "V", above=0.0)
         vehicle = with_supply(vehicle, supply)
     p = plant(vehicle, bottom_depth=bottom_depth)
     shallowest = max(p.z_surface, 0.0)
@@ -183,10 +183,10 @@ def task_of(
                 end = "the bottom" if bottom_depth == deepest else "its rating (hull.depth_limit)"
                 what = f"{name} is beyond {deepest:g} m, {end}"
             remedy = f"Stay between {shallowest:g} and {deepest:g} m"
-            raise InputError(what, field="--step", value=depth, unit="m", remedy=remedy)
+            raise InputError(what, field="step", value=depth, unit="m", remedy=remedy)
     if start == target:
         what, remedy = "start and target are the same depth", 'Give two depths, like "1.5:3 m"'
-        raise InputError(what, field="--step", value=start, unit="m", remedy=remedy)
+        raise InputError(what, field="step", value=start, unit="m", remedy=remedy)
     most = (p.rate if p.positioner else p.supply) * (1.0 - margin)
     low, high = vehicle.stroke.lowest, vehicle.stroke.highest
     middle, half = 0.5 * (high + low), 0.5 * (high - low) * (1.0 - margin)

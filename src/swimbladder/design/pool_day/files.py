@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from swimbladder.design.pool_day.segments import FEWEST, Cut
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, Parameter
 from swimbladder.io.answers import as_json
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log
@@ -107,4 +107,6 @@ def earlier(folder: Path, state: Mapping[str, Any]) -> list[Kept]:
 
 
 def _foreign(path: Path, what: str) -> InputError:
-    return InputError(what, file=path, field="--out", remedy="Choose another folder with --out")
+    return InputError(
+        what, file=path, field=Parameter("out"), remedy="Choose another folder with `out=`"
+    )

@@ -19,7 +19,7 @@ from swimbladder.design.pool_day.day import News, PoolDay
 from swimbladder.design.pool_day.rehearsal import Operator
 from swimbladder.design.pool_day.segments import Sample
 from swimbladder.design.pool_day.verdict import State
-from swimbladder.errors import LogError, check_number
+from swimbladder.errors import LogError, Parameter, check_number, column_as
 from swimbladder.io.files import read_at_most, temporary_folder
 from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_text import MOST_BYTES
@@ -68,7 +68,9 @@ class GrowingLog:
         except OSError as error:
             what = f"cannot be read: {error.strerror or error}"
             remedy = "Check the path and its permissions"
-            raise LogError(what, file=self.path, field="--follow", remedy=remedy) from error
+            raise LogError(
+                what, file=self.path, field=Parameter("follow"), remedy=remedy
+            ) from error
         data = data[: max(data.rfind(end) for end in _ENDS) + 1]
         if data == self._data or self._data.startswith(data):
             return Growth([], False, "still")
@@ -113,7 +115,8 @@ def samples_of(log: Log, vehicle: Vehicle) -> NDArray[np.float64]:
     if volume is None:
         what = "the log has no volume, so a change of it cannot be seen"
         field = "volume_m3 or piston_m"
-        remedy = "Say which column it is with --column volume_m3=NAME@cm3 or piston_m=NAME@mm"
+        remedy = f"Say which column it is with {column_as('volume_m3', 'NAME@cm3')} or "
+        remedy += column_as("piston_m", "NAME@mm")
         raise LogError(what, file=log.source, field=field, remedy=remedy)
     rows = np.column_stack([log.time, log.depth, volume])
     return rows[np.isfinite(rows).all(axis=1)]
@@ -168,8 +171,8 @@ def follow(
         raise tail.trouble
     if not seen:
         what = f"there is no log, after {timeout:g} s"
-        remedy = "Check the path, or give more --timeout"
-        raise LogError(what, file=tail.path, field="--follow", remedy=remedy)
+        remedy = "Check the path, or give more `timeout=`"
+        raise LogError(what, file=tail.path, field=Parameter("follow"), remedy=remedy)
     yield from day.end_log()
     yield News("log", 0.0, f"{tail.path} has not grown for {timeout:g} s: taken as finished.")
 

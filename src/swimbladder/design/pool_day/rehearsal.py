@@ -140,7 +140,7 @@ class Operator:
         if truth.voltage_driven != believed.voltage_driven:
             what = "its actuator does not take the commands of the believed vehicle"
             remedy = "Give one with the same kind of actuator"
-            raise InputError(what, field="--truth", value=truth.name, remedy=remedy)
+            raise InputError(what, field="truth", value=truth.name, remedy=remedy)
         self.believed, self.truth, self.pool_depth, self.seed = believed, truth, pool_depth, seed
         self._time, self._runs = 0.0, 0
         self._depth, self._speed = pool_depth, 0.0

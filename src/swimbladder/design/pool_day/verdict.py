@@ -201,18 +201,18 @@ def _instead(
         how = "a narrower prior" if "psi" in priors else "a prior"
         said.append(
             f"What limits {names} is psi ({100.0 * limits['psi']:.0f} % of the variance): give it "
-            f"{how} (--prior), from the volumes at which the vehicle rests at several depths, or "
+            f"{how} (`priors=`), from the volumes at which the vehicle rests at several depths, or "
             "run changes of volume that differ more in size."
         )
     if limits.get("neutral volume", 0.0) > _SHARE:
         said.append(
             f"What limits {names} is the neutral volume before each experiment "
             f"({100.0 * limits['neutral volume']:.0f} % of the variance): rest longer, use larger "
-            "changes of volume, or state it with --neutral-std if it is known better."
+            "changes of volume, or state it with `neutral_std=` if it is known better."
         )
     if not said:
         said.append("What limits them is the noise of the depth: glide longer.")
     said.append(
-        "A plan of `swimbladder design-experiment` may identify far more in the same time (--plan)."
+        "A plan of `swimbladder design-experiment` may identify far more in that time (`plan=`)."
     )
     return " ".join(said)

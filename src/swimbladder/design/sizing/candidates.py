@@ -209,8 +209,7 @@ class Parts(Parameters):
         given = {name: value for name, value in asked.items() if value is not None}
         if not given:
             return self
-        options = {"efficiency": "--driver-efficiency", "standby_power": "--driver-standby"}
-        source = "asked for: " + " and ".join(options[name] for name in given)
+        source = "asked for: " + " and ".join(name.replace("_", " ") for name in given)
         if len(given) < len(asked):
             source += "; the rest " + self.provenance.get("driver", "as in the list of parts")
         driver = Driver(**{**self.driver.model_dump(), **given})

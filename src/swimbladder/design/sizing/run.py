@@ -312,7 +312,7 @@ def _none(batch: Batch, evaluation: Evaluation, dive: Dive) -> NoAnswerError:
         f"none of {len(batch.of):,} drives does {dive.depth:g} m: the nearest "
         f"({_brief(batch.of[nearest])}) has {100.0 * short:.0f} % of {REQUIREMENTS[missing]}. "
         f"{alone}. A longer turn time, a slower dive, less trim to cover or stronger parts "
-        "(--parts) make it easier."
+        "(`parts=`) make it easier."
     )
 
 
@@ -353,7 +353,7 @@ def _sentences(found: Sizing) -> list[str]:
         f"Tightest: {REQUIREMENTS[tight]}, {100.0 * (w.margins[tight][b] - 1.0):.0f} % to spare.",
     ]
     if np.ptp(found.column.density) == 0.0:
-        more = "a sea that is lighter at its surface asks for more stroke (--cast)"
+        more = "a sea that is lighter at its surface asks for more stroke (`cast=`)"
         lines.append(f"The water has one density at every depth: {more}.")
     if w.holding_power[b] > 0.0 and dive.park_time > 0.0:
         takes = f"{w.holding_power[b]:.2f} W, which is in the energy of a cycle"
@@ -403,7 +403,7 @@ def sized_vehicle(found: Sizing) -> Vehicle:
     provenance |= {
         "actuator": f"{source}; {', '.join(c.choices.values())}",
         "supply": f"{source}; {c.battery.name}, {mass} kg",
-        "loads": "asked for: --hotel and --surfacing",
+        "loads": "asked for: hotel load and surface energy",
         "driver": found.parts.provenance.get("driver", "as in the list of parts"),
         "stroke": f"sized: {', '.join(shares)}",
         "water": f"at the surface: {found.column.source}",

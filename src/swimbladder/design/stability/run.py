@@ -331,11 +331,11 @@ def stability(
     """
     gains.check_depths(depths, vehicle.hull.emergence_depth)
     for field, value, fits, remedy in (
-        ("--delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
-        ("--within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),
-        ("--cells", cells, 5 <= cells <= 201, "Give 5 to 201"),
-        ("--voltage-quantum", voltage_quantum, 0.0 <= voltage_quantum < 1e3, "Give 0 or more"),
-        ("--draws", draws, 20 <= draws <= 100_000, "Give 20 or more"),
+        ("delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
+        ("within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),
+        ("cells", cells, 5 <= cells <= 201, "Give 5 to 201"),
+        ("voltage_quantum", voltage_quantum, 0.0 <= voltage_quantum < 1e3, "Give 0 or more"),
+        ("draws", draws, 20 <= draws <= 100_000, "Give 20 or more"),
     ):
         if not fits:
             raise InputError("out of range", field=field, value=value, remedy=remedy)
@@ -347,11 +347,11 @@ def stability(
     known = gains.tunable_names()
     for name in laws:
         if name not in (*known, law.name):
-            raise no_such("not a law that can be tuned for this", name, known, field="--law")
+            raise no_such("not a law that can be tuned for this", name, known, field="laws")
     if law.ways is not None and (with_robustness or laws):
         raise InputError(
             f"commands come late or wrong there; the vehicle flies {law.name!r} without samples",
-            field="--robustness" if with_robustness else "--law",
+            field="with_robustness" if with_robustness else "laws",
             remedy="Leave it out: the rates of pump and valve over the region are gains that err",
         )
     within = _within(law, numbers, depths) if within is None else within

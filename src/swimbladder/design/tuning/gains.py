@@ -183,7 +183,7 @@ def _drive(
 
 
 def refused_depths(
-    what: str, depths: tuple[float, float], remedy: str, *, field: str = "--depth"
+    what: str, depths: tuple[float, float], remedy: str, *, field: str = "depths"
 ) -> InputError:
     """Return the error for two depths [m] that cannot be."""
     value = f"{depths[0]:g}:{depths[1]:g}"
@@ -207,7 +207,7 @@ def tunable(name: str) -> Law:
     """Return the law of that name; raises InputError where it is not one that is tuned."""
     law = LAWS.get(name)
     if law is None or law.recipe is None:
-        raise no_such("this law is not tuned", name, tunable_names(), field="--law")
+        raise no_such("this law is not tuned", name, tunable_names(), field="law")
     return law
 
 
@@ -466,7 +466,7 @@ class Search:
             why = unheld if least < 1.0 else f"the smallest eigenvalue has the modulus {least:.3g}"
             raise NoAnswerError(
                 f"no setting of the law {name!r} is stable from decision to decision over the "
-                f"region: {why}. Parameters known better, a wider band (--hold) or a faster pump "
+                f"region: {why}. Parameters known better, a wider band (`hold=`) or a faster pump "
                 "would help"
             )
         scored = []
@@ -486,7 +486,7 @@ class Search:
                 f"no setting of the law {name!r} brings the float over {span:g} m and keeps it "
                 f"within {held:g} m over the region: of the best {100.0 * alone.settled:.0f} % of "
                 f"{over.runs} flights arrive and stay in {step.duration / 3600.0:.3g} h, "
-                f"{alone.rms:.3g} m rms. A wider band (--hold), a faster pump, more stroke or "
+                f"{alone.rms:.3g} m rms. A wider band (`hold=`), a faster pump, more stroke or "
                 "parameters known better would help"
             )
         self.report(0.3)

@@ -131,9 +131,9 @@ _CAUSES = (
         "several logs in the water of the mission, and `identify` on all of them, narrow that",
     ),
 )
-_SUPPLY = "the supply at {:.3g} V, the least assumed: a battery that is changed earlier (--supply)"
+_SUPPLY = "the supply at {:.3g} V, the least assumed: a battery that is changed earlier (`supply=`)"
 _NOISE = (
-    "the noise of the depth sensor, {:.2g} mm: a better sensor (--depth-noise, --depth-quantum)"
+    "the noise of the depth sensor, {:.2g} mm: a better sensor (`depth_noise=`, `depth_quantum=`)"
 )
 _LAYERS = "the water of the cast, whose layers move the neutral volume: a law that learns it sooner"
 _SUPERVISOR = (

@@ -125,7 +125,7 @@ class Tuning(gains.Found, Answer):
             sentences.insert(
                 -1,
                 f"2 % of that step are {1e3 * band:.2g} mm, hardly more than it is held to: when "
-                "it settles is hardly informative. Use a longer step (--step).",
+                "it settles is hardly informative. Use a longer step (`step=`).",
             )
         if math.isfinite(r.energy):
             sentences.append(

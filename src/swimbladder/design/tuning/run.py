@@ -42,7 +42,7 @@ _LIMITED = (
 _NEUTRAL, _LEAST_NEUTRAL = 10.0, 50e-6  # times its spread, and m3: how far a filter looks for it
 _IN_WAVES = 2.0  # m, where a vehicle is held in waves
 _ROWS = 201  # depths at which a cast's layers are looked at
-_ASKED = "(--depth, --step)"
+_ASKED = "(`depths=`, `step=`)"
 
 
 def tune(
@@ -114,16 +114,16 @@ def tune(
     """
     if goal not in gains.GOALS:
         remedy = f"Choose from {', '.join(gains.GOALS)}"
-        raise InputError("no such goal", field="--goal", value=goal, remedy=remedy)
+        raise InputError("no such goal", field="goal", value=goal, remedy=remedy)
     names = laws_for(vehicle, goal) if law is None else [law]
     for name in names:
         _check(vehicle, name, goal, hold)
     gains.check_depths(depths)
     if not 0.0 <= delay < 1.0:
         what, remedy = "a delay is given as a share of the sample time", "Give 0 or more, below 1"
-        raise InputError(what, field="--delay", value=delay, remedy=remedy)
+        raise InputError(what, field="delay", value=delay, remedy=remedy)
     if runs < 20:
-        raise InputError("too few runs", field="--runs", value=runs, remedy="Give 20")
+        raise InputError("too few runs", field="runs", value=runs, remedy="Give 20")
     h = _sample_time(vehicle, sample_time)
     noisy, sensor = _with_noise(vehicle)
     pumped = vehicle.command == "volume change"
@@ -139,7 +139,7 @@ def tune(
     if supervised:
         limit = supervisor_parameters(noisy, h).deep.depth_limit
         if judged[-1] > limit:
-            raise turned_round(judged[-1], limit, "--depth" if depths[1] > limit else "--step")
+            raise turned_round(judged[-1], limit, "depths" if depths[1] > limit else "step")
     request = _Request(
         vehicle=noisy,
         sensor=sensor,
@@ -311,18 +311,18 @@ class _Request:
 def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
     if vehicle.controller is not None:
         own_law(vehicle, sampled=False)
-    check_command(gains.tunable(law), vehicle, field="--law", among=gains.tunable_names())
+    check_command(gains.tunable(law), vehicle, field="law", among=gains.tunable_names())
     goals = gains.goals_of(gains.recipe_of(law))
     if goal not in goals:
         remedy = f"Choose from {', '.join(goals)}, or another law"
         what = f"the law {law} is not tuned for this"
-        raise InputError(what, field="--goal", value=goal, remedy=remedy)
+        raise InputError(what, field="goal", value=goal, remedy=remedy)
     pumped = vehicle.command == "volume change"
     allowed = goal != "fast" or pumped
     if hold is not None and not (allowed and 0.0 < hold < math.inf):
         what = "an error that is allowed is above 0, and for quiet and energy"
-        remedy = 'Give something like "1 cm" with --goal quiet'
-        raise InputError(what, field="--hold", value=hold, unit="m", remedy=remedy)
+        remedy = 'Give something like "1 cm" with `goal="quiet"`'
+        raise InputError(what, field="hold", value=hold, unit="m", remedy=remedy)
     if goal == "energy" and not pumped:
         known_winding(vehicle, instead="tune for quiet, which moves least")
 
@@ -331,7 +331,7 @@ def _check_way(depths: tuple[float, float], ends: tuple[float, float], held: flo
     """Raise InputError where a float's way [m] is within the band that its law keeps [m]."""
     if abs(ends[1] - ends[0]) <= 2.0 * held:
         what = f"the way is no longer than the band of {held:g} m to either side that the law keeps"
-        remedy = "Give depths farther apart, like 100:1500, or a narrower band (--hold)"
+        remedy = "Give depths farther apart, like 100:1500, or a narrower band (`hold=`)"
         raise gains.refused_depths(what, depths, remedy)
 
 
@@ -350,12 +350,12 @@ def _least_supply(vehicle: Vehicle, given: float | None) -> float:
     if given is not None and math.isinf(p.supply):
         pumped = vehicle.command == "volume change"
         what = f"a {'power law of a pump' if pumped else 'positioner'} has a supply of its own"
-        raise InputError(what, field="--supply", value=given, unit="V", remedy="Leave it out")
+        raise InputError(what, field="supply", value=given, unit="V", remedy="Leave it out")
     least = _LOW * p.supply if given is None else given
     if not 0.0 < least <= p.supply:
         what = "the least supply must be above 0 and not above the vehicle's"
         remedy = f"Give more than 0 V, and up to {p.supply:g} V"
-        raise InputError(what, field="--supply", value=least, unit="V", remedy=remedy)
+        raise InputError(what, field="supply", value=least, unit="V", remedy=remedy)
     return least
 
 
@@ -380,7 +380,7 @@ def _with_noise(vehicle: Vehicle) -> tuple[Vehicle, str]:
         vehicle = vehicle.model_copy(update={"sensors": noisy})
         return vehicle, f"depth noise of {1e3 * known.depth_noise:.2g} mm, as in the logs"
     if sensors.depth_noise == 0.0 and sensors.depth_quantum == 0.0:
-        return vehicle, "a depth sensor without noise: say what yours has (--depth-noise)"
+        return vehicle, "a depth sensor without noise: say what yours has (`depth_noise=`)"
     words = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"
     if sensors.depth_quantum > 0.0:
         words += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
@@ -392,8 +392,8 @@ def _sample_time(vehicle: Vehicle, given: float | None) -> float:
         return vehicle.controller.sample_time
     if given is None or not 0.0 < given < math.inf:
         what = "the sample time must be a finite time above 0"
-        remedy = 'Give it, like --sample-time "0.3 s"'
-        raise InputError(what, field="--sample-time", value=given, unit="s", remedy=remedy)
+        remedy = 'Give it, like `sample_time="0.3 s"`'
+        raise InputError(what, field="sample_time", value=given, unit="s", remedy=remedy)
     return given
 
 
@@ -451,7 +451,7 @@ def _step(depths: tuple[float, float], given: tuple[float, float] | None) -> tup
         return trial.usual_step(*depths)
     if not (given[0] != given[1] and min(given) >= 0.0 and max(given) < math.inf):
         remedy = "Give two different depths, like 1.5:3"
-        raise gains.refused_depths("no step of depth", given, remedy, field="--step")
+        raise gains.refused_depths("no step of depth", given, remedy, field="step")
     return given
 
 
@@ -462,7 +462,7 @@ def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str
         return []
     return [
         f"the step of the trials, {step[0]:g} to {step[1]:g} m, leaves the depths of "
-        f"{depths[0]:g} to {depths[1]:g} m (--depth): the margins are judged at "
+        f"{depths[0]:g} to {depths[1]:g} m (`depths=`): the margins are judged at "
         f"{' and '.join(beyond)} as well"
     ]
 

@@ -184,10 +184,10 @@ def _position(log: Log, vehicle: Vehicle | None) -> tuple[Array, Array | None, Q
         return piston, log.reference_piston, "piston"
     if volume is None:
         what = "the log has no position of a piston and no volume"
-        remedy = "Map one with --column piston_m=NAME or --column volume_m3=NAME"
+        remedy = "Map one with `columns={'piston_m': 'NAME'}` or `columns={'volume_m3': 'NAME'}`"
         if vehicle is not None and piston is not None:
             what = f"{vehicle.name} has no piston area, without which m/s/V are no volume rate"
-            remedy = "Give the volume: --column volume_m3=NAME; or leave --vehicle out"
+            remedy = "Give the volume: `columns={'volume_m3': 'NAME'}`; or leave `vehicle=` out"
         raise LogError(what, file=log.source, field="piston_m or volume_m3", remedy=remedy)
     if area is None:
         return volume, log.reference_volume, "volume"
@@ -214,7 +214,7 @@ def _for_the_motor(
         return voltage
     if vehicle is None:
         counts = "the load of the sea counts as part of the dead zone and the load"
-        notes.append(f"the log goes to {depth:.3g} m: without --vehicle, with k_z/k_u, {counts}")
+        notes.append(f"the log goes to {depth:.3g} m: without `vehicle=`, with k_z/k_u, {counts}")
         return voltage
     load = reduced(vehicle.engine, vehicle.water).load_drive
     notes.append(f"k_z/k_u = {load:.4g} V/m, as the vehicle has it, times the depth is taken off")

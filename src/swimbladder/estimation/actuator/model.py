@@ -502,7 +502,7 @@ def gains(problem: Problem, q: Array) -> Spread:
     if not J.size or not np.abs(J).max() > 0.0:
         raise NoAnswerError(
             "the position does not follow the voltage at all: check which columns are which "
-            "(--column), and whether the motor ran"
+            "(`columns=`), and whether the motor ran"
         )
     moved = int((whiten.size > 0.0).sum())
     JJ, Jr, rr = J.T @ J, J.T @ r, float(r @ r)

@@ -78,7 +78,7 @@ def nine(
         estimate = parameters.get(symbol)
         if estimate is not None and estimate.known:
             value, source = estimate.value, "logs" if estimate.origin == "data" else "set"
-            origin = logs if source == "logs" else "given with --set"
+            origin = logs if source == "logs" else "given with `fixed=`"
         found.append(Known(symbol, value, unit, meaning, source, origin))
     return tuple(found)
 

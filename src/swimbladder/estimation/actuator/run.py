@@ -158,8 +158,8 @@ def identify_actuator(
     driven = _one_kind(benches)
     if driven != "voltage" and fixed:
         what = "nothing can be set where no voltage is logged"
-        remedy = "Leave --set out, or map voltage_V with --column"
-        raise InputError(what, field="--set", value=", ".join(fixed), remedy=remedy)
+        remedy = "Leave `fixed=` out, or map voltage_V with `columns=`"
+        raise InputError(what, field="fixed", value=", ".join(fixed), remedy=remedy)
     if asked is None:
         asked = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}[driven]
         if vehicle is not None and vehicle.command == "volume":

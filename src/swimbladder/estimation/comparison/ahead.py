@@ -90,8 +90,7 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
     for name, value in tuning._asdict().items():
         if value is not None and not 0.0 < value < math.inf:
             what, remedy = "no such noise", "Give a standard deviation above 0"
-            field = f"--{name.replace('_', '-')}"
-            raise InputError(what, field=field, value=value, unit=UNITS[name], remedy=remedy)
+            raise InputError(what, field=name, value=value, unit=UNITS[name], remedy=remedy)
     said, volume = vehicle.identified, vehicle.hull.displaced_volume
     between = None if said is None else said.between
     stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
@@ -328,7 +327,7 @@ def _pairs(rec: Record, seconds: float) -> tuple[Index, Index]:
         of = f"of a log of {rec.duration:.4g} s with one every {apart:.3g} s"
         what = f"no two samples that count are so far apart: {of}, clear of surface and bottom"
         remedy = "Give a time between these"
-        raise InputError(what, field="--ahead", value=seconds, unit="s", remedy=remedy)
+        raise InputError(what, field="horizons", value=seconds, unit="s", remedy=remedy)
     return origin, nearest[origin]
 
 

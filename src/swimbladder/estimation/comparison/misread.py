@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from swimbladder.errors import LogError
+from swimbladder.errors import LogError, column_as
 from swimbladder.estimation.estimates import Finding, sentence
 from swimbladder.estimation.series import Array, Mask, stretches
 from swimbladder.io.logs import Log
@@ -67,7 +67,7 @@ def refuse_wrong_clock(
         remedy = "Check what the times count, and their pattern"
         if unit is not None:
             only = _UNITS[unit]
-            remedy = f'Map them as what they are: --column "time_s={log.times.name}@{unit}"'
+            remedy = f"Map them as what they are: {column_as('time_s', f'{log.times.name}@{unit}')}"
         what = f"as read the samples are {np.median(np.diff(t)):.4g} s apart, and what drives the "
         what += f"vehicle goes with its depths where the times are {only} only"
         span, unit = float(log.time[-1] - log.time[0]), "s from first to last"

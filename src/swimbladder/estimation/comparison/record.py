@@ -40,7 +40,7 @@ def water_of_each(logs: int, columns: Sequence[Column]) -> tuple[Column | None, 
     if len(columns) != logs:
         what = f"{len(columns)} casts for {logs} log{'s' if logs > 1 else ''}"
         remedy = "Give one cast for all logs, or one for each in their order"
-        raise InputError(what, field="--cast", remedy=remedy)
+        raise InputError(what, field="cast", remedy=remedy)
     return tuple(columns)
 
 
@@ -87,9 +87,9 @@ _STROKES = 5.0  # more of them than this is another unit, or another vehicle
 _BELOW_BOTTOM = 0.2  # m, that a depth sensor may be off
 _BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
 _REMEDIES = {
-    "volume": "Map volume_m3 or piston_m with --column, or choose another --drive",
-    "voltage": "Map voltage_V with --column, or choose another --drive",
-    "setpoint": "Map reference_depth_m with --column, or choose another --drive",
+    "volume": "Map volume_m3 or piston_m with `columns=`, or choose another `drive=`",
+    "voltage": "Map voltage_V with `columns=`, or choose another `drive=`",
+    "setpoint": "Map reference_depth_m with `columns=`, or choose another `drive=`",
 }
 
 
@@ -207,7 +207,7 @@ def record(
     deepest = _deepest(log)
     if deepest > bottom_depth + _BELOW_BOTTOM:
         what = f"the log goes deeper than the bottom, which is said to be at {bottom_depth:g} m"
-        remedy = "Check --bottom, and the unit of the logged depth"
+        remedy = "Check `bottom_depth=`, and the unit of the logged depth"
         raise bad_depth(log.source, what, round(deepest, 3), remedy)
     surface = vehicle.hull.emergence_depth
     under = log.depth >= surface + surface_margin
@@ -220,10 +220,10 @@ def record(
     compared = under & clear
     if compared.sum() < _FEWEST:
         what = f"{int(compared.sum())} samples are clear of surface and bottom, too few"
-        remedy = "Check the unit of the depth, or give another --surface-margin or --bottom"
+        remedy = "Check the unit of the depth, or give another `surface_margin=` or `bottom_depth=`"
         if np.median(log.depth) < 0.0:
             remedy = 'The depths are negative: where they count upward, say depth_positive = "up" '
-            remedy += "in the [log] table of --log-format"
+            remedy += "in the [log] table of `log_format=`"
         raise bad_depth(log.source, what, float(log.depth.max()), remedy)
     driving = {"volume": volume, "voltage": log.voltage, "setpoint": None}[chosen]
     if driving is not None:
@@ -291,8 +291,8 @@ def _layers(log: Log, vehicle: Vehicle, column: Column, drive: Drive) -> Layers:
     """Return the layers of a cast; raises an error where they are no use to the log."""
     if drive != "volume":
         what = "a cast is of use only where the logged volume drives the vehicle"
-        remedy = "Drive it with --drive volume, or leave the cast out"
-        raise InputError(what, field="--cast", value=column.source, remedy=remedy)
+        remedy = "Drive it with `drive='volume'`, or leave the cast out"
+        raise InputError(what, field="cast", value=column.source, remedy=remedy)
     deepest = _deepest(log)
     if deepest > column.deepest + column.step:
         ends = f"the cast {column.source} ends at {column.deepest:.4g} m"
@@ -339,7 +339,7 @@ def _first_drive(log: Log, vehicle: Vehicle) -> Drive:
 def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
     """Return the series that drives, as logged; raises LogError where there is none."""
     piston, what, remedy = log.volume is None and log.piston is not None, "", ""
-    field: str = "--drive"
+    field: str = "drive"
     value: str | None = drive
     if drive == "volume" and piston and vehicle.piston_area is None:
         what = f"the log has the position of a piston, and the vehicle {vehicle.name} has none"
@@ -351,7 +351,7 @@ def _driving(log: Log, vehicle: Vehicle, drive: Drive) -> Array:
     elif drive == "setpoint" and vehicle.controller is None:
         what = f"the vehicle {vehicle.name} has no controller to follow the set-point with"
         field, value = "controller", None
-        remedy = "Add a [controller] to the vehicle, or choose another --drive"
+        remedy = "Add a [controller] to the vehicle, or choose another `drive=`"
     if what:
         raise InputError(what, field=field, value=value, remedy=remedy)
     volume = log.piston if piston else log.volume

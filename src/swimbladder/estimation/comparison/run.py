@@ -387,7 +387,7 @@ def _apply(
 def _check(names: Sequence[str], vehicle: Vehicle, rec: Record) -> None:
     """Raise InputError for a name that cannot be fitted to this vehicle and record."""
     coefficients = {"drag": vehicle.drag.k_dl, "drag_quadratic": vehicle.drag.k_dt}
-    check_names(names, FITTABLE, "--fit", "this cannot be fitted", "; or none")
+    check_names(names, FITTABLE, "fit", "this cannot be fitted", "; or none")
     for name in names:
         what = remedy = ""
         if coefficients.get(name) == 0.0:
@@ -398,9 +398,9 @@ def _check(names: Sequence[str], vehicle: Vehicle, rec: Record) -> None:
             remedy = "Leave it out, or cut the log to where the vehicle is under way"
         elif name == "neutral_drift" and rec.drive != "volume":
             what = "a drift can be fitted only where the logged volume drives the vehicle"
-            remedy = "Choose --drive volume, or leave it out"
+            remedy = "Choose `drive='volume'`, or leave it out"
         if what:
-            raise InputError(what, field="--fit", value=name, remedy=remedy)
+            raise InputError(what, field="fit", value=name, remedy=remedy)
 
 
 def _guess(vehicle: Vehicle, rec: Record) -> float:
@@ -584,7 +584,7 @@ def compare(
     if solution is None and not finite.all():
         raise NoAnswerError(
             f"{log.source}: the model left the water {float(rec.time[finite][-1]):.4g} s {of}; fit "
-            "the neutral volume, or begin with --submerged"
+            "the neutral volume, or begin with `submerged=True`"
         )
     if solution is not None and not solution.finished:
         stopped = f"the model stopped {float(solution.time[-1]):.4g} s {of}"

@@ -442,7 +442,7 @@ def identify_deep(
     body = body_of(vehicle)
     known = priors_of(vehicle, known)
     values = {name: known[name].mean for name in DEEP} | dict(held)
-    _check_place(vehicle, values, {"--set": held, "--prior": priors or {}})
+    _check_place(vehicle, values, {"fixed": held, "priors": priors or {}})
     run = ("bypass",) if any(dive.actions.bypass.any() for dive in dives) else ()
     names = tuple(free or [n for n in (*DEFAULT, *run) if n not in held])
     advance(0.1)

@@ -257,12 +257,12 @@ def fit_deep(
     advance: called with shares of the work. Raises InputError for a name that is not one, or none
     that is free.
     """
-    check_deep_names(free, "--free")
-    check_deep_names(list(fixed or {}), "--set")
+    check_deep_names(free, "free")
+    check_deep_names(list(fixed or {}), "fixed")
     names = tuple(name for name in free if name not in (fixed or {}))
     if not names:
         remedy = "Leave one parameter free"
-        raise InputError("nothing is left to identify", field="--free", remedy=remedy)
+        raise InputError("nothing is left to identify", field="free", remedy=remedy)
     paths, count = [deep_path(d, body, priors) for d in dives], len(names)
     held = {name: prior.mean for name, prior in priors.items()} | dict(fixed or {})
     problem = _Problem(body, paths, priors, names, held)

@@ -34,7 +34,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, Parameter
 from swimbladder.estimation.estimates import Prior, check_names
 from swimbladder.estimation.motion import deep_filter as of
 from swimbladder.estimation.motion.deep_filter import (
@@ -184,7 +184,7 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     if missing > 0.02 * float(pressure.max()):
         ends = f"{column.pressure[-1] / 1e4:.0f} dbar, {missing / 1e4:.0f} dbar above the dive's"
         what, remedy = f"the cast ends at {ends} deepest sample", "Give a cast that goes as deep"
-        raise InputError(what, file=log.source, field="--cast", remedy=remedy)
+        raise InputError(what, file=log.source, field=Parameter("cast"), remedy=remedy)
     logged = log.temperature[used][rising]
     temperature = _warmth(time, logged, np.interp(pressure, column.pressure, column.temperature))
     actions = [a for a in log.actions if time[0] - 1.0 <= a.time <= time[-1]]
@@ -371,7 +371,7 @@ def priors_of(vehicle: Vehicle, given: Mapping[str, Prior]) -> dict[str, Prior]:
     mean["creep"] = actuator.creep if isinstance(actuator, PumpAndValve) else 0.0
     if not mean["drag"] > 0.0 and "drag" not in given:
         what = "deep dives identify quadratic drag, and the vehicle has none to begin with"
-        remedy = 'Give --prior "drag=160 +- 30 N s2/m2", or k_dt'
+        remedy = 'Give `priors={"drag": "160 +- 30 N s2/m2"}`, or k_dt'
         raise InputError(what, field="motion.drag.k_dt", remedy=remedy)
     return {
         name: given.get(name, Prior(mean[name], about.relative * abs(mean[name]) + about.absolute))
@@ -406,16 +406,16 @@ def check_deep_request(
         raise InputError(what, field="actuator.kind", value=vehicle.actuator.kind, remedy=remedy)
     if casts not in (1, dives):
         remedy = "Give one cast for all dives, or one for each in their order"
-        raise InputError(f"{casts} casts for {dives} dives", field="--cast", remedy=remedy)
-    check_deep_names(free or (), "--free")
-    check_deep_names(fixed, "--set")
-    check_deep_names([name for name in priors if name not in CAST], "--prior")
+        raise InputError(f"{casts} casts for {dives} dives", field="cast", remedy=remedy)
+    check_deep_names(free or (), "free")
+    check_deep_names(fixed, "fixed")
+    check_deep_names([name for name in priors if name not in CAST], "priors")
     for name, about in CAST.items():
         if name in priors and priors[name].mean != 0.0:
             what = "it is an error that is not known to either side"
-            mended = f'--prior "{name}=0 +- {priors[name].std:g} {about.unit}"'
+            mended = f'`priors={{"{name}": "0 +- {priors[name].std:g} {about.unit}"}}`'
             remedy = f"Correct the cast, and give {mended}"
-            raise InputError(what, field="--prior", value=name, remedy=remedy)
+            raise InputError(what, field="priors", value=name, remedy=remedy)
 
 
 def hull_volume(

@@ -126,9 +126,9 @@ def _words(c: Choice) -> str:
 def _consider(best: Choice, reported: Choice) -> str:
     parts = []
     if best.drag != reported.drag:
-        parts.append(f"--drag {best.drag}")
+        parts.append(f"`drag='{best.drag}'`")
     if best.psi != reported.psi:
-        parts.append('--set "psi=0 m3/m"' if best.psi == "zero" else "leave psi free")
+        parts.append('`fixed={"psi": "0 m3/m"}`' if best.psi == "zero" else "leave psi free")
     return f"Consider: {', '.join(parts)}."
 
 
@@ -302,18 +302,18 @@ def in_percent(share: float) -> str:
 
 
 def _remedy(names: list[str], problem: Problem) -> str:
-    known = "give psi a prior or a value (--prior, --set)"
+    known = "give psi a prior or a value (`priors=`, `fixed=`)"
     if "psi" in names:
         other = "run a longer dive, or several with volume changes of different size"
         return f"G{known[1:]}, or {other}."
     if "drag_quadratic" in names and problem.model.law == "blended":
-        return "Choose --drag linear or quadratic, or run at speeds that differ more."
+        return "Choose `drag='linear'` or quadratic, or run at speeds that differ more."
     if "drag_quadratic" in names or "K2" in names:
         also = f", or {known}" if "psi" in problem.names else ""
         return f"Run longer, so that the speed settles, and with larger changes of volume{also}."
     if "mass" in names or "T2" in names:
         return "Record how the speed builds up: more samples soon after a change of volume."
-    return "Give a value (--set) or a prior (--prior), or record steps that excite it."
+    return "Give a value (`fixed=`) or a prior (`priors=`), or record steps that excite it."
 
 
 _SURE = 3.0  # standard deviations

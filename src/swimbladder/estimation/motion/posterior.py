@@ -51,7 +51,7 @@ class Posterior:
 
 def sampling_library() -> Any:
     """Return emcee; raise InputError where it is not installed."""
-    return optional("emcee", "posterior", "drawing from the posterior", field="--posterior")
+    return optional("emcee", "posterior", "drawing from the posterior", field="posterior")
 
 
 def sample(
@@ -87,7 +87,7 @@ def sample(
     if not math.isfinite(slowest) or steps < _BURN * slowest * 2.0:
         raise NoAnswerError(
             f"The sampler did not settle in {steps} steps: the posterior is far from normal. Give "
-            "priors, or hold a parameter (--set)"
+            "priors, or hold a parameter (`fixed=`)"
         )
     kept = sampler.get_chain(discard=math.ceil(_BURN * slowest), flat=True)
     draws = np.stack([problem.values_of(i, kept[:, i]) for i in range(p)], axis=1)

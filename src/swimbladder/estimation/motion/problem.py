@@ -125,8 +125,8 @@ def model_of(vehicle: Vehicle, *, law: str | None = None, bottom_depth: float) -
     drag = vehicle.drag
     wanted = law or drag.law
     if wanted not in LAWS:
-        what, remedy = "this drag law cannot be identified", f"Choose --drag {', '.join(LAWS)}"
-        field = "--drag" if law else "motion.drag.law"
+        what, remedy = "this drag law cannot be identified", f"Choose `drag=` {', '.join(LAWS)}"
+        field = "drag" if law else "motion.drag.law"
         raise InputError(what, field=field, value=wanted, remedy=remedy)
     k_b, m = vehicle.water.specific_weight, vehicle.mass
     k_dl = drag.k_dl or drag.k_dt * _TYPICAL_SPEED
@@ -167,10 +167,10 @@ def check_names(names: Sequence[str], model: Model, *, voltage: bool, option: st
             what, remedy = "the vehicle's actuator has none", "Choose a vehicle of kind identified"
         elif name in ("K1", "T1") and not voltage:
             what = "a logged volume does not identify the actuator"
-            remedy = "Use `swimbladder identify-actuator`, or --drive voltage"
+            remedy = "Use `swimbladder identify-actuator`, or `drive='voltage'`"
         elif name not in (*_OF_LAW[model.law], "psi", "K1", "T1"):
             what = f"the drag law {model.law} has no such parameter"
-            remedy = f"It has {', '.join(_OF_LAW[model.law])}; or choose another --drag"
+            remedy = f"It has {', '.join(_OF_LAW[model.law])}; or choose another `drag=`"
         if what:
             raise InputError(what, field=option, value=name, remedy=remedy)
 
@@ -236,7 +236,7 @@ def experiment(record: Record, vehicle: Vehicle) -> Experiment:
     segments = _stretches(record) if ramps else _whole(record)
     if not segments:
         what = f"no stretch of {_SHORTEST:g} s or more is clear of surface and bottom"
-        remedy = "Check the unit of the depth, --bottom and --surface-margin"
+        remedy = "Check the unit of the depth, `bottom_depth=` and `surface_margin=`"
         raise bad_depth(record.source, what, float(record.depth.max()), remedy)
     added = 0.0 if absolute else record.layers.at(reference)
     return Experiment(record.source, record, inputs, ramps, segments, reference, neutral, added)
@@ -536,30 +536,30 @@ def posed(
 
 def check_parameters(names: Sequence[str], known: Assumed, model: Model, *, voltage: bool) -> None:
     """Raise InputError where names, values and priors do not go together."""
-    options = {"--free": names, "--set": list(known.fixed), "--prior": list(known.priors)}
+    options = {"free": names, "fixed": list(known.fixed), "priors": list(known.priors)}
     for option, given in options.items():
         check_names(given, model, voltage=voltage, option=option)
     if not names:
-        raise InputError("nothing is left to identify", field="--free", remedy="Free a parameter")
+        raise InputError("nothing is left to identify", field="free", remedy="Free a parameter")
     for name in names:
         if name in known.fixed:
             what = "it is both set and to be identified"
-            remedy = "Leave it out of --free or of --set"
-            raise InputError(what, field="--set", value=name, remedy=remedy)
+            remedy = "Leave it out of `free=` or of `fixed=`"
+            raise InputError(what, field="fixed", value=name, remedy=remedy)
     for name, value in known.fixed.items():
         if NAMES[name].logarithmic:
-            check_number(value, "--set", NAMES[name].unit, above=0.0, finite=False)
+            check_number(value, "fixed", NAMES[name].unit, above=0.0, finite=False)
     for name, prior in known.priors.items():
         if name not in names:
             what = "it has a prior, but is not identified"
-            remedy = f"Name it in --free, which has {', '.join(names)}"
-            raise InputError(what, field="--prior", value=name, remedy=remedy)
+            remedy = f"Name it in `free=`, which has {', '.join(names)}"
+            raise InputError(what, field="priors", value=name, remedy=remedy)
         if not prior.std > 0.0 or (NAMES[name].logarithmic and not prior.mean > 0.0):
             what = "no such prior: the deviation has to be above 0, and the mean of a positive "
             what += "quantity too"
             remedy, unit = "What is known exactly is fixed: `fixed`", NAMES[name].unit
             given = f"{name}={prior.mean:g} +- {prior.std:g}"
-            raise InputError(what, field="--prior", value=given, unit=unit, remedy=remedy)
+            raise InputError(what, field="priors", value=given, unit=unit, remedy=remedy)
 
 
 _SIZE = 30.0  # s, of the T2 whose rate is 1

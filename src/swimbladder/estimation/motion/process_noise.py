@@ -284,7 +284,7 @@ def _samples(e: Experiment) -> list[Samples]:
     record = e.record
     if record.volume is None or record.drive != "volume":
         what = "a random walk of the neutral volume is seen where only the logged volume drives it"
-        raise InputError(what, field="--drive", value=record.drive, remedy="Drive it with volume")
+        raise InputError(what, field="drive", value=record.drive, remedy="Drive it with volume")
     found = []
     for segment in e.segments:
         part = slice(segment.first, segment.last + 1)

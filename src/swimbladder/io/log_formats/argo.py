@@ -91,7 +91,9 @@ def refuse_several(file: LogFile, what: str, found: Sequence[str], column: str) 
     if len(found) > 1:
         held = f"the file holds {counted(len(found), what)}: {', '.join(found[:8])}"
         more = f" and {len(found) - 8} more" if len(found) > 8 else ""
-        remedy = f"Choose one dive: --where {column}={found[0]}; several: {column}={found[0]},"
+        remedy = (
+            f"Choose one dive: `where={{'{column}': '{found[0]}'}}`; several: {column}={found[0]},"
+        )
         raise file.refused(f"{held}{more}", f"{remedy}{found[1]}", column)
 
 

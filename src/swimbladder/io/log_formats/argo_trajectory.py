@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, Parameter
 from swimbladder.io.columns import plain_unit
 from swimbladder.io.float_log import Action, Device, FloatLog
 from swimbladder.io.log_formats.argo import refuse_several
@@ -75,7 +75,7 @@ def read_trajectory(path: str | Path, data: bytes, where: Mapping[str, str | flo
     own = own[np.argsort(days[own], kind="stable")]
     if len(own) < 2:
         what = f"fewer than two pressures of cycle {cycle:g} have a time that the float sent"
-        raise file.refused(what, "Choose another cycle with --where cycle=N", "PRES")
+        raise file.refused(what, "Choose another cycle with `where={'cycle': 'N'}`", "PRES")
     first = min(float(days[own[0]]), runs[0].day)
     said = f"{len(own)} pressures and {counted(len(runs), 'action')} of cycle {cycle:g}"
     said += "" if technical is found else f", these from {Path(technical.file.path).name}"
@@ -175,8 +175,8 @@ def _cycle(cycles: set[float], where: Mapping[str, str | float], file: LogFile) 
     held = [f"{cycle:g}" for cycle in sorted(cycles)]
     for name in where:
         if name != "cycle":
-            remedy = "Of a trajectory choose a cycle: --where cycle=N"
-            raise file.refused("no such column", remedy, "--where", value=name)
+            remedy = "Of a trajectory choose a cycle: `where={'cycle': 'N'}`"
+            raise file.refused("no such column", remedy, Parameter("where"), value=name)
     if not held:
         what, remedy = "no action of pump or valve", "Give the files of a float that sends them"
         raise file.refused(what, remedy, next(iter(_RUNS)))
@@ -188,7 +188,7 @@ def _cycle(cycles: set[float], where: Mapping[str, str | float], file: LogFile) 
         if float(given) in cycles:
             return float(given)
     remedy = f"Cycles with actions of pump and valve: {', '.join(held[:30])}"
-    raise file.refused("no such cycle", remedy, "--where cycle", value=given)
+    raise file.refused("no such cycle", remedy, Parameter("where"), value=given)
 
 
 def _resolution(values: Array, steps: tuple[float, ...], within: float) -> float:

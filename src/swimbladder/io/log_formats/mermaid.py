@@ -145,7 +145,7 @@ def read_mermaid(path: str | Path) -> FloatLog:
     if not reader.pressures:
         more = f"; {counted(len(others), 'line')} out of order in time left out" if others else ""
         what = f"no line with a pressure{more}"
-        remedy = "Give a log of a dive; for other logs leave out --log-format mermaid"
+        remedy = "Give a log of a dive; for other logs leave out `log_format='mermaid'`"
         raise LogError(what, file=path, field="[PRESS ,0038]", remedy=remedy)
     return reader.log(str(path))
 

@@ -6,7 +6,7 @@ where it speaks for another unit the file has to say which, in a header at least
 ballasted for the wrong water is lost.
 """
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, Parameter, column_as
 from swimbladder.physics.seawater.cast import Cast
 from swimbladder.units import unit_factor
 
@@ -34,9 +34,9 @@ def check_cast_unit(cast: Cast, asked: float | None, rating: float | None) -> st
     name = cast.pressure_column
     fits = " or ".join(f"{_metres(depth)} if it is in {unit}" for unit, depth in others.items())
     rated = "" if rating is None else f"; the vehicle is rated for {rating:g} m"
-    said = " or ".join(f'"pressure_dbar={name}@{unit}"' for unit in (*others, "dbar"))
+    said = " or ".join(column_as("pressure_dbar", f"{name}@{unit}") for unit in (*others, "dbar"))
     ends = f"the cast ends at {_metres(_down(cast, 'dbar'))} if it is in dbar, at {fits}{rated}"
-    remedy = f"Say which, with --column {said}"
+    remedy = f"Say which, with {said}"
     if not cast.unit_named:
         what = f"the column {name!r} states no unit: {ends}"
         raise InputError(what, file=cast.name or None, field="pressure_dbar", remedy=remedy)
@@ -54,9 +54,10 @@ def above_rating(name: str, end: float, rating: float | None, asked: str) -> lis
         raise InputError(
             f"it ends at {end:.0f} m, and the vehicle is rated for {rating:g} m",
             file=name,
-            field="cast",
-            remedy="Is its pressure in bar, not dbar? Then map it with --column "
-            f'"pressure_dbar=NAME@bar". If not, say how deep it is to go: `{asked}` "{end:.0f} m"',
+            field=Parameter("cast"),
+            remedy="Is its pressure in bar, not dbar? Then map it with "
+            f"{column_as('pressure_dbar', 'NAME@bar')}. If not, say how deep it is to go: "
+            f"`{asked}='{end:.0f} m'`",
         )
     # the grid of a cast that was taken down to the rating ends within a metre of it
     if end >= rating - 1.0:

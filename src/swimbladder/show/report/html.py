@@ -4,6 +4,7 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Mapping
+from html import unescape
 from importlib.metadata import version
 from importlib.resources import files
 from typing import Any, NamedTuple
@@ -12,6 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
+from swimbladder.errors import OPTIONS, as_asked
 from swimbladder.show.plots.interactive import as_plotly
 from swimbladder.units import rounded
 
@@ -36,6 +38,7 @@ _GREEK = {
     "pi": "π",
 }
 _GREEK_WORD = re.compile(r"(?<!--)\b(" + "|".join(_GREEK) + r")(?=\b|_)")
+_ASKED = re.compile(r"`\w+=[^`<]*`")
 _SYMBOL = re.compile(
     r"\b([kTQVUFBCDJnSβηΔ])_([A-Za-z0-9]{1,4})\b"  # k_z, T_z, V_p
     r"|\b([KTA])([12])\b"  # K1, T2
@@ -58,7 +61,8 @@ def render(template: str, context: Mapping[str, Any], **filters: Callable[..., s
     environment.filters |= {"symbols": symbols, "rounded": rounded, "made_by": _made_by, **filters}
     environment.globals["version"] = version("swimbladder")
     environment.globals["plotly"] = Markup(_PLOTLY.read_text("utf-8"))
-    return environment.get_template(template).render(context)
+    page = environment.get_template(template).render(context)
+    return _ASKED.sub(lambda said: escape(as_asked(unescape(said[0]))), page) if OPTIONS else page
 
 
 def _made_by(command: str) -> str:

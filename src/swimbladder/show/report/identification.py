@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, Parameter
 from swimbladder.estimation.motion import NAMES, Choice, Estimate, Identification
 from swimbladder.estimation.motion.paper_method import PaperFits
 from swimbladder.io.progress import Advance, silent
@@ -135,7 +135,9 @@ def check_folder(out: Path, vehicle: str | Path) -> None:
         what = "the identified vehicle would be written over the one that is read"
     elif written_by(target, f"{MARK} "):
         return
-    raise InputError(what, file=target, field="--out", remedy="Choose another folder with --out")
+    raise InputError(
+        what, file=target, field=Parameter("out"), remedy="Choose another folder with `out=`"
+    )
 
 
 def save_identification(found: Identification, out: Path) -> list[Path]:

@@ -95,12 +95,12 @@ class Design:
         width = 2 + len(groups)
         if not groups:
             what = "nothing spreads, so that nothing can be sensitive to it"
-            remedy = "Give a spread, like --trim-std '5 cm3'"
-            raise InputError(what, field="--sensitivity", remedy=remedy)
+            remedy = "Give a spread, like `trim='5 cm3'`"
+            raise InputError(what, field="sensitivity", remedy=remedy)
         if floats < _FEWEST * width:
             what = f"too few floats for the indices of {len(groups)} inputs"
             remedy = f"Give {_FEWEST * width} at least; thousands say more"
-            raise InputError(what, field="--floats", value=floats, remedy=remedy)
+            raise InputError(what, field="floats", value=floats, remedy=remedy)
         rows = 1 << ((floats // width).bit_length() - 1)
         return cls(spread, tuple(groups), rows, casts, seed)
 

@@ -90,8 +90,8 @@ class Floats:
             what, remedy = "no water is given", "Give columns=[water_of(vehicle, mission)]"
             raise InputError(what, field="columns", remedy=remedy)
         if not 1 <= self.floats <= MOST:
-            what, remedy = "must be a whole number from 1 to a million", "Give --floats 4000"
-            raise InputError(what, field="--floats", value=self.floats, remedy=remedy)
+            what, remedy = "must be a whole number from 1 to a million", "Give `floats=4000`"
+            raise InputError(what, field="floats", value=self.floats, remedy=remedy)
         check_counts(floats=(self.floats, 1), seed=(self.seed, 0))
         for column in self.columns:
             check_flight(self.vehicle, self.task, column)
@@ -209,8 +209,8 @@ class Floats:
             last = min(last, math.floor(span / shortest) + 1.0)
         if last > _LONGEST:
             what = f"a float may do more than {_LONGEST} cycles"
-            remedy = "Say how many cycles it does at most: --cycles 1000"
-            raise InputError(what, field="--cycles", value=last, remedy=remedy)
+            remedy = "Say how many cycles it does at most: `cycles=1000`"
+            raise InputError(what, field="cycles", value=last, remedy=remedy)
         return int(last)
 
     def _one(self, number: int) -> tuple[list[float], list[list[float]]]:

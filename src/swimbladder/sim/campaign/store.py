@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, Parameter
 from swimbladder.io.answers import plain
 from swimbladder.io.files import make_folder, unfinished
 from swimbladder.io.netcdf import described, meaning, of_type
@@ -130,8 +130,8 @@ class Layout:
         return True
 
     def _refused(self, what: str) -> InputError:
-        remedy = "Choose another folder with --out, or remove that one"
-        return InputError(what, file=self.folder, field="--out", remedy=remedy)
+        remedy = "Choose another folder with `out=`, or remove that one"
+        return InputError(what, file=self.folder, field=Parameter("out"), remedy=remedy)
 
     def create(self) -> None:
         """Make the store where there is none yet; whole, whoever else makes it just now.
@@ -149,8 +149,10 @@ class Layout:
                     made.rename(self.folder)
         except OSError as error:
             what = f"cannot make the store: {error.strerror or error}"
-            remedy = "Choose another folder with --out"
-            raise InputError(what, file=self.folder, field="--out", remedy=remedy) from error
+            remedy = "Choose another folder with `out=`"
+            raise InputError(
+                what, file=self.folder, field=Parameter("out"), remedy=remedy
+            ) from error
         if not self.check():
             raise self._refused("the store cannot be made")
 

@@ -276,7 +276,7 @@ class FaultResult(Answer):
         if len(self.cut_short):
             yield (
                 f"in {len(self.cut_short)} missions the time limit acts before the depth has "
-                'drifted by 3 m: --time-limit "9 h" leaves time for all'
+                'drifted by 3 m: `time_limit="9 h"` leaves time for all'
             )
         if self.lost_without_supervisor < MILD:
             few = f"less than {MILD:.0%} of the recoverable missions were lost"

@@ -200,7 +200,7 @@ def faults(
     own_law(vehicle, sampled=False)
     if healthy is None:
         healthy = max(missions // 10, 1)
-    for field, count in (("--missions", missions), ("--healthy", healthy)):
+    for field, count in (("missions", missions), ("healthy", healthy)):
         if not 1 <= count <= 10_000_000:
             what = "must be a whole number from 1 to 10 million"
             remedy = "Give some hundreds to try, 100000 to prove"

@@ -103,7 +103,7 @@ def argo_configuration(vehicle: Vehicle, mission: Mission) -> dict[str, str]:
     if not shape or phases[-1].kind != "surface" or {one.law for one in laws} != {ARGO}:
         what = "no mission that an Argo float of the Arvor kind flies"
         remedy = "One or two phases that park, the second deeper, and one to the surface, law argo"
-        raise InputError(what, field="--config", value=mission.name or None, remedy=remedy)
+        raise InputError(what, field="config", value=mission.name or None, remedy=remedy)
     law, parked, bottom = laws[0].parameters, down[0], down[-1]
     deepest = float(gsw.p_from_z(-bottom, PLACE))
     metres = bottom / deepest

@@ -90,8 +90,8 @@ def og1_time(moment: datetime.datetime) -> float:
             for end in ("valid_min", "valid_max")
         )
         what = f"OG 1.0 has times from {first} to {last} only"
-        remedy = "Give another date, or leave out --netcdf"
-        raise InputError(what, field="--begin", value=moment.isoformat(), remedy=remedy)
+        remedy = "Give another date, or leave it out"
+        raise InputError(what, field="begin", value=moment.isoformat(), remedy=remedy)
     return start
 
 

@@ -119,7 +119,7 @@ def watch_of(
     )
     if not watch:
         return ()
-    alone = "fly the law alone (--without-supervisor)"
+    alone = "fly the law alone (`supervised=False`)"
     for index, law in enumerate(() if floats else laws):
         if law.sample_time != tick:
             what = f"the supervisor is called every {tick:g} s, with the law of the first phase"

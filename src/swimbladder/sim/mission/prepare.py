@@ -147,7 +147,7 @@ def cost_words(mission: Mission, laws: Sequence[PhaseLaw]) -> list[str]:
         f'law = "{RATE.name}" in every phase, which samples seldom'
     )
     if board:
-        remedy = "Give its [controller] a longer sample_time, or --without-supervisor"
+        remedy = "Give its [controller] a longer sample_time, or `supervised=False`"
     if samples > _MOST:
         raise NoAnswerError(f"{what}, and more than the {_MOST / 1e6:g} million flown. {remedy}")
     return [f"{what}. {remedy}"]

@@ -64,7 +64,7 @@ def water_of(vehicle: Vehicle, mission: Mission, cast: Cast | None = None) -> Co
     if cast is None:
         if (place := mission.latitude) is not None:
             why = "it says where a cast was taken, and there is none"
-            how = "Give --cast, or leave it out"
+            how = "Give `cast=`, or leave it out"
             raise InputError(why, field="latitude", value=place, unit="deg", remedy=how)
         return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
     warning = check_cast_unit(cast, deepest, vehicle.hull.depth_limit)
