@@ -60,7 +60,7 @@ def test_a_frame_without_units_is_asked_for_them_by_name(step):
         said = str(caught.value)
         assert said.startswith("DataFrame")
         assert name in said
-        assert "unit" in said or 'depth_m=depth@m"' in said
+        assert "unit" in said or '{"depth_m": "depth@m"}' in said
 
 
 def test_instants_are_seconds_as_columns_and_as_an_index(step):
