@@ -1,4 +1,4 @@
-"""Write the tables of docs/reference/ from the schema: ``python scripts/make_reference.py``.
+"""Write the lists of docs/reference/ from the schema: ``python scripts/make_reference.py``.
 
 What stands between ``<!-- made from the schema: NAME -->`` and ``<!-- end -->`` is made here; the
 rest of a page is written by hand.
@@ -21,7 +21,7 @@ from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Grounding, Ice, Mission, Phase, Safety, Setpoint
 from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.physics.seawater import InternalWave, Swell
-from swimbladder.sim.faults.kinds import KINDS, Kind, Range
+from swimbladder.sim.faults.kinds import KINDS, Range
 from swimbladder.units import _UNITS
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in, tags_of
@@ -29,126 +29,120 @@ from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 _REGION = re.compile(r"(<!-- made from the schema: (\w+) -->\n).*?(<!-- end -->)", flags=re.DOTALL)
 _Path = tuple[str, ...]
-_KINDS = {
-    "%": "a share",
-    "m": "length",
-    "L": "volume, beside the cubes of lengths",
-    "kg": "mass",
-    "s": "time",
-    "Hz": "frequency",
-    "A": "current",
-    "V": "voltage",
-    "ohm": "resistance",
-    "H": "inductance",
-    "N": "force",
-    "Pa": "pressure",
-    "W": "power",
-    "J": "energy",
-    "rad": "angle",
-    "rpm": "speed of rotation",
-    "S": "conductance",
-    "K": "temperature difference",
-    "degC": "temperature",
-}
+_SIGNS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
 
 
-def fields(model: type[BaseModel], skip: tuple[str, ...] = ()) -> Iterator[str]:
-    """Yield a table of the plain fields of a model, nothing where it has none."""
-    rows = []
+def fields(
+    model: type[BaseModel], skip: tuple[str, ...] = (), said: set[str] | None = None
+) -> Iterator[str]:
+    """Yield a list of the plain fields of a model, nothing where it has none.
+
+    said: items that stand above, of which the names are enough.
+    """
+    items, again, said = [], [], set() if said is None else said
     for name, info in model.model_fields.items():
         tables = models_in(info.annotation) or listed_model(info.annotation)
         if name in skip or tables or get_origin(info.annotation) is dict:
             continue
-        unit = field_unit(model, name)
-        cells = (what(name, info, unit), default(info, unit), meaning(model, name))
-        rows.append(f"| `{name}` | {' | '.join(cells)} |")
-    if rows:
-        yield from ("", "| field | unit | default | meaning |", "|---|---|---|---|", *rows)
+        label = ", ".join(filter(None, (what(name, info, field_unit(model, name)), default(info))))
+        item = f"- {label}: {meaning(model, name)}"
+        if item in said:
+            again.append(f"`{name}`")
+        else:
+            items.append(item)
+        said.add(item)
+    if again:
+        items.append(f"- {', '.join(again)}: as above")
+    if items:
+        yield from ("", *items)
 
 
 def what(name: str, info: FieldInfo, unit: str | None) -> str:
-    """Return a field's unit, "-" for a bare number, or what else it is."""
+    """Return a field's name with its unit, or with what it is where its default does not say so."""
     unit = {"volume_zero": "m3", "piston_zero": "m"}.get(name, unit)  # these also take "first"
-    if unit is not None:
-        return unit or "-"
+    if unit:
+        return f"`{name}` [{unit}]"
     kinds = [info.annotation, *get_args(info.annotation)]
-    if any(get_origin(kind) is tuple for kind in kinds):
-        return "list"
-    if isinstance(info.default, bool):
-        return "true or false"
     kinds += [inner for kind in kinds for inner in get_args(kind)]
-    if float in kinds and str not in kinds:
-        return "number"
-    return "integer" if any(kind is int or type(kind) is int for kind in kinds) else "text"
+    if any(get_origin(kind) is tuple for kind in kinds):
+        return f"`{name}` (list)"
+    if info.default is None and int in kinds:
+        return f"`{name}` (integer)"
+    return f"`{name}`"
 
 
 def choices_of(info: FieldInfo) -> tuple[str | int, ...]:
     """Return the values that a field may have, where they are listed."""
-    for annotation in (info.annotation, *get_args(info.annotation)):
+    inner = [argument for one in get_args(info.annotation) for argument in (one, *get_args(one))]
+    for annotation in (info.annotation, *inner):
         if get_origin(annotation) is Literal:
             return get_args(annotation)
     return ()
 
 
-def default(info: FieldInfo, unit: str | None) -> str:
+def default(info: FieldInfo) -> str:
     """Return what a field is where a file does not have it."""
     if info.is_required():
-        return "**required**"
-    if info.default is None:
-        return "–"
-    if isinstance(info.default, bool):
-        return str(info.default).lower()
-    return f"{info.default:.12g}" if unit is not None else f"`{json.dumps(info.default)}`"
+        return "required"
+    if info.default is None or info.default == "":
+        return ""
+    if isinstance(info.default, float):
+        return f"{info.default:.12g}"
+    return f"`{json.dumps(info.default)}`"
 
 
 def meaning(model: type[BaseModel], name: str) -> str:
     """Return what a field means, its choices and its bounds other than > 0 and ≥ 0."""
     text, info = meanings(model).get(name, "which fields this table has"), model.model_fields[name]
-    annotation, choices = info.annotation, choices_of(info)
-    if len(choices) > 1:
-        text += "; one of " + ", ".join(f"`{json.dumps(choice)}`" for choice in choices)
-    limits = []
+    if len(choices := choices_of(info)) > 1:
+        text += "; " + ", ".join(f"`{json.dumps(choice)}`" for choice in choices)
     metadata = list(info.metadata)
-    for argument in get_args(annotation):
+    for argument in get_args(info.annotation):
         metadata += getattr(argument, "__metadata__", ())
-    for item in metadata:
-        for part in getattr(item, "metadata", [item]):
-            for name, sign in (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤")):
-                bound = getattr(part, name, None)
-                if bound is not None and (bound or name in ("lt", "le")):
-                    limits.append(f"{sign} {bound:g}")
-    return (text + (f" ({', '.join(limits)})" if limits else "")).replace("|", "\\|")
+    parts = [part for item in metadata for part in getattr(item, "metadata", [item])]
+    bounds = {sign: getattr(p, sign) for p in parts for sign in _SIGNS if hasattr(p, sign)}
+    least, most = bounds.get("ge"), bounds.get("le")
+    if least and most is not None:
+        text += f" ({least:g}...{most:g})"
+    else:
+        shown = [f"{_SIGNS[k]}{v:g}" for k, v in bounds.items() if v or k in ("lt", "le")]
+        text += f" ({', '.join(shown)})" if shown else ""
+    return text
 
 
 def tables(
-    model: type[BaseModel], path: _Path, seen: set[type[BaseModel]], kin: Sequence[type[BaseModel]]
+    model: type[BaseModel],
+    path: _Path,
+    seen: dict[type[BaseModel], str],
+    kin: Sequence[type[BaseModel]],
+    said: set[str],
 ) -> Iterator[str]:
-    """Yield a section for each table below `path`, each class once.
+    """Yield a section for each table below `path`, the fields of a class once.
 
     kin: the classes that may stand in place of `model`, itself among them.
     """
     for name, info in model.model_fields.items():
-        place = (*path, name)
+        place = dotted((*path, name))
         if get_origin(info.annotation) is dict:
-            yield from ("", f"### [{dotted(place)}]", "", sentence(meanings(model)[name]))
+            yield from ("", f"### [{place}]", "", sentence(meanings(model)[name]))
         listed = listed_model(info.annotation)
         if listed is not None and listed not in seen:
-            seen.add(listed)
-            yield from ("", f"### [[{dotted(place)}]]", "", inspect.cleandoc(listed.__doc__ or ""))
-            yield from ("", "Any number of these tables.")
+            seen[listed] = place
+            yield from ("", f"### [[{place}]]", "", inspect.cleandoc(listed.__doc__ or ""))
             yield from fields(listed)
         members = models_in(info.annotation)
+        optional = "" if info.is_required() else ", optional"
         for member in members:
-            if member in seen:
-                continue
-            seen.add(member)
             kind = "".join(f', kind = "{tag}"' for tag in tags_of(member))
-            yield from ("", f"### [{dotted(place)}]{kind}{of(member, name, kin)}", "")
-            yield inspect.cleandoc(member.__doc__ or "")
-            if not info.is_required():
-                yield from ("", "Optional.")
-            yield from fields(member, skip=("kind",))
-            yield from tables(member, place, seen, members)
+            heading = f"### [{place}]{kind}{of(member, name, kin)}{optional}"
+            if member not in seen:
+                seen[member] = place
+                yield from ("", heading, "", inspect.cleandoc(member.__doc__ or ""))
+                yield from fields(member, skip=("kind",), said=said)
+                yield from tables(member, (*path, name), seen, members, said)
+            elif seen[member] != place:
+                yield from ("", heading, "", f"{sentence(meanings(model)[name])[:-1]}: as")
+                yield f"[{seen[member]}]."
 
 
 def of(member: type[BaseModel], name: str, kin: Sequence[type[BaseModel]]) -> str:
@@ -171,17 +165,26 @@ def vehicle() -> Iterator[str]:
     """Yield the whole vehicle file."""
     yield from ("", "### At the top of the file")
     yield from fields(Vehicle)
-    yield from tables(Vehicle, (), set(), [Vehicle])
+    yield from tables(Vehicle, (), {}, [Vehicle], set())
 
 
 def laws() -> Iterator[str]:
-    """Yield each law and its parameters."""
-    units = {"voltage": "V", "volume": "m3", "volume change": "a change of volume, m3"}
+    """Yield the parameters of each law, by those of the law above that has the most of them."""
+    commands = {"voltage": "V", "volume": "m3", "volume change": "m3, a change"}
+    above = dict[str, list[str]]()
+    yield ""
     for law in (LAWS[name] for name in LAWS.own):
         names = [name for name in leaf_names(law.parameters) if name != "S_p"]
-        yield from ("", f"### {law.name}", "")
-        yield f"{sentence(law.summary)} Command: {units[law.command]}. Parameters:"
-        yield ", ".join(f"`{name}` [{law.units[name] or '-'}]" for name in names) + "."
+        own = [f"`{n}`" + (f" [{law.units[n]}]" if law.units[n] else "") for n in names]
+        like = max(above, key=lambda name: len(set(above[name]) & set(own)), default="")
+        less = [item.split()[0] for item in above.get(like, []) if item not in own]
+        more = [item for item in own if item not in above.get(like, [])]
+        listed = ", ".join(own)
+        if len(less) + len(more) < len(own):
+            parts = [("without", less), ("with", more)]
+            listed = ", ".join([f"as {like}", *(f"{w} {', '.join(it)}" for w, it in parts if it)])
+        yield f"- {law.name} [{commands[law.command]}]: {listed}"
+        above[law.name] = own
 
 
 def mission() -> Iterator[str]:
@@ -199,7 +202,7 @@ def mission() -> Iterator[str]:
     ):
         yield from ("", f"### {heading}", "", inspect.cleandoc(model.__doc__ or ""))
         yield from fields(model)
-        yield from tables(model, (heading.strip("[]"),), set(), ())
+        yield from tables(model, (heading.strip("[]"),), {}, (), set())
 
 
 def plan() -> Iterator[str]:
@@ -225,38 +228,31 @@ def log() -> Iterator[str]:
 
 
 def units() -> Iterator[str]:
-    """Yield every unit, a row for each kind."""
-    yield from ("", "| kind | units |", "|---|---|")
+    """Yield every unit, those of a kind together."""
     kinds = dict[Any, list[str]]()
     for name, unit in _UNITS.items():
-        kinds.setdefault(unit.dimension, []).append(name)
-    for names in kinds.values():
-        yield f"| {_KINDS[names[0]]} | {', '.join(f'`{name}`' for name in names)} |"
+        kinds.setdefault(unit.dimension, []).append(f"`{name}`")
+    yield from ("", "; ".join(map(", ".join, kinds.values())) + ".")
 
 
 def faults() -> Iterator[str]:
-    """Yield the kinds of faults, a table for each family."""
-    families = dict[str, list[Kind]]()
+    """Yield the kinds of faults: a list for each family, and in it for what they need."""
+    families = dict[str, dict[str, list[str]]]()
     for kind in KINDS.values():
-        families.setdefault(kind.family, []).append(kind)
-    for family, kinds in families.items():
-        yield from ("", f"### {family.capitalize()}", "")
-        yield from ("| kind | fault | severity | range from ... to |", "|---|---|---|---|")
-        for kind in kinds:
-            how = [f"needs {kind.needs}"] if kind.needs else []
-            how += ["from the start"] if kind.from_start else []
-            how += [] if kind.may_end else ["for good"]
-            words = kind.words + (f" ({'; '.join(how)})" if how else "")
-            sizes = ", then ".join(size(one) for one in (kind.first, kind.second) if one)
-            yield f"| {kind.name} | {words} | {sizes} | {kind.why} |"
+        marks = [f"**{kind.name}**", *([] if kind.may_end else ["(lasts)"])]
+        sizes = [size(one) for one in (kind.first, kind.second) if one and one.log]
+        text = f"- {' '.join(marks)}: {'; '.join([kind.words, *sizes])}"
+        families.setdefault(kind.family, {}).setdefault(kind.needs, []).append(text)
+    for family, groups in families.items():
+        yield from ("", f"### {family.capitalize()}")
+        for needs, items in sorted(groups.items()):
+            yield from ("", f"With {needs}:") if needs else ()
+            yield from ("", *items)
 
 
 def size(one: Range) -> str:
     """Return what a severity is drawn from."""
-    if not one.log:
-        return "either of two"
-    sign = "±" if one.either else ""
-    return f"{sign}{one.least:.3g} to {sign}{one.most:.3g} {one.unit}".rstrip()
+    return f"{'±' if one.either else ''}{one.least:.3g}...{one.most:.3g} {one.unit}".rstrip()
 
 
 MADE: dict[str, Callable[[], Iterator[str]]] = {

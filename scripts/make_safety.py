@@ -27,12 +27,9 @@ PAGE = ROOT / "docs" / "reference" / "safety.md"
 _HEAD = """\
 # Promises of the supervisor
 
-What [the supervisor](../explanation/supervisor.md) guarantees, why, which [faults](faults.md) the
-tests inject, and how many tests of which file below `tests/` show it. They carry the mark
-`promise("NAME")`; `scripts/make_safety.py` makes this page from the marks.
-
-| promise | reason | faults injected | tests |
-|---|---|---|---|
+What [the supervisor](../explanation/supervisor.md) guarantees and *why*, by how many tests it is
+shown, and which [faults](faults.md) they inject; the random missions of `swimbladder faults` inject
+all kinds, alone and in pairs. The tests carry the mark `promise("NAME")`.
 """
 
 
@@ -110,25 +107,19 @@ def wrong(said: dict[str, dict[str, str]], found: list[Shown]) -> Iterator[str]:
 
 
 def made(said: dict[str, dict[str, str]], found: list[Shown]) -> str:
-    """Return the page."""
-    rows = []
+    """Return the page: a list of the promises under each heading of the explanation."""
+    lists: dict[str, list[str]] = defaultdict(list)
     for name, text in said.items():
         mine = [one for one in found if one.promise == name]
-        tests: dict[str, set[str]] = defaultdict(set)
-        for one in mine:
-            tests[one.file.removeprefix("tests/")].add(one.test.removesuffix(_LONG))
-        anchor = text["explained"].lower().replace(" ", "-")
-        where = "" if text["explained"] == "The supervisor" else f"#{anchor}"
-        link = f"[{name}](../explanation/supervisor.md{where})"
+        count = len({(one.file, one.test) for one in mine})
         faults = ", ".join(sorted({fault for one in mine for fault in one.faults}))
-        files = ", ".join(f"`{file}` {len(names)}" for file, names in sorted(tests.items()))
-        rows.append(f"| {link}: {text['promise']} | {text['requirement']} | {faults} | {files} |\n")
-    alone = {fault for one in found for fault in one.faults}
-    rest = ", ".join(kind.name for kind in KINDS.values() if kind.name not in alone)
-    return (
-        f"{_HEAD}{''.join(rows)}\nFaults that only the random missions of `swimbladder faults` "
-        f"inject, which draw all kinds, alone and in pairs: {rest}.\n"
-    )
+        item = f"- **{name}** ({count}): {text['promise']} *{text['requirement']}*"
+        lists[text["explained"]].append(f"{item} Faults: {faults}.\n" if faults else f"{item}\n")
+    pages = []
+    for heading, items in lists.items():
+        where = "" if heading == "The supervisor" else f"#{heading.lower().replace(' ', '-')}"
+        pages.append(f"\n## [{heading}](../explanation/supervisor.md{where})\n\n{''.join(items)}")
+    return f"{_HEAD}{''.join(pages)}"
 
 
 def main(arguments: list[str]) -> int:

@@ -12,9 +12,8 @@ from tests.codegen.pool_day import pool_chip
 from tests.codegen.test_eva import library
 
 PAGE = (Path(__file__).parents[2] / "docs/reference/boards.md").read_text(encoding="utf-8")
-_BOUND = r"^\| {} \| {} \|(?: \d+)? \| \d+ \| \d+ \+ \d+ \| \d+ \| (\d+) \| (\d+) \|$"
-_MEASURED = r"^\| {} \| {} \|(?: \d+)? \| \d+ \| \d+ \+ (\d+) \| (\d+) \|"
-_MODELS = {"atmega328p": "ATmega328P", "atmega2560": "ATmega2560"}
+_BOUND = r"^\| {} \|(?: \d+)? \| \d+ \| \d+ \+ \d+ \| \d+ \| (\d+) \| (\d+) \|$"
+_MEASURED = r"^\| {} \|(?: \d+)? \| \d+ \| \d+ \+ (\d+) \| (\d+) \|"
 _START = "__ctors_end:\n call main\n1: rjmp 1b\n"
 _MAIN = """main:
  push r28
@@ -31,8 +30,8 @@ _MAIN = """main:
 """
 
 
-def page_row(form: str, name: str, mcu: str) -> tuple[int, int]:
-    ((stack, cycles),) = re.findall(form.format(name, _MODELS[mcu]), PAGE, re.MULTILINE)
+def page_row(form: str, name: str) -> tuple[int, int]:
+    ((stack, cycles),) = re.findall(form.format(name), PAGE, re.MULTILINE)
     return int(stack), int(cycles)
 
 
@@ -120,8 +119,11 @@ def test_so_it_does_in_a_pool_day(tmp_path):
 
 
 def _is_on_the_page(name: str, mcu: str, folder: Path) -> None:
+    """A row is of the small chip: "at most 8 B of stack and 5 % of cycles more" on the other."""
     found = machine.bounds(machine.library(name), folder, mcu)
-    stack, cycles = page_row(_BOUND, name, mcu)
+    stack, cycles = page_row(_BOUND, name)
+    if mcu != "atmega328p":
+        stack, cycles = stack + 8, round(1.05 * cycles)
     assert found.stack == pytest.approx(stack, rel=0.1), "python -m tests.codegen.machine"
     assert found.cycles == pytest.approx(cycles, rel=0.1), "python -m tests.codegen.machine"
 
@@ -140,11 +142,10 @@ def test_the_bounds_of_every_law_are_on_the_page(name, mcu, tmp_path):
     _is_on_the_page(name, mcu, tmp_path)
 
 
-@pytest.mark.parametrize("mcu", chip.MCUS)
 @pytest.mark.parametrize("name", machine.NAMES)
-def test_what_was_measured_is_within_the_bounds(name, mcu):
-    stack, cycles = page_row(_BOUND, name, mcu)
-    measured_stack, measured_cycles = page_row(_MEASURED, name, mcu)
+def test_what_was_measured_is_within_the_bounds(name):
+    stack, cycles = page_row(_BOUND, name)
+    measured_stack, measured_cycles = page_row(_MEASURED, name)
     assert stack - 10 < measured_stack <= stack
     assert measured_cycles < cycles
     assert cycles < 0.5 * 300_000 * 16  # of the shortest tick, 300 ms at 16 MHz

@@ -26,17 +26,20 @@ def test_every_part_of_the_schema_is_in_the_reference():
 
 
 def rows(page, heading=None):
-    """Return the tables of a page, or of a section: each {first column: the other cells}.
+    """Return the lists of names of a page, or of a section: each {name: what is said of it}.
 
-    A row of several names, `a`, `b`, is one for each.
+    An item of several names, "- `a`, `b`: both", is one for each; a table is such a list too.
     """
     text = (FOLDER / page).read_text(encoding="utf-8")
     if heading is not None:
         text = text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
     found = []
-    for block in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
-        lines = [re.split(r" (?<!\\)\| ", line.strip("| \n")) for line in block.splitlines()[2:]]
-        found.append({n.strip("`"): cells[1:] for cells in lines for n in cells[0].split(", ")})
+    for block in re.findall(r"(?:^\|.*\n)+|(?:^- `.*\n)+", text, re.MULTILINE):
+        if block.startswith("|"):
+            table = [re.split(r" (?<!\\)\| ", line.strip("| ")) for line in block.splitlines()[2:]]
+        else:
+            table = [re.split(r"(?<=`): ", line[2:], maxsplit=1) for line in block.splitlines()]
+        found.append({n.strip("`"): cells[1:] for cells in table for n in cells[0].split(", ")})
     return found
 
 
@@ -377,8 +380,9 @@ def test_what_vehicle_prints(capsys):
 
 
 def test_the_columns_of_a_log():
-    said = rows("log-format.md")[0]
-    assert {name: cells[0] for name, cells in said.items()} == COLUMNS
+    assert list(rows("log-format.md")[0]) == list(COLUMNS)
+    for name, unit in COLUMNS.items():  # "The suffix of a name is its unit"
+        assert name.endswith("_" + unit.replace("/", "_"))
 
 
 def test_the_shipped_log_formats_are_named():

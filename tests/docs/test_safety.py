@@ -61,10 +61,8 @@ def test_a_page_says_which_tests_and_faults():
             Shown("leak", "a.py", "T, test_b", ()),
         ],
     )
-    (row,) = [line for line in page.splitlines() if line.startswith("| [leak]")]
-    assert row.endswith(" | small leak | `a.py` 1 |")
-    assert promises()["leak"]["promise"] in row
-    rest = page.splitlines()[-1]
-    assert "small leak" not in rest
-    assert "large leak" in rest
-    assert PAGE.read_text(encoding="utf-8").startswith(page.split("| [leak]")[0])
+    (item,) = [line for line in page.splitlines() if line.startswith("- **leak** (1): ")]
+    assert item.endswith(" Faults: small leak.")
+    assert promises()["leak"]["promise"] in item
+    assert "\n## [Detectors](../explanation/supervisor.md#detectors)\n" in page
+    assert PAGE.read_text(encoding="utf-8").startswith(page.split("\n## ")[0])

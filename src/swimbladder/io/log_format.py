@@ -139,59 +139,59 @@ class LogFormat(Parameters):
     """The ``[log]`` table: how to read a log."""
 
     encoding: Encoding | None = None
-    """of the text; default: byte order mark, else UTF-8, else Latin-1"""
+    """default: byte order mark, else UTF-8, else Latin-1"""
     delimiter: Delimiter | None = None
-    """between fields; a blank: any blanks and tabs; default: from the header"""
+    """a blank: any blanks and tabs; default: from the header"""
     decimal: Literal[".", ","] = "."
-    """mark before the decimals"""
+    """decimal mark"""
     comment: str = Field("#", min_length=1, max_length=8)
-    """what a line begins with that is a remark"""
+    """beginning of remarks"""
     missing: tuple[str, ...] = ()
     """texts that stand for no number"""
     header_starts: str | None = Field(None, min_length=1)
-    """beginning of the header's line; earlier text is skipped; default: the first line with all
-    names needed"""
+    """beginning of the header's line, before which text is skipped; default: the first line with
+    all names needed"""
     names: tuple[str, ...] | None = Field(None, min_length=1)
-    """names of the columns of a file that has no header"""
+    """of columns, in a file without a header"""
     skip_lines: Annotated[int, Field(ge=0)] = 0
-    """lines at the top of the file to leave out"""
+    """at the top of the file"""
     units_row: bool = False
-    """whether the row below the names holds the units"""
+    """the row below the names holds units"""
     skip_rows: Annotated[int, Field(ge=0)] = 0
-    """rows to skip below names and units"""
+    """below names and units"""
     fields: Annotated[int, Field(ge=1)] | None = None
-    """fields in a row, if the header names fewer"""
+    """per row, if the header names fewer"""
     part: Annotated[int, Field(ge=1)] | None = None
-    """part of a file with repeated headers; default: all"""
+    """of a file with repeated headers; default: all"""
     bad_rows: Literal["refuse", "drop"] = "refuse"
-    """drop: skip rows with non-numbers"""
+    """rows with non-numbers"""
     rows: Literal["ordered", "sort"] = "ordered"
-    """sort: order rows by time instead of refusing"""
+    """`sort` orders by time instead of refusing"""
     tick: Annotated[float, Unit("s"), Field(gt=0.0), BeforeValidator(_tick)] | None = None
-    """length of a tick, for time_s in ticks; also in Hz"""
+    """of `time_s`; also in Hz"""
     counter_bits: Annotated[int, Field(ge=8, le=64)] | None = None
-    """width of a time counter that wraps to 0"""
+    """of a time counter that wraps to 0"""
     gap: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """longer steps are gaps; default: five times the median step"""
+    """least gap; default: five times the median step"""
     spikes: Literal["report", "drop"] = "report"
     """single samples far off"""
     volume_zero: Annotated[float | None, _zero("m3")] = None
-    """volume_m3 at mid-stroke; first: neutral at the first sample"""
+    """at mid-stroke; `first`: neutral at the first sample"""
     piston_zero: Annotated[float | None, _zero("m")] = None
-    """piston_m at mid-stroke; first: neutral at the first sample"""
+    """at mid-stroke; `first`: neutral at the first sample"""
     piston_positive: Literal["in", "out"] = "out"
-    """direction in which piston_m grows; out: more volume"""
+    """direction in which `piston_m` grows; `out`: more volume"""
     depth_positive: Literal["down", "up"] = "down"
     """direction in which depths and speeds grow"""
     water_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = None
-    """density that converts pressure_Pa into depth"""
+    """for pressure into depth"""
     gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = 9.80665
-    """gravity that converts pressure_Pa into depth"""
+    """for pressure into depth"""
     atmospheric_pressure: Annotated[float | str | None, BeforeValidator(_surface)] = None
-    """reading of pressure_Pa at the surface; gauge: 0; first: the first; first 10 s: their
-    median"""
+    """reading at the surface: a pressure, or `gauge` (0), `first` (sample), `first 10 s`
+    (median)"""
     logger_density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1300.0)] | None = None
-    """density that the logger used for depth_m, if not water_density"""
+    """used by the logger for `depth_m`, if not `water_density`"""
     depth_offset: Annotated[float, Unit("m")] = 0.0
     """added to the depth at the end; positive: deeper"""
     columns: LogColumns = LogColumns()

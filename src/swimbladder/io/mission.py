@@ -22,48 +22,47 @@ class Setpoint(Parameters):
     """A set-point."""
 
     time: Annotated[float, Unit("s"), Field(ge=0.0)]
-    """when the set-point begins to hold"""
+    """when it begins to hold"""
     depth: Annotated[float, Unit("m")]
-    """depth to go to"""
+    """target"""
 
 
 class Phase(Parameters):
     """A phase of a cycle.
 
-    descend and profile go to a depth and end there. park and hold stay at one: park corrects seldom
-    and lasts from its begin, hold from its arrival. surface comes up and floats.
+    descend and profile end at their depth. park and hold stay at theirs: park corrects seldom and
+    lasts from its begin, hold from its arrival. surface comes up and floats.
     """
 
     kind: Literal["descend", "park", "profile", "hold", "surface"]
-    """what is done"""
+    """of phase"""
     name: str = ""
-    """name in results; default: its kind"""
+    """in results; default: its kind"""
     depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """target depth; surface has none"""
+    """target; surface has none"""
     tolerance: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """distance that counts as arrived; default: that of the vehicle's law `rate`, else 10 m"""
+    """distance that counts as arrived; default: that of the law `rate`, else 10 m"""
     speed: Annotated[float, Unit("m/s"), Field(gt=0.0, le=5.0)] | None = None
-    """speed at which a sampled law's set-point moves (default: at once), or of the mission's own
-    rule (default: that of the law `rate`, else 10 cm/s)"""
+    """of a sampled law's set-point (default: it jumps), or of the mission's own rule (default: that
+    of the law `rate`, else 10 cm/s)"""
     duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """duration of park, hold and surface"""
+    """of park, hold and surface"""
     timeout: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time to arrive, then the next phase (after surface the mission ends); default: twice the way
-    and an hour; park has none"""
+    """to arrive, then the next phase begins (after surface the mission ends); default: twice the
+    way and an hour; park has none"""
     check_interval: Annotated[float, Unit("s"), Field(ge=0.1)] | None = None
-    """time between two samples of depth and speed; default: park 10 min, else that of the law
-    `rate`, or 60 s"""
+    """between samples of depth and speed; default: park 10 min, else that of the law `rate`, or 60
+    s"""
     law: str | None = None
-    """law of the phase; default: the controller's; `rate` in every phase: the mission's own rule"""
+    """default: the controller's; `rate` in every phase: the mission's own rule"""
     parameters: LawNumbers = Field(default_factory=dict)
-    """parameters of that law; default: the controller's, if it has the same law"""
+    """of that law; default: the controller's, if it has the same law"""
     sample_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """sample time of that law; default: the controller's"""
+    """of that law; default: the controller's"""
     grounding: Literal["next", "stay", "shift"] | None = None
-    """when grounded: go on, stay, or shift the depth above the bottom; default: park and hold stay,
-    others go on"""
+    """go on, stay, or shift the depth above the bottom; default: park and hold stay"""
     rest_band: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """park or hold: distance within which law and actuator rest; default: never"""
+    """distance within which law and actuator rest in park or hold; default: never"""
 
     @property
     def title(self) -> str:
@@ -101,37 +100,37 @@ class Safety(Parameters):
     """Limits of a mission."""
 
     deepest: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth below which all volume is moved out and the mission ends; default: the depth limit"""
+    """below it all volume is moved out and the mission ends; default: the depth limit"""
     stroke: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = 0.05
-    """share of the stroke to be left at either end"""
+    """share to be left at either end"""
     battery: Annotated[float, Unit(""), Field(ge=0.0, lt=1.0)] = 0.1
-    """battery share below which no cycle begins"""
+    """share below which no cycle begins"""
 
 
 class Grounding(Parameters):
-    """How a vehicle detects the bottom, and what it does then.
+    """Detection of the bottom, and what follows.
 
-    It is grounded if its depth does not change for a time after it let in a volume, or all that it
-    can. With this table phases may be deeper than bottom_depth.
+    A vehicle is grounded if its depth does not change for a time after it let in a volume, or all
+    that it can. With this table phases may be deeper than bottom_depth.
     """
 
     volume: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """let in without change of depth; default: a tenth of the stroke"""
+    """let in without a change of depth; default: a tenth of the stroke"""
     change: Annotated[float, Unit("m"), Field(gt=0.0)] = 1.0
-    """smallest change of depth that counts"""
+    """of depth that counts"""
     time: Annotated[float, Unit("s"), Field(ge=0.0)] = 60.0
-    """without a change of depth after that"""
+    """without a change after that"""
     shift: Annotated[float, Unit("m"), Field(gt=0.0)] = 100.0
-    """height above the bottom at which a shifted phase goes on; too near the surface it stays"""
+    """above the bottom; too near the surface a phase stays"""
     least_depth: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
-    """bottom depth from which phases shift; shallower they stay"""
+    """of the bottom, from which phases shift; shallower they stay"""
 
 
 class Ice(Parameters):
     """Avoidance of ice at the surface by the temperature on the way up.
 
-    If the median temperature in a layer is that of ice, the vehicle turns back at the top of the
-    layer: its surface phase ends there, and the next one begins.
+    If the median temperature in a layer is that of ice, the surface phase ends at the top of the
+    layer, and the next phase begins.
     """
 
     temperature: Annotated[float, Unit("degC"), Field(ge=-3.0, le=40.0)] = -1.79
@@ -141,9 +140,9 @@ class Ice(Parameters):
     stop_depth: Annotated[float, Unit("m"), Field(gt=0.0)] = 20.0
     """upper edge, where it turns back"""
     wait: Annotated[float, Unit("s"), Field(ge=0.0)] = 0.0
-    """time after ice in which it turns back in any case"""
+    """after ice; until then it turns back in any case"""
     longest: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time without surfacing after which it surfaces in any case; default: never"""
+    """without surfacing, then it surfaces in any case; default: never"""
 
     def check(self) -> None:
         """Refuse edges that do not go together."""
@@ -156,24 +155,23 @@ class Mission(Parameters):
     """What a vehicle is asked to do: set-points (`simulate`), or phases in cycles (`mission`)."""
 
     schema_version: Literal[1] = 1
-    """version of this file's format"""
+    """of this format"""
     name: str = ""
-    """what the mission is called"""
+    """of the mission"""
     description: str = ""
-    """one sentence on the mission"""
+    """one sentence"""
     start_depth: Annotated[float, Unit("m")] = 0.0
-    """depth of rest at the start; required with set-points; with phases 0 is afloat, all volume
-    out"""
+    """at rest; required with set-points; with phases 0 is afloat, all volume out"""
     start_temperature: Annotated[float, Unit("degC"), Field(ge=-40.0, le=80.0)] | None = None
-    """hull temperature at the start, with a hull.thermal_time_constant; default: the water's"""
+    """of the hull, with a `thermal_time_constant`; default: the water's"""
     bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth of the bottom; default: none"""
+    """default: none"""
     duration: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """duration; required with set-points; with phases no cycle begins after it"""
+    """required with set-points; with phases no cycle begins after it"""
     latitude: Annotated[float, Unit("deg"), Field(ge=-90.0, le=90.0)] | None = None
     """north positive, for a cast without latitude"""
     cycles: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """repetitions of the phases; default: once, or for `duration`"""
+    """default: once, or for `duration`"""
     setpoints: tuple[Setpoint, ...] = ()
     """set-points in order of time, the first at 0"""
     phases: tuple[Phase, ...] = ()

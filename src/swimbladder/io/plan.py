@@ -27,15 +27,15 @@ _Series = Annotated[tuple[Annotated[float, Field(strict=True)], ...], Field(min_
 class Move(Parameters):
     """A change of volume at the release, or when the depth passes a value.
 
-    The volume is relative to that at rest, and stays until the next move.
+    It stays until the next move.
     """
 
     volume: Annotated[float, Unit("m3")]
-    """volume to go to, relative to that at rest; positive: lighter"""
+    """above that at rest"""
     depth: _Length | None = None
-    """depth at which it happens; default: at the release"""
+    """where it happens; default: at the release"""
     going: Literal["up", "down"] | None = None
-    """direction in which the depth is passed"""
+    """direction there"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
@@ -65,13 +65,13 @@ class PlannedExperiment(Parameters):
     """One release: from rest at a depth, through its moves, to the end of the record."""
 
     start_depth: _Length
-    """depth of rest before the release"""
+    """at rest"""
     longest: Annotated[float, Unit("s"), Field(gt=0.0)]
-    """latest end of the record after the release"""
+    """latest end after the release"""
     settling: _Time = 0.0
-    """time expected to come to rest"""
+    """expected, to come to rest"""
     duration: _Time = 0.0
-    """time expected from release to the end of the record"""
+    """expected, from release to end"""
     moves: Annotated[tuple[Move, ...], Field(min_length=1)]
     """changes of volume, in order"""
     trace: Trace | None = None
@@ -94,36 +94,36 @@ class Expected(Parameters):
     value: float
     """assumed, in `unit`"""
     std: Annotated[float, Field(ge=0.0)]
-    """standard deviation expected"""
+    """standard deviation"""
     unit: str
-    """of value and std"""
+    """of both"""
 
 
 class Plan(Parameters):
     """Experiments in a pool, in the order in which to run them."""
 
     schema_version: Literal[1] = 1
-    """version of this file's format"""
+    """of this format"""
     name: str = ""
-    """what the plan is called"""
+    """of the plan"""
     vehicle: str = ""
-    """name of the vehicle that it is made for"""
+    """name"""
     pool_depth: Annotated[float, Unit("m"), Field(gt=0.0)]
-    """depth of the bottom"""
+    """of the bottom"""
     shallowest: _Length
-    """depth above which a record ends"""
+    """above it a record ends"""
     deepest: _Length
-    """depth below which a record ends"""
+    """below it a record ends"""
     sample_time: Annotated[float, Unit("s"), Field(gt=0.0)]
-    """time between two samples of the record"""
+    """of the record"""
     rest: _Time = 0.0
-    """time on record before each release, at rest"""
+    """recorded before each release"""
     depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
-    """assumed white noise of the depth, 1 sigma"""
+    """assumed white noise, 1 sigma"""
     depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
-    """step between two depths that the sensor resolves"""
+    """resolution"""
     neutral_std: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """uncertainty of the neutral volume at rest, 1 sigma; default: unknown"""
+    """1 sigma of the neutral volume at rest"""
     expected: tuple[Expected, ...] = ()
     """expected errors"""
     experiments: Annotated[tuple[PlannedExperiment, ...], Field(min_length=1)]

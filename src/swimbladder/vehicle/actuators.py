@@ -25,18 +25,18 @@ Phase = Literal["descend", "park", "profile", "hold", "surface"]
 
 
 class Supply(Parameters):
-    """The battery."""
+    """The battery, which every voltage-driven actuator needs."""
 
     voltage: Annotated[float, Unit("V"), Field(gt=0.0)]
     """open-circuit voltage"""
     internal_resistance: Annotated[float, Unit("ohm"), Field(ge=0.0)] = 0.0
-    """resistance of battery and leads"""
+    """of battery and leads"""
     capacity: Annotated[float, Unit("J"), Field(gt=0.0)] | None = None
-    """energy in the full battery at 20 degC; default: unknown"""
+    """energy when full, at 20 degC"""
     cold_share: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = 1.0
-    """share of the capacity available at 0 degC, linear in between"""
+    """of the capacity at 0 degC, linear in between"""
     self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = 0.0
-    """share of what is in it that is lost per time"""
+    """of the charge"""
 
 
 class Driver(Parameters):
@@ -46,24 +46,24 @@ class Driver(Parameters):
     """
 
     efficiency: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = 1.0
-    """share of the battery's power that reaches the motor"""
+    """of the power"""
     standby_power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
-    """power it draws all the time, beside that of the motor"""
+    """drawn all the time"""
     regenerates: StrictBool = False
-    """whether a motor driven by the sea charges the battery"""
+    """a motor driven by the sea charges the battery"""
 
 
 class Load(Parameters):
-    """Another consumer of the battery, counted by `mission`: a processor, a radio."""
+    """Another consumer, counted by `mission`: a processor, a radio."""
 
     name: str = Field(min_length=1)
-    """what draws it"""
+    """of the consumer"""
     power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
-    """power while it is on"""
+    """while on"""
     phases: tuple[Phase, ...] = ()
-    """mission phases in which it is on; empty: all"""
+    """in which it is on; empty: all"""
     energy_per_surfacing: Annotated[float, Unit("J"), Field(ge=0.0)] = 0.0
-    """energy of what it does once at each surfacing"""
+    """once at each"""
 
 
 _Efficiency = Annotated[float, Unit(""), Field(gt=0.0, le=1.0)]
@@ -73,19 +73,19 @@ class Motor(Parameters):
     """A voltage-driven permanent-magnet DC motor (Figs 2-3)."""
 
     resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)]
-    """winding resistance R"""
+    """of the winding, R"""
     torque_constant: Annotated[float, Unit("N m/A"), Field(gt=0.0)]
-    """torque constant k_T"""
+    """k_T"""
     emf_constant: Annotated[float, Unit("V s/rad"), Field(gt=0.0)] | None = None
-    """back electromotive force constant k_emf; equal to k_T where not given"""
+    """k_emf; default: k_T"""
     inductance: Annotated[float, Unit("H"), Field(ge=0.0)] = 0.0
-    """winding inductance L"""
+    """of the winding, L"""
     rotor_inertia: Annotated[float, Unit("kg m2"), Field(gt=0.0)]
-    """inertia of the rotor J_m"""
+    """J_m"""
     viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = 0.0
-    """viscous friction of the motor B_m"""
+    """of the motor, B_m"""
     friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = 0.0
-    """dry friction T_b: bearings, brushes, eddy currents"""
+    """dry friction at the motor shaft, T_b"""
 
     @property
     def k_emf(self) -> float:
@@ -97,28 +97,28 @@ class Oil(Parameters):
     """The oil of an electrohydraulic drive (eqs 1-2)."""
 
     volume: Annotated[float, Unit("m3"), Field(gt=0.0)]
-    """oil between the pump and the bladder or piston V_oil"""
+    """between pump and bladder or piston, V_oil"""
     bulk_modulus: Annotated[float, Unit("Pa"), Field(gt=0.0)] = 1.5e9
-    """bulk modulus of the pure oil"""
+    """of the pure oil"""
     trapped_air: Annotated[float, Unit(""), Field(ge=0.0, lt=0.5)] = 0.0
-    """share of air in the oil, by volume at atmospheric pressure"""
+    """share of the volume at atmospheric pressure"""
 
 
 class HydraulicDrive(Parameters):
     """Pump, pressure amplifier and bladder (Fig. 4, eqs 1-8)."""
 
     pump_displacement: Annotated[float, Unit("m3/rev"), Field(gt=0.0)]
-    """displacement of the pump D_p"""
+    """D_p"""
     pump_efficiency: _Efficiency
-    """mechanical efficiency of the pump eta_p"""
+    """mechanical, eta_p"""
     area_ratio: Annotated[float, Unit(""), Field(gt=0.0)] = 1.0
-    """pressure amplifier n_h = A1/A2; 1 without one"""
+    """of the pressure amplifier, n_h = A1/A2"""
     pump_leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
-    """leakage flow per unit pump pressure k_pl"""
+    """k_pl"""
     reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = 0.0
-    """inertia of pump, oil, piston and displaced water, at the motor shaft"""
+    """of transmission and moved water, at the motor shaft"""
     viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = 0.0
-    """viscous friction of pump and piping, at the motor shaft"""
+    """of the transmission, at the motor shaft"""
     oil: Oil | None = None
     """the oil, to see how far it gives way (eqs 1-2)"""
 
@@ -127,20 +127,19 @@ class ScrewDrive(Parameters):
     """Gearbox, spindle and piston (Fig. 6)."""
 
     lead: Annotated[float, Unit("m/rev"), Field(gt=0.0)]
-    """travel of the piston per turn of the spindle"""
+    """of the spindle"""
     gear_ratio: Annotated[float, Unit(""), Field(ge=1.0)] = 1.0
-    """turns of the motor per turn of the spindle"""
+    """motor over spindle"""
     efficiency: _Efficiency
-    """efficiency of gearbox and spindle eta_e"""
+    """of gearbox and spindle, eta_e"""
     back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = None
-    """share of the load that drives the motor back; 0 or below: self-locking; default: the
-    efficiency"""
+    """of the load that drives the motor back; 0 or below: self-locking; default: `efficiency`"""
     piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
-    """area of the piston in contact with the water A"""
+    """A"""
     reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = 0.0
-    """inertia of screw drive and displaced water, at the motor shaft"""
+    """of transmission and moved water, at the motor shaft"""
     viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = 0.0
-    """viscous friction of the transmission, at the motor shaft"""
+    """of the transmission, at the motor shaft"""
 
     @property
     def transmission_pitch(self) -> float:
@@ -153,11 +152,11 @@ class ElectrohydraulicActuator(Parameters):
 
     kind: Literal["electrohydraulic"] = "electrohydraulic"
     motor: Motor
-    """the motor"""
+    """its motor"""
     drive: HydraulicDrive
     """pump, pressure amplifier and bladder"""
     literal_efficiency: StrictBool = False
-    """divide the load by the efficiency in both directions, as eq. (7) prints"""
+    """divide the load by the efficiency in both directions, as the paper prints"""
 
 
 class ElectromechanicalActuator(Parameters):
@@ -165,42 +164,41 @@ class ElectromechanicalActuator(Parameters):
 
     kind: Literal["electromechanical"] = "electromechanical"
     motor: Motor
-    """the motor"""
+    """its motor"""
     drive: ScrewDrive
     """gearbox, spindle and piston"""
     literal_efficiency: StrictBool = False
-    """divide the load by the efficiency in both directions, as k_ze prints"""
+    """divide the load by the efficiency in both directions, as the paper prints"""
 
 
 class UnifiedActuator(Parameters):
-    """The unified actuator of Fig. 8, Table 1 and eqs 11-12, its constants given directly."""
+    """The unified actuator of Fig. 8, Table 1 and eqs 11-12, by its constants."""
 
     kind: Literal["unified"] = "unified"
     inertia: Annotated[float, Unit("kg m2"), Field(gt=0.0)]
-    """inertia of all that turns, at the motor shaft, lambda"""
+    """of all that turns, at the motor shaft, lambda"""
     k_u: Annotated[float, Unit("N m/V"), Field(gt=0.0)]
-    """stall torque per volt k_u"""
+    """stall torque per volt"""
     k_v: Annotated[float, Unit("N m s/rad"), Field(gt=0.0)]
-    """torque lost per motor speed k_v"""
+    """torque lost per motor speed"""
     k_q: Annotated[float, Unit("m3/rad"), Field(gt=0.0)]
-    """volume per motor angle k_q"""
+    """volume per motor angle"""
     k_z: Annotated[float, Unit("N m/m"), Field(ge=0.0)]
-    """load torque per depth while the motor drives against the pressure k_z"""
+    """torque per depth while driving against the pressure"""
     k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = 0.0
-    """volume leaked per time and depth k_l"""
+    """leakage per depth"""
     efficiency: _Efficiency | None = None
-    """efficiency of the transmission; back-driving multiplies the load by it; default: unknown"""
+    """of the transmission"""
     back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = None
-    """share of the load that drives the motor back; 0 or below: self-locking; default:
-    `efficiency`"""
+    """of the load that drives the motor back; 0 or below: self-locking; default: `efficiency`"""
     friction_torque: Annotated[float, Unit("N m"), Field(ge=0.0)] = 0.0
-    """dry friction at the motor shaft T_b"""
+    """dry friction at the motor shaft, T_b"""
     resistance: Annotated[float, Unit("ohm"), Field(gt=0.0)] | None = None
-    """winding resistance R, for current and power"""
+    """of the winding, for current and power"""
     emf_constant: Annotated[float, Unit("V s/rad"), Field(gt=0.0)] | None = None
-    """back electromotive force constant k_emf, for current"""
+    """k_emf, for current"""
     literal_efficiency: StrictBool = False
-    """divide the load by the efficiency in both directions, as printed"""
+    """divide the load by the efficiency in both directions, as the paper prints"""
 
     @property
     def k_z_back(self) -> float:
@@ -230,15 +228,15 @@ class IdentifiedActuator(Parameters):
     K1: Annotated[float, Unit("m/s/V"), Field(gt=0.0)]
     """piston speed per volt, eq. (23)"""
     T1: Annotated[float, Unit("s"), Field(gt=0.0)]
-    """time constant of the motor lambda/k_v, eq. (24)"""
+    """lambda/k_v, eq. (24)"""
     piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
-    """area of the piston in contact with the water A"""
+    """A"""
     depth_voltage: Annotated[float, Unit("V/m"), Field(ge=0.0)] = 0.0
-    """voltage that holds the piston against a metre of water k_z/k_u"""
+    """to hold the piston, per metre, k_z/k_u"""
     dead_zone: Annotated[float, Unit("V"), Field(ge=0.0)] = 0.0
-    """voltage below which the motor does not start, T_b/k_u"""
+    """T_b/k_u"""
     k_l: Annotated[float, Unit("m2/s"), Field(ge=0.0)] = 0.0
-    """volume leaked per time and depth k_l"""
+    """leakage per depth"""
 
 
 class Positioner(Parameters):
@@ -246,13 +244,13 @@ class Positioner(Parameters):
 
     kind: Literal["positioner"] = "positioner"
     speed: Annotated[float, Unit("m/s"), Field(gt=0.0)]
-    """speed of the piston"""
+    """of the piston"""
     piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
-    """area of the piston in contact with the water A"""
+    """A"""
     moving_power: Annotated[float, Unit("W"), Field(ge=0.0)] | None = None
-    """electrical power of the motor while moving, without the driver's; default: unknown"""
+    """of the motor, without the driver"""
     holding_power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
-    """electrical power of the motor while the piston is held"""
+    """of the motor"""
 
 
 _ATMOSPHERE = 101325.0  # Pa, at which the share of trapped air counts
@@ -262,56 +260,56 @@ _VACUUM = 1e3  # Pa; a gas rotary pump goes no lower, and oil gives off what it 
 class PowerLawPump(Parameters):
     """A pump with delivery and electrical power linear in the pressure.
 
-    The power is that at the supply's terminals, driver included. `swimbladder energy --fit` fits
-    these numbers to logged runs.
+    The power is that of the supply, with the driver. `swimbladder energy --fit` fits these numbers
+    to logged runs.
     """
 
     kind: Literal["power-law"] = "power-law"
     delivery: Annotated[float, Unit("m3/s"), Field(gt=0.0)]
-    """volume pressed out per time against no pressure"""
+    """against no pressure"""
     slip: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
     """delivery lost per pressure; `line` empties through it at rest"""
     idle_power: Annotated[float, Unit("W"), Field(ge=0.0)]
-    """electrical power while it runs against no pressure"""
+    """against no pressure"""
     power_per_pressure: Annotated[float, Unit("W/Pa"), Field(ge=0.0)]
-    """what the electrical power grows by per pressure"""
+    """growth of the power per pressure"""
     power_per_temperature: Annotated[float, Unit("W/K"), Field(le=0.0, ge=-10.0)] = 0.0
-    """electrical power gained per kelvin above 15 degC (warm oil is thinner)"""
+    """change of the power per kelvin above 15 degC"""
     stall_pressure: Annotated[float, Unit("Pa"), Field(gt=0.0)] | None = None
-    """pressure at which the motor stops or a relief valve opens; default: zero delivery by slip"""
+    """where the motor stops or a relief valve opens; default: by slip"""
 
 
 class DatasheetPump(Parameters):
     """A pump from the datasheets of motor and pump (eqs 3-8).
 
-    Its efficiency follows from `pump_efficiency`, viscous and dry friction, and leakage.
+    Its efficiency follows from `pump_efficiency`, friction and leakage.
     """
 
     kind: Literal["datasheet"] = "datasheet"
     motor: Motor
-    """the motor"""
+    """its motor"""
     drive: HydraulicDrive
     """pump and pressure amplifier"""
     speed: Annotated[float, Unit("rad/s"), Field(gt=0.0)] | None = None
-    """motor speed held while the supply allows; default: full voltage"""
+    """of the motor, while the supply allows; default: full voltage"""
 
 
 class CurvePump(Parameters):
     """A pump by its measured curve: delivery and electrical power over pressure.
 
     A smooth curve without overshoot; constant below the first pressure, no delivery beyond the
-    last. The power is that at the supply's terminals, driver included.
+    last. The power is that of the supply, with the driver.
     """
 
     kind: Literal["curve"] = "curve"
     pressure: tuple[Annotated[float, Unit("Pa"), Field(ge=0.0)], ...] = Field(min_length=2)
-    """pressures that the pump beats, rising"""
+    """rising"""
     delivery: tuple[Annotated[float, Unit("m3/s"), Field(ge=0.0)], ...]
-    """volume pressed out per time at each, falling or level"""
+    """at each, falling or level"""
     power: tuple[Annotated[float, Unit("W"), Field(ge=0.0)], ...]
-    """electrical power at each"""
+    """at each"""
     slip: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
-    """backflow per pressure at rest, through which `line` empties"""
+    """delivery lost per pressure; `line` empties through it at rest"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
@@ -335,11 +333,11 @@ class Valve(Parameters):
     """
 
     flow: Annotated[float, Unit("m3/s/Pa^0.5"), Field(gt=0.0)]
-    """flow per root of the pressure difference, C_d A (2/rho_oil)^0.5"""
+    """C_d A (2/rho_oil)^0.5"""
     laminar_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=1e8)] = 0.0
-    """pressure difference far below which the flow is laminar"""
+    """far below it the flow is laminar"""
     power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
-    """electrical power while it is open"""
+    """while open"""
 
 
 class PumpAndValve(Parameters):
@@ -358,18 +356,17 @@ class PumpAndValve(Parameters):
     line: Oil | None = None
     """oil between pump and check valve, which must reach the sea's pressure before delivery"""
     internal_pressure: Annotated[float, Unit("Pa"), Field(ge=0.0, le=2e5)] = 101325.0
-    """absolute pressure of the gas in the hull around the oil reservoir"""
+    """absolute, of the gas around the oil reservoir"""
     leakage: Annotated[float, Unit("m3/s/Pa"), Field(ge=0.0)] = 0.0
-    """volume that seeps in per time and pressure while nothing runs"""
+    """inward, at rest"""
     creep: Annotated[float, Unit("m3/s"), Field(ge=0.0, le=1e-6)] = 0.0
-    """volume lost per time at rest at any pressure (cooling oil, settling seals), made up by
-    pumping"""
+    """volume lost at rest at any pressure (cooling oil, settling seals), made up by pumping"""
     quantum: Annotated[float, Unit("s"), Field(ge=0.0)] = 0.0
-    """step of run times, and the shortest one"""
+    """step of run times, and the shortest"""
     start_volume: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
-    """volume lost at each start of the pump, beside `line`"""
+    """lost at each start of the pump, beside `line`"""
     longest_run: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """longest run of the pump in one action; default: no limit"""
+    """of the pump, in one action; default: no limit"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""

@@ -30,17 +30,16 @@ _ROUNDING = 1e-4  # share of the displaced volume by which its parts may miss it
 
 
 class Water(Parameters):
-    """The water the vehicle moves in, of constant density."""
+    """The water, of constant density."""
 
     density: Annotated[float, Unit("kg/m3"), Field(ge=900.0, le=1100.0)] = 1000.0
-    """density of the water rho"""
+    """rho"""
     gravity: Annotated[float, Unit("m/s2"), Field(ge=9.7, le=9.9)] = 9.80665
-    """gravity g"""
+    """g"""
     compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-9)] = 4.4e-10
-    """compressibility of this water, beyond which psi counts; sea water near the surface (TEOS-10),
-    fresh water 4.7e-10"""
+    """that psi is relative to; the default is sea water at the surface, fresh water 4.7e-10"""
     temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = 15.0
-    """temperature in which trim_error holds"""
+    """in which `trim_error` holds"""
 
     @property
     def specific_weight(self) -> float:
@@ -52,11 +51,11 @@ class Stroke(Parameters):
     """The volume change that the end stops allow; 0 is mid-stroke, positive is lighter."""
 
     minimum: Annotated[float, Unit("m3")]
-    """volume with the piston fully in"""
+    """with the piston in"""
     maximum: Annotated[float, Unit("m3")]
-    """volume with the piston fully out"""
+    """with the piston out"""
     switch_margin: Annotated[float, Unit("m3"), Field(ge=0.0)] | None = None
-    """volume before either end stop at which a limit switch cuts the command at the next sample;
+    """volume between limit switches, which cut the command at the next sample, and end stops;
     default: no switches"""
 
     @property
@@ -82,45 +81,44 @@ class Stroke(Parameters):
 
 
 class HullPart(Parameters):
-    """A component that displaces water: a tube, a dome, foam, the oil outside it."""
+    """A component that displaces water: a tube, a dome, foam, oil outside."""
 
     name: str = Field(min_length=1)
-    """what the part is called"""
+    """of the part"""
     volume: Annotated[float, Unit("m3"), Field(gt=0.0)]
-    """volume displaced at the surface at reference_temperature"""
+    """at the surface, at `reference_temperature`"""
     compressibility: Annotated[float, Unit("1/Pa"), Field(ge=0.0, le=1e-7)]
-    """relative volume lost per pressure"""
+    """relative"""
     thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = 0.0
-    """relative volume gained per kelvin (three times the linear expansion)"""
+    """of the volume, three times the linear one"""
     stiffening: Annotated[float, Unit("1/Pa2"), Field(ge=-1e-14, le=1e-14)] = 0.0
-    """compressibility lost per pressure, down to 0; negative: gained"""
+    """compressibility lost per pressure, down to 0"""
 
 
 class Hull(Parameters):
     """Displacement, compression and emergence of the body."""
 
     displaced_volume: Annotated[float, Unit("m3"), Field(gt=0.0)]
-    """volume displaced at mid-stroke V_p"""
+    """at mid-stroke, V_p"""
     psi: Annotated[float, Unit("m3/m"), Field(ge=-1e-3, le=1e-3)]
-    """volume lost per metre beyond what the water does, eq. (31); negative: stiffer than water"""
+    """compression beyond the water's, eq. (31); negative: stiffer than water"""
     waterplane_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
-    """cross-section of the hull at the water line"""
+    """at the water line"""
     emergence_depth: Annotated[float, Unit("m")] = 0.0
-    """depth of the pressure sensor when the hull begins to emerge"""
+    """of the pressure sensor when the hull begins to emerge"""
     height: Annotated[float, Unit("m"), Field(gt=0.0)]
-    """height of the part of the hull that can emerge"""
+    """of the part that can emerge"""
     depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth the vehicle is rated for; not given: not stated"""
+    """rating"""
     trapped_air: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
-    """air outside the hull, within displaced_volume, at the surface (Boyle's law, beside psi); for
-    ballast, mission and casts"""
+    """outside the pressure hull, part of `displaced_volume`, compressed beside psi; for ballast,
+    mission and casts"""
     reference_temperature: Annotated[float, Unit("degC"), Field(ge=-5.0, le=60.0)] = 15.0
-    """temperature of the hull at which it displaces displaced_volume"""
+    """of the hull, for `displaced_volume`"""
     thermal_expansion: Annotated[float, Unit("1/K"), Field(ge=-1e-3, le=1e-2)] = 0.0
-    """relative volume gained per kelvin, of a hull without parts"""
+    """of the volume of a hull without parts"""
     thermal_time_constant: Annotated[float, Unit("s"), Field(ge=0.0, le=1e6)] = 0.0
-    """time constant to the water's temperature, 0: none; for mission, campaign and logs with
-    temperature"""
+    """to the water's temperature; for mission, campaign and logs with temperature"""
     parts: tuple[HullPart, ...] = ()
     """components of displaced_volume, for ballast, mission and casts; default: one that follows
     from psi"""
@@ -150,20 +148,20 @@ class Hull(Parameters):
 class Drag(Parameters):
     """Hydrodynamic drag, eq. (16), symmetric in speed but for `rising_ratio`.
 
-    linear: k_dl w. quadratic: k_dt w|w|. blended: k_dl w + k_dt w|w|. switched: laminar up to
-    epsilon, turbulent above, continuous. switched-literal: eq. (16) as printed, which jumps.
+    blended: k_dl w + k_dt w|w|. switched: laminar up to epsilon, turbulent above, continuous.
+    switched-literal: eq. (16) as printed, which jumps.
     """
 
     law: Literal["linear", "quadratic", "switched", "switched-literal", "blended"] = "linear"
-    """how the drag grows with speed"""
+    """drag law"""
     k_dl: Annotated[float, Unit("N s/m"), Field(ge=0.0)] = 0.0
-    """laminar drag coefficient"""
+    """laminar"""
     k_dt: Annotated[float, Unit("N s2/m2"), Field(ge=0.0)] = 0.0
-    """turbulent drag coefficient"""
+    """turbulent"""
     epsilon: Annotated[float, Unit("m/s"), Field(ge=0.0)] = 0.0
-    """speed at which drag turns turbulent"""
+    """speed at which it turns turbulent"""
     rising_ratio: Annotated[float, Unit(""), Field(ge=0.1, le=10.0)] = 1.0
-    """drag while rising over drag while sinking; for mission, ballast, energy and size"""
+    """drag rising over sinking; for mission, ballast, energy and size"""
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
@@ -183,11 +181,11 @@ class PhysicalMotion(Parameters):
 
     kind: Literal["physical"] = "physical"
     dry_mass: Annotated[float, Unit("kg"), Field(gt=0.0)]
-    """mass of the vehicle in air"""
+    """in air"""
     entrained_mass: Annotated[float, Unit("kg"), Field(ge=0.0)] = 0.0
-    """mass of the water enclosed in free-flooded spaces"""
+    """water in flooded spaces"""
     added_mass: Annotated[float, Unit("kg"), Field(ge=0.0)] = 0.0
-    """mass of the water accelerated around the hull"""
+    """of the water around the hull"""
     drag: Drag
     """hydrodynamic drag, eq. (16)"""
 
@@ -197,9 +195,9 @@ class IdentifiedMotion(Parameters):
 
     kind: Literal["identified"] = "identified"
     K2: Annotated[float, Unit("1/m2/s"), Field(gt=0.0)]
-    """speed per volume rho g/k_dl, eq. (28)"""
+    """rho g/k_dl, eq. (28)"""
     T2: Annotated[float, Unit("s"), Field(gt=0.0)]
-    """time constant m/k_dl, eq. (29)"""
+    """m/k_dl, eq. (29)"""
 
 
 Motion = Annotated[PhysicalMotion | IdentifiedMotion, Field(discriminator="kind")]
@@ -217,38 +215,38 @@ class Between(Parameters):
     psi: Annotated[float, Unit("m3/m"), Field(ge=0.0)]
     """of psi"""
     drag: Annotated[float, Unit(""), Field(ge=0.0)]
-    """of the drag, both coefficients together, as a share"""
+    """as a share"""
     neutral_drift: Annotated[float, Unit("m3/s")] = 0.0
-    """mean of the neutral volume's steady growth"""
+    """mean growth of the neutral volume"""
     neutral_drift_std: Annotated[float, Unit("m3/s"), Field(ge=0.0)]
     """of that growth"""
     depth_noise: Annotated[float, Unit(""), Field(ge=0.0)] = 0.0
-    """of the logarithm of the depth's noise"""
+    """of its logarithm"""
     neutral_walk: Annotated[float, Unit(""), Field(ge=0.0)]
-    """of the logarithm of the random walk's intensity"""
+    """of its logarithm"""
     acceleration_noise: Annotated[float, Unit(""), Field(ge=0.0)]
-    """of the logarithm of the acceleration noise"""
+    """of its logarithm"""
 
 
 class Identified(Parameters):
     """Covariance of identified parameters, and noise for filters and predictions."""
 
     names: tuple[IdentifiedName, ...] = Field(min_length=1)
-    """what was identified"""
+    """parameters"""
     values: tuple[_Number, ...]
-    """their values in SI, in the order of names"""
+    """in SI"""
     covariance: tuple[tuple[_Number, ...], ...]
-    """covariance of the values in SI, a list for each row"""
+    """in SI, a list for each row"""
     depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
-    """white noise of the logged depth, 1 sigma, its quantum included"""
+    """1 sigma, with its quantum"""
     neutral_std: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
-    """how far the neutral volume differs between experiments, 1 sigma"""
+    """of the neutral volume between experiments"""
     neutral_walk: Annotated[float, Unit("m3/s^0.5"), Field(ge=0.0)] = 0.0
-    """random walk of the neutral volume, 1 sigma after a second"""
+    """1 sigma after a second"""
     acceleration_noise: Annotated[float, Unit("m/s/s^0.5"), Field(ge=0.0)] = 0.0
-    """white acceleration noise, 1 sigma of the speed after a second"""
+    """1 sigma of the speed after a second"""
     logs: tuple[str, ...] = ()
-    """the logs that it was identified from"""
+    """used"""
     between: Between | None = None
     """how logs of this vehicle differ"""
 
@@ -295,29 +293,29 @@ LawNumbers = dict[str, Annotated[float | str, BeforeValidator(_number_or_text)]]
 
 
 class Sensors(Parameters):
-    """Noise (white, 1 sigma) and quantum of what the controller measures."""
+    """White noise (1 sigma) and resolution of what the controller measures."""
 
     depth_noise: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = 0.0
-    """white noise of the measured depth, 1 sigma"""
+    """white noise, 1 sigma"""
     depth_quantum: Annotated[float, Unit("m"), Field(ge=0.0, lt=1e3)] = 0.0
-    """step between two depths that the converter resolves"""
+    """resolution"""
     volume_noise: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
-    """white noise of the measured volume, 1 sigma"""
+    """white noise, 1 sigma"""
     volume_quantum: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
-    """step between two volumes that the converter resolves"""
+    """resolution"""
 
 
 class Controller(Parameters):
-    """A control law by name, its sample time and its parameters (texts with units allowed)."""
+    """A control law by name, its sample time and its parameters."""
 
     law: str = Field(min_length=1)
-    """name of the control law"""
+    """control law"""
     sample_time: Annotated[float, Unit("s"), Field(gt=0.0)]
-    """time between two samples"""
+    """between two calls"""
     parameters: LawNumbers = Field(default_factory=dict)
-    """parameters of the law, as it names them"""
+    """of the law, with a unit or as bare numbers"""
     depths: tuple[Annotated[float, Unit("m"), Field(ge=0.0)], ...] | None = None
-    """least and greatest depth that the law was tuned for; default: unknown"""
+    """least and greatest that the law was tuned for"""
 
     def check(self) -> None:
         """Refuse depths that are no range."""
@@ -331,57 +329,55 @@ class Controller(Parameters):
 class Supervisor(Parameters):
     """Limits of the firmware's supervisor; defaults follow from the vehicle.
 
-    Derivation: docs/explanation/supervisor.md. `swimbladder firmware` prints all.
+    `swimbladder firmware` prints all.
     """
 
     depth_limit: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth that is a reason; default: 0.9 of where full buoyancy, hull and motor at `battery_low`
-    suffice, less the uncertainty of the trim"""
+    """default: 0.9 of where full buoyancy, hull and motor at `battery_low` suffice, less the
+    uncertainty of the trim"""
     time_limit: Annotated[float, Unit("s"), Field(gt=0.0, le=3e9)] | None = None
-    """time since arming that is a reason; default: none"""
+    """since arming; default: none"""
     battery_low: Annotated[float, Unit("V"), Field(gt=0.0)] | None = None
-    """voltage under load too low for 10 s; default: 0.8 of the supply, positioners none"""
+    """under load, for 10 s; default: 0.8 of the supply, positioners none"""
     bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth of a bottom on which the vehicle may lie; default: none, and lying on one is a
-    reason"""
+    """where the vehicle may lie; default: nowhere"""
     neutral_range: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """range of the neutral volume about `trim_error`, with drift and layers; default: a quarter of
-    half the stroke, at most half of what is left above `trim_error` (pump and valve: that half)"""
+    """about `trim_error`, with drift and layers; default: a quarter of half the stroke, at most
+    half of what is left above `trim_error` (pump and valve: that half)"""
     neutral_change: Annotated[float, Unit("m3"), Field(gt=0.0)] | None = None
-    """change of the neutral volume within a dive, with layers; default: a fifth of
-    `neutral_range`"""
+    """within a dive, with layers; default: a fifth of `neutral_range`"""
     model_error: Annotated[float, Unit(""), Field(gt=0.0, lt=1.0)] = 0.3
-    """relative error of force and psi"""
+    """relative, of force and psi"""
     patience: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = 5.0
-    """how long a sensor may fail, or the actuator not follow"""
+    """time that a sensor may fail, or the actuator not follow"""
     late: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """age of a late depth; default: two samples, at least 1 s"""
+    """age of a depth; default: two samples, at least 1 s"""
     frozen: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time of an identical depth that is a frozen sensor; default: from noise and quantum"""
+    """time of an identical depth; default: from noise and quantum"""
     prove_after: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time after which the actuator has to show that it moves outward before going deeper; also of
-    an identical depth; default: 30 s, never for psi not above 0"""
+    """age of outward motion that allows a deeper set-point, and of an identical depth, before a
+    test push; default: 30 s, never for psi ≤ 0"""
     hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = None
-    """voltage that holds the largest volume; 0: the drive holds by itself; default: the sea's load
-    at the recovery depth"""
+    """to hold the largest volume; 0: the drive holds by itself; default: the sea's load at the
+    recovery depth"""
     release_time: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
-    """time of full buoyancy without rising 1 m before the drop weight; default: two strokes and a
+    """full buoyancy without rising 1 m, before the drop weight; default: two strokes and a
     minute"""
     arm_depth: Annotated[float, Unit("m"), Field(gt=0.0)] | None = None
-    """depth that arms the vehicle; default: 1 m below emergence, or half way to `bottom_depth`"""
+    """default: 1 m below emergence, or half way to `bottom_depth`"""
     arm_after: Annotated[float, Unit("s"), Field(gt=0.0, le=60.0)] = 3.0
-    """time beyond `arm_depth`; at least three samples"""
+    """beyond `arm_depth`; at least three samples"""
 
 
 class Vehicle(Parameters):
     """A vehicle: everything that the simulator, the analysis and the controller need."""
 
     schema_version: Literal[1] = 1
-    """version of this file's format"""
+    """of this format"""
     name: str = Field(min_length=1)
-    """what the vehicle is called"""
+    """of the vehicle"""
     description: str = ""
-    """one sentence on the vehicle"""
+    """one sentence"""
     provenance: dict[str, str] = Field(default_factory=dict)
     '''where each number comes from: dotted field = "source"'''
     water: Water = Water()
@@ -401,7 +397,7 @@ class Vehicle(Parameters):
     motion: Motion
     """mass and drag"""
     trim_error: Annotated[float, Unit("m3")] = 0.0
-    """neutral volume at the surface, from mid-stroke"""
+    """neutral volume at the surface"""
     sensors: Sensors = Sensors()
     """what the controller sees"""
     controller: Controller | None = None

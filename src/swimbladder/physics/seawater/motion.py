@@ -31,13 +31,13 @@ class InternalWave(Parameters):
     amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=1000.0)]
     """largest displacement of a layer"""
     period: Annotated[float, Unit("s"), Field(ge=30.0)]
-    """period"""
+    """of the wave"""
     water_depth: Annotated[float, Unit("m"), Field(gt=0.0)]
-    """depth of the bottom, where the water is at rest"""
+    """of the bottom"""
     mode: Annotated[int, Field(ge=1, le=100)] = 1
-    """vertical mode: layers between surface and bottom that move as one"""
+    """layers between surface and bottom that move as one"""
     phase: Annotated[float, Unit("rad")] = 0.0
-    """phase at the start"""
+    """at the start"""
 
 
 class Swell(Parameters):
@@ -46,9 +46,9 @@ class Swell(Parameters):
     amplitude: Annotated[float, Unit("m"), Field(ge=0.0, le=20.0)]
     """half the height of the waves"""
     period: Annotated[float, Unit("s"), Field(ge=1.0, le=30.0)]
-    """period"""
+    """of the wave"""
     phase: Annotated[float, Unit("rad")] = 0.0
-    """phase at the start"""
+    """at the start"""
 
 
 class WaterMotion(Parameters):
