@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump
 from swimbladder.errors import NoAnswerError
-from swimbladder.io.pump_runs import joined_runs
-from swimbladder.io.seaglider_runs import moved, pressures, runs_of_events
+from swimbladder.io.pump_runs import joined_runs, moved, pressures, runs_of_events
 
 __all__ = [
     "Bleeding",

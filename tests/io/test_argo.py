@@ -67,6 +67,11 @@ def test_it_may_be_packed_and_alone(tables) -> None:
     ("change", "where", "says"),
     [
         (("", ""), {}, "the file holds 2 cycles: 4, 5. Choose one dive: `where={'cycle': '4'}`;"),
+        (("500,11.2", "500,-1"), {"cycle": "4"}, "line 4, duration_s: no action has this"),
+        (("500,11.2", ",11.2"), {"cycle": "4"}, "line 4, pressure_dbar: no action has this"),
+        ((",valve,", ",7,"), {"cycle": "4"}, "no such action"),
+        (("01,4,2031-05-02T00", "01,,2031-05-02T00"), {"action": "valve"}, "cycle: no action"),
+        (("cycle", "Cycle"), {}, "cycle: no such column (got 'cycle')"),
         (("2031-05-01,5", "2031-06-01,4"), {"cycle": "4"}, "holds 2 deployments: 2031-05-01"),
         ((",pump,500", ",bleed,500"), {"cycle": "4"}, "line 4, action: no such action (got 'bleed"),
         ((",11.2", ",eleven"), {"cycle": "4"}, "line 4, duration_s: not a number"),
@@ -76,7 +81,7 @@ def test_it_may_be_packed_and_alone(tables) -> None:
 def test_what_is_no_dive_is_refused(tables, change, where, says: str) -> None:
     tables.write_text(ACTIONS.replace(*change) if change[0] else ACTIONS)
     with pytest.raises(LogError) as refused:
-        read_float_log(tables, where=where)
+        read_float_log(tables, where=where, log_format="argo")
     assert says in str(refused.value)
 
 

@@ -124,6 +124,10 @@ def test_a_run_that_was_broken_off_is_not_ended_again_by_a_full_bladder(tmp_path
     for ticks, lasted in ((29100, 300.0 - 29100 * 0.01), (0, 300.0)):
         path.write_text(OLDER.replace("29100ticks", f"{ticks}ticks"))
         assert read_float_log(path).actions[-1].seconds == pytest.approx(lasted, rel=0.05)
+    path.write_text(OLDER.replace("29100ticks", "99999ticks"))
+    log = read_float_log(path)
+    assert log.actions[-1].seconds == 0.0
+    assert any("of PUMP with numbers that cannot be" in line for line in log.report)
 
 
 def test_the_words_of_an_older_firmware(tmp_path: Path) -> None:
@@ -305,6 +309,15 @@ def test_a_table_of_pressures_and_seconds(tmp_path: Path) -> None:
     assert set(log.stage.tolist()) == {-2}
 
 
+def test_rows_without_a_time_are_left_out_and_said(tmp_path: Path) -> None:
+    path = tmp_path / "dive.csv"
+    path.write_text("time_s,pressure_Pa,pump_s\n0,0,1\n,1e5,7\n60,2e5,\n")
+    log = read_float_log(path)
+    assert log.time.tolist() == [0.0, 60.0]
+    assert [a.seconds for a in log.actions] == [1.0]
+    assert "1 row without time dropped" in log.report
+
+
 def test_the_kind_of_log_is_seen(tmp_path: Path, made_up: Path) -> None:
     assert read_float_log(made_up).name == "999.001-X-0001"
     table = tmp_path / "dive.csv"
@@ -327,6 +340,7 @@ def test_the_kind_of_log_is_seen(tmp_path: Path, made_up: Path) -> None:
             "likely in kPa, dbar or bar",
             "pressure_Pa",
         ),
+        ("time_s,pressure_Pa,pump_s\n0,1,-3\n60,2e6,\n", "no less than 0 s", "pump_s"),
         (
             "time_s,pressure_Pa,valve_s\n0,1,8e4\n600,2e6,\n",
             "s of runs in a log of 600 s",

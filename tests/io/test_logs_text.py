@@ -3,9 +3,10 @@
 import gzip
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from swimbladder.io import log_text
+from swimbladder.io import log_rows, log_text
 from swimbladder.io.log_format import LogFormat
 from swimbladder.io.logs import header_names, read_log
 from tests.log_files import refused, table, write
@@ -316,6 +317,35 @@ def test_a_number_beyond_all_measure_is_refused_with_its_line(tmp_path: Path) ->
     assert (error.line, error.field, error.value, error.unit) == (3, "depth_m", 1e300, "m")
     assert "missing" in str(error)
     assert len(read_log(path, log_format=LogFormat(bad_rows="drop"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "likely"),
+    [("depth_m", "2e4", "cm"), ("voltage_V", "12000", "mV"), ("volume_m3", "-350", "mL")],
+)
+def test_a_number_that_no_vehicle_has_is_refused_with_its_likely_unit(
+    tmp_path: Path, column: str, value: str, likely: str
+) -> None:
+    other = "depth_m" if column != "depth_m" else "speed_m_s"
+    path = write(tmp_path, f"time_s,{other},{column}\n0,1,1\n1,1,{value}\n2,1,1\n3,1,1\n")
+    error = refused(path)
+    assert (error.line, error.field, error.value) == (3, column, float(value))
+    assert f'"{column}": "{column}@{likely}"' in error.remedy
+    assert len(read_log(path, log_format=LogFormat(bad_rows="drop"))) == 3
+
+
+def test_a_log_is_read_by_pieces_as_it_is_at_once(tmp_path: Path, monkeypatch) -> None:
+    rows = [f'{k},{k % 7}.5,"note {k}"' for k in range(400)]
+    rows[100] = '100,2.5,"two\nlines, and ""more"""'
+    rows[200:202] = ["# a remark", "", "time_s,depth_m,note", "201,5.5"]
+    path = write(tmp_path, "\n".join(["time_s,depth_m,note", *rows, "400,1"]))
+    whole = read_log(path)
+    monkeypatch.setattr(log_rows, "_BLOCK", 300)
+    log = read_log(path)
+    for name in ("time", "depth", "line"):
+        assert np.array_equal(getattr(log, name), getattr(whole, name)), name
+    assert log.report == whole.report
+    assert len(log) == 398
 
 
 def test_a_unit_in_brackets_that_is_none_asks_for_one(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_a_voltage_beside_the_power(tmp_path):
         (
             "duration_s,pressure_Pa,power_W,voltage_V\n10,1e5,7,14500\n",
             {},
-            '"voltage_V": "NAME@mV"',
+            '"voltage_V": "voltage_V@mV"',
         ),
     ],
 )

@@ -129,22 +129,20 @@ CAST_COLUMNS = {**_DEPTHS, **_WATERS, "density_kg_m3": "kg/m3", **_PLACES}
 density_kg_m3 is that in situ; it is only held against the others.
 """
 
-# Plain names that leave no doubt, in small letters; CF standard names among them.
-_CALLED = (
-    ("pressure_dbar", "pressure pres press prdm ctdprs sea_water_pressure"),
-    ("pressure_dbar", "sea_water_pressure_due_to_sea_water"),
-    ("depth_m", "depth depsm"),
-    ("temperature_degC", "temperature temp t090c ctdtmp sea_water_temperature"),
-    ("salinity", "salinity sal psal sal00 sp ctdsal practical_salinity"),
-    ("salinity", "sea_water_practical_salinity sea_water_salinity"),
-    ("conductivity_S_m", "conductivity cond cndc sea_water_electrical_conductivity"),
-    ("density_kg_m3", "density rho sea_water_density"),
-    ("latitude", "latitude lat"),
-    ("longitude", "longitude lon"),
-)
-NAMES: dict[str, set[str]] = {name: set() for name in CAST_COLUMNS}
-for _column, _words in _CALLED:
-    NAMES[_column] |= set(_words.split())
+_CALLED = {
+    "pressure_dbar": "pressure pres press prdm ctdprs sea_water_pressure "
+    "sea_water_pressure_due_to_sea_water",
+    "depth_m": "depth depsm",
+    "temperature_degC": "temperature temp t090c ctdtmp sea_water_temperature",
+    "salinity": "salinity sal psal sal00 sp ctdsal practical_salinity sea_water_salinity "
+    "sea_water_practical_salinity",
+    "conductivity_S_m": "conductivity cond cndc sea_water_electrical_conductivity",
+    "density_kg_m3": "density rho sea_water_density",
+    "latitude": "latitude lat",
+    "longitude": "longitude lon",
+}
+NAMES = {name: frozenset(words.split()) for name, words in _CALLED.items()}
+"""Plain names that leave no doubt, in small letters; CF standard names among them."""
 _ABSOLUTE = re.compile(r"absolute.?salinity|^sa\b")
 
 

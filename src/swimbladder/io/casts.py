@@ -174,7 +174,8 @@ def read_cast(
     if "@" in columns.get("pressure_dbar", ""):
         stated["unit_stated"] = True
     raw = replace(raw, **{name: value for name, value in stated.items() if value is not None})
-    return _cast(_whole(_salted(raw, salinity)), profile, inversions)
+    with np.errstate(all="ignore"):  # of rows that are no water, until they are left out
+        return _cast(_whole(_salted(raw, salinity)), profile, inversions)
 
 
 def check_reading(

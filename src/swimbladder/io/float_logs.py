@@ -23,7 +23,7 @@ from swimbladder.io.log_formats.argo import is_argo, read_argo
 from swimbladder.io.log_formats.argo_trajectory import read_trajectory
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_table import read_table
-from swimbladder.io.log_text import LogFile, is_frame, is_netcdf, read_bytes
+from swimbladder.io.log_text import LogFile, counted, is_frame, is_netcdf, read_bytes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,6 +109,10 @@ def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dic
 
 
 def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> FloatLog:
+    timed = np.isfinite(values["time_s"])
+    if not timed.all():
+        file.report.append(f"{counted(int((~timed).sum()), 'row')} without time dropped")
+    values = {name: column[timed] for name, column in values.items()}
     time, pressure = values["time_s"], values["pressure_Pa"]
     if np.any(np.diff(time) < 0.0):
         remedy = "Give one dive, in order, or choose it with `where={'COLUMN': 'VALUE'}`"
@@ -125,9 +129,8 @@ def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> Floa
     if deepest < _SHALLOW:
         size = f"{deepest:.4g} Pa, that of {deepest / 1e4:.2g} m of water"
         what = f"the greatest pressure is {size}: it is likely in kPa, dbar or bar"
-        raise file.refused(
-            what, 'State its unit: `columns={"pressure_Pa": "NAME@dbar"}`', "pressure_Pa"
-        )
+        remedy = f"State its unit: {column_as('pressure_Pa', 'NAME@dbar')}"
+        raise file.refused(what, remedy, "pressure_Pa")
     _check_seconds(values, float(time[-1] - time[0]), file)
     _refuse_dives(time[known], pressure[known] > _UNDER, pressure[known] < _UP, file)
     actions = [
@@ -170,9 +173,12 @@ def _refuse_dives(
 
 
 def _check_seconds(values: Mapping[str, NDArray[np.float64]], lasts: float, file: LogFile) -> None:
-    """Raise LogError where a device ran for longer than the whole log lasts [s]."""
-    for name in (f"{device}_s" for device in DEVICES):
-        ran = float(np.nansum(values.get(name, np.zeros(1))))
+    """Raise LogError where a device ran for longer than the whole log lasts [s], or less than 0."""
+    for name in (f"{device}_s" for device in DEVICES if f"{device}_s" in values):
+        ran, least = float(np.nansum(values[name])), float(np.nanmin(values[name], initial=0.0))
+        if least < 0.0:
+            remedy = "Leave the cell empty where the device does not run"
+            raise file.refused("a run lasts no less than 0 s", remedy, name, value=least, unit="s")
         if ran > lasts:
             remedy = f"They are likely milliseconds: {column_as(name, 'NAME@ms')}"
             raise file.refused(f"{ran:.4g} s of runs in a log of {lasts:.4g} s", remedy, name)

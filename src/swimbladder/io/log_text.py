@@ -13,6 +13,7 @@ from swimbladder.errors import LogError
 from swimbladder.io.files import read_at_most, why_unreadable
 from swimbladder.io.log_format import LogFormat
 
+_LONGEST = 100  # characters of a name in an error
 MOST_BYTES = 1 << 28  # of a file, decompressed; taken apart it needs ten times that
 _BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -64,8 +65,10 @@ class LogFile:
         self, what: str, remedy: str, field: str, *, line: int | None = None, **more: Unpack[Value]
     ) -> LogError:
         """Return the error about the file, or about a line of it."""
-        number = None if line is None else int(line)
-        return LogError(what, file=self.path, line=number, field=field, remedy=remedy, **more)
+        at = None if line is None else int(line)
+        field = field if len(field) <= _LONGEST else field[:_LONGEST]
+        remedy = remedy[: 20 * _LONGEST]
+        return LogError(what, file=self.path, line=at, field=field, remedy=remedy, **more)
 
     def refuse_unused(
         self, names: Iterable[str], why: str, remedy: str = "Leave {} out", idle: object = None

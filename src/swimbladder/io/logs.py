@@ -30,9 +30,8 @@ from swimbladder.io.columns import (
 )
 from swimbladder.io.log_checks import find_gaps, in_order, suspects
 from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, format_of
-from swimbladder.io.log_numbers import TimeColumn
 from swimbladder.io.log_rows import Sheet, open_sheet
-from swimbladder.io.log_table import Table, read_table
+from swimbladder.io.log_table import Table, TimeColumn, read_table
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.units import parse_quantity
 
@@ -173,16 +172,7 @@ class Log:
 
     def __repr__(self) -> str:
         span = float(self.time[-1] - self.time[0]) if len(self) else 0.0
-        names = [
-            "depth",
-            "volume",
-            "piston",
-            "voltage",
-            "current",
-            "temperature",
-            "speed",
-            "reference_depth",
-        ]
+        names = ("depth", *_FIELDS.values())
         held = [name for name in names if getattr(self, name) is not None]
         return f"Log({self.source!r}: {len(self)} samples in {span:g} s, {', '.join(held)})"
 

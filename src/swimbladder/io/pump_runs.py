@@ -1,6 +1,8 @@
 """Runs of a pump from a table: one row a run, columns named and mapped as those of a log.
 
-Or from the netCDF files of a Seaglider's dives.
+Or in a Seaglider's dives: netCDF, a file a dive, as its base station writes them. Each motor event
+has its seconds (negative: the valve's), volts, amps and depth, and what two potentiometers of the
+piston read before and after. Their mean times VBD_CNV [cm3] is the volume.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +19,8 @@ from swimbladder.io.columns import check_columns, named_columns, no_column, want
 from swimbladder.io.log_format import LogColumn, LogFormat, format_of
 from swimbladder.io.log_rows import Sheet
 from swimbladder.io.log_table import read_table
-from swimbladder.io.log_text import LogFile
+from swimbladder.io.log_text import LogFile, read_bytes
+from swimbladder.io.netcdf import NetCDF
 
 Array = NDArray[np.float64]
 _DRAWN = ("power_W", "voltage_V", "current_A")
@@ -26,7 +29,6 @@ RUN_COLUMNS = {name: name.rpartition("_")[2] for name in _MEASURED} | {"dive": "
 """The columns of a table of runs and their units; power, or voltage and current, or power and
 voltage."""
 _MOST = 1e5  # W: no battery that floats gives as much
-_HIGHEST = 1000.0  # V: a battery's voltage above is in the wrong unit
 _MEND = "Mend the row, or leave the cell empty: a run that is not known is left out"
 _LONGEST = 86400.0  # s: a run of more than a day is a duration in the wrong unit
 
@@ -78,18 +80,14 @@ def read_pump_runs(
 
 
 def _of_a_dive(path: str | Path, file: LogFile, chosen: Mapping[str, object]) -> PumpRuns:
-    from swimbladder.io.seaglider_runs import read_dive
-
     for name in chosen:
         what = "a Seaglider's dive has its own names, and all runs of its pump count"
         raise file.refused(what, "Leave it out", name)
     runs = read_dive(path, file)
     if len(runs.power):
-        values = {"duration_s": runs.duration, "pressure_Pa": runs.pressure}
-        if runs.volume is not None:
-            values["volume_m3"] = runs.volume
-        if runs.voltage is not None:
-            values["voltage_V"] = runs.voltage
+        given = (runs.duration, runs.pressure, runs.volume, runs.voltage)
+        named = zip(("duration_s", "pressure_Pa", "volume_m3", "voltage_V"), given, strict=True)
+        values = {name: column for name, column in named if column is not None}
         _check(values, np.arange(1, len(runs.power) + 1), file)
         _check_power(runs.power, "current_A", file)
     return replace(runs, report=tuple(file.report))
@@ -138,7 +136,7 @@ def _check(values: Mapping[str, Array], line: NDArray[np.int64], file: LogFile) 
         ("pressure_Pa", -2e5, 1.2e8, "dbar"),
         ("temperature_degC", -5.0, 60.0, "degC"),
         ("volume_m3", -0.1, 0.1, "mL"),
-        ("voltage_V", -_HIGHEST, _HIGHEST, "mV"),
+        ("voltage_V", -1e3, 1e3, "mV"),  # of a battery
     ):
         v = values.get(name, np.zeros(0))
         for row in np.flatnonzero((v < low) | (v > high))[:1]:
@@ -172,3 +170,77 @@ def _check_power(power: Array, field: str, file: LogFile) -> None:
         what = f"half of the runs take less than {middle:.4g} W"
         remedy = "Give what is drawn as positive numbers"
     raise file.refused(what, remedy, field)
+
+
+_NEEDED = ("gc_vbd_secs", "gc_vbd_volts", "gc_vbd_i", "gc_depth")
+_POTENTIOMETERS = ("gc_vbd_pot1_ad", "gc_vbd_pot2_ad")
+_MOTOR = 0.05  # A, less is no motor: a valve was opened
+_LATITUDE = 30.0  # degrees, where the file has none: 0.3 % of a pressure at most
+
+
+def moved(events: Mapping[str, Array], volume_per_count: float | Array) -> Array:
+    """Return what each event has pressed out [m3] [n], below 0 let in; NaN where nothing says it.
+
+    events: by the base station's names; volume_per_count: VBD_CNV [cm3].
+    """
+    known = [name for name in _POTENTIOMETERS if {name, f"{name}_start"} <= {*events}]
+    if not known:
+        return np.full(len(events["gc_vbd_secs"]), np.nan)
+    moves = [events[name] - events[f"{name}_start"] for name in known]
+    return np.asarray(1e-6 * volume_per_count * np.mean(moves, axis=0))
+
+
+def pressures(events: Mapping[str, Array], latitude: float | Array) -> Array:
+    """Return the pressure at each event [Pa] [n]; latitude [degrees]."""
+    import gsw
+
+    return 1e4 * np.asarray(gsw.p_from_z(-np.asarray(events["gc_depth"]), latitude))
+
+
+def runs_of_events(
+    events: Mapping[str, Array], volume_per_count: float, latitude: float, dive: float
+) -> PumpRuns:
+    """Return the pump's runs among the motor events of a dive [n], in their order.
+
+    events: by the base station's names. volume_per_count: VBD_CNV [cm3], NaN where it is not known;
+    latitude [degrees]; dive: its number, NaN where it has none.
+    """
+    seconds, amps = events["gc_vbd_secs"], events["gc_vbd_i"]
+    volume = moved(events, volume_per_count)
+    runs = (seconds > 0.0) & (amps > _MOTOR) & ~(volume <= 0.0)
+    volts, volume = events["gc_vbd_volts"][runs], volume[runs]
+    return PumpRuns(
+        duration=seconds[runs],
+        pressure=pressures(events, latitude)[runs],
+        power=volts * amps[runs],
+        volume=volume if np.isfinite(volume).any() else None,
+        dive=None if np.isnan(dive) else np.full(len(volts), dive),
+        voltage=volts,
+        time=events.get("gc_st_secs", np.full(len(seconds), np.nan))[runs],
+    )
+
+
+def read_dive(path: str | Path, file: LogFile) -> PumpRuns:
+    """Return the pump's runs of a dive.
+
+    Raises LogError where the file is damaged or is no Seaglider's dive.
+    """
+    variables = NetCDF(read_bytes(path), file).variables
+    missing = [name for name in _NEEDED if name not in variables]
+    if missing:
+        what = f"this netCDF file has no motor events of a Seaglider: {', '.join(missing)}"
+        remedy = "Give the file of a dive from its base station, or a CSV with a row a run"
+        raise file.refused(what, remedy, missing[0])
+    numeric = {name: v.values for name, v in variables.items() if v.numeric}
+    values = {name: np.ravel(np.asarray(v, np.float64)) for name, v in numeric.items()}
+
+    def number(name: str, otherwise: float = np.nan) -> float:
+        found = values.get(name, np.empty(0))
+        known = found.size == 1 and np.isfinite(found[0])
+        return float(found[0]) if known else otherwise
+
+    per_count = number("log_VBD_CNV")
+    if np.isnan(per_count):
+        file.report.append("volumes are not known: the file has no log_VBD_CNV")
+    latitude = number("avg_latitude", _LATITUDE)
+    return runs_of_events(values, per_count, latitude, number("log_DIVE"))

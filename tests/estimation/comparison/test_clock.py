@@ -11,7 +11,7 @@ from swimbladder.cli import main
 from swimbladder.errors import LogError
 from swimbladder.estimation.comparison.misread import _UNITS, _fits, refuse_wrong_clock
 from swimbladder.estimation.comparison.record import record
-from swimbladder.io.log_numbers import TimeColumn
+from swimbladder.io.log_table import TimeColumn
 from swimbladder.io.logs import Log, read_log
 from tests.quoted import refused
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from swimbladder.io.columns import mapped_column
 from swimbladder.io.float_log import Action, Device, FloatLog
 from swimbladder.io.log_format import LogColumn
 from swimbladder.io.log_rows import Sheet
@@ -53,12 +54,19 @@ def read_argo(path: str | Path, where: Mapping[str, str | float]) -> FloatLog:
     """Return the log of one cycle; raises LogError where `where` chooses none, or several."""
     file = LogFile(Path(path))
     table = _read(file, where, _ACTIONS)
-    devices = [table.labels["device"][int(k) - 1] for k in table.values["device"]]
+    words = dict(enumerate(table.labels["device"], start=1))
+    devices = [words.get(k, f"{k:g}") for k in table.values["device"].tolist()]
     for k, device in enumerate(devices):
         if device not in _DEVICES:
             remedy, line = f"Actions are {', '.join(_DEVICES)}", int(table.line[k])
             raise file.refused("no such action", remedy, "action", line=line, value=device)
-    chosen = {n: table.labels[n] for n in ("deployment", "cycle") if n in table.labels}
+    least = {"time_s": 0.0, "pressure_Pa": -1e5, "run_s": 0.0, "cycle": 0.0}
+    for name, values in ((name, table.values[name]) for name in least):
+        for k in np.flatnonzero(~(values >= least[name]))[:1]:
+            what, remedy = "no action has this", "Correct the row, or leave it out"
+            line, value, field = table.line[k], float(values[k]), _ACTIONS[name].name
+            raise file.refused(what, remedy, field, line=line, value=value, unit=_UNITS[name])
+    chosen = {n: table.labels[n] for n in ("deployment", "cycle") if table.labels.get(n)}
     for name, found in chosen.items():
         refuse_several(file, name, found, _ACTIONS[name].name)
     time, pressure, run = (table.values[name] for name in ("time_s", "pressure_Pa", "run_s"))
@@ -101,7 +109,9 @@ def _read(
     file: LogFile, where: Mapping[str, str | float], columns: Mapping[str, LogColumn]
 ) -> Table:
     def choose(sheet: Sheet) -> dict[str, LogColumn]:
-        return {name: column for name, column in columns.items() if column.name in sheet.header}
+        there = sheet.header
+        needed = {n: c for n, c in columns.items() if n != "deployment" or c.name in there}
+        return {name: mapped_column(file, name, c, there) for name, c in needed.items()}
 
     return read_table(file, where, choose, [], _UNITS, labels=_LABELS)
 
@@ -113,8 +123,9 @@ def _readings(path: Path, where: Mapping[str, str]) -> tuple[list[Array], str]:
     if beside == path or not beside.exists():
         return none, f"no table of CTD readings beside it ({beside.name}): only those of actions"
     table = _read(LogFile(beside), where, _READINGS)
-    phases = np.array(table.labels["phase"])[table.values["phase"].astype(int) - 1]
-    used = np.isin(phases, _DIVES) & (table.values["index"] == 0.0)
+    dives = [k for k, phase in enumerate(table.labels["phase"], start=1) if phase in _DIVES]
+    used = np.isin(table.values["phase"], dives) & (table.values["index"] == 0.0)
+    used &= np.isfinite(table.values["time_s"]) & np.isfinite(table.values["pressure_Pa"])
     time, pressure = table.values["time_s"][used], table.values["pressure_Pa"][used]
     steps = [np.full(len(time), 1.0), np.full(len(time), 0.1 * _DBAR)]
     return [time, pressure, *steps], f"{counted(len(time), 'pressure')} read from {beside.name} too"

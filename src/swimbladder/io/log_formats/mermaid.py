@@ -232,12 +232,13 @@ class _Reader:
         self.changed(seconds=min(last.asked, until - last.time))
         self.cut = True
 
-    def worked(self, text: str, *, device: Device) -> None:
+    def worked(self, text: str, *, device: Device) -> bool:
         if found := re.match(r"(?:(?:pump )?during|(?:\w+ )?opening(?: for)?) (\d+)ms", text):
             self.begun(device, found[1])
         elif (found := re.match(r"aborted, (\d+)ticks remain", text)) and self.actions:
-            last = self.actions[-1]
-            self.ended(last.time + last.asked - _TICK * float(found[1]))
+            last, left = self.actions[-1], _TICK * float(found[1])
+            self.ended(last.time + max(last.asked - left, 0.0))
+            return left <= last.asked
         elif found := re.search(r"(\d+)mV[,/] *(\d+)uA", text):
             volts, amps = float(found[1]) / 1e3, float(found[2]) / 1e6
             reading = Reading(time=self.now, voltage=volts, current=amps)
@@ -247,6 +248,7 @@ class _Reader:
                 self.changed(before=reading)
             elif self.actions:
                 self.changed(after=reading, pressure=_pressure(text))
+        return True
 
     def surfaced(self, text: str) -> None:
         last = self.actions[-1] if self.actions else None
