@@ -287,7 +287,7 @@ def test_what_is_not_known_by_default_and_as_identified():
         0.0,
     )
     assert uncertainty_of(vehicle, {"mass": 0.01}).trim == 0.0  # weighed instead
-    with refused(InputError, field="--psi-std", value=-1.0, holds={0.0}):
+    with refused(InputError, field="psi", value=-1.0, holds={0.0}):
         Uncertainty(psi=-1.0)
 
 

@@ -90,7 +90,7 @@ def test_as_flashed_seconds_of_the_pump_are_flown_and_the_supervisor_s_depth_end
     low = FLOAT.model_copy(update={"supervisor": Supervisor(depth_limit=300.0)})
     assert places(low).most == pytest.approx(0.8 * 300.0)
     assert places(low, supervised=False).most > 300.0
-    with refused(InputError, field="--depth", value=400.0):
+    with refused(InputError, field="depths", value=400.0):
         places(low, (50.0, 400.0))
 
 

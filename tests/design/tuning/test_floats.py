@@ -309,7 +309,7 @@ def test_decisions_are_judged_with_the_psi_of_the_cast(sea):
 @pytest.mark.prove
 def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_path):
     out = tmp_path / "out"
-    command = ["tune", "example-float", "depths", "100:300 m", "--runs", "20", "--cast", str(sea)]
+    command = ["tune", "example-float", "--depth", "100:300 m", "--runs", "20", "--cast", str(sea)]
     assert main([*command, "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     names = {"vehicle.toml", "report.html", "tune.json", "tune.png"}
@@ -325,6 +325,6 @@ def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_pat
 
 
 def test_the_command_says_no_with_exit_code_1(capsys, tmp_path):
-    command = ["tune", "example-float", "depths", "100:2500 m", "--out", str(tmp_path / "out")]
+    command = ["tune", "example-float", "--depth", "100:2500 m", "--out", str(tmp_path / "out")]
     assert main(command) == 1
     assert "rated for 2000 m" in capsys.readouterr().err

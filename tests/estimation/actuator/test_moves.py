@@ -74,7 +74,7 @@ def test_a_start_within_a_sample_bounds_the_time_constant():
 
 def test_nothing_can_be_set_and_rest_tells_nothing():
     log = random_moves(np.random.default_rng(4), MOTOR)
-    with refused(InputError, field="--set", value="T1"):
+    with refused(InputError, field="fixed", value="T1"):
         identify_actuator([log], fixed={"T1": 0.1})
     still = log_of(log.time, measured(0.0 * log.time, np.random.default_rng(1), noise=1e-5))
     with pytest.raises(NoAnswerError, match="No move at full speed"):

@@ -158,7 +158,7 @@ def test_a_drift_of_the_neutral_volume_is_found(float_vehicle, voyage):
     c = compare(log, float_vehicle, fit=("neutral_volume", "neutral_drift", "start_speed"))
     assert c.rms < 1e-4
     assert c.fitted["neutral_drift"].value == pytest.approx(drift, rel=1e-3)
-    with refused(InputError, field="--fit", value="neutral_drift"):
+    with refused(InputError, field="fit", value="neutral_drift"):
         compare(with_reference(log), float_vehicle, drive="setpoint", fit=("neutral_drift",))
 
 
@@ -232,7 +232,7 @@ def test_a_log_that_starts_and_ends_at_the_surface(float_vehicle):
     assert np.abs(c.residual).max() < 1e-4  # simulated where it is not compared
     assert c.n == (depth >= 0.1).sum() < len(time)
     assert any("emerges" in note for note in c.notes)
-    with refused(InputError, field="--fit", value="start_speed"):
+    with refused(InputError, field="fit", value="start_speed"):
         compare(log, float_vehicle, fit=("start_speed",))
 
 
@@ -419,7 +419,7 @@ def test_a_start_under_water_leaves_out_how_the_vehicle_got_there(float_vehicle)
 
 
 def test_a_vehicle_and_a_log_that_do_not_fit(float_vehicle, paper_vehicle, voyage):
-    with refused(InputError, field="--fit", value="drag_quadratic"):
+    with refused(InputError, field="fit", value="drag_quadratic"):
         compare(voyage, paper_vehicle, fit=("drag_quadratic",))
     bare = float_vehicle.model_copy(update={"controller": None})
     with refused(InputError, field="controller"):

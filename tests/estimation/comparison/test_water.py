@@ -108,9 +108,9 @@ def test_what_a_cast_cannot_be_used_for_is_said():
     log = sailed(VEHICLE)
     with refused(LogError, field="depth_m", holds={2.0}):
         compare(log, VEHICLE, column=column(2.0))
-    with refused(InputError, field="--cast", value="halocline"):
+    with refused(InputError, field="cast", value="halocline"):
         compare(replace(log, reference_depth=log.depth), VEHICLE, drive="setpoint", column=COLUMN)
-    with refused(InputError, field="--cast", holds={2.0, 3.0}):
+    with refused(InputError, field="cast", holds={2.0, 3.0}):
         water_of_each(3, [COLUMN, COLUMN])
     assert water_of_each(2, []) == (None, None)
     assert water_of_each(2, [COLUMN]) == (COLUMN, COLUMN)

@@ -68,5 +68,5 @@ def test_the_innovations_say_so_too(logs):
 
 
 def test_one_cast_or_one_for_each_log(logs):
-    with refused(InputError, field="--cast", holds={2.0, 3.0}):
+    with refused(InputError, field="cast", holds={2.0, 3.0}):
         identify(logs, VEHICLE, columns=[COLUMN] * 3)

@@ -166,9 +166,9 @@ def test_the_quadratic_law_is_found_as_well():
 
 def test_what_cannot_be_is_refused():
     (record, _) = made(1)
-    with refused(InputError, field="--drive", value="voltage"):
+    with refused(InputError, field="drive", value="voltage"):
         walked([replace(record, drive="voltage", voltage=record.volume)])
-    with refused(InputError, field="--free", value="K3"):
+    with refused(InputError, field="free", value="K3"):
         walked([record], free=["K3"])
     still = replace(record, volume=np.full_like(record.volume, record.volume[0]))
     nothing = walked([replace(still, depth=np.full_like(record.depth, 40.0))])
