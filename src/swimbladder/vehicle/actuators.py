@@ -34,7 +34,7 @@ class Supply(Parameters):
     capacity: Annotated[float, Unit("J"), Field(gt=0.0)] | None = None
     """energy when full, at 20 degC"""
     cold_share: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = 1.0
-    """of the capacity at 0 degC, linear in between"""
+    """of the capacity at 0 degC, linear to 20 degC"""
     self_discharge: Annotated[float, Unit("1/s"), Field(ge=0.0, le=1e-6)] = 0.0
     """of the charge"""
 
@@ -46,7 +46,7 @@ class Driver(Parameters):
     """
 
     efficiency: Annotated[float, Unit(""), Field(gt=0.0, le=1.0)] = 1.0
-    """of the power"""
+    """from battery to motor"""
     standby_power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0
     """drawn all the time"""
     regenerates: StrictBool = False
@@ -148,7 +148,7 @@ class ScrewDrive(Parameters):
 
 
 class ElectrohydraulicActuator(Parameters):
-    """Motor and hydraulic drive, both from datasheets (column a of Table 1)."""
+    """Motor and hydraulic drive from datasheets (column a of Table 1)."""
 
     kind: Literal["electrohydraulic"] = "electrohydraulic"
     motor: Motor
@@ -160,7 +160,7 @@ class ElectrohydraulicActuator(Parameters):
 
 
 class ElectromechanicalActuator(Parameters):
-    """Motor and screw drive, both from datasheets (column b of Table 1)."""
+    """Motor and screw drive from datasheets (column b of Table 1)."""
 
     kind: Literal["electromechanical"] = "electromechanical"
     motor: Motor
@@ -260,8 +260,7 @@ _VACUUM = 1e3  # Pa; a gas rotary pump goes no lower, and oil gives off what it 
 class PowerLawPump(Parameters):
     """A pump with delivery and electrical power linear in the pressure.
 
-    The power is that of the supply, with the driver. `swimbladder energy --fit` fits these numbers
-    to logged runs.
+    The power is that of the supply, with the driver. `energy --fit` fits these to logged runs.
     """
 
     kind: Literal["power-law"] = "power-law"
