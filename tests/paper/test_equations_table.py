@@ -27,13 +27,9 @@ class Row(NamedTuple):
 
 
 def rows():
-    found = []
-    for line in PAGE.read_text(encoding="utf-8").splitlines():
-        cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
-        if line.startswith("|") and re.match(r"\(\d+\)|Figure|Table", cells[0]):
-            number, says, functions, tests = cells
-            found.append(Row(number, says, names(functions), names(tests)))
-    return found
+    line = re.compile(r"- \*\*(.+?)\*\* (.+?): (`.+`) \((`tests/.+`)\)")
+    text = PAGE.read_text(encoding="utf-8")
+    return [Row(n, says, names(f), names(te)) for n, says, f, te in line.findall(text)]
 
 
 def names(cell):
