@@ -16,10 +16,10 @@ from pydantic.fields import FieldInfo
 
 from swimbladder.control.records import leaf_names
 from swimbladder.control.registry import LAWS
+from swimbladder.design.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.io.files import write_atomically
 from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Grounding, Ice, Mission, Phase, Safety, Setpoint
-from swimbladder.io.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.physics.seawater import InternalWave, Swell
 from swimbladder.sim.faults.kinds import KINDS, Range
 from swimbladder.units import _UNITS

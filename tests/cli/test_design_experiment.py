@@ -5,7 +5,7 @@ import json
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.io.plan import load_plan
+from swimbladder.design.plan import load_plan
 from tests.pages import figures_of, without_scripts
 from tests.quoted import numbers
 

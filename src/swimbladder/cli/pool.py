@@ -23,9 +23,9 @@ from swimbladder.errors import InputError, SwimbladderError, UnitError
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
+    from swimbladder.design.plan import Plan
     from swimbladder.design.pool_day import GrowingLog, News, Operator, PoolDay, Target
     from swimbladder.design.pool_day.files import Kept
-    from swimbladder.io.plan import Plan
     from swimbladder.vehicle import Vehicle
 
 _NOISE = 2e-3  # m
@@ -220,7 +220,7 @@ def _no_empty_folder(out: Path) -> Iterator[None]:
 
 
 def _plan(procedure: Procedure) -> Plan | None:
-    from swimbladder.io.plan import load_plan
+    from swimbladder.design.plan import load_plan
 
     if procedure.plan is None:
         return None

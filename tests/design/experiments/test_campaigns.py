@@ -8,9 +8,9 @@ from scipy.stats import binom, chi2
 
 from swimbladder.design.experiments.conditions import Conditions, Flight, follow, ramps
 from swimbladder.design.experiments.evaluation import predict
+from swimbladder.design.plan import load_plan, plan_file
 from swimbladder.estimation.motion import identify
 from swimbladder.io.logs import Log
-from swimbladder.io.plan import load_plan, plan_file
 from tests.design.experiments.truth import Vehicle, depths, run
 
 pytestmark = pytest.mark.prove

@@ -7,9 +7,9 @@ import pytest
 import swimbladder as sb
 from swimbladder.design.experiments import design_experiment
 from swimbladder.design.experiments.run import PAPER
+from swimbladder.design.plan import load_plan, plan_file
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import Prior
-from swimbladder.io.plan import load_plan, plan_file
 
 QUICK = {"pool_depth": 4.5, "sensor_std": 2e-3, "settling": 300.0, "moves": 1, "releases": 2}
 

@@ -8,8 +8,8 @@ import pytest
 
 import swimbladder as sb
 from swimbladder.design.experiments.conditions import Ramps, Release, follow, ramps
+from swimbladder.design.plan import Move
 from swimbladder.errors import InputError
-from swimbladder.io.plan import Move
 from swimbladder.sim.pool import timed_travel
 from tests.design.experiments.truth import Vehicle, depths
 from tests.quoted import refused

@@ -2,7 +2,7 @@
 
 `conditions` is the pool, follows a release there and says what its record adds, `search` finds the
 best set, `evaluation` its errors and what would bias it, `result` what a person has to know;
-`io.plan` is the file of it.
+`design.plan` is the file of it.
 """
 
 from swimbladder.design.experiments.result import Design as Design

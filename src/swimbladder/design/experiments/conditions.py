@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.design.plan import Move
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Prior
@@ -28,7 +29,6 @@ from swimbladder.estimation.motion.problem import (
     Problem,
     Segment,
 )
-from swimbladder.io.plan import Move
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.closed_loop.bundle import Course

@@ -9,10 +9,10 @@ import numpy as np
 
 from swimbladder.design.experiments.conditions import Conditions, Flight, Setting
 from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
+from swimbladder.design.plan import Expected, Plan, PlannedExperiment, Trace
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.diagnose import LIMIT, describe
 from swimbladder.io.answers import Answer, as_json
-from swimbladder.io.plan import Expected, Plan, PlannedExperiment, Trace
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import Vehicle
 

@@ -24,8 +24,8 @@ from swimbladder.design.experiments.conditions import (
     fisher_information,
     follow,
 )
+from swimbladder.design.plan import Move
 from swimbladder.errors import InputError
-from swimbladder.io.plan import Move
 from swimbladder.io.progress import Advance
 
 _SIZES = 7

@@ -16,6 +16,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from swimbladder.design.plan import Plan
 from swimbladder.design.pool_day.files import STATE, Kept, keep, same_start, set_aside, write_state
 from swimbladder.design.pool_day.segments import (
     Changed,
@@ -36,7 +37,6 @@ from swimbladder.estimation.motion import ExperimentFit, Identification, identif
 from swimbladder.estimation.motion.problem import NAMES, check_names, default_names, model_of
 from swimbladder.estimation.motion.run import check_nuisances, check_std
 from swimbladder.io.answers import as_json
-from swimbladder.io.plan import Plan
 from swimbladder.vehicle import Vehicle
 
 _EARLY = 0.6  # m

@@ -18,10 +18,10 @@ from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import Measurement
 from swimbladder.control.protocol import timed_voltage
 from swimbladder.control.registry import bind
+from swimbladder.design.plan import Move
 from swimbladder.design.pool_day.segments import Array, Rules
 from swimbladder.design.pool_day.tasks import Task
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.io.plan import Move
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from swimbladder.io.plan import Move, Plan
+from swimbladder.design.plan import Move, Plan
 from swimbladder.vehicle import Vehicle
 
 PAPER = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, each up and down

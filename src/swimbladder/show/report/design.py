@@ -9,7 +9,7 @@ from typing import Any
 from swimbladder.design.experiments import Design
 from swimbladder.design.experiments.conditions import Release
 from swimbladder.design.experiments.result import percent
-from swimbladder.io.plan import Move, plan_file
+from swimbladder.design.plan import Move, plan_file
 from swimbladder.show.plots.design import draw_design, draw_plan
 from swimbladder.show.report.html import REPORT, PageFigure, page_figure, render
 from swimbladder.show.report.text import row

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from swimbladder.design.plan import Plan, load_plan, plan_file
 from swimbladder.errors import InputError
-from swimbladder.io.plan import Plan, load_plan, plan_file
 
 TEXT = """
 schema_version = 1
