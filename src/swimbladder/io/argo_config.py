@@ -206,11 +206,12 @@ def _meta_names(data: bytes, path: str | Path) -> Mapping[str, str]:
     found.refuse_unless("Argo meta-data", "Give the float's meta-data, WMO_meta.nc")
     held: dict[str, str] = {}
     for kind in ("LAUNCH_CONFIG_PARAMETER", "CONFIG_PARAMETER"):
-        names, values = found.texts(f"{kind}_NAME"), found.variables.get(f"{kind}_VALUE")
-        first = () if values is None else np.ravel(values.values)[: len(names)].tolist()
+        names, value = found.texts(f"{kind}_NAME"), f"{kind}_VALUE"
+        held_there = found.numbers.get(value, found.words.get(value, np.zeros(0)))
+        first = np.ravel(held_there)[: len(names)].tolist()
         if len(first) < len(names):
             remedy = "Fetch the file anew"
-            raise found.file.refused("not a value for each name", remedy, f"{kind}_VALUE")
+            raise found.file.refused("not a value for each name", remedy, value)
         pairs = zip(names, map(str, first), strict=True)
         held |= {name.strip("\0 "): value for name, value in pairs if value != "nan"}
     return held

@@ -64,17 +64,14 @@ def netcdf_cast(
     file = LogFile(path)
     check_names(columns, file)
     found = NetCDF(data, file)
-    numeric = {name: v.values for name, v in found.variables.items() if v.numeric}
-    if {"PRES", "TEMP"} <= numeric.keys() and numeric["PRES"].ndim == 2:
+    if {"PRES", "TEMP"} <= found.numbers.keys() and found.numbers["PRES"].ndim == 2:
         n = _asked(found, profile)
         meant = _argo(found, n)
         sheet = _Variables(found, meant, meant, n)
         more = _place(found, slice(n, n + 1)) | {"name": _platform(found, n), "unit_stated": True}
         return sheet_cast(file, columns, sheet=sheet, row_name="sample", **more), None
-    standard = {n: found.variables[n].attributes.get("standard_name", "") for n in numeric}
-    meant = {
-        n: one for n, said in standard.items() for one, words in NAMES.items() if said in words
-    }
+    standard = {n: found.attributes[n].get("standard_name", "") for n in found.numbers}
+    meant = {n: one for n, said in standard.items() for one in NAMES if said in NAMES[one]}
     sheet = _Variables(found, meant, _series(found, meant, columns))
     place = _place(found, slice(None))
     return sheet_cast(file, columns, sheet=sheet, row_name="sample", **place), profile
@@ -84,7 +81,7 @@ def _place(found: NetCDF, at: slice) -> dict[str, Any]:
     """Return the mean latitude and longitude of a file, at a part of their values."""
     place: dict[str, Any] = {}
     for one in ("latitude", "longitude"):
-        names = [n for n in found.variables if n.lower() in NAMES[one] and found.numeric(n)]
+        names = [n for n in found.numbers if n.lower() in NAMES[one]]
         if names:
             place[one] = place_of(one, np.ravel(found.good(names[0]))[at], found.file.report)
     return place
@@ -95,12 +92,12 @@ def _series(found: NetCDF, meant: Mapping[str, str], columns: Mapping[str, str])
 
     Raises LogError where these are a grid over depth and something else.
     """
-    sizes = {n: v.values.size for n, v in found.variables.items() if v.numeric}
+    sizes = {n: v.size for n, v in found.numbers.items()}
     names = {n: meant.get(n) or (kind_of(n) or ("",))[0] for n in sizes}
     asked = column_readings(columns.get("temperature_degC", " "))
     warm = [n for n in sizes if n in asked] or [n for n in meant if names[n] == "temperature_degC"]
     warm = warm or [n for n in sizes if names[n] == "temperature_degC"]
-    shape = found.variables[warm[0]].values.shape if warm else ()
+    shape = found.numbers[warm[0]].shape if warm else ()
     down = [n for n in sizes if names[n] in ("pressure_dbar", "depth_m")]
     over = [n for n in down if len(shape) > 1 and sizes[n] in shape]
     if over and not any(sizes[n] == sizes[warm[0]] for n in down):
@@ -118,17 +115,17 @@ def _argo(found: NetCDF, n: int) -> dict[str, str]:
     """Return which variables of an Argo file are read, and as what, of a profile counted from 0."""
     mode = "".join(found.texts("DATA_MODE"))[n : n + 1]
     meant: dict[str, str] = {}
-    for plain in (name for name in _ARGO if name in found.variables):
+    for plain in (name for name in _ARGO if name in found.numbers):
         name, adjusted = plain, f"{plain}_ADJUSTED"
-        if found.numeric(adjusted):
-            if np.isfinite(found.numbers(adjusted)[n]).any():
+        if adjusted in found.numbers:
+            if np.isfinite(found.numbers[adjusted][n]).any():
                 name = adjusted
             elif mode in ("A", "D"):
                 fit = f"no value of {plain} was found fit to be adjusted"
                 what = f"in mode {mode} {fit}: none is good"
                 remedy = "Take another profile; if you trust its raw values, write them to a CSV"
                 raise found.file.refused(what, remedy, adjusted)
-        if found.numbers(name).shape != found.numbers("PRES").shape:
+        if found.numbers[name].shape != found.numbers["PRES"].shape:
             remedy = "Fetch the file anew: every profile has a value per level"
             raise found.file.refused("not as many values as pressures", remedy, name)
         meant[name] = _ARGO[plain]
@@ -140,7 +137,7 @@ def _asked(found: NetCDF, profile: int | None) -> int:
 
     Raises LogError where there are several, or fewer than asked for.
     """
-    pressures = found.numbers("PRES")
+    pressures = found.numbers["PRES"]
     count = len(pressures)
     if profile is not None and profile > count:
         what = f"the file has {counted(count, 'profile')}"
@@ -168,7 +165,7 @@ def _asked(found: NetCDF, profile: int | None) -> int:
 
 def _platform(found: NetCDF, n: int) -> str:
     parts = [f"float {x.strip(chr(0) + ' ')}" for x in found.texts("PLATFORM_NUMBER")[n : n + 1]]
-    cycles = np.ravel(found.numbers("CYCLE_NUMBER") if found.numeric("CYCLE_NUMBER") else [])
+    cycles = np.ravel(found.numbers.get("CYCLE_NUMBER", np.zeros(0)))
     parts += [f"cycle {int(cycle)}" for cycle in cycles[n : n + 1] if np.isfinite(cycle)]
     return " ".join(parts)
 

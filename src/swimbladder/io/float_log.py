@@ -4,9 +4,10 @@ Pressures are above what the float's sensor reads at the surface [Pa]; times cou
 first line [s], which is at `start`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from operator import itemgetter
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,3 +103,28 @@ class FloatLog:
     def of(self, *devices: Device) -> tuple[Action, ...]:
         """Return the actions of these devices, in order."""
         return tuple(action for action in self.actions if action.device in devices)
+
+
+def table_log(
+    time: NDArray[np.float64],
+    pressure: NDArray[np.float64],
+    runs: Iterable[tuple[float, Device, float]],
+    **more: Any,
+) -> FloatLog:
+    """Return the log of pressures [Pa] at times [s], in order, and runs: begin [s], device, [s].
+
+    Times then count from the first of all. more: other fields.
+    """
+    ordered = sorted(runs, key=itemgetter(0))
+    first = min([float(time[0]), *(begin for begin, _, _ in ordered)])
+    known = {
+        "time": time - first,
+        "pressure": pressure,
+        "temperature": np.full(len(time), np.nan),
+        "stage": np.full(len(time), -2, dtype=np.int64),
+        "actions": tuple(
+            Action(device=device, time=begin - first, asked=lasts, seconds=lasts)
+            for begin, device, lasts in ordered
+        ),
+    }
+    return FloatLog(**{**known, **more})

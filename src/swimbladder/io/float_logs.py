@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import column_as
 from swimbladder.io.columns import check_columns, named_columns, no_column
 from swimbladder.io.files import pipes_kept
-from swimbladder.io.float_log import DEVICES, Action, FloatLog
+from swimbladder.io.float_log import DEVICES, FloatLog, table_log
 from swimbladder.io.log_format import LogColumn, format_of
 from swimbladder.io.log_formats.argo import is_argo, read_argo
 from swimbladder.io.log_formats.argo_trajectory import read_trajectory
@@ -133,23 +133,15 @@ def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> Floa
         raise file.refused(what, remedy, "pressure_Pa")
     _check_seconds(values, float(time[-1] - time[0]), file)
     _refuse_dives(time[known], pressure[known] > _UNDER, pressure[known] < _UP, file)
-    actions = [
-        Action(device=device, time=float(t - time[0]), asked=float(s), seconds=float(s))
+    runs = [
+        (float(begin), device, float(lasts))
         for device in DEVICES
-        if f"{device}_s" in values
-        for t, s in zip(time, values[f"{device}_s"], strict=True)
-        if np.isfinite(s) and s > 0.0
+        for begin, lasts in zip(time, values.get(f"{device}_s", ()), strict=False)
+        if lasts > 0.0
     ]
-    temperature = values.get("temperature_degC", np.full(len(time), np.nan))
-    return FloatLog(
-        source=str(file.path),
-        time=time[known] - time[0],
-        pressure=pressure[known],
-        temperature=temperature[known],
-        stage=np.full(int(known.sum()), -2, dtype=np.int64),
-        actions=tuple(sorted(actions, key=lambda a: a.time)),
-        report=tuple(file.report),
-    )
+    temperature = values.get("temperature_degC", np.full(len(time), np.nan))[known]
+    more = {"source": str(file.path), "report": tuple(file.report)}
+    return table_log(time[known], pressure[known], runs, temperature=temperature, **more)
 
 
 def _refuse_dives(

@@ -449,12 +449,11 @@ def netcdf_sheet(data: bytes, file: LogFile) -> Arrays:
     Raises LogError where the bytes are damaged or the format has options that are for texts.
     """
     _refuse_text_options(file, "the log is netCDF")
-    found = NetCDF(data, file).variables.items()
-    series = {name: one for name, one in found if one.numeric and one.values.ndim == 1}
-    sizes = Counter(one.values.size for one in series.values()).most_common(1)
-    chosen = {name: one for name, one in series.items() if one.values.size == sizes[0][0]}
-    units = {name: one.attributes.get("units", "") for name, one in chosen.items()}
-    return Arrays({name: one.values for name, one in chosen.items()}, units)
+    found = NetCDF(data, file)
+    series = {name: one for name, one in found.numbers.items() if one.ndim == 1}
+    sizes = Counter(one.size for one in series.values()).most_common(1)
+    fitting = {name: one for name, one in series.items() if one.size == sizes[0][0]}
+    return Arrays(fitting, {name: found.unit(name) for name in fitting})
 
 
 def frame_sheet(file: LogFile) -> Arrays:

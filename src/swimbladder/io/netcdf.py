@@ -12,7 +12,6 @@ import datetime
 import io
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -109,44 +108,23 @@ _GOOD = "1258"
 _UNJUDGED = "09"  # no quality control, and missing: NaN shows the second
 
 
-@dataclass(frozen=True, kw_only=True)
-class Series:
-    """A variable: numbers with NaN where it has none, or texts, and its attributes as texts."""
-
-    values: Array | NDArray[np.str_]
-    attributes: Mapping[str, str]
-
-    @property
-    def numeric(self) -> bool:
-        """Whether it holds numbers."""
-        return self.values.dtype.kind == "f"
-
-
-def _variable(found: Any) -> Series:
-    """Return a variable of xarray's, not finite numbers as NaN."""
-    said = {str(key): _text(value).strip("\0 ") for key, value in found.attrs.items()}
-    values = found.values
-    if values.dtype.kind in "SUO":
-        texts = np.array([_text(item) for item in np.ravel(values)], dtype=np.str_)
-        return Series(values=texts.reshape(values.shape), attributes=said)
-    numbers = values.astype(np.float64)
-    numbers[~np.isfinite(numbers)] = np.nan
-    return Series(values=numbers, attributes=said)
-
-
 def _text(value: object) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
 class NetCDF:
-    """The variables of a netCDF file by name; what is done with them is reported."""
+    """A netCDF file that is read; what is done with its variables is reported.
+
+    numbers: variables by name, NaN where they have none; words: those of texts; attributes: of all.
+    """
 
     def __init__(self, data: bytes, file: LogFile) -> None:
         """Read the variables; raises LogError where the bytes are damaged."""
         import h5py
         import xarray as xr
 
-        self.file = file
+        self.file, self.attributes = file, dict[str, dict[str, str]]()
+        self.numbers, self.words = dict[str, Array](), dict[str, NDArray[np.str_]]()
         options = dict.fromkeys(("decode_times", "decode_timedelta", "decode_coords"), False)
         how: dict[str, Any] = {"engine": "scipy", **options}
         if not data.startswith(b"CDF"):
@@ -159,16 +137,26 @@ class NetCDF:
                 warnings.catch_warnings(action="ignore"),  # of contradictory attributes
                 xr.open_dataset(io.BytesIO(data), **how) as found,
             ):
-                self.variables = {str(n): _variable(one) for n, one in found.variables.items()}
+                for name, one in found.variables.items():
+                    self._keep(str(name), one.values, one.attrs)
         except Exception as error:  # whatever a decoder makes of damaged bytes, it is the bytes
             what = f"this netCDF file cannot be read: {' '.join(str(error).split())[:200]}"
             remedy = "Fetch it anew, or write its variables to a CSV"
             raise file.refused(what, remedy, "file") from None
 
+    def _keep(self, name: str, values: NDArray[Any], attributes: Mapping[Any, Any]) -> None:
+        said = {str(key): _text(value).strip("\0 ") for key, value in attributes.items()}
+        self.attributes[name] = said
+        if values.dtype.kind in "SUO":
+            words = np.array([_text(item) for item in np.ravel(values)], dtype=np.str_)
+            self.words[name] = words.reshape(values.shape)
+        else:
+            numbers = values.astype(np.float64)
+            self.numbers[name] = np.where(np.isfinite(numbers), numbers, np.nan)
+
     def texts(self, name: str) -> list[str]:
         """Return the texts of a variable; none where it has numbers or there is none."""
-        found = self.variables.get(name)
-        return [] if found is None or found.numeric else [str(x) for x in np.ravel(found.values)]
+        return [str(text) for text in np.ravel(self.words.get(name, np.zeros(0, np.str_)))]
 
     def refuse_unless(self, kind: str, remedy: str) -> None:
         """Raise LogError where an Argo file's DATA_TYPE is not `kind` (reference table 1)."""
@@ -177,25 +165,17 @@ class NetCDF:
             what = f"this netCDF file is none of the type {kind}"
             raise self.file.refused(what, remedy, "DATA_TYPE", value=said or "nothing")
 
-    def numeric(self, name: str) -> bool:
-        """Say whether there is a variable of the name, and it holds numbers."""
-        return name in self.variables and self.variables[name].numeric
-
-    def numbers(self, name: str) -> Array:
-        """Return the numbers of a variable, whatever their flags."""
-        return np.array(self.variables[name].values, dtype=np.float64)
-
     def unit(self, name: str) -> str:
         """Return the unit of a variable by its attribute, "" where it has none."""
-        return plain_unit(self.variables[name].attributes.get("units", ""))
+        return plain_unit(self.attributes[name].get("units", ""))
 
     def good(self, name: str) -> Array:
         """Return the numbers of a variable, NaN for those that are flagged as bad, which is said.
 
         Raises LogError for flags that are not one for each value.
         """
-        values = self.numbers(name)
-        named = next((n for n in (f"{name}_QC", f"{name}_qc") if n in self.variables), None)
+        values = self.numbers[name].copy()
+        named = next((n for n in (f"{name}_QC", f"{name}_qc") if n in self.attributes), None)
         if named is not None:
             good = np.isin(self.flags(named, name, values.shape), [*_GOOD, *_UNJUDGED])
             if bad := int((np.isfinite(values) & ~good).sum()):
@@ -209,11 +189,10 @@ class NetCDF:
 
         Raises LogError where there are not as many.
         """
-        flags = self.variables[named]
-        if flags.numeric:
-            texts = np.nan_to_num(flags.values, nan=9.0).astype(int).astype(np.str_)
-        elif flags.values.shape == shape:  # a text for each, as xarray writes them
-            texts = flags.values.astype("U1")
+        if named in self.numbers:
+            texts = np.nan_to_num(self.numbers[named], nan=9.0).astype(int).astype(np.str_)
+        elif self.words[named].shape == shape:  # a text for each, as xarray writes them
+            texts = self.words[named].astype("U1")
         else:
             size = shape[-1]
             rows = [list(text.ljust(size)[:size]) for text in self.texts(named)]

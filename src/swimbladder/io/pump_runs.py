@@ -225,14 +225,13 @@ def read_dive(path: str | Path, file: LogFile) -> PumpRuns:
 
     Raises LogError where the file is damaged or is no Seaglider's dive.
     """
-    variables = NetCDF(read_bytes(path), file).variables
-    missing = [name for name in _NEEDED if name not in variables]
+    numbers = NetCDF(read_bytes(path), file).numbers
+    missing = [name for name in _NEEDED if name not in numbers]
     if missing:
         what = f"this netCDF file has no motor events of a Seaglider: {', '.join(missing)}"
         remedy = "Give the file of a dive from its base station, or a CSV with a row a run"
         raise file.refused(what, remedy, missing[0])
-    numeric = {name: v.values for name, v in variables.items() if v.numeric}
-    values = {name: np.ravel(np.asarray(v, np.float64)) for name, v in numeric.items()}
+    values = {name: np.ravel(v) for name, v in numbers.items()}
 
     def number(name: str, otherwise: float = np.nan) -> float:
         found = values.get(name, np.empty(0))

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from swimbladder.io.columns import mapped_column
-from swimbladder.io.float_log import Action, Device, FloatLog
+from swimbladder.io.float_log import Device, FloatLog, table_log
 from swimbladder.io.log_format import LogColumn
 from swimbladder.io.log_rows import Sheet
 from swimbladder.io.log_table import Array, Table, read_table
@@ -75,21 +75,16 @@ def read_argo(path: str | Path, where: Mapping[str, str | float]) -> FloatLog:
     rows = [np.append(a, b) for a, b in zip(rows, readings, strict=True)]
     at = np.argsort(rows[0], kind="stable")
     time_of, pressures, steps, widths = (column[at] for column in rows)
-    first = float(time_of[0])
-    actions = [
-        Action(device=_DEVICES[d], time=float(t) - first, asked=float(s), seconds=float(s))
-        for d, t, s in zip(devices, time, run, strict=True)
-    ]
-    return FloatLog(
-        source=f"{file.path}, cycle {chosen['cycle'][0]}",
-        name=f"cycle {chosen['cycle'][0]}",
-        time=time_of - first,
-        pressure=pressures,
-        temperature=np.full(len(time_of), np.nan),
-        stage=np.full(len(time_of), -2, dtype=np.int64),
+    runs = zip(time.tolist(), (_DEVICES[device] for device in devices), run.tolist(), strict=True)
+    cycle = chosen["cycle"][0]
+    return table_log(
+        time_of,
+        pressures,
+        runs,
+        source=f"{file.path}, cycle {cycle}",
+        name=f"cycle {cycle}",
         time_step=steps,
         pressure_step=widths,
-        actions=tuple(sorted(actions, key=lambda a: a.time)),
         report=(*(text for text in file.report if text.endswith("chosen")), said),
     )
 

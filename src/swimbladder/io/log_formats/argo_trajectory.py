@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, Parameter
 from swimbladder.io.columns import plain_unit
-from swimbladder.io.float_log import Action, Device, FloatLog
+from swimbladder.io.float_log import Device, FloatLog, table_log
 from swimbladder.io.log_formats.argo import refuse_several
 from swimbladder.io.log_text import LogFile, counted, read_bytes
 from swimbladder.io.netcdf import NetCDF
@@ -65,7 +65,7 @@ def read_trajectory(path: str | Path, data: bytes, where: Mapping[str, str | flo
     runs = [run for run in runs if run.cycle == cycle]
     kind = np.where((code > _BEGUN) & (code < _UP), code % _APART, np.nan)
     known = np.isfinite(days) & np.isfinite(pressure) & np.isin(kind, (_READING, _ACTION))
-    if "JULD_STATUS" in found.variables:
+    if "JULD_STATUS" in found.attributes:
         known &= np.isin(found.flags("JULD_STATUS", "JULD", days.shape), _SENT)
     steps = np.zeros((2, len(days)))
     for some in (known & (kind == _READING), known & (kind == _ACTION)):
@@ -77,23 +77,19 @@ def read_trajectory(path: str | Path, data: bytes, where: Mapping[str, str | flo
         what = f"fewer than two pressures of cycle {cycle:g} have a time that the float sent"
         raise file.refused(what, "Choose another cycle with `where={'cycle': 'N'}`", "PRES")
     first = min(float(days[own[0]]), runs[0].day)
+    begun = [(_DAY * (day - first), device, lasts) for _, day, device, lasts in runs]
     said = f"{len(own)} pressures and {counted(len(runs), 'action')} of cycle {cycle:g}"
     said += "" if technical is found else f", these from {Path(technical.file.path).name}"
     if (acted := int(np.sum(kind[own] == _ACTION))) != len(runs):
         said += f"; {acted} of the pressures are at actions"
-    return FloatLog(
+    return table_log(
+        _DAY * (days[own] - first),
+        _DBAR * pressure[own],
+        begun,
         source=f"{file.path}, cycle {cycle:g}",
         name=f"cycle {cycle:g}",
-        time=_DAY * (days[own] - first),
-        pressure=_DBAR * pressure[own],
-        temperature=np.full(len(own), np.nan),
-        stage=np.full(len(own), -2, dtype=np.int64),
         time_step=steps[0, own],
         pressure_step=steps[1, own],
-        actions=tuple(
-            Action(device=device, time=_DAY * (day - first), asked=seconds, seconds=seconds)
-            for _, day, device, seconds in runs
-        ),
         report=(said,),
     )
 
@@ -102,15 +98,15 @@ def _columns(found: NetCDF, names: tuple[str, ...]) -> dict[str, Array]:
     """Return the numbers of variables, a row each; raises LogError where they are not that."""
     rows: dict[str, Array] = {}
     for name in names:
-        one = found.variables.get(name)
-        if one is None or not one.numeric or one.values.shape != (one.values.size,):
+        one = found.numbers.get(name)
+        if one is None or one.ndim != 1:
             what = "the file has no such variable with a number a row"
             raise found.file.refused(what, "Fetch the file anew", name)
-        rows[name] = np.asarray(one.values, dtype=np.float64)
+        rows[name] = one
         if rows[name].shape != rows[names[0]].shape:
             what = f"not as many numbers as {names[0]} has"
             raise found.file.refused(what, "Fetch the file anew", name)
-    said = found.variables["JULD"].attributes.get("units", "days")
+    said = found.attributes["JULD"].get("units", "days")
     if said.split()[:1] != ["days"]:
         remedy = "Fetch the file anew: Argo counts days since 1950-01-01"
         raise found.file.refused("its times are no days", remedy, "JULD", value=said)
@@ -120,14 +116,14 @@ def _columns(found: NetCDF, names: tuple[str, ...]) -> dict[str, Array]:
 def _pressures(found: NetCDF) -> Array:
     """Return the pressures [dbar] [n], those that are flagged as bad left out."""
     raw = found.good("PRES")
-    if "PRES_ADJUSTED" not in found.variables:
+    if "PRES_ADJUSTED" not in found.attributes:
         return raw
     adjusted = found.good("PRES_ADJUSTED")
     if adjusted.shape != raw.shape:
         remedy = "Fetch the file anew"
         raise found.file.refused("not as many numbers as PRES has", remedy, "PRES_ADJUSTED")
     pressure = np.where(np.isfinite(adjusted), adjusted, raw)
-    if "PRES_ADJUSTED_QC" in found.variables:
+    if "PRES_ADJUSTED_QC" in found.attributes:
         bad = np.isin(found.flags("PRES_ADJUSTED_QC", "PRES_ADJUSTED", raw.shape), _BAD)
         pressure[bad] = np.nan
     return pressure
@@ -139,7 +135,7 @@ def _technical(found: NetCDF, path: Path, wmo: str) -> NetCDF:
     there = [beside for beside in there if beside.exists()]
     files = (NetCDF(read_bytes(beside), LogFile(beside)) for beside in there)
     for one in (found, *files):
-        if not _RUNS.keys().isdisjoint(one.variables):
+        if not _RUNS.keys().isdisjoint(one.attributes):
             return one
     what = "a trajectory has the pressures at actions of pump and valve, but not how long they took"
     remedy = f"Put {_BESIDE[0].format(wmo)} beside it, with {' and '.join(_RUNS)}"
@@ -151,12 +147,12 @@ def _technical(found: NetCDF, path: Path, wmo: str) -> NetCDF:
 def _runs(technical: NetCDF) -> list[Run]:
     """Return all runs; raises LogError for one without a time, and for a unit that is none."""
     file = technical.file
-    cycle = "CYCLE_NUMBER_MEAS" if "CYCLE_NUMBER_MEAS" in technical.variables else "CYCLE_NUMBER"
-    names = [name for name in _RUNS if name in technical.variables]
+    cycle = "CYCLE_NUMBER_MEAS" if "CYCLE_NUMBER_MEAS" in technical.attributes else "CYCLE_NUMBER"
+    names = [name for name in _RUNS if name in technical.attributes]
     rows = _columns(technical, ("JULD", cycle, *names))
     found = []
     for name in names:
-        unit = technical.variables[name].attributes.get("units", "")
+        unit = technical.attributes[name].get("units", "")
         try:
             seconds = rows[name] * unit_factor(plain_unit(unit), "s")
         except InputError:
