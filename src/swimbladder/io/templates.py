@@ -85,7 +85,7 @@ def _subtable(
         own = map(law_by_name, LAWS.own)
         units = next(law.units for law in own if set(given or {}) <= set(law.units))
         for key, value in (given or {}).items():
-            yield from (f"# [{units[key] or '-'}]", f"{key} = {toml_value(value)}")
+            yield from (f"# {key} [{units[key] or '-'}]", f"{key} = {toml_value(value)}")
     if path == ("provenance",):
         yield '#"hull.psi" = "pressure test of 2024-05-02"'
 
@@ -98,8 +98,8 @@ def _tables(info: FieldInfo) -> list[type[BaseModel]]:
 
 def _meaning(model: type[BaseModel], name: str, info: FieldInfo) -> str:
     unit = field_unit(model, name)
-    text = meanings(model).get(name, "decides which fields this table has")
-    text += f" [{unit or '-'}]" if unit is not None else ""
+    label = name if unit is None else f"{name} [{unit or '-'}]"
+    text = f"{label}: {meanings(model).get(name, 'decides which fields this table has')}"
     choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
     return text + (f"; one of {', '.join(map(str, choices))}" if len(choices) > 1 else "")
 

@@ -55,8 +55,8 @@ class Stroke(Parameters):
     maximum: Annotated[float, Unit("m3")]
     """with the piston out"""
     switch_margin: Annotated[float, Unit("m3"), Field(ge=0.0)] | None = None
-    """volume between limit switches, which cut the command at the next sample, and end stops;
-    default: no switches"""
+    """between a limit switch, which cuts the command at the next sample, and its end stop; default:
+    no switches"""
 
     @property
     def lowest(self) -> float:
@@ -232,7 +232,7 @@ class Identified(Parameters):
     """Covariance of identified parameters, and noise for filters and predictions."""
 
     names: tuple[IdentifiedName, ...] = Field(min_length=1)
-    """parameters"""
+    """identified parameters"""
     values: tuple[_Number, ...]
     """in SI"""
     covariance: tuple[tuple[_Number, ...], ...]
@@ -240,13 +240,13 @@ class Identified(Parameters):
     depth_noise: Annotated[float, Unit("m"), Field(ge=0.0)] = 0.0
     """1 sigma, with its quantum"""
     neutral_std: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
-    """of the neutral volume between experiments"""
+    """1 sigma of the neutral volume between experiments"""
     neutral_walk: Annotated[float, Unit("m3/s^0.5"), Field(ge=0.0)] = 0.0
     """1 sigma after a second"""
     acceleration_noise: Annotated[float, Unit("m/s/s^0.5"), Field(ge=0.0)] = 0.0
     """1 sigma of the speed after a second"""
     logs: tuple[str, ...] = ()
-    """used"""
+    """from which it was identified"""
     between: Between | None = None
     """how logs of this vehicle differ"""
 
@@ -356,7 +356,7 @@ class Supervisor(Parameters):
     """time of an identical depth; default: from noise and quantum"""
     prove_after: Annotated[float, Unit("s"), Field(gt=0.0)] | None = None
     """age of outward motion that allows a deeper set-point, and of an identical depth, before a
-    test push; default: 30 s, never for psi ≤ 0"""
+    test push; default: 30 s, never for psi not above 0"""
     hold_voltage: Annotated[float, Unit("V"), Field(ge=0.0)] | None = None
     """to hold the largest volume; 0: the drive holds by itself; default: the sea's load at the
     recovery depth"""
