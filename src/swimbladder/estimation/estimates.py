@@ -146,6 +146,36 @@ class Estimate:
         return cls.bounded(math.nan, math.nan, unit, why)
 
 
+_CLAIMED = 1e-4  # of a value: no log knows it better where a model error makes the residual
+_MODEL_ERROR = 5.0  # times the sensor's noise, such a residual
+
+
+def claims_too_much(std: float, size: float, misfit: float) -> bool:
+    """Return whether a deviation says only how bent a function is, whose residual is no noise.
+
+    size: of the quantity; misfit: the residual over the sensor's noise.
+    """
+    return misfit > _MODEL_ERROR and std < _CLAIMED * size
+
+
+def undetermined(
+    e: Estimate, limits: tuple[float, float] = (-math.inf, math.inf), misfit: float = 1.0
+) -> str:
+    """Return why an estimate is no number to go on with, empty where it is one.
+
+    It is one where its interval ends on both sides, inside the limits where a search has to stay,
+    and does not claim too much (see `claims_too_much`).
+    """
+    low, high = e.ci95
+    open_ends = not limits[0] < low, not high < limits[1]
+    if any(open_ends) or not low <= e.value <= high:
+        side = "above" if not open_ends[0] else "below" if not open_ends[1] else "on either side"
+        return sentence("undetermined", "open", side=side)
+    if claims_too_much(e.std, abs(e.value), misfit):
+        return sentence("undetermined", "claims", times=misfit)
+    return ""
+
+
 def crossing(
     beyond: Callable[[float], float],
     step: float,

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator.bench import Bench, Driven, bench
-from swimbladder.estimation.actuator.model import shown
+from swimbladder.estimation.actuator.model import LOGARITHMIC, shown
 from swimbladder.estimation.actuator.moves import MovesFit, fit_moves, together
 from swimbladder.estimation.actuator.result import (
     PARAMETERS,
@@ -34,6 +34,7 @@ from swimbladder.estimation.estimates import (
     check_names,
     sentence,
     too_many,
+    undetermined,
 )
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
@@ -169,9 +170,13 @@ def identify_actuator(
         found = (
             _voltage(benches, fixed, advance) if driven == "voltage" else _moves(benches, advance)
         )
+    found = found._replace(
+        parameters={n: _settled(n, e) for n, e in found.parameters.items()},
+        derived={n: _settled(n, e) for n, e in found.derived.items()},
+    )
     missing = [(n, found.parameters[n].why) for n in asked if not found.parameters[n].known]
     refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
-    one, covariance = benches[0], found.covariance
+    one, known = benches[0], [n for n in found.covariance if found.parameters[n].known]
     which = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
 
     def called(name: str) -> str:
@@ -179,7 +184,10 @@ def identify_actuator(
 
     found = found._replace(
         parameters={called(name): e for name, e in found.parameters.items()},
-        covariance={called(a): {called(b): row[b] for b in row} for a, row in covariance.items()},
+        covariance={
+            called(a): {called(b): x for b, x in found.covariance[a].items() if b in known}
+            for a in known
+        },
         findings=(*found.findings, *refused),
     )
     return ActuatorIdentification(
@@ -192,6 +200,13 @@ def identify_actuator(
         given=vehicle,
         **found._asdict(),
     )
+
+
+def _settled(name: str, e: Estimate) -> Estimate:
+    """Return an estimate, or its interval alone where that has no end to a side."""
+    limits = (0.0 if name.startswith(LOGARITHMIC) else -math.inf, math.inf)
+    why = undetermined(e, limits) if e.origin == "data" else ""
+    return Estimate.bounded(*e.ci95, e.unit, why) if why else e
 
 
 class _Found(NamedTuple):

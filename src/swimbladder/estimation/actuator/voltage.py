@@ -291,7 +291,7 @@ def _levels_off(rows: Array, top: float) -> float | None:
 
 _ONE_SIDED = 1.6448536269514722
 _FASTEST = 1e-3  # of the time between samples: as good as none
-_SLOWEST = 1e3  # times the fitted one: as good as a double integrator
+_SLOWEST = 1e6  # times the fitted one: as good as a double integrator
 
 
 def profile_of_T1(fit: VoltageFit) -> Estimate:
@@ -316,7 +316,7 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
         """Return the T1 [s] to one side where the root of the deviance is `level`.
 
         offset: the root that is taken as the best one. `std` is a first guess, its sign the side.
-        Where the root stays below, the farthest T1 that is looked at.
+        0 or infinity where the root stays below that level.
         """
         above, farthest, fine = math.hypot(level, offset), math.log(_SLOWEST), 1e-3 * abs(std)
 
@@ -324,7 +324,7 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
             return root(begin + x) - above
 
         x = crossing(beyond, level * std, farthest=farthest, growth=1.7, xtol=fine)
-        return math.exp(begin + (math.copysign(farthest, std) if x is None else x))
+        return math.exp(begin + (math.copysign(math.inf, std) if x is None else x))
 
     step = min(b.step for b in fit.problem.benches)
     shortest = math.log(_FASTEST * step)

@@ -19,7 +19,7 @@ import numpy as np
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.misread import Drive, misread
 from swimbladder.estimation.comparison.record import Record, follow_in, record
-from swimbladder.estimation.estimates import Finding, bounded_fit, check_names
+from swimbladder.estimation.estimates import Finding, bounded_fit, check_names, claims_too_much
 from swimbladder.estimation.series import Array, Mask, rms, white_noise
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.logs import Log
@@ -232,9 +232,7 @@ def _motion(name: str, value: float, vehicle: Vehicle) -> dict[str, Any]:
     return {"drag": motion.drag.model_copy(update={field: value})}
 
 
-_MODEL_ERROR = 5.0  # times the sensor's noise, a residual that the model makes
 _FINEST = 2e-4  # m, a noise that sensors have
-_CLAIMED = 1e-4  # of all that is possible, better than which no log with a model error says
 _LARGEST = 10.0  # m, a residual beyond this says no more
 _STEP = 1e-3  # of a parameter's scale, for the derivative
 _SHIFTS = [s * m for m in (3e-8, 1e-7, 3e-7, 1e-6, 3e-6) for s in (1.0, -1.0)]  # m3
@@ -306,11 +304,10 @@ def adjust(
     spread *= problem.scale
     spread[problem.at_limit(q)] = np.nan
     noise = max(white_noise(rec.time, rec.depth), _FINEST)
-    if rms(residual) > _MODEL_ERROR * noise:
-        # so bent a function of these that a residual, which is no noise, says little of them
-        spread[spread < _CLAIMED * (problem.most - problem.least) * problem.scale] = np.nan
-    # a deviation wider than all that is possible: not identifiable
-    spread[spread > (problem.most - problem.least) * problem.scale] = np.nan
+    possible = (problem.most - problem.least) * problem.scale
+    misfit = rms(residual) / noise
+    bent = [claims_too_much(*pair, misfit) for pair in zip(spread, possible, strict=True)]
+    spread[bent | (spread > possible)] = np.nan
     values = q * problem.scale
     fitted = {
         name: Fitted(value, std if np.isfinite(std) else None, FITTABLE[name].unit)

@@ -11,6 +11,7 @@ place there.
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,10 +23,10 @@ from pydantic import BaseModel
 from scipy.special import ndtri
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence
+from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence, undetermined
 from swimbladder.estimation.motion.argo_seconds import as_long
 from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
-from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep
+from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep, least
 from swimbladder.estimation.motion.deep_model import (
     CAST,
     DEEP,
@@ -453,8 +454,10 @@ def identify_deep(
     fits = tuple(_dive_fit(body, fit, k, dive) for k, dive in enumerate(dives))
     advance(0.1)
     weak = [name for name in fit.names if not fit.identified(name)]
+    open_ = [n for n in fit.names if undetermined(parameters[n], (least(known, n), math.inf))]
     missed = [name for name in weak if not fit.identified_singly(name)]
-    asked = [name for name in missed if name in (free or ()) or len(missed) == len(fit.names)]
+    asked = [n for n in missed if n in (free or ()) or len(missed) == len(fit.names)]
+    asked += [n for n in open_ if n not in asked]
     bad = inconsistent([one.misfit for one in fits], fit.tempering)
     # A compressibility that dives hardly determine is held at 0, as `identified_vehicle` does.
     placed = [n for n in fit.names if n not in asked and (n not in weak or n != "compressibility")]

@@ -167,6 +167,7 @@ NOISES = Noise(pressure=300.0, water=3e-3, drift=5e-10, runs=3e-3, lasts=300.0)
 FACTOR = Noise(*(math.log(factor) for factor in (3.0, 3.0, 1.3, 1.2, 2.0)))
 # Below these nothing is believed: resolution, the quietest sea, oil and hull, valves.
 _LEAST = Noise(pressure=30.0, water=3e-4, drift=1e-10, runs=1e-3, lasts=30.0)
+POSITIVE = ("drag", "drag_up", "inertia")  # without which nothing moves
 _NARROWED = 0.8  # of the prior's deviation: a parameter that the data narrow less is from its prior
 # For slopes: prior deviations, and after that deviations of what is known, along its own axes. Runs
 # of a pump that starts shorter and delivers more are alike, so that slopes of one have to cancel
@@ -220,6 +221,11 @@ class DeepFit:
             return False
         i = self.names.index(name)
         return float(np.sqrt(self.random_effects.covariance[i, i])) < _NARROWED
+
+
+def least(priors: Mapping[str, Prior], name: str) -> float:
+    """Return the least value that a search may have of a parameter, see `POSITIVE`."""
+    return 1e-2 * abs(priors[name].mean) if name in POSITIVE else -math.inf
 
 
 def balance(body: Body, values: Mapping[str, float], start: float, dive: DeepDive) -> Array:
@@ -347,9 +353,7 @@ class _Problem:
         found = dict(self.held)
         for name, at in zip(self.names, x.tolist(), strict=False):
             found[name] = self.priors[name].mean + self.priors[name].std * at
-        for name in ("drag", "drag_up", "inertia"):
-            found[name] = max(found[name], 1e-2 * abs(self.priors[name].mean))
-        return found
+        return found | {name: max(found[name], least(self.priors, name)) for name in POSITIVE}
 
     def noise(self, x: Array) -> Noise:
         """Return the noises at x."""

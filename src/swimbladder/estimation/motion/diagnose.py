@@ -20,6 +20,7 @@ from swimbladder.estimation.estimates import (
     Severity,
     sentence,
     too_many,
+    undetermined,
 )
 from swimbladder.estimation.motion.fit import Fit, backwards
 from swimbladder.estimation.motion.fit import fit as solve
@@ -28,6 +29,7 @@ from swimbladder.estimation.motion.problem import (
     DEPTH,
     DRIFT,
     LAWS,
+    NAMES,
     SPEED,
     VOLUME,
     Model,
@@ -246,7 +248,8 @@ def not_identifiable(problem: Problem, fit: Fit | Curvature) -> Iterator[Finding
     """Yield a finding of severity no for every question that data and priors leave open."""
     p = problem.shared
     std = np.sqrt(np.diag(fit.covariance)[:p])
-    limits = np.array([_limit(problem, fit, i) for i in range(p)])
+    values = problem.named(fit.x)
+    limits = np.array([limit(problem, values, i) for i in range(p)])
     left = {i for i in range(p) if std[i] > limits[i]}
 
     def of(parts: list[int]) -> Finding:
@@ -266,14 +269,27 @@ def not_identifiable(problem: Problem, fit: Fit | Curvature) -> Iterator[Finding
         yield of([i])
 
 
-def _limit(problem: Problem, fit: Fit | Curvature, i: int) -> float:
+def not_determined(
+    problem: Problem, estimates: Mapping[str, Estimate], misfit: float = 1.0
+) -> Iterator[Finding]:
+    """Yield a finding of severity no for each parameter whose interval is none.
+
+    misfit: the residual over the sensor's noise.
+    """
+    for name in problem.names:
+        logarithmic = problem.model.logarithmic(name)
+        limits = NAMES[name].limits if logarithmic else (-math.inf, math.inf)
+        if why := undetermined(estimates[name], limits, misfit):
+            yield Finding.of("motion", "undetermined", name=name, why=why)
+
+
+def limit(problem: Problem, values: Mapping[str, float], i: int) -> float:
     """Return how uncertain the i-th entry of x may be [in its own unit]."""
     if problem.logarithmic[i]:
         return LIMIT
     if problem.names[i] == "psi":
         return 10.0
     # a turbulent drag that may be none: identified, where it is small against the drag there is
-    values = problem.named(fit.x)
     k_dl = problem.model.specific_weight / values["K2"]
     fastest = max(_fastest(problem), 1e-3)
     return max(1.0, k_dl / fastest / problem.scale[i])
@@ -360,6 +376,9 @@ def single_gains(problem: Problem, fit: Fit) -> list[tuple[float, float, float]]
     found = []
     for j, e in enumerate(problem.experiments):
         part, J, weight, used = _rows_of(problem, fit, j)
+        if i not in used:  # this log says nothing of it
+            found.append((e.step(), 0.0, math.inf))
+            continue
         mine = [k for k in used.tolist() if k >= problem.shared or problem.names[k] != "psi"]
         A = (J[:, mine] * weight[:, None]).T @ J[:, mine] + P[:, mine].T @ P[:, mine]
         size = np.sqrt(np.diag(A))

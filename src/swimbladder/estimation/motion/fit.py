@@ -166,6 +166,8 @@ _FINEST = 1e-4  # m, below which no sensor measures
 _BEHIND, _OF_EACH = 10.0, 3.0  # of log likelihood, behind the filter's; and of each record more
 # What the numbers of a record's own (neutral volume, drift, depth, speed) may gain: they are known
 # some 30 times better after it than before, which a filter's likelihood has in it and a fit's not.
+# Information on an entry of x of which data and priors say nothing: a deviation of a million.
+_NOTHING = 1e-12
 _OWN_NUMBERS = 4.0 * math.log(30.0)
 
 
@@ -343,7 +345,7 @@ def finish(problem: Problem, x: Array) -> Fit:
     slopes = [root[part, None] * slope[part] for part in rows]
     left = [root[part] * residual[part] for part in rows]
     A = sum((X.T @ X for X in slopes), np.zeros((len(x), len(x))))
-    prior = P.T @ P
+    prior = P.T @ P + _NOTHING * np.eye(len(x))
     inverse = inverse_of(A + prior)
     seen = tuple(autoregression(u) for u in left)
     found = ar_noises(slopes, left, seen, inverse, prior)
@@ -380,7 +382,7 @@ def inverse_of(M: Array) -> Array:
 
     Directions of which nothing is known get a variance that is huge, not infinite.
     """
-    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(M), 1e-200))
     values, vectors = np.linalg.eigh(M / np.outer(size, size))
     values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
     return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))

@@ -8,15 +8,16 @@ import numpy as np
 from swimbladder.estimation.estimates import Estimate, Finding, sentence
 from swimbladder.estimation.kalman.depth_filter import GATE
 from swimbladder.estimation.motion.diagnose import (
-    LIMIT,
     against_prior,
     begin_of,
     drifts,
     in_percent,
     judge,
     late,
+    limit,
     models_of,
     neutral_beyond_prior,
+    not_determined,
     outliers,
     possible,
     sinks_as_it_grows,
@@ -70,6 +71,7 @@ def with_process_noise(
     listed = compare_models(fit, vehicle, problem) if asked.choices else ()
     findings = [
         *_not_identifiable(fit, problem),
+        *not_determined(problem, parameters),
         *judge(listed),
         *drifts(each, "drift seen"),
         *outliers(each),
@@ -189,10 +191,10 @@ def _experiment(e: Experiment, track: Track) -> ExperimentFit:
 
 
 def _not_identifiable(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Finding]:
-    for name, e in fit.estimates.items():
-        share = e.std / abs(e.value) if e.value else math.inf
-        if problem.model.logarithmic(name) and share > LIMIT:
-            said = in_percent(share)
+    for i, (name, e) in enumerate(fit.estimates.items()):
+        size = abs(e.value) if problem.logarithmic[i] else problem.scale[i]
+        if e.std > limit(problem, fit.values, i) * size:
+            said = in_percent(e.std / max(abs(e.value), 1e-300))
             yield Finding.of("motion", "unidentified with it", name=name, share=said)
 
 

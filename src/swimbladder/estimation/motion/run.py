@@ -25,6 +25,7 @@ from swimbladder.estimation.motion.diagnose import (
     each_experiment,
     judge,
     late,
+    not_determined,
     not_identifiable,
     possible,
 )
@@ -437,7 +438,8 @@ def _answer(
         best = highest_with_noise(problem, vehicle)
         noise = best.depth_noise
         if asked.process_noise == "never":
-            near = best.begin()
+            near = followed(problem, best.begin(), noise, None)
+            near = best.begin() if near is None else near
         elif asked.process_noise == "auto":
             # A filter of an unstable motion corrects itself at every sample, and follows with its
             # own noise alone what the vehicle does not do by itself. And a drift that goes on
@@ -483,6 +485,12 @@ def _without_process_noise(
     covariance = found.covariance[:p, :p] * np.outer(per, per)
     derived = mass_and_drag(model, names, problem.named(found.x), covariance)
     estimates, fewer = parameters(problem, found, drawn)
+    samples = np.diff(problem.rows)
+    noise, sensor = (
+        float(np.sqrt(np.average(part**2, weights=samples)))
+        for part in (found.noise, _sensors(problem, found))
+    )
+    findings += not_determined(problem, estimates, noise / sensor)
     findings += diagnose(problem, found, each)
     findings += possible(problem, derived, estimates, dry_mass(vehicle))
     turned = [f for f in findings if f.kind == "backwards"]
@@ -490,11 +498,6 @@ def _without_process_noise(
     identified, drawn_points = all(f.severity != "no" for f in findings), None
     if asked.posterior is not None and identified:
         drawn_points = sample(problem, found, asked.posterior, lambda part: report(2.0 * part))
-    samples = np.diff(problem.rows)
-    noise, sensor = (
-        float(np.sqrt(np.average(part**2, weights=samples)))
-        for part in (found.noise, _sensors(problem, found))
-    )
     neutral_std = neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD)
     std = math.sqrt(max(float(found.covariance[problem.delay_at, problem.delay_at]), 0.0))
     delay = Estimate.of(float(found.x[problem.delay_at]) * DELAY, std * DELAY, "s")
