@@ -114,6 +114,7 @@ def test_every_function_says_what_it_takes_returns_and_raises(name):
 # takes. Files, pictures and JSON are methods of the answer, or functions that write.
 READERS = {
     "CastReading": [sb.read_cast],
+    "Casts": [sb.read_cast],
     "LogReading": [sb.read_log],
     "Reading": [sb.read_log],
 }

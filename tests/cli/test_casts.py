@@ -62,7 +62,7 @@ def words(command, tmp_path):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_all_of_them_alike(command):
-    assert set(CastReading.named().values()) == set(OPTIONS)
+    assert set(CastReading.named().values()) == {"--cast", *OPTIONS}
     taken, first = (inspect.signature(one).parameters for one in (COMMANDS[command], size.size))
     for option in OPTIONS:
         name = option[2:].replace("-", "_")
@@ -88,7 +88,7 @@ def test_runs_are_no_cast(capsys, tmp_path):
 
 def asked(path, **options):
     place = options.pop("place", None)
-    return CastReading(**options).casts(path, place)[0]
+    return CastReading(cast=path, **options).casts(place)[0]
 
 
 def test_the_equator_is_a_latitude_and_stands_over_that_of_the_mission(tmp_path):

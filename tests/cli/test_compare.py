@@ -64,7 +64,8 @@ def test_a_simulated_trajectory_is_predicted_by_what_made_it(capsys, sailed, tmp
         assert a["fitted"] == {}
         assert a["n"] == 301
         assert a["duration_s"] == pytest.approx(90.0)
-        assert a["files"] == [str(tmp_path / name) for name in ("compare.csv", "report.html")]
+        names = ("report.html", "compare.json", "compare.csv")
+        assert a["files"] == [str(tmp_path / name) for name in names]
 
 
 def test_the_keys_and_the_table(capsys, sailed, tmp_path):
@@ -118,7 +119,7 @@ def test_the_report_for_people(capsys, sailed, tmp_path):
     out = capsys.readouterr().out
     assert "trajectory.csv" in out
     assert "cm3" in out
-    assert out.endswith(f"\nwrote to {tmp_path}: compare.csv, report.html\n")
+    assert out.endswith(f"\nwrote to {tmp_path}: report.html, compare.json, compare.csv\n")
 
 
 def test_other_columns_and_several_logs(capsys, sailed, tmp_path):
@@ -151,7 +152,8 @@ def test_other_columns_and_several_logs(capsys, sailed, tmp_path):
     both = answer(capsys, *mapped, "--where", "dive=1,2")
     assert [c["rms_m"] for c in both["comparisons"]] == [one["rms_m"]] * 2
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == ["compare-dive-1.csv", "compare-dive-2.csv", "compare.csv", "report.html"]
+    each = ["compare-dive-1.csv", "compare-dive-2.csv", "compare.csv"]
+    assert names == [*each, "compare.json", "report.html"]
     some = answer(capsys, *mapped, "--where", "dive=1,7", code=2)
     assert "dive=7" in some["comparisons"][1]["error"]
     assert some["comparisons"][0]["rms_m"] == one["rms_m"]

@@ -69,6 +69,7 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
         "mission-7-supervised.csv",
         "mission-7-unsupervised.csv",
         "mission-7-ideal_detection.csv",
+        "mission-7.json",
         "mission-7.png",
     }
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from swimbladder.cli import COMMANDS, common, main
+from swimbladder.show.parts import Table
 from tests.cli.test_identify_actuator import bench
 from tests.few_lines import few
 
@@ -96,7 +97,7 @@ def test_every_command_is_counted():
 
 
 def test_a_table_is_cut_between_rows_and_a_heading_does_not_stand_alone(capsys):
-    rows = common.table(("name", "value"), ((f"row {k}", str(k)) for k in range(30)))
+    rows = Table(("name", "value"), [(f"row {k}", str(k)) for k in range(30)])
     common.show_answer(["first", rows], ["wrote"])
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 15

@@ -11,7 +11,7 @@ import pytest
 from studies.benches import Motor, measured, random_moves, steps, travel
 from swimbladder.cli import main
 from swimbladder.io.config import load_vehicle
-from swimbladder.show.report import symbols
+from swimbladder.show.html import symbols
 from tests.pages import figures_of, without_scripts
 
 
@@ -55,7 +55,7 @@ def test_the_numbers_and_the_files(capsys, log, tmp_path):
     assert a["parameters"]["rate"]["value"] is None
     assert a["parameters"]["rate"]["ci95"][1] is None
     assert len(a["nine"]) == 9
-    names = {"report.html", "steps.csv", "steps.png", "vehicle.toml"}
+    names = {"report.html", "identify-actuator.json", "steps.csv", "steps.png", "vehicle.toml"}
     assert {path.name for path in out.iterdir()} == names
     assert {Path(path).name for path in a["files"]} == names
     found = load_vehicle(out / "vehicle.toml").actuator
@@ -80,7 +80,9 @@ def test_the_page_has_everything_and_needs_nothing(capsys, log, tmp_path):
     a = answer(capsys, log, "--vehicle", "feup-em", "--out", out)
     page = (out / "report.html").read_text(encoding="utf-8")
     plain = without_scripts(page)
-    assert not re.findall(r'(?:src|href)="(?!steps\.csv|vehicle\.toml)', plain)
+    assert not re.findall(
+        r'(?:src|href)="(?!identify-actuator\.json|steps\.csv|vehicle\.toml)', plain
+    )
     assert set(figures_of(page)) == {"speeds", "log-1", "steps-1"}
     text = re.sub(r"<[^>]+>", "", plain)
     assert f"K1 is {1e3 * a['parameters']['K1']['value']:.3f}" in text
@@ -112,10 +114,9 @@ def test_the_page_of_several_logs_shows_each(capsys, tmp_path):
     answer(capsys, *logs, "--set", "dead_zone=0.5 V", "--out", tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     for name in ("run1.csv", "run2.csv"):
-        assert f"<h3>{name}</h3>" in page
-    assert page.count("By itself") == 2
+        assert f"<h2>{name} by itself</h2>" in page
     assert page.count("<figure") == 5
-    assert "set</td>" in page
+    assert ">set</td>" in page
 
 
 def test_what_is_not_told_is_exit_1_with_the_sentence(capsys, tmp_path):

@@ -99,7 +99,8 @@ def test_the_papers_step_has_the_numbers_of_an_independent_simulation(capsys, tm
     assert a["completed"] is True
     assert a["events"] == []
     assert a["stop_reason"] == "The simulation reached its end."
-    assert a["files"] == [str(tmp_path / name) for name in ("trajectory.csv", "report.html")]
+    names = ("report.html", "simulate.json", "trajectory.csv")
+    assert a["files"] == [str(tmp_path / name) for name in names]
     assert len(a["steps"]) == 1
 
 
@@ -260,7 +261,7 @@ def test_a_simulation_that_stops_early_is_exit_code_1_with_its_files(capsys, tmp
     _, columns = table(tmp_path / "trajectory.csv")
     assert columns["time_s"][-1] == a["duration_s"]
     assert main(["simulate", path, *arguments]) == 1
-    assert f"stopped at {a['duration_s']:.6g} s" in capsys.readouterr().err
+    assert f"\nstopped at {a['duration_s']:.6g} s" in capsys.readouterr().out
 
 
 def test_noise_comes_from_the_seed(capsys, tmp_path):
@@ -359,9 +360,10 @@ def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_simulated(
 
 def test_netcdf_has_the_same_numbers_and_names_them(capsys, tmp_path):
     a = answer(capsys, "feup-em", "--netcdf", "--out", str(tmp_path))
-    assert a["files"][1] == str(tmp_path / "trajectory.nc")
+    file = a["files"][-1]
+    assert file == str(tmp_path / "trajectory.nc")
     _, columns = table(tmp_path / "trajectory.csv")
-    with xarray.open_dataset(a["files"][1], engine="h5netcdf", decode_times=False) as data:
+    with xarray.open_dataset(file, engine="h5netcdf", decode_times=False) as data:
         assert np.array_equal(data.depth, columns["depth_m"])
         assert np.array_equal(data.time, columns["time_s"])
         assert data.attrs["Conventions"] == "CF-1.11"
@@ -371,23 +373,23 @@ def test_netcdf_has_the_same_numbers_and_names_them(capsys, tmp_path):
         assert all("units" in data[name].attrs for name in data.variables)
         assert data.attrs["title"] == "feup-em: step, simulated in closed loop"
         assert "date is arbitrary" in data.time.attrs["comment"]
-    assert cf_problems(a["files"][1]) == []
+    assert cf_problems(file) == []
 
 
 def test_the_begin_of_a_run_makes_its_times_dates(capsys, tmp_path):
     given = ["feup-em", "--duration", "30", "--netcdf", "--out", str(tmp_path)]
     a = answer(capsys, *given, "--begin", "2026-03-01T12:00:00+02:00")
-    with xarray.open_dataset(a["files"][1]) as data:
+    with xarray.open_dataset(a["files"][-1]) as data:
         assert data.time.values[0] == np.datetime64("2026-03-01T10:00")
         assert "comment" not in data.time.attrs
-    assert cf_problems(a["files"][1]) == []
+    assert cf_problems(a["files"][-1]) == []
     assert main(["simulate", *given, "--begin", "tomorrow"]) == 2
     assert "--begin: this is no time" in capsys.readouterr().err
 
 
 def test_a_picture_is_drawn_where_it_is_asked_for(capsys, tmp_path):
     a = answer(capsys, "feup-em", "--plot", "--out", str(tmp_path))
-    names = ["trajectory.csv", "trajectory.png", "report.html"]
+    names = ["report.html", "simulate.json", "trajectory.csv", "trajectory.png"]
     assert a["files"] == [str(tmp_path / name) for name in names]
     assert (tmp_path / "trajectory.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(names)
@@ -444,7 +446,7 @@ def test_the_supervisor_of_the_file_is_flown_and_its_alarm_answers_no(
     assert main(["simulate", file, *out]) == 1
     said = capsys.readouterr()
     assert said.out.startswith("feup-em, law cascade and supervisor, 400.2 s in")
-    assert f"took over at {told['alarm']['time_s']:.6g} s: {reason}" in said.err
+    assert f"took over at {told['alarm']['time_s']:.6g} s: {reason}" in said.out
     alone = answer(capsys, file, "--without-supervisor", *out)
     assert (alone["supervised"], alone["alarm"]) == (False, None)
     assert alone["deepest_m"] > 3.0

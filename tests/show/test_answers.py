@@ -13,7 +13,8 @@ import swimbladder as sb
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import Answer, json_text
 from swimbladder.show import answers
-from swimbladder.show.report.html import _made_by
+from swimbladder.show.html import _made_by
+from swimbladder.show.parts import Shown
 from swimbladder.show.tables import dataset, split
 from tests.cf import cf_problems
 from tests.pages import figures_of, without_scripts
@@ -57,19 +58,16 @@ def subclasses():
     return Answer.__subclasses__()
 
 
-def test_every_answer_has_words_and_a_picture_that_there_are():
+def test_every_answer_is_shown_in_one_place():
     found = {one.__name__: one for one in subclasses()}
-    assert set(found) == set(answers._ANSWERS)
-    for name, how in answers._ANSWERS.items():
+    assert set(found) == set(answers.ROOMS)
+    for name, room in answers.ROOMS.items():
+        module = importlib.import_module(f"swimbladder.show.{room}")
+        shown = getattr(module, f"{name}Shown")
+        assert shown.name
+        assert shown.parts is not Shown.parts
         own = {*dir(found[name]), *found[name].__dataclass_fields__}
-        assert how.words or "sentences" in own, name
-        assert not (how.files and how.writes), name
-        for path in filter(None, how):
-            if path.startswith("."):
-                assert path[1:] in own, name
-                continue
-            module, _, function = path.rpartition(".")
-            assert callable(getattr(importlib.import_module(f"swimbladder.{module}"), function))
+        assert shown.table is not Shown.table or "columns" in own or name == "BoardAnswer"
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -175,20 +173,23 @@ def test_what_was_not_asked_for_is_no_picture_but_said():
     assert "It passed the 100 m that it is rated for." in repr(too_deep)
 
 
-def test_a_long_answer_is_cut_and_says_so():
+def test_a_long_answer_is_cut_and_says_so(monkeypatch):
     class Long(Answer):
-        sentences = tuple(f"line {n}, " + "and a word " * 12 for n in range(30))
+        pass
 
-    answers._ANSWERS["Long"] = answers._Shown()
-    try:
-        lines = repr(Long()).splitlines()
-        assert len(lines) == 15
-        assert lines[-1].startswith("... (")
-        assert lines[-1].endswith(" lines more)")
-        with pytest.raises(NoAnswerError, match="has no picture"):
-            Long().plot()
-    finally:
-        del answers._ANSWERS["Long"]
+    class LongShown(Shown[Long]):
+        def parts(self):
+            return [f"line {n}, " + "and a word " * 12 for n in range(30)]
+
+    monkeypatch.setattr(answers, "shown", LongShown)
+    lines = repr(Long()).splitlines()
+    assert len(lines) == 15
+    assert lines[-1].startswith("... (")
+    assert lines[-1].endswith(" lines more)")
+    with pytest.raises(NoAnswerError, match="has no picture"):
+        Long().plot()
+    with pytest.raises(NoAnswerError, match="has no table"):
+        Long().to_dataframe()
 
 
 def test_a_page_says_how_it_was_made():

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
-from swimbladder.show.plots import style
-from swimbladder.show.plots.interactive import as_plotly
-from swimbladder.show.report.page import answer_page
+from swimbladder.show import style
+from swimbladder.show.html import answer_page
+from swimbladder.show.interactive import as_plotly
+from swimbladder.show.parts import Drawn, Shown
 from tests.pages import figures_of
 
 
@@ -155,7 +157,18 @@ def test_a_browser_draws_every_figure_of_a_page_without_a_network(chromium, tmp_
     other, (axes,) = drawn()
     axes.pcolormesh([0.0, 1.0, 2.0], [0.0, 1.0], [[0.0, 1.0]])
     pictures = {"one": figure, "two": other}
-    html = answer_page("A page", ["It <settles>."], {"rms_m": 0.001}, pictures, {})
+
+    class Settling(Shown[None]):
+        title = "A page"
+
+        def parts(self):
+            return ["It <settles>.", *(Drawn(name, None) for name in pictures)]
+
+        def numbers(self):
+            return {"rms_m": 0.001}
+
+    shown = Settling(None)
+    html = answer_page(shown, shown.parts(), pictures)
     assert set(figures_of(html)) == {"one", "two"}
     assert len(html) < 3_000_000
     (tmp_path / "page.html").write_text(html, encoding="utf-8")
@@ -171,6 +184,17 @@ def test_a_browser_draws_every_figure_of_a_page_without_a_network(chromium, tmp_
     assert "depth [m]" in shown
     assert "It &lt;settles&gt;." in shown
     assert re.search(r'class="legendtext"[^>]*>depth<', shown)
+
+
+def test_an_axis_of_counts_has_no_ticks_between_them():
+    figure, (axes,) = drawn()
+    axes.bar([1.0, 2.0, 3.0], [1.0, 2.0, 2.0])
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_yticks([])
+    _, layout = traces(figure)
+    assert (layout["xaxis"]["tick0"], layout["xaxis"]["dtick"]) == (0, 1)
+    assert layout["yaxis"]["ticks"] == ""
+    assert not layout["yaxis"]["showticklabels"]
 
 
 def test_an_empty_figure_is_no_error():

@@ -3,7 +3,7 @@
 import jinja2
 import pytest
 
-from swimbladder.show.report import render, symbols
+from swimbladder.show.html import render, symbols
 
 
 @pytest.mark.parametrize(

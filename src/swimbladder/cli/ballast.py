@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from swimbladder.cli.casts import CastReading, refuse_doubted_unit
-from swimbladder.cli.common import labelled, progress
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.casts import Casts, refuse_doubted_unit
+from swimbladder.cli.common import progress
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded, valued
 from swimbladder.cli.texts import Given
 
 if TYPE_CHECKING:
-    from swimbladder.design.ballast import Ballasting
+    pass
 
 
 @dataclass(frozen=True)
@@ -53,18 +50,14 @@ class Stds(Options):
     density: Given = valued("DENSITY", "1 sigma of the sea's density.", name="--density-std")
 
 
-_CAST = typer.Option("--cast", metavar="CTD", help="CTD casts: CSV, netCDF, Argo; all count.")
-
-
 @grouped("deepest neutral_depth freeboard ballast mass", out=Path("swimbladder-ballast"))
 def ballast(
     vehicle: VehicleName,
-    cast: Annotated[list[Path] | None, _CAST] = None,
     *,
     target: Targets,
     task: Task,
     stds: Stds,
-    reading: CastReading,
+    reading: Casts,
     to: Files,
 ) -> None:
     r"""Find the ballast in a measured cast, and whether the stroke suffices.
@@ -72,13 +65,10 @@ def ballast(
     Without --cast the water is that of the vehicle's file, of constant density. Exit code 1 says
     that the stroke does not cover it with that probability, what is short and by how much.
     """
-    from swimbladder.io.config import load_vehicle
-
-    v = load_vehicle(vehicle, weighed=True)
+    v = loaded(vehicle, weighed=True)
     given, sought = stds.read(), target.given()
     asked = task.read()
-    to.check()
-    casts = reading.casts(cast)
+    casts = reading.casts()
 
     from swimbladder.design.ballast import Target, material_of, uncertainty_of
     from swimbladder.design.ballast import ballast as find
@@ -90,15 +80,4 @@ def ballast(
     wanted = Target(**sought, probability=asked.pop("probability"), speed=asked.pop("speed"))
     with progress("drawing vehicles", 1.0) as advance, target.said_as_typed():
         found = find(v, casts, target=wanted, uncertainty=uncertainty, advance=advance, **asked)
-    to.answer(found, _shown(found), good=found.covered)
-
-
-def _shown(found: Ballasting) -> Iterator[object]:
-    """Give what is printed, the answer first."""
-    yield f"{found.vehicle.name} in {', '.join(column.source for column in found.columns)}"
-    yield from labelled("warning", found.warnings)
-    yield from found.sentences
-    spread = [f"{name} {1e6 * value:.2g}" for name, value in found.spread.items() if value > 0.0]
-    if spread:
-        yield f"1 sigma of the neutral volume at the deepest, cm3: {', '.join(spread)}"
-    yield from labelled("assumed", found.assumptions[len(found.warnings) :])
+    to.answer(found)

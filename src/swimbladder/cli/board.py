@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from swimbladder.cli.common import aside, compile_notice, progress, typed_command
+from swimbladder.cli.common import aside, working
 from swimbladder.cli.options import (
     Files,
     Golden,
@@ -58,30 +58,18 @@ def board(
     """
     v = limit.flashed(vehicle)
     given = golden.given() | more.given()
-    to.check()
-    with progress("loading the simulator"):
-        from swimbladder.codegen.board import Flights
-        from swimbladder.codegen.board import board as fly
+    from swimbladder.codegen.board import Flights
+    from swimbladder.codegen.board import board as fly
 
     how, before = line.given(), _logs(to.out)
-    flying = progress("flying on the board", 1.0)
     try:
-        with compile_notice(), flying as advance:
+        with working("flying on the board") as advance:
             answer = fly(v, how.pop("port"), Flights(**given), **how, out=to.out, advance=advance)
     except BaseException:
         if _logs(to.out) != before:
             aside(f"the log so far is in {to.out}")
         raise
-    numbers, logs = answer.to_dict(), [flight.log for flight in answer.flights]
-    with progress("writing the report"):
-        from swimbladder.show.answers import page
-        from swimbladder.show.files import write_all
-        from swimbladder.show.report.html import REPORT
-
-        named = {log.name: None for log in logs}
-        logs += write_all(to.out, {REPORT: page(answer, numbers, named, typed_command())})
-    why = [flight.sentence for flight in answer.flights]
-    to.answer(numbers, answer.sentences, logs, good=answer.equal, why=why)
+    to.answer(answer, [flight.log for flight in answer.flights])
 
 
 def _logs(out: Path) -> dict[Path, int]:

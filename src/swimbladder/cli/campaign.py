@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.casts import CastReading, warn_of_mass
-from swimbladder.cli.common import (
-    aside,
-    asked_of,
-    compile_notice,
-    kept,
-    progress,
-    table,
-    typed_command,
+from swimbladder.cli.casts import Casts, warn_of_mass
+from swimbladder.cli.common import aside, asked_of, progress, working
+from swimbladder.cli.options import (
+    Files,
+    Options,
+    VehicleName,
+    flag,
+    grouped,
+    loaded,
+    valued,
+    watched,
 )
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from swimbladder.sim.campaign.result import Campaign, Sensitivity
     from swimbladder.sim.campaign.store import Layout
     from swimbladder.vehicle import Vehicle
     from swimbladder.vehicle.spread import Spread
@@ -93,7 +92,6 @@ class Work(Options):
 
 
 _MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
-_CAST = typer.Option("--cast", metavar="CTD", help="CTD casts; each float draws one.")
 
 
 @grouped("floats cycles duration sensitivity", out=Path("swimbladder-campaign"))
@@ -101,12 +99,11 @@ def campaign(
     vehicle: VehicleName,
     mission: Annotated[Path, _MISSION],
     floats: Annotated[int, typer.Option(metavar="N", help="Number of floats.")] = 4000,
-    cast: Annotated[list[Path] | None, _CAST] = None,
     *,
     how: Flown,
     stated: Spreads,
     work: Work,
-    reading: CastReading,
+    reading: Casts,
     to: Files,
 ) -> None:
     """Simulate many floats on a mission: success, and battery life.
@@ -116,12 +113,11 @@ def campaign(
 
     Exit code 1: a float did not do every phase. A run that is killed goes on where it was.
     """
-    from swimbladder.io.config import load_mission, load_vehicle
+    from swimbladder.io.config import load_mission
 
-    v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
+    v, task = loaded(vehicle, weighed=True), load_mission(mission)
     asked, who = how.read(), work.read()
-    to.check()
-    casts = reading.casts(cast, task.latitude)
+    casts = reading.casts(task.latitude)
     warn_of_mass(v)
     with progress("loading the simulator"):
         from swimbladder.jobs import Workers, run
@@ -140,27 +136,20 @@ def campaign(
             floats=floats,
             spread=drawn,
             sensitivity=stated.sensitivity,
-            store=(to.out / "campaign.zarr").absolute(),
+            store=to.out / "campaign.zarr",
             **asked,
         )
     layout = job.layout
     doing = f"flying {layout.floats} floats"
     job.check()
     aside(*job.cost)
-    with kept(job.store), compile_notice(), progress(doing, 1.0) as advance:
+    with working(doing, keep=job.store) as advance:
         whole = run(job, workers, advance)
     if not whole:
         _unfinished(layout, work.part, to)
         return
     found = result_of(job)
-    numbers = found.to_dict()
-    with progress("writing the results"):
-        from swimbladder.show.answers import contents
-        from swimbladder.show.files import write_all
-
-        files = contents(found, numbers, typed_command())
-        written = [to.out / "campaign.zarr", *write_all(to.out, files)]
-    to.answer(numbers, _shown(found), written, good=found.completed)
+    to.answer(found, [job.store])
 
 
 def _unfinished(layout: Layout, part: str, to: Files) -> None:
@@ -170,40 +159,3 @@ def _unfinished(layout: Layout, part: str, to: Files) -> None:
     sentence = f"part {part} is flown: {chunks}, the others are for other parts"
     state = {"sentence": sentence, "chunks": layout.count, "done": done}
     to.show({**state, "files": [str(layout.folder)]}, [sentence])
-
-
-def _shown(found: Campaign) -> Iterator[object]:
-    """Give what is printed: what became of the floats, their numbers, and what these come from."""
-    if found.sensitivity is not None:
-        yield found.sensitivity.sentence
-    what = "what became of them"
-    ways = (
-        (str(count), f"{100.0 * part:.1f} %", f"{100.0 * low:.1f} to {100.0 * high:.1f} %", words)
-        for words, count, part, (low, high) in found.shares()
-    )
-    yield from (found.sentence, table(("floats", "share", "95 %", what), ways, left=[what]))
-    numbers = (
-        (words, f"{middle:.4g}", f"{low:.4g}", f"{high:.4g}", unit)
-        for words, unit, middle, low, high in found.spreads()
-    )
-    headings = ("per float", "median", "5 %", "95 %", "unit")
-    yield table(headings, numbers, left=("per float", "unit"))
-    if (life := found.battery_life) is not None:
-        row = ("cycles on one battery", f"{life.median:g}", "{} to {}".format(*life.prediction95))
-        what = "the next float"
-        yield table((what, "median", "95 % prediction"), [row], left=[what])
-    if found.sensitivity is not None:
-        yield from _indices(found.sensitivity)
-
-
-def _indices(found: Sensitivity) -> Iterator[object]:
-    headings = ("output", "comes from", "first order", "95 %", "total", "95 % ")
-    rows = []
-    for one in found.outputs:
-        for name, index in zip(found.design.names, one.indices, strict=False):
-            first = f"{index.first:.2f}", "{:.2f} to {:.2f}".format(*index.first_ci95)
-            total = f"{index.total:.2f}", "{:.2f} to {:.2f}".format(*index.total_ci95)
-            rows.append((one.name if name == found.design.names[0] else "", name, *first, *total))
-    if rows:
-        yield table(headings, rows, left=headings[:2])
-    yield from (f"{one.name}: no indices, as {one.why}" for one in found.outputs if one.why)

@@ -10,9 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import aside, progress, quantity, said_as_typed
 from swimbladder.cli.logs import selections
@@ -66,11 +64,6 @@ def warn_of_mass(vehicle: Vehicle) -> None:
         aside(f"warning: {doubt}; {inertia}")
 
 
-CastFile = Annotated[
-    Path | None, typer.Option("--cast", metavar="CTD", help="CTD cast: CSV, netCDF, Argo profile.")
-]
-
-
 def _degrees(text: str, option: str) -> float | None:
     return quantity(text.removesuffix("deg").strip(), "", option)
 
@@ -79,9 +72,12 @@ NO_CAST = ("it says how to read a cast, and there is none", "Give --cast too")
 
 
 @dataclass(frozen=True)
-class CastReading(Options):
-    """How the casts of every command that takes some are read, and chosen in their files."""
+class Reading(Options):
+    """The casts of every command that takes some, how they are read and chosen in their files."""
 
+    cast: Path | list[Path] | None = valued(
+        "CTD", "CTD cast: CSV, netCDF, Argo profile.", name="--cast"
+    )
     columns: Several = valued("NAME=COLUMN", "Column, NAME=COLUMN@UNIT too.", name="--column")
     where: Several = valued("COLUMN=VALUE", "Only these rows of the file.", name="--where")
     log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
@@ -91,22 +87,37 @@ class CastReading(Options):
     salinity: float | None = valued("PSU", "If the cast has none; 0: fresh.", name="--salinity")
     inversions: Given = valued("WHAT", "Inversions: average, keep (refuse).", name="--inversions")
 
-    def casts(self, asked: Path | Sequence[Path] | None, place: float | None = None) -> list[Cast]:
+    def casts(self, place: float | None = None) -> list[Cast]:
         """Return the casts of files, all read alike; what was done to them is in their report.
 
         place: the latitude [degrees] where no option says one.
         Raises InputError for an option that is wrong, or that has no cast to be about.
         """
-        paths = [asked] if isinstance(asked, Path) else asked or []
+        given = self.given()
+        asked = given.pop("cast", [])
+        paths = [asked] if isinstance(asked, Path) else asked
         if not paths:
-            self.refuse(*NO_CAST)
+            self.refuse(*NO_CAST, "cast")
             return []
         from swimbladder.io.casts import check_reading
 
-        given = self.given()
         facts = ("latitude", "longitude", "salinity", "inversions")
         check_reading(**{name: given[name] for name in facts if name in given})
         return _read({"latitude": place, **given}, paths)
+
+
+@dataclass(frozen=True)
+class CastReading(Reading):
+    """One cast."""
+
+    cast: Path | None = valued("CTD", "CTD cast: CSV, netCDF, Argo profile.")
+
+
+@dataclass(frozen=True)
+class Casts(Reading):
+    """Several casts."""
+
+    cast: list[Path] | None = valued("CTD", "CTD casts: CSV, netCDF, Argo; repeatable.")
 
 
 def _read(given: Mapping[str, Any], paths: Sequence[Path]) -> list[Cast]:

@@ -4,82 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import math
 import os
 import shutil
 import signal
 import sys
 import threading
-from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from itertools import accumulate
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
-from rich.console import Console, ConsoleOptions, RenderableType
-from rich.measure import Measurement
+from rich.console import Console
 from rich.text import Text
 
 from swimbladder.errors import InputError, SwimbladderError, as_asked
 from swimbladder.io.answers import json_text
 from swimbladder.io.progress import Advance, silent
+from swimbladder.show.parts import Part
+from swimbladder.show.text import LINES, Output, rows_of, shortened, text_lines
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from swimbladder.io.mission import Mission
-
-_WIDE = 10_000  # columns: any table
-
-
-class Output(Console):
-    """A console that cuts nothing out of a table, whatever the width.
-
-    A table is as wide as its longest words take, and in a pipe as its rows do; rich would end
-    numbers in dots, and a pipe has no width but the 80 columns it takes then.
-    """
-
-    _least = 0
-
-    def print(self, *objects: Any, **options: Any) -> None:
-        """Print as `Console` does."""
-        tables = [found for found in objects if not isinstance(found, str)]
-        for found in tables:
-            self._keep_whole(found)
-        self._least = max(map(self._width_of, tables), default=0)
-        try:
-            super().print(*objects, **{"crop": False, **options})
-        finally:
-            self._least = 0
-
-    @property
-    def options(self) -> ConsoleOptions:
-        """What is rendered with: at least as wide as the tables that are printed."""
-        found = super().options
-        return found.update(width=max(found.max_width, self._least))
-
-    def _width_of(self, table: RenderableType) -> int:
-        least, most = Measurement.get(self, super().options.update(width=_WIDE), table)
-        piped = not self.is_terminal and self._width is None  # COLUMNS of the environment gives one
-        return most if piped else least
-
-    def _keep_whole(self, found: object) -> None:
-        """Let a table, in a margin or not, break lines in its words only, and cut nothing."""
-        from rich.padding import Padding
-        from rich.table import Table
-
-        inner = found.renderable if isinstance(found, Padding) else found
-        if isinstance(inner, Table):
-            wide = super().options.update(width=_WIDE)
-            for column in inner.columns:
-                column.no_wrap = column.no_wrap or column.justify == "right"
-                column.overflow = "fold"
-                if column.no_wrap:
-                    cells = (column.header, *column.cells)
-                    column.min_width = max(Measurement.get(self, wide, c).maximum for c in cells)
-
 
 # Notes, progress and errors.
 console = Console(stderr=True, highlight=False)
@@ -87,80 +33,27 @@ console = Console(stderr=True, highlight=False)
 output = Output(highlight=False, markup=False, emoji=False)
 
 
-def show_answer(parts: Iterable[object], ends: Sequence[str] = (), *, full: bool = False) -> None:
+def show_answer(parts: Iterable[Part], ends: Sequence[str] = (), *, full: bool = False) -> None:
     """Print what was asked for, its most important first: 15 lines at most, or all of it.
 
-    ends: sentences that close it in any case. A table of which no row has room is left out.
+    ends: sentences that close it in any case.
     """
-    blocks = [text_lines(part) for part in parts]
-    kept, room = [line for block in blocks for line in block], _LINES - sum(map(_rows, ends))
-    if not full and sum(map(_rows, kept)) > room:
-        kept, every, room = [], len(kept), room - 1
-        for block in blocks:
-            until = list(accumulate(map(_rows, block), initial=0))  # rows, of the lines before
-            taken = block[: bisect_right(until, room, lo=1) - 1]
-            room = room - until[-1] if len(taken) == len(block) else 0
-            kept += taken if room or len(taken) != _HEADING else []
-        left = every - len(kept)
-        ends = [f"... {left} line{'' if left == 1 else 's'} more: --full", *ends]
-    for line in (*kept, *ends):
+    paper = output
+    room = LINES - sum(rows_of(line, paper) for line in ends)
+    lines = shortened(
+        parts,
+        lambda part: text_lines(part, paper),
+        room=sys.maxsize if full else room,
+        rows=lambda line: rows_of(line, paper),
+    )
+    for line in (*lines, *ends):
         output.print(Text.from_ansi(line), soft_wrap=True)
-
-
-_LINES, _HEADING = 15, 1
-
-
-def text_lines(part: object, paper: Output = output) -> list[str]:
-    """Return the lines of a sentence, one however long it is, or of a table."""
-    part = as_asked(part) if isinstance(part, str) else part
-    with paper.capture() as printed:
-        paper.print(part, soft_wrap=isinstance(part, str | Text))
-    return [line.rstrip() for line in printed.get().splitlines()]
-
-
-def _rows(line: str) -> int:
-    """Return how many rows of the terminal a line takes; one where there is none."""
-    return math.ceil(Text.from_ansi(line).cell_len / output.width) or 1 if output.is_terminal else 1
 
 
 def aside(*sentences: str) -> None:
     """Print sentences on stderr, beside what was asked for."""
     for sentence in sentences:
         console.print(as_asked(sentence), markup=False, soft_wrap=True)
-
-
-def labelled(label: str, sentences: Iterable[str]) -> list[str]:
-    """Return sentences with what they are before each."""
-    return [f"{label}: {sentence}" for sentence in sentences]
-
-
-def severity(findings: Sequence[Any], kind: str) -> list[Text]:
-    """Return the findings that are of one kind, warnings in yellow."""
-    listed = labelled(kind, (as_asked(f.sentence) for f in findings if f.severity == kind))
-    return [Text(line, style="bold yellow" if kind == "warning" else "") for line in listed]
-
-
-def table(
-    headings: Sequence[str],
-    rows: Iterable[Iterable[str]],
-    *,
-    left: Collection[str] | None = None,
-    **given: Any,
-) -> Table:
-    """Return a table without lines, whose columns of words stand to the left.
-
-    left: their headings (the first, which has names: they are not broken). given: as
-    `rich.table.Table` has it.
-    """
-    from rich.table import Table
-
-    made = Table(**{"box": None, "pad_edge": False, "collapse_padding": True, **given})
-    for heading in headings:
-        words = heading in (headings[:1] if left is None else left)
-        made.add_column(heading, justify="left" if words else "right", no_wrap=words and not left)
-    for row in rows:
-        made.add_row(*row)
-    return made
 
 
 # 128 and the number of the signal, as shells have it
@@ -370,6 +263,17 @@ def compile_notice() -> Iterator[None]:
 
     with on_compile(notice):
         yield
+
+
+@contextlib.contextmanager
+def working(doing: str, keep: Path | None = None) -> Iterator[Advance]:
+    """Show how far the block is; say what is compiled, and what is kept of unfinished work.
+
+    Yields ``advance(share)``. keep: the folder where that stays.
+    """
+    keeping = contextlib.nullcontext() if keep is None else kept(keep)
+    with keeping, compile_notice(), progress(doing, 1.0) as advance:
+        yield advance
 
 
 def typed_command() -> str:

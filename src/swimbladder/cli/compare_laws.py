@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_cast
-from swimbladder.cli.common import (
-    compile_notice,
-    kept,
-    labelled,
-    progress,
-    table,
+from swimbladder.cli.casts import CastReading, DepthSensor, water_of_cast
+from swimbladder.cli.common import working
+from swimbladder.cli.options import (
+    AnyVehicle,
+    Files,
+    Options,
+    WithoutSupervisor,
+    grouped,
+    loaded,
+    valued,
 )
-from swimbladder.cli.options import AnyVehicle, Files, Options, WithoutSupervisor, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
+from swimbladder.show.parts import Table
 
 if TYPE_CHECKING:
-    from swimbladder.design.law_comparison import LawComparison
     from swimbladder.vehicle import Vehicle
 
 _NOISE = "2 mm"  # where neither the vehicle file nor the user says what the sensor has
@@ -73,7 +74,6 @@ def compare_laws(
     sensor: Sensor,
     without_supervisor: WithoutSupervisor = False,
     list_scenarios: Annotated[bool, _LIST_SCENARIOS] = False,
-    cast: CastFile = None,
     reading: CastReading,
     to: Files,
 ) -> None:
@@ -89,21 +89,18 @@ def compare_laws(
         return
     if vehicle is None:
         raise InputError("no vehicle", field="VEHICLE", remedy="Name a preset or a TOML file")
-    from swimbladder.io.config import load_vehicle
-
-    v, assumed = sensor.assumed(load_vehicle(vehicle, sampled=True, pumped=True))
+    v, assumed = sensor.assumed(loaded(vehicle, sampled=True, pumped=True))
     options = flights.read() | {"supervised": not without_supervisor}
     reach = None if options["depths"] is None else options["depths"][1]
-    options["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
-    to.check()
+    options["column"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
     parts = to.out / "parts"
-    with progress("loading the simulator"):
+    with working("tuning and flying", keep=parts) as advance:
         from swimbladder.design.law_comparison import compare_laws
-    with kept(parts), compile_notice(), progress("tuning and flying", 1.0) as advance:
+
         found = compare_laws(v, **options, parts=parts, advance=advance)
     if assumed:
         found = found.assuming(assumed)
-    to.answer(found, _shown(found))
+    to.answer(found)
 
 
 def _list(
@@ -111,9 +108,8 @@ def _list(
 ) -> None:
     """Print the scenarios, with the depths that a vehicle gives them where one is named."""
     from swimbladder.design.law_comparison.contenders import SCENARIOS, place, places, scenarios_of
-    from swimbladder.io.config import load_vehicle
 
-    v = None if vehicle is None else load_vehicle(vehicle, sampled=True, pumped=True)
+    v = None if vehicle is None else loaded(vehicle, sampled=True, pumped=True)
     flown = SCENARIOS if v is None else scenarios_of(v)
     shown: dict[str, dict[str, Any]] = {one.name: {"words": one.words} for one in flown}
     if v is not None:
@@ -127,22 +123,5 @@ def _list(
         numbers = [f"{x:.5g}" for key, x in told.items() if key != "words"]
         rows.append((name, *numbers, told["words"]))
     numbers = ["from [m]", "to [m]", "for [s]"] if vehicle else []
-    listed = table(("scenario", *numbers, "what"), rows, left=("scenario", "what"))
+    listed = Table(("scenario", *numbers, "what"), rows, left=("scenario", "what"))
     to.show({"scenarios": shown}, [listed])
-
-
-def _shown(found: LawComparison) -> Iterator[object]:
-    """Give what is printed, the answer first."""
-    from swimbladder.show.report.law_comparison import HEADINGS, SOON, STILL, notes, summary
-
-    count = len(found.rows)
-    controllers = f"{count} controller{'' if count == 1 else 's'}"
-    scenarios = f"{len(found.placed)} scenarios of {found.runs} runs"
-    yield f"{found.vehicle.name}, {controllers} on {scenarios}"
-    yield from found.sentences
-    rows = [dict(zip(HEADINGS, row, strict=True)) for row in summary(found)]
-    for shown in (SOON, STILL):
-        yield table(shown, ([row[heading] for heading in shown] for row in rows))
-    yield from notes(found)
-    yield from (f"left out: {name}: {why}" for name, why in found.left_out.items())
-    yield from labelled("assumed", found.assumptions)

@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.text import Text
-
-from swimbladder.cli.common import (
-    compile_notice,
-    labelled,
-    progress,
-    quantity,
-    severity,
-    table,
-)
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.common import quantity, working
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded, valued
 from swimbladder.cli.settings import Sought, deviation
 from swimbladder.cli.texts import Given, unit_of, with_one_unit
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from swimbladder.design.experiments import Design
+    pass
 
 
 def _against(text: str, option: str) -> tuple[float, ...] | None:
@@ -91,56 +79,10 @@ def design_experiment(
     experiment, and against single steps in the same time. Exit code 1: not all parameters are
     identifiable in this time.
     """
-    from swimbladder.io.config import load_vehicle
-
-    v = load_vehicle(vehicle, sampled=True)
+    v = loaded(vehicle, sampled=True)
     options = {**setting.given(), **sought.given(), **experiments.given()}
-    to.check()
-    with progress("loading the simulator"):
+    with working("looking for the best experiments") as advance:
         from swimbladder.design.experiments import design_experiment as find
 
-    with compile_notice(), progress("looking for the best experiments", 1.0) as advance:
         found = find(v, **options, advance=advance)
-    why = [f.sentence for f in found.findings if f.severity == "no"]
-    to.answer(found, _shown(found), good=found.identifiable, why=why)
-
-
-def _shown(found: Design) -> Iterator[object]:
-    """Give what is printed, the answer first."""
-    from swimbladder.show.report.design import comparison, headlines
-
-    c = found.conditions
-    yield f"{found.vehicle.name}, {c.question.model.law} drag, a pool of {c.setting.pool_depth:g} m"
-    if not found.identifiable:
-        failed = [f.sentence for f in found.findings if f.severity == "no"]
-        first = "No set of experiments in this time identifies all parameters:"
-        yield from (Text(sentence, style="bold") for sentence in (first, *failed))
-    yield from (*headlines(found), *severity(found.findings, "warning"))
-    yield from (_experiments(found), _parameters(found), *comparison(found))
-    yield from severity(found.findings, "note")
-    yield from labelled("assumed", found.assumptions)
-
-
-def _experiments(found: Design) -> Table:
-    from swimbladder.show.report.design import rows
-
-    after = [f"{name} after" for name in found.chosen.prediction.names]
-    change = "volume against the one at rest"
-    numbered = ((str(k), *row) for k, row in enumerate(rows(found), start=1))
-    return table(("", "rest at", change, "takes", *after), numbered, left=(change,))
-
-
-def _parameters(found: Design) -> Table:
-    from swimbladder.design.experiments.result import percent
-    from swimbladder.show.report.text import row
-
-    w = found.chosen
-    headings = ["", "assumed", "1 sigma", "95 % interval", "unit", "as a share", "other vehicles"]
-    rows = []
-    for name, e in w.prediction.parameters.items():
-        r = row(name, e)
-        spread = " to ".join(map(percent, w.spread[name]))
-        rival = [f"{found.gains[name]:.1f} times"] if found.gains else []
-        share = percent(w.prediction.share[name])
-        rows.append((name, r.value, r.std, r.ci95, r.unit, share, spread, *rival))
-    return table(headings + ([found.rival] if found.gains else []), rows)
+    to.answer(found)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import compile_notice, progress, quantity
+from swimbladder.cli.common import quantity, working
 from swimbladder.cli.options import Files, Golden, Options, TimeLimit, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given, with_one_unit
 from swimbladder.errors import InputError
@@ -76,16 +76,12 @@ def firmware(
     v = limit.flashed(vehicle)
     _check_law(v, law)
     options, asked = pool.options(), golden.given()
-    to.check()
-    with progress("loading the simulator"):
-        from swimbladder.codegen.library import firmware as make
-        from swimbladder.codegen.library import write_library
-
     named = {"setpoints[0].depth": "target"}
-    doing = progress("flying the golden trace", 1.0)
-    with golden.said_as_typed(**named), compile_notice(), doing as advance:
+    with golden.said_as_typed(**named), working("flying the golden trace") as advance:
+        from swimbladder.codegen.library import firmware as make
+
         made = make(v, **asked, pool=options, advance=advance)
-    to.answer(made.to_dict(), made.sentences, write_library(made, to.out))
+    to.answer(made)
 
 
 def _check_law(vehicle: Vehicle, law: str | None) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -12,16 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.casts import CastFile, CastReading, warn_of_mass
+from swimbladder.cli.casts import CastReading, warn_of_mass
 from swimbladder.cli.common import (
     aside,
     asked_of,
     compile_notice,
     kept,
-    labelled,
     progress,
-    table,
-    typed_command,
 )
 from swimbladder.cli.options import (
     Files,
@@ -29,6 +24,7 @@ from swimbladder.cli.options import (
     VehicleName,
     flag,
     grouped,
+    loaded,
     valued,
     watched,
 )
@@ -36,8 +32,7 @@ from swimbladder.cli.texts import Given
 from swimbladder.errors import SwimbladderError
 
 if TYPE_CHECKING:
-    from swimbladder.physics.seawater import Cast
-    from swimbladder.sim.mission.result import MissionResult
+    pass
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,6 @@ _MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cyc
 def mission(
     vehicle: VehicleName,
     mission: Annotated[Path, _MISSION],
-    cast: CastFile = None,
     *,
     how: Flown,
     reading: CastReading,
@@ -83,20 +77,19 @@ def mission(
 
     A run that is killed resumes.
     """
-    from swimbladder.io.config import load_mission, load_vehicle
+    from swimbladder.io.config import load_mission
     from swimbladder.io.files import unfinished
 
-    v, task = load_vehicle(vehicle, weighed=True), load_mission(mission)
+    v, task = loaded(vehicle, weighed=True), load_mission(mission)
     asked = how.read()
     begin, bottom = asked.pop("begin"), asked.pop("bottom")
     cycles, span = asked.pop("cycles"), asked.pop("duration")
-    to.check()
     if also.netcdf and begin is not None:
         from swimbladder.sim.mission.og1 import og1_time
 
         og1_time(begin)
     keep = unfinished(to.out)
-    read = next(iter(reading.casts(cast, task.latitude)), None)
+    read = next(iter(reading.casts(task.latitude)), None)
     warn_of_mass(v)
     more: dict[str, object] = {}
     with asked_of(mission, task, duration=how.duration):
@@ -113,54 +106,16 @@ def mission(
             aside(*cost_words(task, flown_laws(v, task, asked["supervised"])[0]))
         with kept(keep), compile_notice(), progress("flying", 1.0) as advance:
             found = fly(v, task, read, **asked, keep=keep, advance=advance)
-    answer = found.to_dict()
-    with progress("writing the files"):
-        from swimbladder.show.answers import with_page
-        from swimbladder.show.files import Gone, write_all
-        from swimbladder.show.report.mission import mission_files
-
-        made = mission_files(found, answer, begin=begin) | _also(found, read, begin, also)
-        made = {**made, "argo-config.json": Gone(), **more}
-        files = write_all(to.out, with_page(found, answer, made, typed_command()))
-    to.answer(answer, _shown(found, read), files, good=found.completed, keep=keep)
-
-
-def _also(
-    found: MissionResult, cast: Cast | None, begin: datetime.datetime | None, also: Also
-) -> dict[str, object]:
-    """Return what is written beside the files of the answer; what is not asked for goes."""
     from swimbladder.io.netcdf import write_netcdf
     from swimbladder.show.files import Gone
+    from swimbladder.show.mission import MissionResultShown
 
-    files: dict[str, object] = dict.fromkeys(("mission.nc", "mission.png"), Gone())
     if also.netcdf:
-        place = {} if cast is None else {"latitude": cast.latitude, "longitude": cast.longitude}
+        place = {} if read is None else {"latitude": read.latitude, "longitude": read.longitude}
         data = found.dataset(begin=begin, **place)
-        files["mission.nc"] = partial(write_netcdf, dataset=data)
-    if also.plot:
-        files["mission.png"] = found.plot()
-    return files
-
-
-def _shown(found: MissionResult, cast: Cast | None) -> Iterator[object]:
-    """Give what is printed: the answer, its reasons, the cycles, the energy."""
-    from swimbladder.sim.mission.phase_laws import law_words
-    from swimbladder.sim.mission.tables import cycle_words
-    from swimbladder.sim.mission.words import span_words
-
-    flight = found.flight
-    count = len(flight.cycles)
-    cycles = f"{count} cycle{'s' if count > 1 else ''}, {span_words(flight.duration)}"
-    yield f"{flight.vehicle.name} in {flight.column.source or 'the given water'}: {cycles}"
-    yield from (found.sentence, *found.reasons, *found.notes, *found.holding)
-    yield from law_words(found.laws)
-    heading, *lines = cycle_words(found)
-    yield table(heading, lines, left=())
-    if len(lines) < count:
-        yield f"({count - len(lines)} cycles more in cycles.csv)"
-    if found.energy_known:
-        total = found.books.drawn
-        for name, energy in sorted(found.books.battery.items(), key=lambda pair: -pair[1]):
-            share = 100.0 * energy / total if total > 0.0 else 0.0
-            yield f"{name}: {energy / 1e3:.4g} kJ, {share:.0f} %"
-    yield from labelled("cast", () if cast is None else flight.column.report)
+        more["mission.nc"] = partial(write_netcdf, dataset=data)
+    names = ["mission.nc", "argo-config.json", *([] if also.plot else ["mission.png"])]
+    more = dict.fromkeys(names, Gone()) | more  # what is not asked for goes
+    to.answer(
+        MissionResultShown(found, begin=begin, cast=read, pictures=also.plot, more=more), keep=keep
+    )

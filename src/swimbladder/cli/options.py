@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from copy import copy
 from dataclasses import MISSING, Field, dataclass, field, fields
-from functools import partial, wraps
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
@@ -28,8 +28,9 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.texts import Given, depth_pair, names, pairs
-from swimbladder.errors import OPTIONS, InputError, check_number
+from swimbladder.errors import OPTIONS, InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer
+from swimbladder.show.parts import Part, Shown
 
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
@@ -54,8 +55,6 @@ _UNITS = {
 }
 
 
-Contents = Callable[[Mapping[str, Any]], Mapping[str, object]]
-"""Returns contents by name, as `show.files.write_all` takes them, from an answer."""
 _VEHICLE = typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
 VehicleName = Annotated[str, _VEHICLE]
 _ALONE, _ALONE_HELP = "--without-supervisor", "Simulate the law alone, without the supervisor."
@@ -81,6 +80,13 @@ def valued(
     info = typer.Option(*([] if name is None else [name]), metavar=word, help=help, **more)
     about = {"info": info, "read": read}
     return field(metadata=about) if default is ... else field(default=default, metadata=about)
+
+
+def loaded(name: str, **able: bool) -> "Vehicle":
+    """Return a vehicle; able: to what it has to be, as `load_vehicle` has it."""
+    from swimbladder.io.config import load_vehicle
+
+    return load_vehicle(name, **able)
 
 
 def flag(name: str, help: str, default: bool = False) -> Any:
@@ -182,14 +188,14 @@ class Options:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown(Options):
+class Printed(Options):
     """How much of an answer is printed: 15 lines, all of it, or JSON."""
 
     full: bool = flag("--full", "Print the whole answer, not 15 lines of it.")
     json: bool = flag("--json", "Print one JSON object and nothing else.")
 
     def show(
-        self, answer: Mapping[str, Any], parts: Iterable[object], ends: Sequence[str] = ()
+        self, answer: Mapping[str, Any], parts: Iterable[Part], ends: Sequence[str] = ()
     ) -> None:
         """Print an answer as JSON or by its parts, the most important first, and `ends`."""
         if self.json:
@@ -199,53 +205,43 @@ class Shown(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Files(Shown):
+class Files(Printed):
     """Where the files of a command go, and how its answer is printed."""
 
     out: Path = valued("DIR", "Folder for the files.", ..., name="--out")
 
     def check(self) -> None:
-        """Raise InputError where the folder could not be made."""
+        """Raise InputError where the folder could not be made, before anything is done."""
         from swimbladder.io.files import check_place
 
-        check_place(self.out)
+        if self.out is not None:
+            check_place(self.out)
 
     def answer(
-        self,
-        answer: Mapping[str, Any] | Answer,
-        shown: Iterable[object],
-        files: Sequence[Path] | Contents | None = None,
-        *,
-        good: bool = True,
-        why: Sequence[str] = (),
-        keep: Path | None = None,
+        self, found: Answer | Shown[Any], also: Sequence[Path] = (), *, keep: Path | None = None
     ) -> None:
-        """Print the answer and its files, as JSON or as `shown`; exit with 1 where it is not good.
+        """Print an answer and its files, which are written; exit where it is not good.
 
-        shown: its parts, the most important first, of which 15 lines are printed. files: their
-        paths, or what returns from the answer what is to be written; none: those that the answer
-        itself has. Without a folder none is written. why: what is not good; beside JSON it stands
-        on stderr. keep: the folder where unfinished work was kept, which has no use any more.
+        also: files that are there already; keep: the folder where unfinished work was kept, which
+        has no use any more. Without a folder nothing is written. Why an answer is not good stands
+        on stderr beside JSON.
         """
-        if isinstance(answer, Answer):
-            from swimbladder.show.answers import contents
+        from swimbladder.show.answers import shown, write
 
-            make = partial(contents, answer, command=typed_command())
-            files, answer = files or make, answer.to_dict()
-        if self.out is None:
-            files = None
-        elif callable(files):
-            with progress("drawing and writing"):
-                from swimbladder.show.files import write_all
-
-                files = write_all(self.out, files(answer))
+        made = shown(found) if isinstance(found, Answer) else found
+        files = list(also)
+        if self.out is not None:
+            with progress("drawing and writing", 1.0) as advance:
+                files = write(made, self.out, typed_command(), advance, also)
         if keep is not None:
             shutil.rmtree(keep, ignore_errors=True)
-        paths = [str(path) for path in files or ()]
-        self.show({**answer, "files": paths}, shown, self.wrote(files or ()))
-        aside(*(why if self.json and not good else ()))
-        if not good:
-            raise typer.Exit(1)
+        numbers = {**made.printed(), "files": [str(path) for path in files]}
+        self.show(numbers, made.parts(), self.wrote(files))
+        if made.exit_code and made.error:
+            raise NoAnswerError(made.error)
+        if made.exit_code:
+            aside(*(made.why if self.json else ()))
+            raise typer.Exit(made.exit_code)
 
     def wrote(self, files: Sequence[Path]) -> list[str]:
         """Return the line that says where the files are; none where there are none."""
@@ -267,10 +263,8 @@ class TimeLimit(Options):
 
     def flashed(self, name: str) -> "Vehicle":
         """Return the vehicle that a board runs, with it: of motors, or of pump and valve."""
-        from swimbladder.io.config import load_vehicle
-
-        v = load_vehicle(name)
-        return self.on(v if v.command == "volume change" else load_vehicle(name, sampled=True))
+        v = loaded(name)
+        return self.on(v if v.command == "volume change" else loaded(name, sampled=True))
 
     def on(self, vehicle: "Vehicle") -> "Vehicle":
         """Return the vehicle whose supervisor has it; as it was where none is given."""
@@ -334,6 +328,9 @@ def grouped(
             OPTIONS.update(asked)
             try:
                 with said_as_typed(asked, typed):
+                    for made in given.values():
+                        if isinstance(made, Files):
+                            made.check()
                     command(**given)
             finally:
                 OPTIONS.clear()

@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from swimbladder.cli.common import aside, compile_notice, progress
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, valued
+from swimbladder.cli.common import aside, working
+from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded, valued
 from swimbladder.cli.texts import Given, depth_pair
 
 
@@ -43,18 +43,14 @@ def plan(
     plan.csv is a log of it, mission.toml its depths as set-points for `simulate`. Exit code 1 says
     that there is no plan, what is in the way, and how much more of it would do.
     """
-    from swimbladder.io.config import load_vehicle
-
-    v = load_vehicle(vehicle, sampled=True)
+    v = loaded(vehicle, sampled=True)
     start, target = depth_pair(step, "--step")
     options = asked.given()
-    to.check()
-    with progress("loading the solvers"):
+    with _told_how_to_go_on(), working("solving programs") as advance:
         from swimbladder.design.planning import plan as find
-    with _told_how_to_go_on(), compile_notice(), progress("solving programs") as advance:
-        found = find(v, start, target, advance=advance, **options)
 
-    to.answer(found, (f"{v.name}, goal {found.goal}", *found.sentences))
+        found = find(v, start, target, advance=advance, **options)
+    to.answer(found)
 
 
 @contextlib.contextmanager

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import aside, compile_notice, console, labelled, progress, quantity
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued
-from swimbladder.cli.pool_view import View, parameter_table
+from swimbladder.cli.common import aside, compile_notice, console, progress, quantity
+from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, loaded, valued
+from swimbladder.cli.pool_view import View
 from swimbladder.cli.settings import Sought, deviation
 from swimbladder.cli.texts import Given, Several, pair
 from swimbladder.errors import InputError, SwimbladderError, UnitError
@@ -24,7 +24,7 @@ from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
     from swimbladder.design.plan import Plan
-    from swimbladder.design.pool_day import GrowingLog, News, Operator, PoolDay, Target
+    from swimbladder.design.pool_day import GrowingLog, News, Operator, Target
     from swimbladder.design.pool_day.files import Kept
     from swimbladder.vehicle import Vehicle
 
@@ -49,9 +49,8 @@ class Rehearsed(Options):
         """Return who rehearses: the vehicle in simulated water `bottom` [m] deep."""
         from swimbladder.design.pool_day import Operator
         from swimbladder.design.pool_day.follow import check_waiting
-        from swimbladder.io.config import load_vehicle
 
-        truth = vehicle if self.truth is None else load_vehicle(self.truth, sampled=True)
+        truth = vehicle if self.truth is None else loaded(self.truth, sampled=True)
         std = self.read()["sensor_std"]
         if std is None and truth.sensors.depth_noise == truth.sensors.depth_quantum == 0.0:
             std = _NOISE
@@ -153,8 +152,6 @@ def pool(
     Exit code 0 when the parameters are good enough, 1 when they are not, with the reason. What is
     known is in DIR at all times; a run in the same folder goes on from there.
     """
-    from swimbladder.io.config import load_vehicle
-
     if simulate == (follow is not None):
         why = "a guided run is either simulated or follows a log"
         remedy = "Give --simulate to rehearse, or --follow LOG at the pool"
@@ -163,7 +160,7 @@ def pool(
         followed.refuse("it is for a log that is followed", "Leave it out", "wait", "timeout")
     else:
         rehearsed.refuse("it is for a rehearsal", "Leave it out", "seed", "most")
-    v = load_vehicle(vehicle, sampled=True)
+    v = loaded(vehicle, sampled=True)
     done = procedure.read()
     chosen = _plan(procedure)
     bottom = done["pool_depth"]
@@ -199,12 +196,12 @@ def pool(
         else:
             growing = follow_log(day, tail, timeout=limit) if followed.wait else finished(day, tail)
             _through(view, growing)
-            aside(*labelled("note", tail.report))
+            aside(*(f"note: {note}" for note in tail.report))
         day.settle()
     day.save()
-    answer = day.answer()
-    written = [*map(Path, answer.pop("files")), *files]
-    to.answer(answer, _end(day), written, good=day.verdict.good)
+    from swimbladder.show.pool import PoolDayShown
+
+    to.answer(PoolDayShown(day), [*map(Path, day.answer()["files"]), *files])
 
 
 @contextlib.contextmanager
@@ -265,12 +262,3 @@ def _begin(out: Path, vehicle: Vehicle, mode: str) -> list[Kept]:
         one.path.unlink()
     (out / STATE).unlink()
     return []
-
-
-def _end(day: PoolDay) -> Iterator[object]:
-    """Give the verdict, what is next, and the parameters."""
-    yield day.verdict.sentence
-    if not day.verdict.good:
-        yield f"Next: {day.next.sentence()}"
-    if day.found is not None:
-        yield parameter_table(day)

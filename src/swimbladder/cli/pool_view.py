@@ -9,38 +9,18 @@ from collections.abc import Iterable, Iterator
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from swimbladder.cli.common import aside, output, table
+from swimbladder.cli.common import aside, output
+from swimbladder.show.parts import Table
+from swimbladder.show.text import rich_table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
+    from rich.table import Table as RichTable
 
     from swimbladder.design.pool_day import News, PoolDay
 
 _LATEST = 6  # lines of news in the panel
 _STYLES = {"refused": "yellow", "identified": "bold", "log": "dim", "turned": "dim"}
-
-
-def parameter_table(day: PoolDay) -> Table:
-    """Return the parameters with their intervals, beside how well they are to be known."""
-    from swimbladder.show.report.text import rows
-
-    assert day.found is not None
-    aims = {t.name: t for t in day.asked.targets}
-    listed = []
-    for r in rows(day.found):
-        e = day.found.parameters.get(r.name)
-        if e is None:
-            continue
-        aim = aims.get(r.name)
-        goal = known = ""
-        if aim is not None:
-            goal = f"{100.0 * aim.std:.3g} %" if aim.relative else f"{aim.std:.3g} {e.unit}"
-        if r.std and e.value:
-            known = f"{100.0 * e.std / abs(e.value):.2g} %"
-        listed.append((r.name, r.value, r.std, r.ci95, r.unit, known, goal))
-    headings = ("", "value", "1 sigma", "95 % interval", "unit", "known to", "target")
-    return table(headings, listed, collapse_padding=False)
 
 
 class View:
@@ -79,12 +59,14 @@ class View:
         from rich.panel import Panel
         from rich.text import Text
 
+        from swimbladder.show.pool import parameter_table
+
         day = self.day
         parts: list[RenderableType] = [self._state(), Text(day.advice, style="bold cyan"), Text()]
         if day.kept:
             parts += [self._experiments(), Text()]
         if day.found is not None:
-            parts += [parameter_table(day), Text()]
+            parts += [rich_table(parameter_table(day)), Text()]
         parts += [Text(_line(n), style=_STYLES.get(n.kind, "")) for n in self._news]
         title = f"swimbladder pool, {day.vehicle.name}, {day.mode}"
         return Panel(Group(*parts), title=title, title_align="left")
@@ -103,7 +85,7 @@ class View:
         words.append(f"   {_clock(sample.time)}   depth {sample.depth:.2f} m   {volume}")
         return words
 
-    def _experiments(self) -> Table:
+    def _experiments(self) -> RichTable:
         fits = self.day.found.experiments if self.day.found is not None else ()
         rows = []
         for k, fit in zip_longest(self.day.kept, fits[: len(self.day.kept)]):
@@ -111,7 +93,7 @@ class View:
             change, travel = f"{1e6 * k.change_m3:+.3g} cm3", f"{k.travel_m:+.2f} m"
             rows.append((str(k.number), change, travel, str(len(k.log)), off or ""))
         headings = ("", "change", "travel", "samples", "neutral off by")
-        return table(headings, rows, left=(), collapse_padding=False)
+        return rich_table(Table(headings, rows, left=()))
 
 
 def _line(news: News) -> str:

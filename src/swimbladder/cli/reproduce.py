@@ -7,7 +7,7 @@ from pathlib import Path
 
 import typer
 
-from swimbladder.cli.common import aside, compile_notice, labelled, progress
+from swimbladder.cli.common import aside, compile_notice, progress
 from swimbladder.cli.options import Files, Options, grouped, valued
 
 
@@ -28,7 +28,7 @@ def reproduce(*, asked: Asked, to: Files) -> None:
     with progress("loading the simulator"):
         from swimbladder.paper import AMOUNT
         from swimbladder.paper import reproduce as make_report
-        from swimbladder.show.report.html import REPORT
+        from swimbladder.show.parts import REPORT
     with compile_notice(), progress("redoing the paper", AMOUNT) as advance:
         found = make_report(to.out, seed=asked.seed, advance=advance)
     page = (to.out / REPORT).resolve()
@@ -39,5 +39,5 @@ def reproduce(*, asked: Asked, to: Files) -> None:
     shown = [claims, f"equations: {sum(met)} of {len(met)} checked and met", f"wrote {page}"]
     to.show({**found, "report": str(page)}, shown)
     if not found["passed"]:
-        aside(*labelled("fails", found["failures"]))
+        aside(*(f"fails: {failure}" for failure in found["failures"]))
         raise typer.Exit(1)

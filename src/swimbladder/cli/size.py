@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from swimbladder.cli.casts import CastReading, refuse_doubted_unit
-from swimbladder.cli.common import labelled, progress
-from swimbladder.cli.options import Files, Options, grouped, valued
+from swimbladder.cli.common import progress
+from swimbladder.cli.options import Files, Options, grouped, loaded, valued
 from swimbladder.cli.texts import Given
 
 
@@ -59,7 +59,6 @@ class Limits(Options):
 
 
 _BODY = typer.Argument(metavar="BODY", help="Preset or TOML file with hull, mass and drag.")
-_CAST = typer.Option(metavar="FILE", help="CTD cast (the body's own water).")
 _PARTS = typer.Option(metavar="FILE", help="List of parts (a typical one).")
 
 
@@ -67,7 +66,6 @@ _PARTS = typer.Option(metavar="FILE", help="List of parts (a typical one).")
 def size(
     body: Annotated[str, _BODY] = "example-eh",
     *,
-    cast: Annotated[Path | None, _CAST] = None,
     parts: Annotated[Path | None, _PARTS] = None,
     task: Task,
     driver: Driver,
@@ -80,12 +78,9 @@ def size(
     vehicle.toml is the body with that drive, for `energy`, `ballast` and `mission`. Exit code 1
     says that no combination will do, which requirement is in the way, and by how much.
     """
-    from swimbladder.io.config import load_vehicle
-
-    vehicle = load_vehicle(body)
+    vehicle = loaded(body)
     asked, room = task.read(), limits.given()
-    to.check()
-    casts = reading.casts(cast)
+    casts = reading.casts()
     with progress("loading"):
         from swimbladder.design.sizing import Dive, load_parts
         from swimbladder.design.sizing import size as find
@@ -99,6 +94,4 @@ def size(
     doing = progress("weighing drives", total=6.0)
     with doing as advance:
         found = find(vehicle, Dive(**asked), column=sea, parts=listed, advance=advance, **room)
-
-    water = labelled("cast", () if sea is None else sea.report)
-    to.answer(found, (*found.sentences, *water))
+    to.answer(found)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swimbladder.cli.common import compile_notice, kept, labelled, progress, table
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, valued, watched
+from swimbladder.cli.common import working
+from swimbladder.cli.options import (
+    Files,
+    Options,
+    VehicleName,
+    flag,
+    grouped,
+    loaded,
+    valued,
+    watched,
+)
 from swimbladder.cli.texts import Given, Several
-from swimbladder.errors import NoAnswerError
 
 if TYPE_CHECKING:
-    from swimbladder.design.stability import Stability
+    pass
 
 
 def _all(texts: list[str], _: str) -> tuple[str, ...]:
@@ -50,35 +57,14 @@ def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     the supervisor where the file has a table [supervisor]. Exit code 1: it is unstable; the
     parameters are named. A run that is killed resumes.
     """
-    from swimbladder.io.config import load_vehicle
     from swimbladder.io.files import unfinished
 
-    v = load_vehicle(vehicle)
+    v = loaded(vehicle)
     options = asked.given()
     options["maps"] = not options.pop("no_maps")
-    to.check()
     keep = unfinished(to.out)
-    with progress("loading the simulator"):
+    with working("looking for what is unstable", keep=keep) as advance:
         from swimbladder.design.stability import stability as find
-    doing = "looking for what is unstable"
-    with kept(keep), compile_notice(), progress(doing, 1.0) as advance:
+
         found = find(v, **options, keep=keep, advance=advance)
-    to.answer(found, _shown(found), keep=keep)
-    if not found.stable:
-        raise NoAnswerError("the loop is not stable over the range that was asked for")
-
-
-def _shown(found: Stability) -> Iterator[object]:
-    """Give what is printed, the answer first."""
-    from swimbladder.design.stability.run import cycle_rows, robustness_rows
-
-    yield f"{found.vehicle}, {found.flown}, sampled every {found.sample_time:g} s"
-    yield from found.sentences
-    if found.cycles:
-        headings = ["limit cycle from", "kind", "predicted", "every", "simulated", "every", "error"]
-        yield table(headings, cycle_rows(found.cycles), left=headings[:2])
-    if found.stood:
-        gains = sorted({s.gain for s in found.stood})
-        headings = ["settle (over) [%]", "late", *(f"gain {g:g}" for g in gains)]
-        yield table(headings, robustness_rows(found.stood), left=headings[:2])
-    yield from labelled("assumed", found.words)
+    to.answer(found, keep=keep)

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swimbladder.cli.casts import CastFile, CastReading, DepthSensor, water_of_cast
-from swimbladder.cli.common import compile_notice, labelled, progress, table
-from swimbladder.cli.options import Files, Options, VehicleName, WithoutSupervisor, grouped, valued
+from swimbladder.cli.casts import CastReading, DepthSensor, water_of_cast
+from swimbladder.cli.common import working
+from swimbladder.cli.options import (
+    Files,
+    Options,
+    VehicleName,
+    WithoutSupervisor,
+    grouped,
+    loaded,
+    valued,
+)
 from swimbladder.cli.texts import Given
-from swimbladder.control.records import leaves
 
 if TYPE_CHECKING:
-    from swimbladder.design.tuning import Tuning
+    pass
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,6 @@ def tune(
     *,
     design: Design,
     sensor: DepthSensor,
-    cast: CastFile = None,
     reading: CastReading,
     without_supervisor: WithoutSupervisor = False,
     to: Files,
@@ -53,32 +58,12 @@ def tune(
     names what limits them, and the best gains stand in unproven.toml. With
     --cast the trials are in that water.
     """
-    from swimbladder.io.config import load_vehicle
-
-    v = sensor.on(load_vehicle(vehicle))
+    v = sensor.on(loaded(vehicle))
     options = design.read()
     reach = max(*options["depths"], *(options["step"] or ()))
-    options["column"] = water_of_cast(reading.casts(cast), reach, v.hull.depth_limit)
-    to.check()
-    with progress("loading the simulator"):
+    options["column"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
+    with working("searching gains") as advance:
         from swimbladder.design.tuning import tune as find
-    with compile_notice(), progress("searching gains", 1.0) as advance:
+
         found = find(v, **options, supervised=not without_supervisor, advance=advance)
-    why = [found.verdict]
-    to.answer(found, _shown(found), good=found.proven, why=why)
-
-
-def _shown(found: Tuning) -> Iterator[object]:
-    """Give what is printed, the answer first."""
-    from swimbladder.units import shown_unit, unit_factor
-
-    every = f"sampled every {found.sample_time:g} s"
-    yield f"{found.result_vehicle.name}, law {found.law.name}, goal {found.goal}, {every}"
-    yield from found.sentences
-    units = {name: (unit, shown_unit(unit)) for name, unit in found.law.units.items()}
-    rows = [
-        (name, f"{float(value) * unit_factor(*units[name]):.5g}", units[name][1])
-        for name, value in leaves(found.parameters).items()
-    ]
-    yield table(("parameter", "value", "unit"), rows, left=("parameter", "unit"))
-    yield from labelled("assumed", found.assumptions)
+    to.answer(found)

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import console, table
-from swimbladder.cli.options import Shown, grouped
+from swimbladder.cli.common import console
+from swimbladder.cli.options import Printed, grouped
 from swimbladder.errors import InputError
+from swimbladder.show.parts import Table
+from swimbladder.show.text import rich_table
 
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
@@ -20,7 +22,7 @@ vehicle = typer.Typer(no_args_is_help=True)
 
 @vehicle.command("list")
 @grouped()
-def list_presets(*, to: Shown) -> None:
+def list_presets(*, to: Printed) -> None:
     """List the vehicles that come with swimbladder."""
     from swimbladder.io.config import load_vehicle
     from swimbladder.io.presets import preset_names
@@ -29,7 +31,7 @@ def list_presets(*, to: Shown) -> None:
     rows = [(name, v.actuator.kind, v.description) for name, v in found]
     keys = ("name", "kind", "description")
     headings = ("name", "actuator", "description")
-    listed = table(headings, rows, left=headings, collapse_padding=False)
+    listed = Table(headings, rows, left=headings)
     to.show({"vehicles": [dict(zip(keys, row, strict=True)) for row in rows]}, [listed])
 
 
@@ -38,21 +40,21 @@ def list_presets(*, to: Shown) -> None:
 def show(
     name: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     *,
-    to: Shown,
+    to: Printed,
 ) -> None:
     """Say what follows from a vehicle's numbers; with --full print its file, to keep and edit."""
     from swimbladder.io.config import load_vehicle, vehicle_text
 
     v = load_vehicle(name)
     derived, text = _derived(v), vehicle_text(name)
-    rows = (
+    rows = [
         (meaning, "" if value is None else f"{value:.6g}", unit)
         for value, unit, meaning in derived.values()
-    )
-    headings = (f"follows from the numbers of {v.name}", "", "")
-    follows = table(headings, rows, left=headings[:1], collapse_padding=False)
+    ]
+    headings = (f"follows from the numbers of {v.name}", "", " ")
+    follows = Table(headings, rows, left=(headings[0], " "))
     if to.full and not to.json:
-        console.print(follows, "", sep="\n")
+        console.print(rich_table(follows), "", sep="\n")
         sys.stdout.write(text)
         return
     keys = ("value", "unit", "meaning")
@@ -80,7 +82,7 @@ def new(
     ] = "electromechanical",
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     *,
-    to: Shown,
+    to: Printed,
 ) -> None:
     """Write a vehicle file to start from: every field, its unit, meaning and default."""
     from swimbladder.io.files import there, write_atomically
@@ -111,7 +113,7 @@ def set_fields(
     changes: Annotated[list[str], _CHANGES],
     out: Annotated[Path | None, _OUT] = None,
     *,
-    to: Shown,
+    to: Printed,
 ) -> None:
     """Write a vehicle with other values of some fields: a number is in SI."""
     from swimbladder.cli.texts import pairs

@@ -19,7 +19,7 @@ from swimbladder.paper.files import trajectories
 from swimbladder.paper.page import FIGURES, Judged, answer, draw, page
 from swimbladder.paper.published import independent, published
 from swimbladder.show.files import write_all
-from swimbladder.show.report.html import REPORT
+from swimbladder.show.parts import REPORT
 
 __all__ = ["AMOUNT", "reproduce"]
 

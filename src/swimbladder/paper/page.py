@@ -15,8 +15,8 @@ from swimbladder.paper.actuation import CLEARANCE, POOL_DEPTH
 from swimbladder.paper.evidence import SENSORS, Evidence
 from swimbladder.paper.tables import tables
 from swimbladder.paper.verdict import EquationCheck, Finding, Verdict, texts
-from swimbladder.show.plots import paper
-from swimbladder.show.report.html import page_figure, render
+from swimbladder.show import paper
+from swimbladder.show.html import page_figure, render
 from swimbladder.sim.pool import Fit
 
 FIGURES: dict[str, Callable[[Evidence], Figure]] = {

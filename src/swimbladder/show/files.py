@@ -11,7 +11,7 @@ from swimbladder.io.config import file_text
 from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.progress import Advance, silent
 from swimbladder.io.tables import write_csv
-from swimbladder.show.plots.style import save
+from swimbladder.show.style import save
 
 
 def write_all(
@@ -34,14 +34,17 @@ def write_all(
 
     make_folder(out.parent)
     publish(out, write)
-    for name, gone in contents.items():
-        if isinstance(gone, Gone) and (not gone.head or written_by(out / name, gone.head)):
-            (out / name).unlink(missing_ok=True)
+    for pattern, gone in contents.items():
+        if isinstance(gone, Gone):
+            stale = {*out.glob(pattern)} - {out / name for name in made}
+            for path in stale:
+                if not gone.head or written_by(path, gone.head):
+                    path.unlink()
     return [out / name for name in made]
 
 
 class Gone(NamedTuple):
-    """No file: that of an earlier run is taken away, if it begins with a head, as a comment."""
+    """No file: those that match are taken away, if they begin with a head, as a comment."""
 
     head: str = ""
 

@@ -100,7 +100,7 @@ def test_depth_changes_the_rest_and_not_the_model(controlled, paper):
 
 
 def test_what_the_text_says(paper):
-    text = paper.text()
+    text = "\n".join(paper.sentences)
     for phrase in (
         "one root with a positive real part",
         "doubles in 18.7 s",
@@ -121,8 +121,8 @@ def test_what_the_text_says(paper):
 
 
 def test_depth_outside_the_stroke_is_said(controlled):
-    assert "outside the stroke" in analyse(controlled, depth=95.0).text()
-    assert "outside the stroke" not in analyse(controlled, depth=80.0).text()
+    assert "outside the stroke" in "\n".join(analyse(controlled, depth=95.0).sentences)
+    assert "outside the stroke" not in "\n".join(analyse(controlled, depth=80.0).sentences)
 
 
 def test_without_a_controller_nothing_is_said_of_a_loop(feup):
@@ -131,7 +131,7 @@ def test_without_a_controller_nothing_is_said_of_a_loop(feup):
     answer = found.to_dict()
     assert answer["closed_loop"] is None
     assert answer["stable"] is None
-    assert "no controller" in found.text()
+    assert "no controller" in "\n".join(found.sentences)
 
 
 def test_positioner_with_its_pid(stepper, position_gains):
@@ -152,7 +152,7 @@ def test_positioner_with_its_pid(stepper, position_gains):
     assert answer["closed_loop"]["volume_per_sample_m3"] == pytest.approx(1e-6)
     first = (0.02 + 2e-4 * 0.5 + 0.3 * 0.4 / 0.5) * 2e-3
     assert answer["closed_loop"]["error_at_rate_limit_m"] == pytest.approx(1e-6 / first)
-    assert "rate limit" in found.text()
+    assert "rate limit" in "\n".join(found.sentences)
 
 
 def test_unstable_loop_is_called_so(controlled, table_3):
@@ -161,7 +161,7 @@ def test_unstable_loop_is_called_so(controlled, table_3):
     assert found.stable is False
     assert found.closed_loop.at_command is None
     assert found.closed_loop.computation_delay == 0.0
-    assert "UNSTABLE" in found.text()
+    assert "UNSTABLE" in "\n".join(found.sentences)
     # 3.888 times the gain is the limit that the margin gives.
     limit = analyse(controlled).closed_loop.at_command.gain_up
     for share, stable in ((0.99, True), (1.01, False)):
@@ -212,7 +212,7 @@ def test_own_law_and_sample_time(feup):
     relay = a_law(lambda _p, s, m, r: (math.copysign(12.0, m.depth - r), s, 0.5))
     found = analyse(feup, law=relay, parameters=Nothing(0.0), sample_time=0.5)
     assert found.closed_loop is None
-    assert "not linear around rest" in found.text()
+    assert "not linear around rest" in "\n".join(found.sentences)
     assert found.to_dict()["notes"]
 
 
@@ -239,12 +239,12 @@ def test_quadratic_drag_has_no_K2(feup):
     )
     assert found.open_loop.denominator[0] == pytest.approx(0.09)  # T1, as T2 does not exist
     assert found.double_integrator_phase_margin is None
-    assert "quadratic" in found.text()
+    assert "quadratic" in "\n".join(found.sentences)
 
 
 def test_vehicle_with_everything(lossy):
     """Friction, sag, leak, a stiff hull: every sentence that the paper's vehicle does not need."""
-    text = analyse(lossy, depth=150.0).text()
+    text = "\n".join(analyse(lossy, depth=150.0).sentences)
     for phrase in (
         "only gives way below",
         "if the supply did not sag",
@@ -346,7 +346,7 @@ def test_any_vehicle_gets_an_answer(
     found = analyse(vehicle, depth=depth)
     answer = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert answer["stable"] is (answer["closed_loop"]["spectral_radius"] < 1.0)
-    assert found.text()
+    assert "\n".join(found.sentences)
     c = found.closed_loop
     if not c.stable:
         assert c.at_command is None

@@ -34,7 +34,7 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import cast_column
-from swimbladder.show.plots.tune import draw_tuning
+from swimbladder.show.tune import draw_tuning
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle.spread import Spread
 from tests.quoted import refused

@@ -43,8 +43,8 @@ from swimbladder.io.presets import preset_text
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.buoyancy_engine import winding
 from swimbladder.physics.dynamics import plant
-from swimbladder.show.plots.tune import draw_sensitivity, draw_tuning
-from swimbladder.show.report.tune import tuning_files
+from swimbladder.show.answers import contents, shown
+from swimbladder.show.tune import draw_sensitivity, draw_tuning
 from swimbladder.sim.closed_loop import simulate_ensemble
 from tests.few_lines import few
 
@@ -334,7 +334,7 @@ def test_a_law_that_sleeps_is_judged_by_trials_alone():
     assert f"mm rms, not to {500.0 * found.region.rms:.3g} mm" in missed
     assert times == pytest.approx(2.0)
     assert "no margins" in found.sentences[-1]
-    files = tuning_files(found, {}, "swimbladder tune")
+    files = contents(shown(found), "swimbladder tune")
     assert "sensitivity.png" not in files
     assert "no margin is claimed" in str(files["report.html"])
 

@@ -1,6 +1,7 @@
 """The page of an identification: plain words first, nothing fetched, no number that is not told."""
 
 import dataclasses
+import json
 import re
 from html.parser import HTMLParser
 
@@ -11,15 +12,10 @@ from matplotlib.figure import Figure
 from swimbladder.estimation.motion import Estimate, Prior, identify
 from swimbladder.estimation.motion.paper_method import paper_fits
 from swimbladder.io.config import load_vehicle
-from swimbladder.show.report import text
-from swimbladder.show.report.html import page_figure
-from swimbladder.show.report.identification import (
-    Run,
-    page,
-    pictures,
-    residuals,
-    write_identification,
-)
+from swimbladder.show import estimates as text
+from swimbladder.show.answers import write
+from swimbladder.show.html import answer_page
+from swimbladder.show.identification import IdentificationShown, residuals
 from tests.estimation.motion.pool import campaign, pool_log
 from tests.pages import without_scripts
 from tests.quoted import numbers
@@ -67,9 +63,9 @@ class Page(HTMLParser):
 
 
 def page_of(identification, *, paper=None, files=("identify.json",)):
-    drawn = pictures(identification, paper)
-    figures = {p.name: page_figure(p.name, Figure(), p.about, p.part) for p in drawn}
-    html = page(identification, figures, Run("swimbladder identify a b", 1.23, paper), files=files)
+    shown = IdentificationShown(identification, paper=paper, seconds=1.23)
+    figures = {p.name: Figure() for p in shown.drawn()}
+    html = answer_page(shown, list(shown.parts()), figures, files, "swimbladder identify a b")
     return Page(html), html
 
 
@@ -77,7 +73,7 @@ def test_the_page_needs_nothing_but_itself(found):
     read, html = page_of(found, paper=paper_fits(found))
     assert read.open == []
     assert read.sources == []
-    assert {link for link in read.links if "://" in link} == {"https://doi.org/10.3390/act12100380"}
+    assert not [link for link in read.links if "://" in link]
     assert not re.search(r"url\(|@import", without_scripts(html))
     assert len(read.ids) == len(set(read.ids))
 
@@ -92,19 +88,18 @@ def test_plain_words_come_first_and_hold_the_numbers(found):
     assert float(share) == pytest.approx(100.0 * half, rel=0.06)
     assert f"{1e-3 * K2.value:.3g} mm/s" in sentence
     first = read.text.index("known to")
-    for later in ("Parameters", "Assumptions", "Measured and fitted depth", "Uncertainty"):
+    for later in ("95 % interval", "Assumptions", "Measured and fitted depth", "Likelihood"):
         assert first < read.text.index(later)
     assert "swimbladder identify a b" in read.text
-    assert "the fit took 1.2 s" in read.text
+    assert "mm of noise, 1.2 s" in read.text
 
 
 def test_every_part_of_the_evidence_is_there(found):
     read, _ = page_of(found, paper=paper_fits(found))
     for name in ("fits", "residuals", "distribution", "ellipses", "profiles", "neutral", "gains"):
         assert name in read.ids
-    sections = ("parameters", "assumptions", "logs", "residual-plots", "sure", "choice", "paper")
-    for section in sections:
-        assert section in read.ids
+    for heading in ("Assumptions", "Model comparison", "The paper's way"):
+        assert heading in read.text
     assert "(reported)" in read.text
     for said in ("known to 0.5 cm 3 (1 sigma)", "drag law: linear", "neutral at the first sample"):
         assert said in read.text
@@ -138,20 +133,20 @@ def test_texts_are_escaped(found):
 def test_writing_it_again_takes_away_what_is_stale(found, untold, tmp_path):
     told = []
     out = tmp_path / "out"
-    files = write_identification(found, out, Run("c", 1.0), answer={}, advance=told.append)
+    files = write(IdentificationShown(found), out, advance=told.append)
     assert all(path.is_file() for path in files)
     assert sum(told) == pytest.approx(1.0)
     mine = out / "figures" / "mine.png"
     mine.write_bytes(b"a picture")
-    again = write_identification(untold, out, Run("c", 1.0), answer={})
+    again = write(IdentificationShown(untold), out)
     left = {path for path in out.rglob("*") if path.is_file()}
     assert left == {*again, mine}
     assert out / "vehicle.toml" not in left
-    assert (out / "identify.json").read_text(encoding="utf-8") == "{}\n"
+    assert json.loads((out / "identify.json").read_text(encoding="utf-8"))["identified"] is False
 
 
 def test_the_vehicle_file_is_the_vehicle(found, tmp_path):
-    write_identification(found, tmp_path / "o", Run("c", 1.0), answer={})
+    write(IdentificationShown(found), tmp_path / "o")
     assert load_vehicle(tmp_path / "o" / "vehicle.toml") == found.vehicle
 
 
@@ -223,7 +218,7 @@ def test_a_walk_is_told_with_how_far_it_went():
     logs = campaign(73, steps=(3e-5, -4.5e-5, 7.5e-5))
     found = identify(logs, FEUP_EM, fixed={"psi": 4.04e-6}, process_noise="always")
     read, _ = page_of(found)
-    assert "process-noise" in read.ids
+    assert "Process noise" in read.text
     after_a_minute = 1e6 * found.process_noise.noises["random_walk"].value * 60.0**0.5  # cm3
     shown = re.search(r"random walk of (\S+) cm", read.text).group(1)
     assert float(shown) == pytest.approx(after_a_minute, rel=0.06, abs=1e-4)

@@ -8,8 +8,8 @@ from scipy.stats import chi2, norm
 
 from swimbladder.estimation.motion import Prior, identify
 from swimbladder.io.config import load_vehicle
-from swimbladder.show.plots import identify as confidence
-from swimbladder.show.plots import identify as plots
+from swimbladder.show import identification_plots as confidence
+from swimbladder.show import identification_plots as plots
 from tests.estimation.motion.pool import campaign
 
 FEUP_EM = load_vehicle("feup-em")

@@ -6,8 +6,8 @@ import pytest
 
 from swimbladder.design.analysis import analyse
 from swimbladder.io.config import load_vehicle
-from swimbladder.show.plots import linear
-from swimbladder.show.plots.style import save
+from swimbladder.show import analysis_plots as linear
+from swimbladder.show.style import save
 
 WITH_LOOP = [linear.draw_loop_gains, linear.draw_nyquist]
 PICTURES = [linear.draw_open_loop, linear.draw_poles, *WITH_LOOP]

@@ -5,8 +5,8 @@ import pytest
 from matplotlib.colors import to_hex
 
 from swimbladder.io.config import load_vehicle
-from swimbladder.show.plots import paper
-from swimbladder.show.plots.style import save
+from swimbladder.show import paper
+from swimbladder.show.style import save
 from swimbladder.sim import pool
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors

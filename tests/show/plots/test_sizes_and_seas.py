@@ -9,10 +9,10 @@ from swimbladder.design.energy import Thruster, drive_energy, hovering, profilin
 from swimbladder.design.sizing import Dive, size
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.show.plots.ballast import draw_ballasting
-from swimbladder.show.plots.energy import draw_versus
-from swimbladder.show.plots.size import draw_candidates, draw_parts, draw_requirements
-from swimbladder.show.plots.style import plain_log_ticks
+from swimbladder.show.ballast import draw_ballasting
+from swimbladder.show.energy import draw_versus
+from swimbladder.show.size import draw_candidates, draw_parts, draw_requirements
+from swimbladder.show.style import plain_log_ticks
 
 
 @pytest.fixture(scope="module")

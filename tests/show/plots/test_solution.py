@@ -7,8 +7,7 @@ from matplotlib.image import imread
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
-from swimbladder.show.plots import plot_solution
-from swimbladder.show.plots.solution import draw_solution
+from swimbladder.show.solution import draw_solution, plot_solution
 from swimbladder.sim.closed_loop import drive, simulate
 from swimbladder.vehicle import Supervisor
 

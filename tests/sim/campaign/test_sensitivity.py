@@ -12,7 +12,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import Workers, run
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.show.plots.campaign import draw_sensitivity
+from swimbladder.show.campaign import draw_sensitivity
 from swimbladder.sim.campaign.draw import Design, Drawn, indices
 from swimbladder.sim.campaign.result import Sensitivity
 from swimbladder.sim.campaign.run import Fact, Floats

@@ -350,11 +350,6 @@ class Analysis(Answer):
         """All findings, a sentence each."""
         return [s for subject in self.findings.values() for s in subject]
 
-    def text(self) -> str:
-        """Return the findings as plain text, a paragraph each."""
-        title = f"Linear analysis of {self.vehicle.name} at {self.depth:g} m"
-        return "\n\n".join([title, *self.sentences]) + "\n"
-
     def to_dict(self) -> dict[str, Any]:
         """Return everything in JSON's own types, SI numbers; None for what is infinite."""
         o, stall, limit = self.open_loop, self.stall, self.vehicle.hull.depth_limit

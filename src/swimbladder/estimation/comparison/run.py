@@ -456,14 +456,6 @@ class Comparison(Answer):
     findings: tuple[Finding, ...] = ()
 
     @property
-    def sentences(self) -> list[str]:
-        """How far the model is off the log, and what that says."""
-        off = f"{1e3 * self.rms:.1f} mm rms, {1e3 * self.bias:+z.1f} mm on average"
-        share = f"{100.0 * self.variance_explained:.2f} % of the variance explained"
-        said = f"{self.source}, driven by {self.record.drive}, {self.n} samples: {off}, {share}"
-        return [said, *(finding.sentence for finding in self.findings), *self.notes]
-
-    @property
     def possible(self) -> bool:
         """Whether this vehicle can have made the log as it was read."""
         return all(f.severity != "no" for f in self.findings)

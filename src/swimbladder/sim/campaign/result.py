@@ -299,18 +299,6 @@ class Campaign(Answer):
             f"({100.0 * low:.1f} to {100.0 * high:.1f} %)"
         )
 
-    @property
-    def sentences(self) -> list[str]:
-        """The answer, and the numbers over all floats."""
-        found = [self.sentence]
-        for words, unit, middle, low, high in self.spreads():
-            value = f"{middle:.4g} {unit}".rstrip()
-            found.append(f"{words}: {value} (90 %: {low:.4g} to {high:.4g})")
-        if (life := self.battery_life) is not None:
-            ends = "{} to {}".format(*life.prediction95)
-            found.append(f"cycles on one battery: {life.median:g} (95 % of the next float: {ends})")
-        return found
-
     def by_float(self) -> dict[str, Array]:
         """Return the columns of floats.csv: a row per float."""
         t = self.table

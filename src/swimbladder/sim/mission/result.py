@@ -217,11 +217,6 @@ class MissionResult(Answer):
         return f"{answer}; {margin}" if answer else margin
 
     @property
-    def sentences(self) -> list[str]:
-        """The answer, how each park and hold went, why it ended, what to know."""
-        return [self.sentence, *self.holding, *self.reasons, *self.notes]
-
-    @property
     def reasons(self) -> list[str]:
         """Why the mission ended, and what was not met on the way."""
         return reason_words(self)

@@ -1,0 +1,294 @@
+"""A design as it is shown: what to do, what each record should look like, its predicted errors."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from swimbladder.design.experiments import Design
+from swimbladder.design.experiments.conditions import Release
+from swimbladder.design.experiments.result import percent
+from swimbladder.design.plan import Move, plan_file
+from swimbladder.show import style
+from swimbladder.show.estimates import row
+from swimbladder.show.parts import (
+    Drawn,
+    Labelled,
+    Part,
+    Shown,
+    Table,
+    labelled,
+    severity,
+)
+from swimbladder.show.style import Ink
+
+_COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.PURPLE)
+_ACROSS = 3
+
+
+def groups(design: Design) -> list[tuple[int, ...]]:
+    """Return the numbers of the experiments that are alike, counted from 1, in order."""
+    found: dict[object, list[int]] = {}
+    for k, release in enumerate(design.chosen.releases, start=1):
+        found.setdefault(release, []).append(k)
+    return [tuple(numbers) for numbers in found.values()]
+
+
+@style.styled
+def draw_plan(design: Design) -> Figure:
+    """Return the traces to expect, a panel for each kind of experiment."""
+    kinds = groups(design)
+    across = min(_ACROSS, len(kinds))
+    down = math.ceil(len(kinds) / across)
+    figure = Figure(figsize=(max(2.9 * across, 5.0), 2.7 * down + 0.5))
+    panels = style.grid_of(figure, len(kinds), across, sharey=True)
+    for axes, numbers in zip(panels, kinds, strict=True):
+        _trace(design, numbers, axes)
+    style.depth_axis(panels[0], "")
+    for k, axes in enumerate(panels):
+        if k % across == 0:
+            axes.set_ylabel("depth [m]")
+        if k + across >= len(kinds):
+            axes.set_xlabel("time since the release [s]")
+    style.legend_beside(figure, panels[:1], "outside lower center")
+    return figure
+
+
+def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
+    at, s = numbers[0] - 1, design.conditions.setting
+    for flights in design.chosen.others:
+        f = flights[at]
+        time, label = f.time - f.time[f.moved[0]], "parameter region"
+        axes.plot(time, f.depth, color=Ink.SKY, lw=0.8, alpha=0.8, label=label)
+    f = design.chosen.flights[at]
+    time, moved = f.time - f.time[f.moved[0]], list(f.moved)
+    axes.plot(time, f.depth, color=Ink.BLACK, label="vehicle as given")
+    label = "change of volume"
+    axes.plot(time[moved], f.depth[moved], "o", color=Ink.VERMILION, ms=4.5, label=label)
+    for depth in (s.shallowest, s.deepest):
+        axes.axhline(depth, color=Ink.GREY, ls=":", lw=1.0)
+    axes.axhline(s.pool_depth, color=Ink.GREY, lw=2.0)
+    axes.set_ylim(s.pool_depth + 0.05 * s.pool_depth, 0.0)
+    volumes = ", ".join(f"{1e6 * move.volume:+.3g}" for move in f.release.moves)
+    axes.set_title(f"{_title(numbers)}\n{volumes} cm³", fontsize=9.0, loc="left")
+
+
+def _title(numbers: Sequence[int]) -> str:
+    """Return which experiments a panel shows: "Experiments 1, 3 to 6"."""
+    parts: list[list[int]] = []
+    for number in numbers:
+        if not parts or number != parts[-1][-1] + 1:
+            parts.append([])
+        parts[-1].append(number)
+    said = [f"{p[0]} to {p[-1]}" if len(p) > 2 else ", ".join(str(n) for n in p) for p in parts]
+    return f"Experiment{'s' if len(numbers) > 1 else ''} {', '.join(said)}"
+
+
+@style.styled
+def draw_design(design: Design) -> Figure:
+    """Return what the pool time buys: errors as experiments are done, and sizes of single steps."""
+    figure, (after, size) = style.new_figure((8.2, 3.9), 1, 2)
+    _after(design, after)
+    _sizes(design, size)
+    style.label_panels([after, size])
+    return figure
+
+
+def _after(design: Design, axes: Axes) -> None:
+    names = design.chosen.prediction.names
+    sets = [(design.chosen, "-", "o", "planned")]
+    if design.against is not None:
+        sets.append((design.against, "--", "s", design.rival))
+    for evaluated, line, marker, label in sets:
+        settling = design.conditions.setting.settling
+        time = np.cumsum([settling + f.duration for f in evaluated.flights]) / 60.0
+        for name, color in zip(names, _COLORS, strict=False):
+            shares = 100.0 * np.array([a[name] for a in evaluated.after], float)
+            how: Any = {"marker": marker, "ms": 3.5, "label": f"{_symbol(name)}, {label}"}
+            axes.plot(time, shares, line, color=color, lw=1.2, **how)
+    axes.set(yscale="log", xlabel="pool time, settling included [min]")
+    axes.set_ylabel("1 sigma [% of the parameter]")
+    axes.legend(fontsize=7.5, ncols=len(sets), loc="upper right")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high * 4.0)
+    style.plain_log_ticks(axes, "y")
+
+
+def _sizes(design: Design, axes: Axes) -> None:
+    c = design.curve
+    for errors, mark, color, label in (
+        (c.steps, "s-", Ink.ORANGE, "single steps"),
+        (c.to_and_fro, "o-", Ink.GREEN, "to and fro"),
+    ):
+        axes.plot(1e6 * c.sizes, 100.0 * errors, mark, color=color, ms=3.5, label=label)
+    axes.axhline(100.0 * design.chosen.largest, color=Ink.BLACK, lw=1.0, label="planned")
+    axes.set(xscale="log", yscale="log", xlabel="change of volume [cm³]")
+    axes.set_ylabel("largest error after the same time [%]")
+    axes.legend(fontsize=8.0)
+    style.plain_log_ticks(axes, "x", "y")
+
+
+def _symbol(name: str) -> str:
+    return {"psi": "ψ", "drag_quadratic": "k_dt", "mass": "m"}.get(name, name)
+
+
+def volume(value: float, area: float | None) -> str:
+    """Return a volume [m3] as text, with the travel of the piston where there is one."""
+    text = f"{1e6 * value:+.3g} cm3" if value else "0 cm3"
+    return text if area is None or not value else f"{text} ({1e3 * value / area:+.2g} mm)"
+
+
+def moves(release: Release, area: float | None) -> str:
+    """Return the changes of volume of a release, short."""
+    return ", ".join(_move(move, area) for move in release.moves)
+
+
+def _move(move: Move, area: float | None) -> str:
+    what = volume(move.volume, area)
+    if move.depth is None:
+        return what
+    return f"at {move.depth:g} m going {move.going} {what}"
+
+
+def rows(design: Design) -> list[tuple[str, ...]]:
+    """Return start, changes of volume, duration and errors after it of each experiment."""
+    w, found = design.chosen, []
+    for release, flight, errors in zip(w.releases, w.flights, w.after, strict=True):
+        what = f"{release.start:g} m", moves(release, design.vehicle.piston_area)
+        after = (percent(errors[name]) for name in w.prediction.names)
+        found.append((*what, f"{flight.duration:.0f} s", *after))
+    return found
+
+
+def instruction(design: Design, k: int) -> str:
+    """Return what to do in experiment k, counted from 0, in sentences."""
+    w, s, area = design.chosen, design.conditions.setting, design.vehicle.piston_area
+    release, flight = w.releases[k], w.flights[k]
+    said = [f"Come to rest at {release.start:g} m."]
+    for move in release.moves:
+        to = f"volume to {volume(move.volume, area)} against the one at rest."
+        if move.depth is not None:
+            where = f"When it passes {move.depth:g} m on its way {move.going}"
+        said.append(to.capitalize() if move.depth is None else f"{where}: {to}")
+    passed = {"shallowest": s.shallowest, "deepest": s.deepest}.get(flight.ended)
+    end = "to the end" if passed is None else f"until it passes {passed:g} m"
+    said.append(f"Record {end}, {s.longest:g} s at most; about {flight.duration:.0f} s.")
+    return " ".join(said)
+
+
+def headlines(design: Design) -> list[str]:
+    """Return how long it takes, and the predicted standard errors."""
+    w = design.chosen
+    count = len(w.releases)
+    prediction = w.prediction
+    errors = ", ".join(f"{name} {percent(share)}" for name, share in prediction.share.items())
+    return [
+        f"{count} experiment{'s' if count > 1 else ''} in {w.time / 60.0:.0f} min, "
+        f"{design.conditions.setting.settling / 60.0:.1f} min of settling before each included.",
+        f"Predicted standard errors: {errors}.",
+    ]
+
+
+def comparison(design: Design) -> list[str]:
+    """Return how the set compares with the other, none where there is no other."""
+    if design.against is None:
+        return []
+    other = design.against
+    errors = ", ".join(
+        f"{name} {percent(share)} ({design.gains[name]:.1f} times as much)"
+        for name, share in other.prediction.share.items()
+    )
+    said = [f"Against {design.rival}, in {other.time / 60.0:.0f} min: {errors}."]
+    if other.psi is not None and design.chosen.psi is not None:
+        from swimbladder.estimation.motion.diagnose import describe
+
+        shift = f"psi left out would shift {describe(other.psi.refit)}"
+        there, here = (f"at {1e3 * w.psi.rms:.1f} mm" for w in (other, design.chosen) if w.psi)
+        said.append(f"There, {shift}, {there} rms; here {here}.")
+    return said
+
+
+class DesignShown(Shown[Design]):
+    """The plan to follow, its predicted errors, a page to print, and pictures."""
+
+    name, kind, template = "design", "experiments in the pool", "plan.html.j2"
+
+    def parts(self) -> Iterator[Part]:
+        """Give the answer first."""
+        found = self.found
+        c = found.conditions
+        pool = f"a pool of {c.setting.pool_depth:g} m"
+        yield f"{found.vehicle.name}, {c.question.model.law} drag, {pool}"
+        if not found.identifiable:
+            yield "No set of experiments in this time identifies all parameters:"
+            yield from severity(found.findings, "no")
+        yield from headlines(found)
+        yield from severity(found.findings, "warning")
+        yield from (_experiments(found), _parameters(found))
+        yield from comparison(found)
+        yield Drawn("design", partial(draw_design, found), "experiments-design")
+        yield Drawn("plan", partial(draw_plan, found), "experiments-plan")
+        yield from severity(found.findings, "note")
+        yield from labelled("assumed", found.assumptions)
+
+    def table(self) -> dict[str, Any]:
+        """Return a row for each change of volume; depth is nan for one from rest."""
+        flown = zip(self.found.chosen.releases, self.found.chosen.flights, strict=True)
+        rows = [
+            (number, release.start, flight.duration, move.volume, move.depth)
+            for number, (release, flight) in enumerate(flown, start=1)
+            for move in release.moves
+        ]
+        names = ("experiment", "start_depth_m", "duration_s", "volume_m3", "at_depth_m")
+        return dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+
+    def files(self) -> dict[str, object]:
+        """Return the plan to follow."""
+        return {"plan.toml": plan_file(self.found.plan(), head=_head(self.found))}
+
+    def context(self) -> Mapping[str, Any]:
+        """Return what the page to print has."""
+        found = self.found
+        return {
+            "design": found,
+            "headlines": headlines(found),
+            "experiments": _experiments(found),
+            "parameters": _parameters(found),
+            "comparison": comparison(found),
+            "listed": [p for p in self.parts() if isinstance(p, Labelled) and p.label in _MARKED],
+        }
+
+
+_MARKED = ("no", "warning", "note")
+
+
+def _experiments(found: Design) -> Table:
+    after = [f"{name} after" for name in found.chosen.prediction.names]
+    change = "volume against the one at rest"
+    numbered = [(str(k), *row) for k, row in enumerate(rows(found), start=1)]
+    return Table(("", "rest at", change, "takes", *after), numbered, left=(change,))
+
+
+def _parameters(found: Design) -> Table:
+    w = found.chosen
+    headings = ["", "assumed", "1 sigma", "95 % interval", "unit", "as a share", "other vehicles"]
+    listed = []
+    for name, e in w.prediction.parameters.items():
+        r = row(name, e)
+        spread = " to ".join(map(percent, w.spread[name]))
+        rival = [f"{found.gains[name]:.1f} times"] if found.gains else []
+        share = percent(w.prediction.share[name])
+        listed.append((name, r.value, r.std, r.ci95, r.unit, share, spread, *rival))
+    return Table(headings + ([found.rival] if found.gains else []), listed)
+
+
+def _head(design: Design) -> str:
+    lines = ["Experiments by swimbladder design-experiment. Volumes count from the one at rest."]
+    lines += headlines(design)
+    for k in range(len(design.chosen.releases)):
+        lines.append(f"{k + 1}. {instruction(design, k)}")
+    return "\n".join(lines)

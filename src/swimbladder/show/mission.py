@@ -1,0 +1,252 @@
+"""A mission as it is shown: depth, volume, power by consumer, battery."""
+
+import datetime
+from collections.abc import Iterator, Mapping
+from functools import partial
+from itertools import cycle, product
+from textwrap import fill
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from swimbladder.physics.hull import neutral_volume
+from swimbladder.physics.seawater import Cast
+from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
+from swimbladder.show.style import Ink, depth_axis, label_panels, styled
+from swimbladder.sim.engine.rodas.ledger import HOLDING
+from swimbladder.sim.engine.rodas.records import Note, Records
+from swimbladder.sim.mission.books import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
+from swimbladder.sim.mission.export import float_configuration
+from swimbladder.sim.mission.phase_laws import law_words
+from swimbladder.sim.mission.result import MissionResult
+from swimbladder.sim.mission.tables import (
+    cycle_columns,
+    cycle_words,
+    events_csv,
+    speeds,
+    trajectory_columns,
+)
+from swimbladder.sim.mission.words import span_words
+
+Array = NDArray[np.float64]
+_NEAR_EMPTY = 50.0  # % of charge, below which zero is drawn too
+_LAYERS = 20  # in which speeds are drawn
+_MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
+
+
+@styled
+def draw_mission(result: MissionResult) -> Figure:
+    """Return the figure of a mission: the first cycle in depth and volume, then all cycles."""
+    rows: Any = [["depth", "speed"], ["volume", "neutral"], ["energy", "battery"]]
+    rows[2:2] = [["power", "power"]] if result.energy_known else []
+    figure = Figure(figsize=(9.5, 2.7 * len(rows)))
+    axes = figure.subplot_mosaic(rows)
+    flight = result.flight
+    title = f"{flight.vehicle.name}: {flight.mission.name or 'mission'}, {flight.column.source}"
+    figure.suptitle(title, fontsize=11.0)
+    first = flight.rows[flight.rows["cycle"] == 0.0]
+    unit, words = _unit(float(first["t"][-1]))
+    _depth(result, first, unit, words, axes["depth"])
+    _speed(result, axes["speed"])
+    _volume(result, first, unit, words, axes["volume"])
+    _neutral(result, first, axes["neutral"])
+    if result.energy_known:
+        _power(result, len(first), unit, words, axes["power"])
+    _energy(result, axes["energy"])
+    _battery(result, axes["battery"])
+    label_panels(list(axes.values()))
+    return figure
+
+
+def _unit(seconds: float) -> tuple[float, str]:
+    for unit, words, most in ((_MINUTE, "min", 3 * _HOUR), (_HOUR, "h", 3 * _DAY)):
+        if seconds <= most:
+            return unit, words
+    return _DAY, "d"
+
+
+def _depth(result: MissionResult, first: Records, unit: float, words: str, axes: Axes) -> None:
+    axes.plot(first["t"] / unit, first["z"], color=Ink.BLUE, label="depth")
+    notes = result.flight.notes
+    notes = notes[notes["t"] <= first["t"][-1]]
+    pump, valve = (Ink.VERMILION, "^", "pump starts"), (Ink.GREEN, "v", "valve opens")
+    for what, (color, marker, name) in ((Note.PUMP, pump), (Note.VALVE, valve)):
+        some = notes[notes["what"] == what]
+        if len(some):
+            at = some["t"] / unit, some["z"]
+            axes.plot(*at, marker, color=color, ms=4, mew=0.0, label=name)
+    bottom = result.flight.mission.bottom
+    if np.isfinite(bottom):
+        axes.axhline(bottom, color=Ink.GREY, ls=":", lw=1.2)
+    depth_axis(axes, "depth [m]" + "\n(dotted: bottom)" * bool(np.isfinite(bottom)))
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+    axes.legend(loc="upper center", ncols=3, fontsize=8, bbox_to_anchor=(0.5, 1.2))
+
+
+def _speed(result: MissionResult, axes: Axes) -> None:
+    table = speeds(result.flight)
+    for way, color in (("sinking", Ink.BLUE), ("rising", Ink.VERMILION)):
+        depth, speed = _smoothed(table["depth_m"], table[f"{way}_m_s"])
+        if np.isfinite(speed).any():
+            axes.plot(100.0 * speed, depth, color=color, label=way)
+    axes.set_xlim(left=0.0)
+    depth_axis(axes)
+    axes.set_xlabel("mean vertical speed [cm/s]")
+    if axes.lines:
+        axes.legend(loc="best")
+
+
+def _smoothed(depth: Array, speed: Array) -> tuple[Array, Array]:
+    """Return depths and mean speeds of thicker layers: pump runs make single ones a saw-tooth."""
+    layers = np.array_split(np.arange(len(depth)), _LAYERS)
+    time = [1.0 / speed[one][np.isfinite(speed[one])] for one in layers]
+    mean = [1.0 / np.mean(one) if len(one) else np.nan for one in time]
+    return np.array([np.mean(depth[one]) for one in layers]), np.array(mean)
+
+
+def _volume(result: MissionResult, first: Records, unit: float, words: str, axes: Axes) -> None:
+    axes.plot(first["t"] / unit, 1e6 * first["v"], color=Ink.BLUE)
+    for stop in (result.flight.vehicle.stroke.minimum, result.flight.vehicle.stroke.maximum):
+        axes.axhline(1e6 * stop, color=Ink.GREY, ls=":", lw=1.2)
+    axes.set_ylabel("volume [cm³]\n(dotted: end stops)")
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+
+
+def _neutral(result: MissionResult, first: Records, axes: Axes) -> None:
+    flight = result.flight
+    within = flight.column.depth <= float(np.max(first["z"])) * 1.02
+    neutral = neutral_volume(flight.vehicle, flight.column)
+    lags = flight.vehicle.hull.thermal_time_constant > 0.0
+    label = "neutral, with a hull as warm as the water" if lags else "neutral"
+    axes.plot(1e6 * first["v"], first["z"], color=Ink.BLUE, lw=1.0, label="volume")
+    at = 1e6 * neutral[within], flight.column.depth[within]
+    axes.plot(*at, color=Ink.ORANGE, ls="--", label=label)
+    depth_axis(axes)
+    axes.set_xlabel("volume [cm³]")
+    axes.legend(loc="best")
+
+
+def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axes) -> None:
+    """Draw each consumer's power over the first `count` rows, as steps on a logarithmic scale."""
+    time, energy = result.flight.rows["t"], consumer_energy(result.flight)
+    shown = np.flatnonzero(np.diff(time[: count + 1], append=np.inf)[:count] > 0.0)
+    power = {name: mean_power(time, taken)[shown] for name, taken in energy.items()}
+    t = time[shown] / unit
+    drawn = np.concatenate([np.zeros(0), *(values[values > 0.0] for values in power.values())])
+    if not drawn.size:
+        axes.set_visible(False)
+        return
+    least, most = float(drawn.min()), float(drawn.max())
+    own = {PUMP: Ink.VERMILION, VALVE: Ink.GREEN, HOLDING: Ink.PURPLE}
+    others = cycle(product(("-", "--", ":"), (Ink.BLUE, Ink.ORANGE, Ink.SKY, Ink.BLACK, Ink.GREY)))
+    axes.set_yscale("log")
+    for name, values in power.items():
+        style, color = ("-", own[name]) if name in own else next(others)
+        # what is off is far below the axis: a run of seconds in days is a stroke, not a dot
+        values = np.where(values > 0.0, values, 1e-6 * least)
+        axes.step(t, values, style, where="post", color=color, lw=1.2, label=name)
+    axes.set(ylim=(0.5 * least, 2.0 * most), ylabel="power [W]")
+    axes.set_xlabel(f"time in the first cycle [{words}]")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+
+
+def _energy(result: MissionResult, axes: Axes) -> None:
+    columns = cycle_columns(result)
+    axes.set_xlabel("cycle")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    if not result.energy_known:
+        axes.bar(columns["cycle"], 1e6 * columns["pumped_m3"], color=Ink.BLUE)
+        axes.set_ylabel("pumped [cm³]")
+        return
+    below = np.zeros(len(columns["cycle"]))
+    colors = (Ink.VERMILION, Ink.GREEN, Ink.PURPLE, Ink.GREY)
+    for name, color in zip(("pump", "valve", "holding", "loads"), colors, strict=True):
+        values = columns[f"{name}_J"] / 1e3
+        words = "standby and loads" if name == "loads" else name
+        if np.any(values != 0.0):
+            axes.bar(columns["cycle"], values, bottom=below, color=color, label=words, width=0.9)
+            below = below + values
+    axes.set_ylabel("energy per cycle [kJ]")
+    if below.any():
+        axes.set_ylim(0.0, 1.4 * float(below.max()))
+        axes.legend(loc="upper right", ncols=2, fontsize=8)
+
+
+def _battery(result: MissionResult, axes: Axes) -> None:
+    rows, charge = result.flight.rows, result.charge()
+    unit, words = _unit(float(result.flight.end["t"]))
+    if not result.energy_known:
+        axes.set_axis_off()
+        why = result.flight.plan.energy_known.split(". ")[0]
+        axes.text(0.5, 0.5, fill(why, 40), ha="center", va="center", transform=axes.transAxes)
+        return
+    if np.isnan(charge).all():
+        axes.plot(rows["t"] / unit, drawn_energy(rows) / 1e3, color=Ink.BLUE)
+        axes.set_ylabel("energy drawn [kJ]")
+    else:
+        axes.plot(rows["t"] / unit, 100.0 * charge, color=Ink.BLUE)
+        axes.set_ylabel("battery left [%]")
+        least = 100.0 * float(charge.min())
+        if least < _NEAR_EMPTY:
+            axes.set_ylim(min(0.0, least), 102.0)
+    axes.set_xlabel(f"time [{words}]")
+
+
+class MissionResultShown(Shown[MissionResult]):
+    """The answer, its reasons, the cycles, the energy.
+
+    begin: when the mission does, in float.json; cast: the sea that was given.
+    """
+
+    name = "mission"
+
+    def __init__(
+        self,
+        found: MissionResult,
+        *,
+        begin: datetime.datetime | None = None,
+        cast: Cast | None = None,
+        pictures: bool = True,
+        more: Mapping[str, object] = MappingProxyType({}),
+    ) -> None:
+        super().__init__(found, pictures=pictures, more=more)
+        self.begin, self.cast = begin, cast
+
+    def parts(self) -> Iterator[Part]:
+        """Give the answer first."""
+        found, flight = self.found, self.found.flight
+        count = len(flight.cycles)
+        cycles = f"{count} cycle{'s' if count > 1 else ''}, {span_words(flight.duration)}"
+        yield f"{flight.vehicle.name} in {flight.column.source or 'the given water'}: {cycles}"
+        yield from (found.sentence, *found.reasons, *found.notes, *found.holding)
+        yield from law_words(found.laws)
+        heading, *lines = cycle_words(found)
+        yield Table(heading, lines, left=())
+        if len(lines) < count:
+            yield f"({count - len(lines)} cycles more in cycles.csv)"
+        if found.energy_known:
+            battery, drawn = found.books.battery, found.books.drawn
+            for name, energy in sorted(battery.items(), key=lambda pair: -pair[1]):
+                share = 100.0 * energy / drawn if drawn > 0.0 else 0.0
+                yield f"{name}: {energy / 1e3:.4g} kJ, {share:.0f} %"
+        yield Drawn("mission", partial(draw_mission, found))
+        yield from labelled("cast", () if self.cast is None else flight.column.report)
+
+    def table(self) -> Any:
+        """Return the columns of trajectory.csv."""
+        return trajectory_columns(self.found)
+
+    def files(self) -> dict[str, object]:
+        """Return the tables, and the float's configuration."""
+        return {
+            "trajectory.csv": self.table(),
+            "events.csv": events_csv(self.found.flight),
+            "cycles.csv": cycle_columns(self.found),
+            "vertical-speed.csv": speeds(self.found.flight),
+            "float.json": float_configuration(self.found, begin=self.begin),
+        }
