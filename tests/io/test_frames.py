@@ -9,6 +9,9 @@ import swimbladder as sb
 from swimbladder.errors import InputError
 from swimbladder.io.log_format import LogFormat
 
+LABELLED = pd.DataFrame({"time_s": [0.0], "depth_m": [1.0]})
+LABELLED.attrs["units"] = "m"
+
 
 @pytest.fixture(scope="module")
 def step():
@@ -50,6 +53,16 @@ def test_units_come_from_attributes_from_names_or_are_stated(step):
         assert log.time == pytest.approx(s.time, abs=1e-9)
         assert log.depth == pytest.approx(s.depth, rel=1e-12)
         assert log.volume == pytest.approx(s.volume, rel=1e-9, abs=1e-15)
+
+
+def test_an_index_of_several_levels_gives_those_with_a_name():
+    levels = [[0.0, 1.0], ["a", "a"]]
+    index = pd.MultiIndex.from_arrays(levels, names=["time_s", None])
+    assert sb.read_log(pd.DataFrame({"depth_m": [1.0, 2.0]}, index=index)).time.tolist() == [0, 1]
+    clock = pd.date_range("2026-03-01", periods=2, freq="s")
+    frame = pd.DataFrame({"time": [0.0, 5.0], "depth_m": [1.0, 2.0]}, index=clock)
+    frame.attrs["units"] = {"time": "s"}
+    assert sb.read_log(frame).time.tolist() == [0.0, 5.0]
 
 
 def test_a_frame_without_units_is_asked_for_them_by_name(step):
@@ -106,6 +119,9 @@ def test_a_cast_is_a_frame_or_a_profile_of_a_dataset(cast, tmp_path):
         (xr.Dataset({"a": (("x", "y"), np.zeros((2, 2)))}), {}, "dimensions x, y"),
         (pd.DataFrame(np.zeros((3, 2)), columns=["a", "a"]), {}, "stands there twice"),
         (pd.DataFrame({"time_s": [], "depth_m": []}), {}, "no rows"),
+        (LABELLED, {}, "no units by the names"),
+        (pd.DataFrame({"1": [0.0], 1: [0.0]}), {}, "stands there twice"),
+        (pd.DataFrame({"a": [1.0]}, index=pd.Index([0.0], name="a")), {}, "stands there twice"),
         (pd.DataFrame({"a": [1.0]}), {"log_format": LogFormat(delimiter=";")}, "has no use"),
         (pd.DataFrame({"time_s": [0.0, 1.0], "depth_m": ["x", "y"]}), {}, "number"),
     ],

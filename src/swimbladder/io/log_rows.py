@@ -131,9 +131,8 @@ class Rows:
         form = self.form
         self._fields = form.fields or len(self.header)
         self._remarks = self._void = self._whole = self._skip = 0
-        self._ragged: list[tuple[int, int]] = []  # line, number of fields
-        self._junk: list[int] = []
-        self._again: list[int] = []
+        self._junk, self._again = list[int](), list[int]()
+        self._ragged = list[tuple[int, int]]()  # line, number of fields
         self._tails: deque[int] = deque(maxlen=_TAILS)  # lengths of the last fields
         if self._fields < len(self.header):
             what = f"the header names {len(self.header)} columns, more than there are fields"
@@ -316,7 +315,7 @@ class Rows:
 
     def _good(self, records: Iterator[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
         """Yield the records that are whole rows, and keep in mind those that are not."""
-        form, tails = self.form, self._tails
+        form, tails, last, fields = self.form, self._tails, self._last, self._fields
         for line, row in records:
             if self._skip:
                 self._skip -= 1
@@ -328,13 +327,9 @@ class Rows:
                 self._skip = form.units_row + form.skip_rows
             elif form.part not in (None, self.parts):
                 continue
-            elif (
-                line == self._last
-                and tails
-                and (len(row) < self._fields or len(row[-1]) < min(tails))
-            ):
+            elif line == last and tails and (len(row) < fields or len(row[-1]) < min(tails)):
                 self.report.append(f"the last row, on line {line}, is cut short and is dropped")
-            elif len(row) == self._fields or self._differs_by_a_blank(row):
+            elif len(row) == fields or self._differs_by_a_blank(row):
                 self._whole += 1
                 tails.append(len(row[-1]))
                 yield line, row
@@ -474,23 +469,28 @@ def frame_sheet(file: LogFile) -> Arrays:
         series = {name: one for name, one in frame.variables.items() if one.ndim == 1}
         units = {name: one.attrs.get("units", "") for name, one in series.items()}
         frame = frame[[*series]].to_dataframe()
-    if any(frame.index.names) or frame.index.dtype.kind == "M":
-        frame = frame.rename_axis(index=frame.index.name or "time").reset_index()
-    if not frame.columns.is_unique:
-        twice = frame.columns[frame.columns.duplicated()][0]
-        raise file.refused("a column stands there twice", "Rename one", str(twice))
-    timed = {name for name, one in frame.items() if one.dtype.kind in "mM"}
-    said = {str(name): "s" if name in timed else str(units.get(name, "")) for name in frame}
-    columns = {
-        str(name): one - one.iloc[0] if one.dtype.kind == "M" and len(one) else one
-        for name, one in frame.items()
+    if not isinstance(units, Mapping):
+        what, remedy = "they are no units by the names of columns", 'Give {"depth": "m"}'
+        raise file.refused(what, remedy, 'attrs["units"]', value=units)
+    columns = [(str(name), units.get(name, ""), one) for name, one in frame.items()]
+    for k, name in enumerate(frame.index.names):
+        level = frame.index.get_level_values(k).to_series()
+        if name is not None or (level.dtype.kind == "M" and "time" not in frame):
+            columns.insert(k, (str(name or "time"), units.get(name, ""), level))
+    names = [name for name, _, _ in columns]
+    for name in (name for name in names if names.count(name) > 1):
+        raise file.refused("a column stands there twice", "Rename one", name)
+    timed = {name for name, _, one in columns if one.dtype.kind in "mM"}
+    said = {name: "s" if name in timed else str(unit or "") for name, unit, _ in columns}
+    series = {
+        name: one - one.iloc[0] if one.dtype.kind == "M" and len(one) else one
+        for name, _, one in columns
     }
-    return Arrays(columns, said)
+    return Arrays(series, said)
 
 
 def _refuse_text_options(file: LogFile, why: str) -> None:
-    remedy = "Leave {} out of the [log] table: it is for texts"
-    file.refuse_unused(TEXT_OPTIONS, why, remedy, idle=0)
+    file.refuse_unused(TEXT_OPTIONS, f"{why}, no text", idle=0)
 
 
 def chosen(column: Column, kept: NDArray[np.bool_]) -> Column:
