@@ -177,14 +177,11 @@ def try_basics(there: Environment) -> float:
     first_plot = time.perf_counter() - began
     if not (there.work / "step/trajectory.png").read_bytes().startswith(b"\x89PNG"):
         raise FaultError("the picture of simulate is none")
-    there.swimbladder(FIRMWARE)
-    if not (there.work / "controller").is_dir():
-        raise FaultError("firmware wrote nothing")
     return first_plot
 
 
 def try_all(there: Environment) -> None:
-    """Ask each command for its help, and identify a vehicle."""
+    """Ask each command for its help, identify a vehicle, and write firmware."""
     listed = there("python", "-c", "from swimbladder.cli import COMMANDS; print(*COMMANDS)")
     for name in ("", *listed.split()):
         if "Usage: swimbladder" not in there.swimbladder(f"{name} --help"):
@@ -192,6 +189,9 @@ def try_all(there: Environment) -> None:
     there.swimbladder(IDENTIFY)
     if not (there.work / "identified/vehicle.toml").is_file():
         raise FaultError("identify wrote no vehicle")
+    there.swimbladder(FIRMWARE)
+    if not (there.work / "controller").is_dir():
+        raise FaultError("firmware wrote nothing")
 
 
 def give_files(folder: Path) -> None:

@@ -74,7 +74,7 @@ def test_a_wheel_that_the_sdist_does_not_make_is_refused(built, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_installed_wheel_simulates_draws_and_writes_firmware(built, tmp_path):
+def test_the_installed_wheel_simulates_and_draws(built, tmp_path):
     packages = Path(sysconfig.get_path("purelib"))
     there = dist.Environment.beside(packages, tmp_path.resolve() / "environment")
     pip = (sys.executable, "-m", "pip", "--python", there.bin / "python", "install", "--quiet")

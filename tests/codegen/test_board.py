@@ -66,7 +66,9 @@ def rows(answer: BoardAnswer, flight: int = 0) -> list[dict[str, float]]:
 @pytest.mark.avr
 class TestOnAnAtmega:
     @pytest.mark.slow
-    @pytest.mark.parametrize("mcu", chip.MCUS)
+    @pytest.mark.parametrize(
+        "mcu", ["atmega328p", pytest.param("atmega2560", marks=pytest.mark.prove)]
+    )
     def test_it_flies_the_golden_mission_to_the_bit(self, feup, programs, mcu, tmp_path):
         with hardware.avr_board(programs[mcu], mcu) as port:
             answer = board(limited(feup), port, out=tmp_path)

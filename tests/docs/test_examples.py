@@ -8,7 +8,8 @@ The examples of a page run in order, in a folder of their own that holds a `my-f
 - a `toml` block with a file's name beside `toml` is written to that file.
 
 ``<!-- exit 2 -->`` above a block: its last command ends so; ``<!-- not run: why -->``: it is not;
-``<!-- as in docs/PAGE -->``: that page runs it, and prints what stands here too.
+``<!-- as in docs/PAGE -->``: that page runs it, and prints what stands here too; ``<!-- long -->``:
+`make prove` runs it, and other blocks use the same commands in every run.
 
 The README's commands are processes of their own; those of the other pages are forks of one process
 that has imported everything (`warm.py`).
@@ -36,7 +37,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 RUN = ("python", "console", "sh", "toml", "text")
 _BLOCK = re.compile(
-    r"(?:<!-- (?P<mark>exit \d+|not run: [^>]+|as in [^>]+) -->\n)?"
+    r"(?:<!-- (?P<mark>exit \d+|long|not run: [^>]+|as in [^>]+) -->\n)?"
     r"^```(?P<language>\w*)(?: (?P<name>\S+))?\n(?P<body>.*?)^```$",
     re.DOTALL | re.MULTILINE,
 )
@@ -50,6 +51,7 @@ class Block(NamedTuple):
     mark: str
     follows: str  # language of the block right above, "" where text stands between
     at: int = 0  # where the body begins in the page
+    long: bool = False  # marked so, or below a block of Python that is
 
     @property
     def exit_code(self) -> int:
@@ -59,10 +61,13 @@ class Block(NamedTuple):
 def blocks_of(page: Path, mark: str = "") -> list[Block]:
     """Return the fenced blocks of a page that are run here, or those whose mark begins so."""
     text = page.read_text(encoding="utf-8")
-    found, above = [], (0, "")
+    found, above, long = [], (0, ""), False
     for match in _BLOCK.finditer(text):
         follows = above[1] if not text[above[0] : match.start()].strip() else ""
         above = (match.end(), match["language"])
+        long = match["mark"] == "long" or (
+            long and (match["language"], follows) == ("text", "python")
+        )
         found.append(
             Block(
                 line=text[: match.start()].count("\n") + 1,
@@ -72,6 +77,7 @@ def blocks_of(page: Path, mark: str = "") -> list[Block]:
                 mark=match["mark"] or "",
                 follows=follows,
                 at=match.start("body"),
+                long=long,
             )
         )
     if mark:
@@ -170,9 +176,13 @@ class Ran(NamedTuple):
     promised: str | None  # None: it may print what it likes
 
 
-def run_page(page: Path, folder: Path, *programs: Path) -> Iterator[Ran]:
-    """Run the examples of a page one after the other in `folder`, the current one."""
+def run_page(page: Path, folder: Path, *programs: Path, long: bool = True) -> Iterator[Ran]:
+    """Run the examples of a page one after the other in `folder`, the current one.
+
+    long: those that are marked so too.
+    """
     blocks = [block for block in blocks_of(page) if block.language in RUN]
+    blocks = blocks if long else [block for block in blocks if not block.long]
     if any("my-float.toml" in block.body for block in blocks):
         assert shell("swimbladder vehicle new my-float.toml", folder, *programs)[0] == 0
     names: dict[str, object] = {"__name__": "__main__"}
@@ -195,6 +205,10 @@ def run_page(page: Path, folder: Path, *programs: Path) -> Iterator[Ran]:
                 yield Ran(block, number, command, code, expected, output, promised)
 
 
+def _long(page: Path) -> list[Block]:
+    return [block for block in blocks_of(page) if block.long]
+
+
 def needs_programs(page: Path) -> bool:
     """Say whether a page has commands that a fork may run: the README's are run as installed."""
     commands = [b.body for b in blocks_of(page) if b.language in ("sh", "console")]
@@ -207,20 +221,49 @@ def warm(tmp_path_factory):
         yield folder
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_the_examples_of_a_page_run_and_print_what_stands_there(
-    page, tmp_path, monkeypatch, request
-):
+NAMED = {"argnames": "page", "ids": lambda page: str(page.relative_to(ROOT))}
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, request):
+    """Run the examples of a page in an empty folder, and compare what they print."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", sys.path.copy())  # an example may add to it
-    programs = [request.getfixturevalue("warm")] if needs_programs(page) else []
-    for ran in run_page(page, tmp_path, *programs):
-        place = f"{page.relative_to(ROOT)}, line {ran.block.line}: {ran.command}"
-        assert ran.code == ran.expected, f"{place}: exit code {ran.code}\n{ran.printed}"
-        if ran.promised is not None:
-            remedy = "(scripts/refresh_docs.py writes what it prints)"
-            assert same(ran.printed, ran.promised), f"{place} prints {remedy}\n{ran.printed}"
+
+    def run(page, *, long):
+        programs = [request.getfixturevalue("warm")] if needs_programs(page) else []
+        for ran in run_page(page, tmp_path, *programs, long=long):
+            place = f"{page.relative_to(ROOT)}, line {ran.block.line}: {ran.command}"
+            assert ran.code == ran.expected, f"{place}: exit code {ran.code}\n{ran.printed}"
+            if ran.promised is not None:
+                remedy = "(scripts/refresh_docs.py writes what it prints)"
+                assert same(ran.printed, ran.promised), f"{place} prints {remedy}\n{ran.printed}"
+
+    return run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(argvalues=PAGES, **NAMED)
+def test_the_examples_of_a_page_run_and_print_what_stands_there(page, run):
+    run(page, long=False)
+
+
+@pytest.mark.prove
+@pytest.mark.parametrize(argvalues=[page for page in PAGES if _long(page)], **NAMED)
+def test_the_long_examples_of_a_page_too(page, run):
+    run(page, long=True)
+
+
+def test_what_a_long_example_uses_others_use_in_every_run():
+    """Blocks of the pages that are not long, or examples of the gallery (`test_site.py`)."""
+    calls = re.compile(r"swimbladder [a-z][a-z-]*|sb\.[a-z_]+(?=\()")
+    used = {long: set() for long in (False, True)}
+    for block in (block for page in PAGES for block in blocks_of(page) if block.language in RUN):
+        used[block.long] |= set(calls.findall(block.body))
+    for example in (ROOT / "docs" / "gallery").glob("*/plot_*.py"):
+        used[False] |= set(calls.findall(example.read_text(encoding="utf-8")))
+    assert "swimbladder campaign" in used[True]
+    assert used[True] <= used[False]
 
 
 def _python(block: Block, names: dict[str, object], place: str) -> str:
@@ -353,3 +396,5 @@ def test_the_extraction_itself(tmp_path):
     assert commands_of(console) == [("one two", "out\n"), ("three", "")]
     assert (toml.language, toml.name) == ("toml", "file.toml")
     assert [block.body for block in blocks_of(page, "as in ")] == ["$ four\n"]
+    page.write_text("<!-- long -->\n" + page.read_text(encoding="utf-8"), encoding="utf-8")
+    assert [block.long for block in blocks_of(page)] == [True, True, False, False]

@@ -22,6 +22,11 @@ LONG = (  # `make prove` takes them
     *(f"simulate-law-{n}" for n in ("observer", "pulse", "deadband", "sea-cascade")),
     "simulate-law-position-observer",
     "firmware-example-em",
+    "identify-process-noise",
+    "energy-example-eh",
+    "plan-example-eh",
+    "faults-ntnu-bv",
+    "reproduce",
 )
 
 

@@ -8,6 +8,7 @@ from typing import Any, ParamSpec
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import NDArray
@@ -158,9 +159,24 @@ def save(figure: Figure, path: str | Path) -> Path:
 
     Raises InputError where the file cannot be written.
     """
-    quiet = _QUIET.get(Path(path).suffix.lower()[1:], {})
+    kind = Path(path).suffix.lower()[1:]
     with mpl.rc_context(STYLE):
+        if kind == "png":
+            return write_through(path, lambda temporary: _write_png(figure, temporary))
+        quiet = _QUIET.get(kind, {})
         return write_through(path, lambda temporary: figure.savefig(temporary, metadata=quiet))
+
+
+def _write_png(figure: Figure, path: Path) -> None:
+    """Write a figure that is drawn once: `savefig` draws it twice, the first time to lay it out."""
+    shown, dpi = figure.canvas, figure.dpi
+    canvas = FigureCanvasAgg(figure)
+    try:
+        figure.dpi = STYLE["savefig.dpi"]
+        canvas.print_png(path, metadata=_QUIET["png"])
+    finally:
+        figure.dpi = dpi
+        figure.set_canvas(shown)
 
 
 # no date and no program in a file, so that it is the same tomorrow
