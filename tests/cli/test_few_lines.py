@@ -24,7 +24,7 @@ STEP = ["--duration", "60", "--plot", "--netcdf"]
 POOL = ["--pool-depth", "4.5 m", "--sensor-std", "2 mm", "--time", "15 min", "--runs", "2"]
 LIMIT = ["--time-limit", "2 h"]
 QUICK = {
-    "analyse": ["feup-em", "--out", "out"],
+    "analyse": ["feup-em"],
     "ballast": ["example-float"],
     "campaign": ["example-float", "dive.toml", "--floats", "3"],
     "compare": ["swimbladder-simulate/trajectory.csv", "--vehicle", "feup-em"],

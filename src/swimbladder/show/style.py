@@ -173,7 +173,7 @@ def _write_png(figure: Figure, path: Path) -> None:
     canvas = FigureCanvasAgg(figure)
     try:
         figure.dpi = STYLE["savefig.dpi"]
-        canvas.print_png(path, metadata=_QUIET["png"])
+        canvas.print_png(path, metadata=_QUIET["png"])  # type: ignore[no-untyped-call]
     finally:
         figure.dpi = dpi
         figure.set_canvas(shown)
