@@ -21,6 +21,11 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
+def huber(size: Array, gate: float) -> Array:
+    """Return half the square of deviations, beyond a gate only in proportion (Huber 1964)."""
+    return np.where(size < gate, 0.5 * size**2, gate * (size - 0.5 * gate))
+
+
 def scale(values: Array) -> float:
     """Return the standard deviation of what is normal but for outliers, from the median."""
     if not len(values):

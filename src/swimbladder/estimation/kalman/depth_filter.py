@@ -23,7 +23,7 @@ from swimbladder.estimation.kalman.kernels import (
     follow_kernel,
     predict_kernel,
 )
-from swimbladder.estimation.series import Array, Index
+from swimbladder.estimation.series import Array, Index, huber
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.layers import Layers
 
@@ -172,7 +172,7 @@ def log_likelihood(samples: Samples, member: Member, *, gate: float = GATE) -> A
     found = _run(samples, member, gate)
     held = found.fate == HELD
     size = np.abs(found.innovation[held]) / np.sqrt(found.variance[held])
-    loss = np.where(size < gate, 0.5 * size**2, gate * (size - 0.5 * gate))
     each = found.contribution.copy()
-    each[held] = -(loss + 0.5 * np.log(2.0 * np.pi * found.variance[held])) / _HELD_ALIKE
+    loss = huber(size, gate) + 0.5 * np.log(2.0 * np.pi * found.variance[held])
+    each[held] = -loss / _HELD_ALIKE
     return np.asarray(np.cumsum(each))

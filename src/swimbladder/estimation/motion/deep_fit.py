@@ -48,7 +48,7 @@ from swimbladder.estimation.motion.deep_model import (
     excess,
     filtered,
 )
-from swimbladder.estimation.series import Array, Index
+from swimbladder.estimation.series import Array, Index, huber
 from swimbladder.io.progress import Advance, silent
 
 
@@ -375,9 +375,8 @@ class _Problem:
         S = S if variance is None else variance
         if not (S > 0.0).all():
             return math.inf
-        z = np.abs(v) / np.sqrt(S)
-        far = np.where(z < self.gate, 0.5 * z * z, self.gate * (z - 0.5 * self.gate))
-        total = 0.5 * float(x @ x) + float(np.sum(far + 0.5 * np.log(S)))
+        off = huber(np.abs(v) / np.sqrt(S), self.gate)
+        total = 0.5 * float(x @ x) + float(np.sum(off + 0.5 * np.log(S)))
         return total if math.isfinite(total) else math.inf
 
     def slopes(

@@ -8,7 +8,7 @@ information. Models differ by their drag law, and by whether psi belongs in them
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import chi2, linregress
@@ -24,7 +24,7 @@ from swimbladder.estimation.estimates import (
 )
 from swimbladder.estimation.motion.fit import Fit, backwards
 from swimbladder.estimation.motion.fit import fit as solve
-from swimbladder.estimation.motion.noise import autocovariance, whiteness
+from swimbladder.estimation.motion.noise import autocovariance
 from swimbladder.estimation.motion.problem import (
     DEPTH,
     DRIFT,
@@ -37,12 +37,10 @@ from swimbladder.estimation.motion.problem import (
     default_names,
     model_of,
 )
-from swimbladder.estimation.motion.result import Choice, ExperimentFit
+from swimbladder.estimation.motion.result import Choice, ExperimentFit, Psi
 from swimbladder.estimation.series import Array, Index, rms
 from swimbladder.units import format_quantity, shown_unit
 from swimbladder.vehicle import Vehicle
-
-Psi = Literal["free", "prior", "set", "zero"]
 
 _TRACE = 0.02  # of the drag, that a blended one begins with beside a law that was fitted
 _REFUSED = 3.0  # times what another drag law leaves over
@@ -190,18 +188,13 @@ def _worth(coefficients: tuple[float, ...], n: int) -> float:
 
 
 def _choice(problem: Problem, fit: Fit, psi: Psi, worth: float, *, reported: bool) -> Choice:
-    likelihood = -0.5 * worth * fit.objective
-    samples = max(worth * float(problem.rows[-1]), 2.0)
-    values = problem.named(fit.x)
-    return Choice(
-        drag=problem.model.law,
-        psi=psi,
-        parameters=problem.shared,
+    return Choice.of(
+        problem,
+        psi,
+        problem.named(fit.x),
+        max(worth * float(problem.rows[-1]), 2.0),
         rms=float(np.sqrt((fit.weight * fit.residual**2).sum() / fit.weight.sum())),
-        log_likelihood=likelihood,
-        bic=-2.0 * likelihood + problem.shared * math.log(samples),
-        weight=math.nan,
-        values={n: values[n] for n in problem.names},
+        log_likelihood=-0.5 * worth * fit.objective,
         reported=reported,
     )
 
@@ -404,35 +397,20 @@ def _experiment(
 ) -> ExperimentFit:
     e, part = problem.experiments[j], slice(problem.rows[j], problem.rows[j + 1])
     n = len(e.record.time)
-    residual, weight, predicted = np.full(n, np.nan), np.zeros(n), np.full(n, np.nan)
+    residual, weight = np.full(n, np.nan), np.zeros(n)
     residual[e.used], weight[e.used] = found.residual[part], found.weight[part]
-    predicted[e.used] = e.record.depth[e.used] - found.residual[part]
-    std = np.sqrt(np.diag(found.covariance))
-    at = problem.starts_at[j]
-    own = {
-        "neutral_error": (problem.shared + j, VOLUME, "m3"),
-        "start_depth": (at, DEPTH, "m"),
-        "start_speed": (at + 1, SPEED, "m/s"),
-    }
+    at = [problem.shared + j, problem.starts_at[j], problem.starts_at[j] + 1]
+    own = np.stack([found.x[at], np.sqrt(np.diag(found.covariance)[at])], axis=1)
     left = residual[weight > 0.0]
-    return ExperimentFit(
-        source=e.source,
-        record=e.record,
-        reference_depth=e.reference,
-        predicted=predicted,
+    return ExperimentFit.of(
+        e,
+        own * np.array([[VOLUME], [DEPTH], [SPEED]]),
+        found.root[part] * found.residual[part],
         residual=residual,
         weight=weight,
-        estimates={
-            name: Estimate.of(float(found.x[i] * per), float(std[i] * per), unit)
-            for name, (i, per, unit) in own.items()
-        },
         drift=drift(problem, found, j),
         noise=float(found.noise[j]),
         rms=rms(left) if len(left) else math.nan,
-        ar=found.ar[j],
-        whiteness_p=whiteness(np.sqrt(weight[e.used]) * found.residual[part]),
-        outliers=int((weight[e.used] < 0.5).sum()),
-        step=e.step(),
         own_gain=gain if gain and 0.0 < gain[1] < 1.0 else None,
     )
 

@@ -377,12 +377,13 @@ def _positive(C: Array) -> Array:
     return np.asarray((vectors * np.abs(values)) @ vectors.T * np.outer(size, size))
 
 
-def inverse_of(M: Array) -> Array:
+def inverse_of(M: Array, least: float = 0.0) -> Array:
     """Return the inverse of a symmetric matrix, through entries of one size each.
 
-    Directions of which nothing is known get a variance that is huge, not infinite.
+    Directions of which nothing is known get a variance that is huge, not infinite; least: their
+    information then.
     """
     size = np.sqrt(np.maximum(np.diag(M), 1e-200))
     values, vectors = np.linalg.eigh(M / np.outer(size, size))
-    values = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
+    values = np.maximum(values, max(1e-13 * float(values[-1]), 1e-300, least))
     return np.asarray((vectors / values) @ vectors.T / np.outer(size, size))

@@ -27,7 +27,7 @@ from swimbladder.estimation.comparison.record import Record, adds_warmth, more_w
 from swimbladder.estimation.estimates import Z95, Estimate, Prior, crossing
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
 from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
-from swimbladder.estimation.motion.fit import regression
+from swimbladder.estimation.motion.fit import inverse_of, regression
 from swimbladder.estimation.motion.problem import (
     DEPTH,
     DRIFT,
@@ -332,11 +332,8 @@ def covariance(full: Likelihood, x: Array) -> Array:
     scores, H = full.scores(x)
     H = H + np.diag(full.prior_slope(x)[1])
     known = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
-    size = np.sqrt(np.where(known, np.diag(H), 1.0))
-    values, vectors = np.linalg.eigh((H / np.outer(size, size))[np.ix_(known, known)])
-    values = np.maximum(values, _SINGULAR)  # where the likelihood is flat nothing is known
     C = np.diag(np.full(len(x), np.inf))
-    bread = (vectors / values) @ vectors.T / np.outer(size[known], size[known])
+    bread = inverse_of(H[np.ix_(known, known)], _SINGULAR)
     blocks = _blocks(full, len(x))
     if blocks is not None:
         sums = np.stack([np.bincount(blocks, column) for column in scores[:, known].T], axis=1)

@@ -23,7 +23,6 @@ from swimbladder.estimation.motion.diagnose import (
     sinks_as_it_grows,
     with_probabilities,
 )
-from swimbladder.estimation.motion.noise import autoregression, whiteness
 from swimbladder.estimation.motion.problem import NAMES, Experiment, Problem
 from swimbladder.estimation.motion.process_noise import (
     SIGNIFICANT,
@@ -139,19 +138,9 @@ def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> 
             parts = [(f.innovation, np.sqrt(f.variance)) for f in runs]
         innovations, deviations = np.concatenate(parts, axis=1)
         kept = np.abs(innovations) < GATE * deviations
-        found.append(
-            Choice(
-                drag=other.model.law,
-                psi=psi,
-                parameters=len(other.names),
-                rms=rms(innovations[kept]) if kept.any() else math.nan,
-                log_likelihood=height,
-                bic=-2.0 * height + len(other.names) * math.log(len(innovations)),
-                weight=math.nan,
-                values={n: values[n] for n in other.names},
-                reported=other is problem,
-            )
-        )
+        left = rms(innovations[kept]) if kept.any() else math.nan
+        more = {"rms": left, "log_likelihood": height, "reported": other is problem}
+        found.append(Choice.of(other, psi, values, len(innovations), **more))
     return with_probabilities(found)
 
 
@@ -161,32 +150,22 @@ def _experiment(e: Experiment, track: Track) -> ExperimentFit:
     first, last = int(used[0]), int(used[-1])
     at = track.smoothed[first]
     std = np.sqrt(np.maximum(np.diag(track.covariance[first]), 0.0))
-    own = {
-        "neutral_error": (at[2] - track.start.neutral, std[2], "m3"),
-        "start_depth": (at[0], std[0], "m"),
-        "start_speed": (at[1], std[1], "m/s"),
-    }
+    own = np.array([[at[2] - track.start.neutral, std[2]], [at[0], std[0]], [at[1], std[1]]])
     span = float(record.time[last] - record.time[first])
     went = float(track.smoothed[last, 2] - at[2]) / span
     unsure = math.hypot(std[2], math.sqrt(max(float(track.covariance[last][2, 2]), 0.0))) / span
     weight, innovation = track.weight, track.innovation[used]
     white = innovation / track.deviation[used] * np.sqrt(weight[used])
     kept = weight[used] >= 0.5
-    return ExperimentFit(
-        source=e.source,
-        record=record,
-        reference_depth=e.reference,
-        predicted=record.depth - track.innovation,
+    return ExperimentFit.of(
+        e,
+        own,
+        white,
         residual=track.innovation,
         weight=weight,
-        estimates={n: Estimate.of(float(v), float(u), unit) for n, (v, u, unit) in own.items()},
         drift=Estimate.of(went, unsure, "m3/s"),
         noise=float(np.sqrt(np.mean(track.deviation[used] ** 2))),
         rms=rms(innovation[kept]) if kept.any() else math.nan,
-        ar=autoregression(white),
-        whiteness_p=whiteness(white),
-        outliers=int((~kept).sum()),
-        step=e.step(),
     )
 
 

@@ -12,7 +12,8 @@ import numpy as np
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
-from swimbladder.estimation.motion.problem import NAMES, Model, Problem
+from swimbladder.estimation.motion.noise import autoregression, whiteness
+from swimbladder.estimation.motion.problem import NAMES, Experiment, Model, Problem
 from swimbladder.estimation.series import Array
 from swimbladder.io.answers import Answer, as_json, plain
 from swimbladder.vehicle import (
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 
 ProcessNoise = Literal["auto", "always", "never"]
+Psi = Literal["free", "prior", "set", "zero"]
 
 
 class Asked(NamedTuple):
@@ -64,7 +66,7 @@ class Choice:
     """
 
     drag: str
-    psi: Literal["free", "prior", "set", "zero"]
+    psi: Psi
     parameters: int
     rms: float  # m
     log_likelihood: float
@@ -72,6 +74,22 @@ class Choice:
     weight: float
     values: dict[str, float]
     reported: bool  # the one whose parameters are given
+
+    @classmethod
+    def of(
+        cls, problem: Problem, psi: Psi, values: Mapping[str, float], samples: float, **more: Any
+    ) -> Choice:
+        """Return the model of a problem; samples: independent ones; more: other fields."""
+        penalty = problem.shared * math.log(samples)
+        return cls(
+            drag=problem.model.law,
+            psi=psi,
+            parameters=problem.shared,
+            bic=penalty - 2.0 * more["log_likelihood"],
+            weight=math.nan,
+            values={n: values[n] for n in problem.names},
+            **more,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
@@ -93,8 +111,7 @@ class ExperimentFit:
     source: str
     record: Record
     reference_depth: float
-    predicted: Array  # m, nan where no stretch is
-    residual: Array  # m
+    residual: Array  # m, nan where no stretch is
     weight: Array
     estimates: dict[str, Estimate]
     drift: Estimate
@@ -102,9 +119,38 @@ class ExperimentFit:
     rms: float  # m, outliers left out
     ar: tuple[float, ...]
     whiteness_p: float
-    outliers: int
     step: float  # m3, typical volume against neutral
     own_gain: tuple[float, float] | None = None
+
+    @classmethod
+    def of(cls, e: Experiment, own: Array, white: Array, **more: Any) -> ExperimentFit:
+        """Return the fit of an experiment.
+
+        own [3, 2]: neutral_error, start_depth and start_speed, each with its deviation; white:
+        residuals of one variance at the samples used; more: other fields.
+        """
+        units = {"neutral_error": "m3", "start_depth": "m", "start_speed": "m/s"}
+        pairs = zip(units.items(), own.tolist(), strict=True)
+        return cls(
+            source=e.source,
+            record=e.record,
+            reference_depth=e.reference,
+            estimates={name: Estimate.of(at[0], at[1], unit) for (name, unit), at in pairs},
+            ar=autoregression(white),
+            whiteness_p=whiteness(white),
+            step=e.step(),
+            **more,
+        )
+
+    @property
+    def predicted(self) -> Array:
+        """Depths [m], nan where no stretch is."""
+        return self.record.depth - self.residual
+
+    @property
+    def outliers(self) -> int:
+        """How many of the samples used are outliers."""
+        return int((self.weight[np.isfinite(self.residual)] < 0.5).sum())
 
     def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
