@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from swimbladder.control.records import leaf_names
+from swimbladder.control.law import leaf_names
 from swimbladder.control.registry import LAWS
 from swimbladder.design.plan import Expected, Move, Plan, PlannedExperiment, Trace
 from swimbladder.io.files import write_atomically

@@ -19,8 +19,7 @@ from swimbladder.control.law import Law
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, SeaCascadeParameters, sea_cascade_gains
 from swimbladder.design.linear.sampled import BoundLaw
-from swimbladder.design.stability.confirm import Held, Seen, edge, hold
-from swimbladder.design.stability.cycles import Predicted, predict
+from swimbladder.design.stability.cycles import Held, Predicted, Seen, edge, hold, predict
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.io.config import load_vehicle

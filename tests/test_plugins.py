@@ -13,10 +13,10 @@ import swimbladder as sb
 from studies.benches import Motor, random_moves
 from swimbladder.cli import main
 from swimbladder.codegen.library import firmware
-from swimbladder.control.records import leaves
+from swimbladder.control.law import leaves
 from swimbladder.control.registry import LAWS
 from swimbladder.design.law_comparison.contenders import choose_laws
-from swimbladder.design.stability.robust import wrapped_law
+from swimbladder.design.stability.around import wrapped_law
 from swimbladder.design.tuning import tune
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast

@@ -16,7 +16,7 @@ from swimbladder.cli.options import Options
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.design.planning.task import Limits
 from swimbladder.design.pool_day.day import rules_of
-from swimbladder.design.pool_day.follow import check_waiting
+from swimbladder.design.pool_day.rehearsal import check_waiting
 from swimbladder.design.sizing.candidates import Parts
 
 

@@ -88,8 +88,8 @@ if TYPE_CHECKING:
         step_metrics as step_metrics,
     )
     from swimbladder.sim.faults import faults as faults
-    from swimbladder.sim.mission.run import mission as mission
-    from swimbladder.sim.mission.water import water_of as water_of
+    from swimbladder.sim.mission.result import mission as mission
+    from swimbladder.sim.mission.prepare import water_of as water_of
     from swimbladder.vehicle import Vehicle as Vehicle
     from swimbladder.vehicle.spread import Spread as Spread
 
@@ -167,8 +167,8 @@ _HOMES = {
         "step_metrics",
     ),
     "sim.faults": ("faults",),
-    "sim.mission.run": ("mission",),
-    "sim.mission.water": ("water_of",),
+    "sim.mission.result": ("mission",),
+    "sim.mission.prepare": ("water_of",),
     "vehicle": ("Vehicle",),
     "vehicle.spread": ("Spread",),
 }

@@ -13,7 +13,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.tables import write_csv
 from swimbladder.physics.seawater import cast_column
 from swimbladder.sim.faults import faults
-from swimbladder.sim.faults.single_mission import TRACE_COLUMNS
+from swimbladder.sim.faults.run import TRACE_COLUMNS
 from tests.codegen.conftest import gcc
 from tests.docs.test_reference import rows
 from tests.quoted import numbers

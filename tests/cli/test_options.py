@@ -15,7 +15,7 @@ from swimbladder.cli.options import Files, Options, flag, grouped, valued
 from swimbladder.design.ballast import Target, ballast
 from swimbladder.design.energy import PumpFit, PumpRuns, fit_pump, fitted_vehicle, sea
 from swimbladder.design.pool_day.day import asked_of, rules_of
-from swimbladder.design.pool_day.follow import check_waiting
+from swimbladder.design.pool_day.rehearsal import check_waiting
 from swimbladder.design.pool_day.verdict import Asked
 from swimbladder.design.pool_day.verdict import Target as PoolTarget
 from swimbladder.design.sizing import Dive, load_parts, size

@@ -17,10 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swimbladder.codegen.c99 import c_law
-from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
 from swimbladder.codegen.library import Library, firmware, write_library
 from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.twin import twin
+from swimbladder.codegen.twin import ControllerTwin, VehicleTwin, twin
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import SUPERVISOR, Watched

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swimbladder.codegen.twin import twin
-from swimbladder.control.law import Count, Law, Measurement
-from swimbladder.control.records import (
+from swimbladder.control.law import (
+    Count,
+    Law,
+    Measurement,
     field_types,
     from_leaves,
     from_numbers,

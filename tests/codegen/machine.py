@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from swimbladder.codegen.library import Library, firmware
-from swimbladder.control.records import leaf_names
+from swimbladder.control.law import leaf_names
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
 from tests.codegen import chip

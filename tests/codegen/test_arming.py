@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.codegen.clock import VehicleTwin
 from swimbladder.codegen.library import Library
 from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.twin import twin
+from swimbladder.codegen.twin import VehicleTwin, twin
 from swimbladder.control.arming import ARMING, Deck
 from swimbladder.control.supervisor import Reason, Watched
 from tests.codegen import chip

@@ -21,8 +21,8 @@ from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
-from swimbladder.sim.faults.mission_records import TRACE
-from swimbladder.sim.faults.single_mission import fly_one
+from swimbladder.sim.faults.draw import TRACE
+from swimbladder.sim.faults.run import fly_one
 from tests.codegen import chip, hardware
 from tests.codegen.test_library import library
 from tests.docs.test_reference import rows as documented

@@ -10,8 +10,7 @@ import pytest
 
 from swimbladder.codegen.library import firmware
 from swimbladder.codegen.twin import twin
-from swimbladder.control.law import Measurement
-from swimbladder.control.records import from_numbers
+from swimbladder.control.law import Measurement, from_numbers
 from swimbladder.control.registry import LAWS
 from swimbladder.io.config import load_vehicle
 from tests.codegen import chip

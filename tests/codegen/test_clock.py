@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swimbladder.codegen.clock import arming_twin
 from swimbladder.codegen.library import firmware
+from swimbladder.codegen.twin import arming_twin
 from swimbladder.control.supervisor import Watched
 from swimbladder.io.config import load_vehicle
 from tests.codegen import chip

@@ -27,7 +27,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.closed_loop.board_law import board_law
+from swimbladder.sim.closed_loop.floats import board_law
 from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.units import parse_quantity

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import FLOAT
-from swimbladder.control.records import from_numbers
+from swimbladder.control.law import from_numbers
 from swimbladder.control.registry import LAWS
 from tests.codegen.build import STRICT, Compiled, Program, run, write
 from tests.codegen.laws import (

@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import swimbladder as sb
-from swimbladder.codegen.clock import ControllerTwin, wait_in_ticks
 from swimbladder.codegen.library import Library, firmware, plan_program, write_library
+from swimbladder.codegen.twin import ControllerTwin, wait_in_ticks
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.vehicle import Controller, Supervisor, Vehicle

@@ -9,10 +9,10 @@ import pytest
 
 from swimbladder.codegen import board, golden, library
 from swimbladder.codegen.board import BoardAnswer, Difference, FlightAnswer, Spread, Times
-from swimbladder.codegen.clock import wait_in_ticks
 from swimbladder.codegen.golden import BoardProgram, Mission, first_rows
 from swimbladder.codegen.library import Library, firmware, make_program, meanings, plan_program
 from swimbladder.codegen.pool import PoolOptions, board_procedure, in_float32
+from swimbladder.codegen.twin import wait_in_ticks
 from swimbladder.control.cascade import CascadeParameters
 from swimbladder.control.law import NEVER
 from swimbladder.control.sea_cascade import sea_cascade_gains

@@ -12,12 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from swimbladder.codegen.clock import VehicleTwin
 from swimbladder.codegen.library import Library, firmware, meanings, write_library
 from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.twin import twin
-from swimbladder.control.law import NEVER, Law
-from swimbladder.control.records import numbers
+from swimbladder.codegen.twin import VehicleTwin, twin
+from swimbladder.control.law import NEVER, Law, numbers
 from swimbladder.control.supervisor import (
     SUPERVISOR,
     Reason,

@@ -13,7 +13,7 @@ import math
 from enum import Enum
 from typing import Any, NamedTuple
 
-from swimbladder.control.records import leaves
+from swimbladder.control.law import leaves
 from swimbladder.control.supervisor import SupervisorParameters, SupervisorState, Watched
 
 OFF = 65535  # a limit in ticks that is none; the largest count of 16 bits

@@ -7,7 +7,7 @@ from swimbladder.control.law import Knobs
 from swimbladder.control.profile import learn_ability, own_drive, usable
 from swimbladder.control.registry import LAWS
 from swimbladder.design.linear.sampled import BoundLaw
-from swimbladder.design.stability.robust import wrapped
+from swimbladder.design.stability.around import wrapped
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, traces

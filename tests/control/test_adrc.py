@@ -11,8 +11,7 @@ from scipy.integrate import solve_ivp
 
 from swimbladder.control.adrc import ADRC, AdrcState, adrc_gains, initial, observe, step
 from swimbladder.control.cascade import CASCADE, CascadeParameters
-from swimbladder.control.law import Measurement
-from swimbladder.control.records import numbers
+from swimbladder.control.law import Measurement, numbers
 from swimbladder.design.linear import BoundLaw, SampledLoop, linearise, linearise_law, loop_margins
 from swimbladder.physics.dynamics import State, motor_rhs
 from swimbladder.sim.closed_loop import simulate, step_metrics

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from swimbladder.codegen.twin import ControllerTwin, VehicleTwin
 from swimbladder.control.arming import ARMING, DISARMED, Deck
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import Reason, Watched

@@ -16,10 +16,9 @@ from swimbladder.control.deadband import (
     predict,
     step,
 )
-from swimbladder.control.law import Measurement
-from swimbladder.control.records import leaves
+from swimbladder.control.law import Measurement, leaves
 from swimbladder.design.linear.sampled import BoundLaw
-from swimbladder.design.stability.robust import wrapped
+from swimbladder.design.stability.around import wrapped
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Hull, IdentifiedActuator, Sensors
 from tests.control.examples import K2, S_P, SLEEPER, T2, blind, by_hand

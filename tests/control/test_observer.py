@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swimbladder.control.law import Knobs, Measurement
+from swimbladder.control.law import Knobs, Measurement, from_leaves, leaves, numbers
 from swimbladder.control.motion import (
     filter_gains,
     held_motion,
@@ -17,7 +17,6 @@ from swimbladder.control.motion import (
     runaway,
 )
 from swimbladder.control.observer import OBSERVER, Estimate, Trust, estimate, initial, moves, step
-from swimbladder.control.records import from_leaves, leaves, numbers
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant

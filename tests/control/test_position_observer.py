@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from studies.tank_law import FITTING, position_observer_gains
-from swimbladder.control.law import Measurement
+from swimbladder.control.law import Measurement, numbers
 from swimbladder.control.position_observer import POSITION_OBSERVER, initial, step
-from swimbladder.control.records import numbers
 from swimbladder.design.linear.sampled import BoundLaw, linearise_law, loop_of
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning.margins import WANTED, exactly, violated_margins

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from swimbladder.control.law import NEVER
-from swimbladder.control.records import leaf_names
+from swimbladder.control.law import NEVER, leaf_names
 from swimbladder.control.registry import bind
 from swimbladder.control.supervisor import (
     SUPERVISOR,
@@ -19,7 +18,7 @@ from swimbladder.control.supervisor import (
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
-from swimbladder.sim.closed_loop.board_law import flown_law
+from swimbladder.sim.closed_loop.floats import flown_law
 from swimbladder.vehicle import Supervisor
 
 FLOAT = load_vehicle("example-float")

@@ -7,11 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
 
-from swimbladder.control.law import Knobs, Measurement
+from swimbladder.control.law import Knobs, Measurement, leaves, numbers
 from swimbladder.control.motion import held_motion, motion_over_sample, pulse_gains
 from swimbladder.control.observer import OBSERVER
 from swimbladder.control.pulse import PULSE, holds, initial, run, step
-from swimbladder.control.records import leaves, numbers
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.design.tuning.trial import motor_starts, motor_turns
 from swimbladder.io.config import load_vehicle

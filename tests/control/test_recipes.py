@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from swimbladder.control.law import Knobs
+from swimbladder.control.law import Knobs, leaf_names, numbers
 from swimbladder.control.motion import off_in
-from swimbladder.control.records import leaf_names, numbers
 from swimbladder.control.registry import LAWS
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.io.config import load_vehicle

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from swimbladder.control.cascade import CASCADE, CascadeParameters
-from swimbladder.control.records import leaf_names, leaves
+from swimbladder.control.law import leaf_names, leaves
 from swimbladder.control.registry import LAWS, bind, law_by_name, law_parameters
 from swimbladder.design.tuning.gains import setting_of
 from swimbladder.errors import InputError

@@ -10,8 +10,7 @@ from scipy.integrate import solve_ivp
 
 from swimbladder.control import cascade
 from swimbladder.control.cascade import CASCADE, CascadeParameters
-from swimbladder.control.law import Measurement
-from swimbladder.control.records import from_leaves, leaves, numbers
+from swimbladder.control.law import Measurement, from_leaves, leaves, numbers
 from swimbladder.control.sea_cascade import (
     SEA_CASCADE,
     SeaCascadeGains,

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from swimbladder.control import supervisor
-from swimbladder.control.law import NEVER
-from swimbladder.control.records import leaves
+from swimbladder.control.law import NEVER, leaves
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.control.supervisor_limits import supervisor_parameters

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from swimbladder.codegen.clock import ControllerTwin, VehicleTwin
+from swimbladder.codegen.twin import ControllerTwin, VehicleTwin
 from swimbladder.control.law import NEVER
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import (

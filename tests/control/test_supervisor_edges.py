@@ -5,8 +5,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from swimbladder.control.law import NEVER
-from swimbladder.control.records import leaves
+from swimbladder.control.law import NEVER, leaves
 from swimbladder.control.supervisor import (
     GREW,
     SUPERVISOR,

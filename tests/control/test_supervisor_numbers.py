@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from swimbladder.control.law import NEVER
-from swimbladder.control.records import leaves
+from swimbladder.control.law import NEVER, leaves
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.vehicle import Sensors, Supervisor
 from tests.vehicles import paper

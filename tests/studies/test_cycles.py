@@ -7,7 +7,7 @@ import pytest
 
 from studies import cycles
 from studies.cycles import CASES, foretold, main, row, simulated
-from swimbladder.design.stability.confirm import Seen
+from swimbladder.design.stability.cycles import Seen
 from swimbladder.physics.dynamics import plant
 
 

@@ -76,7 +76,7 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
     how = {name: asked[name] for name in ("seed", "depths", "column")}
     with working("flying the mission"):
         from swimbladder.show.faults import FlownShown
-        from swimbladder.sim.faults.single_mission import fly_one
+        from swimbladder.sim.faults.run import fly_one
 
         flown = fly_one(vehicle, int(number), healthy=mission.startswith("h"), **how)
     to.answer(FlownShown(flown))

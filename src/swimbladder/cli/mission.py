@@ -85,7 +85,7 @@ def mission(
     begin, bottom = asked.pop("begin"), asked.pop("bottom")
     cycles, span = asked.pop("cycles"), asked.pop("duration")
     if also.netcdf and begin is not None:
-        from swimbladder.sim.mission.og1 import og1_time
+        from swimbladder.sim.mission.export import og1_time
 
         og1_time(begin)
     keep = unfinished(to.out)
@@ -97,7 +97,7 @@ def mission(
             from swimbladder.sim.mission.export import argo_configuration
             from swimbladder.sim.mission.orders import flown_laws
             from swimbladder.sim.mission.prepare import cost_words
-            from swimbladder.sim.mission.run import mission as fly
+            from swimbladder.sim.mission.result import mission as fly
 
         task = (task if bottom is None else task.over(bottom)).limited(cycles=cycles, duration=span)
         if also.config:

@@ -25,7 +25,7 @@ from swimbladder.units import parse_quantity
 if TYPE_CHECKING:
     from swimbladder.design.plan import Plan
     from swimbladder.design.pool_day import GrowingLog, News, Operator, Target
-    from swimbladder.design.pool_day.files import Kept
+    from swimbladder.design.pool_day.day import Kept
     from swimbladder.vehicle import Vehicle
 
 _NOISE = 2e-3  # m
@@ -48,7 +48,7 @@ class Rehearsed(Options):
     def operator(self, vehicle: Vehicle, bottom: float) -> Operator:
         """Return who rehearses: the vehicle in simulated water `bottom` [m] deep."""
         from swimbladder.design.pool_day import Operator
-        from swimbladder.design.pool_day.follow import check_waiting
+        from swimbladder.design.pool_day.rehearsal import check_waiting
 
         truth = vehicle if self.truth is None else loaded(self.truth, sampled=True)
         std = self.read()["sensor_std"]
@@ -77,7 +77,7 @@ class Followed(Options):
     def tail(self, vehicle: Vehicle, log: Path) -> tuple[GrowingLog, float]:
         """Return what reads the log, and how long it waits for more [s]."""
         from swimbladder.design.pool_day import GrowingLog
-        from swimbladder.design.pool_day.follow import check_waiting
+        from swimbladder.design.pool_day.rehearsal import check_waiting
         from swimbladder.io.log_format import LogFormat, log_format
 
         given = self.read()
@@ -242,7 +242,7 @@ def _begin(out: Path, vehicle: Vehicle, mode: str) -> list[Kept]:
     A rehearsal begins anew. Raises InputError where the folder holds the run of another vehicle, or
     one of the other kind.
     """
-    from swimbladder.design.pool_day.files import STATE, earlier, read_state
+    from swimbladder.design.pool_day.day import STATE, earlier, read_state
     from swimbladder.io.files import make_folder
 
     state = read_state(make_folder(out))

@@ -20,9 +20,9 @@ from typing import Any, NamedTuple, TextIO
 
 import numpy as np
 
-from swimbladder.codegen.clock import VehicleTwin, arming_twin
 from swimbladder.codegen.golden import BoardProgram, Mission, fly_float
 from swimbladder.codegen.library import digest, plan_program
+from swimbladder.codegen.twin import VehicleTwin, arming_twin
 from swimbladder.codegen.wire import BAUD, Said, Wire
 from swimbladder.control.law import Measurement
 from swimbladder.control.supervisor import Reason, Watched
@@ -36,10 +36,9 @@ from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.faults.c_interface import SUPERVISED
 from swimbladder.sim.faults.campaign_result import Outcome, outcomes
 from swimbladder.sim.faults.draw import Mission as FaultMission
-from swimbladder.sim.faults.draw import course_of, draw
+from swimbladder.sim.faults.draw import Result, course_of, draw
 from swimbladder.sim.faults.flight import OWN
 from swimbladder.sim.faults.kinds import KINDS, On
-from swimbladder.sim.faults.mission_records import Result
 from swimbladder.sim.faults.run import FaultCampaign
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swimbladder.codegen import tree
-from swimbladder.control.records import units
+from swimbladder.control.law import units
 
 _TEXT = files("swimbladder.codegen").joinpath("templates/arithmetic.h").read_text("utf-8")
 ARITHMETIC, CALLED, *_BLOCKS = (f"{block.strip()}\n" for block in _TEXT.split("\n\n"))

@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.clock import ControllerTwin, VehicleTwin, supervisor_twin
 from swimbladder.codegen.tree import Program
-from swimbladder.codegen.twin import twin
+from swimbladder.codegen.twin import ControllerTwin, VehicleTwin, supervisor_twin, twin
 from swimbladder.control.arming import ArmingParameters
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.supervisor import Reason, SupervisorParameters, Watched
@@ -22,10 +21,9 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.block import Block
-from swimbladder.sim.closed_loop.board_law import BoardLaw
-from swimbladder.sim.closed_loop.floats import float_model
+from swimbladder.sim.closed_loop.floats import BoardLaw, float_model
+from swimbladder.sim.closed_loop.lane import Row
 from swimbladder.sim.closed_loop.lanes import Schedule
-from swimbladder.sim.closed_loop.rows import Row
 from swimbladder.sim.closed_loop.single import as_law, run_function
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle

@@ -15,7 +15,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from swimbladder.codegen import wire
 from swimbladder.codegen.c99 import CSource, c_field, c_float, c_law, c_number, write_c99
-from swimbladder.codegen.clock import MOST_TICKS, SOON
 from swimbladder.codegen.golden import BoardProgram, Golden, Mission, first_rows, fly
 from swimbladder.codegen.pool import (
     BY_VOLTAGE,
@@ -27,6 +26,7 @@ from swimbladder.codegen.pool import (
 )
 from swimbladder.codegen.subset import read_law
 from swimbladder.codegen.tree import COUNT, FLOAT
+from swimbladder.codegen.twin import MOST_TICKS, SOON
 from swimbladder.control.arming import ARMING, DISARMED, Deck
 from swimbladder.control.law import NEVER, Law
 from swimbladder.control.protocol import POOL
@@ -46,8 +46,8 @@ from swimbladder.errors import InputError, Parameter
 from swimbladder.io.answers import Answer
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.progress import Advance, silent
-from swimbladder.sim.closed_loop.board_law import board_law
 from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
+from swimbladder.sim.closed_loop.floats import board_law
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
 

@@ -14,12 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.codegen.clock import supervisor_twin
-from swimbladder.codegen.twin import twin
+from swimbladder.codegen.twin import supervisor_twin, twin
 from swimbladder.control.cascade import CascadeParameters
-from swimbladder.control.law import NEVER, Law, Measurement
+from swimbladder.control.law import NEVER, Law, Measurement, leaves
 from swimbladder.control.protocol import MARGIN, POOL, Does, Phase, PoolParameters, procedure_for
-from swimbladder.control.records import leaves
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
 from swimbladder.control.supervisor import Reason, SupervisorParameters, Watched

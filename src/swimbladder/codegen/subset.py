@@ -24,8 +24,17 @@ from typing import Any, NoReturn, TypeGuard
 import numpy as np
 
 from swimbladder.codegen import tree
-from swimbladder.control.law import NEVER, Count, Law, Measurement, less, more
-from swimbladder.control.records import field_types, is_record, leaf_names
+from swimbladder.control.law import (
+    NEVER,
+    Count,
+    Law,
+    Measurement,
+    field_types,
+    is_record,
+    leaf_names,
+    less,
+    more,
+)
 from swimbladder.errors import InputError
 
 _BUILTINS: dict[Any, tuple[tree.Known, int, tree.Type]] = {

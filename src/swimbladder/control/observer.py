@@ -23,8 +23,7 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 from swimbladder.control import law
-from swimbladder.control.law import Measurement
-from swimbladder.control.records import from_leaves, leaf_names
+from swimbladder.control.law import Measurement, from_leaves, leaf_names
 
 
 class Trust(NamedTuple):

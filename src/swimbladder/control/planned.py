@@ -19,9 +19,9 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law, observer
+from swimbladder.control.law import from_leaves
 from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves
 from swimbladder.control.profile import BEHIND, learn_ability, own_drive, usable
-from swimbladder.control.records import from_leaves
 
 FINE = 32  # steps of the path in a sample
 

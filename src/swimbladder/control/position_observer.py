@@ -12,8 +12,8 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law, observer
+from swimbladder.control.law import from_leaves
 from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves
-from swimbladder.control.records import from_leaves
 
 
 class PositionObserverParameters(NamedTuple):

@@ -23,8 +23,8 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law, observer
+from swimbladder.control.law import from_leaves, leaf_names
 from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves, trusted
-from swimbladder.control.records import from_leaves, leaf_names
 
 _LEAST = 0.4  # share of its rate that a motor is believed to have
 _MOST = 2.5  # likewise

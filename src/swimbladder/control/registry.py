@@ -4,8 +4,7 @@ from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
 from typing import Any
 
-from swimbladder.control.law import Law
-from swimbladder.control.records import from_leaves, leaf_names, leaves
+from swimbladder.control.law import Law, from_leaves, leaf_names, leaves
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.plugins import Registry

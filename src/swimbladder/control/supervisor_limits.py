@@ -7,8 +7,7 @@ import numpy as np
 
 from swimbladder.control import supervisor
 from swimbladder.control.arming import ArmingParameters
-from swimbladder.control.law import NEVER, Count, Laws
-from swimbladder.control.records import field_types, leaves
+from swimbladder.control.law import NEVER, Count, Laws, field_types, leaves
 from swimbladder.control.registry import bind
 from swimbladder.control.supervisor import SupervisorParameters
 from swimbladder.errors import InputError

@@ -17,8 +17,7 @@ from swimbladder.design.energy import (
     efficiency_bands,
 )
 from swimbladder.design.energy.fit import run_columns
-from swimbladder.design.energy.messages import fit_sentences
-from swimbladder.design.energy.run import dive_columns, spread_indices
+from swimbladder.design.energy.run import dive_columns, fit_sentences, spread_indices
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show import style
 from swimbladder.show.files import Gone

@@ -19,9 +19,9 @@ from swimbladder.show.parts import (
 )
 from swimbladder.show.style import Ink
 from swimbladder.sim.faults import FaultResult
+from swimbladder.sim.faults.draw import TRACE
 from swimbladder.sim.faults.kinds import KINDS
-from swimbladder.sim.faults.mission_records import TRACE
-from swimbladder.sim.faults.single_mission import NAMES, Flown, missions_csv, trace_csv
+from swimbladder.sim.faults.run import NAMES, Flown, missions_csv, trace_csv
 
 _FLOWN = (  # label, colour, line
     ("supervised", Ink.BLUE, "-"),

@@ -18,11 +18,10 @@ from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Cast
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
 from swimbladder.show.style import Ink, depth_axis, label_panels, styled
-from swimbladder.sim.engine.rodas.ledger import HOLDING
-from swimbladder.sim.engine.rodas.records import Note, Records
+from swimbladder.sim.engine.rodas.records import HOLDING, Note, Records
 from swimbladder.sim.mission.books import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
 from swimbladder.sim.mission.export import float_configuration
-from swimbladder.sim.mission.phase_laws import law_words
+from swimbladder.sim.mission.orders import law_words
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.tables import (
     cycle_columns,

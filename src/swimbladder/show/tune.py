@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from swimbladder.control.records import leaves
+from swimbladder.control.law import leaves
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED

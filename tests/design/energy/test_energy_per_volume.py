@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder.design.energy import drive_energy
-from swimbladder.design.energy.energy_per_volume import stall_pressure
+from swimbladder.design.energy.run import stall_pressure
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.electric import (

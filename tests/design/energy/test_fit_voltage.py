@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder.design.energy import PumpRuns, fit_pump, fitted_vehicle
-from swimbladder.design.energy.messages import fit_sentences
+from swimbladder.design.energy.run import fit_sentences
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.steady_drives import pump_run

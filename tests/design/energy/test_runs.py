@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.design.energy import efficiency_bands, fit_pump, run_columns
 from swimbladder.design.energy.fit import check_runs
-from swimbladder.design.energy.messages import fit_sentences
+from swimbladder.design.energy.run import fit_sentences
 from swimbladder.errors import InputError
 from tests.design.energy.test_fit import TRUTH, runs
 from tests.quoted import refused

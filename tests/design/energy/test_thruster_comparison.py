@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
-from swimbladder.design.energy.messages import versus_sentences
+from swimbladder.design.energy.run import versus_sentences
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.seawater import uniform_column

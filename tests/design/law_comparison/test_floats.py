@@ -14,7 +14,7 @@ from swimbladder.design.law_comparison.contenders import (
     places,
     scenarios_of,
 )
-from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
+from swimbladder.design.law_comparison.run import fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import ALONE, BOARD, Drawn
 from swimbladder.errors import InputError, NoAnswerError

@@ -14,13 +14,13 @@ from swimbladder.design.law_comparison.contenders import (
     place,
     places,
 )
-from swimbladder.design.law_comparison.fly import fly_scenario, no_energy
+from swimbladder.design.law_comparison.run import fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Measured, Runs, measure, summarise
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.single import as_law
-from swimbladder.sim.closed_loop.swell import depth_error
+from swimbladder.sim.closed_loop.water import depth_error
 
 FEUP = load_vehicle("feup-em")
 

@@ -15,7 +15,7 @@ from swimbladder.design.linear.depths import (
     stiff_hull,
 )
 from swimbladder.design.linear.models import polynomials
-from swimbladder.design.linear.routh import routh_table
+from swimbladder.design.linear.transfer import routh_table
 from swimbladder.physics.dynamics import plant
 
 real_roots = st.lists(st.integers(-4, 4), max_size=3)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from swimbladder.design.planning import energy, least_time, linear_program, plan
+from swimbladder.design.planning import least_time, linear_program, plan
 from swimbladder.design.planning.linear_program import Goal, Near, interior, posed, vertex
 from swimbladder.design.planning.nominal_trajectory import backward, resting
 from swimbladder.design.planning.task import steps_along, task_of
@@ -293,14 +293,14 @@ def test_an_energy_that_is_not_convex_is_said_to_be_least_near_by(monkeypatch):
     """A motor that gives more than it takes: no voltages near the plan's take less."""
     vehicle = smooth_motor()
     task = task_of(vehicle, 1.5, 3.0)
-    R, kappa = energy.winding(task)
-    monkeypatch.setattr(energy, "winding", lambda _: (R, 1.2 / task.plant.gain))
+    R, kappa = linear_program.winding(task)
+    monkeypatch.setattr(linear_program, "winding", lambda _: (R, 1.2 / task.plant.gain))
     n = 100
     steps = steps_along(task.plant, task.sample_time, np.zeros(n + 1), np.zeros(n, bool))
-    found = energy.least_energy(task, steps, n)
+    found = linear_program.least_energy(task, steps, n)
     assert not found.proven
     assert found.objective < 0.0
-    other = energy.least_energy(task, steps, n, Near((found.states[:, 3], 1e-3)))
+    other = linear_program.least_energy(task, steps, n, Near((found.states[:, 3], 1e-3)))
     assert other.objective >= found.objective * (1 + 1e-3)
     assert kappa * task.plant.gain < 1.0  # the true motor's is
 

@@ -10,12 +10,12 @@ from scipy.optimize import linprog
 from scipy.sparse import lil_array
 
 from swimbladder.design.planning import least_time, nominal_trajectory, plan
-from swimbladder.design.planning.energy import least_energy
 from swimbladder.design.planning.linear_program import (
     Goal,
     Near,
     Solved,
     driven_by,
+    least_energy,
     scale_of,
     solve,
 )

@@ -17,7 +17,7 @@ from swimbladder.design.pool_day import (
     follow,
     paper_tasks,
 )
-from swimbladder.design.pool_day.files import earlier, read_state
+from swimbladder.design.pool_day.day import earlier, read_state
 from swimbladder.errors import LogError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.log_format import LogFormat

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from swimbladder.design.pool_day.tasks import Task, next_task, paper_tasks, undone
+from swimbladder.design.pool_day.day import Task, next_task, paper_tasks, undone
 from swimbladder.design.pool_day.verdict import MARGIN, Asked, State, Target, forecast, judge
 from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.motion import Finding, Prior

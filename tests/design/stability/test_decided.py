@@ -12,7 +12,7 @@ from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, s
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability import stability
 from swimbladder.design.stability.around import around_decisions
-from swimbladder.design.stability.confirm import hunting
+from swimbladder.design.stability.cycles import hunting
 from swimbladder.design.tuning.margins import decisions_of, radius_of, rest_of
 from swimbladder.design.tuning.region import member
 from swimbladder.design.tuning.trial import fly

@@ -8,8 +8,7 @@ import pytest
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SEA_CASCADE, sea_cascade_gains
 from swimbladder.design.linear.sampled import BoundLaw
-from swimbladder.design.stability.confirm import Confirmed, Held, edge, hold, measure
-from swimbladder.design.stability.cycles import predict
+from swimbladder.design.stability.cycles import Confirmed, Held, edge, hold, measure, predict
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant

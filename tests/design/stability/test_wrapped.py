@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from swimbladder.control.records import leaf_names
+from swimbladder.control.law import leaf_names
 from swimbladder.control.registry import LAWS, bind
 from swimbladder.design.linear.models import linearise
 from swimbladder.design.linear.sampled import BoundLaw, discretise
-from swimbladder.design.stability.robust import wrapped, wrapped_law
+from swimbladder.design.stability.around import wrapped, wrapped_law
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop import simulate_ensemble

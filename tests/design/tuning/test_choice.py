@@ -12,7 +12,6 @@ from swimbladder.control.registry import bind
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.choice import choose, laws_for
 from swimbladder.design.tuning.gains import Search
 from swimbladder.design.tuning.promise import (
     Promise,
@@ -24,6 +23,7 @@ from swimbladder.design.tuning.promise import (
     trial_of,
 )
 from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.run import choose, laws_for
 from swimbladder.design.tuning.trial import (
     Drawn,
     Step,

@@ -9,7 +9,7 @@ import swimbladder as sb
 from swimbladder.cli import main
 from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison.contenders import SCENARIOS, Placed, own
-from swimbladder.design.law_comparison.fly import fly_scenario
+from swimbladder.design.law_comparison.run import fly_scenario
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.region import region

@@ -13,7 +13,7 @@ from swimbladder.estimation.kalman.kernels import BOBBING_DAMPING, Motion, Span,
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.engine.cache import compiled
-from swimbladder.sim.engine.layers import NO_LAYERS, layers_from
+from swimbladder.sim.engine.modes import NO_LAYERS, layers_from
 
 WALK2, JOLT2 = (0.3e-6) ** 2, (2e-4) ** 2
 SCALE = np.array([1.0, 1.0, 1e-6])  # the neutral volume in cm3, so that one tolerance fits all

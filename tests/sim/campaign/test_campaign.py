@@ -21,7 +21,7 @@ from swimbladder.sim.campaign.run import Fact, Floats
 from swimbladder.sim.campaign.store import FLOATS
 from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.records import Account, Doing, Table
-from swimbladder.sim.mission.core.records import Holding
+from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.vehicle import Identified

@@ -5,7 +5,7 @@ import pytest
 
 from swimbladder import drive, load_vehicle
 from swimbladder.physics.dynamics import plant
-from swimbladder.sim.closed_loop.bundle import Course
+from swimbladder.sim.closed_loop.replay import Course
 
 TIME = np.arange(0.0, 60.0, 0.3)
 

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import Solution, simulate, simulate_ensemble
-from swimbladder.sim.closed_loop.rows import N_STEP, Row
+from swimbladder.sim.closed_loop.lane import N_STEP, Row
 from swimbladder.vehicle import IdentifiedActuator, PhysicalMotion
 from tests.examples import examples
 from tests.vehicles import LITERAL, QUADRATIC, SWITCHED, exponents, paper, pump, vehicles

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.block import Block, schedule
-from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.lane import Row
 from swimbladder.sim.closed_loop.single import as_law
 from swimbladder.vehicle import Sensors
 

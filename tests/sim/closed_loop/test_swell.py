@@ -9,7 +9,7 @@ from scipy.integrate import quad, solve_ivp
 from swimbladder.design.law_comparison.contenders import SCENARIOS
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
-from swimbladder.sim.closed_loop.swell import Swell, amplitude, depth_error, wavenumber
+from swimbladder.sim.closed_loop.water import Swell, amplitude, depth_error, wavenumber
 
 FEUP = load_vehicle("feup-em")
 G = FEUP.water.gravity

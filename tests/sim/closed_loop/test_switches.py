@@ -9,7 +9,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.mission.phase_laws import phase_laws
+from swimbladder.sim.mission.orders import phase_laws
 from swimbladder.vehicle import Stroke
 from tests.oracle import Oracle
 

@@ -28,7 +28,7 @@ import numpy as np
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.advance import begin, new_lane
 from swimbladder.sim.engine.cache import cache_folder, on_compile
-from swimbladder.sim.engine.layers import NO_LAYERS
+from swimbladder.sim.engine.modes import NO_LAYERS
 told = []
 lane = new_lane(np.zeros(len(Plant._fields)), NO_LAYERS, np.array([0.0, 0.0, 1.0, 0.0]))
 with on_compile(lambda: told.append(1)):
@@ -140,7 +140,7 @@ import numba
 import numpy as np
 from numba.core import event
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.engine.layers import NO_LAYERS
+from swimbladder.sim.engine.modes import NO_LAYERS
 from swimbladder.sim.engine.modes import first_mode
 compiled = []
 class Listener(event.Listener):

@@ -17,8 +17,7 @@ from swimbladder.sim.engine.chain import (
     build_chain,
     leap,
 )
-from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layers_from
-from swimbladder.sim.engine.modes import Act, Where
+from swimbladder.sim.engine.modes import NO_LAYERS, Act, Layers, Where, layers_from
 from swimbladder.sim.engine.modes import drag as drag_of
 from tests.vehicles import BLENDED, LITERAL, QUADRATIC, SWITCHED, paper, pump, screw, stepper
 

@@ -5,11 +5,9 @@ import pytest
 
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.engine import modes
-from swimbladder.sim.engine.advance import CHATTERS, DONE, advance, new_lane
+from swimbladder.sim.engine.advance import CHATTERS, DONE, advance, may_hide, new_lane, put_at_limit
 from swimbladder.sim.engine.books import Account
-from swimbladder.sim.engine.crossings import may_hide, put_at_limit
-from swimbladder.sim.engine.layers import NO_LAYERS
-from swimbladder.sim.engine.modes import Act, Where
+from swimbladder.sim.engine.modes import NO_LAYERS, Act, Where
 from tests.vehicles import LINEAR, paper, pump, screw
 
 H = 0.3

@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine import books, modes
-from swimbladder.sim.engine.layers import NO_LAYERS
+from swimbladder.sim.engine.modes import NO_LAYERS
 
 COUNT = 10, 2, 3  # states of the actuator, limited by the supply or not, places
 SURFACE = 0.04  # m

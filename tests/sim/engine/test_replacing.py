@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numba
 import pytest
 
-from swimbladder.sim.engine import replacing
+from swimbladder.sim.closed_loop import dispatch
 
 
 class Inner(NamedTuple):
@@ -61,4 +61,4 @@ def test_compiled_code_does_as_python(function, x):
 
 def test_python_does_the_same_by_the_function_that_it_becomes():
     given = Inner(2.0, 3)
-    assert replacing.replaced("n,c", given, 4, 5.0) == given._replace(n=4, c=5.0)
+    assert dispatch.replaced("n,c", given, 4, 5.0) == given._replace(n=4, c=5.0)

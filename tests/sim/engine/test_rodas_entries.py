@@ -10,9 +10,9 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.seawater import InternalWave, WaterMotion, motion_table, moved
 from swimbladder.physics.seawater import look_up as look
-from swimbladder.sim.engine.rodas.entries import enter_step
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Doing, Lane, Table
+from swimbladder.sim.engine.rodas.step import enter_step
 from tests.sim.mission.conftest import stratified
 from tests.sim.mission.test_hull_heat import heated
 

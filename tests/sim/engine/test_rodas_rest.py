@@ -11,7 +11,7 @@ from swimbladder.physics.hull import heat_expansion, neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Lane, Table
-from swimbladder.sim.engine.rodas.rest import lift_volume, settle
+from swimbladder.sim.engine.rodas.step import lift_volume, settle
 from tests.sim.mission.conftest import stratified
 from tests.sim.mission.test_hull_heat import heated
 from tests.vehicles import LINEAR, screw

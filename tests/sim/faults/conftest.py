@@ -7,8 +7,7 @@ import pytest
 
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.faults.draw import Mission, course_of
-from swimbladder.sim.faults.mission_records import TRACE, Condition, FaultRow
+from swimbladder.sim.faults.draw import TRACE, Condition, FaultRow, Mission, course_of
 from swimbladder.sim.faults.run import FaultCampaign, board_of
 from tests.codegen.conftest import gcc
 from tests.vehicles import usual

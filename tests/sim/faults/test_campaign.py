@@ -15,10 +15,9 @@ from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.faults import draw as drawing
 from swimbladder.sim.faults import faults
 from swimbladder.sim.faults.campaign_result import Outcome, outcomes, reason_words, rule_of_three
-from swimbladder.sim.faults.draw import course_of, draw
+from swimbladder.sim.faults.draw import RESULT, FaultRow, Result, course_of, draw
 from swimbladder.sim.faults.kinds import FAULTS, KINDS, draw_fault, kinds_of
-from swimbladder.sim.faults.mission_records import RESULT, FaultRow, Result
-from swimbladder.sim.faults.single_mission import missions_csv
+from swimbladder.sim.faults.run import missions_csv
 from swimbladder.vehicle import Supervisor
 from tests.sim.faults.oracle import Fault
 from tests.vehicles import limited, usual

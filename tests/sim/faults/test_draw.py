@@ -16,11 +16,10 @@ from swimbladder.design.tuning.region import member, unknowns
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.closed_loop.swell import share_read
+from swimbladder.sim.closed_loop.water import share_read
 from swimbladder.sim.faults import draw as drawing
-from swimbladder.sim.faults.draw import course_of, draw, reached
+from swimbladder.sim.faults.draw import FaultRow, Wave, course_of, draw, reached
 from swimbladder.sim.faults.kinds import KINDS, kinds_of
-from swimbladder.sim.faults.mission_records import FaultRow, Wave
 from tests import layered
 from tests.sim.faults.oracle import Fault
 from tests.vehicles import limited, usual

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from swimbladder.sim.closed_loop.rows import N_PLANT
+from swimbladder.sim.closed_loop.lane import N_PLANT
 from swimbladder.sim.engine import modes
 from swimbladder.sim.faults import fault_effects as effects
 from swimbladder.sim.faults.fault_effects import MOST, NOTHING_KEPT, PumpTable

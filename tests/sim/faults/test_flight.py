@@ -10,14 +10,14 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 
 import swimbladder as sb
-from swimbladder.codegen.clock import ControllerTwin
-from swimbladder.codegen.twin import twin
+from swimbladder.codegen.twin import ControllerTwin, twin
 from swimbladder.control.supervisor import Reason
 from swimbladder.control.supervisor_limits import command_limits, supervisor_parameters
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
-from swimbladder.sim.closed_loop.rows import N_PLANT, Row
+from swimbladder.sim.closed_loop.lane import N_PLANT, Row
 from swimbladder.sim.closed_loop.single import choose_law
+from swimbladder.sim.faults.draw import RESULT, Result
 from swimbladder.sim.faults.fault_effects import (
     NOTHING_KEPT,
     _held,
@@ -29,7 +29,6 @@ from swimbladder.sim.faults.fault_effects import (
 )
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN, _hand_on
 from swimbladder.sim.faults.kinds import On
-from swimbladder.sim.faults.mission_records import RESULT, Result
 from tests.sim.faults.oracle import Fault
 
 ALWAYS = math.inf

@@ -8,11 +8,10 @@ from scipy import stats
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
-from swimbladder.codegen.clock import VehicleTwin
 from swimbladder.codegen.golden import fly_float
 from swimbladder.codegen.library import make_program
 from swimbladder.codegen.subset import read_law
-from swimbladder.codegen.twin import twin
+from swimbladder.codegen.twin import VehicleTwin, twin
 from swimbladder.control.supervisor import SUPERVISOR, Watched
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant

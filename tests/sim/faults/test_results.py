@@ -21,10 +21,9 @@ from swimbladder.sim.faults.campaign_result import (
     outcomes,
     rule_of_three,
 )
-from swimbladder.sim.faults.draw import course_of, draw
+from swimbladder.sim.faults.draw import FaultRow, Result, Trace, course_of, draw
 from swimbladder.sim.faults.kinds import KINDS, kinds_of
-from swimbladder.sim.faults.mission_records import FaultRow, Result, Trace
-from swimbladder.sim.faults.single_mission import TRACE_COLUMNS, Flown, missions_csv, trace_csv
+from swimbladder.sim.faults.run import TRACE_COLUMNS, Flown, missions_csv, trace_csv
 from tests.sim.faults.oracle import Fault
 from tests.vehicles import usual
 

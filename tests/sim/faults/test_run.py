@@ -13,9 +13,8 @@ from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import pump_run
 from swimbladder.sim.faults import run
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED
-from swimbladder.sim.faults.draw import course_of, draw
+from swimbladder.sim.faults.draw import FaultRow, Result, course_of, draw
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN
-from swimbladder.sim.faults.mission_records import FaultRow, Result
 from swimbladder.sim.faults.run import FaultCampaign, faults, pump_table
 from tests.codegen.conftest import gcc
 from tests.vehicles import usual

@@ -10,9 +10,8 @@ from swimbladder.control.supervisor import Reason
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.supervision import supervision_of
-from swimbladder.sim.closed_loop.swell import Swell, depth_error, share_read, wavenumber
-from swimbladder.sim.faults.draw import HEIGHTS, course_of, draw
-from swimbladder.sim.faults.mission_records import Wave
+from swimbladder.sim.closed_loop.water import Swell, depth_error, share_read, wavenumber
+from swimbladder.sim.faults.draw import HEIGHTS, Wave, course_of, draw
 from swimbladder.sim.faults.run import faults
 from swimbladder.vehicle import Supervisor
 from tests.vehicles import usual
@@ -105,7 +104,7 @@ def test_two_hours_of_holding_with_another_sensor_raise_no_alarm(
 ):
     as_flashed = supervision_of(noisy(stated), 0.3, True)
     monkeypatch.setattr(
-        "swimbladder.sim.closed_loop.board_law.supervision_of", lambda *_, **__: as_flashed
+        "swimbladder.sim.closed_loop.floats.supervision_of", lambda *_, **__: as_flashed
     )
     held = {"setpoints": [(0.0, 2.0)], "start_depth": 2.0, "duration": 7200.0}
     runs = simulate_ensemble(noisy(noise, quantum), **held, count=20, seed=3, supervised=True)

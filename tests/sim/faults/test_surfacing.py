@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from swimbladder.sim.closed_loop.rows import N_PLANT, Row
+from swimbladder.sim.closed_loop.lane import N_PLANT, Row
 from swimbladder.sim.engine import modes
-from swimbladder.sim.engine.layers import NO_LAYERS
+from swimbladder.sim.engine.modes import NO_LAYERS
 from swimbladder.sim.faults.fault_effects import _FLOWS
 from swimbladder.sim.faults.flight import _filled, _go_on, _read_of_waves, _surfaced, _throttle
 from swimbladder.sim.faults.kinds import On

@@ -196,7 +196,7 @@ def test_the_command_says_that_board_and_supervisor_fly_it(watched, tmp_path, mo
     answer = json.loads((tmp_path / "o/mission.json").read_text())
     assert answer["supervised"] is True
     assert answer["laws"][0]["sample_time_s"] == 1.0
-    assert main(["mission", "v.toml", "m.toml", "--out", "o", "`supervised=False`"]) == 0
+    assert main(["mission", "v.toml", "m.toml", "--out", "o", "--without-supervisor"]) == 0
     assert "law 'rate' flies all phases" in capsys.readouterr().out
     assert json.loads((tmp_path / "o/mission.json").read_text())["supervised"] is False
 
@@ -207,7 +207,7 @@ def test_what_its_ticks_cost_is_said_before_and_too_many_are_refused(watched, wa
     (said,) = cost_words(task(WHERE, year, UP, cycles=100), laws)
     assert said.startswith("61.6 million samples in 100 cycles, most by the law 'rate' every 1 s")
     assert "about 92 s of computing" in said
-    assert "`supervised=False`" in said
+    assert "--without-supervisor" in said
     with pytest.raises(NoAnswerError, match="more than the 1000 million flown"):
         fly_mission(watched, task(WHERE, year, UP, cycles=2000), water)
 

@@ -8,11 +8,11 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Account
-from swimbladder.sim.mission.core.records import Holding
+from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.result import MissionResult
-from swimbladder.sim.mission.shortfall import coarse_words
+from swimbladder.sim.mission.words import coarse_words
 from swimbladder.vehicle import Vehicle
 
 HOLD = Mission(

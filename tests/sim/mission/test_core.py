@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from swimbladder.sim.closed_loop.rows import Row, rows
+from swimbladder.sim.closed_loop.lane import Row, rows
 from swimbladder.sim.engine.advance import CHATTERS
 from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.rodas.drive import STAYED
@@ -24,7 +24,7 @@ from swimbladder.sim.engine.rodas.records import (
     record,
 )
 from swimbladder.sim.mission.core import hooks, phases, sampled
-from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Holding, Kind, Phases
+from swimbladder.sim.mission.core.phases import CYCLE, ROW, STAGE, Holding, Kind, Phases
 from swimbladder.sim.mission.core.sampled import Numbers, Sampled, Way
 
 DEPTH, TOLERANCE = 30.0, 2.0  # m

@@ -13,7 +13,7 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.physics.seawater.motion import Swell, WaterMotion, motion_table, moved
-from swimbladder.sim.engine.rodas import entries
+from swimbladder.sim.engine.rodas import step
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.engine.rodas.records import GIVEN, NOW, Account, Doing, Note, Stop, Table
 from swimbladder.sim.mission.books import close_books
@@ -182,10 +182,10 @@ def test_a_step_of_no_length_leaves_the_battery_as_it_is():
     x, accounts = np.zeros(1, NOW)[0], np.zeros(len(Account))
     given = np.zeros(1, GIVEN)[0]
     x["charge"], given["self_discharge"] = 5e6, 6e-10
-    entries.enter_energy(given, x, accounts, 0.0, 3.0, 0.0)
+    step.enter_energy(given, x, accounts, 0.0, 3.0, 0.0)
     assert x["charge"] == 5e6
     assert accounts[Account.SELF_DISCHARGED] == 0.0
-    entries.enter_energy(given, x, accounts, 0.0, 3.0, 100.0)
+    step.enter_energy(given, x, accounts, 0.0, 3.0, 100.0)
     assert x["charge"] == pytest.approx(5e6 - 300.0 - 5e6 * 6e-8, abs=1e-4)
 
 
@@ -194,7 +194,7 @@ def charged(x, power, s, *times):
     now, given = np.zeros(1, NOW)[0], np.zeros(1, GIVEN)[0]
     now["charge"], given["self_discharge"] = x, s
     for h in times:
-        entries.enter_energy(given, now, np.zeros(len(Account)), 0.0, power, h)
+        step.enter_energy(given, now, np.zeros(len(Account)), 0.0, power, h)
     return float(now["charge"])
 
 

@@ -8,7 +8,7 @@ import pytest
 from swimbladder.io.mission import Mission
 from swimbladder.sim.engine.rodas.records import Account, Note, Stop
 from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.core.records import Holding
+from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state, make_plan
 from tests.sim.mission.conftest import phases

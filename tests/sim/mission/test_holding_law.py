@@ -19,7 +19,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Account, Stop, Table
-from swimbladder.sim.mission.core.records import Holding
+from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.orders import approach_time, runaway
 from swimbladder.sim.mission.prepare import make_plan

@@ -16,8 +16,8 @@ from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.logs import read_log
 from swimbladder.io.netcdf import UNDATED, write_netcdf
+from swimbladder.sim.mission.export import og1_dataset
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.og1 import og1_dataset
 from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.result import MissionResult

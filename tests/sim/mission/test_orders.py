@@ -5,8 +5,12 @@ import pytest
 from swimbladder.control.registry import bind
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
-from swimbladder.sim.mission.orders import hold_parameters, law_parameters
-from swimbladder.sim.mission.phase_laws import flown_by, rate_controller
+from swimbladder.sim.mission.orders import (
+    flown_by,
+    hold_parameters,
+    law_parameters,
+    rate_controller,
+)
 from tests.vehicles import by_rule
 
 FLOAT, FEUP = load_vehicle("example-float"), load_vehicle("feup-em")  # by `rate`, by `cascade`

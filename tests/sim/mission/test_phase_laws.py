@@ -12,14 +12,14 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from swimbladder.cli import main
-from swimbladder.control.records import leaves
+from swimbladder.control.law import leaves
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.closed_loop.rows import rows
+from swimbladder.sim.closed_loop.lane import rows
 from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
@@ -27,8 +27,7 @@ from swimbladder.sim.mission import law_flight
 from swimbladder.sim.mission.core import sampled
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import ByLaws
-from swimbladder.sim.mission.orders import law_facts
-from swimbladder.sim.mission.phase_laws import phase_laws
+from swimbladder.sim.mission.orders import law_facts, phase_laws
 from swimbladder.sim.mission.prepare import cost_words
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.vehicle import HullPart, Load

@@ -13,8 +13,8 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Account, Stop, Table
-from swimbladder.sim.mission import plan_check, prepare, rescue
-from swimbladder.sim.mission.core.records import Holding
+from swimbladder.sim.mission import plan_check, prepare
+from swimbladder.sim.mission.core.phases import Holding
 from tests.quoted import refused
 from tests.sim.mission.conftest import phases
 from tests.vehicles import LINEAR, by_rule, screw
@@ -24,7 +24,7 @@ FEUP = by_rule("feup-em")  # its hull gives way: psi > 0
 
 def plan_for(monkeypatch, vehicle, mission, *, back=np.inf, deepest=60.0):
     """A plan of a vehicle that comes up from above `back` [m] and from nowhere below."""
-    monkeypatch.setattr(rescue, "_comes_up", lambda _, depth, **__: depth < back)
+    monkeypatch.setattr(prepare, "_comes_up", lambda _, depth, **__: depth < back)
     column = uniform_column(vehicle.water, deepest, step=0.5)
     return prepare.make_plan(vehicle, mission, column)
 

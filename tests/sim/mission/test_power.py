@@ -8,8 +8,8 @@ import pytest
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.mission.books import close_books, consumer_energy, mean_power, power_names
+from swimbladder.sim.mission.export import og1_dataset
 from swimbladder.sim.mission.flight import fly_mission, thinned
-from swimbladder.sim.mission.og1 import og1_dataset
 from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.result import MissionResult

@@ -9,7 +9,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Table
-from swimbladder.sim.mission import prepare, rescue
+from swimbladder.sim.mission import prepare
 from tests.sim.mission.conftest import phases
 from tests.vehicles import by_rule
 
@@ -26,7 +26,7 @@ def asked(monkeypatch):
         found.append((depth, how))
         return True
 
-    monkeypatch.setattr(rescue, "_comes_up", comes_up)
+    monkeypatch.setattr(prepare, "_comes_up", comes_up)
     return found
 
 
@@ -59,7 +59,7 @@ def test_the_first_depth_at_which_it_cannot_rest_is_the_limit_but_for_what_float
     plan.table[depth >= first, Table.NEUTRAL] = 2.0 * most()
     plan.table[0, Table.NEUTRAL] = 2.0 * most()
     due = next(z for z in depth if z >= first and z > top)
-    assert rescue.return_depth(FEUP, TASK, plan) == due
+    assert prepare.return_depth(FEUP, TASK, plan) == due
 
 
 def test_it_may_sink_at_twice_its_fastest_speed_with_the_volume_for_it(asked):

@@ -5,7 +5,7 @@ import numpy as np
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.mission import law_flight, rescue
+from swimbladder.sim.mission import law_flight, prepare
 from swimbladder.sim.mission.law_flight import ByLaws
 from swimbladder.sim.mission.prepare import first_state, make_plan
 
@@ -21,7 +21,7 @@ def begun(vehicle, mission, plan):
 
 def test_every_exponential_that_was_made_is_there_again(monkeypatch):
     """Of modes that the vehicle was in earlier too, and of no others; and the noise goes on."""
-    monkeypatch.setattr(rescue, "_emerges", lambda *_, **__: True)
+    monkeypatch.setattr(prepare, "_emerges", lambda *_, **__: True)
     monkeypatch.setattr(law_flight, "_CHUNK", 4)  # of noise
     vehicle = load_vehicle("feup-em")
     hold = {"kind": "hold", "depth": 3.0, "tolerance": 1.0, "duration": 60.0}

@@ -12,10 +12,9 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.plan_check import reach_of
-from swimbladder.sim.mission.prepare import make_plan
-from swimbladder.sim.mission.rescue import start_time
+from swimbladder.sim.mission.prepare import make_plan, start_time
 from swimbladder.sim.mission.result import MissionResult
-from swimbladder.sim.mission.shortfall import battery_words, starts_words
+from swimbladder.sim.mission.words import battery_words, starts_words
 from swimbladder.vehicle import Oil
 from tests.quoted import numbers
 from tests.sim.mission.conftest import phases

@@ -13,7 +13,7 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.prepare import Accuracy, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOW, Account, made
 from swimbladder.sim.mission.books import close_books
-from swimbladder.sim.mission.water import medium_for
+from swimbladder.sim.mission.prepare import medium_for
 
 VEHICLE = load_vehicle("feup-em")
 WEIGHT, TOP = VEHICLE.water.specific_weight, VEHICLE.hull.emergence_depth  # N/m3, m

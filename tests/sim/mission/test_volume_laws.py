@@ -7,9 +7,8 @@ from typing import Annotated, NamedTuple, get_type_hints
 import numpy as np
 import pytest
 
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Law, Measurement, leaves
 from swimbladder.control.rate import RATE, RateParameters
-from swimbladder.control.records import leaves
 from swimbladder.control.registry import LAWS
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle

@@ -11,7 +11,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas import drive
 from swimbladder.sim.engine.rodas.records import AT, GIVEN, Doing, Note, Stop, made
-from swimbladder.sim.engine.rodas.sensing import normal
+from swimbladder.sim.engine.sensor import normal
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases

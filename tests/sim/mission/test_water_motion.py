@@ -10,10 +10,9 @@ from swimbladder.physics.seawater import Cast, Swell, WaterMotion, cast_column, 
 from swimbladder.physics.seawater.motion import InternalWave, moved
 from swimbladder.sim.engine.rodas.motion import _change
 from swimbladder.sim.engine.rodas.records import AT, GIVEN, NOW, Note
-from swimbladder.sim.engine.rodas.sensing import measured
+from swimbladder.sim.engine.sensor import measured_depth
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.prepare import make_plan
-from swimbladder.sim.mission.water import seen_share, waves_of
+from swimbladder.sim.mission.prepare import make_plan, seen_share, waves_of
 from tests.quoted import refused
 from tests.sim.mission.conftest import phases
 
@@ -126,7 +125,7 @@ def test_the_processor_looks_through_the_swell(profiler):
         x["t"], x["z"] = t, z
         a = seen_share(k, profiler.hull.height) * np.exp(-k * z)
         due = z - a * np.sin(2.0 * np.pi * t / 9.0 + 0.4)
-        assert measured(p, waves, x, at) == pytest.approx(due, abs=1e-12)
+        assert measured_depth(p, waves, x, at) == pytest.approx(due, abs=1e-12)
 
 
 def test_a_float_in_swell_comes_to_the_surface_once(profiler, sea):

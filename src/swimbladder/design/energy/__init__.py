@@ -1,12 +1,12 @@
 """What changing the volume costs: over depth, against a thruster, and from logged runs of a pump.
 
-energy_per_volume: with rate, power and efficiencies over depth. thruster_comparison: the same task
-by a thruster, after the question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). run: both. fit: a
-pump's power law and delivery, with uncertainty, from runs that a vehicle logged, a vehicle with
-that pump, each of the runs, and efficiency over pressure.
+run: with rate, power and efficiencies over depth, and the same task by a thruster, after the
+question of Carneiro et al. (IEEE J. Oceanic Eng., 2020). fit: a pump's power law
+and delivery, with uncertainty, from runs that a vehicle logged, a vehicle with that pump, each of
+the runs, and efficiency over pressure.
 """
 
-from swimbladder.design.energy.energy_per_volume import (
+from swimbladder.design.energy.run import (
     DriveEnergy as DriveEnergy,
     drive_energy as drive_energy,
     sea as sea,
@@ -19,7 +19,7 @@ from swimbladder.design.energy.fit import (
     run_columns as run_columns,
 )
 from swimbladder.design.energy.run import Energy as Energy, energy as energy
-from swimbladder.design.energy.thruster_comparison import (
+from swimbladder.design.energy.run import (
     Hovering as Hovering,
     Profiling as Profiling,
     Thruster as Thruster,

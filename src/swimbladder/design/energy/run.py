@@ -1,26 +1,362 @@
-"""What a vehicle's drive costs over depth, and what a thruster would: the whole answer."""
+"""What a vehicle's drive costs over depth, and what a thruster would: the whole answer.
+
+Joules per volume over depth, and where they go on the way from the battery to the water.
+
+The same task by a buoyancy engine and by a thruster: hovering with a weight error, profiling.
+
+The question is that of J. Falcao Carneiro et al., IEEE J. Oceanic Eng. (2020); its text was not at
+hand, so that what follows is ours, from momentum theory and the vehicle's own numbers.
+
+Hovering: the vehicle weighs so much too much. The engine presses that volume out once, and then
+holds it; the thruster pushes all the time. After the break-even time the engine has taken less.
+
+Profiling: down to a depth and back at a constant speed. The engine makes the vehicle heavier than
+the water by the drag, then lighter, and follows the neutral volume on the way; the thruster's
+vehicle keeps one volume, neutral half-way between its extremes, and pushes against drag and what is
+left of weight. Processor and sensors take the same in both and are left out.
+
+What a thruster takes to hold a force, at rest or under way, is by momentum theory. An ideal disc of
+area A that pushes with T gives the water the speed 2 v behind it, where
+
+    T = 2 rho A v (w + v),    P = T (w + v)/eta
+
+with w the speed of advance (Rankine and Froude; J. Carlton, Marine Propellers and Propulsion, 4th
+ed. 2019, chapter 8). At rest P = T^1.5/(2 rho A)^0.5/eta. eta is what blades, duct, motor and
+driver leave of that, and taken as constant.
+
+The defaults are a small ducted thruster of a remotely operated vehicle: Blue Robotics' T200, whose
+propeller has 76 mm. Its maker's bollard pull against electrical power (t200_thrust_power.js in
+github.com/bluerobotics/bluerobotics.github.io, 12 V ahead) has eta from 0.35 to 0.44 between 2 and
+36 N. Below 1 N eta falls, to 0.14 at 0.4 N, the least it pushes with: some 0.2 W go into
+turning at all, which `idle_power` of 0 leaves out.
+
+The answers of `energy` in words.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swimbladder.design.energy import messages
-from swimbladder.design.energy.energy_per_volume import DriveEnergy, drive_energy, sea
-from swimbladder.design.energy.thruster_comparison import (
-    Hovering,
-    Profiling,
-    Thruster,
-    hovering,
-    profiling,
-)
+from swimbladder.design.energy.fit import PumpFit, voltage_factor
+from swimbladder.errors import check_number
 from swimbladder.io.answers import Answer, attributes, plain
+from swimbladder.physics.buoyancy_engine import DriveMap, drive_map, oil_note, steady_point
+from swimbladder.physics.dynamics import drag_force
+from swimbladder.physics.hull import neutral_volume
+from swimbladder.physics.seawater import Cast, Column, cast_column, uniform_column
+from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
+from swimbladder.physics.steady_drives import SteadyPoint
+from swimbladder.units import rounded
+from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast
     from swimbladder.vehicle import Vehicle
+
+
+Array = NDArray[np.float64]
+SHARES = np.linspace(0.025, 1.0, 40)  # of the full voltage, in the efficiency map
+_DEEP = 100.0  # m, where neither the user nor the vehicle's rating says how deep
+_DEEPEST_SEA = 1.12e8  # Pa, the bottom of the Challenger Deep: further down there is no stall
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveEnergy:
+    """An actuator over the depths of a column; arrays over its depths [n]."""
+
+    vehicle: Vehicle
+    column: Column
+    map: DriveMap
+    per_volume: Array  # J/m3 from the battery, pressed out; NaN where nothing comes out
+    per_volume_in: Array  # J/m3 let or drawn in; negative where the sea charges the battery
+    efficiency: Array  # -, p dV over the energy from the battery; NaN where nothing comes out
+    stages: dict[str, Array]  # -, its factors; empty where only the whole is known
+    stall: float  # Pa above the atmosphere; inf where it has none
+    stall_depth: float  # m; extrapolated below the column; inf where it has none
+    shares: Array  # -, of the full voltage [m]; empty where the voltage is not known
+    efficiencies: Array  # -, at each share and depth [m, n]; NaN where nothing comes out
+
+
+def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
+    """Return the cost of displacing volume at each depth of a column.
+
+    Raises NoAnswerError, naming the fields, where the electrical power is not known.
+    """
+    p = column.pressure
+    found = drive_map(vehicle, p, temperature=column.temperature)
+    per_volume, efficiency = _out(p, found.rate_out, found.power_out)
+    per_in = _ratio(found.power_in, found.rate_in, found.rate_in > 0.0)
+    point = steady_point(vehicle, p)
+    stages = {} if point is None else _stages(p, found, point)
+    shares = SHARES if point is not None else np.empty(0)
+    points = [steady_point(vehicle, p, share=share) for share in shares.tolist()]
+    rows = [_out(p, np.asarray(at.drive.volume_rate), at.cells)[1] for at in points if at]
+    stall = stall_pressure(vehicle)
+    return DriveEnergy(
+        vehicle=vehicle,
+        column=column,
+        map=found,
+        per_volume=per_volume,
+        per_volume_in=per_in,
+        efficiency=efficiency,
+        stages=stages,
+        stall=stall,
+        stall_depth=_depth(column, stall),
+        shares=shares,
+        efficiencies=np.reshape(rows, (-1, p.size)),
+    )
+
+
+def sea(
+    vehicle: Vehicle, cast: Cast | None = None, deepest: float | None = None
+) -> tuple[Column, list[str]]:
+    """Return the water of a cast, or a vehicle's own, and what is in doubt of it.
+
+    deepest [m]; None: the rating, or where the cast ends above that. Raises InputError where a
+    cast may be in another unit.
+    """
+    rating = vehicle.hull.depth_limit
+    down = rating if deepest is None else deepest
+    if cast is None:
+        down = _DEEP if down is None else down
+        return uniform_column(vehicle.water, down, step=min(1.0, abs(down) / 100.0)), []
+    check_cast_unit(cast, deepest, rating)
+    whole = cast_column(cast, None)
+    if deepest is None and (down is None or whole.deepest <= down):
+        return whole, above_rating(cast.name, whole.deepest, down, "deepest")
+    return cast_column(cast, down), []
+
+
+def stall_pressure(vehicle: Vehicle) -> float:
+    """Return the pressure above the atmosphere [Pa] at which nothing more is pressed out.
+
+    inf where that is deeper than any sea.
+    """
+
+    def rate(pressure: float) -> float:
+        return float(drive_map(vehicle, [pressure], power=False).rate_out[0])
+
+    if rate(_DEEPEST_SEA) > 0.0:
+        return float("inf")
+    if rate(0.0) <= 0.0:
+        return 0.0
+    low, high = 0.0, _DEEPEST_SEA
+    while high - low > 1.0:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if rate(middle) > 0.0 else (low, middle)
+    return low
+
+
+def _depth(column: Column, pressure: float) -> float:
+    """Return the depth of a pressure [m]; below the column with the density at its end."""
+    if pressure <= column.pressure[-1]:
+        return float(np.interp(pressure, column.pressure, column.depth))
+    weight = float(column.density[-1]) * column.gravity
+    return float(column.depth[-1] + (pressure - column.pressure[-1]) / weight)
+
+
+def _out(p: Array, rate: Array, power: Array) -> tuple[Array, Array]:
+    """Return energy per volume [J/m3] and efficiency [-] where volume is pressed out."""
+    drawn = (rate > 0.0) & (power > 0.0)
+    per_volume = _ratio(power, rate, drawn)
+    return per_volume, _ratio(p, per_volume, drawn)
+
+
+def _ratio(a: Array, b: Array, where: NDArray[np.bool_]) -> Array:
+    """Return a/b, NaN elsewhere."""
+    return np.asarray(np.divide(a, b, out=np.full(where.shape, np.nan), where=where))
+
+
+def _stages(p: Array, found: DriveMap, point: SteadyPoint) -> dict[str, Array]:
+    """Return the factors of the efficiency; NaN where nothing is pressed against a pressure."""
+    d = point.drive
+    works = (found.rate_out > 0.0) & (p > 0.0)
+    pumped = np.asarray(d.sea + d.leakage)
+    shaft = pumped + d.transmission
+
+    powers = {  # from the cells to the water: what is left after each
+        "battery": point.terminals,
+        "driver": d.supply,
+        "motor": shaft,
+        "transmission": pumped,
+        "leakage": d.sea,
+        "reservoir": p * np.asarray(d.volume_rate),
+    }
+    pairs = zip(powers.items(), (point.cells, *powers.values()), strict=False)
+    return {stage: _ratio(np.asarray(out), np.asarray(into), works) for (stage, out), into in pairs}
+
+
+class Thruster(NamedTuple):
+    """One or several equal thrusters."""
+
+    diameter: float = 0.076  # m, of the propeller; the T200's
+    efficiency: float = 0.35  # -, of the ideal disc's power; the T200's, rounded down
+    number: int = 1
+    idle_power: float = 0.0  # W of each while it turns: friction, controller; 0 favours thrusters
+
+    def checked(self) -> Thruster:
+        """Return it; raises InputError where a number makes no sense."""
+        check_number(self.diameter, "diameter", "m", above=0.0)
+        remedy = 'Give a share above 0 and up to 1; "35 %" is 0.35'
+        check_number(self.efficiency, "efficiency", above=0.0, most=1.0, remedy=remedy)
+        check_number(self.number, "number", least=1)
+        check_number(self.idle_power, "idle_power", "W", least=0.0)
+        return self
+
+    def power(self, thrust: Any, density: Any, speed: Any = 0.0) -> Any:
+        """Return the electrical power [W] for a `thrust` [N]; arrays too.
+
+        density: of the water [kg/m3]; speed: of advance in the direction of the thrust [m/s]. A
+        thrust against the motion is computed as at rest: braking is not paid back.
+        """
+        area = self.number * math.pi / 4.0 * self.diameter**2
+        size = np.abs(np.asarray(thrust, float))
+        ahead = np.where(np.asarray(thrust) > 0.0, speed, 0.0)
+        induced = np.sqrt(ahead**2 / 4.0 + size / (2.0 * density * area)) - ahead / 2.0
+        pushed = size * (ahead + induced) / self.efficiency
+        return (pushed + self.number * self.idle_power * (size > 0.0))[()]
+
+
+_POINTS = 200  # depths at which a dive is computed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hovering:
+    """Holding a depth with a weight error; arrays over the column's depths [n]."""
+
+    weight_error: float  # m3 of water that it weighs too much
+    thrust: Array  # N
+    thruster_power: Array  # W
+    engine_energy: Array  # J, once; NaN beyond stall
+    engine_power: Array  # W, of holding the volume and pressing out what leaks in
+    break_even: Array  # s, after which the engine has taken less; inf where never
+
+
+@dataclass(frozen=True, kw_only=True)
+class Profiling:
+    """A dive to each depth and back; arrays over the depths [k]. NaN where it cannot be done."""
+
+    speed: float  # m/s
+    depth: Array  # m, of the turn
+    engine: Array  # J
+    thruster: Array  # J
+    drag: Array  # J, done on the water by the drag down and up: 2 F z where that is the same
+    stroke_depth: float  # m, down to which the stroke suffices
+    break_even: float  # m, from where on the engine takes less; inf where never, 0 where always
+
+
+def hovering(found: DriveEnergy, thruster: Thruster, *, weight_error: float) -> Hovering:
+    """Return what holding each depth costs with a `weight_error` [m3], by engine and thruster.
+
+    Raises InputError where the weight error is not above 0.
+    """
+    check_number(weight_error, "weight_error", "m3", above=0.0)
+    column, m = found.column, found.map
+    weight = column.density * column.gravity * weight_error
+    power = thruster.checked().power(weight, column.density)
+    once = found.per_volume * (weight_error + m.start_volume) - m.start_saving
+    hold = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
+    spared = power - hold
+    later = np.divide(once, spared, out=np.full(spared.shape, np.inf), where=spared > 0.0)
+    return Hovering(
+        weight_error=weight_error,
+        thrust=weight,
+        thruster_power=power,
+        engine_energy=once,
+        engine_power=hold,
+        break_even=np.where(np.isfinite(once), later, np.inf),
+    )
+
+
+def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profiling:
+    """Return what a dive to each depth and back costs at a constant `speed` [m/s].
+
+    Raises InputError where the speed is not above 0.
+    """
+    check_number(speed, "speed", "m/s", above=0.0)
+    thruster = thruster.checked()
+    vehicle, column = found.vehicle, found.column
+    z = np.linspace(0.0, column.deepest, _POINTS + 1)
+    over_depth = (neutral_volume(vehicle, column), column.density)
+    neutral, density = (np.interp(z, column.depth, values) for values in over_depth)
+    force, back = drag_force(vehicle.drag, speed), -drag_force(vehicle.drag, -speed)
+    weight = density * column.gravity
+    out = np.interp(z, column.depth, found.per_volume)
+    flows = np.isfinite(found.per_volume_in)  # at the very surface nothing presses the oil in
+    into = np.full(z.shape, np.nan)  # nothing comes in: a battery too weak for the valve
+    if flows.any():
+        into = np.interp(z, column.depth[flows], found.per_volume_in[flows])
+    m = found.map
+    idle = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
+    rest = np.interp(z, column.depth, idle)
+    sinking, rising = neutral - force / weight, neutral + back / weight
+    down = _along(sinking, out, into)
+    up = _along(rising[::-1], out[::-1], into[::-1])
+    up = up[-1] - up[::-1]  # from each depth to the surface
+    turn = (rising - sinking) * out
+    surface = (rising[0] - sinking[0]) * into[0]
+    held = 2.0 * _summed(rest, z) / speed
+    engine = np.where(np.isfinite(turn), down + turn + up + surface + held, np.nan)
+    highest = np.maximum.accumulate(np.maximum(rising, sinking))
+    lowest = np.minimum.accumulate(np.minimum(rising, sinking))
+    fits = (highest <= vehicle.stroke.maximum) & (lowest >= vehicle.stroke.minimum)
+    engine = np.where(fits, engine, np.nan)
+
+    def pushing(k: int) -> float:
+        """Return the energy [J] of the thruster for a dive to the k-th depth and back."""
+        part = neutral[: k + 1]
+        lift = weight[: k + 1] * (0.5 * (part.min() + part.max()) - part)
+        down, up = (
+            thruster.power(drag + way * lift, density[: k + 1], speed)
+            for drag, way in ((force, 1.0), (back, -1.0))
+        )
+        return float(_summed(down + up, z[: k + 1])[-1] / speed)
+
+    pushed = np.array([pushing(k) for k in range(z.size)])
+    reached = z[: np.argmin(fits)].max(initial=-math.inf)  # before the first that does not fit
+    return Profiling(
+        speed=speed,
+        depth=z,
+        engine=engine,
+        thruster=pushed,
+        drag=(force + back) * z,
+        stroke_depth=math.inf if fits.all() else float(reached),
+        break_even=_crossing(z, engine, pushed),
+    )
+
+
+def _summed(values: Array, z: Array) -> Array:
+    """Return the integral over depth down to each depth, by trapezia."""
+    return np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(z))))
+
+
+def _along(volume: Array, out: Array, into: Array) -> Array:
+    """Return the energy [J] of following a volume up to each of its places."""
+    change = np.diff(volume)
+    price = np.where(change > 0.0, out[1:] + out[:-1], -(into[1:] + into[:-1]))
+    cost = np.where(change == 0.0, 0.0, 0.5 * price * change)
+    return np.concatenate(([0.0], np.cumsum(cost)))
+
+
+def _crossing(z: Array, engine: Array, thruster: Array) -> float:
+    """Return the depth from which on the engine takes less than the thruster, as far as known."""
+    known = np.isfinite(engine) & (z > 0.0)
+    dearer = known & (engine >= thruster)
+    if not known.any():
+        return math.inf
+    if not dearer.any():
+        return 0.0
+    last = int(np.flatnonzero(dearer)[-1])
+    if last == int(np.flatnonzero(known)[-1]):
+        return math.inf
+    gap = engine[last : last + 2] - thruster[last : last + 2]
+    return float(z[last] + (z[last + 1] - z[last]) * gap[0] / (gap[0] - gap[1]))
 
 
 _ROWS = 201  # depths in tables, at most
@@ -48,13 +384,13 @@ class Energy(Answer):
     @property
     def sentences(self) -> list[str]:
         """The answer in words."""
-        versus = messages.versus_sentences(self.hover, self.dive, self.drive)
-        return [*self.warnings, *messages.drive_sentences(self.drive), *versus]
+        versus = versus_sentences(self.hover, self.dive, self.drive)
+        return [*self.warnings, *drive_sentences(self.drive), *versus]
 
     @property
     def assumptions(self) -> tuple[str, ...]:
         """What is taken for granted."""
-        return messages.assumptions(self.drive, self.thruster)
+        return assumptions(self.drive, self.thruster)
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of energy.csv: a row per depth."""
@@ -162,3 +498,139 @@ def dive_columns(dive: Profiling) -> dict[str, Any]:
 def spread_indices(count: int, most: int) -> Any:
     """Return which of `count` stand in a table of at most so many: the first and the last in."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+
+
+_LEAST, _MOST = 0.1, 1.1  # efficiencies that no pump has are beyond
+_DAY, _HOUR, _MINUTE = 86400.0, 3600.0, 60.0
+
+
+def drive_sentences(found: DriveEnergy) -> Iterator[str]:
+    """Yield what pressing out costs at the deepest depth, and where the drive stalls."""
+    z, m, rating = found.column.deepest, found.map, found.vehicle.hull.depth_limit
+    if rating is not None and z > rating * (1.0 + 1e-9):
+        yield f"{z:g} m is deeper than the vehicle is rated for, {rating:g} m."
+    if m.rate_out[-1] > 0.0:
+        rate = f"{m.rate_out[-1] * 1e6:.3g} mL/s with {m.power_out[-1]:.3g} W"
+        takes = f"Pressing out at {z:g} m takes {found.per_volume[-1] * 1e-6:.3g} J/mL"
+        yield f"{takes}: {rate}, {100.0 * found.efficiency[-1]:.0f} % of which reach the water."
+    else:
+        yield f"Nothing is pressed out at {z:g} m: the drive has stalled."
+    if math.isinf(found.stall):
+        yield "It presses against the pressure of any sea."
+    else:
+        yield f"It stalls at {rounded(found.stall_depth)} m ({rounded(found.stall / 1e5)} bar)."
+    if m.holding_power[-1] > 0.0:
+        yield f"Holding the volume there takes {m.holding_power[-1]:.3g} W all the time."
+    if m.start_volume[-1] > 0.0:
+        yield f"Each start of the pump there falls short by {m.start_volume[-1] * 1e6:.3g} mL."
+
+
+def versus_sentences(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Iterator[str]:
+    """Yield who takes less, and from where on."""
+    z = found.column.deepest
+    once, power, later = hover.engine_energy[-1], hover.thruster_power[-1], hover.break_even[-1]
+    what = f"Hovering at {z:g} m with {hover.weight_error * 1e6:.3g} mL too heavy"
+    if math.isnan(once):
+        yield f"{what}: not by this engine, it has stalled; a thruster takes {power:.3g} W."
+    elif math.isinf(later):
+        yield f"{what}: the thruster takes less, {power:.3g} W, however long it lasts."
+    else:
+        held = f" and {hover.engine_power[-1]:.2g} W" if hover.engine_power[-1] > 0.0 else ""
+        takes = f"the engine takes {rounded(once, 3)} J once{held}, a thruster {power:.3g} W"
+        yield f"{what}: {takes}; after {_time(later)} the engine has taken less."
+    what = f"Down to {z:g} m and back at {dive.speed:g} m/s"
+    engine, thruster, drag = (rounded(x[-1]) for x in (dive.engine, dive.thruster, dive.drag))
+    if math.isnan(dive.engine[-1]):
+        why = "the drive stalls on the way"
+        if dive.stroke_depth < z:
+            why = f"the stroke suffices to {rounded(max(dive.stroke_depth, 0.0))} m only"
+        yield f"{what}: not by this engine, {why}; a thruster takes {thruster} J."
+        return
+    takes = f"the engine takes {engine} J, a thruster {thruster} J"
+    yield f"{what}: {takes}; the drag alone is {drag} J."
+    if dive.break_even == 0.0:
+        yield "The engine takes less on dives to any depth."
+    elif math.isinf(dive.break_even):
+        yield "The thruster takes less on dives to any depth down to there."
+    else:
+        yield f"The engine takes less on dives to {rounded(dive.break_even, 3)} m or deeper."
+
+
+def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
+    """Return what the answers rest on."""
+    usual, assumed = Thruster(), ""  # of a thruster with any number that nobody stated
+    stated = ("diameter", "efficiency", "idle_power")
+    if any(getattr(thruster, name) == getattr(usual, name) for name in stated):
+        assumed = "; if not said, 76 mm, 35 % and no idle power, after the maker's curves of a T200"
+    said = [
+        f"the water: {found.column.source}, {found.column.deepest:g} m deep",
+        f"{thruster.number} thruster{'s' if thruster.number > 1 else ''} of "
+        f"{thruster.diameter * 1e3:.3g} mm with {100.0 * thruster.efficiency:.0f} % of an ideal "
+        f"disc's efficiency and {thruster.idle_power:g} W of idle power each (`diameter=`, "
+        f"`efficiency=`, `number=`, `idle_power=`{assumed})",
+        "steady speeds at full voltage; processor, sensors and driver's standby not counted",
+        oil_note(found.vehicle),
+        *found.column.report,
+    ]
+    return tuple(line for line in said if line is not None)
+
+
+def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]:
+    """Yield the result of a fit, how well dives are predicted, and what a vehicle got."""
+    runs = f"{int(fit.kept.sum())} runs" + (f" of {fit.clusters} dives" if fit.dives else "")
+    if fit.refusal:
+        yield f"Not identified: {fit.refusal}."
+    volumes = f", volumes within {fit.volume_rms * 1e6:.2g} mL"
+    volumes = "" if math.isnan(fit.volume_rms) else volumes
+    yield f"{runs}: power within {fit.power_rms:.2g} W rms{volumes}."
+    energies = [d.predicted / d.energy - 1.0 for d in fit.dives if d.energy > 0.0]
+    pressed = [d.predicted_volume / d.volume - 1.0 for d in fit.dives if d.volume > 0.0]
+    for what, errors in (("energy predicted from the others", energies), ("volume", pressed)):
+        if errors:
+            middle, worst = (_percent(f(np.abs(errors))) for f in (np.median, np.max))
+            yield f"Each dive's {what}: within {middle} (median), {worst} at worst."
+    if fit.by_volume:
+        yield "The runs were commanded by volume, which hardly differs: it is their times that err."
+    if "delivery" in fit.parameters and "slip" not in fit.parameters:
+        yield "The runs deliver no less under pressure: there is no slip that they show."
+    slope = fit.value("power_per_pressure")
+    if "delivery" in fit.parameters and slope > 0.0:
+        reaches = fit.value("delivery") / slope  # of the power that grows with the pressure
+        if not _LEAST < reaches < _MOST:
+            check = "Check the units of pressure and volume: of what more pressure takes"
+            yield f"{check}, {_percent(reaches)} would reach the water; pumps have 30 to 90 %."
+    yield from _voltage(fit, vehicle)
+    left = int((~fit.kept).sum())
+    if left:
+        yield f"{left} runs were left out: too short, or without pressure or power."
+    if "delivery" not in fit.parameters:
+        yield "No volumes were measured: the delivery is not identifiable."
+
+
+def _voltage(fit: PumpFit, vehicle: Vehicle | None) -> Iterator[str]:
+    """Yield what the battery's voltage has to do with the powers."""
+    volts = np.array([]) if fit.runs.voltage is None else fit.runs.voltage[fit.kept]
+    volts = volts[volts > 0.0]
+    span = f"{volts.min():.4g} to {volts.max():.4g} V" if volts.size else ""
+    if fit.reference_voltage is not None:
+        at = f"the numbers are those at {fit.reference_voltage:.4g} V, the median"
+        yield f"Power goes with the battery's voltage under load, {span}; {at}."
+        if vehicle is not None and vehicle.supply is not None:
+            factor = voltage_factor(vehicle.supply, fit)
+            what = "power and delivery are" if "delivery" in fit.parameters else "power is"
+            given = f"{factor * fit.reference_voltage:.4g} V under that load"
+            yield f"The vehicle's supply gives {given}: its {what} {factor:.3g} times that."
+    elif span:
+        why = "dives are predicted no better with it, or it hardly varies, or too few runs have one"
+        yield f"The voltage, {span}, is not counted: {why}."
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1f} %"
+
+
+def _time(seconds: float) -> str:
+    for size, name in ((_DAY, "d"), (_HOUR, "h"), (_MINUTE, "min")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.3g} {name}"
+    return f"{seconds:.3g} s"

@@ -31,7 +31,7 @@ from swimbladder.estimation.motion.problem import (
 )
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import drive
-from swimbladder.sim.closed_loop.bundle import Course
+from swimbladder.sim.closed_loop.replay import Course
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]

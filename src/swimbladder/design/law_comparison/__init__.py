@@ -1,7 +1,7 @@
 """Every law on the same scenarios: how soon, how still, and what it costs in volume and energy.
 
-`contenders` says what is flown and by which laws with which gains, `fly` flies them, in swell
-too, and measures, `run` puts them together and finds those that no other beats.
+`contenders` says what is flown and by which laws with which gains, `run` flies them, in
+swell too, measures, and finds those that no other beats.
 """
 
 from swimbladder.design.law_comparison.contenders import SCENARIOS as SCENARIOS

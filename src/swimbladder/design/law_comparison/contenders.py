@@ -30,7 +30,7 @@ from swimbladder.physics.dynamics import body_plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.outside import source_of
-from swimbladder.sim.closed_loop.swell import Swell
+from swimbladder.sim.closed_loop.water import Swell
 from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import no_such

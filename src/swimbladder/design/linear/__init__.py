@@ -1,6 +1,6 @@
 """Linear models: what can be said of a vehicle at rest without simulating it.
 
-`models` differentiates the right-hand side, `transfer` has the paper's formulas, `routh` counts
+`models` differentiates the right-hand side, `transfer` has the paper's formulas and counts
 growing roots, `depths` says what depth does, `sampled` closes the loop at the law's sample time,
 `margins` measures how far it is from instability, `pump_valve` has what is linear of floats,
 `analyse` gathers it all and says it in sentences. Laws come in as functions: nothing here knows one

@@ -11,9 +11,13 @@ import numpy as np
 
 from swimbladder.design.linear import depths, models, pump_valve
 from swimbladder.design.linear.margins import Margins
-from swimbladder.design.linear.routh import RouthTable, routh_table
 from swimbladder.design.linear.sampled import ClosedLoop, LinearLaw, close
-from swimbladder.design.linear.transfer import TransferFunction, transfer_functions
+from swimbladder.design.linear.transfer import (
+    RouthTable,
+    TransferFunction,
+    routh_table,
+    transfer_functions,
+)
 from swimbladder.errors import InputError
 from swimbladder.io.answers import Answer, as_json, plain
 from swimbladder.physics.dynamics import plant

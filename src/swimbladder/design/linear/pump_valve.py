@@ -33,9 +33,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law, Measurement, Way
+from swimbladder.control.law import Law, Measurement, Way, from_leaves, leaves
 from swimbladder.control.rate import RATE
-from swimbladder.control.records import from_leaves, leaves
 from swimbladder.design.linear.depths import Stall
 from swimbladder.design.linear.models import exponential_of
 from swimbladder.physics.buoyancy_engine import drive_map, running_pump

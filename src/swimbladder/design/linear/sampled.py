@@ -18,8 +18,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.control.law import Law, Measurement
-from swimbladder.control.records import from_leaves, from_numbers, leaf_names, leaves, numbers
+from swimbladder.control.law import (
+    Law,
+    Measurement,
+    from_leaves,
+    from_numbers,
+    leaf_names,
+    leaves,
+    numbers,
+)
 from swimbladder.design.linear.depths import DepthLoad, depth_load
 from swimbladder.design.linear.margins import (
     Margins,

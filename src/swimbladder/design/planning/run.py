@@ -8,8 +8,16 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from swimbladder.design.linear.models import Array
-from swimbladder.design.planning.energy import electrical, least_energy, winding
-from swimbladder.design.planning.linear_program import Goal, Near, Solved, scale_of, solve
+from swimbladder.design.planning.linear_program import (
+    Goal,
+    Near,
+    Solved,
+    electrical,
+    least_energy,
+    scale_of,
+    solve,
+    winding,
+)
 from swimbladder.design.planning.nominal_trajectory import (
     LeastTime,
     NominalTrajectory,

@@ -1,13 +1,12 @@
 """The pool procedure of section 3.1 as a guided day, on a simulated vehicle or a growing log.
 
-`segments` finds rest, changes of volume and glides in samples as they come, `tasks` says what is to
-be done, `day` keeps the experiments, identifies the vehicle after each and says when to stop
-(`verdict`) and what went wrong; `follow` goes through a day, by a file that grows or a vehicle that
-`rehearsal` simulates.
+`segments` finds rest, changes of volume and glides in samples as they come, `day` says what is to
+be done, keeps the experiments, identifies the vehicle after each and says when to stop (`verdict`)
+and what went wrong; `rehearsal` goes through a day, by a file that grows or a simulated vehicle.
 """
 
 from swimbladder.design.pool_day.day import News as News, PoolDay as PoolDay
-from swimbladder.design.pool_day.follow import (
+from swimbladder.design.pool_day.rehearsal import (
     GrowingLog as GrowingLog,
     finished as finished,
     follow as follow,
@@ -15,7 +14,7 @@ from swimbladder.design.pool_day.follow import (
 )
 from swimbladder.design.pool_day.rehearsal import Operator as Operator
 from swimbladder.design.pool_day.segments import Rules as Rules, Sample as Sample
-from swimbladder.design.pool_day.tasks import (
+from swimbladder.design.pool_day.day import (
     Task as Task,
     paper_tasks as paper_tasks,
     plan_tasks as plan_tasks,

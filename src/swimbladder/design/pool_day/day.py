@@ -2,13 +2,18 @@
 
 A day goes by what is sought and how well (`asked_of`), and by when an experiment is over
 (`rules_of`); what went wrong is said in sentences.
+
+Which experiments are due: those of a plan, or the paper's, cut to the vehicle's stroke.
+
+What a day at the pool leaves in a folder: a log for each experiment, and pool.json.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import KW_ONLY, dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -16,9 +21,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from swimbladder.design.plan import Plan
-from swimbladder.design.pool_day.files import STATE, Kept, keep, same_start, set_aside, write_state
+from swimbladder.design.plan import Move, Plan
 from swimbladder.design.pool_day.segments import (
+    FEWEST,
     Changed,
     Cut,
     End,
@@ -30,14 +35,215 @@ from swimbladder.design.pool_day.segments import (
     Segmenter,
     Turned,
 )
-from swimbladder.design.pool_day.tasks import Task, next_task, undone
 from swimbladder.design.pool_day.verdict import LEAST, Asked, Target, Verdict, judge
-from swimbladder.errors import InputError, LogError, check_number
+from swimbladder.errors import InputError, LogError, Parameter, check_number
 from swimbladder.estimation.motion import ExperimentFit, Identification, identify
 from swimbladder.estimation.motion.problem import NAMES, check_names, default_names, model_of
 from swimbladder.estimation.motion.run import check_nuisances, check_std
 from swimbladder.io.answers import as_json
+from swimbladder.io.files import write_atomically
+from swimbladder.io.logs import Log, read_log
+from swimbladder.io.tables import write_csv
 from swimbladder.vehicle import Vehicle
+
+PAPER = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, each up and down
+_SHARE = 0.5  # of the volume that is free to either side of neutral
+_ALIKE = 1.25  # factor between two changes of volume that count as the same
+_MARGIN = 0.05  # m, of surface and bottom that counts as arrived
+
+
+class Task(NamedTuple):
+    """An experiment to do: from rest, changes of volume, until the depth leaves a range."""
+
+    change: float  # m3, positive: it rises
+    start: float | None  # m, depth of rest; None: not known
+    turns: tuple[Move, ...] = ()  # changes of volume under way
+    shallowest: float = 0.0  # m
+    deepest: float = math.inf  # m
+    longest: float = 1200.0  # s
+
+    def sentence(self) -> str:
+        """Return what to do, from the beginning."""
+        place = "near the surface, all of it under water"
+        if self.start is not None:
+            place = f"at {self.start:.2f} m"
+        elif self.change > 0.0:
+            place = "near the bottom, clear of it"
+        return f"Bring the vehicle to rest {place}; {self._change()}."
+
+    def release(self) -> str:
+        """Return what to do once the vehicle is at rest."""
+        text = self._change()
+        return f"{text[0].upper()}{text[1:]}."
+
+    def _change(self) -> str:
+        how, way = ("increase", "rise") if self.change > 0.0 else ("decrease", "sink")
+        size = f"{1e6 * abs(self.change):.3g} cm3 from the mean of the last minute"
+        first = f"{how} its volume by {size}"
+        if not self.turns:
+            return f"{first}, and let it {way} without moving the piston"
+        then = "; ".join(
+            f"when it passes {turn.depth:g} m on its way {turn.going}, go to "
+            f"{1e6 * turn.volume:+.3g} cm3 of that mean"
+            for turn in self.turns
+        )
+        return f"{first}; {then}"
+
+
+def paper_tasks(
+    vehicle: Vehicle, *, pool_depth: float | None, clearance: float = 0.75
+) -> tuple[Task, ...]:
+    """Return the paper's eight experiments, smaller where the stroke is too short for them.
+
+    pool_depth: depth of the bottom [m], None where it is not known; clearance: Delta_z [m], of the
+    depths of rest from bottom and surface.
+    """
+    top = vehicle.hull.emergence_depth
+    deep, shallow, end = None, None, math.inf
+    if pool_depth is not None:
+        clearance = min(clearance, (pool_depth - top) / 4.0)
+        deep, shallow, end = pool_depth - clearance, top + clearance, pool_depth - _MARGIN
+    stroke = vehicle.stroke
+    most, least = (vehicle.neutral_volume(top if z is None else z) for z in (deep, shallow))
+    room = min(stroke.maximum - most, least - stroke.minimum)
+    factor = min(1.0, _SHARE * room / PAPER[-1])
+    tasks = []
+    for size in PAPER:
+        change = float(f"{factor * size:.2g}")
+        for sign, start in ((1.0, deep), (-1.0, shallow)):
+            tasks.append(Task(sign * change, start, shallowest=top + _MARGIN, deepest=end))
+    return tuple(tasks)
+
+
+def plan_tasks(plan: Plan) -> tuple[Task, ...]:
+    """Return the experiments of a plan."""
+    ends = plan.shallowest, plan.deepest
+    return tuple(
+        Task(one.moves[0].volume, one.start_depth, one.moves[1:], *ends, one.longest)
+        for one in plan.experiments
+    )
+
+
+def next_task(tasks: Sequence[Task], done: Sequence[float]) -> Task:
+    """Return the task that is due: the first of those done least often.
+
+    done: first changes of volume of the experiments so far [m3].
+    """
+    counts = _counts(tasks, done)
+    return tasks[counts.index(min(counts))]
+
+
+def undone(tasks: Sequence[Task], done: Sequence[float]) -> int:
+    """Return how many tasks have not been done yet; done: as for next_task."""
+    return _counts(tasks, done).count(0)
+
+
+def _counts(tasks: Sequence[Task], done: Sequence[float]) -> list[int]:
+    counts = [0] * len(tasks)
+    for change in done:
+        alike = [change and 1.0 / _ALIKE <= task.change / change <= _ALIKE for task in tasks]
+        fitting = [i for i, fits in enumerate(alike) if fits]
+        if fitting:
+            counts[min(fitting, key=lambda i: counts[i])] += 1
+    return counts
+
+
+STATE = "pool.json"
+_MARK = "swimbladder pool"
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """An experiment on disk: its file, its log as `identify` reads it, and what was seen of it.
+
+    set_aside: why it is left out; "" where it is not.
+    """
+
+    number: int
+    path: Path
+    log: Log
+    source: str  # the log that it was cut out of
+    released_s: float
+    change_m3: float
+    travel_m: float
+    end: str
+    rest_depth_m: float
+    rest_speed_m_s: float
+    remarks: tuple[str, ...]
+    set_aside: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for pool.json."""
+        return {"file": self.path.name, **as_json(self, " ".join(_FACTS)), "remarks": self.remarks}
+
+
+_FACTS = [f.name for f in fields(Kept) if f.name not in ("path", "log", "remarks")]
+
+
+def keep(folder: Path, number: int, cut: Cut, source: str, remarks: list[str]) -> Kept:
+    """Write an experiment as a log and read it back, so that the fit sees what is on disk."""
+    path = write_csv(folder / f"experiment-{number:03d}.csv", cut.columns())
+    facts = (cut.released, cut.change, cut.travel, cut.end.value, cut.rest.depth, cut.rest.speed)
+    return Kept(number, path, read_log(path), source, *facts, tuple(remarks))
+
+
+def set_aside(kept: Kept, why: str) -> Kept:
+    """Rename an experiment's file, so that it is not among those that count; say why."""
+    path = kept.path.with_name(f"set-aside-{kept.number:03d}.csv")
+    kept.path.replace(path)
+    log = replace(kept.log, source=str(path))
+    return replace(kept, path=path, log=log, set_aside=why)
+
+
+def same_start(kept: Kept, cut: Cut, source: str) -> bool:
+    """Say whether a cut is an experiment that is kept, if perhaps cut longer or shorter."""
+    columns, log = cut.columns(), kept.log
+    n = min(len(log), len(columns["time_s"]), FEWEST)
+    begin = [columns[name][:n] for name in ("time_s", "depth_m")]
+    return kept.source == source and np.array_equal([log.time[:n], log.depth[:n]], begin)
+
+
+def write_state(folder: Path, state: Mapping[str, Any]) -> Path:
+    """Write pool.json."""
+    text = json.dumps({"made_by": _MARK, **state}, indent=2)
+    return write_atomically(folder / STATE, f"{text}\n")
+
+
+def read_state(folder: Path) -> dict[str, Any] | None:
+    """Return what pool.json of an earlier run holds, None where there is none.
+
+    Raises InputError where the file is no such thing.
+    """
+    path = folder / STATE
+    if not path.is_file():
+        return None
+    try:
+        state = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise _foreign(path, f"it cannot be read: {error}") from None
+    if not isinstance(state, dict) or state.get("made_by") != _MARK:
+        raise _foreign(path, "it was not written by `swimbladder pool`")
+    return state
+
+
+def earlier(folder: Path, state: Mapping[str, Any]) -> list[Kept]:
+    """Return the experiments of an earlier run; raises InputError where they are not there."""
+    found = []
+    try:
+        for entry in state["experiments"]:
+            path, remarks = folder / Path(entry["file"]).name, tuple(entry["remarks"])
+            facts = {name: entry[name] for name in _FACTS}
+            found.append(Kept(path=path, log=read_log(path), remarks=remarks, **facts))
+    except (KeyError, TypeError) as error:
+        raise _foreign(folder / STATE, f"it is not whole: {error} is missing") from None
+    return found
+
+
+def _foreign(path: Path, what: str) -> InputError:
+    return InputError(
+        what, file=path, field=Parameter("out"), remedy="Choose another folder with `out=`"
+    )
+
 
 _EARLY = 0.6  # m
 _FEW = 30  # samples under way

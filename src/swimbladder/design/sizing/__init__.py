@@ -8,7 +8,7 @@
 """
 
 from swimbladder.design.sizing.candidates import load_parts as load_parts
-from swimbladder.design.sizing.requirements import Dive as Dive, requirements as requirements
+from swimbladder.design.sizing.evaluation import Dive as Dive, requirements as requirements
 from swimbladder.design.sizing.run import (
     Sizing as Sizing,
     columns as columns,

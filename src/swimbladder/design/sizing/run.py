@@ -20,8 +20,14 @@ from swimbladder.design.sizing.candidates import (
     combinations,
     load_parts,
 )
-from swimbladder.design.sizing.evaluation import REQUIREMENTS, Evaluation, evaluate
-from swimbladder.design.sizing.requirements import Dive, Requirements, requirements
+from swimbladder.design.sizing.evaluation import (
+    REQUIREMENTS,
+    Dive,
+    Evaluation,
+    Requirements,
+    evaluate,
+    requirements,
+)
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent

@@ -12,17 +12,31 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from swimbladder.control.law import Law
-from swimbladder.control.records import from_numbers, leaves, numbers
+from swimbladder.control.law import Law, from_numbers, leaves, numbers
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.depths import neutral_end
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.linear.sampled import BoundLaw
-from swimbladder.design.stability.around import Around, Decided, around_decisions, look_around
-from swimbladder.design.stability.confirm import Confirmed, Held, Seen, edge, hold, hunting
-from swimbladder.design.stability.cycles import Predicted, predict
+from swimbladder.design.stability.around import (
+    Around,
+    Decided,
+    Stood,
+    around_decisions,
+    look_around,
+    robustness,
+    wrapped,
+)
+from swimbladder.design.stability.cycles import (
+    Confirmed,
+    Held,
+    Predicted,
+    Seen,
+    edge,
+    hold,
+    hunting,
+    predict,
+)
 from swimbladder.design.stability.recover import Map, Recovery, Verdict, recovery_maps
-from swimbladder.design.stability.robust import Stood, robustness, wrapped
 from swimbladder.design.tuning import gains, tune
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import region

@@ -2,7 +2,7 @@
 
 `gains` makes a law's parameters of what is tried and searches the best, `region` says which
 vehicles are possible, `margins` and `trial` judge, `promise` says what has to be kept and what is
-in the way, `choice` takes a law where none is named, `run` puts them together.
+in the way, `run` puts them together and takes a law where none is named.
 """
 
 from swimbladder.design.tuning.result import Tuning as Tuning

@@ -14,9 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Measurement
+from swimbladder.control.law import Measurement, leaves
 from swimbladder.control.rate import RateParameters
-from swimbladder.control.records import leaves
 from swimbladder.design.linear.margins import Margins, loop_margins, response, spectral_radius
 from swimbladder.design.linear.models import StateSpace
 from swimbladder.design.linear.pump_valve import (

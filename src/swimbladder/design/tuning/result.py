@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from swimbladder.control.law import Law, Setting
-from swimbladder.control.records import leaves
+from swimbladder.control.law import Law, Setting, leaves
 from swimbladder.design.linear.sampled import BoundLaw, SampledLoop
 from swimbladder.design.tuning import gains, trial
 from swimbladder.design.tuning.margins import MARGINS, loops, margin_words

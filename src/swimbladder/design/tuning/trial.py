@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.control.records import leaves
+from swimbladder.control.law import leaves
 from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.region import Region
@@ -27,8 +27,7 @@ from swimbladder.physics.electric import electrical_power, largest_voltage, wind
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
-from swimbladder.sim.closed_loop.swell import SEAS, depth_error
-from swimbladder.sim.closed_loop.water import Medium, medium_of
+from swimbladder.sim.closed_loop.water import SEAS, Medium, depth_error, medium_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]

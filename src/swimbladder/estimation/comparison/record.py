@@ -23,7 +23,7 @@ from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.hull import along_hull, heat_expansion, neutral_volume
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layers_from
+from swimbladder.sim.engine.modes import NO_LAYERS, Layers, layers_from
 from swimbladder.vehicle import Vehicle
 
 _QUICKEST = 5.0  # of a span between samples times the rate of the motion: a hundred steps

@@ -25,7 +25,7 @@ from swimbladder.estimation.kalman.kernels import (
 )
 from swimbladder.estimation.series import Array, Index, huber
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.engine.layers import Layers
+from swimbladder.sim.engine.modes import Layers
 
 GATE = 3.0  # standard deviations of an innovation beyond which it is not believed in full
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from swimbladder.estimation.series import Array, Index
 from swimbladder.sim.engine.cache import allocating, compiled
-from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layered
 from swimbladder.sim.engine.modes import (
     A_B,
     A_S,
@@ -29,12 +28,15 @@ from swimbladder.sim.engine.modes import (
     D_T,
     DEEPEST,
     EPSILON,
+    NO_LAYERS,
     PSI,
     V_0,
     Z_AIR,
     Z_BOTTOM,
     Z_SURFACE,
+    Layers,
     drag,
+    layered,
 )
 
 # Damping of the emerging hull over critical damping [-]: waves carry its energy away, which the

@@ -33,7 +33,7 @@ from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.estimates import check_names as check_known
 from swimbladder.estimation.series import Array, Mask, shifted
 from swimbladder.physics.dynamics import Plant, plant
-from swimbladder.sim.closed_loop.bundle import Course
+from swimbladder.sim.closed_loop.replay import Course
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
 LAWS = ("linear", "quadratic", "blended")

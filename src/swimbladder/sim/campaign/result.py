@@ -20,7 +20,7 @@ from swimbladder.physics.seawater import Cast, Column
 from swimbladder.sim.campaign.draw import Design, Drawn, Index, indices
 from swimbladder.sim.campaign.run import Fact, Floats
 from swimbladder.sim.engine.rodas.records import Stop
-from swimbladder.sim.mission.water import water_of
+from swimbladder.sim.mission.prepare import water_of
 from swimbladder.sim.mission.words import REASONS
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread

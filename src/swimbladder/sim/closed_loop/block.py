@@ -11,21 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law
-from swimbladder.control.records import from_numbers, leaf_names
+from swimbladder.control.law import Law, from_numbers, leaf_names
 from swimbladder.io.progress import Advance, silent, so_far
 from swimbladder.physics.dynamics import Plant
-from swimbladder.sim.closed_loop.lane import Lanes, Like
+from swimbladder.sim.closed_loop.lane import RECORDED, Lanes, Like, Row, rows
 from swimbladder.sim.closed_loop.lanes import Schedule, measure_block, start_block
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import Pumped
-from swimbladder.sim.closed_loop.rows import RECORDED, Row, rows
 from swimbladder.sim.closed_loop.supervision import Supervision
 from swimbladder.sim.engine.advance import EVENTS
 from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
-from swimbladder.sim.engine.layers import NO_LAYERS, Layers
-from swimbladder.sim.engine.modes import COUNT
+from swimbladder.sim.engine.modes import COUNT, NO_LAYERS, Layers
 from swimbladder.vehicle import Sensors
 
 Array = NDArray[np.float64]
@@ -73,10 +70,10 @@ class Block:
     depth_error: Array | None = None  # [ticks + 1, lanes], m, beyond the noise
     neutral: Array | None = None  # [ticks + 1, lanes], m3, beyond the plant's V_0, from a tick on
     layers: Layers = NO_LAYERS  # of the water of all lanes, beyond the plant's psi z + V_0
-    hooks: Any = ()  # what stands between the parts of the loop, see `hooks`
+    hooks: Any = ()  # what stands between the parts of the loop, see `lane`
     watch: Supervision | tuple[()] = ()  # the supervisor over the law of each lane
     stepper: Pumped | None = None  # what moves the lanes, if not their modes' exponentials
-    loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `hooks`
+    loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `lane`
     lanes: int = field(init=False)
     work: Array = field(init=False)  # [rows, lanes]
     built: NDArray[np.uint8] = field(init=False)  # [lanes, COUNT], see `advance.ModeLane`

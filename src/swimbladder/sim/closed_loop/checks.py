@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.control.law import Law, Measurement
-from swimbladder.control.records import from_leaves, leaves
+from swimbladder.control.law import Law, Measurement, from_leaves, leaves
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.sampled import BoundLaw, LinearLaw, linearise_law, loop_of
 from swimbladder.errors import InputError, NoAnswerError
@@ -16,7 +15,7 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.sim.closed_loop.water import Medium
-from swimbladder.sim.engine.layers import NO_LAYERS
+from swimbladder.sim.engine.modes import NO_LAYERS
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 _GROWS = 1e-4  # of an error over a sample; of three integrators, which do not, 1e-5 is computed

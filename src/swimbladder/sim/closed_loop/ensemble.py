@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.control.law import Law
-from swimbladder.control.records import leaves
+from swimbladder.control.law import Law, leaves
 from swimbladder.control.supervisor import Reason
 from swimbladder.errors import InputError
 from swimbladder.io.netcdf import Variable, cf_dataset, described, meaning
@@ -26,11 +25,10 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.block import Block, schedule, work_space
-from swimbladder.sim.closed_loop.board_law import flown_law
 from swimbladder.sim.closed_loop.checks import check_dive, check_sample_time
-from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model
+from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model, flown_law
+from swimbladder.sim.closed_loop.lane import RECORDED, Row
 from swimbladder.sim.closed_loop.lanes import Schedule
-from swimbladder.sim.closed_loop.rows import RECORDED, Row
 from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
 from swimbladder.sim.closed_loop.solution import (
     VARIABLES,

@@ -1,21 +1,248 @@
-"""One lane of a block at a sample: judged, decided, moved; what `lanes` calls for every lane."""
+"""One lane of a block at a sample: judged, decided, moved; what `lanes` calls for every lane.
 
-from typing import Any, NamedTuple
+The layout of a block of vehicles: one array, row by row, lane by lane.
+
+What may stand between plant, sensors, law and driver of the loop, chosen by its type.
+
+An empty tuple stands for nothing, and compiles away. Anything else is a named tuple of a class for
+which `hook_in` names compiled functions; it stands in a block of one lane. Faults are such hooks,
+and so are the phases of a mission: these say as well how far a lane with pump and valve goes before
+anybody has to decide, so that its ticks are as far apart as what is due. A supervisor is chosen the
+same way, by `lane.Like.watch`, and stands over the law of every lane.
+
+A leak, a drifting trim and the swell make a vehicle heavier than its neutral volume says (`lose`).
+That acts as a volume d that is lost: the engine's V and its end stops are those of the vehicle less
+d, which moves the hull just so, and leaves the exponentials as they are. d is held over a tick.
+"""
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
+from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
-from swimbladder.sim.closed_loop.hooks import allowed, ask, drive, supervise, took_over, wanted
-from swimbladder.sim.closed_loop.rows import N_PLANT, N_STEP, Row
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import ModeLane, ensure_chain
-from swimbladder.sim.engine.cache import inlined, shared
+from swimbladder.sim.engine.cache import chosen_by_first, inlined, part, shared
 from swimbladder.sim.engine.chain import ALPHA, BETA
-from swimbladder.sim.engine.modes import drag_at, resting_volume, split
+from swimbladder.sim.engine.modes import BOTTOM, V_MAX, V_MIN, drag_at, resting_volume, split
+
+
+class Row(IntEnum):
+    """Rows of a block's array, each of one number per lane."""
+
+    Q = 0  # state: q, V, z, w
+    V = 1
+    Z = 2
+    W = 3
+    COMMAND = 4  # as the law gave it
+    APPLIED = 5  # as the actuator got it
+    WAIT = 6  # ticks until the law wants to be called
+    MODE = 7
+    SLOW = 8  # 1: this lane's mode has to be taken by engine.advance
+    STOPPED = 9  # why the lane stopped, 0: it did not
+    STOP_TICK = 10
+    LOW_Q = 11  # bounds within which the mode lasts
+    HIGH_Q = 12
+    LOW_V = 13
+    HIGH_V = 14
+    LOW_Z = 15
+    HIGH_Z = 16
+    DEPTH_NOISE = 17
+    DEPTH_QUANTUM = 18
+    VOLUME_NOISE = 19
+    VOLUME_QUANTUM = 20
+    FROM = 21  # depth at which the present set-point was given
+    LOW_U = 22  # what the actuator takes
+    HIGH_U = 23
+    SEEN_DEPTH = 24  # the measurement
+    SEEN_VOLUME = 25
+    # summaries
+    Z_LOWEST = 26
+    Z_HIGHEST = 27
+    V_LOWEST = 28
+    V_HIGHEST = 29
+    TRAVEL = 30
+    FURTHEST = 31  # largest share of the present step that was travelled
+    RISE90 = 32  # s after the set-point, inf: not yet
+    OUTSIDE2 = 33  # s after the set-point at which the depth was last outside 2 %, -1: never
+    SQUARES = 34  # sum of the squared depth error
+    EVENTS = 35  # ticks in which something happened
+    TROUBLE = 36  # 1: this tick has to be taken by engine.advance
+    REFERENCE = 37  # m, the present set-point
+    PER_SPAN = 38  # 1/m, one over the present step, nan: no step
+    # what makes the vehicle heavier, see `hooks.lose`
+    LOST = 39  # m3 that V, its end stops and bounds are counted less by
+    WATER = 40  # m3 that leaked in
+    LEAK = 41  # m3/s
+    DRIFT = 42  # m3/s, of the neutral volume
+    SWELL = 43  # m3, amplitude at the surface
+    SWELL_OMEGA = 44  # rad/s
+    SWELL_PHASE = 45  # rad
+    SWELL_DECAY = 46  # 1/m
+    WIDE = 47  # 1: seconds below 0 are of the bypass, not of the valve, see `pumped`
+    COMPUTED = 48  # m3, volume as a law of seconds computes it
+    STEP = 49  # first coefficient of the tick's exponential: 24 + 12 + 6 + 2
+    PLANT = 93
+    LAW = 120  # parameters, then state
+
+
+N_STEP = 44
+RECORDED = ("depth", "speed", "volume", "motor_rate", "command", "applied", "volume_reference")
+N_PLANT = len(Plant._fields)
+assert Row.LAW == Row.PLANT + N_PLANT
+assert Row.PLANT == Row.STEP + N_STEP
+
+
+def rows(n_parameters: int, n_state: int) -> int:
+    """Return the number of rows of a block's array for a law of so many numbers."""
+    return int(Row.LAW) + n_parameters + n_state
+
 
 Array = NDArray[np.float64]
+
+
+@inlined
+def _swell(S: Array, W_: int, i: int, t: float) -> Any:
+    """Return the volume [m3] whose loss pulls as the swell does at lane i's depth and time t [s].
+
+    A neutral hull moves with the water, and the pressure it sees stays as it is (Airy waves); this
+    is what is left of a hull that is long or not neutral. It dies out as exp(-omega^2 z/g).
+    """
+    fades = math.exp(-S[Row.SWELL_DECAY * W_ + i] * max(S[Row.Z * W_ + i], 0.0))
+    angle = S[Row.SWELL_OMEGA * W_ + i] * t + S[Row.SWELL_PHASE * W_ + i]
+    return S[Row.SWELL * W_ + i] * fades * math.cos(angle)
+
+
+@part
+def lose(S: Array, W_: int, i: int, p: Any, t: float, dt: float, layers: Any) -> None:
+    """Set what is lost in lane i at time t [s], dt [s] after it was set last.
+
+    p: room for the lane's parameters.
+    """
+    S[Row.WATER * W_ + i] += S[Row.LEAK * W_ + i] * dt
+    lost = S[Row.WATER * W_ + i] + S[Row.DRIFT * W_ + i] * t
+    if S[Row.SWELL * W_ + i] > 0.0:
+        lost += _swell(S, W_, i, t)
+    change = lost - S[Row.LOST * W_ + i]
+    if change != 0.0:
+        S[Row.LOST * W_ + i] = lost
+        S[Row.V * W_ + i] -= change
+        S[Row.LOW_V * W_ + i] -= change
+        S[Row.HIGH_V * W_ + i] -= change
+        for own in (V_MIN, V_MAX):
+            S[(Row.PLANT + own) * W_ + i] -= change
+        if split(int(S[Row.MODE * W_ + i]))[2] == BOTTOM:
+            for n in range(N_PLANT):
+                p[n] = S[(Row.PLANT + n) * W_ + i]
+            S[Row.HIGH_V * W_ + i] = min(p[V_MAX], resting_volume(p, layers, S[Row.Z * W_ + i]))
+    S[Row.SEEN_VOLUME * W_ + i] = S[Row.V * W_ + i] + lost
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+_HOOKS: dict[type[Any], dict[str, Callable[..., Any]]] = {}
+
+
+def hook_in(kind: type[Any], **functions: Callable[..., Any]) -> None:
+    """Make the functions of a class of hooks known to the compiler, by the names they have below.
+
+    Each takes its named tuple, and what is written there.
+    """
+    _HOOKS[kind] = functions
+
+
+def _chosen(hook: Callable[P, R]) -> Callable[P, R]:
+    """Let the class of hooks say what a function does; where it says nothing, as it is written."""
+
+    def own(kind: type[Any]) -> Callable[..., Any]:
+        return _HOOKS.get(kind, {}).get(hook.__name__, hook)
+
+    return chosen_by_first(
+        lambda hooks: own(type(hooks)), lambda form: own(getattr(form, "instance_class", tuple))
+    )
+
+
+@_chosen
+def begin(hooks: Any, S: Any, k: int, built: Any) -> bool:  # noqa: ARG001
+    """Begin a tick, before the sensors measure; return whether the run is over."""
+    return False
+
+
+@_chosen
+def sense(hooks: Any, S: Any, k: int) -> None:
+    """Write what the sensors give."""
+
+
+@_chosen
+def starts(hooks: Any, k: int) -> bool:  # noqa: ARG001
+    """Return whether the law begins at this tick, after the sensors have measured."""
+    return k == 0
+
+
+@_chosen
+def ask(hooks: Any, S: Any, k: int) -> bool:  # noqa: ARG001
+    """Return whether the law is called at this tick."""
+    return True
+
+
+@_chosen
+def wanted(hooks: Any, S: Any, k: int, command: float) -> float:  # noqa: ARG001
+    """Return what is wanted of the actuator for the law's command, for the supervisor to see."""
+    return command
+
+
+@_chosen
+def took_over(watch: Any, i: int) -> bool:  # noqa: ARG001
+    """Return whether the supervisor of lane i has taken over, so that the law is left alone."""
+    return False
+
+
+@_chosen
+def allowed(watch: Any, i: int, reference: float) -> float:  # noqa: ARG001
+    """Return the depth that the law of lane i is asked for, its supervisor allowing."""
+    return reference
+
+
+@_chosen
+def supervise(watch: Any, S: Any, W_: int, i: int, k: int, asked: float) -> float:  # noqa: ARG001
+    """Return what lane i's supervisor makes of what is wanted at tick k."""
+    return asked
+
+
+@_chosen
+def drive(hooks: Any, S: Any, k: int, command: float) -> float:  # noqa: ARG001
+    """Return what the driver gives the actuator for a command."""
+    return command
+
+
+@_chosen
+def bound(hooks: Any, until: float) -> float:  # noqa: ARG001
+    """Return how far a lane with pump and valve goes before the next tick [s]."""
+    return until
+
+
+@_chosen
+def set_off(hooks: Any) -> tuple[float, float]:  # noqa: ARG001
+    """Return the loads [W] of a step of such a lane, and the depth it is watched for [m]."""
+    return 0.0, 0.0
+
+
+@_chosen
+def moved(hooks: Any, event: int, time: float, depth: float) -> None:
+    """See what a step of such a lane from a time [s] and depth [m] means, and how it ended."""
+
+
+@_chosen
+def settled(hooks: Any) -> None:
+    """See where such a lane is, once its drive has done what it does there."""
+
+
 _WHOLE = [at for r in range(4) for at in (*range(4 * r, 4 * r + 4), 20 + r, 25 + r)]
 _WHOLE += [30 + 5 * k + r for k in range(3) for r in range(4)]
 _HALF = [12, 13, 14, 15, 23, 28]

@@ -14,22 +14,26 @@ from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
-from swimbladder.sim.closed_loop.hooks import begin, lose, sense, starts
 from swimbladder.sim.closed_loop.lane import (
+    N_PLANT,
     Lanes,
     Like,
     Room,
+    Row,
+    begin,
     commit,
     decide,
     judge,
     leap_lane,
     load_plant,
+    lose,
     mode_lane,
+    sense,
     set_mode,
+    starts,
     state_of,
 )
 from swimbladder.sim.closed_loop.pumped import LAW_NOT_FINITE, decide_lanes, move_lanes
-from swimbladder.sim.closed_loop.rows import N_PLANT, Row
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import DONE, advance
 from swimbladder.sim.engine.books import decays, enter
@@ -147,7 +151,7 @@ def run_block(
 ) -> None:
     """Run a block from the first tick of a span to the last.
 
-    hooks: what stands between the parts, see `hooks`. stepper: what moves the lanes, None: their
+    hooks: what stands between the parts, see `lane`. stepper: what moves the lanes, None: their
     modes' exponentials, see `pumped`.
     noise [ticks of this call, 2, lanes] standard normal, or empty.
     chains: see `advance.ModeLane`, of each lane; None with a stepper.

@@ -34,9 +34,19 @@ from swimbladder.sim.closed_loop.dispatch import (
     law_step,
     scatter_where,
 )
-from swimbladder.sim.closed_loop.hooks import bound, drive, moved, set_off, settled
-from swimbladder.sim.closed_loop.lane import Lanes, Like, commit, decide, judge
-from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.lane import (
+    Lanes,
+    Like,
+    Row,
+    bound,
+    commit,
+    decide,
+    drive,
+    judge,
+    moved,
+    set_off,
+    settled,
+)
 from swimbladder.sim.engine.advance import CHATTERS, LEFT_WATER, NOT_FINITE, TOO_DEEP
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.modes import V_0

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law, Measurement
-from swimbladder.control.records import leaf_names, leaves
+from swimbladder.control.law import Law, Measurement, leaf_names, leaves
 from swimbladder.control.registry import check_command, own_law
 from swimbladder.errors import InputError, check_number
 from swimbladder.io.progress import Advance, silent
@@ -23,10 +22,9 @@ from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.block import Block, schedule
-from swimbladder.sim.closed_loop.board_law import flown_law
 from swimbladder.sim.closed_loop.checks import check_depths, check_dive, check_sample_time
-from swimbladder.sim.closed_loop.floats import float_model, run_float
-from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.floats import float_model, flown_law, run_float
+from swimbladder.sim.closed_loop.lane import Row
 from swimbladder.sim.closed_loop.solution import (
     SingleRun,
     Solution,

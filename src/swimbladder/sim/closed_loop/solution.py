@@ -27,7 +27,7 @@ from swimbladder.io.netcdf import (
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import electrical_power, supply_current, winding_current
-from swimbladder.sim.closed_loop.rows import RECORDED
+from swimbladder.sim.closed_loop.lane import RECORDED
 from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.books import Account

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control import supervisor
-from swimbladder.control.law import Laws
-from swimbladder.control.records import from_numbers, leaf_names, numbers
+from swimbladder.control.law import Laws, from_numbers, leaf_names, numbers
 from swimbladder.control.supervisor import (
     Reason,
     SupervisorParameters,
@@ -24,8 +23,7 @@ from swimbladder.control.supervisor import (
 )
 from swimbladder.control.supervisor_limits import board_reach, command_limits, supervisor_parameters
 from swimbladder.sim.closed_loop.dispatch import compilable, gather, scatter_where
-from swimbladder.sim.closed_loop.hooks import hook_in
-from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.lane import Row, hook_in
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined, shared
 from swimbladder.vehicle import Vehicle

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import part, shared
-from swimbladder.sim.engine.layers import layered
-from swimbladder.sim.engine.modes import drag, split, supply_limit
+from swimbladder.sim.engine.modes import drag, layered, split, supply_limit
 
 Array = NDArray[np.float64]
 

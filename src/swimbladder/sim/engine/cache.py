@@ -56,7 +56,7 @@ _SOURCES = (
     "control/*.py",
     "sim/closed_loop/*.py",
     "estimation/kalman/*.py",
-    "design/linear/response.py",
+    "design/linear/models.py",
 )
 
 

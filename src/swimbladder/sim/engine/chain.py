@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from swimbladder.errors import InputError
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.cache import compiled, inlined, part, shared
-from swimbladder.sim.engine.layers import NO_LAYERS, Layers, layered
-from swimbladder.sim.engine.modes import A_B, EPSILON, drag, linear_part
+from swimbladder.sim.engine.modes import A_B, EPSILON, NO_LAYERS, Layers, drag, layered, linear_part
 
 Array = NDArray[np.float64]
 

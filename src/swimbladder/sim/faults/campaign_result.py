@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from swimbladder.control.supervisor import Reason
 from swimbladder.io.answers import Answer, plain
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
-from swimbladder.sim.faults.draw import STAY, Course, reached
+from swimbladder.sim.faults.draw import STAY, Course, FaultRow, Result, reached
 from swimbladder.sim.faults.kinds import KINDS, not_drawn
-from swimbladder.sim.faults.mission_records import FaultRow, Result
 from swimbladder.units import rounded
 
 Array = NDArray[np.float64]

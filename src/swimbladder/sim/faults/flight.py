@@ -1,7 +1,7 @@
 """One mission with faults: what stands between plant, sensors, board and driver of the one loop.
 
 The board's C, called by its address, is the law; the faults act through the hooks of
-`closed_loop.hooks`, and what leaks in, drifts and swells through `closed_loop.hooks.lose`.
+`closed_loop.lane`, and what leaks in, drifts and swells through `closed_loop.hooks.lose`.
 """
 
 import math
@@ -15,22 +15,27 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.block import Block, work_space
 from swimbladder.sim.closed_loop.floats import FloatModel
-from swimbladder.sim.closed_loop.hooks import hook_in
-from swimbladder.sim.closed_loop.lane import limited
+from swimbladder.sim.closed_loop.lane import N_PLANT, Row, hook_in, limited
 from swimbladder.sim.closed_loop.lanes import OVER, Schedule
-from swimbladder.sim.closed_loop.rows import N_PLANT, Row
 from swimbladder.sim.closed_loop.supervision import battery_voltage
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined
 from swimbladder.sim.engine.chain import base_steps
-from swimbladder.sim.engine.layers import Layers, layered
+from swimbladder.sim.engine.modes import Layers, layered
 from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.faults import fault_effects as effects
 from swimbladder.sim.faults.c_interface import call_begin, call_tick
-from swimbladder.sim.faults.draw import WAVES, Mission
+from swimbladder.sim.faults.draw import (
+    WAVES,
+    Condition,
+    FaultRow,
+    Mission,
+    Result,
+    Wave,
+    record_type,
+)
 from swimbladder.sim.faults.fault_effects import MOST, NOTHING_KEPT, PumpTable
 from swimbladder.sim.faults.kinds import On
-from swimbladder.sim.faults.mission_records import Condition, FaultRow, Result, Wave, record_type
 from swimbladder.vehicle import Sensors
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.records import leaves
+from swimbladder.control.law import leaves
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.io.progress import Advance, silent, so_far

@@ -6,24 +6,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law
-from swimbladder.control.records import leaf_names, leaves
+from swimbladder.control.law import Law, leaf_names, leaves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.actuator import reduced
 from swimbladder.physics.steady_drives import battery_power, terminal_power
 from swimbladder.sim.closed_loop.block import Block, Running, like_of
 from swimbladder.sim.closed_loop.dispatch import extent
+from swimbladder.sim.closed_loop.lane import Row, rows
 from swimbladder.sim.closed_loop.lanes import OVER, Schedule
-from swimbladder.sim.closed_loop.rows import Row, rows
 from swimbladder.sim.closed_loop.solution import StopReason
 from swimbladder.sim.engine.chain import book_steps
 from swimbladder.sim.engine.modes import POSITIONER
 from swimbladder.sim.engine.rodas.records import Stop
-from swimbladder.sim.mission.core.board import Boarded
 from swimbladder.sim.mission.core.hooks import MANY, fly
-from swimbladder.sim.mission.core.records import Phases
-from swimbladder.sim.mission.core.sampled import WAY, Numbers, Sampled, Way
+from swimbladder.sim.mission.core.phases import Phases
+from swimbladder.sim.mission.core.sampled import WAY, Boarded, Numbers, Sampled, Way
 from swimbladder.sim.mission.orders import ASLEEP, runaway
 from swimbladder.sim.mission.prepare import Plan, cost_words
 from swimbladder.vehicle import Positioner, Vehicle

@@ -1,24 +1,263 @@
-"""What law a phase of a mission is flown with: the vehicle's own, or one made for the phase."""
+"""What law a phase of a mission is flown with: the vehicle's own, or one made for the phase.
+
+Its numbers come from there too; a supervisor may watch it.
+"""
+
+from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from swimbladder.control.deadband import DeadbandParameters, deadband_gains
+from swimbladder.control.law import Law, leaf_names, leaves
 from swimbladder.control.rate import RATE, RateParameters
-from swimbladder.control.records import leaves
+from swimbladder.control.registry import bind, check_command, law_by_name
+from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission, Phase
 from swimbladder.physics.dynamics import drag_force
-from swimbladder.sim.closed_loop.board_law import board_law
-from swimbladder.sim.closed_loop.supervision import Supervision
-from swimbladder.sim.mission.phase_laws import (
-    PhaseLaw,
-    phase_laws,
-    rate_controller,
-    source_of,
-    watch_of,
-)
-from swimbladder.vehicle import Vehicle
+from swimbladder.physics.hull import heat_expansion
+from swimbladder.sim.closed_loop.checks import turned_round
+from swimbladder.sim.closed_loop.floats import board_law
+from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
+from swimbladder.units import rounded
+from swimbladder.vehicle import Controller, Vehicle
+
+
+@dataclass(frozen=True)
+class PhaseLaw:
+    """A law that flies a phase, its parameters and the sample time [s]."""
+
+    law: Law
+    parameters: Any
+    sample_time: float
+    source: str  # where the numbers come from
+
+    @property
+    def sampled(self) -> bool:
+        """Whether it is called at each sample; a law of volume changes says when it wants to be.
+
+        Made one of seconds for a float's board it is called at each, too.
+        """
+        return self.law.command != "volume change" or self.law.within is not None
+
+    def continues(self, other: PhaseLaw) -> bool:
+        """Return whether nothing changes from another phase's law to this one."""
+        same = self.law is other.law and self.sample_time == other.sample_time
+        return same and self.parameters == other.parameters
+
+
+def phase_laws(vehicle: Vehicle, mission: Mission) -> tuple[PhaseLaw, ...]:
+    """Return the law of each phase; none where the mission's own rule flies the vehicle.
+
+    That is: a vehicle without a controller, or phases that name the law `rate`.
+    Raises InputError where a phase's law, its parameters or what else it asks for do not fit the
+    vehicle, and where only some phases name `rate`.
+    """
+    found: list[PhaseLaw | None] = []
+    for index, phase in enumerate(mission.phases):
+        try:
+            found.append(_law_of(vehicle, phase))
+        except InputError as error:
+            if phase.law is None and not phase.parameters and phase.sample_time is None:
+                raise
+            field = (error.field or "law").removeprefix("controller.")
+            raise error.but(field=f"phases[{index}].{field}") from None
+    flown = tuple(one for one in found if one is not None)
+    margin = vehicle.stroke.switch_margin
+    if margin and not any(one.sampled for one in flown):
+        what = "the mission's own rule and laws of volume changes know no limit switches"
+        remedy = "Fly a law: give the vehicle a [controller], or leave the switches out"
+        raise InputError(what, field="stroke.switch_margin", value=margin, unit="m3", remedy=remedy)
+    if not flown:
+        why = (
+            f"the mission's own rule ({RATE.name}) flies it, and rests within the tolerance anyway"
+        )
+        remedy = "Leave it out"
+        if vehicle.command == "volume change":
+            why = f"{why}; so does its board, whose law says itself when it decides"
+        else:
+            given = "give the vehicle ([controller]) or every phase (law) a law"
+            remedy += f", or {given} that is called at each sample, not {RATE.name!r}"
+        _refuse_given(mission, why, remedy, rest_band="m")
+        return ()
+    first = flown[0].law
+    for index, one in enumerate(found):
+        if one is None or not (one.sampled or one.law is first):
+            what = f"other phases are flown by the law {first.name!r}, and one mission has one way"
+            remedy = f'Write law = "{RATE.name}" in every phase, or in none'
+            named = mission.phases[index].law
+            raise InputError(what, field=f"phases[{index}].law", value=named, remedy=remedy)
+    if flown[0].sampled:
+        why = "the law of this phase is called at each sample: only the mission's own rule has it"
+        remedy = f'Leave it out, or give a sample_time, or write law = "{RATE.name}" in every phase'
+        _refuse_given(mission, why, remedy, check_interval="s")
+        _check_physics(vehicle, mission)
+        return flown
+    why = f"the law {first.name!r} flies this phase, and chooses speeds, times and rest itself"
+    remedy = "Leave it out: say it by a parameter of the law"
+    _refuse_given(mission, why, remedy, speed="m/s", check_interval="s", rest_band="m")
+    return flown
+
+
+def watch_of(
+    vehicle: Vehicle, mission: Mission, laws: Sequence[PhaseLaw], supervised: bool | None
+) -> Supervision | tuple[()]:
+    """Return the supervisor over the laws of a mission; () for none, as of `supervision_of`.
+
+    laws: of each phase, under the supervisor; none: the mission's own rule, which no supervisor
+    watches but that of a float's board, see `orders.flown_laws`.
+    Raises InputError where it cannot be: over the rule of another vehicle, at several sample times,
+    and where it would bring up a healthy vehicle, by its depth or time limit.
+    """
+    own, floats = vehicle.controller, vehicle.command == "volume change"
+    if not any(law.sampled for law in laws) and (own is None or not floats):
+        if supervised:
+            what = "a supervisor watches a law that is called at each sample, and none flies this"
+            raise InputError(what, field="supervised", remedy="Leave it out; see `faults`")
+        return ()
+    tick = own.sample_time if floats and own is not None else laws[0].sample_time
+    watch = supervision_of(
+        vehicle, tick, supervised, laws=[(one.law, one.parameters) for one in laws]
+    )
+    if not watch:
+        return ()
+    alone = "fly the law alone (`supervised=False`)"
+    for index, law in enumerate(() if floats else laws):
+        if law.sample_time != tick:
+            what = f"the supervisor is called every {tick:g} s, with the law of the first phase"
+            field, value = f"phases[{index}].sample_time", law.sample_time
+            remedy = f"Leave it out, or {alone}"
+            raise InputError(what, field=field, value=value, unit="s", remedy=remedy)
+    limit = watch.depth_limit
+    for index, phase in enumerate(mission.phases):
+        if phase.depth is not None and phase.depth > limit:
+            refused = turned_round(phase.depth, limit, f"phases[{index}].depth")
+            raise refused.but(remedy=f"{refused.remedy}; or {alone}")
+    whole = vehicle.supervisor.time_limit or math.inf
+    if (takes := mission.least_duration) > whole:
+        what = f"the mission takes {rounded(takes, 3)} s at least, and would be cut short"
+        remedy = f"Give more, or ask for less; or {alone}"
+        field = "supervisor.time_limit"
+        raise InputError(what, field=field, value=whole, unit="s", remedy=remedy)
+    return watch
+
+
+def flown_by(vehicle: Vehicle, phase: Phase) -> Controller | None:
+    """Return the controller of a phase: the vehicle's, with what the phase says in its place.
+
+    None: the mission's own rule, with numbers made for the phase. Raises InputError for parameters
+    or a sample time without a law, for a sample time that the law has no use for, and for a law
+    that the actuator does not take.
+    """
+    own = vehicle.controller
+    if phase.law is None and own is None:
+        for name in ("parameters", "sample_time"):
+            if value := getattr(phase, name):
+                lacks = f"the vehicle {vehicle.name!r} has no controller"
+                what = f"the phase gives it and no law, and {lacks}"
+                remedy = 'Add a line law = "..." to the phase, or leave this out'
+                raise InputError(what, field=name, value=value, remedy=remedy)
+        return None
+    name = phase.law or ("" if own is None else own.law)
+    same, law = own is not None and own.law == name, law_by_name(name)
+    if law is not RATE:  # which commands any drive by volumes
+        remedy = f'Choose a law for this kind of actuator, or write law = "{RATE.name}"'
+        check_command(law, vehicle, remedy=remedy)
+    asleep = law.command == "volume change" and "S_p" not in leaf_names(law.parameters)
+    if asleep and phase.sample_time is not None:
+        what = f"it does nothing: the law {name!r} of this phase says itself when it is called"
+        if vehicle.command == "volume change":
+            what += ", and a board ticks at the sample_time of the [controller]"
+        remedy = f"Leave it out{', or give a check_interval' if law is RATE else ''}"
+        field, value = "sample_time", phase.sample_time
+        raise InputError(what, field=field, value=value, unit="s", remedy=remedy)
+    if name == RATE.name and not same and not phase.parameters:
+        return None
+    tick = phase.sample_time or (own.sample_time if own else 0.0) or (1.0 if asleep else 0.0)
+    if not tick:
+        what = f"the law {name!r} needs it, and the vehicle has no controller that has one"
+        remedy = 'Add a line sample_time = "0.5 s" to the phase'
+        raise InputError(what, field="sample_time", unit="s", remedy=remedy)
+    kept = own.parameters if own is not None and same else {}
+    return Controller(law=name, sample_time=tick, parameters={**kept, **phase.parameters})
+
+
+def rate_controller(vehicle: Vehicle, phase: Phase) -> Any | None:
+    """Return the parameters of the law `rate` that vehicle or phase give; None: they give none."""
+    controller = flown_by(vehicle, phase)
+    if controller is None or controller.law != RATE.name:
+        return None
+    return bind(controller)[1]
+
+
+def _law_of(vehicle: Vehicle, phase: Phase) -> PhaseLaw | None:
+    controller = flown_by(vehicle, phase)
+    if controller is None:
+        return None
+    law, numbers = bind(controller)
+    if law.name == RATE.name:
+        return None
+    return PhaseLaw(law, numbers, controller.sample_time, source_of(vehicle, phase))
+
+
+def source_of(vehicle: Vehicle, phase: Phase, made: Sequence[str] = ()) -> str:
+    """Say where the numbers of a phase's law come from; made: those that the mission makes."""
+    own = vehicle.controller
+    by = f"for {', '.join(made)}, made by the phase's kind, speed, tolerance and check_interval"
+    if own is None or (phase.law not in (None, own.law)):
+        return f"the phase, but {by}" if made else "the phase"
+    notes = [text for key, text in vehicle.provenance.items() if key.split(".")[0] == "controller"]
+    file = "the vehicle's [controller]" + (f" ({'; '.join(notes)})" if notes else "")
+    own_ones = [*phase.parameters, *(["sample_time"] if phase.sample_time else [])]
+    given = [name for name in own_ones if name not in made]
+    but = [f"for {', '.join(given)} of the phase"] if given else []
+    but += [by] if made else []
+    return f"{file}, but {' and '.join(but)}" if but else file
+
+
+def _refuse_given(mission: Mission, what: str, remedy: str, **units: str) -> None:
+    """Raise InputError for numbers that the phases give and that do nothing here."""
+    for (index, phase), name in product(enumerate(mission.phases), units):
+        if (value := getattr(phase, name)) is not None:
+            field = f"phases[{index}].{name}"
+            raise InputError(what, field=field, value=value, unit=units[name], remedy=remedy)
+
+
+def _check_physics(vehicle: Vehicle, mission: Mission) -> None:
+    """Raise InputError for what only the mission's own rule is flown with."""
+    moves = mission.water_motion.internal_waves or mission.water_motion.swell
+    hull, ratio = vehicle.hull, vehicle.drag.rising_ratio
+    lags = hull.thermal_time_constant > 0.0 and heat_expansion(vehicle) != 0.0
+    uneven = ratio != 1.0
+    for there, field, value, what in (
+        (bool(moves), "water_motion", None, "water that moves"),
+        (lags, "hull.thermal_time_constant", hull.thermal_time_constant, "a hull that warms late"),
+        (uneven, "motion.drag.rising_ratio", ratio, "drag that differs up and down"),
+    ):
+        if there:
+            what += " is not flown with a law that is called at each sample"
+            remedy = f'Leave it out, or write law = "{RATE.name}" in every phase'
+            raise InputError(what, field=field, value=value, remedy=remedy)
+
+
+def law_words(facts: Sequence[dict[str, Any]]) -> list[str]:
+    """Return a line for each law of a mission: which phases it flies, and whose numbers it has."""
+    lines: dict[tuple[str, str, str], list[str]] = {}
+    for one in facts:
+        law, every = f"{one['law']!r} flies", ""
+        if one["sample_time_s"] is not None:
+            watched = "and supervisor fly" if one["supervised"] else "alone flies"
+            law, every = f"{one['law']!r} {watched}", f" every {one['sample_time_s']:g} s"
+        lines.setdefault((law, every, one["source"]), []).append(one["phase"])
+    return [
+        f"law {law} {', '.join(names) if len(lines) > 1 else 'all phases'}{every}; the law's "
+        f"numbers: {source}"
+        for (law, every, source), names in lines.items()
+    ]
+
 
 # What a phase does where neither it nor the vehicle says so.
 _SPEED = 0.1  # m/s, that of Argo floats

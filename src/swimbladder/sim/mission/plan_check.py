@@ -27,8 +27,8 @@ from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_dive, check_sample_time
 from swimbladder.sim.engine.rodas.records import Account, Note, Stop, Table
-from swimbladder.sim.mission import orders, shortfall
-from swimbladder.sim.mission.core.records import Holding
+from swimbladder.sim.mission import orders, words
+from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
@@ -241,8 +241,8 @@ def _seen(stage: np.record) -> float:
 def _refuse_way(flight: Flight, n: int, begin: float) -> None:
     """Refuse a phase that began at a depth [m] and could not come to its own in its time."""
     title, stage = flight.mission.titles[n], flight.plan.stages[n]
-    came = shortfall.timeout_words(flight, n)
-    if starts := shortfall.starts_words(flight, n):
+    came = words.timeout_words(flight, n)
+    if starts := words.starts_words(flight, n):
         raise NoAnswerError(
             f"the phase {title!r} does not come up from {begin:.0f} m: {came}. {starts}, or ask "
             "for less depth"
@@ -250,8 +250,8 @@ def _refuse_way(flight: Flight, n: int, begin: float) -> None:
     phase, speed = flight.mission.phases[n], float(stage["speed"])
     what = "duration" if phase.kind == "park" else "timeout"
     limit = float(stage[what])
-    ends = shortfall.late_notes(flight, n)["z"][0]
-    way, left = shortfall.shortage(flight, n, np.array([begin, ends]))
+    ends = words.late_notes(flight, n)["z"][0]
+    way, left = words.shortage(flight, n, np.array([begin, ends]))
     if way > speed * limit and not (flight.plan.by_laws and phase.speed is None):
         raise NoAnswerError(
             f"the {what} of the phase {title!r}, {limit:g} s, is too short by {left / speed:.0f} s "
@@ -311,7 +311,7 @@ def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> No
     raise NoAnswerError(
         f"the phase {phase.title!r} cannot be held within {band:g} m of {depth:g} m: {went}. It is "
         f"sampled every {interval:.3g} s{why}. {remedy[:1].upper()}{remedy[1:]}"
-        f"{shortfall.coarse_words(flight.mission, plan, n)}"
+        f"{words.coarse_words(flight.mission, plan, n)}"
     )
 
 

@@ -1,39 +1,261 @@
-"""From a vehicle, a mission and the water to the arrays that the kernel flies."""
+"""From a vehicle, a mission and the water to the arrays that the kernel flies.
+
+The water of a mission: what a vehicle is in it, and its swell as a free vehicle meets it.
+
+A free vehicle goes up and down with the water, and so does the surface.
+
+Depths of a mission are those of pressure, which under waves over deep water stays the same along
+the path of a parcel of water (linear theory: the pressure of the wave and that of the way up and
+down cancel; Kundu, Cohen, Dowling, *Fluid Mechanics*, 5th ed., section 7.4). A vehicle as heavy as
+the water goes its way; so its depth below the surface, where the surface stands at 0, does not see
+the swell but for the second order in its steepness. What a pressure sensor at the top of the hull
+does see is how far the water there goes beyond the mean of the water along the hull, of height H:
+
+    a e^(-k z) (1 - (1 - e^(-k H))/(k H)) sin(2 pi t/period + phase),   k = (2 pi/period)^2/g
+
+A vehicle that presses out all it has, flown by the mission's own kernel from where it is.
+
+From how deep it still comes up, and how long a start of its pump takes there.
+"""
+
+from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.control.law import leaves, numbers
 from swimbladder.control.rate import RATE
-from swimbladder.control.records import leaves, numbers
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import hotel_power, surfacing_energy, usable_charge
+from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import heat_expansion
-from swimbladder.physics.seawater import Column, check_motion, look_up
+from swimbladder.physics.seawater import (
+    Cast,
+    Column,
+    WaterMotion,
+    cast_column,
+    check_motion,
+    look_up,
+    motion_table,
+    uniform_column,
+)
+from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.floats import surfacing_of
 from swimbladder.sim.closed_loop.pumped import BOARD
 from swimbladder.sim.closed_loop.supervision import Supervision
-from swimbladder.sim.closed_loop.water import Medium
+from swimbladder.sim.closed_loop.water import Medium, medium_of
+from swimbladder.sim.engine.advance import DONE, advance, begin, new_lane
+from swimbladder.sim.engine.chain import base_steps
+from swimbladder.sim.engine.modes import Where
 from swimbladder.sim.engine.rodas.prepare import Accuracy, first_lane, given_of, make_table
-from swimbladder.sim.engine.rodas.records import NOTE, WORK, Account, Lane, Records, Table
-from swimbladder.sim.mission.core.hooks import DEAD
-from swimbladder.sim.mission.core.records import CYCLE, ROW, STAGE, Grounding, Holding, Kind, Phases
+from swimbladder.sim.engine.rodas.records import (
+    NOTE,
+    WORK,
+    Account,
+    Lane,
+    Records,
+    Stop,
+    Table,
+    made,
+)
+from swimbladder.sim.mission.core.hooks import DEAD, fly
+from swimbladder.sim.mission.core.phases import CYCLE, ROW, STAGE, Grounding, Holding, Kind, Phases
 from swimbladder.sim.mission.orders import (
+    PhaseLaw,
     approach_time,
     flown_laws,
     hold_parameters,
     law_parameters,
 )
-from swimbladder.sim.mission.phase_laws import PhaseLaw
-from swimbladder.sim.mission.rescue import return_depth
-from swimbladder.sim.mission.water import medium_for, waves_of
 from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+
+_NO_LAYER = 1e-12  # m3: what rounding makes of even water
+_MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
+_BELOW = 50.0  # m more
+
+
+def water_of(vehicle: Vehicle, mission: Mission, cast: Cast | None = None) -> Column:
+    """Return the water of a cast, or the vehicle's own, as deep as a mission goes.
+
+    Parameters
+    ----------
+    vehicle, mission
+        As `load_vehicle` and `load_mission` return them.
+    cast
+        The water, as `read_cast` returns it; none: that of the vehicle's file, of constant density.
+
+    Returns
+    -------
+    Column
+        The water over depth. Where the cast may be in another unit, its report says it.
+
+    Raises
+    ------
+    InputError
+        The cast is in another unit, it begins far below the surface, or the mission gives the
+        latitude of a cast that there is not.
+    """
+    deepest = max([mission.start_depth, *(mission.reached(phase) for phase in mission.phases)])
+    if cast is None:
+        if (place := mission.latitude) is not None:
+            why = "it says where a cast was taken, and there is none"
+            how = "Give `cast=`, or leave it out"
+            raise InputError(why, field="latitude", value=place, unit="deg", remedy=how)
+        return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
+    warning = check_cast_unit(cast, deepest, vehicle.hull.depth_limit)
+    column = cast_column(cast)
+    return replace(column, report=(*column.report, warning)) if warning else column
+
+
+def seen_share(wavenumber: float, height: float) -> float:
+    """Return what a sensor at the top sees of the water's displacement there [-].
+
+    wavenumber [1/m]; height of the hull [m].
+    """
+    x = wavenumber * height
+    return 1.0 + math.expm1(-x) / x
+
+
+def waves_of(motion: WaterMotion, height: float, gravity: float) -> Array:
+    """Return the waves as the kernel takes them [n, 6], see `seawater.motion_table`.
+
+    Internal waves as they are. Swell with the amplitude that the sensor sees and a last column of
+    -inf: it moves nothing. height: of the hull [m].
+    """
+    table = motion_table(motion, gravity)
+    for row in table:
+        if row[4] > 0.0:
+            row[0] *= seen_share(float(row[4]), height)
+            row[5] = -math.inf
+    return table
+
+
+def medium_for(vehicle: Vehicle, mission: Mission, column: Column) -> Medium:
+    """Return the vehicle in the water of a mission; in even water as in its own."""
+    depths = [phase.depth for phase in mission.phases if phase.depth is not None]
+    reach = max([mission.start_depth, *depths])
+    found = medium_of(vehicle, column, reach=reach, bottom_depth=mission.bottom)
+    own = medium_of(vehicle, None, reach=reach, bottom_depth=mission.bottom)
+    even = found.layers.largest <= _NO_LAYER
+    return own if even and math.isclose(found.plant.a_b, own.plant.a_b, rel_tol=1e-9) else found
+
+
+_HASTE = 2.0  # times the speed that is asked for: so fast it may sink while nobody looks
+_FINE = 0.005  # of the depth at which it could not even rest: so near the return depth is found
+_LONGEST = 86400.0  # s to come up in
+_HELD = 10.0  # s, of a step with a held input at the longest
+_GONE = 2.0  # times the depth at which it could not even rest: it is lost
+_START_ROWS = 200  # of a trajectory, in which a start is over
+_OUT = 1e-10  # m3: so much pressed out is no rounding
+
+
+def return_depth(vehicle: Vehicle, mission: Mission, plan: Plan) -> float:
+    """Return the depth below which a vehicle could not come up [m]; infinite where it always could.
+
+    There its neutral volume is beyond the stroke less what safety.stroke keeps back, or the drive
+    stalls; or, where such a depth is, it sinks through it before all is pressed out, from twice the
+    speed of the fastest phase: it is flown from there.
+    """
+    g, neutral = plan.given, plan.table[:, Table.NEUTRAL]
+    step = float(g["step"])
+    most = g["v_max"] - mission.safety.stroke * (g["v_max"] - g["v_min"])
+    lost = (neutral > most) | (plan.table[:, Table.RATE_OUT] <= 0.0)
+    lost[: int(g["z_surface"] / step) + 1] = False
+    slope = float(plan.table[-1, Table.NEUTRAL + 1])
+    if lost.any():
+        limit = float(np.argmax(lost)) * step
+    elif slope > 0.0:  # beyond the table the neutral volume goes on straight
+        limit = float(step * (len(neutral) - 1) + (most - neutral[-1]) / slope)
+    else:
+        return math.inf
+    speed = _HASTE * float(np.max(plan.stages["speed"]))
+    held = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
+    comes_up = partial(_comes_up, plan, speed=speed, less=held)
+    if plan.water is not None:
+        free = replace(plan.water, plant=plan.water.plant._replace(z_bottom=math.inf))
+        comes_up = partial(_emerges, free, speed=speed, less=held, gone=_GONE * limit)
+    low, high = 0.0, limit
+    if comes_up(limit):
+        return limit
+    while high - low > _FINE * limit:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if comes_up(middle) else (low, middle)
+    return low
+
+
+def _comes_up(plan: Plan, depth: float, *, speed: float, less: float) -> bool:
+    """Return whether a vehicle that sinks at a depth [m] by a speed [m/s] is afloat within a day.
+
+    less [m3]: below the neutral volume.
+    """
+    plan, state, _ = _pressing(plan, depth, less)
+    x, at, _ = state
+    x["w"] = speed
+    fly(plan.under_way(state))
+    return Stop(int(at["stop"])) is Stop.PASSED_DEPTH
+
+
+def _emerges(medium: Medium, depth: float, *, speed: float, less: float, gone: float) -> bool:
+    """Return what `_comes_up` does of a vehicle that sampled laws fly, with its input held.
+
+    By the step that every law's kernel has in it, which need not be compiled for this. gone [m]: so
+    deep it is lost.
+    """
+    p, layers = medium.plant, medium.layers
+    volume = max(medium.neutral_volume(depth) - less, p.V_min)
+    h, t = _HELD / base_steps(p, _HELD, speed, layers), 0.0
+    lane = new_lane(np.array(p), layers, np.array([0.0, volume, depth, speed]))
+    mode, full = begin(lane), p.V_max if p.positioner else p.supply
+    while t < _LONGEST and lane.x[2] < gone:
+        mode, why = advance(lane, mode, full, h, t)
+        t += h
+        if why != DONE or mode // 20 == Where.EMERGING:
+            return bool(why == DONE)
+    return False
+
+
+def start_time(plan: Plan, depth: float) -> float:
+    """Return how long the pump runs at a depth [m] before anything is pressed out [s].
+
+    Its line is empty, and its runs have no end; infinite where nothing is pressed out in a day.
+    """
+    plan, state, volume = _pressing(plan, depth, 0.0)
+    plan.given["longest"] = math.inf
+    flown = plan.under_way(state, rows=_START_ROWS)
+    fly(flown)
+    rows = flown.rows[: flown.lane.counts[0]]
+    out = rows["v"] - volume
+    if not np.any(out > _OUT):
+        return math.inf
+    n = int(np.argmax(out > _OUT))
+    rate = look_up(plan.table, float(plan.given["step"]), Table.RATE_OUT, rows["z"][n])[0]
+    return float(rows["t"][n] - out[n] / (rate * plan.given["delivery"]))
+
+
+def _pressing(plan: Plan, depth: float, less: float) -> tuple[Plan, Any, float]:
+    """Return a plan without bottom, waves and battery, and a state in it that begins to press out.
+
+    depth [m]; less [m3]: below the neutral volume; the volume is the last that is returned.
+    """
+    given = made(plan.given.dtype, plan.given)
+    given["z_bottom"], given["deepest"], given["empty"] = math.inf, math.inf, -math.inf
+    neutral = look_up(plan.table, float(given["step"]), Table.NEUTRAL, depth)[0]
+    volume = max(float(neutral) - less, float(given["v_min"]))
+    x, at = first_lane(given, plan.table, depth, volume=volume)
+    x["t_end"], at["alarm"] = _LONGEST, 1
+    accounts = np.zeros(len(Account) + len(Holding) * len(plan.stages))
+    return replace(plan, given=given, waves=plan.waves[:0]), (x, at, accounts), volume
+
+
 State = tuple[np.record, np.record, Array]  # of `first_state`
 
 _MOST = 10**9  # samples of a mission: minutes
@@ -165,7 +387,7 @@ def make_plan(
 ) -> Plan:
     """Return a mission as the kernel takes it.
 
-    waves: of `mission.water.waves_of`, in the place of the mission's. drive_error: what the drive
+    waves: of `waves_of`, in the place of the mission's. drive_error: what the drive
     gives over what its processor assumes. supervised: as of `phase_laws.watch_of`, which raises its
     InputError; another is raised for a temperature at the start of a hull that has the water's.
     """

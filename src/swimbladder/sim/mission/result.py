@@ -1,10 +1,11 @@
-"""A mission flown, as numbers and sentences."""
+"""A mission flown, from vehicle, phases and water to numbers and sentences."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,19 +13,25 @@ from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
 from swimbladder.io.answers import Answer
+from swimbladder.io.mission import Mission
+from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.hull import linear_psi
+from swimbladder.physics.seawater import Cast
+from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.engine.rodas.records import OF_DRIVE, Account, Ice, Note, Stop
-from swimbladder.sim.mission.battery_life import battery_life
-from swimbladder.sim.mission.books import MissionBooks, close_books, drawn_energy
-from swimbladder.sim.mission.core.records import Holding
-from swimbladder.sim.mission.flight import Flight
+from swimbladder.sim.mission.books import MissionBooks, battery_life, close_books, drawn_energy
+from swimbladder.sim.mission.core.phases import Holding
+from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.orders import law_facts
 from swimbladder.sim.mission.plan_check import Reach
+from swimbladder.sim.mission.prepare import water_of
 from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
+from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 Array = NDArray[np.float64]
 _BACK = 0.5  # m below where it turned back, it has
@@ -226,7 +233,7 @@ class MissionResult(Answer):
 
         given: begin, latitude and longitude, as `og1_dataset` takes them.
         """
-        from swimbladder.sim.mission.og1 import og1_dataset
+        from swimbladder.sim.mission.export import og1_dataset
 
         return og1_dataset(self, **given)
 
@@ -299,3 +306,56 @@ class MissionResult(Answer):
 def _joules(energy: float) -> str:
     """Return an energy with its unit: "36 J", "12.7 kJ"."""
     return f"{energy / 1e3:.3g} kJ" if abs(energy) >= 1e3 else f"{energy:.3g} J"
+
+
+def mission(
+    vehicle: Vehicle,
+    mission: Mission,
+    cast: Cast | None = None,
+    *,
+    seed: int | None = None,
+    supervised: bool | None = None,
+    keep: Path | None = None,
+    advance: Advance = silent,
+) -> MissionResult:
+    """Simulate a mission of phases and cycles: depth, time, pump, battery.
+
+    Parameters
+    ----------
+    vehicle, mission
+        As `load_vehicle` and `load_mission` return them; `Mission.limited` has other cycles,
+        `Mission.over` another bottom.
+    cast
+        The water, as `read_cast` returns it; none: that of the vehicle's file, of constant density.
+    seed
+        Of the sensors' noise; none: they have neither noise nor quantum.
+    supervised
+        False: the laws fly alone. Else under the supervisor, where the vehicle's file has one.
+    keep
+        Folder of unfinished work: a flight that was killed goes on there.
+    advance
+        Called with the share of the mission that was flown since.
+
+    Returns
+    -------
+    MissionResult
+        The flight, whether it did what it should, and its energy.
+
+    Raises
+    ------
+    InputError
+        Vehicle, mission and water do not go together.
+    NoAnswerError
+        The mission cannot be done.
+    """
+    check_counts(seed=(seed, 0))
+    flight = fly_mission(
+        vehicle,
+        mission,
+        water_of(vehicle, mission, cast),
+        seed=seed,
+        supervised=supervised,
+        keep=keep,
+        advance=advance,
+    )
+    return MissionResult(flight, flight.reach)

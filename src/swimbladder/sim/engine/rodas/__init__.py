@@ -1,8 +1,8 @@
 """A vehicle with a pump and a valve, in steps as long as its motion lets: the RODAS stepper.
 
-`records` says what a lane holds, `motion` is the right-hand side and one Rosenbrock step, `leap`
-takes a step with its error, events and accounts, `rest` lets time pass without steps, `line` is
-the oil between pump and check valve, `sensing` what the sensors give.
+`records` says what a lane holds, `motion` is the right-hand side and one Rosenbrock step, `step`
+takes a step with its error, events and accounts, or lets time pass at rest, `line` is the oil
+between pump and check valve, `drive` runs pump and valve.
 """
 
 from pathlib import Path

@@ -11,19 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.engine.rodas.leap import AIR, BOTTOM, LOST, SURFACE, VALVE, VOLUME, leap
 from swimbladder.sim.engine.rodas.line import (
     fill_lacks,
     fills_line,
     lost_to_start,
     turn_valve,
+    value,
     valve_turns,
     with_line,
 )
-from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop, Table
-from swimbladder.sim.engine.rodas.rest import lift_volume, settle, stay
-from swimbladder.sim.engine.rodas.sensing import normal
+from swimbladder.sim.engine.rodas.step import (
+    AIR,
+    BOTTOM,
+    LOST,
+    SURFACE,
+    VALVE,
+    VOLUME,
+    leap,
+    lift_volume,
+    settle,
+    stay,
+)
+from swimbladder.sim.engine.sensor import normal
 
 Array = NDArray[np.float64]
 

@@ -21,6 +21,8 @@ counts volume and pressure of the water.
 
 The time to fall diverges at the reservoir's pressure: with h = p - p_reservoir, C_0 = C there and
 the slip s it is -(C_0/s) ln h - S, S being the integral of (C - C_0)/(s h) dh that the table holds.
+
+Values of the table at any place: cubic Hermite, one read, no search.
 """
 
 import math
@@ -31,10 +33,15 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from swimbladder.physics.seawater.column import look_up_bent
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import chosen_by_first, inlined, part
-from swimbladder.sim.engine.rodas.lookup import value
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Table
+
+# Value, slope and curvature of a column at depth z [m]; of the columns over the line's pressure z
+# is its logarithm, as in `line`, and the step that of its grid.
+value = part(look_up_bent)
+
 
 Array = NDArray[np.float64]
 P = ParamSpec("P")

@@ -1,47 +1,141 @@
-"""The phases of a mission of pump and valve as hooks of the closed loop: see `closed_loop.hooks`.
+"""The phases of a mission of pump and valve as hooks of the closed loop: see `closed_loop.lane`.
 
 A tick of the loop is whatever comes next that somebody has to decide: a look of the processor, the
 end of a phase, a full buffer. Between two ticks RODAS moves the vehicle in steps as long as its
 motion lets.
+
+The mission's own rule as a law of the loop: `rate` on the way, `control.hold` at a depth.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.control.law import Law
-from swimbladder.control.rate import RateParameters
-from swimbladder.sim.closed_loop.hooks import hook_in
-from swimbladder.sim.closed_loop.lane import Lanes, Like
+from swimbladder.control import hold, rate
+from swimbladder.control.deadband import DeadbandParameters, DeadbandState
+from swimbladder.control.law import Law, Measurement
+from swimbladder.control.rate import RateParameters, RateState
+from swimbladder.sim.closed_loop.dispatch import compilable, gather, scatter_where
+from swimbladder.sim.closed_loop.lane import Lanes, Like, Row, hook_in, rows
 from swimbladder.sim.closed_loop.lanes import Schedule
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import DIVES, FLOATS, PAUSE, one_lane
-from swimbladder.sim.closed_loop.rows import Row, rows
 from swimbladder.sim.engine.cache import inlined, part
-from swimbladder.sim.engine.layers import NO_LAYERS
-from swimbladder.sim.engine.modes import V_0
+from swimbladder.sim.engine.modes import NO_LAYERS, V_0
 from swimbladder.sim.engine.rodas.drive import FULL, STAYED, change_volume, end_run, note, press_out
-from swimbladder.sim.engine.rodas.leap import LEVEL, TOO_DEEP
 from swimbladder.sim.engine.rodas.line import empty_line
 from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
-from swimbladder.sim.engine.rodas.sensing import measured, measured_volume
-from swimbladder.sim.mission.core.avoidance import goal_of, grounds, seek_ice
+from swimbladder.sim.engine.rodas.step import LEVEL, TOO_DEEP
+from swimbladder.sim.engine.sensor import measured_depth, measured_volume
 from swimbladder.sim.mission.core.phases import (
+    Kind,
+    Phases,
     arrive,
     awaited_level,
     begin_phase,
     begin_row,
     close_cycle,
     enter_hold,
+    goal_of,
+    grounds,
     next_phase,
     row,
+    seek_ice,
     settle,
 )
-from swimbladder.sim.mission.core.records import Kind, Phases
-from swimbladder.sim.mission.core.rule import RULE, Nothing, Rule
+
+# what the compiler knows the numbers of a phase and of the state by
+_RATE = RateParameters(*map(float, range(len(RateParameters._fields))))
+_RATE_STATE = RateState(*map(float, range(len(RateState._fields))))
+_HOLD = DeadbandParameters(*map(float, range(len(DeadbandParameters._fields))))
+_HOLD_STATE = DeadbandState(*map(float, range(len(DeadbandState._fields))))
+
+_rate_step, _rate_begin = inlined(compilable(rate.step)), inlined(compilable(rate.initial))
+_hold_step, _hold_begin = inlined(compilable(hold.step)), inlined(compilable(hold.begin))
+
+
+class Rule(NamedTuple):
+    """The phases, and where the vehicle is among them; what is remembered stands there too."""
+
+    stages: Any  # [phases] of STAGE
+    x: Any  # [1] of NOW
+    at: Any  # [1] of AT
+
+
+class Nothing(NamedTuple):
+    """The state of the rule, which is in the vehicle's."""
+
+    nothing: float
+
+
+@inlined
+def _from(measurement: Any, depth: float) -> Any:
+    """Return a measurement whose depth counts from the one that is held [m]."""
+    below = measurement.depth - depth
+    return Measurement(measurement.time, below, measurement.volume, measurement.battery)
+
+
+@inlined
+def _begin_rule(rule: Any, measurement: Any, reference: float) -> None:
+    x, at = rule.x[0], rule.at[0]
+    stage = rule.stages[at.phase]
+    if at.captured == 1:
+        holds = gather(_HOLD, stage.hold, 0, 1)
+        state = _hold_begin(holds, _from(measurement, reference), x.w_seen)
+        scatter_where(True, state, x.law, 0, 1)
+    else:
+        law = gather(_RATE, stage.law, 0, 1)
+        scatter_where(True, _rate_begin(law, measurement, reference), x.law, 0, 1)
+
+
+@inlined
+def _decide(rule: Any, measurement: Any, reference: float) -> Any:
+    x, at = rule.x[0], rule.at[0]
+    stage = rule.stages[at.phase]
+    away = _from(measurement, reference)
+    if at.captured == 0 and stage.capture > 0.0 and abs(away.depth) <= stage.capture:
+        at.captured = 1
+        holds = gather(_HOLD, stage.hold, 0, 1)
+        scatter_where(True, _hold_begin(holds, away, x.w_seen), x.law, 0, 1)
+    if at.captured == 1:
+        change, held, pause = _hold_step(
+            gather(_HOLD, stage.hold, 0, 1), gather(_HOLD_STATE, x.law, 0, 1), away
+        )
+        scatter_where(True, held, x.law, 0, 1)
+        x.w_seen = held.speed
+        return change, pause
+    law = gather(_RATE, stage.law, 0, 1)
+    change, after, pause = _rate_step(law, gather(_RATE_STATE, x.law, 0, 1), measurement, reference)
+    scatter_where(True, after, x.law, 0, 1)
+    x.w_seen = after.speed
+    return change, pause
+
+
+def _initial(rule: Rule, measurement: Measurement, reference: float) -> Nothing:
+    _begin_rule(rule, measurement, reference)
+    return Nothing(0.0)
+
+
+def _step(
+    rule: Rule, state: Nothing, measurement: Measurement, reference: float
+) -> tuple[float, Nothing, float]:
+    change, pause = _decide(rule, measurement, reference)
+    return change, state, pause
+
+
+RULE = Law(
+    name="rule",
+    summary="the mission's own rule",
+    command="volume change",
+    parameters=Rule,
+    state=Nothing,
+    step=_step,
+    initial=_initial,
+)
+
 
 DEAD = RateParameters._fields.index("dead")
 _ROOM = 8  # rows or notes that a step may add
@@ -124,7 +218,7 @@ def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
         x.t_look = x.t_move
     else:
         at.calls += 1
-        seen, surface = measured(p, f.lane.waves, x, at), stage.kind == Kind.SURFACE
+        seen, surface = measured_depth(p, f.lane.waves, x, at), stage.kind == Kind.SURFACE
         lift = grounds(f, seen)
         if lift > 0.0:  # of which the law knows nothing
             change_volume(f.lane, x.v, lift, p.longest)
@@ -257,7 +351,7 @@ def fly(
 
     law: of volume changes in the place of the mission's own rule; like: what its numbers are, work
     [rows]: where they stand from call to call, with what the law remembers. board: of
-    `core.board.Boarded`, where it is the law of a board, which commands seconds at every tick.
+    `core.sampled.Boarded`, where it is the law of a board, which commands seconds at every tick.
     """
     stepper, p, at = one_lane(phases.lane, phases.board), phases.lane.p, phases.lane.at
     at.idle, none = 0, np.zeros((1, 0, 0))

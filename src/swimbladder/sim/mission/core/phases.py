@@ -1,12 +1,208 @@
-"""Phases and cycles: how they begin, arrive, hold their depth and end."""
+"""Phases and cycles: how they begin, arrive, hold their depth and end.
+
+The records of a mission: its phases, its cycles and the rows of its trajectory.
+
+What a vehicle does by itself on the bottom and under ice: its phase goes on elsewhere, or ends.
+
+It takes itself to be grounded where the depth does not change for a time after it let in a volume,
+or all that it can. There may be ice where the water in a layer below the surface is as cold on the
+way up, by the median of its temperatures: the ice-sensing algorithm of Klatt, Boebel and Fahrbach
+(2007), J. Atmos. Oceanic Technol. 24.
+"""
 
 import math
+from enum import IntEnum
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from swimbladder.control.deadband import DeadbandParameters
+from swimbladder.control.rate import RateParameters
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
-from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
-from swimbladder.sim.mission.core.avoidance import goal_of
-from swimbladder.sim.mission.core.records import Holding, Kind, Phases
+from swimbladder.sim.engine.rodas.line import value
+from swimbladder.sim.engine.rodas.records import (
+    Account,
+    Doing,
+    Ice,
+    Lane,
+    Note,
+    Stop,
+    Table,
+    record,
+)
+
+Array = NDArray[np.float64]
+
+
+# A phase.
+STAGE = record(
+    ("kind", np.int64),
+    ("depth", float),  # m
+    ("tolerance", float),  # m
+    ("speed", float),  # m/s
+    ("duration", float),  # s
+    ("timeout", float),  # s
+    ("loads", float),  # W, standby and loads that are on
+    ("law", float, len(RateParameters._fields)),  # the parameters of the law `rate`, in its order
+    ("capture", float),  # m around it that `control.hold` flies; 0: nowhere
+    ("hold", float, len(DeadbandParameters._fields)),  # its parameters, in order
+    ("grounding", np.int64),  # Grounding
+)
+
+
+class Kind(IntEnum):
+    """Kinds of phases."""
+
+    DESCEND = 0
+    PARK = 1
+    PROFILE = 2
+    HOLD = 3
+    SURFACE = 4
+
+
+class Grounding(IntEnum):
+    """What a phase does where the vehicle takes itself to lie on the bottom."""
+
+    NEXT = 0  # it ends
+    STAY = 1  # it lasts, at that depth
+    SHIFT = 2  # it goes on above that depth
+
+
+class Holding(IntEnum):
+    """Integrals of a phase since its arrivals; behind `Account`, as many times as phases."""
+
+    TIME = 0  # s
+    INSIDE = 1  # s within the tolerance
+    SQUARES = 2  # m2 s, of the distance from the phase's depth
+    MOST = 3  # m, largest distance
+
+
+# A cycle that is over.
+CYCLE = record(
+    ("t_begin", float),
+    ("t_end", float),
+    ("deepest", float),  # m
+    ("missed", float),  # phases that ran out of time, a bit each
+    ("v_least", float),  # m3, smallest volume
+    ("v_most", float),  # m3, largest volume off the surface
+    ("arrival", float),  # s, when the first phase of a depth arrived; nan: never
+    ("surfaced", float),  # s, when it was afloat again; nan: never
+    ("not_held", float),  # parks and holds out of their tolerance too long, a bit each
+    ("accounts", float, len(Account)),  # all accounts at the end of the cycle
+)
+
+# A row of the trajectory.
+ROW = record(
+    ("t", float),
+    ("z", float),
+    ("w", float),  # m/s through the water
+    ("v", float),
+    ("phase", float),
+    ("doing", float),  # until the next row
+    ("cycle", float),
+    ("pump_energy", float),  # J so far, as in `Account`, like the next five
+    ("valve_energy", float),
+    ("holding_energy", float),
+    ("load_energy", float),
+    ("surfacing_energy", float),
+    ("self_discharged", float),
+)
+
+
+class Phases(NamedTuple):
+    """A mission on its way; rows, notes and cycles are buffers, an empty one keeps nothing."""
+
+    lane: Lane  # its accounts are followed by `Holding` of each phase
+    stages: Any  # [phases] of STAGE
+    rows: Any  # [n] of ROW
+    cycles: Any  # [n] of CYCLE
+    board: Array  # [BOARD]: what the processor assumes at the surface
+    numbers: Array  # [phases, n]: parameters of a law in the place of the mission's own rule
+
+
+_WAITS, _COLD, _PASSED = (float(did) for did in Ice)  # in a note
+_SPACING = 1.0  # m between two temperatures on a way, at most
+
+
+@inlined
+def goal_of(f: Phases) -> float:
+    """Return the depth that the phase goes to [m]: its own, or what grounding made of it."""
+    return float(f.stages[f.lane.at.phase].depth - f.lane.x.raised)
+
+
+@inlined
+def grounds(f: Phases, seen: float) -> float:
+    """Find whether the vehicle lies on the bottom, at the depth seen [m], and what it does then.
+
+    Return the volume that it let in there [m3] where it leaves the bottom now, else 0.
+    """
+    return float(_grounds(f, seen) if f.lane.p.ground_volume > 0.0 else 0.0)
+
+
+@part
+def _grounds(f: Phases, seen: float) -> float:
+    p, x, at = f.lane.p, f.lane.x, f.lane.at
+    if seen <= p.shallow or abs(seen - x.z_moved) >= p.ground_change:
+        x.z_moved, x.v_moved = seen, x.v
+    x.v_moved = max(x.v_moved, x.v)
+    least = x.v <= p.v_min + FULL * (p.v_max - p.v_min)
+    if x.v_moved - x.v < p.ground_volume and not (least and seen > p.shallow):
+        x.t_still = math.inf
+        return 0.0
+    x.t_still = min(x.t_still, x.t)
+    stage = f.stages[at.phase]
+    if stage.kind == Kind.SURFACE or at.alarm != 0 or at.ends == 1:
+        return 0.0
+    if x.t - x.t_still < p.ground_time or seen >= goal_of(f) - stage.tolerance:
+        return 0.0
+    note(f.lane, Note.GROUNDED, float(at.phase))
+    f.lane.accounts[Account.GROUNDED] += 1.0
+    if stage.grounding == Grounding.NEXT:
+        at.ends, x.t_end = 1, x.t
+        after = f.stages[(at.phase + 1) % f.stages.shape[0]]
+        leaves = after.kind == Kind.SURFACE or after.depth < seen
+    else:
+        goal = seen - p.ground_shift
+        leaves = stage.grounding == Grounding.SHIFT and seen >= p.ground_least
+        leaves = leaves and goal > p.shallow
+        x.raised = stage.depth - (goal if leaves else seen)
+        if leaves:
+            note(f.lane, Note.SHIFTED, goal)
+    return float(x.v_moved - x.v) if leaves else 0.0
+
+
+@part
+def seek_ice(f: Phases, depth: float, h: float) -> None:
+    """Enter h [s] on the way up from a depth [m] in the search for ice; turn back under it."""
+    p, x, at = f.lane.p, f.lane.x, f.lane.at
+    up = f.stages[at.phase].kind == Kind.SURFACE and at.arrived == 0 and at.place != 1
+    if not up or at.alarm != 0 or at.ends == 1 or min(depth, x.z) > p.ice_from:
+        return
+    parts = math.ceil(abs(x.z - depth) / _SPACING) + 1
+    for n in range(parts):
+        z = depth + (x.z - depth) * (n + 0.5) / parts
+        if p.ice_to <= z <= p.ice_from:
+            x.t_measured += h / parts
+            if value(f.lane.table, p.step, Table.TEMPERATURE, z)[0] <= p.ice_temperature:
+                x.t_cold += h / parts
+    if x.z > p.ice_to:
+        return
+    cold = x.t_cold >= 0.5 * x.t_measured  # so it is where nothing was measured
+    if not cold and x.t - x.t_ice >= p.ice_wait:
+        return
+    if x.t - x.t_surfaced > p.ice_longest:
+        if depth > p.ice_to:
+            note(f.lane, Note.ICE, _PASSED)
+            f.lane.accounts[Account.UNDER_ICE] += 1.0
+        return
+    note(f.lane, Note.ICE, _COLD if cold else _WAITS)
+    f.lane.accounts[Account.ICE_TURNS] += 1.0
+    if cold:
+        x.t_ice = x.t
+    at.ends, x.t_end = 1, x.t
+
 
 ACCOUNTS = len(Account)
 HOLDINGS = len(Holding)

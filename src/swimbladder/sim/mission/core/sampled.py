@@ -1,10 +1,15 @@
-"""The phases of a mission by laws that sample, as hooks of the closed loop: `closed_loop.hooks`.
+"""The phases of a mission by laws that sample, as hooks of the closed loop: `closed_loop.lane`.
 
 At each sample the last one is entered in the accounts of the mission, the phases go on, and it is
 decided whether the law is called. Where it is not, an input is held in the place of its command,
 which a supervisor then sees: all volume out to surface or after an alarm, at rest within a
 `rest_band`, and to dive from afloat, until the vehicle has no more volume than makes it neutral at
 the surface: a law takes the volume that it begins with for the neutral one.
+
+The phases of a mission that a float's board flies, as hooks of the closed loop.
+
+Its law is called at every tick and commands seconds of pump and valve, as flashed; a supervisor
+watches it. Phases end at ticks.
 """
 
 import math
@@ -13,27 +18,130 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.sim.closed_loop.hooks import hook_in
-from swimbladder.sim.closed_loop.rows import Row
+from swimbladder.sim.closed_loop.lane import Row, hook_in
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
 from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
-from swimbladder.sim.engine.rodas.entries import enter, enter_energy
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop
-from swimbladder.sim.mission.core.avoidance import goal_of, grounds
-from swimbladder.sim.mission.core.hooks import enter_time, full, raise_alarm, turn
-from swimbladder.sim.mission.core.phases import row, settle
-from swimbladder.sim.mission.core.records import Kind, Phases
+from swimbladder.sim.engine.rodas.step import enter, enter_energy
+from swimbladder.sim.engine.sensor import measured_depth
+from swimbladder.sim.mission.core.hooks import (
+    begin_tick,
+    enter_time,
+    full,
+    raise_alarm,
+    too_deep,
+    turn,
+)
+from swimbladder.sim.mission.core.phases import (
+    Kind,
+    Phases,
+    awaited_level,
+    begin_row,
+    goal_of,
+    grounds,
+    row,
+    settle,
+)
+
+Array = NDArray[np.float64]
+
+
+class Boarded(NamedTuple):
+    """A mission by its board on its way, as the hooks take it."""
+
+    phases: Phases
+    tick: float  # s
+    span: float  # s, of a row of the trajectory at the longest
+    last: Array  # [1] s, when the last row was written
+    reason: Array  # [1], why the supervisor took over, 0: it has not
+    knows: Array  # [1], of its law's state, 1: all volume is out once its run is over
+
+
+@inlined
+def _begin_board(f: Boarded, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
+    g = f.phases
+    if begin_tick(g, S):
+        return True
+    if g.lane.at.alarm == 0 and f.reason[0] != 0.0:
+        raise_alarm(g, f.reason[0])
+    return False
+
+
+@inlined
+def _sense_board(f: Boarded, S: Array, k: int) -> None:  # noqa: ARG001
+    lane, stage = f.phases.lane, f.phases.stages[f.phases.lane.at.phase]
+    lane.at.calls += 1
+    seen = measured_depth(lane.p, lane.waves, lane.x, lane.at)
+    grounds(f.phases, seen)
+    S[Row.SEEN_DEPTH] = seen
+    S[Row.SEEN_VOLUME] = lane.x.v  # its law begins with it, and measures none after
+    S[Row.REFERENCE] = 0.0 if stage.kind == Kind.SURFACE else goal_of(f.phases)
+
+
+@inlined
+def _drive(f: Boarded, S: Array, k: int, command: float) -> float:  # noqa: ARG001
+    """Move the volume to its upper limit where it is deeper than the mission allows."""
+    return float(f.tick if f.phases.lane.at.alarm == 1 else command)
+
+
+@inlined
+def _bound(f: Boarded, until: float) -> float:
+    x = f.phases.lane.x
+    return float(x.t if x.charge <= f.phases.lane.p.empty else until)
+
+
+@inlined
+def _set_off(f: Boarded) -> tuple[float, float]:
+    g = f.phases
+    begin_row(g)
+    return g.stages[g.lane.at.phase].loads, awaited_level(g)
+
+
+@inlined
+def _moved(f: Boarded, event: int, time: float, depth: float) -> None:
+    """Enter a step in what is known of the phase, and see whether it arrived or is too deep."""
+    g = f.phases
+    x, at = g.lane.x, g.lane.at
+    arrived = at.arrived == 1
+    ends = too_deep(g, event)
+    if ends and at.alarm == 0:
+        raise_alarm(g, 0.0)
+    if ends or arrived != (at.arrived == 1) or x.t - f.last[0] >= f.span:
+        f.last[0] = x.t
+        row(g)
+    enter_time(g, depth, x.t - time, arrived)
+    if x.t > time:
+        at.idle = 0
+
+
+@inlined
+def _settled(f: Boarded) -> None:
+    g = f.phases
+    at = g.lane.at
+    # its volume is computed: it is at the surface when its board takes it to be
+    settle(g, at.alarm == 0 and at.doing == Doing.NOTHING and f.knows[0] > 0.0)
+
+
+hook_in(
+    Boarded,
+    begin=_begin_board,
+    sense=_sense_board,
+    drive=_drive,
+    bound=_bound,
+    set_off=_set_off,
+    moved=_moved,
+    settled=_settled,
+)
+
 
 CHECK = 10.0  # s between two checks of the depth where a law may rest, at least
 _STILL = 0.01  # share of its band that a vehicle may drift between two of them, to be let rest
 _LAW, _BAND, _SPEED = range(3)  # columns of `Sampled.tasks`
 _ROOM = 64  # rows or notes that a sample may add
 _SAME = 1e-6  # of a sample: time that rounding makes
-
-Array = NDArray[np.float64]
 
 
 class Numbers(NamedTuple):
