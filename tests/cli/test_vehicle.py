@@ -1,13 +1,16 @@
 """``swimbladder vehicle list|show|new|set``."""
 
 import json
+import math
 
 import pytest
 
 from swimbladder.cli import main
+from swimbladder.control.registry import bind
+from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_names, preset_text
-from swimbladder.io.templates import KINDS
+from swimbladder.io.templates import KINDS, vehicle_start, vehicle_template
 
 
 def answer(capsys, *arguments):
@@ -73,6 +76,55 @@ def test_new_writes_a_file_that_loads(capsys, tmp_path, kind):
     assert answer(capsys, "vehicle", "show", str(path))["kind"] == kind
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_file_is_short_and_has_every_field_with_full(tmp_path, kind):
+    short, full = tmp_path / "my.toml", tmp_path / "whole.toml"
+    assert main(["vehicle", "new", str(short), "--kind", kind]) == 0
+    assert main(["vehicle", "new", str(full), "--kind", kind, "--full"]) == 0
+    text = short.read_text("utf-8")
+    assert text.count("\n") <= (60 if kind == "pump-valve" else 45)
+    assert full.read_text("utf-8") == vehicle_template(kind, name="whole")
+    every = [line.partition("#")[2].strip() for line in text.splitlines() if line.startswith("[")]
+    assert all(every)  # each table says where its numbers come from
+    own, whole = load_vehicle(short), load_vehicle(full)
+    assert own.supervisor.time_limit > 3600.0
+    same = {"name": "", "description": "", "supervisor": own.supervisor}
+    assert own.model_copy(update=same) == whole.model_copy(update=same)
+
+
+@pytest.mark.parametrize("kind", ["electromechanical", "identified", "positioner"])
+def test_a_new_file_takes_a_piston_by_diameter_and_stroke(tmp_path, kind):
+    path = tmp_path / "my.toml"
+    size = ["--piston", "60 mm", "--stroke", "10 cm"]
+    assert main(["vehicle", "new", str(path), "--kind", kind, *size]) == 0
+    v, area = load_vehicle(path), math.pi / 4.0 * 0.06**2
+    assert 'piston_area = "diameter 60 mm"' in path.read_text("utf-8")
+    assert v.piston_area == pytest.approx(area)
+    assert v.stroke.maximum - v.stroke.minimum == pytest.approx(0.1 * area, rel=1e-5)
+    before = load_vehicle_text(tmp_path, vehicle_start(kind))
+    own, old = (bind(one.controller)[1] for one in (v, before))
+    if kind == "positioner":
+        assert own.piston_area == pytest.approx(area, rel=1e-5)
+        assert own.position_max == pytest.approx(0.045)
+    else:  # the loop is as fast
+        assert own.k_pV * v.piston_area == pytest.approx(old.k_pV * before.piston_area, rel=1e-3)
+
+
+def load_vehicle_text(folder, text):
+    path = folder / "text.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_vehicle(path)
+
+
+def test_a_piston_is_an_area_or_a_diameter_in_python_too():
+    v = load_vehicle("feup-em")
+    changed = v.replace({"actuator.piston_area": "diameter 6 cm"})
+    assert changed.piston_area == pytest.approx(math.pi / 4.0 * 0.06**2)
+    for wrong in ("diameter 6 kg", "diameter", "about diameter 6 cm"):
+        with pytest.raises(InputError):
+            v.replace({"actuator.piston_area": wrong})
+
+
 def test_new_takes_the_kind_as_name_and_does_not_overwrite_unasked(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["vehicle", "new", "--kind", "unified"]) == 0
@@ -92,6 +144,10 @@ def test_new_takes_the_kind_as_name_and_does_not_overwrite_unasked(capsys, tmp_p
         (["show", "none.toml"], "there is no such file"),
         (["new", "x.toml", "--kind", "electro"], "Kinds: electromechanical, "),
         (["new", "none/x.toml"], "cannot write the file"),
+        (["new", "x.toml", "--kind", "unified", "--piston", "6 cm"], "--piston: this kind"),
+        (["new", "x.toml", "--kind", "pump-valve", "--stroke", "6 cm"], "--stroke: this kind"),
+        (["new", "x.toml", "--piston", "-6 cm"], "--piston: it must be above 0"),
+        (["new", "x.toml", "--stroke", "6 s"], "--stroke: the unit 's' is of another kind"),
     ],
 )
 def test_bad_input_is_exit_code_2(capsys, tmp_path, monkeypatch, arguments, words):

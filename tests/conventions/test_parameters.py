@@ -13,7 +13,7 @@ from tests.test_public_api import ELSEWHERE, everything
 SOURCE = Path(swimbladder.__file__).parent
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 REFERENCE = re.compile(r"`(\w+)=[^`]*`")
-COMMAND = re.compile(r"`(swimbladder )?(identify|energy|tune|ballast|vehicle show)\b[^`]*`")
+COMMAND = re.compile(r"`(swimbladder )?(identify|energy|tune|ballast|vehicle (show|new))\b[^`]*`")
 OTHERS = {"sim/faults/c_interface.py", "jobs.py", "show/report/energy.py"}  # of other programs
 TABLE = {"goal": "--goal", "hold": "--hold", "columns": "--column", "supervised": "--no-supervisor"}
 TABLE |= {"span": "--span", "fixed": "--fixed", "step": "--step", "out": "--out"}

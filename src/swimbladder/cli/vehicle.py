@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import console
+from swimbladder.cli.common import console, quantity
 from swimbladder.cli.options import Printed, grouped
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
 from swimbladder.show.parts import Table
 from swimbladder.show.text import rich_table
 
@@ -65,6 +65,8 @@ def show(
     to.show(answer, [f"{v.name}, {v.actuator.kind}: {v.description}", follows], [file])
 
 
+_PISTON = typer.Option(metavar="DIAMETER", help='Diameter of the piston: "60 mm".')
+_STROKE = typer.Option(metavar="LENGTH", help='Travel of the piston: "100 mm".')
 _PATH = typer.Argument(metavar="FILE", help="Where to write; KIND.toml by default.")
 
 
@@ -80,13 +82,15 @@ def new(
             "unified, positioner, or pump-valve (a deep float's).",
         ),
     ] = "electromechanical",
+    piston: Annotated[str | None, _PISTON] = None,
+    stroke: Annotated[str | None, _STROKE] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     *,
     to: Printed,
 ) -> None:
-    """Write a vehicle file to start from: every field, its unit, meaning and default."""
+    """Write a short vehicle file to start from; with --full one of every field and default."""
     from swimbladder.io.files import there, write_atomically
-    from swimbladder.io.templates import KINDS, vehicle_template
+    from swimbladder.io.templates import KINDS, vehicle_start, vehicle_template
     from swimbladder.vehicle.schema import did_you_mean
 
     if kind not in KINDS:
@@ -97,7 +101,12 @@ def new(
     if there(target) and not force:
         remedy = "Choose another name, or overwrite it with --force"
         raise InputError("the file exists already", file=target, field="FILE", remedy=remedy)
-    write_atomically(target, vehicle_template(kind, name=target.stem))
+    size = {"piston": piston, "stroke": stroke}
+    given = {one: quantity(x, "m", f"--{one}") for one, x in size.items() if x is not None}
+    for one, length in given.items():
+        check_number(length, one, "m", above=0.0, most=10.0)
+    short = vehicle_start(kind, target.stem, **given)
+    write_atomically(target, vehicle_template(kind, name=target.stem) if to.full else short)
     then = [f"wrote {target}: put in your numbers, then", f"  swimbladder simulate {target}"]
     to.show({"kind": kind, "files": [target]}, then)
 

@@ -331,7 +331,7 @@ def _parse(text: str, file: str | Path) -> dict[str, Any]:
     except (RecursionError, ValueError) as error:
         why = "nested too deeply" if isinstance(error, RecursionError) else str(error)
         what, line = f"this TOML cannot be read: {why}", None
-        remedy = "See `swimbladder vehicle new` for a file with every field explained"
+        remedy = "See `swimbladder vehicle new --full` for a file with every field explained"
     raise InputError(what, file=file, line=line, field="syntax", remedy=remedy)
 
 

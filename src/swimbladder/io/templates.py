@@ -1,9 +1,12 @@
-"""A vehicle file to start from: every field of the schema, its unit, meaning and default."""
+"""Vehicle files to start from: a short one, and one with every field, its meaning and default."""
 
 import inspect
 import json
+import math
+import re
 import tomllib
 from collections.abc import Iterator
+from copy import deepcopy
 from importlib import resources
 from typing import Any, Literal, get_args, get_origin
 
@@ -11,7 +14,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from swimbladder.control.registry import LAWS, law_by_name
+from swimbladder.errors import InputError
 from swimbladder.io.vehicle_file import toml_value
+from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in, tags_of
 
@@ -45,6 +50,71 @@ def vehicle_template(kind: str, name: str = "my-vehicle") -> str:
     }
     lines = _table(Vehicle, example, (), off=False)
     return _HEAD.format(kind=kind) + "\n".join([*lines, ""])
+
+
+def vehicle_start(
+    kind: str,
+    name: str = "my-vehicle",
+    *,
+    piston: float | None = None,
+    stroke: float | None = None,
+) -> str:
+    """Return the text of a short file: what a vehicle has to have, and what cannot be assumed.
+
+    piston: its diameter [m]; stroke: its travel [m]; those of the example where not given. Raises
+    InputError where the actuator has no piston.
+    """
+    example = deepcopy({**_EXAMPLES["all"], **_EXAMPLES["kinds"][kind]})
+    _size_piston(example, piston, stroke)
+    example["supervisor"] = {"time_limit": "1 d" if kind == "pump-valve" else "6 h"}
+    words = [f"# Actuator: {kind}. The numbers are examples: put in yours, in any unit."]
+    words += ["# Every field there is: `swimbladder vehicle new --full`", "schema_version = 1"]
+    words.append(f"name = {toml_value(name)}")
+    return "\n".join([*words, *_short(Vehicle, example, ()), ""])
+
+
+def _size_piston(example: Table, piston: float | None, stroke: float | None) -> None:
+    """Give an example a piston of this diameter [m], or this travel [m]."""
+    if piston is None and stroke is None:
+        return
+    drive = example["actuator"].get("drive", example["actuator"])
+    if "piston_area" not in drive:
+        what, remedy = "this kind of actuator has no piston", "Leave it out, or choose another kind"
+        field = "stroke" if piston is None else "piston"
+        raise InputError(what, field=field, value=example["actuator"]["kind"], remedy=remedy)
+    own = parse_quantity(drive["piston_area"], "m2")
+    area = own if piston is None else math.pi / 4.0 * piston**2
+    ends = parse_quantity(example["stroke"]["maximum"], "m3")
+    half = ends / own if stroke is None else 0.5 * stroke
+    given, gains = f"{1e4 * area:.6g} cm2", example["controller"]["parameters"]
+    drive["piston_area"] = given if piston is None else f"diameter {1e3 * piston:.6g} mm"
+    for end, sign in (("minimum", -1.0), ("maximum", 1.0)):
+        example["stroke"][end] = f"{1e6 * sign * half * area:.6g} cm3"
+    if "piston_area" in gains:
+        gains |= {"piston_area": given, "position_max": f"{900.0 * half:.6g} mm"}
+        gains["position_min"] = f"{-900.0 * half:.6g} mm"
+    else:  # as fast a loop as with the piston of the example
+        gains["k_pV"] = f"{parse_quantity(gains['k_pV'], 'V/m3') * 1e-3 * own / area:.4g} V/dm3"
+
+
+def _short(model: type[BaseModel], given: Table, path: tuple[str, ...]) -> Iterator[str]:
+    """Give the lines of the fields that an example has, their meaning in a few words behind."""
+    own = [name for name in model.model_fields if name in given]
+    tables = {name: given[name] for name in own if isinstance(given[name], dict)}
+    for name in (name for name in own if name not in tables):
+        said = re.split(r"[;(]|, eq| \[", _meaning(model, name, model.model_fields[name]))[0]
+        words = "" if name in ("kind", "law") else f"  # {said}"
+        yield f"{name} = {toml_value(given[name])}{words}"
+    for name, value in tables.items():
+        place = dotted((*path, name))
+        yield f"[{place}]  # {_EXAMPLES['sources'][place]}"
+        models = _tables(model.model_fields[name])
+        if not models:
+            yield from (f"{key} = {toml_value(item)}" for key, item in value.items())
+            continue
+        kind = value.get("kind", value.get("law"))
+        chosen = [one for one in models if len(models) == 1 or kind in tags_of(one)]
+        yield from _short(chosen[0], value, (*path, name))
 
 
 def _table(

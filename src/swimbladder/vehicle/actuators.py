@@ -16,7 +16,15 @@ from pydantic import Field, SerializeAsAny, StrictBool, WrapValidator
 
 from swimbladder.errors import InputError
 from swimbladder.plugins import Registry
-from swimbladder.vehicle.schema import Parameters, Unit, carried, no_such, refusal, tags_of
+from swimbladder.vehicle.schema import (
+    Parameters,
+    PistonArea,
+    Unit,
+    carried,
+    no_such,
+    refusal,
+    tags_of,
+)
 
 if TYPE_CHECKING:
     from swimbladder.vehicle.vehicle import Water
@@ -134,8 +142,8 @@ class ScrewDrive(Parameters):
     """of gearbox and spindle, eta_e"""
     back_efficiency: Annotated[float, Unit(""), Field(ge=-1.0, le=1.0)] | None = None
     """of the load that drives the motor back; 0 or below: self-locking; default: `efficiency`"""
-    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
-    """A"""
+    piston_area: Annotated[float, PistonArea("m2"), Field(gt=0.0)]
+    """of the piston, A; also "diameter 60 mm\""""
     reflected_inertia: Annotated[float, Unit("kg m2"), Field(ge=0.0)] = 0.0
     """of transmission and moved water, at the motor shaft"""
     viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = 0.0
@@ -229,8 +237,8 @@ class IdentifiedActuator(Parameters):
     """piston speed per volt, eq. (23)"""
     T1: Annotated[float, Unit("s"), Field(gt=0.0)]
     """lambda/k_v, eq. (24)"""
-    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
-    """A"""
+    piston_area: Annotated[float, PistonArea("m2"), Field(gt=0.0)]
+    """of the piston, A; also "diameter 60 mm\""""
     depth_voltage: Annotated[float, Unit("V/m"), Field(ge=0.0)] = 0.0
     """to hold the piston, per metre, k_z/k_u"""
     dead_zone: Annotated[float, Unit("V"), Field(ge=0.0)] = 0.0
@@ -245,8 +253,8 @@ class Positioner(Parameters):
     kind: Literal["positioner"] = "positioner"
     speed: Annotated[float, Unit("m/s"), Field(gt=0.0)]
     """of the piston"""
-    piston_area: Annotated[float, Unit("m2"), Field(gt=0.0)]
-    """A"""
+    piston_area: Annotated[float, PistonArea("m2"), Field(gt=0.0)]
+    """of the piston, A; also "diameter 60 mm\""""
     moving_power: Annotated[float, Unit("W"), Field(ge=0.0)] | None = None
     """of the motor, without the driver"""
     holding_power: Annotated[float, Unit("W"), Field(ge=0.0)] = 0.0

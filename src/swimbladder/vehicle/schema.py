@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 import difflib
 import inspect
+import math
 import re
 import textwrap
 from collections.abc import Iterable
@@ -53,6 +54,16 @@ class Unit:
             remedy = f"Check the unit; sizes from {SMALLEST:g} to {LARGEST:g}, and 0, are taken"
             raise refusal(f"{number:.3g} {self.text}".rstrip() + " is beyond any vehicle", remedy)
         return number
+
+
+class PistonArea(Unit):
+    """The area of a piston in m2, or the diameter that it has: "diameter 60 mm"."""
+
+    def _parse(self, value: object) -> float:
+        word, _, across = value.partition("diameter") if isinstance(value, str) else ("-", "", "")
+        if word.strip() or not across:
+            return super()._parse(value)
+        return super()._parse(math.pi / 4.0 * quantity_in(across, "m") ** 2)
 
 
 class _ParametersMeta(ModelMetaclass):
@@ -229,7 +240,7 @@ def _explain(
         return _SAID[kind]
     if "than" in kind:
         return message.replace("Input should", "must"), "Check the number and its unit"
-    return message, "See `swimbladder vehicle new` for a file with every field explained"
+    return message, "See `swimbladder vehicle new --full` for a file with every field explained"
 
 
 def _how_to_add(path: _Path, annotation: Any, unit: str | None) -> str:
