@@ -13,7 +13,9 @@ from tests.test_public_api import ELSEWHERE, everything
 SOURCE = Path(swimbladder.__file__).parent
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 REFERENCE = re.compile(r"`(\w+)=[^`]*`")
-COMMAND = re.compile(r"`(swimbladder )?(identify|energy|tune|ballast|stability|vehicle (show|new))\b[^`]*`")
+COMMAND = re.compile(
+    r"`(swimbladder )?(identify|energy|tune|ballast|stability|vehicle (show|new))\b[^`]*`"
+)
 OTHERS = {"sim/faults/c_interface.py", "jobs.py"}  # options of other programs
 OTHERS |= {f"show/{name}.py" for name in ("energy", "faults", "text")}  # what is typed next
 TABLE = {"goal": "--goal", "hold": "--hold", "columns": "--column", "supervised": "--no-supervisor"}
