@@ -87,8 +87,8 @@ def test_the_list_of_scenarios(capsys):
         (
             ["feup-em", "--depth", "0:90 m"],
             2,
-            "--depth: the supervisor turns the vehicle round at 49.98 m (got 90.0, expected unit "
-            "m). Ask for less depth, or say more of the vehicle in its [supervisor] table.",
+            "--depth: the supervisor turns the vehicle round at 49.98 m (got '0:90 m', expected "
+            "unit m). Ask for less depth, or say more of the vehicle in its [supervisor] table.",
         ),
         (["feup-em", "--depth", "0:90 m", "--without-supervisor"], 1, "leaves the stroke"),
         (["feup-em", "--depth-noise", "-1 mm"], 2, "greater than or equal to 0"),

@@ -40,3 +40,20 @@ def test_a_piston_by_the_degrees_of_its_encoder(tmp_path):
         log = read_log(path, columns=columns)
         assert log.piston == pytest.approx([90 * k * 0.0833e-3 for k in range(9)])
         assert any("times 8.33e-05" in line for line in log.report)
+
+
+def test_a_usual_log_takes_a_further_column_whose_name_says_quantity_and_unit(tmp_path):
+    """And one depth only; of what cannot be read for certain it says nothing."""
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "time_s,depth_m,volume_cm3,pressure_mbar,speed,Motor (V)\n"
+        "0,1.0,10,1113,0.1,12\n1,1.5,20,1163,0.2,6\n2,2.0,30,1212,0.3,0\n"
+    )
+    log = read_log(path)
+    assert log.volume == pytest.approx([10e-6, 20e-6, 30e-6])
+    assert log.depth == pytest.approx([1.0, 1.5, 2.0])
+    assert log.voltage == pytest.approx([12.0, 6.0, 0.0])
+    assert log.report[:2] == (
+        "columns taken by their names: volume_m3 from 'volume_cm3', voltage_V from 'Motor (V)'",
+        "columns not used: pressure_mbar, speed",
+    )
