@@ -68,3 +68,25 @@ def test_the_search_does_not_need_good_first_values(vehicle, dive):
     b = identify([log_of(dive, 4)], other, choices=False, profiles=False)
     for name, e in a.parameters.items():
         assert b.parameters[name].value == pytest.approx(e.value, abs=0.15 * e.std)
+
+
+@pytest.mark.parametrize("seed", [0, 9])
+def test_a_model_that_holds_another_fits_a_closed_loop_log_no_worse(vehicle, dive, seed):
+    """Each is searched along an unstable vehicle, where only a start next to the best leads to it.
+
+    The truth is linear drag with psi: of the models that hold it none leaves more than the noise.
+    """
+    listed = identify([log_of(dive, seed)], vehicle, profiles=False).choices
+    found = {(c.drag, c.psi): c for c in listed}
+    assert found["linear", "free"].rms == pytest.approx(2e-3, rel=0.1)
+    assert found["blended", "free"].rms == pytest.approx(2e-3, rel=0.1)
+    held = [
+        *(((law, "free"), (law, "zero")) for law in ("linear", "quadratic", "blended")),
+        *(
+            (("blended", psi), (law, psi))
+            for law in ("linear", "quadratic")
+            for psi in ("free", "zero")
+        ),
+    ]
+    for freer, one in held:
+        assert found[freer].log_likelihood > found[one].log_likelihood - 0.1, (freer, one)

@@ -56,7 +56,7 @@ def test_a_start_that_has_no_laminar_drag_ends_where_the_truth_does():
     far = fit(problem, problem.begin({"K2": G * 1e3 / mass, "T2": 1e3, "drag_quadratic": 10.0}))
     k_dl = BLENDED["k_dl"]
     true = problem.begin({"K2": G / k_dl, "T2": mass / k_dl, "drag_quadratic": BLENDED["k_dt"]})
-    near = fit(problem, true)
+    near = fit(problem, [true])
     assert far.objective == pytest.approx(near.objective, abs=0.01)
     assert far.x[:3] == pytest.approx(near.x[:3], abs=1e-3)
 

@@ -129,5 +129,5 @@ def test_a_poor_start_is_left_by_way_of_process_noise():
     problem = problem_of([log], ("K2", "T2"), fixed={"psi": 0.0}, neutral_std=math.inf)
     problem.values |= {"K2": 300.0, "T2": 500.0}
     begun = fit_process_noise(problem, FEUP_EM).values
-    values = problem.named(fit(problem, problem.begin(begun)).x)
+    values = problem.named(fit(problem, [problem.begin(begun)]).x)
     assert values["K2"] == pytest.approx(9806.65 / 3.0, rel=0.02)

@@ -52,7 +52,7 @@ def without_psi(flights: Sequence[Flight], c: Conditions) -> OmittedVariable | N
     linear = _linear(problem, x, effect, c)
     noise = np.random.default_rng(1).normal(scale=c.setting.depth_noise, size=len(effect))
     problem.measured = problem.measured + noise
-    found = fit(problem, x)
+    found = fit(problem, [x])
     values = problem.named(found.x)
     off = np.array([values[name] - question.values[name] for name in problem.names])
     rms = math.sqrt(float(np.average(found.residual**2, weights=found.weight)))

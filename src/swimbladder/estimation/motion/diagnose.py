@@ -43,6 +43,7 @@ from swimbladder.units import format_quantity, shown_unit
 from swimbladder.vehicle import Vehicle
 
 _TRACE = 0.02  # of the drag, that a blended one begins with beside a law that was fitted
+_HARDLY = 1e-4  # of the drag: with less laminar drag K2 and T2 would be at their limits
 _REFUSED = 3.0  # times what another drag law leaves over
 _DECISIVE = 10.0  # difference of the criterion, "very strong" in Kass and Raftery 1995
 
@@ -58,13 +59,31 @@ def choices(problem: Problem, fit: Fit, vehicle: Vehicle) -> tuple[Choice, ...]:
     # one for all logs: then the fit is also what is best by the criterion, and a model that holds
     # another is never less likely than it
     worth = float((each * counts).sum() / counts.sum())
-    found = []
-    for other, psi in models_of(problem, vehicle):
-        x = other.begin(begin_of(other, problem, problem.named(fit.x)))
-        x[other.shared :] = fit.x[problem.shared :]
-        result = fit if other is problem else solve(other, x)
+    found, solved = [], [(problem, fit)]
+    # those that others hold come first: a model with more freedom begins where they ended
+    for other, psi in sorted(models_of(problem, vehicle), key=lambda each: len(each[0].names)):
+        result = fit
+        if other is not problem:
+            held = [one for one in solved if _holds(other, one[0])]
+            starts = [_moved(other, one, held=True) for one in held]
+            result = solve(other, [_moved(other, (problem, fit)), *starts])
+            solved.append((other, result))
         found.append(_choice(other, result, psi, worth, reported=other is problem))
     return with_probabilities(found)
+
+
+def _holds(other: Problem, one: Problem) -> bool:
+    """Whether one model is another with its further parameters at zero."""
+    same = other.model.law in (one.model.law, "blended")
+    return same and len(other.names) > len(one.names)
+
+
+def _moved(other: Problem, solved: tuple[Problem, Fit], *, held: bool = False) -> Array:
+    """Return x of another model at what one was fitted to, in which it may be held."""
+    problem, fit = solved
+    x = other.begin(begin_of(other, problem, problem.named(fit.x), held=held))
+    x[other.shared :] = fit.x[problem.shared :]
+    return x
 
 
 def models_of(problem: Problem, vehicle: Vehicle) -> Iterator[tuple[Problem, Psi]]:
@@ -155,15 +174,21 @@ def _problem(problem: Problem, model: Model, psi: Psi) -> Problem:
     return Problem(problem.experiments, model, names, assumed)
 
 
-def begin_of(other: Problem, problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
-    """Return values for another model where a fit ended, or as near as its drag law can be."""
+def begin_of(
+    other: Problem, problem: Problem, values: Mapping[str, float], *, held: bool = False
+) -> dict[str, float]:
+    """Return values for another model where a fit ended, or as near as its drag law can be.
+
+    held: with hardly any of the drag that the fit had none of.
+    """
     m = problem.model.mass(values)
     speed = _usual_speed(problem)
     own_l, own_t = problem.model.drag(values)
     drag = own_l * speed + own_t * speed**2  # N at that speed
     laminar, turbulent = drag / speed, drag / speed**2
     if other.model.law == "blended":  # which holds the law that was fitted
-        laminar, turbulent = own_l or _TRACE * laminar, own_t or _TRACE * turbulent
+        trace = _HARDLY if held else _TRACE
+        laminar, turbulent = own_l or trace * laminar, own_t or (not held) * _TRACE * turbulent
     begin = {"mass": m, "K2": other.model.specific_weight / laminar, "T2": m / laminar}
     return begin | {"drag_quadratic": turbulent, "psi": values["psi"]}
 

@@ -189,12 +189,12 @@ class Fit:
     data: Array  # [len(x), len(x)], information of the data alone, with autocorrelated residuals
 
 
-def fit(problem: Problem, near: Array | None = None) -> Fit:
-    """Return the fit that is reached from x next to it, or the best from where the data may be.
+def fit(problem: Problem, near: list[Array] | None = None) -> Fit:
+    """Return the best fit that is reached from x next to it, or from where the data may be.
 
     near: x next to the best, where it is known; else the vehicle's own values and a regression's.
     """
-    starts = _starts(problem) if near is None else [near]
+    starts = _starts(problem) if near is None else near
     return finish(problem, _best_of(problem, starts)[1])
 
 
@@ -281,13 +281,18 @@ def _noise(problem: Problem, residual: Array, weight: Array) -> Array:
 
 
 def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
-    """Return (objective, x, noise) at the end of rounds of weights, noise and least squares."""
+    """Return (objective, x, noise) at the end of rounds of weights, noise and least squares.
+
+    Where it began, if that is better: along an unstable vehicle no step may lead further.
+    """
     low, high = problem.bounds()
     x = np.clip(x, low, high)
     coordinates = Coordinates(problem)
     limits = coordinates.bounds()
     residual = problem.residual(x)
     noise = _robust_noise(problem, residual)
+    own = _final_noise(problem, residual, noise)
+    begun = _objective(problem, x, residual, own), x, own
     settled = False
     for n in range(rounds):
         weight = weights(residual / _each(problem, noise))
@@ -314,7 +319,8 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
         if not settled:
             noise = _robust_noise(problem, residual)
     noise = _final_noise(problem, residual, noise)
-    return _objective(problem, x, residual, noise), x, noise
+    ended = _objective(problem, x, residual, noise), x, noise
+    return min(begun, ended, key=lambda one: one[0])
 
 
 def _final_noise(problem: Problem, residual: Array, noise: Array) -> Array:

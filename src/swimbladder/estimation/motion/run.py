@@ -466,9 +466,9 @@ def _without_process_noise(
     near: where it begins, as of `fit`. warmer: as of `_answer`.
     """
     names, model = problem.names, problem.model
-    found = solve(problem, near)
+    found = solve(problem, None if near is None else [near])
     for other in warmer:
-        moved = solve(other, found.x).x - found.x
+        moved = solve(other, [found.x]).x - found.x
         found = replace(found, covariance=found.covariance + np.outer(moved, moved))
     report(0.35 if asked.choices or asked.profiles else 0.95)
     findings: list[Finding] = [*not_identifiable(problem, found)]
