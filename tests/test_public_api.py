@@ -132,7 +132,6 @@ RECORDS = {
 CALLED = {
     "cast": {"cast", "casts", "column", "columns"},
     "logs": {"logs", "log"},
-    "span": {"duration"},
     "ask": {"asked"},
     "step": {"start", "target"},
     "no_maps": {"maps"},

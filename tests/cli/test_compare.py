@@ -193,7 +193,7 @@ def test_a_log_format_from_a_file_and_the_shipped_one_of_the_vehicle(capsys, tmp
     unnamed = tmp_path / "unnamed.csv"
     unnamed.write_text(f"a,b,c,d\n{rows}", encoding="ascii")
     text = refusal(capsys, unnamed, "--vehicle", "feup-em", "--out", tmp_path)
-    assert '--column "time_s=NAME"' in text
+    assert '--column "time_s=NAME@UNIT"' in text
     assert "--log-format" not in text  # no format is known of that vehicle's logs
     raw = tmp_path / "raw.txt"
     raw.write_text("Vehicle settings: a, b\nTime[ms],#Mission\n1,2\n")

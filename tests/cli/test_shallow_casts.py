@@ -66,7 +66,7 @@ def test_what_is_said_of_the_cast_is_not_of_the_log(capsys, files):
     cast = ["--cast", str(odd)]
     assert main(words(files, "compare", *cast)) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert '--cast-column "pressure_dbar=NAME"' in said
+    assert '--cast-column "pressure_dbar=NAME@UNIT"' in said
     mapped = answer(
         capsys, words(files, "compare", *cast, "--cast-column", "pressure_dbar=Druck@kPa")
     )
@@ -78,7 +78,7 @@ def test_what_is_said_of_the_cast_is_not_of_the_log(capsys, files):
     two.write_text("\n".join([*lines, *lines[:0:-1], *lines[1:]]) + "\n")
     capsys.readouterr()
     assert main(words(files, "compare", "--cast", str(two))) == 2
-    assert "Choose one with --cast-profile N" in " ".join(capsys.readouterr().err.split())
+    assert "Choose one with --cast-profile 1, or" in " ".join(capsys.readouterr().err.split())
     again = answer(capsys, words(files, "compare", "--cast", str(two), "--cast-profile", "3"))
     assert again["rms_m"] == pytest.approx(plain["rms_m"], rel=1e-9)
 

@@ -324,7 +324,7 @@ def test_the_command_answers_as_its_page_says(made, host, tmp_path, capsys):
     assert told["equal"] is True
     assert told["sha256_of_c"] == digest(made).hex()
     assert f"115200 baud, C {told['sha256_of_c']}\n" in said
-    names = ("golden-mission.csv", "reset.csv", "report.html")
+    names = ("golden-mission.csv", "reset.csv", "report.html", "board.json")
     assert told["files"] == [str(tmp_path / "out" / name) for name in names]
     assert told["flights"][0]["ticks"] == 101
 

@@ -203,7 +203,7 @@ def test_what_identify_actuator_writes(capsys, tmp_path):
     )
     check(keys, told)
     assert header(out / "steps.csv") == list(columns)
-    written = {"report.html", "steps.csv", "steps.png", "vehicle.toml"}
+    written = {"report.html", "identify-actuator.json", "steps.csv", "steps.png", "vehicle.toml"}
     assert {path.name for path in out.iterdir()} == written
 
 

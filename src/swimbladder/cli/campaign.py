@@ -44,7 +44,7 @@ class Flown(Options):
     """How many floats are flown, for how long."""
 
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
-    span: Given = valued("TIME", "No cycle begins after this time.", name="--duration")
+    duration: Given = valued("TIME", "No cycle begins after this time.")
     seed: int = valued(None, "Seed of all random draws.", 1, min=0)
     supervised: bool = watched()
 
@@ -128,7 +128,7 @@ def campaign(
 
     workers = Workers(**who)
     drawn = stated.of(v)
-    with asked_of(mission, task, span=how.span):
+    with asked_of(mission, task, duration=how.duration):
         job = Floats(
             vehicle=v,
             mission=task,

@@ -15,7 +15,7 @@ from swimbladder.cli.options import Files, Options, grouped, valued
 class Asked(Options):
     """What its noise is drawn from."""
 
-    seed: int = valued(None, "Seed of the sensors' noise in the pool, 0 or more.", 2023)
+    seed: int = valued(None, "Seed of the sensors' noise in the pool.", 2023, min=0)
 
 
 @grouped(out=Path("report/paper"))

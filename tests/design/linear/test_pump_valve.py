@@ -93,7 +93,7 @@ def test_a_power_law_stalls_where_its_delivery_ends():
     assert s.within_limit is False
     found = analyse(slipping, depth=1500.0)
     assert not found.rests
-    assert "leaks back" in found.text()
+    assert "leaks back" in " ".join(found.sentences)
 
 
 def test_the_stall_of_a_datasheet_is_where_its_map_ends():

@@ -429,7 +429,7 @@ def test_cycles_without_an_end_are_refused(job):
         job(floats=4, mission=endless)
     assert job(floats=4, mission=endless, cycles=3).layout.cycles == 3
     # a year of cycles of at least 1500 s
-    assert job(floats=4, cycles=None, span=15e3, mission=TASK).layout.cycles == 2
+    assert job(floats=4, cycles=None, duration=15e3, mission=TASK).layout.cycles == 2
     long = TASK.model_copy(update={"cycles": None, "duration": 15e3})
     assert job(floats=4, mission=long).layout.cycles == 11
 

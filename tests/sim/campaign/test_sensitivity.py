@@ -233,7 +233,8 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert said.startswith(
         "48 of the 60 floats asked for were flown, 16 (a power of 2) rows of 3: 48 did every phase"
-        " of every cycle. Two of each row are drawn independently, and of them 32 of 32 floats did"
+        " of every cycle. Counts, shares and numbers are of the 32 drawn independently, two of each"
+        " row. output comes from first order 95 % total 95 % energy per cycle"
     )
     assert main([*asked, "--floats", "60", "--drag-std", "0"]) == 2
     assert "spread" in capsys.readouterr().err  # the store of another campaign

@@ -207,7 +207,7 @@ def test_what_its_ticks_cost_is_said_before_and_too_many_are_refused(watched, wa
     (said,) = cost_words(task(WHERE, year, UP, cycles=100), laws)
     assert said.startswith("61.6 million samples in 100 cycles, most by the law 'rate' every 1 s")
     assert "about 92 s of computing" in said
-    assert "--without-supervisor" in said
+    assert "`supervised=False`" in said
     with pytest.raises(NoAnswerError, match="more than the 1000 million flown"):
         fly_mission(watched, task(WHERE, year, UP, cycles=2000), water)
 

@@ -124,12 +124,12 @@ class Sensitivity:
 
     @property
     def sentence(self) -> str:
-        """Say how many of the floats asked for were flown, and of which the shares are."""
+        """Say how many of the floats asked for were flown, and of which the shares are given."""
         d, count = self.design, int(np.sum(self.good))
         return (
             f"{d.floats} of the {self.asked} floats asked for were flown, {d.rows} (a power of 2) "
-            f"rows of {d.width}: {count} did every phase of every cycle. Two of each row are drawn "
-            "independently, and of them"
+            f"rows of {d.width}: {count} did every phase of every cycle. Counts, shares and "
+            f"numbers are of the {2 * d.rows} drawn independently, two of each row."
         )
 
     @property

@@ -61,7 +61,7 @@ class Fact(IntEnum):
 class Floats:
     """Floats of a vehicle on a mission, each a little different, in chunks that any process flies.
 
-    columns: the waters that floats are drawn into. cycles, span [s]: in the place of the mission's.
+    columns: the waters that floats are drawn into. cycles, duration [s]: in place of the mission's.
     sensitivity: whether the floats are those of a design for Sobol indices, as many as fit into
     `floats`. store: the zarr folder of the results. supervised: as of `fly_mission`. Raises
     InputError for numbers out of range, for cycles without an end, and for a mission that the
@@ -76,7 +76,7 @@ class Floats:
     seed: int = 1
     spread: Spread = field(default_factory=Spread)
     cycles: int | None = None
-    span: float | None = None
+    duration: float | None = None
     sensitivity: bool = False
     supervised: bool | None = None
 
@@ -119,8 +119,8 @@ class Floats:
 
     @property
     def task(self) -> Mission:
-        """The mission with the cycles and the span that are asked for."""
-        return self.mission.limited(cycles=self.cycles, duration=self.span)
+        """The mission with the cycles and the duration that are asked for."""
+        return self.mission.limited(cycles=self.cycles, duration=self.duration)
 
     @cached_property
     def design(self) -> Design | None:
@@ -160,7 +160,7 @@ class Floats:
                 "seed": identity(self.seed),
                 "spread": identity(self.spread),
                 "number of floats": identity(self.floats),
-                "cycles and duration": identity(self.cycles, self.span),
+                "cycles and duration": identity(self.cycles, self.duration),
                 "kind of draws": identity(self.sensitivity),
                 "supervisor": identity(self.plans[0].supervised),
                 "version": software(),
