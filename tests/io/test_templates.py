@@ -6,7 +6,7 @@ import tomllib
 import pytest
 
 from swimbladder.io.config import load_vehicle
-from swimbladder.io.templates import KINDS, vehicle_template
+from swimbladder.io.templates import KINDS, vehicle_start, vehicle_template
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import neutral_volume, weight_mass
 from swimbladder.physics.seawater import uniform_column
@@ -101,3 +101,13 @@ def test_a_template_has_every_field_of_the_schema_with_its_meaning(kind):
     for line, before in zip(text.splitlines()[1:], text.splitlines(), strict=False):
         if re.match(r"#?[a-z]\w* = ", line, flags=re.IGNORECASE) and "k_" not in line:
             assert before.startswith("# "), f"{line} is not explained"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_comment_of_a_new_vehicle_says_more_than_its_field(kind):
+    """Behind a value stands what it means, in words of its own."""
+    lines = [line for line in vehicle_start(kind).splitlines() if " = " in line and "  # " in line]
+    assert len(lines) > 8
+    for line in lines:
+        field, said = line.split(" = ")[0], line.split("  # ")[1]
+        assert said not in ("", field), line

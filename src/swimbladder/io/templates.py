@@ -102,8 +102,8 @@ def _short(model: type[BaseModel], given: Table, path: tuple[str, ...]) -> Itera
     own = [name for name in model.model_fields if name in given]
     tables = {name: given[name] for name in own if isinstance(given[name], dict)}
     for name in (name for name in own if name not in tables):
-        said = re.split(r"[;(]|, eq| \[", _meaning(model, name, model.model_fields[name]))[0]
-        words = "" if name in ("kind", "law") else f"  # {said}"
+        said = re.split(r"[;(]|, eq| \[", meanings(model).get(name, ""))[0].strip()
+        words = f"  # {said}" if said and name not in ("kind", "law") else ""
         yield f"{name} = {toml_value(given[name])}{words}"
     for name, value in tables.items():
         place = dotted((*path, name))
