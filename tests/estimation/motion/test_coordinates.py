@@ -53,7 +53,7 @@ def test_a_start_that_has_no_laminar_drag_ends_where_the_truth_does():
     """From T2 = 1000 s, in logarithms, the search was still on its way after 130 evaluations."""
     problem = _problem(("K2", "T2", "drag_quadratic"), "blended")
     mass = BLENDED["m"]
-    far = fit(problem, problem.begin({"K2": G * 1e3 / mass, "T2": 1e3, "drag_quadratic": 10.0}))
+    far = fit(problem, [problem.begin({"K2": G * 1e3 / mass, "T2": 1e3, "drag_quadratic": 10.0})])
     k_dl = BLENDED["k_dl"]
     true = problem.begin({"K2": G / k_dl, "T2": mass / k_dl, "drag_quadratic": BLENDED["k_dt"]})
     near = fit(problem, [true])
