@@ -1,11 +1,9 @@
 """The twin of a law: the tree of `tree` run in Python with numpy's float32, one rounding per step.
 
 It stands for the compiled C, to the last bit, where C is compiled with IEEE 754 arithmetic and
-without contraction; a NaN stands for any NaN.
-
-The twins of ``swb_controller`` and ``swb_vehicle``: a law called by a counter of ticks, watched.
-
-The C is ``templates/swb_controller.c.j2`` and ``swb_vehicle.c.j2``. A controller limits the law's
+without contraction; a NaN stands for any NaN. `ControllerTwin` and `VehicleTwin` stand for
+``swb_controller`` and ``swb_vehicle`` (``templates/swb_controller.c.j2``, ``swb_vehicle.c.j2``): a
+law called by a counter of ticks, under its supervisor. A controller limits the law's
 command and holds the last one while none is to be had; a vehicle's supervisor overrides it.
 """
 

@@ -19,9 +19,8 @@ frequencies and dampings, which mean the same for every vehicle, and how paramet
 that. What several laws share stands here; what takes matrices, in `motion`, which is loaded when
 gains are made.
 
-Named tuples within named tuples, as parameters and states of laws may be, seen as flat numbers.
-
-A number that is not a record itself is a leaf. Files, commands and reports name the leaves of a
+Parameters and states may be named tuples within named tuples. A number that is not a record itself
+is a leaf. Files, commands and reports name the leaves of a
 law's parameters, wherever they stand; the names of the records between are for its source.
 """
 

@@ -1,13 +1,10 @@
-"""What a vehicle's drive costs over depth, and what a thruster would: the whole answer.
+"""`energy`: joules per volume over depth, where they go, and what a thruster would take instead.
 
-Joules per volume over depth, and where they go on the way from the battery to the water.
+A buoyancy engine and a thruster are compared in two tasks: hovering with a weight error, and
+profiling. The question is that of J. Falcao Carneiro et al., IEEE J. Oceanic Eng. (2020); its text
+was not at hand, so that what follows is ours, from momentum theory and the vehicle's own numbers.
 
-The same task by a buoyancy engine and by a thruster: hovering with a weight error, profiling.
-
-The question is that of J. Falcao Carneiro et al., IEEE J. Oceanic Eng. (2020); its text was not at
-hand, so that what follows is ours, from momentum theory and the vehicle's own numbers.
-
-Hovering: the vehicle weighs so much too much. The engine presses that volume out once, and then
+Hovering: the vehicle weighs so much too much. The engine pumps that volume out once, and then
 holds it; the thruster pushes all the time. After the break-even time the engine has taken less.
 
 Profiling: down to a depth and back at a constant speed. The engine makes the vehicle heavier than
@@ -29,8 +26,6 @@ propeller has 76 mm. Its maker's bollard pull against electrical power (t200_thr
 github.com/bluerobotics/bluerobotics.github.io, 12 V ahead) has eta from 0.35 to 0.44 between 2 and
 36 N. Below 1 N eta falls, to 0.14 at 0.4 N, the least it pushes with: some 0.2 W go into
 turning at all, which `idle_power` of 0 leaves out.
-
-The answers of `energy` in words.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """`compare_laws`: contenders found, flown on every scenario, and kept as they come.
 
-The least time of each step is found in a process of its own: some programs take very long.
-
-One law on one scenario: many runs, each with noise of its own, and what came of them.
+A law flies a scenario in many runs, each with noise of its own. The least time of each step is
+found in a process of its own: some programs take very long.
 """
 
 from __future__ import annotations

@@ -1,16 +1,15 @@
-"""The paper's transfer functions as formulas: eqs (9), (19), (20), (30) and (32)-(35).
+"""The paper's transfer functions, eqs (9), (19), (20), (30) and (32)-(35), and Routh's table.
 
-Each function returns numerator and denominator in descending powers of s, in the paper's own
-normalisation, from the symbols the paper uses. They are plain arithmetic: SymPy symbols pass
+Each transfer function returns numerator and denominator in descending powers of s, in the paper's
+own normalisation, from the symbols the paper uses. They are plain arithmetic: SymPy symbols pass
 through them too.
 
-Routh's table: how many roots of a polynomial grow, without finding them.
-
-The arithmetic is exact (every float is a ratio of whole numbers), so "zero" means zero. A zero at
-the head of a row is replaced by a positive epsilon, a row of zeros by the derivative of the row
-above (the auxiliary polynomial). The two methods disturb each other when both are needed: the part
-of the polynomial that is symmetric about the origin is therefore split off first, and the epsilon
-only ever stands where no root lies on the imaginary axis.
+Routh's table says how many roots of a polynomial grow, without finding them. Its arithmetic is
+exact (every float is a ratio of whole numbers), so "zero" means zero. A zero at the head of a row
+is replaced by a positive epsilon, a row of zeros by the derivative of the row above (the auxiliary
+polynomial). The two methods disturb each other when both are needed: the part of the polynomial
+that is symmetric about the origin is therefore split off first, and the epsilon only ever stands
+where no root lies on the imaginary axis.
 """
 
 import math

@@ -1,11 +1,8 @@
 """A day at the pool: samples in; what happens, what is known and what to do next out.
 
 A day goes by what is sought and how well (`asked_of`), and by when an experiment is over
-(`rules_of`); what went wrong is said in sentences.
-
-Which experiments are due: those of a plan, or the paper's, cut to the vehicle's stroke.
-
-What a day at the pool leaves in a folder: a log for each experiment, and pool.json.
+(`rules_of`); what went wrong is said in sentences. Its experiments are those of a plan, or the
+paper's, cut to the vehicle's stroke. It leaves a log for each experiment, and pool.json.
 """
 
 from __future__ import annotations

@@ -1,13 +1,10 @@
-"""A rehearsal: experiments on a simulated vehicle, one after the other.
+"""The two ways through a day at the pool: a log that grows, and a rehearsal in simulation.
 
-The operator works as section 3.1 of the paper: the vehicle's own loop brings it to rest, judged
+Both yield what happens; `GrowingLog` says what is new since it was last read. In a rehearsal the
+operator works as section 3.1 of the paper: the vehicle's own loop brings it to rest, judged
 over a minute as `control.protocol` does; then the loop is open and the piston moves to where it is
 wanted. The operator goes by what is believed of the vehicle; the one in the water may be another.
 With the loop open the piston is moved by a timed voltage, a servo, or directly.
-
-The two ways through a day: a log that grows, and a rehearsal; both yield what happens.
-
-`GrowingLog` says what is new in a log that grows since it was last read.
 """
 
 from __future__ import annotations

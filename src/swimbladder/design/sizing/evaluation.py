@@ -1,8 +1,7 @@
-"""How every candidate does: what it can against what is asked, and what it weighs and takes.
+"""What a dive asks of a buoyancy engine, and how every candidate does against that.
 
-A battery is followed over all cycles: what is drawn, lost in years, kept back by the cold.
-
-What is asked of a buoyancy engine: volume, rate, pressure, energy, from the dive it is for.
+Asked are volume, rate, pressure and energy. A candidate has a mass and takes energy; its battery is
+followed over all cycles: what is drawn, lost in years, kept back by the cold.
 """
 
 import dataclasses

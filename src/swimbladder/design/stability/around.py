@@ -1,4 +1,5 @@
-"""Small motions: eigenvalues and margins over the region of parameters, and a search for the worst.
+"""What holds over the region of parameters: eigenvalues and margins of small motions, and laws with
+wrong gains and late commands.
 
 The region is looked at in its middle, at the ends of its axes (or corners) and at drawn points;
 from the worst of these, for each measure, Nelder and Mead's simplex goes on over the whole region.
@@ -12,9 +13,8 @@ Of laws of volume changes, which are called when they ask to be, it is the large
 map from one decision to the next (`linear.pump_valve`); at rest the hull decides
 (`tuning.margins`).
 
-What laws stand that are not linear: wrong gains and late commands over draws from the region.
-
-Such a law is wrapped. A wrapped law calls the law it wraps and multiplies its command by `gain`,
+A law that is not linear is tried with wrong gains and late commands, over draws from the region. It
+is wrapped for that. A wrapped law calls the law it wraps and multiplies its command by `gain`,
 before the supply's limit, and rounds it to `quantum`. Where `late` is 1 it runs at half of the
 law's sample time: the law is called at every other tick, and its command is given a half tick
 later, the one before being held until then. Each law becomes one wrapped law, whose class of

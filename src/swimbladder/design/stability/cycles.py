@@ -1,9 +1,10 @@
-"""Limit cycles by harmonic balance: one nonlinearity in a sampled loop, F = 1 + N(A) L(w) = 0.
+"""Limit cycles: by harmonic balance, in the simulator, and of laws that change volume in steps.
 
-L is the exact frequency response of the sampled loop, opened at the nonlinearity. F turns once
-around a zero, so the zeros are found by how F turns around the cells of a grid; they are then
-polished. Loeb's criterion says which cycle is stable (Gelb and Vander Velde 1968, section 3.4):
-more amplitude must make it decay, Im(conj(F_A) F_w) > 0, which is the sense in which F turns.
+Harmonic balance takes one nonlinearity in a sampled loop, F = 1 + N(A) L(w) = 0. L is the exact
+frequency response of the sampled loop, opened at the nonlinearity. F turns once around a zero, so
+the zeros are found by how F turns around the cells of a grid; they are then polished. Loeb's
+criterion says which cycle is stable (Gelb and Vander Velde 1968, section 3.4): more amplitude must
+make it decay, Im(conj(F_A) F_w) > 0, which is the sense in which F turns.
 
 What the balance neglects is the third harmonic that comes back to the nonlinearity. Taken as an
 error of F of that size and of any phase, it moves the zero by
@@ -30,9 +31,8 @@ switch. V waits until the gap is D, then closes all but r of it: it goes between
 (D - r)/2, and turns where U is h = (D + r)/2. That loop is broken at the volume, with the mean lag
 of the inner loop, 1/(K1 A k_pV), as a delay.
 
-Limit cycles in the simulator: what remains long after a disturbance, without noise.
-
-An unstable cycle is the edge of what decays: it is found by halving the disturbance between one
+In the simulator a limit cycle is what remains long after a disturbance, without noise. An unstable
+cycle is the edge of what decays: it is found by halving the disturbance between one
 that decays and one that grows, and looked at while the two runs still are alike.
 
 Those of a law that changes the volume in steps, at moments of its own, are predicted here too. Each

@@ -1,8 +1,7 @@
 """Floats with pump and valve as lanes of the loop: what the stepper takes, and what it gives.
 
-`run_float` is the run of `simulate` of one of them, with its events and balances.
-
-What a board knows of its pump and valves: rates over depth as polynomials, volumes, times.
+`run_float` is the run of `simulate` of one of them, with its events and balances; `board_law` makes
+the law of a board that knows its pump and valves as polynomials over depth, volumes and times.
 """
 
 import math

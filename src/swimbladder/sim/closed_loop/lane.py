@@ -1,14 +1,12 @@
-"""One lane of a block at a sample: judged, decided, moved; what `lanes` calls for every lane.
+"""One lane of a block at a sample: its layout, what `lanes` calls for it, and its hooks.
 
-The layout of a block of vehicles: one array, row by row, lane by lane.
-
-What may stand between plant, sensors, law and driver of the loop, chosen by its type.
-
-An empty tuple stands for nothing, and compiles away. Anything else is a named tuple of a class for
-which `hook_in` names compiled functions; it stands in a block of one lane. Faults are such hooks,
-and so are the phases of a mission: these say as well how far a lane with pump and valve goes before
-anybody has to decide, so that its ticks are as far apart as what is due. A supervisor is chosen the
-same way, by `lane.Like.watch`, and stands over the law of every lane.
+A block of vehicles is one array, row by row, lane by lane. A hook stands between plant, sensors,
+law and driver of the loop, and is chosen by its type. An empty tuple stands for nothing, and
+compiles away. Anything else is a named tuple of a class for which `hook_in` names compiled
+functions; it stands in a block of one lane. Faults are such hooks, and so are the phases of a
+mission: these say as well how far a lane with pump and valve goes before anybody has to decide, so
+that its ticks are as far apart as what is due. A supervisor is chosen the same way, by
+`lane.Like.watch`, and stands over the law of every lane.
 
 A leak, a drifting trim and the swell make a vehicle heavier than its neutral volume says (`lose`).
 That acts as a volume d that is lost: the engine's V and its end stops are those of the vehicle less

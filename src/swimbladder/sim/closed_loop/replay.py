@@ -220,7 +220,7 @@ class Course:
     """
 
     def __init__(self, time: Array, inputs: Array, *, ramps: bool) -> None:
-        # An even clock's spans differ by rounding; told apart, each would need exponentials.
+        # An even clock's spans differ by rounding; unrounded, each would need exponentials.
         self.spans = np.round(np.diff(time), 9)
         self.different, self.place = np.unique(self.spans, return_inverse=True)
         self.time = np.concatenate([[0.0], np.cumsum(self.spans)])

@@ -1,10 +1,7 @@
-"""A campaign: all missions of a seed in chunks, on all cores, kept on disk until it is done.
+"""Fault missions: all of a seed in chunks, kept on disk until they are done, or one of them again.
 
-Each is flown three ways: supervised, not, with ideal detection.
-
-One mission of a campaign again, with everything that happened in it.
-
-As CSV it has a row per tick; the missions of a campaign have a row each.
+Each is flown three ways: supervised, unsupervised, with ideal detection. As CSV a campaign has a
+row per mission, one mission a row per tick.
 """
 
 import math

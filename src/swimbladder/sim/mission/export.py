@@ -1,8 +1,7 @@
-"""A mission for others: Lagrangian tools, and Argo's names of a float's configuration.
+"""A mission for other software: OG 1.0 netCDF, Lagrangian tools, Argo's names of a configuration.
 
-A mission as OG 1.0 netCDF, the format of the glider community.
-
-The variables and attributes that OG 1.0.0 calls mandatory are all there (OG_Format-v1.0.0.adoc of
+OG 1.0 is the format of the glider community. The variables and attributes that OG 1.0.0 calls
+mandatory are all there (OG_Format-v1.0.0.adoc of
 github.com/OceanGlidersCommunity/OG-format-user-manual), and the highly desirable ones that a
 simulation can fill. What it has none of stands there empty: GPS fixes as fill values, quality flags
 as "No QC has been applied", people, institutions and sensors as "not stated" or "none".

@@ -1,21 +1,16 @@
 """From a vehicle, a mission and the water to the arrays that the kernel flies.
 
-The water of a mission: what a vehicle is in it, and its swell as a free vehicle meets it.
-
-A free vehicle goes up and down with the water, and so does the surface.
-
-Depths of a mission are those of pressure, which under waves over deep water stays the same along
-the path of a parcel of water (linear theory: the pressure of the wave and that of the way up and
-down cancel; Kundu, Cohen, Dowling, *Fluid Mechanics*, 5th ed., section 7.4). A vehicle as heavy as
-the water goes its way; so its depth below the surface, where the surface stands at 0, does not see
-the swell but for the second order in its steepness. What a pressure sensor at the top of the hull
-does see is how far the water there goes beyond the mean of the water along the hull, of height H:
+Among them how deep the water lets the vehicle come up again at full buoyancy, by a flight of the
+mission's own kernel, and the swell as a free vehicle meets it: vehicle and surface go up and down
+with the water. Depths of a mission are those of pressure, which under waves over deep water stays
+the same along the path of a parcel of water (linear theory: the pressure of the wave and that of
+the way up and down cancel; Kundu, Cohen, Dowling, *Fluid Mechanics*, 5th ed., section 7.4). A
+vehicle as heavy as the water goes its way; so its depth below the surface, where the surface stands
+at 0, does not see the swell but for the second order in its steepness. What a pressure sensor at
+the top of the hull does see is how far the water there goes beyond the mean of the water along the
+hull, of height H:
 
     a e^(-k z) (1 - (1 - e^(-k H))/(k H)) sin(2 pi t/period + phase),   k = (2 pi/period)^2/g
-
-A vehicle that presses out all it has, flown by the mission's own kernel from where it is.
-
-From how deep it still comes up, and how long a start of its pump takes there.
 """
 
 from __future__ import annotations

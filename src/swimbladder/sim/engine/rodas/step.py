@@ -2,11 +2,9 @@
 
 What happens is a guard that rises above 0. Where one is above 0 at the end or in the middle of a
 step, the earliest is found on the step's cubic, the step is taken again to there, and its length
-corrected by Newton's rule until the state stands on the edge.
-
-What a step is entered with: volume, work, electrical energy, what is left in the battery.
-
-A vehicle at rest or on the bottom: time that passes without steps.
+corrected by Newton's rule until the state stands on the edge. Booked are volume, work, electrical
+energy and what is left in the battery. A vehicle at rest or on the bottom takes no steps: its time
+passes at once.
 """
 
 import math

@@ -1,13 +1,10 @@
-"""Phases and cycles: how they begin, arrive, hold their depth and end.
+"""Phases and cycles: their records, how they begin, arrive, hold their depth and end.
 
-The records of a mission: its phases, its cycles and the rows of its trajectory.
-
-What a vehicle does by itself on the bottom and under ice: its phase goes on elsewhere, or ends.
-
-It takes itself to be grounded where the depth does not change for a time after it let in a volume,
-or all that it can. There may be ice where the water in a layer below the surface is as cold on the
-way up, by the median of its temperatures: the ice-sensing algorithm of Klatt, Boebel and Fahrbach
-(2007), J. Atmos. Oceanic Technol. 24.
+On the bottom and under ice a phase goes on elsewhere, or ends. A vehicle takes itself to be
+grounded where the depth does not change for a time after it let in a volume, or all that it can.
+There may be ice where the water in a layer below the surface is as cold on the way up, by the
+median of its temperatures: the ice-sensing algorithm of Klatt, Boebel and Fahrbach (2007), J.
+Atmos. Oceanic Technol. 24.
 """
 
 import math
