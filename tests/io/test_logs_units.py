@@ -43,7 +43,7 @@ def test_a_piston_by_the_degrees_of_its_encoder(tmp_path):
 
 
 def test_a_usual_log_takes_a_further_column_whose_name_says_quantity_and_unit(tmp_path):
-    """And one depth only; of what cannot be read for certain it says nothing."""
+    """And one depth only; of what cannot be read for certain it says which option reads it."""
     path = tmp_path / "log.csv"
     path.write_text(
         "time_s,depth_m,volume_cm3,pressure_mbar,speed,Motor (V)\n"
@@ -53,7 +53,8 @@ def test_a_usual_log_takes_a_further_column_whose_name_says_quantity_and_unit(tm
     assert log.volume == pytest.approx([10e-6, 20e-6, 30e-6])
     assert log.depth == pytest.approx([1.0, 1.5, 2.0])
     assert log.voltage == pytest.approx([12.0, 6.0, 0.0])
-    assert log.report[:2] == (
+    assert log.report[:3] == (
         "columns taken by their names: volume_m3 from 'volume_cm3', voltage_V from 'Motor (V)'",
+        'not read: speed_m_s (no unit): `columns={"speed_m_s": "speed@m/s"}` reads it',
         "columns not used: pressure_mbar, speed",
     )

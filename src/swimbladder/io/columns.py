@@ -121,12 +121,9 @@ def _meant(header: Sequence[str], but: Mapping[str, LogColumn]) -> dict[str, lis
 
 
 def meant_columns(
-    file: LogFile, header: Sequence[str], read: Mapping[str, LogColumn], *, whole: bool
+    file: LogFile, header: Sequence[str], read: Mapping[str, LogColumn]
 ) -> dict[str, LogColumn]:
-    """Return the columns that can only be meant, and report which, and which cannot be read so.
-
-    whole: the log has what it needs without them, and what cannot be read is not worth a word.
-    """
+    """Return the columns that can only be meant, and report which, and which cannot be read so."""
     found, why = {}, []
     meant = _meant(header, read)
     if "depth_m" in meant and "pressure_Pa" in meant:
@@ -135,7 +132,7 @@ def meant_columns(
         one = several[0]
         if len(several) == 1 and one.sure:
             found[name] = LogColumn(name=one.column, unit=one.unit or TEXT)
-        elif not whole:
+        else:
             how = " or ".join(each.option for each in several)
             lacks = "several fit" if len(several) > 1 else one.unit or "no unit"
             why.append(f"{NOT_READ}{name} ({lacks}): {how} reads it")

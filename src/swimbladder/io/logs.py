@@ -263,10 +263,9 @@ def _sources(
     source = _depth_source(set(sources), set(mapped), file)
     for other in {"depth_m", "pressure_Pa"} - {source} if source else ():
         sources.pop(other, None)
-    at_hand = {*sources, "depth_m"} if source else {*sources}
     if not file.form.columns.mapped():
         read = dict.fromkeys(("depth_m", "pressure_Pa"), sources[source]) if source else {}
-        sources |= meant_columns(file, header, sources | read, whole=at_hand.issuperset(needed))
+        sources |= meant_columns(file, header, sources | read)
         source = _depth_source(set(sources), set(mapped), file)
     for name in needed:
         if name not in sources and not (name == "depth_m" and source):
