@@ -200,3 +200,16 @@ def test_an_axis_of_counts_has_no_ticks_between_them():
 def test_an_empty_figure_is_no_error():
     data, _ = traces(Figure())
     assert data == []
+
+
+def test_ticks_with_names_keep_them():
+    figure = Figure()
+    axes = figure.subplots()
+    axes.barh([0, 1], [3.0, 4.0])
+    axes.set_yticks([0, 1], ["drag", "psi"])
+    axes.set_xticks([0.0, 2.5])
+    layout = as_plotly(figure)["layout"]
+    assert layout["yaxis"]["tickmode"] == layout["xaxis"]["tickmode"] == "array"
+    assert layout["yaxis"]["tickvals"] == [0.0, 1.0]
+    assert layout["yaxis"]["ticktext"] == ["drag", "psi"]
+    assert layout["xaxis"]["ticktext"] == ["0.0", "2.5"]

@@ -16,7 +16,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.text import Text
-from matplotlib.ticker import FixedFormatter
+from matplotlib.ticker import FixedLocator
 from matplotlib.transforms import Transform
 from numpy.typing import NDArray
 
@@ -146,9 +146,9 @@ class _Panel:
                 made["dtick"] = "D1" if abs(made["range"][1] - made["range"][0]) < 0.8 else "D2"
         elif getattr(axis.get_major_locator(), "_integer", False):  # counts: no halves
             made |= {"tick0": 0, "dtick": max(1, round(float(np.diff(ticks[:2]).sum())))}
-        if isinstance(axis.get_major_formatter(), FixedFormatter):
-            texts = [label.get_text() for label in axis.get_ticklabels()]
+        if isinstance(axis.get_major_locator(), FixedLocator) and len(ticks):
             made |= {"tickmode": "array", "tickvals": [float(x) for x in ticks]}
+            texts = axis.get_major_formatter().format_ticks(ticks)
             made["ticktext"] = [_html(text) for text in texts]
         return made
 
