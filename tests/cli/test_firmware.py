@@ -25,6 +25,7 @@ def test_it_writes_a_library_and_says_what_to_do(capsys, tmp_path):
         assert said in printed
     written = {str(p.relative_to(tmp_path / "library")) for p in tmp_path.rglob("*") if p.is_file()}
     assert {"library.properties", "README.md", "src/swb_cascade.c", "extras/golden.csv"} <= written
+    assert {"report.html", "firmware.json", "extras/golden.png"} <= written
     wrote = printed.splitlines()[-1].removeprefix(f"wrote to {tmp_path / 'library'}: ")
     assert written == set(wrote.split(", "))
 

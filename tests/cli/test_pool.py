@@ -12,6 +12,7 @@ from swimbladder.estimation.motion import identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import read_log
 from tests.few_lines import few
+from tests.pages import figures_of
 
 ROUGH = ("--target-std", "4 %")  # of K2 and T2, which four to six experiments reach
 
@@ -36,6 +37,12 @@ def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(
     again = identify(logs, load_vehicle("feup-em")).to_dict()
     assert again["parameters"] == told["parameters"]
     assert len(logs) == len(told["experiments"])
+    page = (folder / "report.html").read_text("utf-8")
+    assert [*figures_of(page)] == ["fits-1", "plan", "precision"]
+    now = {one["name"]: one for one in figures_of(page)["precision"]["data"]}["K2, now"]
+    known = told["parameters"]["K2"]
+    assert now["x"] == [len(logs)]
+    assert now["y"] == pytest.approx([100.0 * known["std"] / known["value"]], rel=1e-4)
     follows = ["pool", "feup-em", "--follow", str(folder / "pool.csv"), "--no-wait", "--json"]
     code = main([*follows, *ROUGH, "--out", str(tmp_path)])
     followed = json.loads(capsys.readouterr().out)

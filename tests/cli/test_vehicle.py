@@ -58,6 +58,18 @@ def test_show_gives_numbers_units_and_what_follows(capsys):
     assert derived["neutral_depth_limit_m"] == pytest.approx(350e-6 / 4.04e-6, rel=1e-12)
 
 
+def test_show_writes_a_page_where_it_is_asked_for(capsys, tmp_path):
+    shown = answer(capsys, "vehicle", "show", "feup-em", "--out", str(tmp_path))
+    paths = [tmp_path / name for name in ("report.html", "vehicle.json", "reach.png")]
+    assert shown.pop("files") == [str(path) for path in paths]
+    assert all(path.is_file() for path in paths)
+    assert json.loads(paths[1].read_text("utf-8")) == shown
+    assert main(["vehicle", "show", "feup-em", "--full", "--out", str(tmp_path)]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == preset_text("feup-em")
+    assert "report.html" in captured.err
+
+
 def test_show_of_every_preset_and_of_a_file(capsys, tmp_path):
     for name in preset_names():
         assert answer(capsys, "vehicle", "show", name)["name"] == name

@@ -27,6 +27,7 @@ from tests.codegen import chip, hardware
 from tests.codegen.test_library import library
 from tests.docs.test_reference import rows as documented
 from tests.few_lines import few
+from tests.pages import figures_of
 from tests.vehicles import FLOATS, limited
 
 TICK = 0.3  # s, of feup-em
@@ -324,8 +325,12 @@ def test_the_command_answers_as_its_page_says(made, host, tmp_path, capsys):
     assert told["equal"] is True
     assert told["sha256_of_c"] == digest(made).hex()
     assert f"115200 baud, C {told['sha256_of_c']}\n" in said
-    names = ("golden-mission.csv", "reset.csv", "report.html", "board.json")
-    assert told["files"] == [str(tmp_path / "out" / name) for name in names]
+    names = "report.html board.json golden-mission.png reset.png golden-mission.csv reset.csv"
+    assert told["files"] == [str(tmp_path / "out" / name) for name in names.split()]
+    figures = figures_of((tmp_path / "out/report.html").read_text("utf-8"))
+    (depth,) = (one for one in figures["golden-mission"]["data"] if one["name"] == "measured")
+    assert depth["y"] == pytest.approx(made.golden.depth.tolist(), rel=1e-5)
+    assert figures["reset"]["layout"]["yaxis3"]["ticktext"][-1] == "restarted"
     assert told["flights"][0]["ticks"] == 101
 
 

@@ -255,6 +255,10 @@ def test_what_pool_writes(capsys, tmp_path):
         "experiment-001.csv",
         "pool.csv",
         "pool.json",
+        "report.html",
+        "fits-1.png",
+        "plan.png",
+        "precision.png",
     }
     assert header(tmp_path / "experiment-001.csv") == list(columns)
     (one,) = told["experiments"]

@@ -10,10 +10,14 @@ import pytest
 from matplotlib.figure import Figure
 
 import swimbladder as sb
+from swimbladder.design.pool_day import paper_tasks
+from swimbladder.design.pool_day.day import asked_of, rules_of
+from swimbladder.design.pool_day.verdict import Asked
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import Answer, json_text
+from swimbladder.physics.dynamics import drag_force
 from swimbladder.show import answers
-from swimbladder.show.html import _made_by
+from swimbladder.show.html import TEXTS, _made_by
 from swimbladder.show.parts import Shown
 from swimbladder.show.tables import dataset, split
 from tests.cf import cf_problems
@@ -60,12 +64,14 @@ def subclasses():
 
 def test_every_answer_is_shown_in_one_place():
     found = {one.__name__: one for one in subclasses()}
-    assert set(found) == set(answers.ROOMS)
+    assert {*found, "Vehicle"} == set(answers.ROOMS)
     for name, room in answers.ROOMS.items():
         module = importlib.import_module(f"swimbladder.show.{room}")
         shown = getattr(module, f"{name}Shown")
         assert shown.name
         assert shown.parts is not Shown.parts
+        if name == "Vehicle":  # below all answers, and a file of its own
+            continue
         own = {*dir(found[name]), *found[name].__dataclass_fields__}
         assert shown.table is not Shown.table or "columns" in own or name == "BoardAnswer"
 
@@ -90,14 +96,13 @@ def test_an_answer_is_short_plain_and_drawn(name, tmp_path):
     assert len(page) < 3_000_000
     assert not re.search(r"(?:src|href)=|https?://", re.sub("<li><a.*", "", without_scripts(page)))
     paths = answer.save(tmp_path / "saved")
-    assert name == "Library" or tmp_path / "saved/report.html" in paths
-    assert paths
+    assert paths[0] == tmp_path / "saved/report.html"
     for path in paths:
         assert path.is_file()
         assert path.is_relative_to(tmp_path / "saved")
     numbers = [path for path in paths if path.suffix == ".json" and path.parent.name == "saved"]
     said = [json.loads(path.read_text()) for path in numbers]
-    assert name == "Library" or json.loads(json_text(answer.to_dict())) in said
+    assert json.loads(json_text(answer.to_dict())) in said
 
 
 def _check_tables(answer):
@@ -156,6 +161,78 @@ def test_a_page_says_where_the_answer_is_no(tmp_path):
     assert ["The answer is no." in page for page in pages] == [True, False]
     assert all("<title>feup-em: simulation</title>" in page for page in pages)
     assert all("Depth, volume and drive." in page for page in pages)
+
+
+def test_a_vehicle_has_a_page_and_a_picture(tmp_path):
+    for name in sb.preset_names():
+        v = sb.load_vehicle(name)
+        assert v._repr_html_().startswith("<div><b>Vehicle</b><ul><li>")
+        page = v.report(tmp_path / f"{name}.html").read_text("utf-8")
+        traces = figures_of(page)["reach"]["data"]
+        (neutral,) = (one for one in traces if one["name"] == "neutral")
+        at = dict(zip(neutral["y"], neutral["x"], strict=True))
+        depth = max(at)
+        assert at[depth] == pytest.approx(1e6 * v.neutral_volume(depth), rel=1e-4)
+        (speed,) = (one for one in traces if one["name"] in ("terminal speed", "sinking"))
+        volume, fast = 1e-6 * speed["x"][-1], 0.01 * speed["y"][-1]
+        # at its terminal speed the drag is the weight of that volume of water
+        assert drag_force(v.drag, fast) == pytest.approx(v.water.specific_weight * volume, rel=1e-4)
+        rows = re.findall(r"<td><code>([^<]+)</code></td>", page)
+        assert {"water.density", "stroke.minimum", "hull.psi"} <= set(rows)
+    assert isinstance(v.plot(), Figure)
+    source = "section 3.1: 0.444 mm/s/V"
+    page = sb.load_vehicle("feup-em").report(tmp_path / "page.html").read_text("utf-8")
+    assert source in page
+    changed = sb.load_vehicle("feup-em").replace({"motion.K2": 6500.0})
+    assert "set by hand" in changed.report(tmp_path / "page.html").read_text("utf-8")
+
+
+def test_the_page_of_a_firmware_has_its_golden_trace_and_what_is_watched(tmp_path):
+    made = MADE["Library"](None)
+    page = made.report(tmp_path / "page.html").read_text("utf-8")
+    figure = figures_of(page)["golden"]
+    (depth,) = (one for one in figure["data"] if one["name"] == "measured")
+    flown, after = np.split(np.array(depth["y"], float), [len(made.golden.depth)])
+    assert flown == pytest.approx(made.golden.depth, rel=1e-5)
+    assert np.isnan(after).all()  # the sensor is out
+    assert figure["layout"]["yaxis3"]["ticktext"] == ["watches", "depth missing"]
+    for said in ("depth impossible", "ticks lost", "SHA-256", "swb_cascade.c", "238 B + 134 B"):
+        assert said in page
+
+
+def test_what_a_law_takes_of_a_board_is_as_measured():
+    page = (Path(__file__).parents[2] / "docs/reference/boards.md").read_text("utf-8")
+    form = r"^\| ([a-z-]+) \| \d+ \| (\d+) \| (\d+) \+ (\d+) \| (\d+) \| (\d+) \| (\d+) \|"
+    listed = {name: [*map(int, x)] for name, *x in re.findall(form, page, re.MULTILINE)}
+    assert listed == TEXTS["boards"]
+
+
+def test_a_day_at_the_pool_has_a_page_before_it_begins(tmp_path):
+    v = sb.load_vehicle("feup-em")
+    day = sb.PoolDay(
+        v,
+        tmp_path,
+        rules=rules_of(v, pool_depth=4.5),
+        tasks=paper_tasks(v, pool_depth=4.5),
+        asked=asked_of(v, Asked()),
+        mode="followed",
+    )
+    assert "No experiment yet" in repr(day)
+    page = day.report(tmp_path / "page.html").read_text("utf-8")
+    assert "The answer is no." not in page
+    traces = figures_of(page)["precision"]["data"]
+    ours = {one["name"]: one["y"] for one in traces if one["name"].endswith("expected")}
+    # as `design_experiment` has the paper's eight, in a pool that is as deep
+    settings = {"pool_depth": 4.5, "sensor_std": 2e-3, "settling": 300.0, "moves": 1, "rest": 3.0}
+    theirs = sb.design_experiment(v, **settings, releases=1).against.prediction.share
+    for name, share in theirs.items():
+        assert ours[f"{name}, expected"][-1] == pytest.approx(100.0 * share, rel=0.15)
+    assert [path.name for path in day.save(tmp_path / "kept")] == [
+        "report.html",
+        "pool.json",
+        "plan.png",
+        "precision.png",
+    ]
 
 
 def test_the_page_of_a_plan_names_the_vehicle(tmp_path):

@@ -198,10 +198,7 @@ def pool(
             _through(view, growing)
             aside(*(f"note: {note}" for note in tail.report))
         day.settle()
-    day.save()
-    from swimbladder.show.pool import PoolDayShown
-
-    to.answer(PoolDayShown(day), [*map(Path, day.answer()["files"]), *files])
+    to.answer(day, [*(one.path for one in (*day.kept, *day.aside)), *files])
 
 
 @contextlib.contextmanager

@@ -6,16 +6,13 @@ import contextlib
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator
-from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import aside, output
-from swimbladder.show.parts import Table
 from swimbladder.show.text import rich_table
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table as RichTable
 
     from swimbladder.design.pool_day import News, PoolDay
 
@@ -59,12 +56,12 @@ class View:
         from rich.panel import Panel
         from rich.text import Text
 
-        from swimbladder.show.pool import parameter_table
+        from swimbladder.show.pool import experiment_table, parameter_table
 
         day = self.day
         parts: list[RenderableType] = [self._state(), Text(day.advice, style="bold cyan"), Text()]
         if day.kept:
-            parts += [self._experiments(), Text()]
+            parts += [rich_table(experiment_table(day)), Text()]
         if day.found is not None:
             parts += [rich_table(parameter_table(day)), Text()]
         parts += [Text(_line(n), style=_STYLES.get(n.kind, "")) for n in self._news]
@@ -84,16 +81,6 @@ class View:
         volume = f"volume {1e6 * sample.volume:+.1f} cm3{speed}"
         words.append(f"   {_clock(sample.time)}   depth {sample.depth:.2f} m   {volume}")
         return words
-
-    def _experiments(self) -> RichTable:
-        fits = self.day.found.experiments if self.day.found is not None else ()
-        rows = []
-        for k, fit in zip_longest(self.day.kept, fits[: len(self.day.kept)]):
-            off = fit and f"{1e6 * fit.estimates['neutral_error'].value:+.2f} cm3"
-            change, travel = f"{1e6 * k.change_m3:+.3g} cm3", f"{k.travel_m:+.2f} m"
-            rows.append((str(k.number), change, travel, str(len(k.log)), off or ""))
-        headings = ("", "change", "travel", "samples", "neutral off by")
-        return rich_table(Table(headings, rows, left=()))
 
 
 def _line(news: News) -> str:

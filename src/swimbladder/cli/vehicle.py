@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from swimbladder.cli.common import console, quantity
-from swimbladder.cli.options import Printed, grouped
+from swimbladder.cli.common import console, quantity, typed_command
+from swimbladder.cli.options import Files, Printed, grouped
 from swimbladder.errors import InputError, check_number
 from swimbladder.show.parts import Table
 from swimbladder.show.text import rich_table
-
-if TYPE_CHECKING:
-    from swimbladder.vehicle import Vehicle
 
 vehicle = typer.Typer(no_args_is_help=True)
 
@@ -36,33 +33,29 @@ def list_presets(*, to: Printed) -> None:
 
 
 @vehicle.command()
-@grouped()
+@grouped(out=None)
 def show(
     name: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     *,
-    to: Printed,
+    to: Files,
 ) -> None:
     """Say what follows from a vehicle's numbers; with --full print its file, to keep and edit."""
     from swimbladder.io.config import load_vehicle, vehicle_text
+    from swimbladder.show.vehicle import VehicleShown
 
-    v = load_vehicle(name)
-    derived, text = _derived(v), vehicle_text(name)
-    rows = [
-        (meaning, "" if value is None else f"{value:.6g}", unit)
-        for value, unit, meaning in derived.values()
-    ]
-    headings = (f"follows from the numbers of {v.name}", "", " ")
-    follows = Table(headings, rows, left=(headings[0], " "))
+    made, text = VehicleShown(load_vehicle(name)), vehicle_text(name)
+    files = []
+    if to.out is not None:
+        from swimbladder.show.answers import write
+
+        files = write(made, to.out, typed_command())
     if to.full and not to.json:
-        console.print(rich_table(follows), "", sep="\n")
+        console.print(rich_table(made.follows), *to.wrote(files), "", sep="\n")
         sys.stdout.write(text)
         return
-    keys = ("value", "unit", "meaning")
-    numbers = {name: dict(zip(keys, row, strict=True)) for name, row in derived.items()}
-    said = {"name": v.name, "kind": v.actuator.kind, "description": v.description}
-    answer = {**said, "parameters": _parameters(v), "derived": numbers, "provenance": v.provenance}
-    file = f"its file, of {len(text.splitlines())} lines: --full"
-    to.show(answer, [f"{v.name}, {v.actuator.kind}: {v.description}", follows], [file])
+    lines = f"its file, of {len(text.splitlines())} lines: --full"
+    answer = {**made.numbers(), "files": [str(path) for path in files]}
+    to.show(answer, [made.head, made.follows], [lines, *to.wrote(files)])
 
 
 _PISTON = typer.Option(metavar="DIAMETER", help='Diameter of the piston: "60 mm".')
@@ -128,6 +121,7 @@ def set_fields(
     from swimbladder.cli.texts import pairs
     from swimbladder.io.config import check_vehicle, load_vehicle
     from swimbladder.io.vehicle_file import save_vehicle, vehicle_file
+    from swimbladder.show.vehicle import fields_of
 
     before = load_vehicle(name)
     found = before.replace(pairs(changes, "vehicle set VEHICLE"))
@@ -135,86 +129,10 @@ def set_fields(
     if to.full and not to.json:
         sys.stdout.write(vehicle_file(found))
     files = [] if out is None else [save_vehicle(found, out)]
-    old, new = _parameters(before), _parameters(found)
+    old, new = fields_of(before), fields_of(found)
     was = {field: {"before": old.get(field, {}).get("value")} for field in new}
     changed = {field: was[field] | x for field, x in new.items() if x != old.get(field)}
     said = [f"{f}: {x['before']} to {x['value']} {x['unit']}".rstrip() for f, x in changed.items()]
     end = f"wrote {out}" if out else "nothing is written: --out FILE writes it, --full prints it"
     if to.json or not to.full:
         to.show({"changed": changed, "files": files}, said, [end])
-
-
-def _parameters(v: Vehicle) -> dict[str, dict[str, Any]]:
-    """Return every number of a vehicle in SI as {dotted field: {value, unit}}."""
-    from pydantic import BaseModel
-
-    from swimbladder.control.registry import bind
-    from swimbladder.vehicle import field_unit
-    from swimbladder.vehicle.schema import dotted
-
-    found: dict[str, dict[str, Any]] = {}
-
-    def walk(model: BaseModel, path: tuple[str | int, ...]) -> None:
-        for name in type(model).model_fields:
-            value = getattr(model, name)
-            if isinstance(value, BaseModel):
-                walk(value, (*path, name))
-            elif isinstance(value, tuple) and any(isinstance(x, BaseModel) for x in value):
-                for number, part in enumerate(value):
-                    walk(part, (*path, name, number))
-            elif isinstance(value, dict) or value is None or not path:
-                continue
-            else:
-                unit = field_unit(type(model), name)
-                found[dotted((*path, name))] = {"value": value, "unit": unit}
-
-    walk(v, ())
-    found["trim_error"] = {"value": v.trim_error, "unit": "m3"}
-    if v.controller is not None:
-        law, numbers = bind(v.controller)
-        for name in v.controller.parameters:
-            place = dotted(("controller", "parameters", name))
-            found[place] = {"value": getattr(numbers, name), "unit": law.units[name]}
-    return found
-
-
-def _derived(v: Vehicle) -> dict[str, tuple[float | None, str, str]]:
-    """Return what follows from a vehicle's numbers, as {name: (value, unit, meaning)}."""
-    from swimbladder.physics.actuator import reduced
-    from swimbladder.vehicle import Positioner, PumpAndValve
-
-    stroke, psi, drag = v.stroke, v.hull.psi, v.drag
-    rows: dict[str, tuple[float | None, str, str]]
-    rows = {"mass_kg": (v.mass, "kg", "mass that is accelerated")}
-    rate_of: tuple[float, str] | None = None
-    if isinstance(v.engine, Positioner):
-        rate_of = v.engine.speed * v.engine.piston_area, "of the positioner"
-    elif isinstance(v.engine, PumpAndValve):
-        from swimbladder.physics.buoyancy_engine import drive_map
-
-        rate_of = float(drive_map(v, 0.0).rate_out[0]), "of the pump at the surface"
-    else:
-        a = reduced(v.engine, v.water)
-        rows |= {
-            "K1A_m3_s_V": (a.gain, "m3/s/V", "volume rate per volt, K1 A"),
-            "T1_s": (a.T1, "s", "time constant of the motor, T1"),
-            "load_V_m": (a.load_drive, "V/m", "voltage that holds a metre of water, k_z/k_u"),
-            "k_l_m2_s": (a.k_l, "m2/s", "leakage, k_l"),
-        }
-        if v.supply is not None:
-            rate_of = a.gain * v.supply.voltage, "at the surface, full supply"
-    if rate_of is not None:
-        rows["volume_rate_m3_s"] = rate_of[0], "m3/s", f"volume rate {rate_of[1]}"
-    if drag.k_dl > 0.0:
-        gain, time = v.water.specific_weight / drag.k_dl, v.mass / drag.k_dl
-        rows["K2_1_m2_s"] = gain, "1/m2/s", "speed per volume at low speed, K2"
-        rows["T2_s"] = time, "s", "time constant of the motion, T2"
-    rows["neutral_volume_surface_m3"] = v.neutral_volume(0.0), "m3", "neutral at the surface"
-    limit = v.hull.depth_limit
-    if limit is not None:
-        meaning = f"neutral at {limit:g} m, its rating"
-        rows["neutral_volume_limit_m3"] = v.neutral_volume(limit), "m3", meaning
-    end = stroke.maximum if psi > 0.0 else stroke.minimum
-    deepest = (end - v.trim_error) / psi if psi != 0.0 else None
-    rows["neutral_depth_limit_m"] = deepest, "m", "depth to which the stroke reaches neutral"
-    return rows

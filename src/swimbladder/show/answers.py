@@ -13,7 +13,6 @@ from markupsafe import Markup
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.files import write_atomically
 from swimbladder.io.progress import Advance, silent
-from swimbladder.show import tables
 from swimbladder.show.parts import REPORT, Drawn, Part, Shown, Table, sentences
 from swimbladder.show.text import Output, shortened, text_lines
 
@@ -43,15 +42,17 @@ ROOMS = {
     "Library": "firmware",
     "MissionResult": "mission",
     "Plan": "plan",
+    "PoolDay": "pool",
     "PumpFit": "energy",
     "Sizing": "size",
     "Solution": "solution",
     "Stability": "stability",
     "Tuning": "tune",
+    "Vehicle": "vehicle",
 }
 
 
-def shown(answer: Answer) -> Shown[Any]:
+def shown(answer: object) -> Shown[Any]:
     """Return an answer as it is shown."""
     name = type(answer).__name__
     room = import_module(f"swimbladder.show.{ROOMS[name]}")
@@ -94,11 +95,15 @@ def figure(answer: Answer) -> Figure:
 
 def dataframe(answer: Answer) -> pd.DataFrame:
     """Return the main table of an answer; raises NoAnswerError where it has none."""
+    from swimbladder.show import tables  # the columns know the simulator
+
     return tables.dataframe(shown(answer).table())
 
 
 def dataset(answer: Answer) -> xr.Dataset:
     """Return the arrays of an answer; raises NoAnswerError where it has none."""
+    from swimbladder.show import tables
+
     own = getattr(answer, "dataset", None)
     made: xr.Dataset = own() if own else tables.dataset(dataframe(answer), shown(answer).title)
     return made
@@ -124,10 +129,8 @@ def write(
     from swimbladder.show.files import write_all
 
     own = [*also, *shown.before(folder)]
-    if shown.alone:
-        return own
     names = [path.relative_to(folder).as_posix() for path in own]
-    return own + write_all(folder, contents(shown, command, advance, names))
+    return write_all(folder, contents(shown, command, advance, names)) + own
 
 
 def contents(

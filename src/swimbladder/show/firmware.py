@@ -1,18 +1,35 @@
-"""A firmware as it is shown: its golden trace, and how a board flew it."""
+"""A firmware as it is shown: its golden trace, what it watches, what it takes of a board."""
 
+import hashlib
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from swimbladder.codegen.board import BoardAnswer
-from swimbladder.codegen.library import Library, write_library
-from swimbladder.show.parts import Drawn, Part, Shown
-from swimbladder.show.style import Ink, depth_axis, label_panels, setpoint, stacked, styled
+from swimbladder.codegen.golden import BoardProgram
+from swimbladder.codegen.library import Library, meanings, write_library
+from swimbladder.control.supervisor import Reason
+from swimbladder.show.html import TEXTS
+from swimbladder.show.parts import Drawn, Part, Shown, Table
+from swimbladder.show.style import (
+    Ink,
+    depth_axis,
+    label_panels,
+    legend_above,
+    setpoint,
+    shade,
+    stacked,
+    styled,
+)
+from swimbladder.units import rounded
 
+Array = NDArray[np.float64]
 _COMMANDS = {
     "voltage": ("voltage [V]", 1.0),
     "volume": ("volume asked for [cm³]", 1e6),
@@ -20,34 +37,107 @@ _COMMANDS = {
 }
 
 
+_UNO = {"flash": 32256, "RAM": 2048, "clock": 16e6}  # B, B, Hz
+
+
 @styled
 def draw_golden(made: Library) -> Figure:
-    """Return depth and command of the golden trace, at each tick."""
-    golden = made.golden
-    reference = np.asarray(golden.reference, np.float64)
-    time = np.asarray(made.tick_s * np.arange(len(golden.depth)), np.float64)
-    figure, (depth, command) = stacked((7.0, 4.8), 2.0, 1.0)
-    setpoint(depth, time, reference)
-    depth.plot(time, golden.depth, color=Ink.BLUE, lw=1.1, label="measured")
-    depth_axis(depth)
-    depth.legend(loc="best")
-    words, factor = _COMMANDS[made.law.command]
-    command.step(time, factor * np.asarray(golden.command, float), where="post", color=Ink.ORANGE)
-    command.set_ylabel(words)
-    command.set_xlabel("time [s]")
-    label_panels([depth, command])
+    """Return depth, command and supervisor of the golden trace, at each tick.
+
+    To the last tick that a board checks: at the end its sensors fail.
+    """
+    depth, _, asked, command, reason = np.array(made.golden.checked, np.float64).T
+    time = np.asarray(made.tick_s * np.arange(len(asked)), np.float64)
+    figure, panels = _draw(made, time, depth, asked, command, reason)
+    shade(panels[0], time, np.arange(len(time)) >= len(made.golden.depth), "sensors fail")
+    legend_above(panels[0])
     return figure
 
 
-class LibraryShown(Shown[Library]):
-    """The law, its golden trace, and what is to be done."""
+@styled
+def draw_flight(made: BoardProgram, log: Path) -> Figure:
+    """Return depth, command and supervisor of a flight on a board, by its log."""
+    rows = np.atleast_1d(np.genfromtxt(log, delimiter=",", names=True))
+    names = ("time_s", "depth_m", "reference_depth_m", made.facts["column"], "supervisor_reason")
+    figure, panels = _draw(made, *(rows[name] for name in names))
+    factor = _COMMANDS[made.law.command][1]
+    twin = factor * rows[f"twin_{made.facts['column']}"]
+    panels[1].step(rows["time_s"], twin, ":", where="post", color=Ink.BLACK, lw=1.0, label="twin")
+    legend_above(panels[0])
+    legend_above(panels[1])
+    return figure
 
-    name, alone = "firmware", True
+
+def _draw(
+    made: BoardProgram, time: Array, depth: Array, asked: Array, command: Array, reason: Array
+) -> tuple[Figure, list[Axes]]:
+    figure, panels = stacked((7.5, 5.8), 2.2, 1.0, 0.8)
+    upper, middle, lower = panels
+    setpoint(upper, time, asked)
+    upper.plot(time, depth, color=Ink.BLUE, lw=1.1, label="measured")
+    depth_axis(upper)
+    words, factor = _COMMANDS[made.law.command]
+    middle.step(time, factor * command, where="post", color=Ink.ORANGE, label="command")
+    middle.set_ylabel(words)
+    lower.step(time, reason, where="post", color=Ink.VERMILION)
+    found = [int(one) for one in np.unique(reason)]
+    names = [Reason(one).words if one else "watches" for one in found]
+    lower.set_yticks(found, labels=names)
+    lower.set(ylim=(-0.5, max(found) + 0.5), xlabel="time [s]")
+    label_panels(panels)
+    return figure, panels
+
+
+class LibraryShown(Shown[Library]):
+    """The law, its golden trace, what is watched, what it takes of a board, and its files."""
+
+    name, folder = "firmware", "extras/"
+
+    @property
+    def title(self) -> str:
+        """The vehicle and its law."""
+        return f"{self.found.vehicle.name}: firmware, law {self.found.law.name}"
 
     def parts(self) -> Iterator[Part]:
-        """Give the sentences, and the golden trace."""
-        yield from self.found.sentences
-        yield Drawn("golden", partial(draw_golden, self.found))
+        """Give the sentences, the golden trace, and what stands in README.md and the sources."""
+        made = self.found
+        yield from made.sentences
+        yield Drawn("golden", partial(draw_golden, made))
+        watched = [(str(n), *words) for n, *words in meanings(made.supervisor)]
+        heads = ("", "reason", "brings the vehicle up when", "after")
+        yield Table(heads, watched, left=heads, title="What the supervisor watches", later=True)
+        yield from self._board()
+        own = made.to_dict()["parameters"].items()
+        rows = [(name, rounded(one["value"], 7), one["unit"]) for name, one in own]
+        law = f"The law {made.law.name}, in float32"
+        yield Table(
+            ("parameter", "value", "unit"), rows, left=("parameter", "unit"), title=law, later=True
+        )
+        sizes = [
+            (name, str(len(text)), hashlib.sha256(text.encode()).hexdigest()[:16])
+            for name, text in made.files.items()
+            if name.startswith("src/")
+        ]
+        yield Table(("C", "bytes", "SHA-256, its first half"), sizes, title="Sources", later=True)
+
+    def _board(self) -> Iterator[Part]:
+        """Give what law and supervisor take of an Uno, where it was measured."""
+        made = self.found
+        measured = TEXTS["boards"].get(made.law.name)
+        if measured is None:
+            return
+        flash, variables, stack, cycles, deepest, most = measured
+        took, bound = (f"{1e3 * n / _UNO['clock']:.3g} ms" for n in (cycles, most))
+        ram, ram_bound = (f"{variables} B + {depth} B of stack" for depth in (stack, deepest))
+        rows = [
+            ("flash", f"{flash} B", "", f"{_UNO['flash']} B"),
+            ("RAM", ram, ram_bound, f"{_UNO['RAM']} B"),
+            ("time of a tick", took, bound, f"{1e3 * made.tick_s:.4g} ms"),
+        ]
+        title = "What law and supervisor take of an Uno (ATmega328P)"
+        heads = ("", "measured on a simulated chip", "bound for any numbers", "there is")
+        yield Table(heads, rows, title=title, later=True)
+        yield "Arduino's start-up, Serial and the sensor's library come on top."
 
     def table(self) -> dict[str, Any]:
         """Return the golden trace: what the law sees and says at each tick."""
@@ -64,13 +154,18 @@ class LibraryShown(Shown[Library]):
 
 
 class BoardAnswerShown(Shown[BoardAnswer]):
-    """How each flight went, the board's times, the line's frames."""
+    """How each flight went, the board's times, the line's frames, and what each flight saw."""
 
     name, kind = "board", "hardware in the loop"
 
     def parts(self) -> Iterator[Part]:
-        """Give the sentences."""
+        """Give the sentences, and the flights."""
         yield from self.found.sentences
+        for flight in self.found.flights:
+            if flight.ticks and flight.log.is_file():
+                name = flight.name.replace(" ", "-")
+                draw = partial(draw_flight, self.found.made, flight.log)
+                yield Drawn(name, draw, "flight", f": {flight.name}")
 
     @property
     def why(self) -> list[str]:

@@ -37,6 +37,8 @@ _GREEK = {
 }
 _GREEK_WORD = re.compile(r"(?<!--)\b(" + "|".join(_GREEK) + r")(?=\b|_)")
 _ASKED = re.compile(r"`\w+=[^`<]*`")
+_CODE = re.compile(r"`([\w.]+)`")
+_FIELD = re.compile(r"[a-z]\w*(\[\d+\])?(\.\w+(\[\d+\])?)+")
 _SYMBOL = re.compile(
     r"\b([kTQVUFBCDJnSβηΔ])_([A-Za-z0-9]{1,4})\b"  # k_z, T_z, V_p
     r"|\b([KTA])([12])\b"  # K1, T2
@@ -69,7 +71,12 @@ def _made_by(command: str) -> str:
 
 
 def symbols(text: str) -> Markup:
-    """Return a text as HTML with its indices, powers, Greek letters and powers of ten set."""
+    """Return a text as HTML with its indices, powers, Greek letters and powers of ten set.
+
+    The name of a field, ``hull.psi``, stays as it is typed.
+    """
+    if _FIELD.fullmatch(text):
+        return Markup("<code>{}</code>").format(text)
 
     def set_one(match: re.Match[str]) -> str:
         symbol, below, capital, number, unit, power, digits, sign, exponent = match.groups()
@@ -84,7 +91,7 @@ def symbols(text: str) -> Markup:
 
     plain = str(escape(text)).replace("+-", "±")
     greek = _GREEK_WORD.sub(lambda match: _GREEK[match.group(1)], plain)
-    return Markup(_SYMBOL.sub(set_one, greek))
+    return Markup(_CODE.sub(r"<code>\1</code>", _SYMBOL.sub(set_one, greek)))
 
 
 class PageFigure(NamedTuple):

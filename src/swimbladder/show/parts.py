@@ -46,7 +46,7 @@ class Table:
     """Rows of texts under headings.
 
     left: headings of columns of words, else the first; its names are not broken then. about: what
-    each row is, for which a page has room.
+    each row is, for which a page has room. later: it is not among the first lines that are printed.
     """
 
     headings: Sequence[str]
@@ -54,6 +54,7 @@ class Table:
     left: Collection[str] | None = None
     title: str = ""
     about: Sequence[str] = ()
+    later: bool = False
 
     def is_left(self, column: int) -> bool:
         """Whether a column holds words."""
@@ -78,15 +79,14 @@ class Shown(Generic[A]):
     """An answer as it is shown: its parts, the most important first, and its files.
 
     name: of its JSON file; kind: what it is, in words, where not that; pictures: whether the
-    figures are files too, in `folder`; template: of its page; alone: whether it writes all itself;
-    more: contents of more files, by name.
+    figures are files too, in `folder`; template: of its page; more: contents
+    of more files, by name.
     """
 
     name = ""
     kind = ""
     folder = ""
     template = "answer.html.j2"
-    alone = False
 
     def __init__(
         self, found: A, *, pictures: bool = True, more: Mapping[str, object] = _NONE

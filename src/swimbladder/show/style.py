@@ -1,19 +1,23 @@
-"""How every picture looks: colours that all can distinguish, units on axes, depth downwards."""
+"""How every picture looks: colours that all can distinguish, units on axes, depth downwards.
+
+Matplotlib is imported where something is drawn, so that an answer that only prints is quick.
+"""
+
+from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import TYPE_CHECKING, Any, ParamSpec
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import NDArray
 
 from swimbladder.io.files import write_through
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 class Ink:
@@ -52,6 +56,8 @@ def styled(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
     """Make a function that draws a Figure draw it in this style, whatever the caller's own."""
 
     def drawing(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
+        import matplotlib as mpl
+
         with mpl.rc_context():
             mpl.rcdefaults()
             mpl.rcParams.update(STYLE)
@@ -65,6 +71,8 @@ def new_figure(
     size: tuple[float, float], rows: int = 1, columns: int = 1, **given: Any
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of a size [inches] and its panels, row by row."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=size)
     made: list[Axes] = figure.subplots(rows, columns, squeeze=False, **given).ravel().tolist()
     return figure, made
@@ -136,6 +144,8 @@ def grid_of(figure: Figure, count: int, columns: int, **given: Any) -> list[Axes
 
 def plain_log_ticks(axes: Axes, *which: str) -> None:
     """Label the logarithmic axes `which`, "x" and "y", by plain numbers, several on any span."""
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
     for name in which:
         axis = getattr(axes, f"{name}axis")
         low, high = axis.get_view_interval()
@@ -159,6 +169,8 @@ def save(figure: Figure, path: str | Path) -> Path:
 
     Raises InputError where the file cannot be written.
     """
+    import matplotlib as mpl
+
     kind = Path(path).suffix.lower()[1:]
     with mpl.rc_context(STYLE):
         if kind == "png":
@@ -169,6 +181,8 @@ def save(figure: Figure, path: str | Path) -> Path:
 
 def _write_png(figure: Figure, path: Path) -> None:
     """Write a figure that is drawn once: `savefig` draws it twice, the first time to lay it out."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     shown, dpi = figure.canvas, figure.dpi
     canvas = FigureCanvasAgg(figure)
     try:

@@ -110,6 +110,8 @@ def shortened(
         return every
     kept, room = list[str](), room - 1
     for part, block in zip(parts, blocks, strict=True):
+        if isinstance(part, Table) and part.later:
+            break
         until = list(accumulate(map(rows, block), initial=0))  # rows, of the lines before
         taken = block[: bisect_right(until, room, lo=1) - 1]
         room = room - until[-1] if len(taken) == len(block) else 0

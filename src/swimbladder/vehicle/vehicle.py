@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Annotated, Any, Literal
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -25,6 +27,9 @@ from swimbladder.vehicle.actuators import (
     engine_of,
 )
 from swimbladder.vehicle.schema import Parameters, Unit, quantity_in, refusal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _ROUNDING = 1e-4  # share of the displaced volume by which its parts may miss it: rounded numbers
 
@@ -427,6 +432,21 @@ class Vehicle(Parameters):
 
     __str__ = __repr__
 
+    def _repr_html_(self) -> str:
+        return str(_shown().html(self))
+
+    def plot(self) -> Figure:
+        """Return a matplotlib Figure: neutral volume, terminal speed and rate of the volume."""
+        figure: Figure = _shown().figure(self)
+        return figure
+
+    def report(self, path: str | Path) -> Path:
+        """Write it as one HTML page: every number with its source, its reach; return the path.
+
+        The page holds all that it needs. Raises InputError where the file cannot be written.
+        """
+        return Path(_shown().report(self, Path(path)))
+
     @property
     def engine(self) -> Actuator:
         """The actuator itself, or what one of another package acts as."""
@@ -536,6 +556,11 @@ class Vehicle(Parameters):
             if name in names[:i]:
                 remedy = "Give each load its own name"
                 raise refusal("two loads have the same name", remedy, "loads", i, "name")
+
+
+def _shown() -> Any:
+    """Return the module that shows answers, which stands above all that make them."""
+    return import_module("swimbladder.show.answers")
 
 
 def _within(at: Any, table: str, path: str) -> Any:

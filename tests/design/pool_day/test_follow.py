@@ -165,7 +165,7 @@ def test_a_restart_goes_on_from_the_folder_and_counts_nothing_twice(lines, tmp_p
     path.write_text(HEADER + "".join(lines[0]), encoding="ascii")
     first = day_in(out)
     list(finished(first, tail_of(path)))
-    first.save()
+    first.keep_state()
     path.write_text(HEADER + "".join(lines[0] + lines[1]), encoding="ascii")
     second = day_in(out, kept=earlier(out, read_state(out)))
     happened = kinds(finished(second, tail_of(path)))

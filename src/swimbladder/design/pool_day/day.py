@@ -37,7 +37,7 @@ from swimbladder.errors import InputError, LogError, Parameter, check_number
 from swimbladder.estimation.motion import ExperimentFit, Identification, identify
 from swimbladder.estimation.motion.problem import NAMES, check_names, default_names, model_of
 from swimbladder.estimation.motion.run import check_nuisances, check_std
-from swimbladder.io.answers import as_json
+from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log
 from swimbladder.io.tables import write_csv
@@ -126,16 +126,17 @@ def next_task(tasks: Sequence[Task], done: Sequence[float]) -> Task:
 
     done: first changes of volume of the experiments so far [m3].
     """
-    counts = _counts(tasks, done)
+    counts = done_of(tasks, done)
     return tasks[counts.index(min(counts))]
 
 
 def undone(tasks: Sequence[Task], done: Sequence[float]) -> int:
     """Return how many tasks have not been done yet; done: as for next_task."""
-    return _counts(tasks, done).count(0)
+    return done_of(tasks, done).count(0)
 
 
-def _counts(tasks: Sequence[Task], done: Sequence[float]) -> list[int]:
+def done_of(tasks: Sequence[Task], done: Sequence[float]) -> list[int]:
+    """Return how often each task was done; done: as for next_task."""
     counts = [0] * len(tasks)
     for change in done:
         alike = [change and 1.0 / _ALIKE <= task.change / change <= _ALIKE for task in tasks]
@@ -200,10 +201,9 @@ def same_start(kept: Kept, cut: Cut, source: str) -> bool:
     return kept.source == source and np.array_equal([log.time[:n], log.depth[:n]], begin)
 
 
-def write_state(folder: Path, state: Mapping[str, Any]) -> Path:
-    """Write pool.json."""
-    text = json.dumps({"made_by": _MARK, **state}, indent=2)
-    return write_atomically(folder / STATE, f"{text}\n")
+def state_text(state: Mapping[str, Any]) -> str:
+    """Return the text of pool.json."""
+    return json.dumps({"made_by": _MARK, **state}, indent=2) + "\n"
 
 
 def read_state(folder: Path) -> dict[str, Any] | None:
@@ -313,7 +313,7 @@ class News(NamedTuple):
 
 
 @dataclass(eq=False)
-class PoolDay:
+class PoolDay(Answer):
     """Experiments found in logs, kept in a folder, and identified together after each."""
 
     vehicle: Vehicle
@@ -398,7 +398,7 @@ class PoolDay:
             yield self._refuse(cut.time, f"No experiment after all: {error}")
             return
         yield from self._set_aside(cut.time)
-        self.save()
+        self.keep_state()
         yield News("identified", cut.time, self.verdict.sentence)
 
     def _set_aside(self, time: float) -> Iterator[News]:
@@ -489,11 +489,16 @@ class PoolDay:
 
     # What is written
 
-    def save(self) -> Path:
+    def keep_state(self) -> Path:
         """Write pool.json; return its path."""
-        return write_state(self.folder, self.answer())
+        return write_atomically(self.folder / STATE, state_text(self.state()))
 
-    def answer(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
+        """Return what is known, and the files, for pool.json."""
+        paths = (*(k.path for k in (*self.kept, *self.aside)), self.folder / STATE)
+        return {**self.to_dict(), "files": [str(path) for path in paths]}
+
+    def to_dict(self) -> dict[str, Any]:
         """Return what is known in SI units, ready for JSON."""
         found: dict[str, Any] = {"parameters": {}, "findings": [], "assumptions": []}
         found |= {"experiments": []} if self.found is None else self.found.to_dict()
@@ -510,7 +515,6 @@ class PoolDay:
             ],
             "set_aside": [k.to_dict() for k in self.aside],
             "refused": [{"time_s": n.time, "why": n.sentence} for n in self.refused],
-            "files": [str(k.path) for k in (*self.kept, *self.aside)] + [str(self.folder / STATE)],
         }
 
 
