@@ -44,7 +44,11 @@ def fields(
         tables = models_in(info.annotation) or listed_model(info.annotation)
         if name in skip or tables or get_origin(info.annotation) is dict:
             continue
-        label = ", ".join(filter(None, (what(name, info, field_unit(model, name)), default(info))))
+        label = what(name, info, field_unit(model, name))
+        if info.is_required():
+            label = f"**{label}**"
+        elif given := default(info):
+            label += f", {given}"
         item = f"- {label}: {meaning(model, name)}"
         if item in said:
             again.append(f"`{name}`")
@@ -82,8 +86,6 @@ def choices_of(info: FieldInfo) -> tuple[str | int, ...]:
 
 def default(info: FieldInfo) -> str:
     """Return what a field is where a file does not have it."""
-    if info.is_required():
-        return "required"
     if info.default is None or info.default == "":
         return ""
     if isinstance(info.default, float):
@@ -141,8 +143,8 @@ def tables(
                 yield from fields(member, skip=("kind",), said=said)
                 yield from tables(member, (*path, name), seen, members, said)
             elif seen[member] != place:
-                yield from ("", heading, "", f"{sentence(meanings(model)[name])[:-1]}: as")
-                yield f"[{seen[member]}]."
+                said_so = sentence(meanings(model)[name])[:-1]
+                yield from ("", heading, "", f"{said_so}: [{seen[member]}].")
 
 
 def of(member: type[BaseModel], name: str, kin: Sequence[type[BaseModel]]) -> str:

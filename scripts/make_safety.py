@@ -27,9 +27,9 @@ PAGE = ROOT / "docs" / "reference" / "safety.md"
 _HEAD = """\
 # Promises of the supervisor
 
-What [the supervisor](../explanation/supervisor.md) guarantees and *why*, by how many tests it is
-shown, and which [faults](faults.md) they inject; the random missions of `swimbladder faults` inject
-all kinds, alone and in pairs. The tests carry the mark `promise("NAME")`.
+What [the supervisor](../explanation/supervisor.md) guarantees, by how many tests it is shown (mark
+`promise("NAME")`), and which [faults](faults.md) they inject. The random missions of `swimbladder
+faults` inject all kinds, alone and in pairs. `scripts/promises.toml` has the requirements behind.
 """
 
 
@@ -113,7 +113,7 @@ def made(said: dict[str, dict[str, str]], found: list[Shown]) -> str:
         mine = [one for one in found if one.promise == name]
         count = len({(one.file, one.test) for one in mine})
         faults = ", ".join(sorted({fault for one in mine for fault in one.faults}))
-        item = f"- **{name}** ({count}): {text['promise']} *{text['requirement']}*"
+        item = f"- **{name}** ({count}): {text['promise']}"
         lists[text["explained"]].append(f"{item} Faults: {faults}.\n" if faults else f"{item}\n")
     pages = []
     for heading, items in lists.items():

@@ -9,7 +9,7 @@ import pytest
 from swimbladder.cli import main
 from swimbladder.estimation.motion.deep_model import body_of
 from swimbladder.io.config import load_vehicle
-from tests.docs.test_reference import rows
+from tests.docs.test_reference import check, rows
 from tests.estimation.motion.deep import dived, made_up_column, made_up_vehicle
 from tests.estimation.motion.test_deep import RUNS, TRUTH, begin_of
 from tests.quoted import numbers
@@ -92,7 +92,7 @@ def test_in_words_and_files(capsys, tmp_path, files):
         kept["imbalance_rms_m3"], rel=1e-4
     )
     assert float(f"{1e6 * kept['imbalance_rms_m3']:.2g}") in numbers(said)  # mL
-    assert set(kept) | {"files"} == set(keys)
+    check(keys, kept)
 
 
 def test_as_json_with_a_prior_and_a_value(capsys, tmp_path, files):
