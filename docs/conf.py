@@ -101,6 +101,7 @@ linkcheck_anchors = False
 linkcheck_timeout = 20
 
 _LINK = re.compile(r"\[([^\]]*)\]\((?!\w+:|#)([^)\s#]+)(#[^)\s]*)?\)")
+_NAME = re.compile(r"(?<!`)`sb\.(\w+)`(?!`)")
 _ELSEWHERE = {
     "README.md": "/index.md",
     "CONTRIBUTING.md": "/project/contributing.markdown",
@@ -109,7 +110,10 @@ _ELSEWHERE = {
 
 
 def _on_site(text: str, folder: Path) -> str:
-    """Return a page whose links to files above `docs/` lead to the pages that show them."""
+    """Return a page whose links to files above `docs/` lead to the pages that show them.
+
+    And `sb.tune` leads to its place in the reference.
+    """
 
     def mended(found: re.Match[str]) -> str:
         words, target, anchor = found.groups(default="")
@@ -119,7 +123,7 @@ def _on_site(text: str, folder: Path) -> str:
         place = _ELSEWHERE.get(str(path.relative_to(HERE.parent)))
         return f"[{words}]({place}{anchor})" if place else words
 
-    return _LINK.sub(mended, text)
+    return _NAME.sub(r"{py:obj}`sb.\1 <swimbladder.\1>`", _LINK.sub(mended, text))
 
 
 # The example whose picture a page begins with.

@@ -578,7 +578,7 @@ def summary(p: SupervisorParameters) -> str:
     depth = f"{p.deep.depth_limit:.4g} m" if math.isfinite(p.deep.depth_limit) else "none"
     frozen = f"after {p.same.same * p.S_p:.3g} s"
     if p.same.same == NEVER:
-        frozen = "by the model only, as the noise of the sensor is not known or hidden"
+        frozen = "by the model only (no depth noise is stated, or a quantum hides it)"
     time = time_limit(p) or "none"
     return (
         f"supervisor: depth limit {depth}, time limit {time}, battery {battery}, "

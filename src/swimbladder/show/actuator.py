@@ -74,7 +74,7 @@ def _headline(name: str, e: Estimate) -> str:
         ends = w["ci95"].replace(" to ", " and ")
         return f"{called} is {value}, between {ends} {w['unit']} (95 %): {meaning}."
     half = 100.0 * 0.5 * (high - low) / abs(e.value)
-    return f"{called} is {value}, known to {rounded(half, 2)} %: {meaning}."
+    return f"{called} is {value}, known to {rounded(half, 2)} % (95 %): {meaning}."
 
 
 def pairs(found: ActuatorIdentification) -> list[tuple[str, str, float]]:
