@@ -76,10 +76,8 @@ def _headline(found: Identification, name: str) -> str:
     if e.ci95[0] <= 0.0 <= e.ci95[1]:
         return f"{name} is not distinguishable from 0 (95 %: {r.ci95} {r.unit})."
     half = 0.5 * (e.ci95[1] - e.ci95[0]) / abs(e.value)
-    source = ", mostly by its prior" if e.origin == "prior" else ""
-    known = f"95 %: {r.ci95}"
-    if math.isfinite(half):
-        known = f"known to {rounded(100.0 * half, 2)} % (95 %)"
+    source = " (95 %), mostly by its prior" if e.origin == "prior" else " (95 %)"
+    known = f"known to {rounded(100.0 * half, 2)} %" if math.isfinite(half) else f"from {r.ci95}"
     return f"{name} is {r.value} {r.unit}, {known}{source}: {_meaning(name, e.value, found.law)}."
 
 
