@@ -14,7 +14,7 @@ __all__ = ["depth", "depths", "summaries"]
 
 
 def depth(mission: Mission, fleet: Fleet, lane: int) -> Array:
-    """Return the depth of one vehicle at the samples; keeps the whole trajectory and the books.
+    """Return the depth of one vehicle at the samples; keeps the whole trajectory and the balance.
 
     Without the checks of the question before it is simulated, as the peers have none.
     """

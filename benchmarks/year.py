@@ -1,7 +1,7 @@
 """A year of ten-day cycles: the package's mission against SciPy's solve_ivp at equal error.
 
 SciPy is given what the processor did and when, so that it looks at nothing, decides nothing and
-keeps no books: it integrates from one run of pump or valve to the next. Two tolerances are
+keeps no balance: it integrates from one run of pump or valve to the next. Two tolerances are
 searched: with one its depths at all those instants are just farther from DOP853 at 1e-11 than the
 package's, with the other just nearer; its time at equal error is interpolated between them. The
 float stays below the surface, where bobbing would cost SciPy most of its time.
@@ -154,7 +154,7 @@ def report(peers: list[Peer]) -> str:
 
 
 def _alone(plan: Plan, task: Mission) -> float:
-    """Return the processor time of one cycle as campaigns fly it [s]: books, but no rows."""
+    """Return the processor time of one cycle as campaigns fly it [s]: balance, but no rows."""
     x, at, accounts = first_state(plan, task)
     flown = plan.under_way((x, at, accounts))
     begin = process_time()

@@ -86,8 +86,8 @@ def _cases() -> Iterator[Case]:
     sensors = vehicle.sensors.model_copy(update={"depth_noise": 2e-3, "depth_quantum": _QUANTUM})
     noisy = vehicle.model_copy(update={"sensors": sensors})
     setting = setting_of(noisy, sample_time=_TICK, supply=_SUPPLY, neutral_range=20e-6)
-    knobs = KNOBS["observer"]._replace(dead=0.5e-6, pause=0.0, band=0.0)
-    observer = gains("observer", setting, knobs)
+    tuning = KNOBS["observer"]._replace(dead=0.5e-6, pause=0.0, band=0.0)
+    observer = gains("observer", setting, tuning)
     yield Case(
         "dead zone of 0.5 cm³, quiet `observer`", zone, vehicle, tunable("observer"), observer
     )

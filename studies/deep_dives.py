@@ -5,7 +5,7 @@
     python -m studies.deep_dives DATA
 
 DATA is the folder of measured data; its `mermaid_p0051` is read. One set of parameters for all
-deep dives closes the book of volumes; then each dive is predicted with the parameters of the
+deep dives closes the volume balance; then each dive is predicted with the parameters of the
 others: its pressure at each run of pump or valve and its times of arrival, from 50 dbar down to the
 surface, in one go. Of the dive itself only the first two hours are used, for the volume it began
 with. Beside it a float of constant speeds, likewise from the other dives. And what the sets without
@@ -158,7 +158,7 @@ def _ahead(
 ) -> list[tuple[float, float, float]]:
     """Return the pressure at each action: measured, told from the one before, at constant speed.
 
-    The volume is what closed the book over the last looks before that.
+    The volume is what closed the balance over the last looks before that.
     """
     found = []
     measured = Replay(time=dive.time, pressure=dive.pressure, speed=np.zeros(len(dive.time)))

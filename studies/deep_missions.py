@@ -7,7 +7,7 @@
 Each logged deep dive is flown again by `swimbladder.sim.mission`: the vehicle as identified from
 all deep dives (`studies.deep_dives`), in the water of that dive, with the law `rate` and the
 settings of that dive (near, far, dead time, and `stab`, the looks that a speed at rest takes).
-It begins where the log of the dive begins, with the volume that closed its book there, and with
+It begins where the log of the dive begins, with the volume that closed its balance there, and with
 the temperature that the hull had, and is told only where to go, when to leave and to come up. What
 pump and valve give is not what the float's processor reckons with: its runs are as long as its own
 numbers say, and give what was identified. `studies.deep_readings` tells from the logs how soon the

@@ -6,7 +6,7 @@
 
 DATA is the folder of measured data; its `mermaid_p0051` is read. The set that fits all looks has
 a smaller drag than each dive by itself (`studies.deep_dives`). Printed are its drag, how much of
-what the dives say counts, what the book of volumes is off by and what the pump gives in all, with
+what the dives say counts, what the volume balance is off by and what the pump gives in all, with
 the drag held where the dives by themselves have it, with a pump that slips, with trapped air, and
 with a cast that errs five times as much.
 """

@@ -123,7 +123,7 @@ def teach(idea: Idea, numbers: tuple[int, ...]) -> tuple[Vehicle, ProcessNoiseFi
         Values(found.names, found.values, found.covariance, logged),
         depth_noise=found.noise.depth,
         neutral_std=BETWEEN,
-        neutral_walk=found.noise.random_walk,
+        random_walk=found.noise.random_walk,
         acceleration_noise=found.noise.acceleration,
     )
     return taught, found

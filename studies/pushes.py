@@ -33,7 +33,7 @@ _DOWN = 1.0  # m below what is asked for, where a vehicle is lost
 
 
 def law_of(name: str, vehicle: Vehicle) -> tuple[Law, Any]:
-    """Return a law and its parameters: the paper's, or of the knobs that `tune` finds."""
+    """Return a law and its parameters: the paper's, or of the tuning that `tune` finds."""
     if name == CASCADE.name:
         assert vehicle.controller is not None
         return bind(vehicle.controller)[:2]

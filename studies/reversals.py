@@ -1,7 +1,7 @@
 """What runs one way and runs out and back ask of a motor, on the vehicle of the paper.
 
 ``python -m studies.reversals [--runs 100]`` prints starts, reversals, the jumps of the voltage at
-both, and the heat that the jumps make, of the laws observer and pulse with tuned knobs.
+both, and the heat that the jumps make, of the laws observer and pulse with tuned tuning.
 
 A winding whose voltage jumps by U takes U/R more current until the speed has followed, with T1:
 U^2 T1/(2 R) of heat. R is not known of this motor; what is printed is the heat times R.
@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from swimbladder.control.law import Knobs
+from swimbladder.control.law import TuningParameters
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.region import region
@@ -27,8 +27,10 @@ __all__ = ["KNOBS", "asked", "main"]
 _DEPTH, _SUPPLY, _TICK = 2.0, 12.0, 0.3  # m, V, s
 _STEP = Step(_DEPTH, _DEPTH + 1e-4, 2700.0)
 _STILL = 1e-8  # m3 in a sample, as trials have it
-_SLOW = Knobs(frequency=0.046, damping=1.0, inner=1.0, sharpness=5.0, learning=0.7, dead=3.5e-8)
-KNOBS: Mapping[str, Knobs] = {  # as `tune --goal quiet` finds them, rounded
+_SLOW = TuningParameters(
+    frequency=0.046, damping=1.0, inner=1.0, sharpness=5.0, learning=0.7, dead=3.5e-8
+)
+KNOBS: Mapping[str, TuningParameters] = {  # as `tune --goal quiet` finds them, rounded
     "observer": _SLOW._replace(pause=24.0, band=0.027),
     "pulse": _SLOW._replace(pause=72.0, band=0.026),
 }

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from swimbladder.control.law import stiffness
-from swimbladder.design.tuning.region import WALK
+from swimbladder.design.tuning.region import RANDOM_WALK
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.engine.cache import compiled, part
@@ -60,7 +60,7 @@ class Grid(NamedTuple):
     step: float = 1.5  # s
 
 
-def drift_of(name: str, *, noise: float, sample_time: float, walk: float = WALK) -> Drift:
+def drift_of(name: str, *, noise: float, sample_time: float, walk: float = RANDOM_WALK) -> Drift:
     """Return a preset's vehicle; noise [m] of a depth, walk [m3/s^0.5] of its neutral volume."""
     p = plant(load_vehicle(name))
     d, a = stiffness(p)

@@ -117,7 +117,7 @@ def train(logs: Mapping[int, Log], vehicle: Vehicle) -> tuple[Vehicle, ProcessNo
         Values(found.names, found.values, found.covariance, logged),
         depth_noise=found.noise.depth,
         neutral_std=0.0,
-        neutral_walk=found.noise.random_walk,
+        random_walk=found.noise.random_walk,
         acceleration_noise=found.noise.acceleration,
     )
     return between_logs([_record(log, fitted) for log in logs.values()], fitted), found
@@ -196,7 +196,7 @@ def _travelled(rec: Record, vehicle: Vehicle) -> float:
     filtered = filter_depth(
         plant(vehicle, bottom_depth=rec.bottom_depth),
         samples,
-        noise=Noise(known.depth_noise, known.neutral_walk, known.acceleration_noise),
+        noise=Noise(known.depth_noise, known.random_walk, known.acceleration_noise),
         start=Start(
             depth=float(samples.depth[0]),
             speed=0.0,

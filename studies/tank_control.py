@@ -179,7 +179,7 @@ def fly(m: Mission, law: Law, parameters: Any, *, runs: int, seed: int = 1) -> l
         vary=vary,
         seed=seed,
         keep="trajectory",
-        neutral_change=known.neutral_walk * np.sqrt(parameters.S_p) * walk,
+        neutral_change=known.random_walk * np.sqrt(parameters.S_p) * walk,
         **_start(m),
     )
     time, depth, volume = (data[k].to_numpy() for k in ("time", "depth", "volume"))

@@ -1,10 +1,10 @@
-"""Gains of the law `position-observer` for a positioner, from a few knobs, and its margins."""
+"""Gains of the law `position-observer` for a positioner, from a few tuning, and its margins."""
 
 from __future__ import annotations
 
 import math
 
-from swimbladder.control.law import Knobs
+from swimbladder.control.law import TuningParameters
 from swimbladder.control.position_observer import PositionObserverParameters
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.vehicle import Vehicle
@@ -34,7 +34,7 @@ def position_observer_gains(
     assert vehicle.controller is not None
     h = vehicle.controller.sample_time
     setting = setting_of(vehicle, sample_time=h, supply=math.inf, neutral_range=_NEUTRAL)
-    knobs = Knobs(frequency, damping, 1.0 / h, sharpness, learning, dead=dead)
-    numbers = gains("position-observer", setting, knobs)
+    tuning = TuningParameters(frequency, damping, 1.0 / h, sharpness, learning, dead=dead)
+    numbers = gains("position-observer", setting, tuning)
     assert isinstance(numbers, PositionObserverParameters)
     return numbers

@@ -2,7 +2,7 @@
 
 ``python -m studies.tuned [--law LAW ...] [--runs 200]`` tunes each law as `swimbladder tune` does,
 for 12 V and 2 mm of noise, the quiet ones with a quantum of 5 mm as well, and prints the rows and
-the knobs found. Takes minutes. `KNOBS` are those, rounded, for studies that need a tuned law.
+the tuning found. Takes minutes. `KNOBS` are those, rounded, for studies that need a tuned law.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from studies.reversals import KNOBS as QUIET_KNOBS
 from swimbladder.cli.common import progress
-from swimbladder.control.law import Knobs, Law
+from swimbladder.control.law import Law, TuningParameters
 from swimbladder.control.registry import bind
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import Tuning, tune
@@ -31,15 +31,17 @@ _DEPTHS = (0.0, 5.0)  # m
 _STEPS: Mapping[str, tuple[float, float]] = {"fast": (1.5, 3.0), "quiet": (1.5, 2.0)}  # m
 _QUANTA = {"fast": 0.0, "quiet": 5e-3}  # m
 _OWN = Step(1.5, 3.0, 1800.0)  # the paper's
-KNOBS: Mapping[str, Knobs] = {  # as `tune --without-supervisor` finds them, rounded
+KNOBS: Mapping[str, TuningParameters] = {  # as `tune --without-supervisor` finds them, rounded
     **QUIET_KNOBS,
-    "planned": Knobs(
+    "planned": TuningParameters(
         frequency=0.27, damping=0.8, inner=1.5, sharpness=12.0, learning=0.003, share=0.75
     ),
-    "sea-cascade": Knobs(
+    "sea-cascade": TuningParameters(
         frequency=0.317, damping=1.0, inner=1.67, sharpness=4.0, learning=1.0, share=0.75
     ),
-    "adrc": Knobs(frequency=0.2, damping=1.0, inner=1.67, sharpness=6.0, learning=0.1, share=0.75),
+    "adrc": TuningParameters(
+        frequency=0.2, damping=1.0, inner=1.67, sharpness=6.0, learning=0.1, share=0.75
+    ),
 }
 
 
@@ -57,12 +59,12 @@ def noisy(goal: str) -> Vehicle:
     return vehicle.model_copy(update={"sensors": sensors})
 
 
-def gains_of(name: str, knobs: Knobs | None = None) -> tuple[Law, Any]:
-    """Return a law and its parameters, by the knobs kept here where none are given."""
+def gains_of(name: str, tuning: TuningParameters | None = None) -> tuple[Law, Any]:
+    """Return a law and its parameters, by the tuning kept here where none are given."""
     setting = setting_of(
         noisy(goal_of(name)), sample_time=_TICK, supply=_SUPPLY, neutral_range=20e-6
     )
-    return tunable(name), gains(name, setting, knobs or KNOBS[name])
+    return tunable(name), gains(name, setting, tuning or KNOBS[name])
 
 
 def tuned(name: str, *, runs: int) -> Tuning:
@@ -116,7 +118,7 @@ def own(*, runs: int) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table, then the knobs."""
+    """Print the table, then the tuning."""
     parser = argparse.ArgumentParser(prog="python -m studies.tuned", description=__doc__)
     parser.add_argument("--law", nargs="*", default=[*FAST, *QUIET], choices=[*FAST, *QUIET])
     parser.add_argument("--runs", type=int, default=200, help="of a trial")
@@ -126,14 +128,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "| volume moved | starts from rest, reversals |\n|---|---|---|---|---|---|"
     )
     print("\n".join(own(runs=given.runs)), flush=True)
-    knobs = {}
+    tuning = {}
     for name in given.law:
         found, goal = tuned(name, runs=given.runs), goal_of(name)
-        knobs[name] = found.knobs
+        tuning[name] = found.tuning
         if goal == "fast":
             print(row(f"`{name}`, fast, nominal (median)", found.nominal, goal=goal, median=True))
         print(row(f"`{name}`, {goal}, 95 % of the region", found.region, goal=goal), flush=True)
-    for name, one in knobs.items():
+    for name, one in tuning.items():
         print(f"{name}: {one}")
 
 

@@ -62,7 +62,7 @@ def test_the_files_have_what_python_gives(capsys, lake, tmp_path):
     with (tmp_path / "trajectory.csv").open(newline="", encoding="ascii") as file:
         depth = [float(row["depth_m"]) for row in csv.DictReader(file)]
     assert np.array_equal(depth, ours.depth)
-    assert found["energy_J"] == ours.books.energy["source"]
+    assert found["energy_J"] == ours.balance.energy["source"]
     # 14 degrees are 0.2 % of 27.5 litres: half a decilitre, of which a metre of psi is 4 cm3
     assert ours.volume[0] - even.volume[0] == pytest.approx(60e-6, abs=10e-6)
     assert np.abs(ours.depth - even.depth).max() > 0.2

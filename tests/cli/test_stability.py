@@ -39,15 +39,15 @@ def test_robustness_is_a_table_of_gain_and_delay(capsys, tmp_path):
     command = ["stability", "feup-em", "--no-maps", "--robustness", "--draws", "20"]
     assert main([*command, "--within", "500 s", "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    stood = answer["robustness"]
-    assert [(s["gain"], s["delay"]) for s in stood] == [
+    trials = answer["robustness"]
+    assert [(s["gain"], s["delay"]) for s in trials] == [
         (gain, delay) for delay in (0.0, 0.15) for gain in (0.5, 0.7, 1.0, 1.4, 2.0)
     ]
     assert answer["maps"] == []
     assert answer["stable"]
     assert (out / "robustness.png").exists()
     # Of the same loop: half a sample of delay takes stability away.
-    radii = {(s["gain"], s["delay"]): s["radius"] for s in stood}
+    radii = {(s["gain"], s["delay"]): s["radius"] for s in trials}
     assert radii[2.0, 0.15] > radii[2.0, 0.0]
 
 

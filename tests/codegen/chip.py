@@ -227,7 +227,7 @@ def fly_supervised(
         board = spoil(beside.controller.ticks, board)
         command, said = chip.answer(*board[:6], reference)
         expected = beside.tick(board, reference)
-        unequal += bits(command, said) != bits(expected, beside.state.rescue.reasons)
+        unequal += bits(command, said) != bits(expected, beside.state.recovery.reasons)
         return float(command)
 
     flown = simulate(

@@ -136,7 +136,7 @@ def said_by(beside: PoolTwin, seen: Watched, *, may_begin: bool) -> tuple[Any, .
     """Return what the twin says, in the form of the C's."""
     command = beside.tick(seen, may_begin=may_begin)
     state = beside.state
-    return command, int(beside.watch.rescue.reasons), int(state.phase), int(state.gave_up_in)
+    return command, int(beside.watch.recovery.reasons), int(state.phase), int(state.gave_up_in)
 
 
 def pool_chip(made: Library, folder: Path, mcu: str, *flags: str) -> Chip:
@@ -156,7 +156,7 @@ def fly_on_chip(made: Library, chip: Chip) -> tuple[int, int]:
         command, reasons, phase = chip.answer(*seen[:6], float(may_begin))
         ticks += 1
         unequal += bits(command, reasons, phase) != bits(
-            said[-1], beside.watch.rescue.reasons, beside.state.phase
+            said[-1], beside.watch.recovery.reasons, beside.state.phase
         )
         return float(command)
 

@@ -165,7 +165,7 @@ def test_on_the_chip_it_is_armed_by_water_as_in_the_twin(tmp_path):
         seen = Watched(depth, 0.1, 1e-5, 12.0, False, 0, 0)
         command, said = on_chip.answer(*seen[:6], 3.0)
         expected = beside.tick(seen, 3.0)
-        assert bits(command, said) == bits(expected, beside.state.rescue.reasons), n
+        assert bits(command, said) == bits(expected, beside.state.recovery.reasons), n
         armed_at += [n] * (beside.armed and not armed_at)
     on_chip.close()
     assert len(armed_at) == 1

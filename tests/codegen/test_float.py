@@ -579,7 +579,7 @@ class TestTheCortexM:
         seen, asked = _spoilt(made)
         for n, said in enumerate(cortex.answers(made, tmp_path, core, seen, asked)):
             command = twin.tick(seen[n], asked[n])
-            assert bits(*said) == bits(command, twin.state.rescue.reasons), n
+            assert bits(*said) == bits(command, twin.state.recovery.reasons), n
         assert twin.reason is Reason.DEPTH_MISSING
 
 
@@ -705,7 +705,7 @@ class TestTheChip:
         for one, reference in zip(*_spoilt(made), strict=True):
             said = on_chip.answer(*one[:6], reference)
             expected = twin.tick(one, reference)
-            assert bits(*said) == bits(expected, twin.state.rescue.reasons)
+            assert bits(*said) == bits(expected, twin.state.recovery.reasons)
         assert twin.reason is Reason.DEPTH_MISSING
         stack = on_chip.close()
         assert on_chip.size.variables + stack < 8192
@@ -746,7 +746,7 @@ def test_each_reason_brings_it_up_on_the_chip(tmp_path):
             first = seen._replace(leak=reset, lost=2**32 - 1)
             said = on_chip.answer(*(first if n == 0 else seen)[:6], 80.0)
             expected = beside.tick(seen, 80.0)
-            assert bits(*said) == bits(expected, beside.state.rescue.reasons), (reason, n)
+            assert bits(*said) == bits(expected, beside.state.recovery.reasons), (reason, n)
             if beside.reason is not None:
                 assert said[0] == 1.0  # the pump runs all of the tick
                 break

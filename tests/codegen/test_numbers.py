@@ -309,8 +309,8 @@ def test_what_a_twin_says_is_what_a_board_says(made):
     assert (said.armed, said.command, said.reasons, said.reason, said.wide) == (True, 1.5, 0, 0, 0)
     state = twin.state
     reasons = (1 << (Reason.LEAK - 1)) | (1 << (Reason.RESTARTED - 1))
-    rescue = state.rescue._replace(reason=int(Reason.LEAK), reasons=reasons, release=True)
-    twin.state = state._replace(rescue=rescue)
+    recovery = state.recovery._replace(reason=int(Reason.LEAK), reasons=reasons, release=True)
+    twin.state = state._replace(recovery=recovery)
     twin.controller.missed = 70_000
     said = board._said(twin, np.float32(1.5))
     assert (said.reason, said.reasons, said.missed) == (Reason.LEAK, reasons, 65535)

@@ -156,7 +156,7 @@ class Spoilt(PoolTwin):
         command = super().tick(seen, may_begin=may_begin)
         s = self.state
         self.unequal += before != bits(
-            command, self.watch.rescue.reasons, int(s.phase), int(s.gave_up_in)
+            command, self.watch.recovery.reasons, int(s.phase), int(s.gave_up_in)
         )
         self.went.add(self.phase.does)
         return command

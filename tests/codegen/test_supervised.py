@@ -121,7 +121,7 @@ def said_by(vehicle: VehicleTwin, seen: Watched, reference: float) -> tuple[Any,
     """Return what the twin says, in the form of the C's."""
     command = vehicle.tick(seen, reference)
     s = vehicle.state
-    return command, int(s.rescue.reason), int(s.rescue.reasons), int(s.rescue.release)
+    return command, int(s.recovery.reason), int(s.recovery.reasons), int(s.recovery.release)
 
 
 @pytest.fixture(scope="module", params=["feup-em", "ntnu-bv"])
@@ -285,14 +285,14 @@ def test_bits_that_flip_do_not_undo_full_buoyancy(both):
     made, _ = both
     p = made.supervisor
     begun = initial(p, SEEN, 0.0)
-    latched = begun._replace(rescue=begun.rescue._replace(reason=int(Reason.LEAK), reasons=0))
+    latched = begun._replace(recovery=begun.recovery._replace(reason=int(Reason.LEAK), reasons=0))
     turned = begun._replace(push=begun.push._replace(turns=16384))
     for begins, seen in ((latched, SEEN), (turned, SEEN._replace(leak=True))):
         state = begins
         for _ in range(p.board.leak + 1):
             command, state, _ = step(p, state, seen, 0.0)
         assert command == p.push.surface_command
-        assert state.rescue.reason == Reason.LEAK
+        assert state.recovery.reason == Reason.LEAK
 
 
 def random_calls(count: int) -> list[tuple[Any, ...]]:
@@ -392,9 +392,9 @@ def test_an_hour_with_faults_is_the_same_to_the_bit(tmp_path):
         got = in_c.tick(seen_by[-1][0], reference)
         s = beside.state
         unequal += bits(got[0]) != bits(command) or got[1:] != (
-            s.rescue.reason,
-            s.rescue.reasons,
-            s.rescue.release,
+            s.recovery.reason,
+            s.recovery.reasons,
+            s.recovery.release,
         )
         reasons.append(beside.reason)
         return command

@@ -44,7 +44,7 @@ def test_what_is_no_depth_begins_nothing_and_is_not_gone_to(law, parameters, dep
 @each_law
 def test_a_law_begins_at_rest_with_a_motor_that_does_all_it_can(law, parameters):
     state = law.initial(parameters, Measurement(0.0, 2.0, 1e-5), 3.0)._asdict()
-    assert state.get("ability", 1.0) == 1.0
+    assert state.get("effectiveness", 1.0) == 1.0
     path = state.get("path")
     if path is not None:
         left = 10.0 * parameters.S_p  # a way takes so long at least

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from swimbladder.control.law import Knobs, Measurement, from_leaves, leaves, numbers
+from swimbladder.control.law import Measurement, TuningParameters, from_leaves, leaves, numbers
 from swimbladder.control.motion import (
+    e_folding_time,
     filter_gains,
     held_motion,
     hold_gains,
     motion_over_sample,
-    runaway,
 )
 from swimbladder.control.observer import OBSERVER, Estimate, Trust, estimate, initial, moves, step
 from swimbladder.design.tuning.gains import gains, setting_of
@@ -24,7 +24,7 @@ from swimbladder.physics.dynamics import plant
 VEHICLE = load_vehicle("feup-em")
 PLANT = plant(VEHICLE)
 H = 0.3
-KNOBS = Knobs(frequency=0.2, damping=0.8, inner=1.2, sharpness=6.0, learning=0.01)
+KNOBS = TuningParameters(frequency=0.2, damping=0.8, inner=1.2, sharpness=6.0, learning=0.01)
 
 
 def parameters(**changes):
@@ -70,7 +70,7 @@ def test_the_gains_are_the_settled_kalman_filters():
     )
     # python-control's gain is the predictor's, A K; ours corrects at once.
     expected = scale @ np.linalg.solve(unscale @ A @ scale, L[:, 0]) / 1e-3
-    found = filter_gains(PLANT, H, depth=depth, acceleration=acceleration, neutral_walk=walk)
+    found = filter_gains(PLANT, H, depth=depth, acceleration=acceleration, random_walk=walk)
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
@@ -159,7 +159,7 @@ def test_a_move_leaves_the_share_of_an_error_that_it_should(time):
 
 
 def test_held_it_runs_away_e_fold_in_that_time():
-    late = held([1e-3, 0.0], 0.0, 10.0 * runaway(PLANT), steps=10)[0]
+    late = held([1e-3, 0.0], 0.0, 10.0 * e_folding_time(PLANT), steps=10)[0]
     assert late[-1] / late[-2] == pytest.approx(math.e, rel=1e-6)
 
 
@@ -211,7 +211,7 @@ def test_near_the_set_point_the_filter_is_the_kalman_filter_of_the_walk():
     # The same as a control problem of python-control's, in mm and cm3.
     scale = np.diag([1e-3, 1e-3, 1e-6])
     A = np.linalg.solve(scale, A @ scale)
-    Q = np.diag([1e-30, 1e-30, (s.walk * 1e6) ** 2 * H])
+    Q = np.diag([1e-30, 1e-30, (s.random_walk * 1e6) ** 2 * H])
     _, P, _ = control.dlqe(A, np.eye(3), np.array([[1.0, 0.0, 0.0]]), Q, (noise * 1e3) ** 2)
     expected = P - P[:, :1] @ P[:1] / (P[0, 0] + (noise * 1e3) ** 2)
 
@@ -225,7 +225,7 @@ def test_near_the_set_point_the_filter_is_the_kalman_filter_of_the_walk():
             x = F @ x + (G0 + G1) * (volume - b)
             before = Estimate(2.0, 0.0, 0.0, volume) if e is None else e._replace(volume=volume)
             e = estimate(p.model, trust, before, volume, x[0] + rng.normal(0.0, noise))
-            b += rng.normal(0.0, s.walk * math.sqrt(H))
+            b += rng.normal(0.0, s.random_walk * math.sqrt(H))
             if n > 1000:
                 found.append([e.depth - x[0], e.speed - x[1], e.neutral - b])
         return np.std(found, axis=0) / [1e-3, 1e-3, 1e-6]
@@ -260,7 +260,7 @@ def test_the_filter_is_as_many_times_as_fast_as_the_loop_as_its_sharpness_says(
 ):
     """Poles of a double integrator's Kalman filter: s^2 + sqrt(2) w s + w^2 = 0.
 
-    w^2 is the ratio of the intensities of acceleration and noise; the knobs ask for this w.
+    w^2 is the ratio of the intensities of acceleration and noise; the tuning asks for this w.
     """
     s = setting_of(VEHICLE, sample_time=h, supply=12.0, neutral_range=20e-6)._replace(noise=2e-3)
     k = KNOBS._replace(frequency=frequency, sharpness=sharpness, learning=1e-6)
@@ -283,7 +283,7 @@ def test_limits_hold_whatever_is_measured():
 
 
 def test_the_poles_are_where_the_knobs_put_them():
-    """Inner loop far faster than the depth: the two slow poles are those of the knobs."""
+    """Inner loop far faster than the depth: the two slow poles are those of the tuning."""
     k = KNOBS._replace(frequency=0.02, inner=2.0, sharpness=20.0, learning=1e-6)
     s = setting_of(VEHICLE, sample_time=0.02, supply=12.0, neutral_range=20e-6)
     p = gains("observer", s, k)

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 import swimbladder
-from swimbladder.control.law import Knobs, Measurement
+from swimbladder.control.law import Measurement, TuningParameters
 from swimbladder.control.planned import PLANNED, Path, along, initial, step
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.io.config import load_vehicle
@@ -95,7 +95,9 @@ def vehicle():
 @pytest.fixture(scope="module")
 def parameters(vehicle):
     s = setting_of(vehicle, sample_time=H, supply=12.0, neutral_range=20e-6)
-    return gains("planned", s, Knobs(0.25, 0.8, 1.2, sharpness=8.0, learning=0.003, share=0.85))
+    return gains(
+        "planned", s, TuningParameters(0.25, 0.8, 1.2, sharpness=8.0, learning=0.003, share=0.85)
+    )
 
 
 def settled(vehicle, parameters, **changes):

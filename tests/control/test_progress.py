@@ -171,5 +171,5 @@ def test_the_last_tick_of_them_is_a_reason(changed, reason):
     state = SUPERVISOR.step(ALL, SUPERVISOR.initial(ALL, first, 0.0), first, 0.0)[1]
     state = state._replace(progress=state.progress._replace(**changed))
     command, after, _ = SUPERVISOR.step(ALL, state, first, 0.0)
-    assert after.rescue.reason == reason
+    assert after.recovery.reason == reason
     assert command == (1.0 if reason else 0.0)

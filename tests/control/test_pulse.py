@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize
 
-from swimbladder.control.law import Knobs, Measurement, leaves, numbers
+from swimbladder.control.law import Measurement, TuningParameters, leaves, numbers
 from swimbladder.control.motion import held_motion, motion_over_sample, pulse_gains
 from swimbladder.control.observer import OBSERVER
 from swimbladder.control.pulse import PULSE, holds, initial, run, step
@@ -19,7 +19,7 @@ from swimbladder.physics.dynamics import plant
 VEHICLE = load_vehicle("feup-em")
 PLANT = plant(VEHICLE)
 H = 0.3
-KNOBS = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=3.5e-8, pause=65.0, band=0.025)
+KNOBS = TuningParameters(0.046, 1.0, 1.0, 5.0, 0.7, dead=3.5e-8, pause=65.0, band=0.025)
 NEUTRAL = PLANT.psi * 2.0  # at 2 m
 
 

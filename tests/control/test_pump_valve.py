@@ -48,7 +48,7 @@ DRIVE = DriveParameters(
     beyond=3e-5,
 )
 TOP = SurfacingParameters(
-    shallow=5.0, neutral=0.0, full=3e-4, lacking=6e-7, slack=1e-5, measured=0.0
+    shallow=5.0, neutral=0.0, full=3e-4, negligible=6e-7, slack=1e-5, measured=0.0
 )
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from swimbladder.control.law import Knobs, leaf_names, numbers
-from swimbladder.control.motion import off_in
+from swimbladder.control.law import TuningParameters, leaf_names, numbers
+from swimbladder.control.motion import drift_time
 from swimbladder.control.registry import LAWS
 from swimbladder.design.tuning.gains import gains, setting_of
 from swimbladder.io.config import load_vehicle
@@ -13,7 +13,9 @@ from swimbladder.io.config import load_vehicle
 H, SUPPLY = 0.4, 10.8
 VEHICLE = load_vehicle("feup-em")
 SETTING = setting_of(VEHICLE, sample_time=H, supply=SUPPLY, neutral_range=20e-6)
-KNOBS = Knobs(0.15, 0.7, 1.1, learning=0.1, share=0.7, dead=2e-6, pause=12.0, band=0.02, volts=0.8)
+KNOBS = TuningParameters(
+    0.15, 0.7, 1.1, learning=0.1, share=0.7, dead=2e-6, pause=12.0, band=0.02, volts=0.8
+)
 SAMPLED = [name for name, law in LAWS.items() if law.recipe and law.command == "voltage"]
 
 
@@ -73,7 +75,7 @@ def test_the_sleeper_acts_on_a_speed_that_crosses_its_band_in_an_interval():
 def test_a_walk_of_the_neutral_volume_takes_it_off_in_the_time_that_is_said():
     """Each step of the walk accelerates from then on: (t - s)^2/2 of its way, added in squares."""
     p, distance, walk = SETTING.plant, 0.03, 2e-8
-    t = off_in(p, distance, walk)
+    t = drift_time(p, distance, walk)
     share = quad(lambda s: (0.5 * (t - s) ** 2) ** 2, 0.0, t)[0]
     assert p.a_b * walk * np.sqrt(20.0 * share) == pytest.approx(distance, rel=1e-9)
 

@@ -64,7 +64,7 @@ class Pair:
 
     def compare(self) -> None:
         ours, other = comparable(self.state, self.p), self.second.memory()
-        named = supervisor.reasons_in(self.state.rescue.reasons)
+        named = supervisor.reasons_in(self.state.recovery.reasons)
         assert ours["reasons"] == {
             each.words.removesuffix(" or too fast to turn") for each in named
         }
@@ -426,7 +426,7 @@ def test_a_float_that_came_no_nearer_for_a_while_keeps_that_reason() -> None:
     noted = []
     for depth in (100.0, 100.0, 101.0):
         state = supervisor.step(p, state, seen._replace(depth=depth), 0.0)[1]
-        noted.append(supervisor.Reason(11) in supervisor.reasons_in(state.rescue.reasons))
+        noted.append(supervisor.Reason(11) in supervisor.reasons_in(state.recovery.reasons))
     assert noted == [True, True, True]
 
 

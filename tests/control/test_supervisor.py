@@ -249,7 +249,7 @@ class TestFaults:
         p, state = mute.vehicle.limits, mute.vehicle.state
         seen = CALM._replace(depth=float(mute.ran.depth[-1]), missed=p.board.missed)
         _, after, _ = SUPERVISOR.step(p, state, seen, 0.0)
-        assert reasons_in(after.rescue.reasons) == (Reason.NO_COMMAND,)
+        assert reasons_in(after.recovery.reasons) == (Reason.NO_COMMAND,)
 
     @pytest.mark.promise("no-command", faults=["set-point absurd"])
     @pytest.mark.parametrize("absurd", [-3e38, -20.0, 141.0, 3e38])
@@ -265,7 +265,7 @@ class TestFaults:
                 asked = absurd if k % of < ticks else 3.0
                 seen = CALM._replace(depth=3.0 + 1e-3 * (k % 2), reference=asked)
                 _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
-            return reasons_in(s.rescue.reasons)
+            return reasons_in(s.recovery.reasons)
 
         assert Reason.NO_COMMAND not in reasons(p.board.missed - 1, p.board.missed)
         assert reasons(p.board.missed, 10 * p.board.missed)[-1] is Reason.NO_COMMAND
@@ -282,8 +282,8 @@ class TestFaults:
             for k in range(2000):
                 wanted = min(max(1e6 * (8e-6 + rng.normal(0.0, 4e-6) - volume), -12.0), 12.0)
                 _, s, _ = SUPERVISOR.step(p, s, CALM._replace(volume=volume), wanted)
-                if s.rescue.reasons:
-                    assert s.rescue.reason == Reason.NOT_FOLLOWING
+                if s.recovery.reasons:
+                    assert s.recovery.reason == Reason.NOT_FOLLOWING
                     return 0.3 * k
                 push = wanted - p.rate.load_drive * CALM.depth
                 volume = min(volume + 0.3 * p.rate.rate * push, block)
@@ -321,7 +321,7 @@ def test_what_fails_more_than_two_thirds_of_the_time_is_a_reason(count, reason, 
     for k in range(60):
         seen = CALM._replace(**bad) if k % (bads + 1) < bads else CALM
         _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
-        if first is None and reason in reasons_in(s.rescue.reasons):
+        if first is None and reason in reasons_in(s.recovery.reasons):
             first = k
     assert first == at
 
@@ -346,7 +346,7 @@ def test_what_fails_more_than_a_fifth_of_the_time_is_a_reason(bad, limit, reason
     for k in range(200):
         seen = CALM._replace(**bad) if k % period == 0 else CALM
         _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
-        if first is None and reason in reasons_in(s.rescue.reasons):
+        if first is None and reason in reasons_in(s.recovery.reasons):
             first = k
     assert first == at
 
@@ -423,11 +423,11 @@ def test_what_bits_have_made_no_number_begins_anew(field, value):
     s = SUPERVISOR.initial(p, CALM, 0.0)
     s = s._replace(motion=s.motion._replace(known=p.motion.known, **{field: value}))
     seen, steps = CALM._replace(volume=1.2e-4, depth=5.0), 0
-    while s.rescue.reason == 0 and steps < 400:
+    while s.recovery.reason == 0 and steps < 400:
         command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
         assert math.isfinite(command)
         steps += 1
-    assert s.rescue.reason == Reason.NOT_MOVING_AS_MODELLED  # 100 cm3 too light, and it stays
+    assert s.recovery.reason == Reason.NOT_MOVING_AS_MODELLED  # 100 cm3 too light, and it stays
 
 
 @pytest.mark.promise("not-following", faults=["bit flips"])
@@ -438,7 +438,7 @@ def test_a_rate_that_bits_have_made_no_number_begins_anew(field):
     s = s._replace(rate=s.rate._replace(**{field: math.nan}))
     for _ in range(3 * int(p.rate.following)):
         _, s, _ = SUPERVISOR.step(p, s, CALM, 6.0)  # and the volume stays
-    assert s.rescue.reason == Reason.NOT_FOLLOWING
+    assert s.recovery.reason == Reason.NOT_FOLLOWING
 
 
 def test_the_recent_neutral_volume_follows_a_leak_by_the_time_of_a_low_pass():
@@ -646,7 +646,7 @@ class TestShown:
             step = 0.5 + rng.normal(0.0, sigma) if n < 5900 else 0.0
             depth = 2.0 + 0.002 * quantum * math.floor(step + 0.5)
             _, s, _ = SUPERVISOR.step(p, s, CALM._replace(depth=depth, volume=8.08e-6), 0.0)
-        assert (Reason.DEPTH_FROZEN in reasons_in(s.rescue.reasons)) is seen
+        assert (Reason.DEPTH_FROZEN in reasons_in(s.recovery.reasons)) is seen
 
     @pytest.mark.promise("debounce", faults=["depth dropouts"])
     def test_a_depth_that_fails_a_third_of_the_time_is_none(self):
@@ -748,7 +748,7 @@ def test_a_hull_that_comes_out_of_the_water_heavy_is_not_what_the_model_knows():
             w = -0.8 * w if z < 0.0 and w < 0.0 else w
         seen = CALM._replace(depth=z, volume=m.psi * z + extra)
         _, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
-        assert not s.rescue.reasons, (k, reasons_in(s.rescue.reasons))
+        assert not s.recovery.reasons, (k, reasons_in(s.recovery.reasons))
     assert min(speeds) < -0.2
     assert z > 1.5
 
@@ -770,7 +770,7 @@ class TestReach:
         for depth, volume, *asked in rows:
             seen = CALM._replace(depth=depth, volume=volume, reference=(asked or [math.nan])[0])
             command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
-            assert not s.rescue.reasons
+            assert not s.recovery.reasons
             commands.append(command)
         self.state, self.allowed = s, s.proof.allowed
         return commands
@@ -1437,21 +1437,21 @@ class TestSafeAction:
     def test_the_first_cause_stays_and_the_others_are_gathered(self):
         p = self.limits
         _, s = self.after(1)
-        assert s.rescue.reason == Reason.RESTARTED
+        assert s.recovery.reason == Reason.RESTARTED
         _, s = self.after(int(p.board.leak))
-        assert s.rescue.reason == Reason.RESTARTED
-        assert reasons_in(s.rescue.reasons) == (Reason.RESTARTED, Reason.LEAK)
+        assert s.recovery.reason == Reason.RESTARTED
+        assert reasons_in(s.recovery.reasons) == (Reason.RESTARTED, Reason.LEAK)
         again, healed, _ = SUPERVISOR.step(p, s, CALM, -12.0)
-        assert healed.rescue.reasons == s.rescue.reasons
+        assert healed.recovery.reasons == s.recovery.reasons
         assert again == p.push.surface_command
 
     @pytest.mark.promise("release")
     def test_the_weight_goes_where_the_vehicle_does_not_rise(self):
         p = self.limits
-        assert self.after(int(p.push.release) - 1)[1].rescue.release is False
-        assert self.after(int(p.push.release))[1].rescue.release is True
+        assert self.after(int(p.push.release) - 1)[1].recovery.release is False
+        assert self.after(int(p.push.release))[1].recovery.release is True
         blind = CALM._replace(depth=math.nan)
-        assert self.after(int(p.push.release), blind)[1].rescue.release is True
+        assert self.after(int(p.push.release), blind)[1].recovery.release is True
 
     @pytest.mark.promise("release")
     def test_the_weight_stays_where_it_rises_or_floats(self):
@@ -1466,5 +1466,5 @@ class TestSafeAction:
         over = []
         for _ in range(6):
             _, s, _ = SUPERVISOR.step(p, s, CALM, 0.0)
-            over.append(Reason.TIME_LIMIT in reasons_in(s.rescue.reasons))
+            over.append(Reason.TIME_LIMIT in reasons_in(s.recovery.reasons))
         assert over == [False, False, False, False, True, True]

@@ -268,7 +268,7 @@ def test_a_turned_push_that_is_up_to_the_limit_holds():
     high = PAPER.volume.volume_high
     s = SUPERVISOR.initial(PAPER, Watched(2.0, 0.1, high, 12.0, False, 0, 0), 0.0)
     push = PushWatch(phase=0, pushed=high, astray=PAPER.push.astray, turns=GREW)
-    s = s._replace(push=push, rescue=s.rescue._replace(reason=1, reasons=1))
+    s = s._replace(push=push, recovery=s.recovery._replace(reason=1, reasons=1))
     for volume, command in ((high, 0.0), (math.nextafter(high, 0.0), -12.0)):
         now = s._replace(volume=s.volume._replace(volume=volume, measured=True))
         assert bring_up(PAPER, now, True, 0).command == command

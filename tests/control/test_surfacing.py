@@ -15,7 +15,7 @@ from swimbladder.control.pump_valve import (
 )
 
 UP = SurfacingParameters(
-    shallow=5.0, neutral=1e-5, full=3e-4, lacking=6e-7, slack=1.1e-5, measured=0.0
+    shallow=5.0, neutral=1e-5, full=3e-4, negligible=6e-7, slack=1.1e-5, measured=0.0
 )
 AFLOAT, ON_ITS_WAY = SurfacingState(0.0, 0.0), SurfacingState(0.0, 1.0)
 
@@ -33,8 +33,8 @@ def test_it_surfaces_with_all_volume_and_is_left_there():
     action, wanted, _ = at_surface(UP, AFLOAT, 4.0, 1e-4, 0.0, 0.0)
     assert action == OUT
     assert wanted == pytest.approx(UP.full - 1e-4)
-    assert at_surface(UP, AFLOAT, 0.0, UP.full - 0.9 * UP.lacking, 0.0, 1.0)[0] == WAIT
-    assert at_surface(UP, AFLOAT, 0.0, UP.full - 1.1 * UP.lacking, 0.0, 1.0)[0] == OUT
+    assert at_surface(UP, AFLOAT, 0.0, UP.full - 0.9 * UP.negligible, 0.0, 1.0)[0] == WAIT
+    assert at_surface(UP, AFLOAT, 0.0, UP.full - 1.1 * UP.negligible, 0.0, 1.0)[0] == OUT
     assert at_surface(UP, AFLOAT, 0.0, UP.full, 0.0, 0.0)[0] == OUT  # not known to float yet
 
 

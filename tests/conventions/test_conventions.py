@@ -231,7 +231,7 @@ def test_an_end_stop_takes_all_speed_and_holds_until_the_voltage_pulls_away(feup
     assert s.volume[at_stop] == pytest.approx(feup.stroke.maximum, abs=1e-4 * CM3)
     assert s.volume.max() <= feup.stroke.maximum  # the limit itself is never passed
     assert np.all(s.motor_rate[at_stop] == 0.0)
-    assert s.books.energy["end stops"] > 0.0
+    assert s.balance.energy["end stops"] > 0.0
 
 
 def test_the_bottom_takes_all_speed_and_lets_go_above_the_neutral_volume(feup):
@@ -246,7 +246,7 @@ def test_the_bottom_takes_all_speed_and_lets_go_above_the_neutral_volume(feup):
     assert np.all(s.speed[lying] == 0.0)
     assert s.depth.max() == pytest.approx(bottom, abs=1e-6)
     assert np.interp(left.time, time, volume) == pytest.approx(neutral, abs=1e-3 * CM3)
-    assert s.books.energy["bottom"] > 0.0
+    assert s.balance.energy["bottom"] > 0.0
 
 
 def test_the_surface_is_a_spring_of_the_water_plane(feup):
@@ -386,7 +386,7 @@ def test_a_positioner_goes_to_the_commanded_volume_at_its_rate_and_stops_there()
     assert beyond.volume[-1] == vehicle.stroke.maximum
 
 
-# Rows of a result, books, reasons
+# Rows of a result, balance, reasons
 
 
 def test_the_page_names_the_arrays_of_a_solution(step):
@@ -426,15 +426,15 @@ def test_step_metrics_are_those_of_the_samples():
 def test_the_books_have_the_accounts_that_the_page_explains(name):
     vehicle = load_vehicle(name)
     s = simulate(vehicle, setpoints=[(0.0, 1.4)], duration=120.0, start_depth=0.8)
-    books = s.books
-    assert set(books.energy) <= {name.strip("`") for name in listed("Balances")}
-    assert books.energy["source"] == pytest.approx(
-        sum(value for key, value in books.energy.items() if key != "source"),
-        abs=1e-3 * books.throughput,
+    balance = s.balance
+    assert set(balance.energy) <= {name.strip("`") for name in listed("Balances")}
+    assert balance.energy["source"] == pytest.approx(
+        sum(value for key, value in balance.energy.items() if key != "source"),
+        abs=1e-3 * balance.throughput,
     )
-    assert books.volume["change"] == pytest.approx(s.volume[-1] - s.volume[0], abs=1e-15)
-    assert books.volume["pumped"] - books.volume["leaked"] == pytest.approx(
-        books.volume["change"], abs=1e-12
+    assert balance.volume["change"] == pytest.approx(s.volume[-1] - s.volume[0], abs=1e-15)
+    assert balance.volume["pumped"] - balance.volume["leaked"] == pytest.approx(
+        balance.volume["change"], abs=1e-12
     )
 
 
@@ -443,7 +443,7 @@ def test_no_account_is_explained_that_no_vehicle_has():
     for name in PRESETS:
         vehicle = load_vehicle(name)
         found |= set(
-            simulate(vehicle, setpoints=[(0.0, 1.4)], duration=6.0, start_depth=1.4).books.energy
+            simulate(vehicle, setpoints=[(0.0, 1.4)], duration=6.0, start_depth=1.4).balance.energy
         )
     assert {name.strip("`") for name in listed("Balances")} == found
 

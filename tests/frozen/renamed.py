@@ -40,6 +40,10 @@ KEYS: dict[str, str] = {
     "identify: worth": "tempering",
     "identify: identified.between": "identified.between",  # of vehicle.toml: as it was
     "identify: between": "random_effects",
+    "neutral_walk": "random_walk",
+    "tune: knobs": "tuning",
+    "compare-laws: left_out": "not_compared",
+    "events_left_out": "events_omitted",
 }
 
 # Texts that name a kind: values of JSON, cells of tables.

@@ -38,7 +38,7 @@ def test_what_was_identified_survives():
         values=(4.44e-4, 0.09),
         covariance=((1e-12, 0.0), (0.0, 1e-6)),
         logs=("a b.csv (log=1)",),
-        neutral_walk=1e-8,
+        random_walk=1e-8,
     )
     vehicle = load_vehicle("feup-em").model_copy(update={"identified": known})
     assert again(vehicle) == vehicle

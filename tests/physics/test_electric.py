@@ -1,4 +1,4 @@
-"""Current, power, battery and limits against the circuit itself and the books of energy."""
+"""Current, power, battery and limits against the circuit itself and the balance of energy."""
 
 import math
 
@@ -205,10 +205,10 @@ def test_the_examples_can_leave_their_deepest_depth(name):
     assert deepest > 1.5 * vehicle.hull.depth_limit
 
 
-# --- books --------------------------------------------------------------------------------------
+# --- balance --------------------------------------------------------------------------------------
 
 
-def books(drive, actuator):
+def balance(drive, actuator):
     """Supply less losses and work on the water, and what that is counted against [W].
 
     What turns round between emf and current counts too: it is what the losses are differences of.
@@ -227,11 +227,11 @@ def books(drive, actuator):
     st.just(0.0) | st.floats(1e-6, 0.5),
     st.sampled_from([None, 24.0]),
 )
-def test_books_balance_and_nothing_creates_energy(actuator, u, depth, R_b, E):
+def test_the_balance_closes_and_nothing_creates_energy(actuator, u, depth, R_b, E):
     supply = None if E is None else Supply(voltage=E, internal_resistance=R_b)
     d = el.steady_drive(actuator, SEA, voltage=u, depth=depth, supply=supply)
     assume(not np.isnan(d.supply))
-    residue, throughput = books(d, actuator)
+    residue, throughput = balance(d, actuator)
     assert abs(residue) <= 1e-10 * throughput
     for name in LOSSES:
         # emf and torque constants that differ are the one loss that changes sign with the current
@@ -252,7 +252,7 @@ def test_the_literal_form_creates_energy_in_back_driving_only(actuator, depth):
     passive, printed = (el.steady_drive(a, SEA, **down) for a in (actuator, literal))
     assume(passive.omega < 0.0)
     for d in (passive, printed):
-        residue, throughput = books(d, actuator)
+        residue, throughput = balance(d, actuator)
         assert abs(residue) <= 1e-10 * throughput
     assert passive.transmission > 0.0
     # Printed, the shaft gets 1/eta of the work that the sea does on the oil or the piston.

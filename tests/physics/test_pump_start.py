@@ -1,4 +1,4 @@
-"""A pump's start under load against SciPy's Radau, a book of volumes, and the paper's limit."""
+"""A pump's start under load against SciPy's Radau, a volume balance, and the paper's limit."""
 
 import numpy as np
 import pytest
@@ -117,7 +117,7 @@ def test_a_line_empties_through_a_pump_that_stands(air, end):
 
 @pytest.mark.parametrize("n", [1.0, 1.4])
 def test_the_line_takes_in_what_its_air_and_oil_give_way(n):
-    """The book of volumes in closed form: air by the polytropic law, liquid by its mass."""
+    """The volume balance in closed form: air by the polytropic law, liquid by its mass."""
     oil = Oil(volume=3e-5, bulk_modulus=1.5e9, trapped_air=0.2)
     low, high = ATMOSPHERE, 1.2e7
     found = pump_start(

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 
 from studies.starts import Drift, Grid, drift_of, fewest, least_cost, main, stage_cost, transition
-from swimbladder.control.law import Knobs
+from swimbladder.control.law import TuningParameters
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.gains import gains, setting_of, tunable
 from swimbladder.design.tuning.region import region
@@ -90,10 +90,12 @@ def test_sixty_starts_an_hour_cannot_hold_it_and_the_observer_is_near_what_can()
     sensors = vehicle.sensors.model_copy(update={"depth_noise": 2e-3, "depth_quantum": 5e-3})
     vehicle = vehicle.model_copy(update={"sensors": sensors})
     s = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=20e-6)
-    knobs = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=24.0, band=0.027)
+    tuning = TuningParameters(
+        0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=24.0, band=0.027
+    )
     held = trial(
         vehicle,
-        BoundLaw(tunable("observer"), gains("observer", s, knobs), 0.3),
+        BoundLaw(tunable("observer"), gains("observer", s, tuning), 0.3),
         Step(2.0, 2.0001, 2700.0),
         Drawn(100, region(vehicle)._replace(neutral=0.0)),
     )
@@ -117,10 +119,12 @@ def test_the_law_of_pulses_is_near_the_least_that_pulses_can_do_with():
     sensors = vehicle.sensors.model_copy(update={"depth_noise": 2e-3, "depth_quantum": 5e-3})
     vehicle = vehicle.model_copy(update={"sensors": sensors})
     s = setting_of(vehicle, sample_time=0.3, supply=12.0, neutral_range=20e-6)
-    knobs = Knobs(0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=72.0, band=0.026)
+    tuning = TuningParameters(
+        0.046, 1.0, 1.0, 5.0, 0.7, dead=0.5 * s.least_move, pause=72.0, band=0.026
+    )
     held = trial(
         vehicle,
-        BoundLaw(tunable("pulse"), gains("pulse", s, knobs), 0.3),
+        BoundLaw(tunable("pulse"), gains("pulse", s, tuning), 0.3),
         Step(2.0, 2.0001, 2700.0),
         Drawn(100, region(vehicle)._replace(neutral=0.0)),
     )

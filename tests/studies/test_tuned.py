@@ -1,4 +1,4 @@
-"""The table of tuned laws: rows as they are written, knobs that hold what tuning promises."""
+"""The table of tuned laws: rows as they are written, tuning that hold what tuning promises."""
 
 import math
 
@@ -51,7 +51,7 @@ def test_the_knobs_kept_have_the_margins_that_tuning_asks_for(name):
 def test_the_command_prints_own_rows_then_those_of_the_laws(capsys, monkeypatch):
     class Found:
         nominal = region = TRIAL
-        knobs = KNOBS["observer"]
+        tuning = KNOBS["observer"]
 
     monkeypatch.setattr(study, "own", lambda runs: [f"| own | {runs} |"])
     monkeypatch.setattr(study, "tuned", lambda *_, **__: Found())
@@ -63,4 +63,4 @@ def test_the_command_prints_own_rows_then_those_of_the_laws(capsys, monkeypatch)
         "`planned`, fast, 95 % of the region",
         "`observer`, quiet, 95 % of the region",
     ]
-    assert lines[6].startswith("planned: Knobs(")
+    assert lines[6].startswith("planned: TuningParameters(")

@@ -20,7 +20,7 @@ values = [9000.0, 12.5, 2e-7]
 covariance = [[1e4, 3.0, 0.0], [3.0, 0.04, 1e-9], [0.0, 1e-9, 1e-16]]
 depth_noise = "2 mm"
 neutral_std = "0.5 cm3"
-neutral_walk = "0.2 cm3/s^0.5"
+random_walk = "0.2 cm3/s^0.5"
 logs = ["pool.csv"]
 """
 
@@ -37,7 +37,7 @@ def test_the_table_is_read_in_si(tmp_path):
     assert found.values == (9000.0, 12.5, 2e-7)
     assert np.shape(found.covariance) == (3, 3)
     assert (found.depth_noise, found.neutral_std) == (0.002, 0.5e-6)
-    assert found.neutral_walk == 0.2e-6
+    assert found.random_walk == 0.2e-6
     assert found.logs == ("pool.csv",)
     assert load_vehicle("feup-em").identified is None
 
@@ -45,7 +45,7 @@ def test_the_table_is_read_in_si(tmp_path):
 def test_vehicle_show_tells_it(tmp_path, capsys):
     assert main(["vehicle", "show", str(written(tmp_path)), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)["parameters"]
-    assert told["identified.neutral_walk"] == {"value": 0.2e-6, "unit": "m3/s^0.5"}
+    assert told["identified.random_walk"] == {"value": 0.2e-6, "unit": "m3/s^0.5"}
     assert told["identified.values"]["value"] == [9000.0, 12.5, 2e-7]
 
 
@@ -63,7 +63,7 @@ def test_vehicle_show_tells_it(tmp_path, capsys):
         (("[3.0, 0.04, 1e-9]", "[2.0, 0.04, 1e-9]"), "identified.covariance", "K2 and T2"),
         (("0.04", "-0.04"), "identified.covariance", "variances of 0 or more"),
         (("[1e4, 3.0", "[100.0, 3.0"), "identified.covariance", "between -1 and 1"),
-        (("cm3/s^0.5", "cm3/s"), "identified.neutral_walk", "expected unit m3/s^0.5"),
+        (("cm3/s^0.5", "cm3/s"), "identified.random_walk", "expected unit m3/s^0.5"),
     ],
 )
 def test_what_is_wrong_is_said_with_field_and_remedy(tmp_path, change, field, words):

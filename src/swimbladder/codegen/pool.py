@@ -71,12 +71,12 @@ class PoolTwin:
     @property
     def reason(self) -> Reason | None:
         """The supervisor's first reason; None while the procedure commands."""
-        number = int(self.watch.rescue.reason)
+        number = int(self.watch.recovery.reason)
         return Reason(number) if number else None
 
     def tick(self, seen: Watched, *, may_begin: bool) -> Any:
         """Return the command [V] from this tick on; once the supervisor has a reason it is over."""
-        go = -1.0 if self.watch.rescue.reason > 0 else 1.0 if may_begin else 0.0
+        go = -1.0 if self.watch.recovery.reason > 0 else 1.0 if may_begin else 0.0
         measured = Measurement(0.0, seen.depth, seen.volume)
         wanted, self.state, _ = self.procedure.step(self.parameters, self.state, measured, go)
         seen = seen._replace(missed=0, reference=math.nan)  # a day is asked for no depth

@@ -295,7 +295,7 @@ class VehicleTwin:
         state = self.supervisor.initial(self.limits, nothing, 1.0 if after_reset else 0.0)
         if after_reset and before is not None:
             push = state.push._replace(turns=before.push.turns)
-            soon = before.rescue.reason > 0 and before.push.phase < SOON
+            soon = before.recovery.reason > 0 and before.push.phase < SOON
             if soon and push.turns < supervisor.GREW:
                 push = push._replace(pushed=before.volume.volume)
                 state = state._replace(volume=state.volume._replace(volume=push.pushed))
@@ -332,13 +332,13 @@ class VehicleTwin:
     @property
     def reason(self) -> Reason | None:
         """The first reason; None while the law commands."""
-        number = int(self.state.rescue.reason)
+        number = int(self.state.recovery.reason)
         return Reason(number) if number else None
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
         """Every reason so far."""
-        return supervisor.reasons_in(self.state.rescue.reasons)
+        return supervisor.reasons_in(self.state.recovery.reasons)
 
     @property
     def wide(self) -> bool:
@@ -349,7 +349,7 @@ class VehicleTwin:
     @property
     def release(self) -> bool:
         """Whether the drop weight is to go."""
-        return bool(self.state.rescue.release)
+        return bool(self.state.recovery.release)
 
     def tick(self, seen: Watched, reference: float) -> Any:
         """Return the command from this tick on; `missed` of what is seen is the controller's."""
@@ -359,7 +359,7 @@ class VehicleTwin:
             if hold is not None:
                 return hold
         wanted = self.controller.command
-        if not (self.state.rescue.reason or self.state.restarted):  # else left alone: it may hang
+        if not (self.state.recovery.reason or self.state.restarted):  # else left alone: it may hang
             known = math.isfinite(reference)  # else the controller asks its law for nothing
             asked = min(reference, self.state.proof.allowed) if known else reference
             wanted = self.controller.tick(seen.depth, seen.volume, asked, seen.battery)

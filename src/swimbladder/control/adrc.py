@@ -27,8 +27,8 @@ from swimbladder.control.profile import (
     Target,
     aim,
     approach,
+    estimate_effectiveness,
     is_behind,
-    learn_ability,
     moves,
     own_drive,
 )
@@ -81,7 +81,7 @@ class AdrcState(NamedTuple):
     path: Target  # where the target is on its way
     goal: float  # m, where it goes
     driven: float  # V, beyond the load of the sea, at the sample before the last
-    ability: float  # -, share of its rate that the motor was seen to have
+    effectiveness: float  # -, share of its rate that the motor was seen to have
     volume_reference: float  # m3
 
 
@@ -140,7 +140,7 @@ def initial(
         path=Target(target, 0.0, 0.0, p.shortest, 0.0, 0.0),
         goal=target,
         driven=0.0,
-        ability=1.0,
+        effectiveness=1.0,
         volume_reference=volume,
     )
 
@@ -189,13 +189,15 @@ def step(
         seen = observe(p, before, volume, measurement.depth)
     missed = 0.0 if abs(measurement.depth) < _DEEPEST else 1.0
     drive = before.voltage - p.depth_voltage * before.depth
-    ability = before.ability
+    effectiveness = before.effectiveness
     known = p.rate_per_volt > 0.0 and started and abs(measurement.volume) < _LARGEST
     lost = known and is_behind(p, before.volume_reference, volume)
     if known:
         moved = (volume - before.volume) / (p.S_p * p.rate_per_volt)
         drive = own_drive(drive, moved)
-        ability = learn_ability(before.ability, drive, before.driven, moved, p.voltage_limit)
+        effectiveness = estimate_effectiveness(
+            before.effectiveness, drive, before.driven, moved, p.voltage_limit
+        )
 
     begun = before.begun > 0.0
     wanted = reference if begun and abs(reference) < _DEEPEST else before.goal
@@ -206,7 +208,7 @@ def step(
             heavy = seen.disturbance + p.b * (p.psi * seen.depth - volume) - p.drag * seen.speed
             target = Target(seen.depth, seen.speed, heavy, 0.0, 0.0, 0.0)
         if wanted != before.goal or lost:
-            target = aim(p, target, wanted, seen.depth, ability, p.drag / p.b, 1.0 / p.b)
+            target = aim(p, target, wanted, seen.depth, effectiveness, p.drag / p.b, 1.0 / p.b)
     later = approach(target, wanted, p.shortest, p.S_p)
 
     error = target.target - seen.depth
@@ -237,13 +239,13 @@ def step(
         path=later,
         goal=wanted,
         driven=drive,
-        ability=ability,
+        effectiveness=effectiveness,
         volume_reference=U,
     )
     return voltage, after, p.S_p
 
 
-def _gains(s: law.Setting, k: law.Knobs) -> AdrcParameters:
+def _gains(s: law.Setting, k: law.TuningParameters) -> AdrcParameters:
     p, w = s.plant, k.frequency
     d, a = law.stiffness(p)
     own = adrc_gains(w, k.sharpness * w, s.sample_time, k.learning * w)

@@ -50,7 +50,7 @@ def step(
     return voltage, CascadeState(state.integral + p.k_iz * p.S_p * error, error, U), p.S_p
 
 
-def _gains(s: law.Setting, k: law.Knobs) -> CascadeParameters:
+def _gains(s: law.Setting, k: law.TuningParameters) -> CascadeParameters:
     """Poles of the depth at the natural frequency, and a third one for the integral."""
     d, a = law.stiffness(s.plant)
     w, zeta = k.frequency, k.damping

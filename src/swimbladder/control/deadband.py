@@ -2,8 +2,9 @@
 
 From wake to wake the vehicle is predicted by its model, T2 dw/dt + w = K2 (psi z + b - V), eqs (18)
 and (31), as far as the volume really was, and so is what an error of the neutral volume b would do
-to the depth. How far the depth seen at the next wake is off then tells b and the speed, weighed by
-the noise of the depth (a Kalman filter's step with one unknown): the longer the sleep, the surer.
+to the depth. How far the depth seen at the next wake is off then determines b and the speed,
+weighted by the noise of the depth (a Kalman filter's step with one unknown): the longer the sleep,
+the surer.
 
 In the band the motor rests. Outside, the volume is moved once to the one that brings the vehicle to
 the reference in a few sleeps (see `deadband_gains`), and so on at each wake until it would coast to
@@ -12,8 +13,8 @@ way to the band's edge takes, from `interval` to `longest`, at most twice the la
 bands, one to act and one to rest, keep noise from moving the motor.
 
 A change of the reference is seen at the next wake. Asleep the motor has the voltage that holds the
-load, and how far the volume creeps meanwhile tells what a voltage does: a driver that gives half or
-twice of what it is told, a load other than reckoned with. A move that does not get there, or past
+load, and how far the volume creeps meanwhile shows what a voltage does: a driver that gives half or
+twice of what is commanded, a load other than assumed. A move that does not get there, or past
 what a late command may add, ends after half an interval. A drive that holds by itself has
 `depth_voltage` 0.
 """
@@ -23,15 +24,15 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from swimbladder.control.law import Knobs, Law, Measurement, Recipe, Setting, stiffness
+from swimbladder.control.law import Law, Measurement, Recipe, Setting, TuningParameters, stiffness
 from swimbladder.control.observer import limited
 from swimbladder.errors import InputError
 
 _DEEPEST = 12000.0  # m, beyond it a depth is none
 _LARGEST = 1000.0  # m3, beyond it a volume is none
 _QUICKEST = 20.0  # m/s, beyond it no speed is believed
-_HOUR = 3600.0  # s, longest sleep of a vehicle that does not run away
-_ASLEEP = 0.6  # e-folds of running away that may pass unseen
+_HOUR = 3600.0  # s, longest sleep of a vehicle that does not diverge
+_ASLEEP = 0.6  # e-folds of diverging that may pass unseen
 _SAMPLES = 10.0  # that a move has, at least, until it is given up
 _LEAST = 0.4  # share of what a voltage should do that is believed
 _MOST = 2.5  # likewise
@@ -90,7 +91,7 @@ class DeadbandState(NamedTuple):
     share: float  # -, what a voltage was seen to do of what it should
     acting: float  # -, 1 while the vehicle is brought back
     moving: float  # s, since the motor was started; 0 while it rests
-    sleep: float  # s, from when the motor started to the next look at the depth
+    sleep: float  # s, from when the motor started to the next sample at the depth
     waited: float  # s, until the wake to come
     goal: float  # m, the reference
     volume_reference: float  # m3
@@ -112,7 +113,7 @@ class Decision(NamedTuple):
     neutral: float  # m3, estimated at depth 0
     acting: float  # -, 1 while the vehicle is brought back
     moves: float  # -, 1 where the volume is to be moved
-    sleep: float  # s, to the next look at the depth
+    sleep: float  # s, to the next sample at the depth
     volume_reference: float  # m3
 
 
@@ -125,7 +126,7 @@ def deadband_gains(
     T2 dw/dt + w = K2 psi (z - r) + u for an interval: Ackermann's formula for two poles at `pole`;
     with 0 the vehicle is at rest after two intervals. A piston that only a voltage holds gives way
     as it gets deeper, dV/dt = -creep (z - z asleep) with creep = K1 A k_z/k_u [m2/s]: then
-    du/dt = K2 creep (z - z asleep) as well. One that runs away, s (T2 s + 1) = K2 psi +
+    du/dt = K2 creep (z - z asleep) as well. One that diverges, s (T2 s + 1) = K2 psi +
     K2 creep/s, sleeps 0.6 of the time of an e-fold at most.
     """
     import numpy as np
@@ -317,13 +318,13 @@ def step(
     return voltage, after, wait
 
 
-def _gains(s: Setting, k: Knobs) -> DeadbandParameters:
+def _gains(s: Setting, k: TuningParameters) -> DeadbandParameters:
     """Wake every `pause`; leave errors of `band` alone, and what they are made of in a pause."""
     p, h = s.plant, s.sample_time
     d, a = stiffness(p)
     if d <= 0.0:
         raise InputError(
-            "the law deadband reckons with laminar drag, and the vehicle has none",
+            "the law deadband assumes laminar drag, and the vehicle has none",
             field="motion.drag",
             remedy="Choose the law observer",
         )

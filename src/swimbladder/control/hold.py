@@ -3,8 +3,8 @@
 The estimate and the decision are those of the law `deadband`, for a drive that goes to a volume by
 itself: what it commands is one change of volume at a wake, and the drive has got there long before
 the next. Where the law `rate` is content with the speed at which drag balances the excess volume,
-this one reckons with the vehicle's inertia and with how far it gives way, T2 and psi, so that it
-also holds a vehicle that runs away faster than it comes to a steady speed.
+this one takes into account the vehicle's inertia and how far it gives way, T2 and psi, so that it
+also holds a vehicle that diverges faster than it comes to a steady speed.
 
 Depths count from the one that is held, where `neutral` is the volume at rest.
 """

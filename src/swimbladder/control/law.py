@@ -140,7 +140,7 @@ def from_numbers(kind: type[Kind], given: Iterable[Any]) -> Kind:
 
 
 def from_leaves(kind: type[Kind], values: Mapping[str, Any]) -> Kind:
-    """Return a record of the values of its leaves; more of them than it has do no harm."""
+    """Return a record of the values of its leaves; those beyond its own are ignored."""
     return from_numbers(kind, (values[name] for name in leaf_names(kind)))
 
 
@@ -234,7 +234,7 @@ _CRUISE = 0.25  # the same to keep a speed
 _SHORTEST = 10.0  # samples, of a target's way
 
 
-class Knobs(NamedTuple):
+class TuningParameters(NamedTuple):
     """What a law is tuned with.
 
     frequency [rad/s] and damping [-] of the depth under feedback; inner [1/s]: rate at which the
@@ -280,12 +280,12 @@ class Setting(NamedTuple):
     limit: float  # V, least supply
     neutral_range: float  # m3, how far the neutral volume may be from what is known
     least_move: float  # m3, below which a volume is lost in noise
-    walk: float  # m3/s^0.5, intensity of the neutral volume's random walk
+    random_walk: float  # m3/s^0.5, intensity of the neutral volume's random walk
     drive: Drive | None = None  # of a pump and valve
 
 
 class Grid(NamedTuple):
-    """Knobs that are combined."""
+    """Tuning parameters that are combined."""
 
     inner: tuple[float, ...]  # of the volume's error that a sample closes
     frequency: tuple[float, ...]  # shares of the inner rate
@@ -301,22 +301,22 @@ FAST = Grid((0.3, 0.45), _QUICK, (0.8, 1.0), (5.0, 8.0, 12.0), (0.003, 0.01, 0.0
 QUIET = Grid((0.3,), _SLOW, (0.7, 0.85, 1.0), (3.0, 4.0, 5.0, 6.0), _LEARNT)
 
 
-_EXAMPLE = Knobs(frequency=0.35, damping=0.9, inner=1.2)
+_EXAMPLE = TuningParameters(frequency=0.35, damping=0.9, inner=1.2)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
     """How the parameters of a law are made, and what `tune` tries.
 
-    gains: (vehicle's numbers, knobs) -> parameters, pure. fast, quiet: what is combined for these
+    gains: (vehicle's numbers, tuning) -> parameters, pure. fast, quiet: what is combined for these
     goals (quiet: for energy too); None: it is not tuned for that. linear: around rest it has
     margins. shares: of the motor's speed that a path takes, tried for fast. jitter: (parameters,
     vehicle's numbers) -> what the noise makes of the volume asked for [m3], 1 sigma, for laws whose
     dead zone is chosen by it. holds: for how long a volume is held near the set-point, in times of
-    `motion.off_in`, of laws that rest there. sleeps: of laws that sleep, in times of
-    `motion.runaway`. bands: that go with either, in times of the depth error allowed. volts: shares
-    of the supply, tried for energy. holds_best: no other law of its kind holds a depth more
-    quietly. example: knobs with which the paper's vehicle shows all of the law, for tests.
+    `motion.drift_time`, of laws that rest there. sleeps: of laws that sleep, in times of
+    `motion.e_folding_time`. bands: that go with either, in times of the depth error allowed. volts:
+    shares of the supply, tried for energy. holds_best: no other law of its kind holds a depth more
+    quietly. example: tuning with which the paper's vehicle shows all of the law, for tests.
 
     A law of volume changes is tuned with numbers of its own. candidates: (vehicle's numbers, goal,
     error of the depth allowed [m]) -> what is tried; NoAnswerError says what leaves nothing. lasts:
@@ -351,7 +351,7 @@ def room_of(p: Plant) -> float:
     return min(p.V_max - p.V_0, p.V_0 - p.V_min)
 
 
-def jerk_of(s: Setting, k: Knobs) -> float:
+def jerk_of(s: Setting, k: TuningParameters) -> float:
     """Return the jerk [m/s3] that a share of the motor's speed gives."""
     return k.share * s.plant.gain * s.limit * k.volts * stiffness(s.plant)[1]
 
@@ -367,7 +367,7 @@ def fastest_speed(p: Plant, jerk: float) -> float:
     return min(speed, 2.0 * force / (d + math.sqrt(d * d + 4.0 * p.d_t * force)))
 
 
-def target_numbers(s: Setting, k: Knobs) -> dict[str, float]:
+def target_numbers(s: Setting, k: TuningParameters) -> dict[str, float]:
     """Return what sea-cascade and adrc have in common: how the target moves, and the limits."""
     p, jerk = s.plant, jerk_of(s, k)
     return {

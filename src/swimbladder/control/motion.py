@@ -71,8 +71,8 @@ def pulse_gains(p: Plant, time: float) -> tuple[float, float]:
     return float(w) / time, -float(f) / (a * time * time)
 
 
-def runaway(p: Plant, *, asleep: bool = False) -> float:
-    """Return the time [s] in which a held volume lets the vehicle run away e-fold.
+def e_folding_time(p: Plant, *, asleep: bool = False) -> float:
+    """Return the time [s] in which a held volume lets an error of the depth grow e-fold.
 
     s (s + d) = a psi; where that takes longer than three times the drag's time, that is given.
     asleep: it is a voltage that is held, and the piston gives way, s (s + d) = a psi + a K1 A c/s.
@@ -83,21 +83,21 @@ def runaway(p: Plant, *, asleep: bool = False) -> float:
     return 1.0 / max(float(root), d / 3.0, 1e-9)
 
 
-def off_in(p: Plant, distance: float, walk: float) -> float:
-    """Return the time [s] in which a neutral volume that walks takes a vehicle off.
+def drift_time(p: Plant, distance: float, intensity: float) -> float:
+    """Return the time [s] in which a neutral volume on its random walk moves a vehicle away.
 
-    distance [m]: sqrt(20) times as far as it is then off, 1 sigma, without drag and psi: the walk
-    [m3/s^0.5], integrated twice, has the variance (a walk)^2 t^5/20.
+    distance [m]: sqrt(20) times as far as it is then off, 1 sigma, without drag and psi: the
+    intensity s of the random walk [m3/s^0.5], integrated twice, has the variance (a s)^2 t^5/20.
     """
-    return float((distance / (stiffness(p)[1] * walk)) ** 0.4)
+    return float((distance / (stiffness(p)[1] * intensity)) ** 0.4)
 
 
 def filter_gains(
-    p: Plant, h: float, *, depth: float, acceleration: float, neutral_walk: float
+    p: Plant, h: float, *, depth: float, acceleration: float, random_walk: float
 ) -> Array:
     """Return the settled Kalman gains [3] on depth, speed and neutral volume.
 
-    depth [m]: noise of a sample; acceleration [m/s/s^0.5] and neutral_walk [m3/s^0.5]: intensities.
+    depth [m]: noise of a sample; acceleration [m/s/s^0.5] and random_walk [m3/s^0.5]: intensities.
     """
     F, G0, G1 = motion_over_sample(p, h)
     A = np.eye(3)
@@ -105,7 +105,7 @@ def filter_gains(
     H = np.array([[1.0, 0.0, 0.0]])
     # In units in which the three are of one size: cubic centimetres, millimetres.
     unit = np.array([1e-3, 1e-3, 1e-6])
-    Q = np.diag([0.0, acceleration**2 * h, neutral_walk**2 * h]) / np.outer(unit, unit)
+    Q = np.diag([0.0, acceleration**2 * h, random_walk**2 * h]) / np.outer(unit, unit)
     A_unit = A * np.outer(1.0 / unit, unit)
     R = np.array([[(depth / unit[0]) ** 2]])
     P = solve_discrete_are(A_unit.T, H.T, Q, R)

@@ -126,7 +126,7 @@ def estimate(p: Observed, trust: Trust, before: Estimate, volume: float, depth: 
     return Estimate(z, w, b, volume)
 
 
-def feedback(s: law.Setting, k: law.Knobs) -> dict[str, float]:
+def feedback(s: law.Setting, k: law.TuningParameters) -> dict[str, float]:
     """Return what the laws with such a filter have in common, by name."""
     from swimbladder.control.motion import filter_gains, motion_over_sample
 
@@ -136,7 +136,7 @@ def feedback(s: law.Setting, k: law.Knobs) -> dict[str, float]:
     acceleration = bandwidth**2 * s.noise * math.sqrt(h)
     drift = k.learning * acceleration * k.frequency / a
     F, G0, G1 = motion_over_sample(p, h)
-    L = filter_gains(p, h, depth=s.noise, acceleration=acceleration, neutral_walk=drift)
+    L = filter_gains(p, h, depth=s.noise, acceleration=acceleration, random_walk=drift)
     k_z = k.frequency**2 / a
     return {
         "f_zz": F[0, 0],
@@ -175,8 +175,10 @@ def resting_gains(s: law.Setting, band: float, ahead: float) -> dict[str, float]
     from swimbladder.control.motion import filter_gains, held_motion
 
     F, G = held_motion(s.plant, ahead)
-    # While nothing moves, the walk of the neutral volume is all that has to be followed.
-    N = filter_gains(s.plant, s.sample_time, depth=s.noise, acceleration=0.0, neutral_walk=s.walk)
+    # While nothing moves, the random walk of the neutral volume is all that has to be followed.
+    N = filter_gains(
+        s.plant, s.sample_time, depth=s.noise, acceleration=0.0, random_walk=s.random_walk
+    )
     predicted = {"band": band, "a_z": F[0, 0], "a_w": F[0, 1], "a_V": G[0]}
     return predicted | {"n_z": N[0], "n_w": N[1], "n_b": N[2]}
 
@@ -269,7 +271,7 @@ def step(
     return (limited(voltage, -p.limit, p.limit), ObserverState(e, wanted, moving, rested), p.S_p)
 
 
-def _gains(s: law.Setting, k: law.Knobs) -> ObserverParameters:
+def _gains(s: law.Setting, k: law.TuningParameters) -> ObserverParameters:
     found = feedback(s, k)
     rest = dict.fromkeys(set(leaf_names(ObserverParameters)) - set(found), 0.0)
     if k.pause > 0.0:
@@ -300,6 +302,6 @@ OBSERVER = law.Law(
         holds=(0.8, 1.0, 1.2),
         holds_best=True,
         bands=(2.2, 2.35, 2.5, 2.65, 2.8, 2.95, 3.1, 3.4, 3.8),
-        example=law.Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
+        example=law.TuningParameters(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
     ),
 )

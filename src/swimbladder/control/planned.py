@@ -21,11 +21,11 @@ from typing import Annotated, NamedTuple
 from swimbladder.control import law, observer
 from swimbladder.control.law import from_leaves
 from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves
-from swimbladder.control.profile import BEHIND, learn_ability, own_drive, usable
+from swimbladder.control.profile import BEHIND, estimate_effectiveness, own_drive, usable
 
 FINE = 32  # steps of the path in a sample
 
-_SINGLE = 4e-7  # of the target, that single precision does not tell apart
+_SINGLE = 4e-7  # of the target, that single precision does not resolve
 
 
 class Path(NamedTuple):
@@ -68,7 +68,7 @@ class PlannedState(NamedTuple):
     moving: float  # 1: the motor is on its way, 0: it rests
     drive: float  # V, beyond the load of the sea, at the sample before
     driven: float  # V, at the one before that
-    ability: float  # -, share of its rate that the motor was seen to have
+    effectiveness: float  # -, share of its rate that the motor was seen to have
 
 
 def _turn(x: float) -> float:
@@ -154,12 +154,12 @@ def step(
     target = reference if math.isfinite(reference) else state.path_depth
     if abs(state.volume_reference - volume) > BEHIND * p.S_p * p.limit / p.rate:
         here = _where(p, e, volume)
-    ability, drive = state.ability, state.drive
+    effectiveness, drive = state.effectiveness, state.drive
     if math.isfinite(measurement.volume):
         moved = (volume - state.estimate.volume) / p.S_p * p.rate
         drive = own_drive(drive, moved)
-        ability = learn_ability(ability, drive, state.driven, moved, p.limit)
-    jerk = usable(ability) * _jerk(p, here.depth, target)
+        effectiveness = estimate_effectiveness(effectiveness, drive, state.driven, moved, p.limit)
+    jerk = usable(effectiveness) * _jerk(p, here.depth, target)
     there = along(here, target, jerk, p.speed, p.S_p)
     planned = _volume(p, here, e.neutral)
     rate = (_volume(p, there, e.neutral) - planned) / p.S_p
@@ -181,13 +181,13 @@ def step(
             moving,
             voltage - load,
             drive,
-            ability,
+            effectiveness,
         ),
         p.S_p,
     )
 
 
-def _gains(s: law.Setting, k: law.Knobs) -> PlannedParameters:
+def _gains(s: law.Setting, k: law.TuningParameters) -> PlannedParameters:
     p = s.plant
     d, a = law.stiffness(p)
     own = {

@@ -66,7 +66,7 @@ def step(
     return (command, PositionObserverState(e, command, moving), p.S_p)
 
 
-def _gains(s: law.Setting, k: law.Knobs) -> PositionObserverParameters:
+def _gains(s: law.Setting, k: law.TuningParameters) -> PositionObserverParameters:
     return from_leaves(PositionObserverParameters, observer.feedback(s, k) | {"rate": s.plant.rate})
 
 

@@ -32,29 +32,31 @@ _LEAST = 0.1  # share of its rate that is always assumed
 _OTHERS = 0.25  # share of its rate the other way, from which on it was not the motor alone
 
 
-def learn_ability(ability: float, drive: float, driven: float, moved: float, limit: float) -> float:
+def estimate_effectiveness(
+    effectiveness: float, drive: float, driven: float, moved: float, limit: float
+) -> float:
     """Return the share of its rate that the motor was seen to have [-].
 
     drive and driven [V]: voltage beyond the load of the sea at the sample before and at the one
     before that; moved [V]: what the volume moved since, as the voltage that moves it so; limit [V].
     """
     if abs(drive) < 0.5 * limit or drive * driven < 0.25 * limit * limit:
-        return ability
-    return ability + _TRUST * (min(max(moved / drive, _LEAST), 1.0) - ability)
+        return effectiveness
+    return effectiveness + _TRUST * (min(max(moved / drive, _LEAST), 1.0) - effectiveness)
 
 
 def own_drive(drive: float, moved: float) -> float:
     """Return what of a drive [V] was the law's: 0 where the volume went far the other way.
 
-    moved [V], as of `learn_ability`. A supervisor's push says nothing of the motor, nor does the
-    sample after it, in which the motor turns round.
+    moved [V], as of `estimate_effectiveness`. A supervisor's push says nothing of the motor, nor
+    does the sample after it, in which the motor turns round.
     """
     return 0.0 if moved * drive < -_OTHERS * drive * drive else drive
 
 
-def usable(ability: float) -> float:
+def usable(effectiveness: float) -> float:
     """Return the share of its jerk that a path is planned with [-]."""
-    return min(1.0, _SPARE * ability)
+    return min(1.0, _SPARE * effectiveness)
 
 
 _ROOT_TURNS = 12  # each leaves a quarter of the logarithm's error
@@ -96,7 +98,13 @@ def is_behind(p: Any, asked: float, volume: float) -> bool:
 
 
 def aim(
-    p: Any, now: Target, wanted: float, depth: float, ability: float, damping: float, inertia: float
+    p: Any,
+    now: Target,
+    wanted: float,
+    depth: float,
+    effectiveness: float,
+    damping: float,
+    inertia: float,
 ) -> Target:
     """Return the target `now`, set on its way to `wanted` [m], of a vehicle at a depth [m].
 
@@ -118,7 +126,7 @@ def aim(
     if inertia > 0.0 and gap > 0.0:
         quarter = 2.0 * left / inertia
         jerk = max(min(jerk, quarter * math.sqrt(quarter / (32.0 * gap))), _LEAST_SHARE * jerk)
-    return depart(now, wanted, fastest, usable(ability) * jerk, p.shortest)
+    return depart(now, wanted, fastest, usable(effectiveness) * jerk, p.shortest)
 
 
 def depart(now: Target, wanted: float, fastest: float, jerk: float, shortest: float) -> Target:

@@ -35,7 +35,7 @@ MARGIN = 0.05  # m, from surface or bottom, that counts as arrived
 class Does(Enum):
     """What the machine does in a phase, and when the phase is over."""
 
-    WAIT = "Hold the piston until it is told to begin."
+    WAIT = "Hold the piston until the start command."
     HOLD = "Close the loop on a depth until the vehicle has been at rest there for a minute."
     HALT = "Hold the piston until the motor stands still."
     PULSE = "Apply a voltage for a time, to change the volume."
@@ -167,7 +167,7 @@ class Window(NamedTuple):
 class PoolState(NamedTuple):
     """What the procedure remembers between samples."""
 
-    phase: float  # -, index into PoolParameters.phases; -1: it waits to be told to begin
+    phase: float  # -, index into PoolParameters.phases; -1: it waits for the start command
     completed: float  # -, rounds that are behind it
     ticks: float  # since the phase began
     blind: float  # ticks since the last measurement that can be

@@ -13,8 +13,8 @@ time (`motion.pulse_gains`). The best policy, found by dynamic programming
 Quasi-Variational Inequalities, 1984), looks like that.
 
 The motor turns round in the midst of a run, without a rest, and is run slowly. At rest it has the
-voltage that holds the load. How far the volume creeps then tells what that is, and how far it goes
-in a sample of a run how fast it comes back: a supply, a driver or a load other than reckoned with.
+voltage that holds the load. How far the volume creeps then shows what that is, and how far it goes
+in a sample of a run how fast it comes back: a supply, a driver or a load other than assumed.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class PulseState(NamedTuple):
     volume_reference: float  # m3, asked for at the sample before
     holding: float  # -, 1: by pulses
     going: float  # -, 0: the motor rests; 1, -1: out, the volume growing or not; 2, -2: home
-    hold: float  # V, that holds the volume beyond what the load is reckoned to take
+    hold: float  # V, that holds the volume beyond what the load is assumed to take
     share: float  # -, of `rate` that the motor was seen to make
 
 
@@ -199,7 +199,7 @@ def step(
     )
 
 
-def _gains(s: law.Setting, k: law.Knobs) -> PulseParameters:
+def _gains(s: law.Setting, k: law.TuningParameters) -> PulseParameters:
     """A pulse is as large as the band: out and back at one rate, its area the speed it gives."""
     found, a = observer.feedback(s, k), law.stiffness(s.plant)[1]
     rest = dict.fromkeys(set(leaf_names(PulseParameters)) - set(found), 0.0)
@@ -235,6 +235,6 @@ PULSE = law.Law(
         quiet=law.QUIET,
         holds=(2.5, 2.8, 3.1),
         bands=(2.3, 2.5, 2.7, 2.9),
-        example=law.Knobs(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
+        example=law.TuningParameters(0.35, 0.9, 1.2, dead=1e-7, pause=6.0, band=0.02),
     ),
 )

@@ -39,7 +39,7 @@ class SurfacingParameters(NamedTuple):
     shallow: Annotated[float, "m"]  # above which it has come up, or is about to dive
     neutral: Annotated[float, "m3"]  # neutral volume at the surface
     full: Annotated[float, "m3"]  # all volume out
-    lacking: Annotated[float, "m3"]  # of it, where it floats: not worth a run
+    negligible: Annotated[float, "m3"]  # of it, where it floats: not worth a run
     slack: Annotated[float, "m3"]  # below the neutral volume: it sinks at the speed of the law
     measured: Annotated[float, ""]  # 1: the volume is measured; 0: only changes of it are known
 
@@ -68,7 +68,7 @@ def at_surface(
     p = parameters
     if depth <= p.shallow and reference <= 0.0:
         short = p.full - volume
-        if floats > 0.0 and short <= p.lacking:
+        if floats > 0.0 and short <= p.negligible:
             return WAIT, 0.0, SurfacingState(depth, 0.0)
         return OUT, short, state
     if depth <= p.shallow and reference > p.shallow:

@@ -63,16 +63,16 @@ class RateParameters(NamedTuple):
     speed_band: Annotated[float, "m/s"]  # a difference of speed that calls for an action
     speed_step: Annotated[float, "m/s"]  # speeds are rounded to; 0: not rounded
     volume_step: Annotated[float, "m3"]  # changes are rounded to; 0: not rounded
-    dead: Annotated[float, "s"]  # from a decision to the next look
+    dead: Annotated[float, "s"]  # from a decision to the next sample
     run: Annotated[float, "s"]  # over which a speed is measured
     window: Annotated[float, "s"]  # over which it is measured while the vehicle rests in the band
 
 
 class RateState(NamedTuple):
-    """What the law remembers between looks: where the vehicle was at two times before."""
+    """What the law remembers between samples: where the vehicle was at two times before."""
 
     looking: float  # -, 1 while a speed is being measured
-    resting: float  # -, 1 in the band after a look that called for nothing
+    resting: float  # -, 1 in the band after a sample that called for nothing
     old_time: float  # s
     old_depth: float  # m
     new_time: float  # s, later
@@ -170,7 +170,7 @@ def ways(parameters: RateParameters) -> tuple[Way, ...]:
 
 
 def initial(parameters: RateParameters, measurement: Measurement, reference: float) -> RateState:
-    """Start asleep where the vehicle is; the first look begins a measurement of the speed."""
+    """Start asleep where the vehicle is; the first sample begins a measurement of the speed."""
     depth = measurement.depth if math.isfinite(measurement.depth) else reference
     time = measurement.time
     return RateState(0.0, 0.0, time, depth, time, depth, 0.0)
@@ -179,9 +179,9 @@ def initial(parameters: RateParameters, measurement: Measurement, reference: flo
 def step(
     parameters: RateParameters, state: RateState, measurement: Measurement, reference: float
 ) -> tuple[float, RateState, float]:
-    """Return the change of volume [m3], the state and the time to the next look [s].
+    """Return the change of volume [m3], the state and the time to the next sample [s].
 
-    A speed takes two looks, `run` apart, save at rest in the band, where one is enough: the speed
+    A speed takes two samples, `run` apart, save at rest in the band, where one is enough: the speed
     is then that over the last `window` or half of it. A reference of 0 or less is the surface.
     """
     p, now = parameters, measurement.time

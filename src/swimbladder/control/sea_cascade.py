@@ -25,8 +25,8 @@ from swimbladder.control.profile import (
     Target,
     aim,
     approach,
+    estimate_effectiveness,
     is_behind,
-    learn_ability,
     moves,
     own_drive,
 )
@@ -83,7 +83,7 @@ class SeaCascadeState(NamedTuple):
     volume: float  # m3, last one seen
     drive: float  # V, beyond the load of the sea, at the sample before
     driven: float  # V, at the one before that
-    ability: float  # -, share of its rate that the motor was seen to have
+    effectiveness: float  # -, share of its rate that the motor was seen to have
     volume_reference: float  # m3
 
 
@@ -130,7 +130,7 @@ def initial(
         volume=volume,
         drive=0.0,
         driven=0.0,
-        ability=1.0,
+        effectiveness=1.0,
         volume_reference=volume,
     )
 
@@ -161,13 +161,15 @@ def step(
     begun = before.begun > 0.0
     wanted = reference if begun and abs(reference) < _DEEPEST else before.goal
     volume = before.volume
-    ability, drive = before.ability, before.drive
+    effectiveness, drive = before.effectiveness, before.drive
     measured = abs(measurement.volume) < _LARGEST
     if measured:
         if p.rate_per_volt > 0.0:
             moved = (measurement.volume - before.volume) / (p.S_p * p.rate_per_volt)
             drive = own_drive(drive, moved)
-            ability = learn_ability(ability, drive, before.driven, moved, p.voltage_limit)
+            effectiveness = estimate_effectiveness(
+                effectiveness, drive, before.driven, moved, p.voltage_limit
+            )
         volume = measurement.volume
     target = Target(wanted, 0.0, 0.0, p.shortest, 0.0, 0.0)
     behind = begun and measured and abs(measurement.depth) < _DEEPEST
@@ -179,7 +181,7 @@ def step(
         target = before.path
     if behind or (moves(p) and wanted != before.goal):
         damping, inertia = p.volume_per_speed, p.volume_per_acceleration
-        target = aim(p, target, wanted, before.depth, ability, damping, inertia)
+        target = aim(p, target, wanted, before.depth, effectiveness, damping, inertia)
     later = approach(target, wanted, p.shortest, p.S_p)
     need = (
         p.volume_per_speed * target.target_speed
@@ -242,13 +244,13 @@ def step(
         volume=volume,
         drive=limited - p.depth_voltage * depth,
         driven=drive,
-        ability=ability,
+        effectiveness=effectiveness,
         volume_reference=U,
     )
     return limited, after, p.S_p
 
 
-def _gains(s: law.Setting, k: law.Knobs) -> SeaCascadeParameters:
+def _gains(s: law.Setting, k: law.TuningParameters) -> SeaCascadeParameters:
     p, h = s.plant, s.sample_time
     d, a = law.stiffness(p)
     own = sea_cascade_gains(a, d, p.gain, k.frequency, h)._replace(k_pV=k.inner / p.gain)

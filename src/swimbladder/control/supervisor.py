@@ -138,7 +138,7 @@ class NeutralLimits(NamedTuple):
 class MotionLimits(NamedTuple):
     """How depth and volume belong together."""
 
-    neutral_change: Annotated[float, "m3"]  # how far it may walk from what the dive has shown
+    neutral_change: Annotated[float, "m3"]  # how far it may drift from what the dive has shown
     known: Annotated[Count, "ticks"]  # ticks in which the dive has to show it
     forgetting: Annotated[float, ""]  # least weight of the newest in it
     calm: Annotated[float, "m3"]  # by which the model may miss where it is learnt
@@ -335,7 +335,7 @@ class PushWatch(NamedTuple):
     turns: Count  # of the push: 1 for good the way it was; 2 tried, 3 as it fell, 7 as it grew so
 
 
-class Rescue(NamedTuple):
+class Recovery(NamedTuple):
     """Why the vehicle is brought up, and whether it comes."""
 
     reason: Count  # the first one, 0: none
@@ -362,7 +362,7 @@ class SupervisorState(NamedTuple):
     progress: ProgressWatch
     board: BoardWatch
     push: PushWatch
-    rescue: Rescue
+    recovery: Recovery
 
 
 class Reason(IntEnum):
@@ -418,7 +418,7 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         progress=ProgressWatch(target=0.0, farthest=0.0, waited=0, light=0, drifted=0.0),
         board=BoardWatch(0, 0, 0),
         push=PushWatch(phase=0, pushed=parameters.volume.volume_least, astray=0, turns=0),
-        rescue=Rescue(reason=0, reasons=0, window=0, from_depth=0.0, release=False),
+        recovery=Recovery(reason=0, reasons=0, window=0, from_depth=0.0, release=False),
     )
 
 
@@ -542,7 +542,7 @@ def believable(p: DepthLimits, depth: float, last: float, since: Count) -> bool:
 
 
 def count_blind(p: DepthLimits, s: DepthWatch, depth: float, late: bool, good: bool) -> DepthWatch:
-    """Count the quarters of ticks without a good depth; at the limit tell why."""
+    """Count the quarters of ticks without a good depth; at the limit say why."""
     blind = share(0 if good else 4, s.blind, p.blind_quarters)
     if blind >= p.blind_quarters and s.blind < p.blind_quarters:
         if late:
@@ -553,7 +553,7 @@ def count_blind(p: DepthLimits, s: DepthWatch, depth: float, late: bool, good: b
 
 
 def count_unmeasured(p: VolumeLimits, s: VolumeWatch, volume: float, measured: bool) -> VolumeWatch:
-    """Count the ticks without a good volume; at the limit tell why."""
+    """Count the ticks without a good volume; at the limit say why."""
     blind = debounce(not measured, s.volume_blind, p.blind)
     if blind >= p.blind and s.volume_blind < p.blind and math.isfinite(volume):
         blind = more(blind, 1)
@@ -633,7 +633,7 @@ def watch_motion(
             s = learn(p.motion, s, depth, s.n2 + push, room)
     bad = off > own and not anew
     wrong = s.wrong
-    if bad and off > own + own:  # beyond doubt: it counts three times
+    if bad and off > own + own:  # beyond twice the threshold: it counts three times
         wrong = min(more(wrong, 2), p.motion.wrong)
     return s._replace(wrong=debounce(bad, wrong, p.motion.wrong))
 
@@ -927,12 +927,12 @@ def bring_up(
 ) -> SupervisorState:
     """Command full buoyancy in pushes and rests; ask for the drop weight where it does not rise."""
     depth = s.depth.depth
-    if s.rescue.reason == 0:
-        reason = first_of(s.rescue.reasons)
+    if s.recovery.reason == 0:
+        reason = first_of(s.recovery.reasons)
         turns = s.push.turns if s.restarted else 0  # of a push before the reset; of none otherwise
         s = s._replace(
             push=s.push._replace(turns=turns),
-            rescue=s.rescue._replace(reason=reason, from_depth=depth),
+            recovery=s.recovery._replace(reason=reason, from_depth=depth),
         )
     up = depth <= p.rest.surface
     volume = s.volume.volume
@@ -964,14 +964,16 @@ def bring_up(
             phase = less(p.push.push, p.push.again)
         elif sinks or gains:
             phase = less(p.push.push, p.push.again)
-    window = more(s.rescue.window, 1)
+    window = more(s.recovery.window, 1)
     s = s._replace(
-        command=command, push=s.push._replace(phase=phase), rescue=s.rescue._replace(window=window)
+        command=command,
+        push=s.push._replace(phase=phase),
+        recovery=s.recovery._replace(window=window),
     )
-    if s.rescue.window >= p.push.release:
-        if not (good and (up or depth <= s.rescue.from_depth - p.push.rise)):
-            s = s._replace(rescue=s.rescue._replace(release=True))
-        s = s._replace(rescue=s.rescue._replace(window=0, from_depth=depth))
+    if s.recovery.window >= p.push.release:
+        if not (good and (up or depth <= s.recovery.from_depth - p.push.rise)):
+            s = s._replace(recovery=s.recovery._replace(release=True))
+        s = s._replace(recovery=s.recovery._replace(window=0, from_depth=depth))
     return s
 
 
@@ -1030,8 +1032,8 @@ def step(
         volume=s.volume._replace(volume=volume, measured=measured),
         command=wanted,
     )
-    s = s._replace(rescue=s.rescue._replace(reasons=reasons_of(p, s)))
-    r = s.rescue
+    s = s._replace(recovery=s.recovery._replace(reasons=reasons_of(p, s)))
+    r = s.recovery
     if more(r.reasons, r.reason) > 0:  # a bit that flips does not end it
         s = bring_up(p, s, good, lost)
     return s.command, s, p.S_p

@@ -388,7 +388,7 @@ MATERIALS = {"lead": 11340.0, "steel": 7850.0, "stainless": 8000.0, "aluminium":
 
 
 class Seas(NamedTuple):
-    """The waters a vehicle may meet, what was assumed of them, and what is in doubt."""
+    """The waters a vehicle may meet, what was assumed of them, and warnings."""
 
     columns: list[Column]
     assumed: list[str]
@@ -433,7 +433,7 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
 
 
 def with_mass(vehicle: Vehicle, mass: float | None = None) -> tuple[Vehicle, str, list[str]]:
-    """Return the vehicle with the mass on the scale [kg], what is assumed of it, what is in doubt.
+    """Return the vehicle with the mass on the scale [kg], what is assumed of it, warnings.
 
     None: what its trim_error says. Raises InputError for a mass that the hull could not carry by
     far: a wrong unit or volume.

@@ -292,7 +292,7 @@ class LawComparisonShown(Shown[LawComparison]):
         for shown in (SOON, STILL):
             yield Table(shown, [[row[heading] for heading in shown] for row in rows])
         yield from notes(found)
-        yield from (f"left out: {name}: {why}" for name, why in found.left_out.items())
+        yield from (f"left out: {name}: {why}" for name, why in found.not_compared.items())
         yield Drawn("pareto", partial(draw_pareto, found))
         yield Drawn("steps", partial(draw_steps, found))
         yield from map(self._scenario, found.placed)

@@ -19,7 +19,7 @@ from swimbladder.physics.seawater import Cast
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
 from swimbladder.show.style import Ink, depth_axis, label_panels, styled
 from swimbladder.sim.engine.rodas.records import HOLDING, Note, Records
-from swimbladder.sim.mission.books import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
+from swimbladder.sim.mission.balance import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
 from swimbladder.sim.mission.export import float_configuration
 from swimbladder.sim.mission.orders import law_words
 from swimbladder.sim.mission.result import MissionResult
@@ -229,7 +229,7 @@ class MissionResultShown(Shown[MissionResult]):
         if len(lines) < count:
             yield f"({count - len(lines)} cycles more in cycles.csv)"
         if found.energy_known:
-            battery, drawn = found.books.battery, found.books.drawn
+            battery, drawn = found.balance.battery, found.balance.drawn
             for name, energy in sorted(battery.items(), key=lambda pair: -pair[1]):
                 share = 100.0 * energy / drawn if drawn > 0.0 else 0.0
                 yield f"{name}: {energy / 1e3:.4g} kJ, {share:.0f} %"

@@ -67,10 +67,10 @@ def _draw(axes: Axes, one: Map) -> None:
 @styled
 def draw_robustness(found: Stability) -> Figure:
     """Return the share of draws that settle against the gain, a line for each law and delay."""
-    laws = list(dict.fromkeys(s.law for s in found.stood))
+    laws = list(dict.fromkeys(s.law for s in found.robustness))
     figure, panels = stacked((7.5, 2.2 + 1.5 * len(laws)), *[1.0] * len(laws))
     for axes, law in zip(panels, laws, strict=True):
-        own = [s for s in found.stood if s.law == law]
+        own = [s for s in found.robustness if s.law == law]
         delays, marks = sorted({s.delay for s in own}), ((Ink.BLUE, "o-"), (Ink.VERMILION, "s--"))
         for delay, (color, mark) in zip(delays, marks, strict=False):
             line = np.array([(s.gain, 100.0 * s.settled) for s in own if s.delay == delay])
@@ -79,7 +79,7 @@ def draw_robustness(found: Stability) -> Figure:
         axes.set(ylim=(-5.0, 105.0), ylabel="settle [%]")
         axes.set_title(law, fontsize=9.5)
     panels[-1].set_xscale("log")
-    gains = sorted({s.gain for s in found.stood})
+    gains = sorted({s.gain for s in found.robustness})
     panels[-1].set_xticks(gains, [f"{g:g}" for g in gains], minor=False)
     panels[-1].set_xticks([], minor=True)
     panels[-1].set_xlabel("gain on the command [-]")
@@ -104,10 +104,10 @@ class StabilityShown(Shown[Stability]):
             yield Table(headings, cycle_rows(found.cycles), left=headings[:2])
         if found.maps:
             yield Drawn("maps", partial(draw_recovery, found))
-        if found.stood:
-            gains = sorted({s.gain for s in found.stood})
+        if found.robustness:
+            gains = sorted({s.gain for s in found.robustness})
             headings = ["settle (over) [%]", "late", *(f"gain {g:g}" for g in gains)]
-            yield Table(headings, robustness_rows(found.stood), left=headings[:2])
+            yield Table(headings, robustness_rows(found.robustness), left=headings[:2])
             yield Drawn("robustness", partial(draw_robustness, found))
         yield from labelled("assumed", found.words)
 

@@ -155,7 +155,7 @@ class TuningShown(Shown[Tuning]):
             where = f"the loop broken at the {found.law.command} and at the measured depth"
             delay = f"{1e3 * found.delay:.3g} ms from a sample to its command"
             yield f"Margins: the worst of {region}, {where}, {delay}."
-            if found.knobs.dead or found.knobs.pause:
+            if found.tuning.dead or found.tuning.pause:
                 rests = "near the set-point the motor rests, and there the trials judge"
                 yield f"They are those of the linear part: {rests}."
             yield Drawn("sensitivity", partial(draw_sensitivity, found))

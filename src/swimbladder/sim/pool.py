@@ -310,27 +310,27 @@ def fit_depth(record: Record, *, psi: float = 0.0) -> Fit:
 def fit_jointly(records: Sequence[Record], *, psi: float = 0.0) -> Fit:
     """Return one K2 and T2 for several experiments together, eq. (27) or, with psi, (32)."""
 
-    def left_over(K2: float, T2: float) -> Array:
+    def residual(K2: float, T2: float) -> Array:
         travels = [response(r.time, r.volume, K2=K2, T2=T2, psi=psi)[0] for r in records]
         pairs = zip(records, travels, strict=True)
         return np.concatenate([r.start + travel - r.depth for r, travel in pairs])
 
-    return _fit(left_over)
+    return _fit(residual)
 
 
 def fit_speed(record: Record) -> Fit:
     """Return K2 and T2 of eq. (26), V to dz/dt, to the centred differences of the depth."""
     speed = centred_differences(record.depth, float(record.time[1] - record.time[0]))
 
-    def left_over(K2: float, T2: float) -> Array:
+    def residual(K2: float, T2: float) -> Array:
         return response(record.time, record.volume, K2=K2, T2=T2)[1] - speed
 
-    return _fit(left_over)
+    return _fit(residual)
 
 
-def _fit(left_over: Callable[[float, float], Array]) -> Fit:
+def _fit(residual: Callable[[float, float], Array]) -> Fit:
     def of_logarithms(x: NDArray[np.float64]) -> Array:  # in which both stay positive
-        return left_over(math.exp(x[0]), math.exp(x[1]))
+        return residual(math.exp(x[0]), math.exp(x[1]))
 
     begin = [math.log(1e4), math.log(40.0)]
     with np.errstate(over="ignore", invalid="ignore"):  # such a trial step is taken back

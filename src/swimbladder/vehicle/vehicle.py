@@ -227,7 +227,7 @@ class Between(Parameters):
     """of that growth"""
     depth_noise: Annotated[float, Unit(""), Field(ge=0.0)] = 0.0
     """of its logarithm"""
-    neutral_walk: Annotated[float, Unit(""), Field(ge=0.0)]
+    random_walk: Annotated[float, Unit(""), Field(ge=0.0)]
     """of its logarithm"""
     acceleration_noise: Annotated[float, Unit(""), Field(ge=0.0)]
     """of its logarithm"""
@@ -246,7 +246,7 @@ class Identified(Parameters):
     """1 sigma, with its quantum"""
     neutral_std: Annotated[float, Unit("m3"), Field(ge=0.0)] = 0.0
     """1 sigma of the neutral volume between experiments"""
-    neutral_walk: Annotated[float, Unit("m3/s^0.5"), Field(ge=0.0)] = 0.0
+    random_walk: Annotated[float, Unit("m3/s^0.5"), Field(ge=0.0)] = 0.0
     """1 sigma after a second"""
     acceleration_noise: Annotated[float, Unit("m/s/s^0.5"), Field(ge=0.0)] = 0.0
     """1 sigma of the speed after a second"""

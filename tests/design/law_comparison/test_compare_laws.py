@@ -30,8 +30,8 @@ def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
     names = ["position-pid, as in the file", "position-observer, fast"]
     assert [row.who.name for row in b.rows] == names
     assert b.reference is b.rows[0]
-    assert b.left_out["planned"].startswith("it commands a voltage")
-    assert "tuned" in b.left_out["position-pid"]
+    assert b.not_compared["planned"].startswith("it commands a voltage")
+    assert "tuned" in b.not_compared["position-pid"]
     assert b.no_energy == "nothing is known of the motor behind the positioner"
     assert math.isnan(b.rows[0].cost("hold", "power"))
     assert set(b.rows[0].results) == {s.name for s in FEW}
@@ -136,7 +136,7 @@ def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
 
     monkeypatch.setattr("swimbladder.design.law_comparison.contenders.tune", refused)
     b = compared(FEUP, laws=["planned"])
-    assert b.left_out == {
+    assert b.not_compared == {
         "planned, fast": "no gains for fast",
         "planned, quiet": "no gains for quiet",
     }

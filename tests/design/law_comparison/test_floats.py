@@ -56,7 +56,7 @@ def test_what_is_measured_is_that_of_the_flights(supervised):
         duration=placed.duration,
         start_depth=placed.start,
         keep="trajectory",
-        books=True,
+        balance=True,
         seed=1,
         supervised=supervised,
     )
@@ -101,14 +101,14 @@ def test_a_float_whose_pump_has_a_supply_of_its_own_is_tuned(tmp_path):
     vehicle = load_vehicle(path)
     assert vehicle.supply is not None
     found = compare_laws(vehicle, laws=["rate"], runs=2, tune_for=["fast"], scenarios=SOME[:1])
-    assert found.left_out == {}
+    assert found.not_compared == {}
     assert [row.who.name for row in found.rows] == ["rate, as in the file", "rate, fast"]
 
 
 def test_a_comparison_draws_floats_and_says_what_it_leaves_out():
     found = compare_laws(FLOAT, laws=["cascade"], runs=2, depths=(50.0, 400.0), scenarios=SOME)
     assert [row.who.law.name for row in found.rows] == ["rate"]
-    assert "volume change" in found.left_out["cascade"]
+    assert "volume change" in found.not_compared["cascade"]
     assert any("pump" in words for words in found.assumptions)
     results = found.rows[0].results
     assert results["step-small"].settled == 1.0

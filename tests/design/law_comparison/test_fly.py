@@ -135,7 +135,7 @@ def test_a_step_is_measured_as_on_a_single_run(name):
     assert found.rate[0] == pytest.approx(np.abs(moves).sum() / alone.time[-1], rel=1e-6)
     assert found.square[0] == pytest.approx(np.mean(error**2), rel=1e-9)
     if no_energy(vehicle) is None:
-        energy = alone.books.energy["source"]
+        energy = alone.balance.energy["source"]
         assert found.power[0] == pytest.approx(energy / alone.time[-1], rel=1e-6)
     else:
         assert np.isnan(found.power).all()

@@ -9,7 +9,7 @@ import pytest
 from swimbladder.control.registry import bind
 from swimbladder.design.linear.models import linearise
 from swimbladder.design.linear.sampled import BoundLaw, SampledLoop
-from swimbladder.design.stability.around import look_around, modes, modulus
+from swimbladder.design.stability.around import modes, modulus, robustness_around
 from swimbladder.design.tuning.margins import at_rest, exactly
 from swimbladder.design.tuning.region import member
 from swimbladder.io.config import load_vehicle
@@ -34,7 +34,7 @@ KNOWN = Identified(
 
 def look(vehicle=FEUP, numbers=NUMBERS, **options):
     given = {"depths": (0.0, 5.0), "delay": 0.0, "advance": lambda _: None} | options
-    return look_around(vehicle, BOUND._replace(parameters=numbers), **given)
+    return robustness_around(vehicle, BOUND._replace(parameters=numbers), **given)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_gains_that_are_too_high_are_found_unstable_and_where():
     found = look(numbers=NUMBERS._replace(k_pV=5.0 * NUMBERS.k_pV))
     assert not found.stable
     assert found.radius > 1.0
-    assert "K2" in found.worst_spot.words
+    assert "K2" in found.worst_point.words
 
 
 def test_a_law_that_is_not_linear_has_no_eigenvalues():
@@ -111,4 +111,4 @@ def test_a_law_that_is_not_linear_has_no_eigenvalues():
     from tests.control.examples import SLEEPER
 
     sleeper = BoundLaw(DEADBAND, SLEEPER, H)
-    assert look_around(FEUP, sleeper, (1.0,), delay=0.0, advance=lambda _: None) is None
+    assert robustness_around(FEUP, sleeper, (1.0,), delay=0.0, advance=lambda _: None) is None

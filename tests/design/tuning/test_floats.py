@@ -135,7 +135,7 @@ def test_the_coefficient_is_that_of_the_drag(fast):
     assert json["margins"] is None
     assert json["decision_eigenvalue"] == fast.radius
     assert json["parameters"]["far_speed"]["unit"] == "m/s"
-    assert json["knobs"]["speed"] == fast.parameters.far_speed
+    assert json["tuning"]["speed"] == fast.parameters.far_speed
 
 
 def test_the_vehicle_is_one_that_other_commands_read(fast, tmp_path):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.control.law import Knobs, Measurement
-from swimbladder.control.motion import off_in
+from swimbladder.control.law import Measurement, TuningParameters
+from swimbladder.control.motion import drift_time
 from swimbladder.control.registry import bind
 from swimbladder.design.analysis import analyse
 from swimbladder.design.linear.sampled import BoundLaw, linearise_law, loop_of
@@ -53,9 +53,9 @@ NOISY = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update={"dept
 H = 0.3
 
 
-def loops(name, knobs, *, depth=2.0, delay=0.0):
+def loops(name, tuning, *, depth=2.0, delay=0.0):
     s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
-    law, p = tunable(name), gains(name, s, knobs)
+    law, p = tunable(name), gains(name, s, tuning)
     seen = Measurement(0.0, depth, FEUP.neutral_volume(depth))
     linear = linearise_law(BoundLaw(law, p, H), seen)
     assert linear.smooth
@@ -69,8 +69,8 @@ LEARNING = {"adrc": 0.25}
 @pytest.mark.parametrize("name", ["planned", "observer", "cascade", "sea-cascade", "adrc"])
 @pytest.mark.parametrize("delay", [0.0, 0.03])
 def test_margins_are_python_controls(name, delay):
-    knobs = Knobs(0.15, 0.9, 1.2, sharpness=8.0, learning=LEARNING.get(name, 0.003))
-    for loop in loops(name, knobs, delay=delay):
+    tuning = TuningParameters(0.15, 0.9, 1.2, sharpness=8.0, learning=LEARNING.get(name, 0.003))
+    for loop in loops(name, tuning, delay=delay):
         found = exactly(loop)
         assert found.stable
         system = control.ss(loop.A, loop.B, loop.C, loop.D, H)
@@ -89,7 +89,7 @@ def test_margins_are_python_controls(name, delay):
 
 def test_the_worst_over_a_region_is_no_better_than_any_of_it():
     s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
-    law, p = tunable("observer"), gains("observer", s, Knobs(0.15, 0.9, 1.2, 8.0, 0.003))
+    law, p = tunable("observer"), gains("observer", s, TuningParameters(0.15, 0.9, 1.2, 8.0, 0.003))
     plants = region(FEUP).plants
     bound = BoundLaw(law, p, H)
     over = worst(margins.loops(bound, plants, depths=[1.0]))
@@ -210,7 +210,7 @@ def test_a_walk_takes_the_vehicle_as_far_off_as_reckoned_with():
     """Simulated, without drag and psi: 1 sigma after that time is the distance over sqrt(20)."""
     p = plant(FEUP)._replace(psi=0.0, d_l=0.0)
     distance, walk, n = 0.01, 2e-8, 400
-    h = off_in(p, distance, walk) / n
+    h = drift_time(p, distance, walk) / n
     force = p.a_b * np.cumsum(
         np.random.default_rng(5).normal(0.0, walk * math.sqrt(h), (n, 4000)), axis=0
     )
@@ -343,7 +343,7 @@ def test_the_energy_of_samples_is_that_of_the_books():
     vehicle = load_vehicle("example-em")
     law, gains_ = bind(vehicle.controller)
     bound = BoundLaw(law, gains_, H)
-    run = fly(vehicle, bound, target=3.0, start_depth=1.5, duration=60.0, books=True)
+    run = fly(vehicle, bound, target=3.0, start_depth=1.5, duration=60.0, balance=True)
     p = plant(vehicle)
     found = electrical_energy(winding(vehicle), p, run, supply=p.supply, sample_time=H).sum()
     assert found == pytest.approx(run.energy[0], rel=1e-9)

@@ -111,7 +111,7 @@ def test_noise_that_was_identified_is_used():
         "values": (VEHICLE.hull.psi,),
         "covariance": ((1e-16,),),
         "depth_noise": 5e-3,
-        "neutral_walk": 0.1e-6,
+        "random_walk": 0.1e-6,
         "acceleration_noise": 1e-4,
     }
     vehicle = type(VEHICLE).model_validate(VEHICLE.model_dump() | {"identified": table})

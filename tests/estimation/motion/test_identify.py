@@ -295,7 +295,7 @@ def test_neutral_volumes_that_walk():
     # Six logs tell how logs differ: the vehicle is that of the means over them.
     known = found.vehicle.identified
     assert known.between is not None
-    assert known.neutral_walk == pytest.approx(found.process_noise.noise.random_walk, rel=0.6)
+    assert known.random_walk == pytest.approx(found.process_noise.noise.random_walk, rel=0.6)
     assert dict(zip(known.names, known.values, strict=True))["K2"] == pytest.approx(
         found.parameters["K2"].value, rel=0.1
     )

@@ -29,7 +29,7 @@ def vehicle():
         "values": (WEIGHT / K_DL, MASS / K_DL, PSI),
         "covariance": ((1e4, 0.0, 0.0), (0.0, 0.04, 0.0), (0.0, 0.0, 1e-16)),
         "depth_noise": NOISE,
-        "neutral_walk": 1e-7,
+        "random_walk": 1e-7,
         "acceleration_noise": 1e-4,
     }
     return Vehicle.model_validate(base)

@@ -1,4 +1,4 @@
-"""An ensemble whose neutral volume walks, whose depth is seen amiss, whose books are kept."""
+"""An ensemble with a random walk of the neutral volume, errors of the depth, and a balance."""
 
 import numpy as np
 import pytest
@@ -112,11 +112,11 @@ def test_an_error_of_the_depth_comes_on_top_of_the_noise():
 @pytest.mark.parametrize("name", ["example-em", "feup-em", "ntnu-bv"])
 def test_energy_is_that_of_a_single_run(name):
     vehicle = load_vehicle(name)
-    ran = flown(vehicle, to=2.5, seed=7, books=True)
+    ran = flown(vehicle, to=2.5, seed=7, balance=True)
     alone = simulate(vehicle, duration=60.0, start_depth=1.5, setpoints=[(0.0, 2.5)], seed=7)
     assert ran["depth"].to_numpy()[:, 0] == pytest.approx(alone.depth, abs=1e-9)
-    assert float(ran["energy"][0]) == pytest.approx(alone.books.energy["source"], rel=1e-6)
-    assert ran["energy"].attrs["long_name"] == alone.books.basis
+    assert float(ran["energy"][0]) == pytest.approx(alone.balance.energy["source"], rel=1e-6)
+    assert ran["energy"].attrs["long_name"] == alone.balance.basis
     assert float(ran["actuator_travel"][0]) > 0.0
 
 

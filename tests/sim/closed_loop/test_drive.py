@@ -101,7 +101,7 @@ def test_one_long_interval_is_many_short_ones() -> None:
     short = drive(paper(), time=t, voltage=np.full(61, 0.5), start_depth=30.0)
     assert long.depth[-1] == pytest.approx(short.depth[-1], abs=1e-11)
     assert long.volume[-1] == pytest.approx(short.volume[-1], abs=1e-15)
-    assert long.books.energy["source"] == pytest.approx(short.books.energy["source"], rel=1e-4)
+    assert long.balance.energy["source"] == pytest.approx(short.balance.energy["source"], rel=1e-4)
 
 
 def test_a_run_that_ends_early_says_why() -> None:
@@ -131,7 +131,7 @@ def test_the_books_of_recorded_volumes_balance(
     V = np.array(volumes[: len(time)])
     s = drive(screw(drag=BLENDED), time=time, volume=V, start_depth=depth, bottom_depth=60.0)
     if s.finished:
-        assert abs(s.books.volume_residue) <= 1e-12 * max(np.abs(np.diff(V)).sum(), 1e-6)
-        assert s.books.relative_energy_residue < 1e-3
-        assert s.books.energy["drag"] >= 0.0
-        assert math.isfinite(s.books.energy["source"])
+        assert abs(s.balance.volume_residue) <= 1e-12 * max(np.abs(np.diff(V)).sum(), 1e-6)
+        assert s.balance.relative_energy_residue < 1e-3
+        assert s.balance.energy["drag"] >= 0.0
+        assert math.isfinite(s.balance.energy["source"])

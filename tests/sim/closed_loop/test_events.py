@@ -271,7 +271,9 @@ class TestBottomAndSurface:
         assert ours.events[0] == Event(0.0, "reached the bottom")
         np.testing.assert_array_equal(ours.speed[1:], 0.0)
         np.testing.assert_array_equal(ours.depth, 5.0)
-        assert ours.books.energy["bottom"] == pytest.approx(0.5 * paper().mass * 0.2**2, rel=1e-12)
+        assert ours.balance.energy["bottom"] == pytest.approx(
+            0.5 * paper().mass * 0.2**2, rel=1e-12
+        )
 
     def test_aground_with_the_hull_out_of_the_water(self) -> None:
         """In 0.2 m of water the top 0.1 m of the hull is dry: its weight holds the vehicle down.
@@ -307,7 +309,7 @@ class TestBottomAndSurface:
         assert ours.depth.max() < 0.0
         np.testing.assert_allclose(ours.depth, expected, rtol=0.0, atol=1e-14)
         assert ours.events == ()
-        assert ours.books.relative_energy_residue < 1e-3
+        assert ours.balance.relative_energy_residue < 1e-3
 
     def test_bobbing_in_and_out_of_the_water_line(self) -> None:
         ours, theirs = both(paper(), [(0.0, 0.0)], 60.0, depth=0.3, volume=150e-6)
@@ -517,5 +519,5 @@ def test_sliding_along_the_jump_of_the_literal_drag() -> None:
     assert np.all(s.motor_rate == 0.0)
     np.testing.assert_allclose(s.speed[sliding], epsilon, rtol=0.0, atol=1e-4)
     assert s.depth[-1] - s.depth[60] == pytest.approx(epsilon * 30.0, rel=1e-4)
-    assert s.books.energy["drag"] == pytest.approx(pull * (s.depth[-1] - 5.0), rel=0.1)
-    assert s.books.relative_energy_residue < 1e-3
+    assert s.balance.energy["drag"] == pytest.approx(pull * (s.depth[-1] - 5.0), rel=0.1)
+    assert s.balance.relative_energy_residue < 1e-3

@@ -141,13 +141,13 @@ def test_a_float_whose_law_sleeps_takes_steps_over_many_ticks(monkeypatch):
 
 def test_volume_and_energy_add_up(dive, hover):
     for s in (dive, hover):
-        books = s.books
-        assert abs(books.volume_residue) < 1e-12
-        assert books.relative_energy_residue < 1e-5
-        assert books.energy["source"] > 0.0
-        assert s.volume[-1] - s.volume[0] == pytest.approx(books.volume["change"], abs=1e-15)
+        balance = s.balance
+        assert abs(balance.volume_residue) < 1e-12
+        assert balance.relative_energy_residue < 1e-5
+        assert balance.energy["source"] > 0.0
+        assert s.volume[-1] - s.volume[0] == pytest.approx(balance.volume["change"], abs=1e-15)
     spent = float(np.sum(0.5 * (dive.power[1:] + dive.power[:-1]) * np.diff(dive.time)))
-    assert spent == pytest.approx(dive.books.energy["source"], rel=0.05)
+    assert spent == pytest.approx(dive.balance.energy["source"], rel=0.05)
 
 
 def test_the_record_says_what_pump_and_valve_do(hover):
@@ -164,7 +164,7 @@ def test_the_record_says_what_pump_and_valve_do(hover):
 
 def test_no_event_of_a_float_is_left_out(dive):
     assert dive.events
-    assert dive.events_left_out == 0
+    assert dive.events_omitted == 0
 
 
 def test_it_dives_and_surfaces(dive):
@@ -232,13 +232,13 @@ def test_lanes_are_single_runs_and_what_they_vary_counts():
         "start_depth": 380.0,
         "keep": "trajectory",
     }
-    two = simulate_ensemble(FLOAT, count=2, vary={"d_t": [0.3893, 0.6]}, books=True, **flown)
+    two = simulate_ensemble(FLOAT, count=2, vary={"d_t": [0.3893, 0.6]}, balance=True, **flown)
     drag = FLOAT.drag.model_copy(update={"k_dt": 0.6 * FLOAT.mass})
     slow = FLOAT.model_copy(update={"motion": FLOAT.motion.model_copy(update={"drag": drag})})
     flown.pop("keep")
     one = simulate(slow, **flown)
     assert np.abs(two["depth"].to_numpy()[:, 1] - one.depth).max() < 1e-9
-    assert float(two["energy"][1]) == pytest.approx(one.books.energy["source"], rel=1e-12)
+    assert float(two["energy"][1]) == pytest.approx(one.balance.energy["source"], rel=1e-12)
     assert abs(float(two["final_depth"][0] - two["final_depth"][1])) > 0.1
     assert list(two["stop"]) == [0, 0]
 
@@ -284,8 +284,8 @@ def test_a_float_that_hits_the_bottom_lies_there_and_comes_up_again():
     assert np.count_nonzero(lies) > 10
     assert np.all(s.speed[lies] == 0.0)
     assert np.all(s.depth[lies] == 400.0)
-    assert s.books.energy["bottom"] > 0.0
-    assert s.books.relative_energy_residue < 1e-5
+    assert s.balance.energy["bottom"] > 0.0
+    assert s.balance.relative_energy_residue < 1e-5
     assert s.depth[-1] < 330.0
 
 
@@ -303,7 +303,7 @@ def test_a_python_function_commands_changes_of_volume():
     )
     asked = s.time[s.command != 0.0]
     assert list(asked) == [0.0, 600.0, 1200.0]
-    assert s.books.volume["let in"] == pytest.approx(3e-5, rel=1e-3)
+    assert s.balance.volume["let in"] == pytest.approx(3e-5, rel=1e-3)
 
 
 def test_a_start_at_the_surface_with_a_volume_is_taken_as_it_is():

@@ -1,4 +1,4 @@
-"""Screws that lock and motors with a dead zone, simulated: books closed, volume held."""
+"""Screws that lock and motors with a dead zone, simulated: balance closed, volume held."""
 
 import math
 
@@ -30,8 +30,8 @@ def under(vehicle, commands, depth):
 def test_the_books_of_a_screw_that_locks_balance(back):
     s = under(locking(back), [2.0 + 9.0 * math.sin(0.37 * k) for k in range(80)], 20.0)
     assert s.finished
-    assert abs(s.books.energy_residue) < 1e-5 * s.books.throughput
-    assert s.books.energy["transmission"] > 0.0
+    assert abs(s.balance.energy_residue) < 1e-5 * s.balance.throughput
+    assert s.balance.energy["transmission"] > 0.0
 
 
 def test_a_screw_that_locks_holds_without_voltage_and_another_does_not():

@@ -77,7 +77,7 @@ def sound(s: Solution, bottom: float) -> None:
         supply = s.vehicle.supply
         assert supply is not None
         assert np.nanmax(np.abs(s.voltage)) <= supply.voltage * (1 + 1e-12)
-    assert np.isfinite(s.books.energy_residue)
+    assert np.isfinite(s.balance.energy_residue)
 
 
 def light(
@@ -224,7 +224,7 @@ def test_any_vehicle_on_any_mission(  # type: ignore[no-untyped-def]
     leaks_in_air = getattr(vehicle.actuator, "k_l", 0.0) > 0.0 and s.depth.min() < 0.0
     if s.stop is StopReason.FINISHED:
         assert s.time[-1] == pytest.approx(40.0 * tick * len(targets))
-        assert s.books.relative_energy_residue <= 1e-3 or leaks_in_air
+        assert s.balance.relative_energy_residue <= 1e-3 or leaks_in_air
     # once more: the same run
     again = fly_anything(
         vehicle,

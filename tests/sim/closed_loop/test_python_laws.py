@@ -19,14 +19,14 @@ STEP = dict(setpoints=[(0.0, 3.0), (60.0, 2.0)], duration=120.0, start_depth=1.5
 
 
 def same(a, b, tolerance: float = 1e-12) -> None:
-    """The same run, but for the last digits: the books may be kept in other steps."""
+    """The same run, but for the last digits: the balance may be kept in other steps."""
     for name in ("depth", "speed", "volume", "motor_rate", "command", "voltage"):
         x, y = getattr(a, name), getattr(b, name)
         np.testing.assert_allclose(x, y, rtol=tolerance, atol=tolerance * np.abs(x).max())
     assert [e.kind for e in a.events] == [e.kind for e in b.events]
-    for name, value in a.books.energy.items():
-        near = 1e-4 * a.books.throughput
-        assert b.books.energy[name] == pytest.approx(value, rel=1e-6, abs=near)
+    for name, value in a.balance.energy.items():
+        near = 1e-4 * a.balance.throughput
+        assert b.balance.energy[name] == pytest.approx(value, rel=1e-6, abs=near)
 
 
 class TestFunctions:

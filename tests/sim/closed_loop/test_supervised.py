@@ -44,16 +44,16 @@ class Board:
     def __call__(self, seen, reference):
         if self.state is None:
             self.state = self.law.initial(self.p, seen, reference)
-        if self.wait <= 0 and self.watch.rescue.reason == 0:
+        if self.wait <= 0 and self.watch.recovery.reason == 0:
             asked = min(reference, self.watch.proof.allowed)
             u, self.state, later = self.law.step(self.p, self.state, seen, asked)
             self.wanted = min(max(u, self.ends[0]), self.ends[1])
             self.wait = max(math.ceil(later / self.tick - 1e-9), 1)
         self.wait -= 1
-        before = self.watch.rescue.reason
+        before = self.watch.recovery.reason
         watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0, reference)
         command, self.watch, _ = supervisor.step(self.limits, self.watch, watched, self.wanted)
-        if self.watch.rescue.reason and not before:
+        if self.watch.recovery.reason and not before:
             self.alarm = seen.time
         return command
 
@@ -73,7 +73,7 @@ def test_the_loop_is_law_and_supervisor_called_in_python(vehicle, where):
         assert ours.alarm is None
         assert math.isnan(board.alarm)
     else:
-        assert ours.alarm == (Reason(board.watch.rescue.reason), pytest.approx(board.alarm))
+        assert ours.alarm == (Reason(board.watch.recovery.reason), pytest.approx(board.alarm))
         took_over = [e for e in ours.events if e.kind.startswith("the supervisor took over")]
         assert [e.time for e in took_over] == [pytest.approx(board.alarm)]
         assert ours.depth[-1] < 1.0  # and brought it up

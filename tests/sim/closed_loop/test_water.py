@@ -161,8 +161,8 @@ def test_a_volume_in_a_fjord_against_scipy_and_gsw(drag):
     assert ours.finished
     assert np.ptp(theirs) > 2.0
     assert np.abs(ours.depth - theirs).max() < 2e-3
-    assert ours.books.relative_energy_residue < 1e-4
-    assert abs(ours.books.volume_residue) < 1e-15
+    assert ours.balance.relative_energy_residue < 1e-4
+    assert abs(ours.balance.volume_residue) < 1e-15
 
 
 def test_a_closed_loop_in_a_fjord_against_scipy_and_gsw():
@@ -200,7 +200,7 @@ def test_a_closed_loop_in_a_fjord_against_scipy_and_gsw():
     assert np.abs(ours.depth - theirs[:, 2]).max() < 5e-3  # of 5 m; rows are 5 cm apart
     assert np.abs(ours.volume - theirs[:, 1] / C).max() < 1e-7
     assert np.ptp(ours.depth) > 1.0
-    assert ours.books.relative_energy_residue < 1e-5
+    assert ours.balance.relative_energy_residue < 1e-5
 
 
 def test_the_order_is_four_in_layers():
@@ -267,8 +267,8 @@ def test_its_own_water_changes_nothing():
     assert np.ptp(plain.depth) > 1.0
     np.testing.assert_allclose(cast_.depth, plain.depth, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(cast_.volume, plain.volume, rtol=0.0, atol=1e-13)
-    for name, energy in plain.books.energy.items():
-        assert cast_.books.energy[name] == pytest.approx(energy, rel=1e-6, abs=1e-9), name
+    for name, energy in plain.balance.energy.items():
+        assert cast_.balance.energy[name] == pytest.approx(energy, rel=1e-6, abs=1e-9), name
 
 
 def test_near_a_depth_it_is_psi_of_eq_31():
@@ -325,7 +325,7 @@ def test_it_lies_on_the_bottom_until_the_volume_is_that_of_the_cast():
     kinds = [e.kind for e in s.events]
     assert kinds[:2] == ["reached the bottom", "left the bottom"]
     assert s.events[1].time == pytest.approx(np.interp(lifts, volume[120:], t[120:]), abs=1e-3)
-    assert s.books.relative_energy_residue < 1e-4
+    assert s.balance.relative_energy_residue < 1e-4
     with refused(InputError, field="start_depth", value=9.0):
         drive(v, time=t, volume=volume, start_depth=9.0, bottom_depth=8.0, column=column())
 
@@ -344,7 +344,7 @@ def test_it_comes_up_in_the_water_of_the_cast():
     )
     assert s.finished
     assert s.depth[-1] == pytest.approx(floats, abs=2e-3)
-    assert s.books.relative_energy_residue < 1e-3
+    assert s.balance.relative_energy_residue < 1e-3
 
 
 def test_an_ensemble_is_each_vehicle_alone():
@@ -365,13 +365,13 @@ def test_an_ensemble_is_each_vehicle_alone():
         vary={"k_pz": shares * gains.k_pz},
         parameters=gains,
         keep="trajectory",
-        books=True,
+        balance=True,
         **run,
     )
     for lane, share in enumerate(shares):
         alone = simulate(v, parameters=gains._replace(k_pz=share * gains.k_pz), **run)
         np.testing.assert_allclose(many.depth[:, lane], alone.depth, rtol=0.0, atol=1e-9)
-        assert many.energy[lane] == pytest.approx(alone.books.energy["source"], rel=1e-9)
+        assert many.energy[lane] == pytest.approx(alone.balance.energy["source"], rel=1e-9)
     assert abs(many.depth[-1, 0] - many.depth[-1, 1]) > 1e-3
 
 

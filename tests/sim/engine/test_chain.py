@@ -15,7 +15,7 @@ from swimbladder.sim.engine.chain import (
     LEVELS,
     base_steps,
     build_chain,
-    leap,
+    exponential_step,
 )
 from swimbladder.sim.engine.modes import NO_LAYERS, Act, Layers, Where, layers_from
 from swimbladder.sim.engine.modes import drag as drag_of
@@ -239,7 +239,7 @@ def test_a_step_is_that_of_cox_and_matthews(act: Act, layers: Layers) -> None:
         + (4.0 * phi3 - phi2) * N(c)
     )
     y = np.empty(5)
-    leap(table(p, act, 0, Where.SUBMERGED, h), 0, np.array(p), layers, x, u, y)
+    exponential_step(table(p, act, 0, Where.SUBMERGED, h), 0, np.array(p), layers, x, u, y)
     np.testing.assert_allclose(y * SCALE, expected * SCALE, rtol=1e-10, atol=1e-12)
     assert abs(y[3] - flow(h, x)[3]) > 1e-3, "the nonlinear part does nothing here"
 

@@ -1,12 +1,12 @@
-"""What a step may hide, and the books of what is put at a limit: by hand, at single steps."""
+"""What a step may hide, and the accounts of what is put at a limit: by hand, at single steps."""
 
 import numpy as np
 import pytest
 
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.engine import modes
+from swimbladder.sim.engine.accounts import Account
 from swimbladder.sim.engine.advance import CHATTERS, DONE, advance, may_hide, new_lane, put_at_limit
-from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.modes import NO_LAYERS, Act, Where
 from tests.vehicles import LINEAR, paper, pump, screw
 
@@ -77,13 +77,13 @@ def test_what_is_put_at_an_end_stop_is_booked_at_the_load_of_its_direction(act):
     assert p.load_back != p.load_drive
     end, load = (p.V_max, p.load_drive) if act is Act.UPPER else (p.V_min, p.load_back)
     missing = 1e-9 if act is Act.UPPER else -1e-9
-    x, books = np.array([0.0, end - missing, 50.0, 0.0, 0.0]), np.zeros(len(Account))
-    put_at_limit(np.array(p), int(act), x, books)
+    x, accounts = np.array([0.0, end - missing, 50.0, 0.0, 0.0]), np.zeros(len(Account))
+    put_at_limit(np.array(p), int(act), x, accounts)
     moved = end - (end - missing)
     assert x[1] == end
-    assert books[Account.PUMPED] == moved
-    assert books[Account.Z_DV] == books[Account.Z_Q] == 50.0 * moved
-    assert books[Account.LOAD_Q] == books[Account.U_Q] == load * 50.0 * moved
+    assert accounts[Account.PUMPED] == moved
+    assert accounts[Account.Z_DV] == accounts[Account.Z_Q] == 50.0 * moved
+    assert accounts[Account.LOAD_Q] == accounts[Account.U_Q] == load * 50.0 * moved
 
 
 def onto_the_bottom(speed):
@@ -104,6 +104,6 @@ def test_a_bottom_that_a_vehicle_comes_to_by_less_than_a_rounding_a_tick_is_foun
 def test_a_step_that_takes_more_looks_than_a_motion_does_is_chatter(monkeypatch):
     """An event is found in 20 halvings and some; with fewer to be had it is not."""
     for most, why in ((200, DONE), (15, CHATTERS)):
-        monkeypatch.setattr("swimbladder.sim.engine.advance._LEAPS", most)
+        monkeypatch.setattr("swimbladder.sim.engine.advance._STEPS", most)
         lane, u = onto_the_bottom(1e-3)
         assert advance.py_func(lane, 0, u, H, 0.0)[1] == why

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from swimbladder.sim.closed_loop.lane import Row, rows
+from swimbladder.sim.engine.accounts import Account as Sums
 from swimbladder.sim.engine.advance import CHATTERS
-from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.rodas.drive import STAYED
 from swimbladder.sim.engine.rodas.records import (
     AT,

@@ -1,4 +1,4 @@
-"""Missions against SciPy, against the paper's model, and against their own books."""
+"""Missions against SciPy, against the paper's model, and against their own balance."""
 
 import math
 import re
@@ -16,7 +16,7 @@ from swimbladder.physics.seawater.motion import Swell, WaterMotion, motion_table
 from swimbladder.sim.engine.rodas import step
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.engine.rodas.records import GIVEN, NOW, Account, Doing, Note, Stop, Table
-from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.prepare import first_state, make_plan
@@ -72,9 +72,9 @@ def test_a_swell_carries_the_vehicle_as_scipy_says(profiler, sea):
     oracle = Oracle(profiler, sea, waves=lambda z, t: moved(table, z, t))
     states = oracle.replay(flown)
     assert np.max(np.abs(states[:, 0] - flown.notes["z"])) < 1e-6
-    books = close_books(flown)
-    assert books.sinks["moving water"] != 0.0
-    assert books.relative_residue < 1e-6
+    balance = close_balance(flown)
+    assert balance.sinks["moving water"] != 0.0
+    assert balance.relative_residue < 1e-6
 
 
 def coast(
@@ -101,7 +101,7 @@ def coast(
     x, at, accounts = first_state(plan, task)
     if step is not None:
         plan.given["longest_step"] = x["h"] = step
-    x["v"], x["w"], x["t_look"], x["t_end"] = volume, speed, math.inf, seconds
+    x["v"], x["w"], x["t_sample"], x["t_end"] = volume, speed, math.inf, seconds
     at["new_phase"], at["arrived"] = 0, 1
     fly(plan.under_way((x, at, accounts)))
     return x, at, accounts
@@ -120,7 +120,7 @@ def test_a_run_ends_at_its_volume_though_the_vehicle_emerges_in_the_same_step():
         x, at, accounts = first_state(plan, task)
         x["z"], x["w"], x["h"] = 0.1 * share, -0.1, 1.0
         x["v_move"] = x["v"] - 0.9 * rate
-        x["t_look"], x["t_move"], x["t_end"] = 1.0, math.inf, 1.0
+        x["t_sample"], x["t_move"], x["t_end"] = 1.0, math.inf, 1.0
         at["new_phase"], at["doing"] = 0, Doing.LETTING_IN
         goal, begin = float(x["v_move"]), float(x["v"])
         flown = plan.under_way((x, at, accounts), notes=40)
@@ -209,22 +209,24 @@ def test_two_stretches_are_one():
     assert charged(1e6, 2.0, 1e-7, 4e4, 6e4) == pytest.approx(together, rel=1e-12)
 
 
-def test_books_balance_battery_included(profiler, sea):
+def test_the_balance_closes_battery_included(profiler, sea):
     flown = fly_mission(profiler, phases(cycles=3), sea)
-    books = close_books(flown)
-    assert books.relative_residue < 1e-4
-    assert abs(books.volume_residue) < 1e-15
+    balance = close_balance(flown)
+    assert balance.relative_residue < 1e-4
+    assert abs(balance.volume_residue) < 1e-15
     drawn = float(flown.begin["charge"] - flown.end["charge"])
-    assert books.drawn == pytest.approx(drawn, rel=1e-9)
-    assert books.drawn == pytest.approx(sum(books.sinks.values()), abs=1e-4 * books.throughput)
-    assert {"pump", "valve", "processor", "satellite", "ctd"} <= set(books.battery)
+    assert balance.drawn == pytest.approx(drawn, rel=1e-9)
+    assert balance.drawn == pytest.approx(
+        sum(balance.sinks.values()), abs=1e-4 * balance.throughput
+    )
+    assert {"pump", "valve", "processor", "satellite", "ctd"} <= set(balance.battery)
     # what drives it down and up is what drag takes: no other sink of motion is of that size
-    assert books.sinks["drag"] > 100.0 * abs(books.sinks["oscillations at rest"])
+    assert balance.sinks["drag"] > 100.0 * abs(balance.sinks["oscillations at rest"])
 
 
-def test_books_balance_better_with_smaller_tolerances(profiler, sea, tight):
-    loose = close_books(fly_mission(profiler, phases(), sea)).relative_residue
-    assert close_books(tight).relative_residue < 1e-3 * loose
+def test_the_balance_closes_better_with_smaller_tolerances(profiler, sea, tight):
+    loose = close_balance(fly_mission(profiler, phases(), sea)).relative_residue
+    assert close_balance(tight).relative_residue < 1e-3 * loose
 
 
 def test_a_parked_vehicle_costs_nothing(profiler, sea):
@@ -274,7 +276,7 @@ def test_the_bottom_takes_the_speed_at_the_instant_that_scipy_says(profiler, sea
     w = float(found.y_events[0][0, 1])
     assert at["place"] == 2
     assert (x["z"], x["w"]) == (120.0, 0.0)
-    assert accounts[Account.BLOWS] == pytest.approx(0.5 * profiler.mass * w**2, rel=1e-6)
+    assert accounts[Account.IMPACTS] == pytest.approx(0.5 * profiler.mass * w**2, rel=1e-6)
 
 
 def _lands(_, y):
@@ -294,7 +296,7 @@ def test_it_pumps_itself_off_the_bottom(profiler, sea):
     assert len(times(flown, Note.LEFT_BOTTOM)) >= 1
     assert np.max(flown.rows["z"]) == 185.0
     assert flown.stop is Stop.FINISHED
-    assert close_books(flown).relative_residue < 1e-4
+    assert close_balance(flown).relative_residue < 1e-4
 
 
 def test_below_its_depth_it_presses_all_out_and_comes_up(profiler, sea):
@@ -311,7 +313,7 @@ def test_below_its_depth_it_presses_all_out_and_comes_up(profiler, sea):
 
 def test_the_battery_ends_the_mission_at_its_reserve(profiler, sea):
     task = phases()
-    one = close_books(fly_mission(profiler, task, sea)).drawn
+    one = close_balance(fly_mission(profiler, task, sea)).drawn
     supply = profiler.supply.model_copy(
         update={"capacity": 5.0 * one, "cold_share": 1.0, "self_discharge": 0.0}
     )
@@ -335,7 +337,7 @@ def test_a_vehicle_that_came_down_on_the_bottom_is_said_to(profiler, sea):
 
 
 def test_an_empty_battery_loses_the_vehicle(profiler, sea):
-    one = close_books(fly_mission(profiler, phases(), sea)).drawn
+    one = close_balance(fly_mission(profiler, phases(), sea)).drawn
     supply = profiler.supply.model_copy(update={"capacity": 0.5 * one})
     flown = fly_mission(profiler.model_copy(update={"supply": supply}), phases(), sea)
     assert flown.stop is Stop.BATTERY_EMPTY
@@ -436,7 +438,7 @@ def test_nothing_discharges_by_itself_where_nothing_is_known_of_it(profiler, sea
     supply = profiler.supply.model_copy(update={"capacity": None})
     flown = fly_mission(profiler.model_copy(update={"supply": supply}), phases(), sea)
     assert flown.accounts[Account.SELF_DISCHARGED] == 0.0
-    assert "self-discharge" not in close_books(flown).battery
+    assert "self-discharge" not in close_balance(flown).battery
 
 
 def test_no_run_is_longer_than_the_pump_stands(profiler, sea):

@@ -128,7 +128,7 @@ def test_a_float_that_leaks_and_cannot_pump_sinks_from_the_surface(profiler, sea
     task = Mission(phases=[{"kind": "surface", "duration": 4e5}])
     plan = make_plan(vehicle, task, sea)
     x, at, accounts = first_state(plan, task)
-    x["t_look"], x["t_end"] = math.inf, 4e5
+    x["t_sample"], x["t_end"] = math.inf, 4e5
     at["new_phase"], at["arrived"] = 0, 1
     flown = plan.under_way((x, at, accounts), notes=1000)
     fly(flown)

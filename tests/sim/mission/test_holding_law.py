@@ -21,7 +21,7 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Account, Stop, Table
 from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.orders import approach_time, runaway
+from swimbladder.sim.mission.orders import approach_time, growth_rate
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.vehicle import HullPart, Sensors
 from tests.quoted import numbers
@@ -55,7 +55,9 @@ def accepted(vehicle, mission):
 def test_it_runs_away_as_the_root_of_its_motion_says(psi):
     drag = FEUP.drag.k_dl
     roots = np.roots([FEUP.mass, drag, -FEUP.water.specific_weight * psi])
-    assert runaway(FEUP, psi, 0.1) == pytest.approx(max(max(roots.real), 0.0), rel=1e-9, abs=1e-15)
+    assert growth_rate(FEUP, psi, 0.1) == pytest.approx(
+        max(max(roots.real), 0.0), rel=1e-9, abs=1e-15
+    )
 
 
 def test_on_its_own_model_an_error_falls_by_the_pole_from_wake_to_wake():

@@ -1,4 +1,4 @@
-"""A hull that takes the water's temperature in time: first order, its limits, and its books."""
+"""A hull that takes the water's temperature in time: first order, its limits, and its balance."""
 
 import math
 
@@ -17,7 +17,7 @@ from swimbladder.physics.seawater import (
 )
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.engine.rodas.records import Account, Note
-from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.vehicle import HullPart
 from tests.sim.mission.conftest import phases
@@ -103,15 +103,15 @@ def test_a_dive_in_an_internal_wave_is_that_of_scipy(profiler, sea):
     flown = fly_mission(vehicle, task, sea, waves=table, accuracy=TIGHT, checked=False)
     states = Oracle(vehicle, sea, waves=lambda z, t: moved(table, z, t)).replay(flown)
     assert np.max(np.abs(states[:, 0] - flown.notes["z"])) < 1e-6
-    assert close_books(flown).relative_residue < 1e-6
+    assert close_balance(flown).relative_residue < 1e-6
 
 
 def test_its_books_balance_with_what_heat_did(profiler, sea):
     flown = fly_mission(heated(profiler), warm(phases(), 24.0), sea, accuracy=TIGHT)
-    books = close_books(flown)
-    assert abs(books.sinks["heat of the hull"]) > 1e3 * abs(books.residue)
-    assert books.relative_residue < 1e-6
-    assert close_books(fly_mission(heated(profiler), phases(), sea)).relative_residue < 1e-4
+    balance = close_balance(flown)
+    assert abs(balance.sinks["heat of the hull"]) > 1e3 * abs(balance.residue)
+    assert balance.relative_residue < 1e-6
+    assert close_balance(fly_mission(heated(profiler), phases(), sea)).relative_residue < 1e-4
     at_once = fly_mission(heated(profiler, lag=0.0), phases(), sea)
     assert at_once.accounts[Account.HEAT] == 0.0
 

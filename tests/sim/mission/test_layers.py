@@ -25,7 +25,7 @@ from swimbladder.physics.seawater import (
     uniform_column,
 )
 from swimbladder.physics.seawater.column import Column, water_compressibility
-from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state, make_plan
@@ -63,7 +63,7 @@ def drift(vehicle, column, waves, seconds=DAY):
     task = Mission(start_depth=DEEP, phases=[{"kind": "park", "depth": DEEP, "duration": seconds}])
     plan = make_plan(vehicle, task, column, waves=waves)
     x, at, accounts = first_state(plan, task)
-    x["t_look"], x["t_end"] = math.inf, seconds
+    x["t_sample"], x["t_end"] = math.inf, seconds
     at["new_phase"], at["arrived"] = 0, 1
     flown = plan.under_way((x, at, accounts), rows=20_000)
     fly(flown)
@@ -153,7 +153,7 @@ def test_water_lighter_than_fresh_water_can_be_has_a_compressibility():
 
 
 def test_a_dive_in_an_internal_wave_is_that_of_scipy(profiler, sea):
-    """Through a thermocline that goes up and down; and its books balance."""
+    """Through a thermocline that goes up and down; and its balance closes."""
     wave = InternalWave(amplitude=12.0, period=2400.0, water_depth=380.0, phase=0.7)
     table = motion_table(WaterMotion(internal_waves=(wave,)), sea.gravity)
     task = Mission(
@@ -166,6 +166,6 @@ def test_a_dive_in_an_internal_wave_is_that_of_scipy(profiler, sea):
     flown = fly_mission(profiler, task, sea, waves=table, accuracy=TIGHT, checked=False)
     states = Oracle(profiler, sea, waves=lambda z, t: moved(table, z, t)).replay(flown)
     assert np.max(np.abs(states[:, 0] - flown.notes["z"])) < 1e-6
-    books = close_books(flown)
-    assert abs(books.sinks["moving water"]) > 1e3 * abs(books.residue)
-    assert books.relative_residue < 1e-6
+    balance = close_balance(flown)
+    assert abs(balance.sinks["moving water"]) > 1e3 * abs(balance.residue)
+    assert balance.relative_residue < 1e-6

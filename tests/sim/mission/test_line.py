@@ -12,7 +12,7 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.physics.steady_drives import datasheet_point
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note
-from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.core.hooks import fly
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.plan_check import reach_of
@@ -65,7 +65,7 @@ def one_run(vehicle, depth, speed, duration, after, *, bottom=None, drive_error=
     begin = x.copy()
     at["new_phase"], at["arrived"], at["doing"] = 0, 1, Doing.PRIMING
     at["place"] = 0 if bottom is None else 2
-    x["w"], x["t_look"], x["t_end"] = speed, math.inf, duration + after
+    x["w"], x["t_sample"], x["t_end"] = speed, math.inf, duration + after
     x["t_move"], x["v_move"], x["t_primed"] = duration, math.inf, math.inf
     flown = plan.under_way((x, at, accounts), rows=3000, notes=100, cycles=0)
     stop = fly(flown)
@@ -229,10 +229,10 @@ def test_a_weak_pump_in_cold_water_fills_its_line_for_longer_and_dearer(profiler
 @pytest.mark.parametrize("air", [0.0, 0.05])
 def test_energy_and_volume_add_up(profiler, sea, air):
     vehicle = with_line(profiler, Oil(volume=1e-4, trapped_air=air), resistance=0.15)
-    books = close_books(fly_mission(vehicle, phases(), sea, accuracy=TIGHT, checked=False))
-    assert books.relative_residue < 1e-6
-    assert abs(books.volume_residue) < 1e-12
-    assert books.battery["pump"] > 0.0
+    balance = close_balance(fly_mission(vehicle, phases(), sea, accuracy=TIGHT, checked=False))
+    assert balance.relative_residue < 1e-6
+    assert abs(balance.volume_residue) < 1e-12
+    assert balance.battery["pump"] > 0.0
 
 
 @pytest.mark.parametrize("slip", [0.0, 2e-14])
@@ -243,9 +243,9 @@ def test_a_line_in_swell_gives_no_energy_and_takes_no_steps(profiler, sea, slip)
     for oil in (None, Oil(volume=1e-4, trapped_air=0.05)):
         vehicle = with_line(profiler, oil, pump=PUMP.model_copy(update={"slip": slip}))
         flight = fly_mission(vehicle, phases(deep=30.0), sea, waves=swell)
-        books = close_books(flight)
-        assert books.relative_residue < 1e-4
-        assert abs(books.volume_residue) < 1e-12
+        balance = close_balance(flight)
+        assert balance.relative_residue < 1e-4
+        assert abs(balance.volume_residue) < 1e-12
         steps.append(flight.whole["steps"])
     assert steps[1] < 1.5 * steps[0]
 

@@ -20,7 +20,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.lane import rows
-from swimbladder.sim.engine.books import Account as Sums
+from swimbladder.sim.engine.accounts import Account as Sums
 from swimbladder.sim.engine.rodas.drive import FULL
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note, Stop
 from swimbladder.sim.mission import law_flight
@@ -153,7 +153,7 @@ def test_energy_and_battery():
     found, _ = simulated(vehicle, flight)
     a = flight.accounts
     drive = a[Account.PUMP_ENERGY] + a[Account.VALVE_ENERGY] + a[Account.HOLDING_ENERGY]
-    back = found.books.energy["source"]
+    back = found.balance.energy["source"]
     assert drive >= back - 1e-9  # without a driver that takes it back, what the sea gives is lost
     turn = float(flight.notes[flight.notes["what"] == Note.PHASE]["t"][1])
     loads = 0.5 * flight.duration + 2.0 * (flight.duration - turn)
@@ -171,9 +171,9 @@ def test_energy_and_battery():
         )
         charge = float(done.y[0, -1])
     assert flight.end["charge"] == pytest.approx(charge, rel=1e-9)
-    books = MissionResult(flight, flight.reach).books
-    assert books.relative_residue < 1e-3
-    assert abs(books.volume_residue) < 1e-12
+    balance = MissionResult(flight, flight.reach).balance
+    assert balance.relative_residue < 1e-3
+    assert abs(balance.volume_residue) < 1e-12
 
 
 @pytest.mark.parametrize("power", [-3.0, 0.0, 2.0, 40.0])
@@ -221,10 +221,10 @@ def test_what_falls_on_the_bottom_is_booked():
     flight = flown(vehicle, task, checked=False)
     assert np.any(flight.notes["what"] == Note.BOTTOM)
     found, _ = simulated(vehicle, flight, bottom_depth=6.0)
-    blows = found.books.energy["bottom"]
+    blows = found.balance.energy["bottom"]
     assert abs(blows) > 0.1
-    assert flight.accounts[Account.BLOWS] == pytest.approx(abs(blows), rel=1e-6)
-    assert MissionResult(flight, flight.reach).books.relative_residue < 1e-3
+    assert flight.accounts[Account.IMPACTS] == pytest.approx(abs(blows), rel=1e-6)
+    assert MissionResult(flight, flight.reach).balance.relative_residue < 1e-3
 
 
 def test_the_battery_ends_the_mission():
@@ -248,7 +248,7 @@ def test_it_dives_and_comes_up(name):
     assert np.sum(what == Note.AFLOAT) == 2
     assert np.sum(what == Note.ARRIVED) == 8
     assert np.all(np.diff(flight.rows["t"]) >= 0.0)
-    assert MissionResult(flight, flight.reach).books.relative_residue < 1e-3
+    assert MissionResult(flight, flight.reach).balance.relative_residue < 1e-3
 
 
 def test_too_deep_it_presses_all_out_and_comes_up():

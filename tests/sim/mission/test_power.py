@@ -1,4 +1,4 @@
-"""Power by consumer over time: its integral is the book, however long a row lasts."""
+"""Power by consumer over time: its integral is the balance, however long a row lasts."""
 
 import datetime
 
@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.rodas.records import Doing
-from swimbladder.sim.mission.books import close_books, consumer_energy, mean_power, power_names
+from swimbladder.sim.mission.balance import close_balance, consumer_energy, mean_power, power_names
 from swimbladder.sim.mission.export import og1_dataset
 from swimbladder.sim.mission.flight import fly_mission, thinned
 from swimbladder.sim.mission.plan_check import reach_of
@@ -42,27 +42,27 @@ def integral(time, power):
 
 @pytest.mark.parametrize("spacing", [0.0, 7200.0])
 def test_the_integral_of_each_column_is_the_book(flight, spacing):
-    book = close_books(flight).battery
+    balance = close_balance(flight).battery
     rows = thinned(flight.rows, spacing)
     few = type(flight)(**{**vars(flight), "rows": rows})
     energy = consumer_energy(few)
-    assert list(energy) == list(book)
-    assert {"driver's standby", "self-discharge", "GPS & radio", "pump (load)"} < set(book)
+    assert list(energy) == list(balance)
+    assert {"driver's standby", "self-discharge", "GPS & radio", "pump (load)"} < set(balance)
     for name, taken in energy.items():
         power = mean_power(rows["t"], taken)
-        assert integral(rows["t"], power) == pytest.approx(book[name], rel=1e-11), name
+        assert integral(rows["t"], power) == pytest.approx(balance[name], rel=1e-11), name
         assert power.min() > -1e-9, name
 
 
 def test_files_have_the_columns(result):
-    columns, book = trajectory_columns(result), result.books.battery
-    names = power_names(list(book))
+    columns, balance = trajectory_columns(result), result.balance.battery
+    names = power_names(list(balance))
     assert names["GPS & radio"] == "power_gps_radio_W"
     assert names["driver's standby"] == "power_drivers_standby_W"
     t = columns["time_s"]
     for consumer, name in names.items():
-        assert integral(t, columns[name]) == pytest.approx(book[consumer], rel=1e-11)
-    assert integral(t, columns["power_W"]) == pytest.approx(result.books.drawn, rel=1e-11)
+        assert integral(t, columns[name]) == pytest.approx(balance[consumer], rel=1e-11)
+    assert integral(t, columns["power_W"]) == pytest.approx(result.balance.drawn, rel=1e-11)
     begin = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
     data = og1_dataset(result, begin=begin)
     for name in ("power_W", *names.values()):

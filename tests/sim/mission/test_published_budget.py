@@ -136,7 +136,9 @@ def test_the_stroke_holds_what_the_profile_takes(water):
 
 def test_the_pumps_energy_lies_between_its_limits(flown):
     """Of drives that lose in proportion to the pressure, and by dry friction; 4.04 is not used."""
-    low, high = (flown(efficiency).books.battery["pump"] / 3.0 for efficiency in (NO_FRICTION, 1.0))
+    low, high = (
+        flown(efficiency).balance.battery["pump"] / 3.0 for efficiency in (NO_FRICTION, 1.0)
+    )
     assert low == pytest.approx(1.61e3, rel=0.02)
     assert high == pytest.approx(PUMP, rel=0.1)
     assert low < PUMP < high
@@ -148,7 +150,7 @@ def test_gears_and_screw_of_the_size_come_near_the_budget(flown):
     Theirs has no energy for drawing the piston in, for which dry friction asks 2.8 kJ.
     """
     result = flown(0.65)
-    battery = {name: energy / 3.0 for name, energy in result.books.battery.items()}
+    battery = {name: energy / 3.0 for name, energy in result.balance.battery.items()}
     assert battery["pump"] == pytest.approx(PUMP, rel=0.12)
     assert battery["valve"] == pytest.approx(2.8e3, rel=0.05)
     total = sum(battery.values()) - battery["valve"]

@@ -12,7 +12,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.battery import needed_capacity, usable_share
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Stop
-from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.flight import fly_mission
 
 BODY = sb.load_vehicle("example-eh")
@@ -62,8 +62,8 @@ def test_the_mission_does_the_cycles_that_were_asked_for(cold, battery):
     found = size(BODY, DIVE, column=cold, sweeps=False, parts=listed)
     flight, cycles = flown(sized_vehicle(found), cold)
     assert DIVE.cycles <= cycles <= 1.05 * DIVE.cycles + 1
-    book, spent = close_books(flight).battery, found.evaluation.spent
-    per_cycle = {key: value / cycles for key, value in book.items()}
+    balance, spent = close_balance(flight).battery, found.evaluation.spent
+    per_cycle = {key: value / cycles for key, value in balance.items()}
     standby = spent.driver_standby[found.best] / DIVE.cycles
     assert per_cycle["driver's standby"] == pytest.approx(standby, rel=0.01)
     lost = spent.self_discharged[found.best] / DIVE.cycles
@@ -74,8 +74,8 @@ def test_the_capacity_for_what_a_cycle_took_is_that_many_cycles(cold):
     """Energy and time of a flown cycle in the place of the reckoned ones: to the cycle."""
     vehicle = sized_vehicle(size(BODY, DIVE, column=cold, sweeps=False, parts=parts()))
     flight, cycles = flown(vehicle, cold)
-    book = close_books(flight)
-    each = (book.drawn - book.battery["self-discharge"]) / cycles
+    balance = close_balance(flight)
+    each = (balance.drawn - balance.battery["self-discharge"]) / cycles
     for wanted in (40, 80):
         capacity = needed_capacity(
             wanted * each,

@@ -1,4 +1,4 @@
-"""What the sea has stored in the books of a mission: the work that forces do on the way."""
+"""What the sea has stored in the balance of a mission: the work that forces do on the way."""
 
 import math
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.prepare import Accuracy, given_of, make_table
 from swimbladder.sim.engine.rodas.records import NOW, Account, made
-from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.prepare import medium_for
 
 VEHICLE = load_vehicle("feup-em")
@@ -42,7 +42,7 @@ def stored(begin, end, *, sampled):
         end=state(*end),
         whole={"place": int(end[0] < TOP)},
     )
-    return close_books(flight).sinks["sea"]
+    return close_balance(flight).sinks["sea"]
 
 
 @pytest.mark.parametrize("sampled", [True, False])

@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Account
-from swimbladder.sim.mission.books import close_books
+from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.plan_check import reach_of
 from swimbladder.sim.mission.prepare import make_plan
@@ -46,7 +46,7 @@ def test_a_dive_is_that_of_scipy_at_every_event(deep, sea):
     assert len(states) > 30
     assert np.max(np.abs(states[:, 0] - flight.notes["z"])) < 1e-6
     assert np.max(np.abs(states[:, 2] - flight.notes["v"])) < 1e-12
-    assert close_books(flight).relative_residue < 1e-6
+    assert close_balance(flight).relative_residue < 1e-6
 
 
 def test_it_coasts_farther_upwards_by_what_the_drag_is_less(profiler):
@@ -78,7 +78,7 @@ def test_it_creeps_as_long_as_nothing_runs(profiler, sea):
     idle = flight.duration - a[Account.PUMP_TIME] - a[Account.VALVE_TIME]
     assert idle > 86400.0
     assert a[Account.LEAKED] == pytest.approx(CREEP * idle, rel=1e-6)
-    assert abs(close_books(flight).volume_residue) < 1e-15
+    assert abs(close_balance(flight).volume_residue) < 1e-15
 
 
 def test_a_drag_that_is_larger_up_takes_more_of_the_stroke(profiler, sea):

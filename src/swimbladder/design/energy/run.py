@@ -111,7 +111,7 @@ def drive_energy(vehicle: Vehicle, column: Column) -> DriveEnergy:
 def sea(
     vehicle: Vehicle, cast: Cast | None = None, deepest: float | None = None
 ) -> tuple[Column, list[str]]:
-    """Return the water of a cast, or a vehicle's own, and what is in doubt of it.
+    """Return the water of a cast, or a vehicle's own, and warnings about it.
 
     deepest [m]; None: the rating, or where the cast ends above that. Raises InputError where a
     cast may be in another unit.

@@ -221,7 +221,7 @@ def _errors(vehicle: Vehicle) -> tuple[float, float, float]:
     known, noise = vehicle.identified, vehicle.sensors.depth_noise
     if known is None:
         return noise, NEUTRAL_STD, DRIFT_STD
-    drift = known.neutral_walk / math.sqrt(_DRIFT_TIME)
+    drift = known.random_walk / math.sqrt(_DRIFT_TIME)
     return known.depth_noise or noise, known.neutral_std or NEUTRAL_STD, drift or DRIFT_STD
 
 

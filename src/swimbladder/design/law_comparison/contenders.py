@@ -305,14 +305,14 @@ def tuned(
     """Return a law tuned for a goal, or why it cannot be; advance: called with the share done."""
     law, left = LAWS[name], 1.0
 
-    def tell(share: float) -> None:
+    def progress(share: float) -> None:
         nonlocal left
         left -= share
         advance(share)
 
     def controller() -> dict[str, Any]:
         try:
-            found = tune(vehicle, law=name, goal=goal, **how._asdict(), advance=tell)
+            found = tune(vehicle, law=name, goal=goal, **how._asdict(), advance=progress)
             assert found.result_vehicle.controller is not None
             return found.result_vehicle.controller.model_dump()
         except SwimbladderError as error:

@@ -114,7 +114,7 @@ def fly_scenario(
         start_depth=placed.start,
         seed=seed,
         column=column,
-        books=no_energy(vehicle) is None,
+        balance=no_energy(vehicle) is None,
         workers=1,
         **given,
     )
@@ -182,7 +182,7 @@ class LawComparison(Answer):
     where: Places
     placed: Sequence[Placed]
     rows: Sequence[Row]
-    left_out: Mapping[str, str]  # laws that are not compared, and why
+    not_compared: Mapping[str, str]  # laws that are not compared, and why
     bounds: Mapping[str, float]  # s, of each step that has one
     no_bound: Mapping[str, str]  # why a step has none
     no_energy: str | None  # why the energy is not known
@@ -245,7 +245,7 @@ class LawComparison(Answer):
         """Return it in SI units, ready for JSON."""
         return {
             "vehicle": self.vehicle.name,
-            **as_json(self, "runs seed energy_unknown=no_energy assumptions left_out"),
+            **as_json(self, "runs seed energy_unknown=no_energy assumptions not_compared"),
             "depths_m": [self.where.least, self.where.most],
             "scenarios": {
                 p.scenario.name: {
@@ -418,7 +418,7 @@ def compare_laws(
     if seed < 0:
         raise InputError("must be 0 or more", field="seed", value=seed, remedy="Give `seed=1`")
     everyone = contenders.own(vehicle)
-    names, left_out = contenders.choose_laws(vehicle, laws)
+    names, not_compared = contenders.choose_laws(vehicle, laws)
     where = contenders.places(vehicle, depths, supervised=supervised)
     medium_of(vehicle, column, reach=where.most)  # refuses a cast that ends above
     if column is not None and column.cast is not None:
@@ -443,11 +443,11 @@ def compare_laws(
         for name, goal in jobs:
             found = contenders.tuned(vehicle, name, goal, how, store, lambda x: advance(share * x))
             if isinstance(found, str):
-                left_out[f"{name}, {goal}"] = found
+                not_compared[f"{name}, {goal}"] = found
             else:
                 everyone.append(found)
         if not everyone:
-            why = "; ".join(f"{name}: {why}" for name, why in left_out.items())
+            why = "; ".join(f"{name}: {why}" for name, why in not_compared.items())
             raise NoAnswerError(f"there is no controller to compare. {why}")
         flying = _FLYING if jobs else _FLYING + _TUNING
         drawn = Drawn(runs, around, column=column, seed=seed, supervised=supervised)
@@ -458,7 +458,7 @@ def compare_laws(
         where=where,
         placed=placed,
         rows=rows,
-        left_out=left_out,
+        not_compared=not_compared,
         bounds=bounds,
         no_bound=missing,
         no_energy=no_energy(vehicle),

@@ -239,8 +239,8 @@ def _gains(loop: StateSpace, L: Response, w: Array, values: Complex) -> tuple[Li
 def _first_unstable(loop: StateSpace, candidates: list[Limit], *, beyond: float) -> Limit | None:
     """The first gain, with its frequency, that the loop is unstable behind.
 
-    Between two candidates nothing crosses, so one look halfway decides; right at a crossing of slow
-    roots rounding would.
+    Between two candidates nothing crosses, so one evaluation halfway decides; right at a crossing
+    of slow roots rounding would.
     """
     for i, (k, w) in enumerate(candidates):
         following = next((n for n, _ in candidates[i + 1 :] if abs(n / k - 1.0) > 1e-4), None)

@@ -207,7 +207,7 @@ def _with_outputs(
 def balancing_scale(A: Array) -> Array:
     """Return units for the states, powers of 2, in which the elements of A are of like size.
 
-    LAPACK's balancing runs away where a state acts on others and none on it; the units stay
+    LAPACK's balancing diverges where a state acts on others and none on it; the units stay
     within a factor of 2^60 of each other here.
     """
     from scipy.linalg import matrix_balance

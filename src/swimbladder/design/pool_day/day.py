@@ -539,7 +539,7 @@ def rules_of(
     """Return by which numbers phases are distinguished.
 
     pool_depth: of the bottom, None where it is not known; travel: after which an experiment is
-    over [m]. A plan says where its records end. Raises InputError for a distance that tells
+    over [m]. A plan says where its records end. Raises InputError for a distance that says
     nothing.
     """
     least = Rules().least_travel

@@ -267,7 +267,7 @@ MEASURES: Mapping[str, Callable[[Margins, float], float]] = {
 }
 
 
-class Spot(NamedTuple):
+class OperatingPoint(NamedTuple):
     """A vehicle of the region, at a depth."""
 
     shares: Mapping[str, float]  # -, uncertain numbers over their nominal values
@@ -285,7 +285,7 @@ class Found(NamedTuple):
     """The worst of one measure."""
 
     measure: str
-    spot: Spot
+    point: OperatingPoint
     on_grid: float  # worst among the points, as a grid of frequencies shows it
     searched: float  # after the search, likewise
 
@@ -294,9 +294,9 @@ class Around(NamedTuple):
     """What the linear analysis over the region found."""
 
     radius: float  # -, largest modulus of an eigenvalue
-    margins: Margins  # worst of each, exactly, over all spots that a search ended at
-    slowest: tuple[Mode, Spot]
-    least_damped: tuple[Mode, Spot]
+    margins: Margins  # worst of each, exactly, over all points that a search ended at
+    slowest: tuple[Mode, OperatingPoint]
+    least_damped: tuple[Mode, OperatingPoint]
     found: tuple[Found, ...]
     looked: int  # loops on the grid
     searched: int  # loops beyond
@@ -310,15 +310,15 @@ class Around(NamedTuple):
         return self.radius < 1.0
 
     @property
-    def worst_spot(self) -> Spot:
+    def worst_point(self) -> OperatingPoint:
         """Where the largest eigenvalue is."""
-        return next(f.spot for f in self.found if f.measure == "spectral radius")
+        return next(f.point for f in self.found if f.measure == "spectral radius")
 
     def sentences(self, depths: tuple[float, float]) -> tuple[str, ...]:
         """Return what a person wants to know, of `depths` from and to [m]."""
         if not self.stable:
             return (
-                f"UNSTABLE: with {self.worst_spot.words} small disturbances grow, the largest "
+                f"UNSTABLE: with {self.worst_point.words} small disturbances grow, the largest "
                 f"eigenvalue has the modulus {self.radius:.4f}.",
                 "A shorter sample time, less delay between sample and command, or gains tuned for "
                 "this region (swimbladder tune) would hold it.",
@@ -330,7 +330,7 @@ class Around(NamedTuple):
         return (
             f"Small disturbances decay from {depths[0]:g} to {depths[1]:g} m over the region: the "
             f"largest eigenvalue found has the modulus {self.radius:.5f} "
-            f"({self.worst_spot.words}), with {1e3 * self.delay:.3g} ms from a sample to its "
+            f"({self.worst_point.words}), with {1e3 * self.delay:.3g} ms from a sample to its "
             "command.",
             f"Looked at: {self.looked} loops of the region, then {self.searched} in a search for "
             f"the worst; {deep} at all depths. It is the worst that was found, not a proof over "
@@ -350,18 +350,18 @@ class Around(NamedTuple):
         return {
             **as_json(
                 self,
-                "largest_eigenvalue=radius worst_at=worst_spot loops=looked "
+                "largest_eigenvalue=radius worst_at=worst_point loops=looked "
                 "loops_searched=searched computation_delay_s=delay "
                 "largest_eigenvalue_with_a_sample_of_delay=whole_sample_radius",
             ),
             "margins": as_json(self.margins, margins.MARGINS),
             "slowest": _mode(*self.slowest),
             "least_damped": _mode(*self.least_damped),
-            "searches": [as_json(f, "measure on_grid searched at=spot") for f in self.found],
+            "searches": [as_json(f, "measure on_grid searched at=point") for f in self.found],
         }
 
 
-def _mode(mode: Mode, at: Spot) -> dict[str, Any]:
+def _mode(mode: Mode, at: OperatingPoint) -> dict[str, Any]:
     return as_json(mode, "frequency_rad_s damping time_constant_s") | {"at": plain(at)}
 
 
@@ -370,13 +370,13 @@ def _period(mode: Mode) -> str:
 
 
 def modulus(value: float) -> str:
-    """Return the modulus of an eigenvalue [-] with the digits that tell it from 1."""
+    """Return the modulus of an eigenvalue [-] with the digits that distinguish it from 1."""
     off = abs(value - 1.0)
     digits = 3 if off >= 1e-3 or off == 0.0 else min(1 - math.floor(math.log10(off)), 12)
     return f"{value:.{digits}f}"
 
 
-def look_around(
+def robustness_around(
     vehicle: Vehicle, bound: BoundLaw, depths: Sequence[float], *, delay: float, advance: Advance
 ) -> Around | None:
     """Return the worst over region and depths [m]; None for a law not linear at rest, or asleep.
@@ -405,19 +405,19 @@ def look_around(
     def value(measure: str, one: Member, piece: tuple[float, bool]) -> float:
         return _measures(loop(one.plant, piece), only=measure)[measure]
 
-    calls, found, spots = 0, [], []
+    calls, found, loops = 0, [], []
     for name in MEASURES:
         listed = [Point(worth[name], s, piece) for s, piece, worth in grid]
         worst, asked = _searched(vehicle, listed, partial(value, name))
         calls += asked
         one = member(vehicle, worst.at)
-        spot = Spot(one.shares, *worst.piece)
-        found.append(Found(name, spot, max(g.worth for g in listed), worst.worth))
-        spots.append((loop(one.plant, worst.piece), spot))
+        point = OperatingPoint(one.shares, *worst.piece)
+        found.append(Found(name, point, max(g.worth for g in listed), worst.worth))
+        loops.append((loop(one.plant, worst.piece), point))
         advance(0.5 / len(MEASURES))
     here = [
-        (mode, spot)
-        for one, spot in spots
+        (mode, point)
+        for one, point in loops
         for mode in modes(one.closed(), sample_time)
         if abs(mode.z) > _GONE and mode.s.imag >= 0.0
     ]
@@ -425,7 +425,7 @@ def look_around(
     late = replace(loop(nominal, pieces[0]), command_delay=sample_time)
     return Around(
         radius=found[0].searched,
-        margins=margins.worst(one for one, _ in spots),
+        margins=margins.worst(one for one, _ in loops),
         slowest=max(here, key=lambda m: m[0].time_constant),
         least_damped=min(here, key=lambda m: m[0].damping),
         found=tuple(found),
@@ -518,7 +518,7 @@ GAINS = (0.5, 0.7, 1.0, 1.4, 2.0)
 _SHARE = 0.02  # of a step, to which it settles
 
 
-class Stood(NamedTuple):
+class RobustnessTrial(NamedTuple):
     """What became of the draws with one gain and one delay."""
 
     law: str
@@ -542,7 +542,7 @@ def settling_band(parameters: Any, step: Step, quantum: float) -> float:
 
 def robustness(
     vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn, parts: Store, advance: Advance
-) -> tuple[Stood, ...]:
+) -> tuple[RobustnessTrial, ...]:
     """Return what a law stands: each gain, without and with half a sample of extra delay."""
     p, (law, parameters, sample_time) = plant(vehicle), bound
     rest = p.load_drive * step.start if vehicle.voltage_driven else p.psi * step.start + p.V_0
@@ -563,7 +563,7 @@ def robustness(
         numbers = parts.get(partial(run, gain, late), *asked)
         delay = 0.5 * sample_time if late else 0.0
         radius = _radius(bound, drawn.region, step.target, gain, delay)
-        found.append(Stood._make((law.name, gain, delay, *numbers, radius, drawn.runs)))
+        found.append(RobustnessTrial._make((law.name, gain, delay, *numbers, radius, drawn.runs)))
         advance(0.5 / len(GAINS))
     return tuple(found)
 

@@ -53,7 +53,7 @@ from swimbladder.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 _FASTEST = 50.0  # m/s, beyond any vehicle's speed
-_PIECE = 20.0  # s, between two looks at where it is
+_PIECE = 20.0  # s, between two checks at where it is
 
 
 def unstable_rate(p: Plant) -> float:
@@ -137,7 +137,7 @@ def edge_speed(p: Plant, *, depth: float, volume: float) -> float:
     return float(brentq(side, -_FASTEST, _FASTEST, xtol=1e-4))
 
 
-_CHUNK = 160  # runs between two looks at the clock; whole blocks of lanes
+_CHUNK = 160  # runs between two readings at the clock; whole blocks of lanes
 _HOLDABLE = 0.95  # of the depth that the stroke balances: deepest set-point of a map of errors
 _WATCHED = 3.0  # times the time in which it should be back
 

@@ -20,10 +20,10 @@ from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability.around import (
     Around,
     Decided,
-    Stood,
+    RobustnessTrial,
     around_decisions,
-    look_around,
     robustness,
+    robustness_around,
     wrapped,
 )
 from swimbladder.design.stability.cycles import (
@@ -68,7 +68,7 @@ class Stability(Answer):
     maps: tuple[Map, ...]
     within: float  # s
     band: float  # m
-    stood: tuple[Stood, ...]
+    robustness: tuple[RobustnessTrial, ...]
     unmet: tuple[str, ...]  # what could not be looked at, and why
     decided: Decided | None = None  # of a law of volume changes, in the place of `around`
     supervised: bool = False  # maps and wrong gains fly law and supervisor
@@ -102,7 +102,7 @@ class Stability(Answer):
         beyond = (self.beyond,) if self.beyond else ()
         large = (*map(_cycle_words, self.cycles), *map(self._map_words, self.maps))
         between = (_BETWEEN,) if self.supervised else ()
-        return (*beyond, *small, *between, *large, *self._stood_words(), *self.unmet)
+        return (*beyond, *small, *between, *large, *self._robustness_messages(), *self.unmet)
 
     def _map_words(self, m: Map) -> str:
         said = (
@@ -116,10 +116,10 @@ class Stability(Answer):
         hopeless = int((m.hopeless & (m.verdicts != int(Verdict.NOT_ASKED))).sum())
         return f"{said}; from {hopeless} of them no controller could come back."
 
-    def _stood_words(self) -> tuple[str, ...]:
+    def _robustness_messages(self) -> tuple[str, ...]:
         said = []
-        for law in dict.fromkeys(s.law for s in self.stood):
-            own = [s for s in self.stood if s.law == law]
+        for law in dict.fromkeys(s.law for s in self.robustness):
+            own = [s for s in self.robustness if s.law == law]
             bad = [s for s in own if s.settled < 1.0]
             grows = [s for s in own if s.radius >= 1.0]
             what = (
@@ -152,7 +152,7 @@ class Stability(Answer):
             **({} if self.decided is None else {"decisions": self.decided.to_dict()}),
             "cycles_depth_m": self.depth,
             "cycles": [_cycle(c) for c in self.cycles],
-            **as_json(self, "within_s band_m robustness=stood"),
+            **as_json(self, "within_s band_m robustness"),
             "maps": [
                 {
                     "name": m.name,
@@ -221,7 +221,7 @@ def _cycle_words(c: Confirmed) -> str:
     )
 
 
-def _late(s: Stood) -> str:
+def _late(s: RobustnessTrial) -> str:
     return f" and {s.delay:g} s late" if s.delay else ""
 
 
@@ -248,18 +248,18 @@ def cycle_rows(cycles: Sequence[Confirmed]) -> list[tuple[str, ...]]:
     return rows
 
 
-def robustness_rows(stood: Sequence[Stood]) -> list[tuple[str, ...]]:
+def robustness_rows(trials: Sequence[RobustnessTrial]) -> list[tuple[str, ...]]:
     """Return the table of robustness: law, delay, then what share settled with each gain."""
-    factors = sorted({s.gain for s in stood})
+    factors = sorted({s.gain for s in trials})
     rows: list[tuple[str, ...]] = []
-    for law, delay in dict.fromkeys((s.law, s.delay) for s in stood):
-        own = {s.gain: s for s in stood if (s.law, s.delay) == (law, delay)}
+    for law, delay in dict.fromkeys((s.law, s.delay) for s in trials):
+        own = {s.gain: s for s in trials if (s.law, s.delay) == (law, delay)}
         cells = (_settling(own[g]) if g in own else "" for g in factors)
         rows.append((law, f"{delay:g} s", *cells))
     return rows
 
 
-def _settling(s: Stood) -> str:
+def _settling(s: RobustnessTrial) -> str:
     """Return what share settled [%], with ! where linearly unstable, and the overshoot [%]."""
     mark = "!" if s.radius >= 1.0 else ""
     return f"{100 * s.settled:.0f}{mark} ({100 * s.overshoot_95:.1f})"
@@ -391,7 +391,7 @@ def stability(
             cycles = hunting(vehicle, bound, depth=at, depths=depths)
         else:
             small = bound.without_rest
-            around = look_around(
+            around = robustness_around(
                 vehicle, small, three, delay=delay * h, advance=lambda x: advance(0.1 * x)
             )
             if around is None or not around.stable:
@@ -405,7 +405,7 @@ def stability(
         if maps:
             recovery = Recovery(vehicle, bound, within, band, parts, watched)
             found = recovery_maps(recovery, depths, cells, lambda x: advance(0.4 * x))
-        stood: list[Stood] = []
+        trials: list[RobustnessTrial] = []
         if with_robustness:
             start, target = usual_step(max(low, vehicle.hull.emergence_depth), high)
             step = Step(start, target, math.ceil(within / h) * h)
@@ -414,7 +414,7 @@ def stability(
             share = 0.3 / len(chosen)
             for one in chosen:
                 drawn = Drawn(draws, region(vehicle), supervised=watched)
-                stood += robustness(vehicle, one, step, drawn, parts, lambda x: advance(share * x))
+                trials += robustness(vehicle, one, step, drawn, parts, lambda x: advance(share * x))
     return Stability(
         vehicle=vehicle.name,
         law=law.name,
@@ -427,7 +427,7 @@ def stability(
         maps=found,
         within=within,
         band=band,
-        stood=tuple(stood),
+        robustness=tuple(trials),
         unmet=tuple(unmet),
         supervised=watched,
         beyond=_beyond(vehicle, depths[1]),

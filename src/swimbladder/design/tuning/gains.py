@@ -1,15 +1,15 @@
 """Gains of each law that is tuned, as its recipe makes them.
 
 What is tried depends on law and goal. Frequencies are shares of the inner rate, sleeps of the time
-in which a held volume lets the vehicle run away, holds of the one in which a neutral volume that
-walks takes it off.
+in which a held volume lets the vehicle diverge, holds of the one in which the random
+walk of the neutral volume moves it away.
 
 `setting_of` is what they need to know of a vehicle.
 
-`Search` finds knobs whose margins hold over the region, then the best of them in trials. Margins
-are cheap and trials are dear: so the knobs are laid out on a grid, kept where the nominal vehicle
-has the margins, ordered by what the goal wants of them, kept where the whole region has the
-margins, and the first few of these are tried, with few runs while they are compared.
+`Search` finds tuning parameters whose margins hold over the region, then the best of them in
+trials. Margins are cheap and trials are dear: so the parameters are laid out on a grid, kept where
+the nominal vehicle has the margins, ordered by what the goal wants of them, kept where the whole
+region has the margins, and the first few of these are tried, with few runs while they are compared.
 """
 
 import math
@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.control.law import Drive, Knobs, Law, Recipe, Setting
-from swimbladder.control.motion import off_in, runaway
+from swimbladder.control.law import Drive, Law, Recipe, Setting, TuningParameters
+from swimbladder.control.motion import drift_time, e_folding_time
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import Reason
 from swimbladder.design.linear.margins import Margins
@@ -31,7 +31,7 @@ from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, w
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.promise import OVERSHOOT, SETTLED, limiting_margins, trial_of
-from swimbladder.design.tuning.region import Member, Region, neutral_walk
+from swimbladder.design.tuning.region import Member, Region, neutral_random_walk
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, traces
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.progress import Advance
@@ -55,50 +55,50 @@ def goals_of(recipe: Recipe) -> tuple[str, ...]:
     return GOALS[1:] if recipe.fast is None and recipe.candidates is None else GOALS
 
 
-def grid(recipe: Recipe, goal: str, setting: Setting, held: float) -> Iterator[Knobs]:
-    """Yield the knobs that are looked at; held [m]: rms that a depth is to be held to."""
+def grid(recipe: Recipe, goal: str, setting: Setting, held: float) -> Iterator[TuningParameters]:
+    """Yield the tuning parameters on the grid; held [m]: rms that a depth is to be held to."""
     h = setting.sample_time
     if recipe.sleeps:
-        away = runaway(setting.plant, asleep=True)
+        away = e_folding_time(setting.plant, asleep=True)
         for sleep, band in product(recipe.sleeps, recipe.bands):
             pause = sleep * away
-            first = Knobs(frequency=1.0 / pause, damping=1.0, inner=0.5 / h)
+            first = TuningParameters(frequency=1.0 / pause, damping=1.0, inner=0.5 / h)
             yield first._replace(pause=pause, band=band * held)
         return
     g = recipe.fast if goal == "fast" else recipe.quiet
     for inner, share, damping, sharpness, learning in product(*(g or ())):
         rate = inner / h
-        first = Knobs(frequency=share * rate, damping=damping, inner=rate)
+        first = TuningParameters(frequency=share * rate, damping=damping, inner=rate)
         yield first._replace(sharpness=sharpness, learning=learning)
 
 
-def preference(goal: str, knobs: Knobs) -> float:
+def preference(goal: str, tuning: TuningParameters) -> float:
     """Return what is to be small before trials: of gains, or for fast of their slowness."""
     if goal == "fast":
-        return -knobs.frequency / (1.0 + 0.02 * knobs.sharpness)
-    return knobs.frequency * knobs.sharpness * knobs.inner / (1.0 + knobs.learning)
+        return -tuning.frequency / (1.0 + 0.02 * tuning.sharpness)
+    return tuning.frequency * tuning.sharpness * tuning.inner / (1.0 + tuning.learning)
 
 
 def options(
-    recipe: Recipe, goal: str, knobs: Knobs, s: Setting, *, held: float, deepest: float
-) -> Iterator[Knobs]:
+    recipe: Recipe, goal: str, tuning: TuningParameters, s: Setting, *, held: float, deepest: float
+) -> Iterator[TuningParameters]:
     """Yield what is left to choose: how much of the motor a path takes, and when it rests.
 
     held [m]: rms that a depth is to be held to; deepest [m]: where the motor still has to move.
     """
     if goal == "fast":
-        for share in recipe.shares or (knobs.share,):
-            yield knobs._replace(share=share)
+        for share in recipe.shares or (tuning.share,):
+            yield tuning._replace(share=share)
         return
-    rests = [knobs]
+    rests = [tuning]
     if recipe.holds:
-        dead, spell = 0.5 * s.least_move, off_in(s.plant, held, s.walk)
+        dead, spell = 0.5 * s.least_move, drift_time(s.plant, held, s.random_walk)
         holds, bands = recipe.holds, recipe.bands
         every = product(holds, bands) if goal == "quiet" else product(holds[1:2], bands[::4])
-        rests = [knobs._replace(dead=dead, pause=x * spell, band=y * held) for x, y in every]
+        rests = [tuning._replace(dead=dead, pause=x * spell, band=y * held) for x, y in every]
     elif recipe.jitter is not None:
-        noise = recipe.jitter(recipe.gains(s, knobs), s)
-        rests = [knobs._replace(dead=max(x * noise, s.least_move)) for x in _DEAD]
+        noise = recipe.jitter(recipe.gains(s, tuning), s)
+        rests = [tuning._replace(dead=max(x * noise, s.least_move)) for x in _DEAD]
     volts = recipe.volts if goal == "energy" else (1.0,)
     needed = _SPARE * s.plant.load_drive * deepest / s.limit
     if len(volts) > 1 and len(rests) > 3:
@@ -160,7 +160,7 @@ def setting_of(
     least = max(3.0 * volume_noise, _LEAST * (p.V_max - p.V_min))
     numbers = (sample_time, max(noise, _FINEST), supply, neutral_range, least)
     drive = _drive(vehicle, supply, depths, neutral_range)
-    return Setting(p, *numbers, neutral_walk(vehicle), drive)
+    return Setting(p, *numbers, neutral_random_walk(vehicle), drive)
 
 
 def _drive(
@@ -218,9 +218,9 @@ def recipe_of(name: str) -> Recipe:
     return recipe
 
 
-def gains(name: str, setting: Setting, knobs: Any) -> Any:
+def gains(name: str, setting: Setting, tuning: Any) -> Any:
     """Return the parameters of the law of that name."""
-    return recipe_of(name).gains(setting, knobs)
+    return recipe_of(name).gains(setting, tuning)
 
 
 _TRIED = {"fast": 6, "quiet": 8, "energy": 5}
@@ -238,12 +238,12 @@ _LOST = 2.0  # times the error allowed, that is no holding any more
 
 @dataclass(frozen=True)
 class Found:
-    """Knobs with what they give; margins: None for a law that has none.
+    """Tuning parameters with what they give; margins: None for a law that has none.
 
     radius: largest eigenvalue's modulus over the region from decision to decision; nan: has none.
     """
 
-    knobs: Any
+    tuning: Any
     parameters: Any
     margins: Margins | None
     nominal: Trial
@@ -308,7 +308,7 @@ class Search:
         return rank(self.asked.name, found, self.asked.held), tuning, found
 
     def over(
-        self, tuning: Knobs, wanted: Margins, judge: margins.Judge, *, nominal: bool
+        self, tuning: TuningParameters, wanted: Margins, judge: margins.Judge, *, nominal: bool
     ) -> Margins | None:
         """Return the margins where they are what is wanted, else None.
 
@@ -330,7 +330,7 @@ class Search:
             self.near = (rank, short)
         return None
 
-    def candidates(self, most: int) -> list[Knobs]:
+    def candidates(self, most: int) -> list[TuningParameters]:
         """Return the first tuning parameters that have the margins, by what the goal prefers."""
         goal, wanted = self.asked.name, _tightened(margins.WANTED)
         every = list(grid(self.recipe, goal, self.setting, self.asked.held))
@@ -342,7 +342,7 @@ class Search:
             if self.over(tuning, wanted, margins.roughly, nominal=True) is not None:
                 kept.append((preference(goal, tuning), tuning))
         kept.sort(key=lambda pair: pair[0])
-        found: list[Knobs] = []
+        found: list[TuningParameters] = []
         learnt: Counter[float] = Counter()  # how fast it learns only a trial off its ballast shows
         each = math.ceil(most / len({one.learning for _, one in kept} or {0.0}))
         for _, tuning in kept if goal == "fast" else _spread(kept):
@@ -361,7 +361,7 @@ class Search:
         goal, held, depths, step, drawn, _ = self.asked
         recipe, name = self.recipe, self.law.name
         most = _TRIED_RESTING if recipe.holds and goal != "fast" else _TRIED[goal]
-        every: list[Knobs] = []
+        every: list[TuningParameters] = []
         for tuning in self.candidates(most):
             every += options(recipe, goal, tuning, self.setting, held=held, deepest=max(depths))
         scored = []
@@ -493,9 +493,9 @@ class Search:
         return self._chosen(tuning, None, over, radius)
 
 
-def _spread(kept: list[tuple[float, Knobs]]) -> list[tuple[float, Knobs]]:
-    """Return the first of every frequency and damping: how slow is too slow only a trial tells."""
-    first: dict[tuple[float, float], tuple[float, Knobs]] = {}
+def _spread(kept: list[tuple[float, TuningParameters]]) -> list[tuple[float, TuningParameters]]:
+    """Return the first of every frequency and damping: how slow is too slow only a trial shows."""
+    first: dict[tuple[float, float], tuple[float, TuningParameters]] = {}
     for worth, k in kept:
         first.setdefault((round(k.frequency / k.inner, 6), k.damping), (worth, k))
     return list(first.values())

@@ -36,7 +36,7 @@ from swimbladder.design.linear.sampled import (
 from swimbladder.design.tuning.region import Member, member, with_middle
 from swimbladder.physics.dynamics import Plant, drag_force
 from swimbladder.sim.closed_loop.water import Medium
-from swimbladder.sim.mission.orders import runaway
+from swimbladder.sim.mission.orders import growth_rate
 from swimbladder.vehicle import PumpAndValve, Vehicle
 
 
@@ -152,7 +152,7 @@ def least_band(vehicle: Vehicle, psi: float, law: RateParameters, volume_step: f
     """Return the least tolerance [m] that the law `rate` keeps.
 
     volume_step: the smallest change of volume [m3]; it makes a speed w by c w^2, or as slow a one
-    as is not seen, and between two samples, h apart, the vehicle goes w h. Where it runs away it
+    as is not seen, and between two samples, h apart, the vehicle goes w h. Where it diverges it
     does so until one sees it and the next corrects it, e^(2 sigma h); where it is stable it rests
     within volume_step/|psi|.
     """
@@ -160,7 +160,7 @@ def least_band(vehicle: Vehicle, psi: float, law: RateParameters, volume_step: f
     speed = max(0.5 * law.speed_step, math.sqrt(volume_step / law.coefficient))
     if speed <= 0.0:
         return 0.0
-    least = speed * interval * math.exp(2.0 * runaway(vehicle, psi, speed) * interval)
+    least = speed * interval * math.exp(2.0 * growth_rate(vehicle, psi, speed) * interval)
     if psi < 0.0:
         least = min(least, max(volume_step / -psi, _drift(vehicle, psi, 0.5 * law.speed_step)))
     return least

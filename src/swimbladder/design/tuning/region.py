@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 UNKNOWN = 0.05  # of K2 and T2, or of mass and drag, where nothing was identified
 NEUTRAL = 2e-6  # m3, where nothing is known: either way
-WALK = 1e-6 / 60.0  # m3/s^0.5, likewise: 1 cm3 per root hour
+RANDOM_WALK = 1e-6 / 60.0  # m3/s^0.5, likewise: 1 cm3 per root hour
 FLOATS = ("drag", "psi", "pump", "valve")
 """What is uncertain of a pump and valve: factors, psi in m3/m."""
 
@@ -46,7 +46,7 @@ class Region(NamedTuple):
 
     plants: tuple[Plant, ...]
     neutral: float  # m3, farthest that the neutral volume is from what is known
-    walk: float  # m3/s^0.5, intensity of its random walk
+    random_walk: float  # m3/s^0.5, intensity of its random walk
     words: tuple[str, ...]
     drives: tuple[tuple[float, float], ...] = ()  # of pumps and valves: what each gives of its rate
 
@@ -73,11 +73,15 @@ def unknowns(vehicle: Vehicle) -> tuple[tuple[str, ...], bool]:
     return tuple(vehicle.identified.names), True
 
 
-def neutral_walk(vehicle: Vehicle) -> float:
+def neutral_random_walk(vehicle: Vehicle) -> float:
     """Return the intensity [m3/s^0.5] of the random walk that a neutral volume is assumed to do."""
     if vehicle.command == "volume change":
         return 0.0  # what a float's volume loses is leakage and creep, and flown as such
-    return WALK if vehicle.identified is None else max(WALK, vehicle.identified.neutral_walk)
+    return (
+        RANDOM_WALK
+        if vehicle.identified is None
+        else max(RANDOM_WALK, vehicle.identified.random_walk)
+    )
 
 
 def member(vehicle: Vehicle, s: Array) -> Member:
@@ -131,14 +135,14 @@ def region(vehicle: Vehicle, *, drawn: int = _DRAWN) -> Region:
             f"{len(known.logs)} logs"
         ]
         neutral = max(NEUTRAL, 2.0 * known.neutral_std)
-    walk = neutral_walk(vehicle)
-    drift = f"{60e6 * walk:.2g} cm3 in a root hour"
-    moves = f", random walk {drift}" if walk > 0.0 else ""
+    intensity = neutral_random_walk(vehicle)
+    drift = f"{60e6 * intensity:.2g} cm3 in a root hour"
+    moves = f", random walk {drift}" if intensity > 0.0 else ""
     words.append(f"neutral volume within {1e6 * neutral:.2g} cm3{moves}")
     found = [Member(plant(moved_by_volume(vehicle)), {})]
     found += [member(vehicle, s) for s in unit_points(vehicle, drawn=drawn)]
     drives = tuple(one.drive for one in found) if names == FLOATS else ()
-    return Region(tuple(one.plant for one in found), neutral, walk, tuple(words), drives)
+    return Region(tuple(one.plant for one in found), neutral, intensity, tuple(words), drives)
 
 
 def _spread(vehicle: Vehicle) -> Spread:

@@ -83,7 +83,7 @@ class Tuning(gains.Found, Answer):
         """
         if self.margins is None:
             return ()
-        linear = gains.gains(self.law.name, self.setting, self.knobs._replace(dead=0.0, pause=0.0))
+        linear = gains.gains(self.law.name, self.setting, self.tuning._replace(dead=0.0, pause=0.0))
         bound = BoundLaw(self.law, linear, self.sample_time)
         return tuple(loops(bound, self.plants, depths=self.judged, delay=self.delay))
 
@@ -182,7 +182,7 @@ class Tuning(gains.Found, Answer):
                 name: {"value": float(value), "unit": self.law.units[name]}
                 for name, value in leaves(self.parameters).items()
             },
-            "knobs": self.knobs._asdict(),
+            "tuning": self.tuning._asdict(),
             "margins": self.margins
             and {**as_json(self.margins, MARGINS), "vehicles": len(self.plants)},
             **({} if math.isnan(self.radius) else {"decision_eigenvalue": self.radius}),

@@ -309,7 +309,7 @@ class _Request:
         asked = gains.Goal(goal, held, judged, watched, drawn, promise.ballast)
         search = gains.Search(chosen, vehicle, setting, asked, self.delay, advance)
         found = search.found()
-        bound = search.bound(found.knobs)
+        bound = search.bound(found.tuning)
         few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
         nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
         unmet = tuple(words for words, _ in broken(promise, found.region))

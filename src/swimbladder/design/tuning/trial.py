@@ -50,7 +50,7 @@ def electrical_energy(
     return electrical_power(u=u, i=i) * sample_time
 
 
-_WALK_EVERY = 10.0  # s, between two steps of a neutral volume that walks
+_RANDOM_WALK_STEP = 10.0  # s, between two steps of the neutral volume's random walk
 _STILL = 1e-8  # m3, that a motor at rest may creep in a sample
 _FIELDS = ("a_b", "a_s", "d_l", "d_b", "d_0", "d_t", "psi", "gain", "T1")
 _FINEST = 1e-3  # s, of the times between a law's samples
@@ -240,7 +240,9 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
             vary["supply"] = supplies(vehicle, drawn)
         if region is not None and "V_0" not in drawn.known:
             h = bound.sample_time
-            given["neutral_change"] = random_walk(region.walk, duration, drawn, sample_time=h)
+            given["neutral_change"] = random_walk(
+                region.random_walk, duration, drawn, sample_time=h
+            )
     else:
         given["flashed"], vehicle = vehicle, with_supply(vehicle, supply)
         down = np.arange(runs) % 2 == 0
@@ -262,13 +264,13 @@ def random_walk(intensity: float, duration: float, drawn: Drawn, *, sample_time:
 
     intensity [m3/s^0.5], duration and sample time [s].
     """
-    every = max(round(_WALK_EVERY / sample_time), 1)
+    every = max(round(_RANDOM_WALK_STEP / sample_time), 1)
     samples = len(sample_times(duration, sample_time))
     rng = np.random.default_rng([drawn.seed, 1])  # a stream of its own
     size = (samples // every, drawn.runs)
     steps = rng.normal(0.0, intensity * np.sqrt(every * sample_time), size)
-    walk = np.concatenate([np.zeros((1, drawn.runs)), np.cumsum(steps, axis=0)])
-    return np.asarray(walk[np.arange(samples) // every])
+    path = np.concatenate([np.zeros((1, drawn.runs)), np.cumsum(steps, axis=0)])
+    return np.asarray(path[np.arange(samples) // every])
 
 
 def draw(region: Region, *, runs: int, seed: int, medium: Medium | None = None) -> dict[str, Array]:

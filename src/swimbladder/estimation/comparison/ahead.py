@@ -46,7 +46,7 @@ _PSI = 1e-4  # 1/m: water that is 0.1 kg/m3 denser a metre down
 _DRAG = 0.2  # of itself
 _DRIFT = 1e-6  # 1/s
 _DEPTH = (5e-3, 0.7)  # m beside the quantum; deviation of the logarithm
-_WALK = (5e-6, 1.2)  # 1/s^0.5
+_RANDOM_WALK = (5e-6, 1.2)  # 1/s^0.5
 _ACCELERATION = (1e-3, 0.8)  # m/s^1.5
 _ABOUT = 0.7  # deviation of the logarithm of a noise that was identified
 
@@ -97,17 +97,17 @@ def unknowns(vehicle: Vehicle, tuning: Tuning) -> tuple[Unknowns, dict[str, str]
     quantum = vehicle.sensors.depth_quantum / math.sqrt(12.0)
     guesses = {
         "depth_noise": (math.hypot(_DEPTH[0], vehicle.sensors.depth_noise, quantum), _DEPTH[1]),
-        "random_walk": (_WALK[0] * volume, _WALK[1]),
+        "random_walk": (_RANDOM_WALK[0] * volume, _RANDOM_WALK[1]),
         "acceleration_noise": _ACCELERATION,
     }
     noises, origins = {}, {}
     for name, guess in guesses.items():
-        given, field = getattr(tuning, name), "neutral_walk" if name == "random_walk" else name
-        identified = 0.0 if said is None else getattr(said, field)
+        given = getattr(tuning, name)
+        identified = 0.0 if said is None else getattr(said, name)
         if given is not None:
             noises[name], origins[name] = Normal(math.log(given), 0.0), "given"
         elif identified > 0.0:
-            std = _ABOUT if between is None else getattr(between, field)
+            std = _ABOUT if between is None else getattr(between, name)
             noises[name] = Normal(math.log(identified), std)
             origins[name] = "about the vehicle's [identified], by what the log says"
         else:

@@ -96,7 +96,7 @@ def with_process_noise(
             problem.model,
             Values(fit.names, fit.values, fit.covariance, logs, trim),
             depth_noise=noise.depth,
-            neutral_walk=noise.random_walk,
+            random_walk=noise.random_walk,
             neutral_std=neutral_spread(each, problem.neutral_std, single=0.0),
             acceleration_noise=noise.acceleration,
         )

@@ -110,7 +110,7 @@ def _with(vehicle: Vehicle, wide: Unknowns, mean: Array, std: Array, logs: int) 
     found = Unknowns(*(Normal(w.mean + w.std * m, w.std * s) for w, m, s in each))
     known = vehicle.identified
     assert known is not None  # between_logs checks it
-    fields = ("depth_noise", "neutral_walk", "acceleration_noise")
+    fields = ("depth_noise", "random_walk", "acceleration_noise")
     noises = dict(zip(fields, found[4:], strict=True))
     spread = {name: noise.std for name, noise in noises.items()}
     spread |= {"psi": found.psi.std, "drag": found.drag.std}

@@ -19,7 +19,7 @@ from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
 from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.engine.rodas.records import OF_DRIVE, OF_LOADS, Account, Stop
-from swimbladder.sim.mission.books import battery_life
+from swimbladder.sim.mission.balance import battery_life
 from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.law_flight import Pilot, pilot_of

@@ -19,8 +19,8 @@ from swimbladder.sim.closed_loop.lanes import Schedule, measure_block, start_blo
 from swimbladder.sim.closed_loop.outside import kernel_of
 from swimbladder.sim.closed_loop.pumped import Pumped
 from swimbladder.sim.closed_loop.supervision import Supervision
+from swimbladder.sim.engine.accounts import Account
 from swimbladder.sim.engine.advance import EVENTS
-from swimbladder.sim.engine.books import Account
 from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
 from swimbladder.sim.engine.modes import COUNT, NO_LAYERS, Layers
 from swimbladder.vehicle import Sensors
@@ -111,7 +111,7 @@ class Block:
         self._drawn: tuple[int, Array] | None = None  # of the chunk that begins at this tick
         samples = self.clock.ticks + 1 if self.recorded else 0
         self.record = np.full((len(RECORDED), samples, lanes), np.nan)
-        self.books = np.zeros((lanes, len(Account) if self.booked else 0))
+        self.accounts = np.zeros((lanes, len(Account) if self.booked else 0))
         self.log = np.zeros((lanes, EVENTS if self.logged else 0, 3))
         self.noted = np.zeros((lanes, 1), np.int64)
 
@@ -134,7 +134,7 @@ class Block:
         own, now = self.work[_V_0].copy(), np.zeros(self.lanes)
         sigma = self.work[Row.DEPTH_NOISE].copy()
         if self.depth_error is not None:
-            self.work[Row.DEPTH_NOISE] = 1.0  # of what _amiss returns
+            self.work[Row.DEPTH_NOISE] = 1.0  # of what _sensor_error returns
             if self.noise is None:
                 self.work[[Row.DEPTH_QUANTUM, Row.VOLUME_QUANTUM]] = 0.0  # ideal sensors
         unseen = np.zeros((0, 2, self.lanes))
@@ -144,7 +144,7 @@ class Block:
                 self.work[_V_0] = own + now
                 running.restart()
                 self.work[Row.SLOW][self.work[Row.STOPPED] != 0.0] = 1.0  # as the kernel left them
-            noise = self._amiss(first, last, sigma)
+            noise = self._sensor_error(first, last, sigma)
             if ask is not None:
                 if len(noise):
                     measure_block(running.lanes, noise, 0)
@@ -165,7 +165,7 @@ class Block:
         turns = 1 + np.flatnonzero(np.any(np.diff(self.neutral, axis=0), axis=1))
         yield from itertools.pairwise(sorted({*range(0, end, most), end, *turns.tolist()}))
 
-    def _amiss(self, first: int, last: int, sigma: Array) -> Array:
+    def _sensor_error(self, first: int, last: int, sigma: Array) -> Array:
         """Return what the sensors add to the state over their noise, [ticks, 2, lanes], or nothing.
 
         sigma [m]: of the depth, by which its noise is multiplied where it has an error as well.
@@ -225,7 +225,7 @@ class Running:
             depths=block.depths,
             record=block.record,
             built=self.built,
-            books=block.books,
+            accounts=block.accounts,
             log=block.log,
             noted=block.noted,
         )

@@ -95,7 +95,7 @@ _READ: dict[Any, str] = {Count: "int({})", bool: "({} != 0.0)"}  # of a number o
 _LAWS: dict[type[Any], Law] = {}
 
 
-def enroll(law: Law) -> None:
+def register(law: Law) -> None:
     """Make a law known to the compiler by the class of its parameters.
 
     Raises InputError where that class belongs to another law already.

@@ -33,12 +33,12 @@ from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, ch
 from swimbladder.sim.closed_loop.solution import (
     VARIABLES,
     StopReason,
-    close_books,
+    close_balance,
     time_of_run,
 )
 from swimbladder.sim.closed_loop.supervision import Supervision
 from swimbladder.sim.closed_loop.water import medium_of
-from swimbladder.sim.engine.chain import base_steps, book_steps
+from swimbladder.sim.engine.chain import balance_steps, base_steps
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import did_you_mean
@@ -168,7 +168,7 @@ def simulate_ensemble(
     depth_error: ArrayLike | None = None,
     neutral_change: ArrayLike | None = None,
     keep: Literal["summary", "trajectory"] = "summary",
-    books: bool = False,
+    balance: bool = False,
     column: Column | None = None,
     supervised: bool | None = None,
     flashed: Vehicle | None = None,
@@ -221,8 +221,8 @@ def simulate_ensemble(
         none: nothing.
     keep
         "summary": summaries only, or "trajectory": trajectories as well.
-    books
-        Whether there is also ``energy``, what `Books` calls the source.
+    balance
+        Whether there is also ``energy``, what `RunBalance` calls the source.
     column
         The water, as `cast_column` returns it; none: the vehicle's own.
     supervised
@@ -290,7 +290,7 @@ def simulate_ensemble(
     w0 = spread(start_speed, count, "start_speed", "m/s")
     check_starts(lanes, z0, V0)
     start = np.stack([np.zeros(count), V0, z0, w0])
-    steps = book_steps if books else base_steps
+    steps = balance_steps if balance else base_steps
     parts = 1 if pumped else steps(_stiffest(plants), tick, float(np.abs(w0).max()), layers)
     own = {"plants": plants, "depths": depths, "start": start}
     if pumped:
@@ -307,7 +307,7 @@ def simulate_ensemble(
         sensors=vehicle.sensors,
         layers=layers,
         recorded=keep == "trajectory",
-        booked=books and not pumped,
+        booked=balance and not pumped,
     )
     run = _Run(lay_out, own, values, seed, model, watch)
     work = np.empty((int(Row.STEP), count))
@@ -331,9 +331,9 @@ def simulate_ensemble(
         data["alarm_time"] = _of_lanes(alarms[1] * tick, "s", "time at which it took over")
     if model is not None:
         data |= _of_drive(accounts, model)
-    elif books:
+    elif balance:
         closed = [
-            close_books(vehicle, replace(medium, plant=Plant(*plant)), sum_, begin, end)
+            close_balance(vehicle, replace(medium, plant=Plant(*plant)), sum_, begin, end)
             for plant, sum_, begin, end in zip(
                 plants.T, accounts, start.T, work[_STATE].T, strict=True
             )
@@ -402,7 +402,7 @@ class _Run:
         if not hasattr(self.room, "chains"):
             self.room.chains = work_space(self.together)
         block.run(chains=self.room.chains)
-        accounts = block.books if block.stepper is None else block.stepper.accounts
+        accounts = block.accounts if block.stepper is None else block.stepper.accounts
         kept = min(self.together, count - first)
         chosen = [RECORDED.index(name) for name in _TRAJECTORIES]
         rows = block.work[: Row.STEP, :kept].copy()

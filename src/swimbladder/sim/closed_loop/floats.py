@@ -24,7 +24,7 @@ from swimbladder.physics.seawater import Column, uniform_column
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.pumped import BOARD, DIVES, FLOATS, PAUSE, SEGMENT, Pumped
-from swimbladder.sim.closed_loop.solution import Books, Event, SingleRun, Solution, assemble
+from swimbladder.sim.closed_loop.solution import Event, RunBalance, SingleRun, Solution, assemble
 from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.rodas.drive import FULL
@@ -246,7 +246,7 @@ class FloatModel:
             own_law = {k: float(v[n]) for k, v in parameters.items()}
             up, pause = surfacing_of(self.vehicle, own_law)
             board[n, : len(up)], board[n, PAUSE] = up, pause
-            x["z_look"][n] = x["z"][n]
+            x["z_sample"][n] = x["z"][n]
             board[n, DIVES] = 0.0 if x["v"][n] >= up.full - up[3] else 1.0
             board[n, FLOATS] = 1.0
         stepper = Pumped(
@@ -281,7 +281,7 @@ def surfacing_of(
         shallow=_shallow(hull),
         neutral=vehicle.trim_error,
         full=stroke.maximum,
-        lacking=FULL * (stroke.maximum - stroke.minimum),
+        negligible=FULL * (stroke.maximum - stroke.minimum),
         slack=slack,
         measured=0.0 if vehicle.command == "volume change" else 1.0,
     )
@@ -384,7 +384,7 @@ def _power(model: FloatModel, depth: Array, doing: Array) -> Array:
 
 def float_balance(
     model: FloatModel, stepper: Pumped, lane: int, begin: np.record, emerged: bool
-) -> Books:
+) -> RunBalance:
     """Return the balances of a lane since its first state `begin`."""
     g, a = stepper.given[lane], stepper.accounts[lane]
     end = stepper.x[lane]
@@ -399,7 +399,7 @@ def float_balance(
         basis = "work of the pump on the water (its electrical power is not known)"
     residual = source - sum(sinks.values())
     throughput = max(found.throughput, model.vehicle.water.specific_weight * 1e-12)
-    return Books(
+    return RunBalance(
         volume={**found.volume, "travel": found.volume["pumped"] + found.volume["let in"]},
         energy={"source": source, **sinks},
         basis=basis,

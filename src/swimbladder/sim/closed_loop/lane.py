@@ -261,7 +261,7 @@ class Lanes(NamedTuple):
     depths: Array  # [set-points, lanes]
     record: Array  # [7, n, lanes] or empty
     built: NDArray[np.uint8]  # [lanes, COUNT], and the next ones: as of `advance.ModeLane`
-    books: Array
+    accounts: Array
     log: Array
     noted: NDArray[np.int64]
 
@@ -289,9 +289,9 @@ class Room(NamedTuple):
 @inlined
 def mode_lane(lanes: Lanes, room: Room, i: int) -> ModeLane:
     """Return lane i as engine.advance takes it; for what counts no references, see `cache.part`."""
-    chains, built, books = room.chains[i], lanes.built[i], lanes.books[i]
+    chains, built, accounts = room.chains[i], lanes.built[i], lanes.accounts[i]
     log, noted = lanes.log[i], lanes.noted[i]
-    return ModeLane(room.p, lanes.layers, room.x, room.y, chains, built, books, log, noted)
+    return ModeLane(room.p, lanes.layers, room.x, room.y, chains, built, accounts, log, noted)
 
 
 @inlined
@@ -399,7 +399,7 @@ def limited(S: Any, W_: int, i: int, command: float) -> float:
 
 
 @inlined
-def leap_lane(S: Array, W_: int, i: int, u: float, h: float, bent: float) -> Any:
+def step_lane(S: Array, W_: int, i: int, u: float, h: float, bent: float) -> Any:
     """Return lane i's state after one step by its mode's exponential, and whether that is all.
 
     bent: whether the drag may be other than laminar.

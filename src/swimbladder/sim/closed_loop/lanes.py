@@ -24,7 +24,6 @@ from swimbladder.sim.closed_loop.lane import (
     commit,
     decide,
     judge,
-    leap_lane,
     load_plant,
     lose,
     mode_lane,
@@ -32,13 +31,14 @@ from swimbladder.sim.closed_loop.lane import (
     set_mode,
     starts,
     state_of,
+    step_lane,
 )
 from swimbladder.sim.closed_loop.pumped import LAW_NOT_FINITE, decide_lanes, move_lanes
 from swimbladder.sim.engine import modes
+from swimbladder.sim.engine.accounts import decays, enter
 from swimbladder.sim.engine.advance import DONE, advance
-from swimbladder.sim.engine.books import decays, enter
 from swimbladder.sim.engine.cache import compiled, inlined, part, shared, wide
-from swimbladder.sim.engine.chain import leap
+from swimbladder.sim.engine.chain import exponential_step
 from swimbladder.sim.engine.modes import first_mode
 from swimbladder.sim.engine.sensor import Sensor, measured
 
@@ -100,7 +100,7 @@ def _tick(lanes: Lanes, law: Like, k: int, since: float, tick: float) -> int:
     for i in range(W_):
         judge(S, W_, i, since)
         u = decide(S, W_, i, (), law, k, tick)
-        (q1, v1, z1, w1), ok = leap_lane(S, W_, i, u, tick, len(lanes.bend) > 0)
+        (q1, v1, z1, w1), ok = step_lane(S, W_, i, u, tick, len(lanes.bend) > 0)
         q, v, z, w = state_of(S, W_, i)
         after = (q1 if ok else q, v1 if ok else v, z1 if ok else z, w1 if ok else w)
         commit(S, W_, i, sea, after)
@@ -165,7 +165,7 @@ def run_block(
     decay = np.zeros(5)
     if chains is not None:
         room = Room(p, x, y, chains)
-    built, booked = lanes.built, lanes.books.shape[1] > 0
+    built, booked = lanes.built, lanes.accounts.shape[1] > 0
     whole = lanes.parts == 1 and record.shape[1] == 0 and not booked and len(hooks) == 0
     for k in range(first, last):
         t = k * tick
@@ -208,18 +208,18 @@ def run_block(
             for i in range(W_):
                 bent = len(lanes.bend) > 0 and S[(Row.PLANT + modes.EPSILON) * W_ + i] < np.inf
                 if not booked:
-                    after, ok = leap_lane(S, W_, i, S[Row.APPLIED * W_ + i], h, bent)
+                    after, ok = step_lane(S, W_, i, S[Row.APPLIED * W_ + i], h, bent)
                     if ok:
                         commit(S, W_, i, lanes.sea, after)
                         continue
-                elif _leap_with_books(lanes, room, i, h, bent, kept, decay):
+                elif _step_with_accounts(lanes, room, i, h, bent, kept, decay):
                     continue
                 kept[0] = -1
                 _take_slowly(lanes, room, i, k, t + n * h, h)
 
 
 @inlined
-def _leap_with_books(
+def _step_with_accounts(
     lanes: Lanes, room: Room, i: int, h: float, bent: bool, kept: Any, decay: Array
 ) -> bool:
     """Take one step of lane i, with its accounts, if nothing happens in it; return whether.
@@ -235,18 +235,18 @@ def _leap_with_books(
     if mode // 20 == modes.EMERGING and h * h * p[modes.A_S] > modes.QUICK_BOBBING:
         return False  # the drag's work wants smaller steps
     u = S[Row.APPLIED * W_ + i]
-    after, ok = leap_lane(S, W_, i, u, h, bent)
+    after, ok = step_lane(S, W_, i, u, h, bent)
     if not ok:
         return False
     x[0], x[1], x[2], x[3] = q, v, z, w = state_of(S, W_, i)
     x[4] = 0.0
     y[0], y[1], y[2], y[3] = after
-    if not bent:  # the integral of z, as engine.chain.leap has it
+    if not bent:  # the integral of z, as engine.chain.exponential_step has it
         c = room.chains[i, mode, 0]
         y[4] = c[16] * q + c[17] * v + c[18] * z + c[19] * w + c[24] * u + c[29]
     else:
-        leap(room.chains[i, mode], 0, p, lanes.layers, x, u, y)
-    enter(p, mode, x, y, u, h, decay, lanes.books[i])
+        exponential_step(room.chains[i, mode], 0, p, lanes.layers, x, u, y)
+    enter(p, mode, x, y, u, h, decay, lanes.accounts[i])
     commit(S, W_, i, lanes.sea, after)
     return True
 

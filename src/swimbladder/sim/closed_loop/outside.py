@@ -17,7 +17,7 @@ import numpy as np
 
 from swimbladder.control.law import Law
 from swimbladder.io.files import source_hash
-from swimbladder.sim.closed_loop.dispatch import enroll
+from swimbladder.sim.closed_loop.dispatch import register
 from swimbladder.sim.closed_loop.lanes import run_block
 from swimbladder.sim.engine.cache import compiled
 from swimbladder.sim.engine.rodas import NAME
@@ -33,7 +33,7 @@ def kernel_of(law: Law, *, pumped: bool = False, hooks: Any = ()) -> Callable[..
     pumped: the one whose lanes `engine.rodas` moves, kept under the name of that source; hooks:
     likewise under that of theirs.
     """
-    enroll(law)
+    register(law)
     modules = {law.step.__module__, law.initial.__module__}
     packed = {m for m in modules if m.startswith(_PACKED) and not m.startswith(_OWN)}
     name = "" if _is_own(law) or packed == modules else fingerprint(*_parts(law))
@@ -81,7 +81,7 @@ def _kernel(name: str) -> Callable[..., Any]:
 def fingerprint(*parts: Callable[..., Any]) -> str:
     """Return a name for the code of functions and all that it refers to, and for named tuples.
 
-    What cannot be told apart by its value makes a name that never comes again.
+    What its value cannot identify makes a name that never comes again.
     """
     digest = hashlib.sha256()
     seen: set[int] = set()

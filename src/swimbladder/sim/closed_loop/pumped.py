@@ -161,7 +161,7 @@ def _change(
     depth, volume = S[Row.SEEN_DEPTH * W_ + i], S[Row.SEEN_VOLUME * W_ + i]
     reference = S[Row.REFERENCE * W_ + i]
     up = SurfacingParameters(board[0], board[1], board[2], board[3], board[4], board[5])
-    before = SurfacingState(x.z_look, board[DIVES])
+    before = SurfacingState(x.z_sample, board[DIVES])
     action, wanted, after = _at_surface(up, before, depth, volume, reference, board[FLOATS])
     if at.doing != Doing.NOTHING:
         pass  # a run to the end stop, of a pump that may run as long as it takes
@@ -183,7 +183,7 @@ def _change(
             longest = min(p.longest, pause)  # a run is over by the next call
             change_volume(lane, volume, change, longest)
     else:
-        x.z_look, board[DIVES], at.new_law = after.depth, after.dives, 1
+        x.z_sample, board[DIVES], at.new_law = after.depth, after.dives, 1
         change = wanted
         if action == OUT:
             press_out(lane)
@@ -191,13 +191,13 @@ def _change(
             x.w_seen = 0.0
             take_in(lane, volume, wanted, min(p.longest, pause))
     turn_line(lane)
-    x.t_look = t + pause
+    x.t_sample = t + pause
     if at.doing != Doing.NOTHING and x.t_move < math.inf:
-        x.t_look = max(x.t_look, x.t_move)
+        x.t_sample = max(x.t_sample, x.t_move)
     S[Row.COMMAND * W_ + i], S[Row.APPLIED * W_ + i] = change, at.doing
     S[Row.Q * W_ + i] = rate_of(p, lane.table, at.doing, at.shut == 1, x.z, x.v, x.w)[0]
     if tick > 0.0:
-        S[Row.WAIT * W_ + i] = max(math.ceil((x.t_look - t) / tick - 1e-9) - 1.0, 0.0)
+        S[Row.WAIT * W_ + i] = max(math.ceil((x.t_sample - t) / tick - 1e-9) - 1.0, 0.0)
 
 
 @part

@@ -22,7 +22,7 @@ from swimbladder.sim.closed_loop.solution import (
     Solution,
     StopReason,
     assemble,
-    close_books,
+    close_balance,
     name_events,
 )
 from swimbladder.sim.closed_loop.water import medium_of
@@ -31,10 +31,10 @@ from swimbladder.sim.engine.cache import compiled, part
 from swimbladder.sim.engine.chain import (
     COEFFICIENTS,
     accept,
+    balance_steps,
     base_steps,
-    book_steps,
     build_chain,
-    leap,
+    exponential_step,
 )
 from swimbladder.sim.engine.chain import copy as copy_chain
 from swimbladder.sim.engine.modes import NO_LAYERS, PRESCRIBED, Z_BOTTOM, Z_SURFACE
@@ -116,7 +116,7 @@ def drive(
     ramps, p = volume is not None, medium.plant
     lane = new_lane(np.array(p), medium.layers, start, booked=True)
     spans, place = np.unique(np.diff(t), return_inverse=True)
-    parts = [book_steps(p, h, start[3], medium.layers) for h in spans.tolist()]
+    parts = [balance_steps(p, h, start[3], medium.layers) for h in spans.tolist()]
     record = np.full((7, len(t)), np.nan)
     reached, why = follow(lane, Inputs(t, inputs, ramps, np.array(parts, np.int64)[place]), record)
     if ramps:
@@ -124,7 +124,7 @@ def drive(
     law, stop = f"none (recorded {'volume' if ramps else 'voltage'})", list(StopReason)[why]
     unasked = np.full(reached, np.nan)
     run = SingleRun(law, stop, t[:reached], unasked, record[:, :reached])
-    closed = close_books(vehicle, medium, lane.books, start, lane.x[:4], prescribed=ramps)
+    closed = close_balance(vehicle, medium, lane.accounts, start, lane.x[:4], prescribed=ramps)
     return assemble(vehicle, p, run, name_events(lane.log, int(lane.noted[0])), closed)
 
 
@@ -183,7 +183,7 @@ def _submerged(lane: ModeLane, given: Inputs, spans: Spans, start: Array, depth:
             copy_chain(chain, table)
             spans.ready[place] = 1
         for _ in range(given.parts[k]):
-            bends = leap(table, 0, p, layers, x, 0.0, y)
+            bends = exponential_step(table, 0, p, layers, x, 0.0, y)
             if bends or may_hide(p, layers, PRESCRIBED, x, y, h):
                 return False
             accept(x, y)

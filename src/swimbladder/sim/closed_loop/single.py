@@ -30,11 +30,11 @@ from swimbladder.sim.closed_loop.solution import (
     Solution,
     StopReason,
     assemble,
-    close_books,
+    close_balance,
     name_events,
 )
 from swimbladder.sim.closed_loop.water import Medium, medium_of
-from swimbladder.sim.engine.chain import book_steps
+from swimbladder.sim.engine.chain import balance_steps
 from swimbladder.vehicle import Vehicle
 
 
@@ -251,11 +251,13 @@ def simulate(
         model = float_model(vehicle, medium, column, reach=reach, seconds=bool(watch))
         start[1] = math.nan if start_volume is None else start_volume
         return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
-    divided = book_steps(p, tick, start_speed, layers) if parts is None else parts
+    divided = balance_steps(p, tick, start_speed, layers) if parts is None else parts
     block = lay_out(parts=divided, start=start[:, None], booked=True, logged=True)
     run = fly(block)
-    books = close_books(vehicle, medium, block.books[0], start, block.work[Row.Q : Row.Q + 4, 0])
-    return assemble(vehicle, p, run, name_events(block.log[0], int(block.noted[0, 0])), books)
+    balance = close_balance(
+        vehicle, medium, block.accounts[0], start, block.work[Row.Q : Row.Q + 4, 0]
+    )
+    return assemble(vehicle, p, run, name_events(block.log[0], int(block.noted[0, 0])), balance)
 
 
 def run_single(block: Block, function: Callable[..., Any] | None, advance: Advance) -> SingleRun:

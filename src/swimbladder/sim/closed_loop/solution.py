@@ -30,7 +30,7 @@ from swimbladder.physics.electric import electrical_power, supply_current, windi
 from swimbladder.sim.closed_loop.lane import RECORDED
 from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.closed_loop.water import Medium
-from swimbladder.sim.engine.books import Account
+from swimbladder.sim.engine.accounts import Account
 from swimbladder.sim.engine.modes import Act, Where
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Books:
+class RunBalance:
     """Where the volume and the energy of a run went.
 
     volume: pumped, leaked, change, travel [m3]. energy: each account [J]; source positive, sinks
@@ -68,7 +68,7 @@ class Books:
         )
 
 
-def close_books(
+def close_balance(
     vehicle: Vehicle,
     medium: Medium,
     sums: NDArray[Any],
@@ -76,8 +76,8 @@ def close_books(
     last: NDArray[Any],
     *,
     prescribed: bool = False,
-) -> Books:
-    """Return the books of a run from the engine's sums and its first and last (q, V, z, w).
+) -> RunBalance:
+    """Return the balance of a run from the engine's sums and its first and last (q, V, z, w).
 
     medium: the plant, in its water. prescribed: the volume was given, so that nothing is known of
     the motor.
@@ -98,7 +98,7 @@ def close_books(
     passed = m * p.a_b * a[Account.TO_AND_FRO]
     source, pumped, leaked = energy["source"], a[Account.PUMPED], a[Account.LEAKED]
     sinks = sum(value for name, value in energy.items() if name != "source")
-    return Books(
+    return RunBalance(
         volume={"pumped": pumped, "leaked": leaked, "change": V1 - V0, "travel": a[Account.TRAVEL]},
         energy=energy,
         basis=basis,
@@ -284,9 +284,9 @@ class Solution(Answer):
     power: Array
     drive: Array
     events: tuple[Event, ...]
-    events_left_out: int
+    events_omitted: int
     stop: StopReason
-    books: Books
+    balance: RunBalance
     supervised: bool
     alarm: Alarm | None
 
@@ -312,11 +312,11 @@ class Solution(Answer):
             "duration_s": float(self.time[-1]),
             "samples": len(self.time),
             **attributes(self, "completed=finished deepest_m within_depth_limit"),
-            "energy_J": self.books.energy["source"],
-            "energy_basis": self.books.basis,
+            "energy_J": self.balance.energy["source"],
+            "energy_basis": self.balance.basis,
             "stop_reason": self.stop.value,
             "events": [{"time_s": event.time, "kind": event.kind} for event in self.events],
-            "events_left_out": self.events_left_out,
+            "events_omitted": self.events_omitted,
         }
 
     @property
@@ -338,7 +338,7 @@ class Solution(Answer):
     @property
     def actuator_travel(self) -> float:
         """Volume moved to and fro [m3]."""
-        return self.books.volume["travel"]
+        return self.balance.volume["travel"]
 
     def columns(self) -> dict[str, Array]:
         """Return the columns of trajectory.csv: those that are known of its actuator [n]."""
@@ -431,7 +431,7 @@ def assemble(
     p: Plant,
     run: SingleRun,
     events: tuple[tuple[Event, ...], int],
-    books: Books,
+    balance: RunBalance,
     power: Array | None = None,
 ) -> Solution:
     """Return a Solution of a run, with current and power where known.
@@ -464,9 +464,9 @@ def assemble(
         power=power,
         drive=drive,
         events=_with_samples(events[0], vehicle, run, rows["depth"]),
-        events_left_out=events[1],
+        events_omitted=events[1],
         stop=run.stop,
-        books=books,
+        balance=balance,
         supervised=run.supervised,
         alarm=run.alarm,
     )

@@ -4,7 +4,7 @@ In a cast the neutral volume is what `hull` makes of density, pressure and tempe
 hull, their heat and trapped air as they are given, the density as its mean over the hull's height.
 Force, motor load and leakage go with one specific weight, the cast's mean from the surface down to
 where the vehicle is asked to go: of a volume that misses the neutral one by dV the force is
-rho_mean g dV. So the engine's pressure is rho_mean g z, and the energy books stay exact.
+rho_mean g dV. So the engine's pressure is rho_mean g z, and the energy balance stays exact.
 
 Swell, and what of it a drifting vehicle's depth sensor reads.
 
@@ -37,7 +37,7 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.engine.modes import NO_LAYERS, Layers, layers_from
 from swimbladder.vehicle import Hull, Vehicle
 
-_WEIGHED = ("load_drive", "load_back", "k_l", "a_b", "a_s")  # of Plant: they go with rho g
+_PER_WEIGHT = ("load_drive", "load_back", "k_l", "a_b", "a_s")  # of Plant: they go with rho g
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Medium:
 
     def of(self, plant: Plant) -> Plant:
         """Return another plant of the vehicle, that of its own water, in this water."""
-        return plant._replace(**{name: self.share * getattr(plant, name) for name in _WEIGHED})
+        return plant._replace(**{name: self.share * getattr(plant, name) for name in _PER_WEIGHT})
 
     def neutral_volume(self, depth: float) -> float:
         """Return the volume at which the vehicle rests at a depth [m3]."""

@@ -1,9 +1,9 @@
 """One vehicle over one step with a held input, events located to 2^-20 of the step.
 
 A step is tried whole; where a limit is crossed inside it, it is halved by table look-up until the
-event stands between two ticks. A blow (end stop, bottom) takes the state before the crossing, put
-at the limit, so that none is passed; what is continuous (surface, direction of the motor, supply)
-the one after.
+event stands between two ticks. An impact (end stop, bottom) takes the state before the crossing,
+put at the limit, so that none is passed; what is continuous (surface, direction of the motor,
+supply) the one after.
 
 What may be crossed unseen inside a step, and what is done where a limit is crossed.
 """
@@ -15,9 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine import modes
-from swimbladder.sim.engine.books import Account, decays, enter, enter_bend, enter_blow
+from swimbladder.sim.engine.accounts import Account, decays, enter, enter_bend, enter_impact
 from swimbladder.sim.engine.cache import compiled, inlined, part, shared
-from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS, TICKS, accept, build_chain, leap
+from swimbladder.sim.engine.chain import (
+    COEFFICIENTS,
+    LEVELS,
+    TICKS,
+    accept,
+    build_chain,
+    exponential_step,
+)
 from swimbladder.sim.engine.modes import COUNT, Layers, event, first_mode, resting_volume, split
 
 Array = NDArray[np.float64]
@@ -107,13 +114,13 @@ def put_volume(p: Array, volume: float, x: Array, accounts: Array) -> None:
 
 
 @part
-def put_at_limit(p: Array, mode: int, x: Array, books: Array) -> None:
+def put_at_limit(p: Array, mode: int, x: Array, accounts: Array) -> None:
     """Put V or z at the end stop or the bottom that was reached: less than a tick of the way."""
     act, _, where = split(mode)
     if act == modes.UPPER:
-        put_volume(p, p[modes.V_MAX], x, books)
+        put_volume(p, p[modes.V_MAX], x, accounts)
     elif act in (modes.LOWER, modes.LOWER_SPINNING):
-        put_volume(p, p[modes.V_MIN], x, books)
+        put_volume(p, p[modes.V_MIN], x, accounts)
     if where == modes.BOTTOM:
         x[2] = p[modes.Z_BOTTOM]
 
@@ -122,7 +129,7 @@ DONE, LEFT_WATER, TOO_DEEP, CHATTERS, NOT_FINITE = 0, 1, 2, 3, 4
 EVENTS = 2000  # passages kept of a vehicle; more are counted
 _TRANSITIONS = 500  # in one step: more is no motion but chatter
 _FINE = 6  # level from which on turns inside a step cannot hide a crossing that matters
-_LEAPS = 50_000  # in one step: likewise
+_STEPS = 50_000  # in one step: likewise
 _BENDS = 8  # in one step: from then on the bend of the drag is no longer searched for
 
 
@@ -135,7 +142,7 @@ class ModeLane(NamedTuple):
     y: Array  # [10] to write in
     chains: Array  # [COUNT, LEVELS + 1, COEFFICIENTS], exponentials for steps of one length
     built: NDArray[np.uint8]  # [COUNT], 1: those of the mode are made
-    books: Array  # accounts to add to, or empty
+    accounts: Array  # accounts to add to, or empty
     log: Array  # [n, 3], passages from mode to mode
     noted: NDArray[np.int64]  # [1], how many there were
 
@@ -149,7 +156,7 @@ def new_lane(p: Array, layers: Layers, start: Array, *, booked: bool = False) ->
         y=np.zeros(10),
         chains=np.empty((COUNT, LEVELS + 1, COEFFICIENTS)),
         built=np.zeros(COUNT, np.uint8),
-        books=np.zeros(len(Account) if booked else 0),
+        accounts=np.zeros(len(Account) if booked else 0),
         log=np.zeros((EVENTS if booked else 0, 3)),
         noted=np.zeros(1, np.int64),
     )
@@ -166,12 +173,12 @@ def ensure_chain(lane: ModeLane, mode: int, h: float) -> None:
 @inlined
 def _accept(lane: ModeLane, mode: int, u: float, span: float, bend: bool) -> None:
     """Make what a step of a span [s] led to the state, and enter it in the accounts."""
-    p, x, y, books = lane.p, lane.x, lane.y, lane.books
-    if books.shape[0] > 0:
+    p, x, y, accounts = lane.p, lane.x, lane.y, lane.accounts
+    if accounts.shape[0] > 0:
         decays(p, mode, span, y[5:])
-        enter(p, mode, x, y, u, span, y[5:], books)
+        enter(p, mode, x, y, u, span, y[5:], accounts)
         if bend:
-            enter_bend(p, lane.layers, x, y, span, books)
+            enter_bend(p, lane.layers, x, y, span, accounts)
     accept(x, y)
 
 
@@ -181,16 +188,16 @@ def advance(lane: ModeLane, mode: int, u: float, h: float, t: float) -> Any:
 
     u: the held input. The exponentials of the lane are those for this h.
     """
-    p, layers, x, y, books = lane.p, lane.layers, lane.x, lane.y, lane.books
+    p, layers, x, y, accounts = lane.p, lane.layers, lane.x, lane.y, lane.accounts
     log, noted = lane.log, lane.noted
-    wants_small = p[modes.EPSILON] < np.inf or books.shape[0] > 0  # steps of a hull that bobs
+    wants_small = p[modes.EPSILON] < np.inf or accounts.shape[0] > 0  # steps of a hull that bobs
     remaining = TICKS
     cap = TICKS
     searching = False
-    last_look = False  # the search is over, and what it looked for is in the tick to come
+    last_try = False  # the search is over, and what it looked for is in the tick to come
     smallest = 1  # more where rounding hides what is looked for
     transitions = 0
-    leaps = 0
+    steps = 0
     bent = 0
     act = mode % 10
     if (act == modes.MOVING_OUT and u < x[1]) or (act == modes.MOVING_IN and u > x[1]):
@@ -208,11 +215,11 @@ def advance(lane: ModeLane, mode: int, u: float, h: float, t: float) -> Any:
             transitions += 1
             if transitions > _TRANSITIONS:
                 return mode, CHATTERS
-            if books.shape[0] > 0 and (reset or q != x[0]):
-                enter_blow(x[0], q, x[3], w, books)
+            if accounts.shape[0] > 0 and (reset or q != x[0]):
+                enter_impact(x[0], q, x[3], w, accounts)
             note(log, noted, t + h * (TICKS - remaining) / TICKS, mode, new)
             if new % 10 == modes.HOLDING:  # the last part of a tick
-                put_volume(p, max(p[modes.V_MIN], min(p[modes.V_MAX], u)), x, books)
+                put_volume(p, max(p[modes.V_MIN], min(p[modes.V_MAX], u)), x, accounts)
             x[0], x[3], mode = q, w, new
         ensure_chain(lane, mode, h)
         applied = u
@@ -225,10 +232,10 @@ def advance(lane: ModeLane, mode: int, u: float, h: float, t: float) -> Any:
         while (TICKS >> level) > size:
             level += 1
         while True:
-            leaps += 1
-            if leaps > _LEAPS:
+            steps += 1
+            if steps > _STEPS:
                 return mode, CHATTERS
-            bend = leap(lane.chains[mode], level, p, layers, x, applied, y)
+            bend = exponential_step(lane.chains[mode], level, p, layers, x, applied, y)
             span = h * size / TICKS
             if not abs(y[2]) + abs(y[3]) + abs(y[1]) < 1e12:
                 return mode, NOT_FINITE
@@ -247,16 +254,16 @@ def advance(lane: ModeLane, mode: int, u: float, h: float, t: float) -> Any:
                     continue
                 if bend:
                     bent += 1
-                    searching, last_look, smallest, cap = False, False, 1, TICKS
+                    searching, last_try, smallest, cap = False, False, 1, TICKS
                 _accept(lane, mode, u, span, bend)
                 remaining -= size
                 if searching:
                     cap = size >> 1
-                    if last_look:
-                        cap, searching, last_look = TICKS, False, False
+                    if last_try:
+                        cap, searching, last_try = TICKS, False, False
                         smallest = min(2 * smallest, TICKS)
                     elif cap < smallest:
-                        cap, last_look = smallest, True
+                        cap, last_try = smallest, True
                 break
             if size > smallest:
                 size >>= 1
@@ -265,7 +272,7 @@ def advance(lane: ModeLane, mode: int, u: float, h: float, t: float) -> Any:
                 searching = True
                 continue
             # the event lies within this one tick
-            searching, last_look, smallest, cap = False, False, 1, TICKS
+            searching, last_try, smallest, cap = False, False, 1, TICKS
             # Where the volume stands at the stop already and the motor turns back to it within this
             # tick, the state before would leave it again, without end: the one after is taken.
             back = reset and new // 20 == mode // 20 and at_stop(p, new, x)
@@ -275,20 +282,20 @@ def advance(lane: ModeLane, mode: int, u: float, h: float, t: float) -> Any:
                     return mode, CHATTERS
                 q_new = x[0] if new % 10 in (mode % 10, modes.LOWER_SPINNING) else q
                 w_new = 0.0 if new // 20 == modes.BOTTOM and mode // 20 != modes.BOTTOM else x[3]
-                if books.shape[0] > 0:
-                    enter_blow(x[0], q_new, x[3], w_new, books)
+                if accounts.shape[0] > 0:
+                    enter_impact(x[0], q_new, x[3], w_new, accounts)
                 note(log, noted, t + h * (TICKS - remaining) / TICKS, mode, new)
                 x[0], x[3], mode = q_new, w_new, new
-                put_at_limit(p, mode, x, books)
+                put_at_limit(p, mode, x, accounts)
             else:
                 _accept(lane, mode, u, span, False)
                 remaining -= size
                 if back:
-                    if books.shape[0] > 0:
-                        enter_blow(y[0], q, y[3], y[3], books)
+                    if accounts.shape[0] > 0:
+                        enter_impact(y[0], q, y[3], y[3], accounts)
                     note(log, noted, t + h * (TICKS - remaining) / TICKS, mode, new)
                     x[0], mode = q, new
-                    put_at_limit(p, mode, x, books)
+                    put_at_limit(p, mode, x, accounts)
             break
     return mode, DONE
 

@@ -405,11 +405,11 @@ def on_compile(notice: Callable[[], None]) -> Iterator[None]:
     """
 
     class Listener(event.Listener):
-        told = False
+        announced = False
 
         def on_start(self, event: Any) -> None:  # noqa: ARG002
-            if not self.told and not _Kept.said:
-                self.told = True
+            if not self.announced and not _Kept.said:
+                self.announced = True
                 notice()
 
         def on_end(self, event: Any) -> None:

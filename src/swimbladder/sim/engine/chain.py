@@ -51,7 +51,7 @@ def _add(term: Array, total: Array) -> None:
 
 @inlined
 def accept(x: Array, y: Array) -> None:
-    """Make the state (q, V, z, w, integral of z) that `leap` wrote into y the state x."""
+    """Make x the state (q, V, z, w, integral of z) that `exponential_step` wrote into y."""
     for n in range(5):
         x[n] = y[n]
 
@@ -155,7 +155,9 @@ def _row(c: Any, r: int, q: float, V: float, z: float, w: float, u: float) -> An
 
 
 @shared
-def leap(chain: Array, level: int, p: Array, layers: Any, x: Array, u: float, y: Array) -> Any:
+def exponential_step(
+    chain: Array, level: int, p: Array, layers: Any, x: Array, u: float, y: Array
+) -> Any:
     """Advance x = (q, V, z, w, integral of z) by one step of a level into y; u is held.
 
     Return whether the step met more than one branch of a switched drag law.
@@ -192,7 +194,7 @@ def _rest(p: Array, layers: Any, z: float, w: float) -> Any:
 def _bend_in_layers(
     chain: Array, level: int, p: Array, layers: Any, x: Array, u: float, y: Array
 ) -> Any:
-    """Add to y, where the linear part leads, what N(z, w) makes of the step; return as `leap`."""
+    """Add to y, where the linear part leads, what N(z, w) makes of the step."""
     c, half = chain[level], chain[level + 1]
     q, V, z, w = x[0], x[1], x[2], x[3]
     # e_w's column of the half step, from what the three weights of a step are made of
@@ -237,8 +239,8 @@ def base_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) 
     return _count(steps, p, tick)
 
 
-def book_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) -> int:
-    """Return how many steps a tick [s] is divided into where books are kept.
+def balance_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) -> int:
+    """Return how many steps a tick [s] is divided into where accounts are kept.
 
     The drag's rate times the step stays under 1/4 for laminar drag too: the motion is exact at any
     step, but the work of the drag is integrated by Simpson's rule.

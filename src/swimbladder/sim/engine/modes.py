@@ -245,7 +245,7 @@ def _stop_pushes(p: Array, u: float, q: float, z: float, w: float) -> Any:
 def event(p: Array, layers: Any, mode: int, x: Array, u: float) -> Any:
     """Return (new mode or -1, q, w, whether the state was reset) at a state x and an input u.
 
-    u: the voltage [V], or the volume asked of a positioner [m3]. A reset is a blow: the motor
+    u: the voltage [V], or the volume asked of a positioner [m3]. A reset is an impact: the motor
     against an end stop, the hull against the bottom. -2 instead of a mode: out of the water; -3:
     deeper than any sea.
     """

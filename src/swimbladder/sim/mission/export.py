@@ -26,7 +26,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.io.netcdf import UNDATED, cf_dataset, described, unless_dated
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.sim.engine.rodas.records import Doing
-from swimbladder.sim.mission.books import power_names
+from swimbladder.sim.mission.balance import power_names
 from swimbladder.sim.mission.orders import law_words, phase_laws
 from swimbladder.sim.mission.prepare import ground_volume
 from swimbladder.sim.mission.result import MissionResult
@@ -279,7 +279,7 @@ def _own(result: MissionResult) -> _Table:
 
 def _consumers(result: MissionResult) -> dict[str, str]:
     """Return the name of the power of each consumer; nothing where no energy is known."""
-    names = power_names(list(result.books.battery)) if result.energy_known else {}
+    names = power_names(list(result.balance.battery)) if result.energy_known else {}
     return {consumer: name.removesuffix("_W").upper() for consumer, name in names.items()}
 
 

@@ -16,13 +16,13 @@ from swimbladder.sim.closed_loop.dispatch import extent
 from swimbladder.sim.closed_loop.lane import Row, rows
 from swimbladder.sim.closed_loop.lanes import OVER, Schedule
 from swimbladder.sim.closed_loop.solution import StopReason
-from swimbladder.sim.engine.chain import book_steps
+from swimbladder.sim.engine.chain import balance_steps
 from swimbladder.sim.engine.modes import POSITIONER
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.core.hooks import MANY, fly
 from swimbladder.sim.mission.core.phases import Phases
 from swimbladder.sim.mission.core.sampled import WAY, Boarded, Numbers, Sampled, Way
-from swimbladder.sim.mission.orders import ASLEEP, runaway
+from swimbladder.sim.mission.orders import ASLEEP, growth_rate
 from swimbladder.sim.mission.prepare import Plan, cost_words
 from swimbladder.vehicle import Positioner, Vehicle
 
@@ -182,7 +182,7 @@ class ByLaws:
         """Return in how many steps a sample of a phase's law is computed, from a speed [m/s] on."""
         try:
             tick = self.plan.laws[number].sample_time
-            return book_steps(self.medium.plant, tick, speed, self.medium.layers)
+            return balance_steps(self.medium.plant, tick, speed, self.medium.layers)
         except InputError as error:
             if self.mission.phases[number].sample_time is None:
                 raise
@@ -193,7 +193,7 @@ class ByLaws:
     def kept(self) -> dict[str, NDArray[Any]]:
         """Return all that `resume` needs to go on from here, beside the phases."""
         block, built = self.running.block, self.running.built
-        found = dict(way=self.way, work=block.work, sums=block.books, log=block.log)
+        found = dict(way=self.way, work=block.work, sums=block.accounts, log=block.log)
         found |= {"watch": self.watch.memory} if self.watch else {}
         chains = self.running.chains[built == 1]
         return found | dict(noted=block.noted, built=built, chains=chains)
@@ -242,7 +242,7 @@ class ByLaws:
             own,
             now,
             self.tasks,
-            block.books,
+            block.accounts,
             log=block.log,
             noted=block.noted,
             reason=self.watch.reason if self.watch else np.zeros(1),
@@ -253,7 +253,7 @@ class ByLaws:
         """Return the numbers of the vehicle while a law of this sample time [s] flies."""
         v, medium, a = self.vehicle, self.medium, self.vehicle.engine
         p, sensor = medium.plant, v.sensors
-        sigma = runaway(v, p.psi + medium.layers.steepest, _DRIFT)
+        sigma = growth_rate(v, p.psi + medium.layers.steepest, _DRIFT)
         found = Numbers(
             tick=tick,
             weight=medium.specific_weight,

@@ -262,9 +262,9 @@ def law_words(facts: Sequence[dict[str, Any]]) -> list[str]:
 # What a phase does where neither it nor the vehicle says so.
 _SPEED = 0.1  # m/s, that of Argo floats
 _TOLERANCE = 10.0  # m
-_LOOKS, _PARKED = 60.0, 600.0  # s between two looks on the way, and parked
+_SAMPLING, _PARKED = 60.0, 600.0  # s between two samples on the way, and parked
 _RUN = 15.0  # s in which a speed is measured
-ASLEEP = 0.5  # e-folds that an error may grow by between two looks
+ASLEEP = 0.5  # e-folds that an error may grow by between two samples
 _RUNS = 0.3  # likewise in a minute, above which a vehicle is not left to the law `rate`
 LEAST_NOISE = 1e-3  # m, of any depth
 
@@ -311,8 +311,10 @@ def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
             slow_speed=min(base.slow_speed, speed),
             speed_band=min(base.speed_band, 0.5 * speed),
         )
-    looks = phase.check_interval or min(interval or _LOOKS, _needed(vehicle, tolerance, speed))
-    run = min(_RUN, 0.5 * looks)
+    sampling = phase.check_interval or min(
+        interval or _SAMPLING, _needed(vehicle, tolerance, speed)
+    )
+    run = min(_RUN, 0.5 * sampling)
     return RateParameters(
         coefficient=drag_coefficient(vehicle, speed),
         tolerance=tolerance,
@@ -325,21 +327,21 @@ def _law(vehicle: Vehicle, phase: Phase) -> RateParameters:
         speed_band=0.2 * speed,
         speed_step=0.1 * speed,
         volume_step=0.0,
-        dead=looks - run,
+        dead=sampling - run,
         run=run,
-        window=2.0 * looks,
+        window=2.0 * sampling,
     )
 
 
 def _needed(vehicle: Vehicle, tolerance: float, speed: float) -> float:
-    """Return the time between looks [s] in which neither way nor hull runs away from the law.
+    """Return the time between samples [s] in which neither way nor hull diverges from the law.
 
     It goes half the tolerance at the speed, at least two of its own time constants; where the hull
     gives way more than the water (psi > 0), half the time in which a small error grows e-fold.
     """
     k = drag_force(vehicle.drag, speed) / speed
     longest = max(0.5 * tolerance / speed, 2.0 * vehicle.mass / k)
-    sigma = runaway(vehicle, vehicle.hull.psi, speed)
+    sigma = growth_rate(vehicle, vehicle.hull.psi, speed)
     return min(longest, ASLEEP / sigma) if sigma > 0.0 else longest
 
 
@@ -354,7 +356,7 @@ def approach_time(law: RateParameters, way: float) -> float:
     )
 
 
-def runaway(vehicle: Vehicle, psi: float, speed: float) -> float:
+def growth_rate(vehicle: Vehicle, psi: float, speed: float) -> float:
     """Return how fast a small error of the depth grows, sigma [1/s]; 0 where it does not.
 
     m s^2 + k s = rho g psi, with k the drag over a speed [m/s] and psi [m3/m] at the depth.
@@ -372,20 +374,20 @@ def hold_parameters(
     """Return within what distance [m] `control.hold` flies a phase, and its parameters.
 
     None where the law `rate` does: it is the vehicle's own, the volume is not known but for seconds
-    of pump and valve, or the phase goes somewhere and does not stay. A vehicle that runs away
-    within minutes is flown by it all the way. psi [m3/m]: slope of the neutral volume at the
-    depth; rate [m3/s]: what the drive gives there. A look comes not before the drive can have done
-    twice what the speed takes.
+    of pump and valve, or the phase goes somewhere and does not stay. A vehicle that diverges within
+    minutes is flown by it all the way. psi [m3/m]: slope of the neutral volume at the depth; rate
+    [m3/s]: what the drive gives there. A sample comes not before the drive can have done twice what
+    the speed takes.
     """
     if rate_controller(vehicle, phase) is not None or vehicle.command == "volume change":
         return None
     speed, tolerance = law.far_speed, law.tolerance
-    sigma = runaway(vehicle, psi, speed)
-    runs = sigma * _LOOKS > _RUNS
+    sigma = growth_rate(vehicle, psi, speed)
+    runs = sigma * _SAMPLING > _RUNS
     if not runs and phase.kind not in ("park", "hold"):
         return None
     interval = phase.check_interval or min(
-        _LOOKS, max(tolerance / speed, 1.0), ASLEEP / max(sigma, 1e-9)
+        _SAMPLING, max(tolerance / speed, 1.0), ASLEEP / max(sigma, 1e-9)
     )
     if phase.check_interval is None and rate > 0.0:
         interval = max(interval, 2.0 * drag_coefficient(vehicle, speed) * speed**2 / rate)
@@ -396,7 +398,7 @@ def hold_parameters(
     gains = deadband_gains(K2, T2, psi, interval)
     sensors, stroke = vehicle.sensors, vehicle.stroke
     noise = math.hypot(sensors.depth_noise, sensors.depth_quantum / math.sqrt(12.0))
-    longest = phase.check_interval or (_PARKED if phase.kind == "park" else 4.0 * _LOOKS)
+    longest = phase.check_interval or (_PARKED if phase.kind == "park" else 4.0 * _SAMPLING)
     lag = interval - T2 * (1.0 - math.exp(-interval / T2))
     found = DeadbandParameters(
         K2=K2,

@@ -207,7 +207,7 @@ def check_cycle(flight: Flight, fly: Callable[[Mission], Flight]) -> None:
     """Raise NoAnswerError where the first cycle flown shows that the mission cannot be done.
 
     Where a phase of it had too little time for its way, or runs of its pump too short to press out;
-    where a hold was not held, nor a park from which the vehicle runs away, or a band is too narrow
+    where a hold was not held, nor a park from which the vehicle diverges, or a band is too narrow
     for the noise of the depth. fly: flies the first cycle of another mission of the same vehicle.
     """
     begun = flight.notes[flight.notes["what"] == Note.PHASE]
@@ -276,7 +276,7 @@ def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> No
         why = f", and drowns in the noise of the depth, {own.depth_noise:.3g} m {whose}"
         remedies = ["take a better sensor"] if stated else []
     psi = look_up(plan.table, float(plan.given["step"]), Table.NEUTRAL, depth)[1]
-    sigma = orders.runaway(flight.vehicle, psi, speed)
+    sigma = orders.growth_rate(flight.vehicle, psi, speed)
     if sigma > 0.0:
         why += (
             f". It is unstable there, e-folding time {1.0 / sigma:.3g} s: its hull loses "

@@ -73,7 +73,7 @@ from swimbladder.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 
-_NO_LAYER = 1e-12  # m3: what rounding makes of even water
+_NO_LAYER = 1e-12  # m3: what rounding makes of water of uniform density
 _MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and
 _BELOW = 50.0  # m more
 
@@ -135,7 +135,7 @@ def waves_of(motion: WaterMotion, height: float, gravity: float) -> Array:
 
 
 def medium_for(vehicle: Vehicle, mission: Mission, column: Column) -> Medium:
-    """Return the vehicle in the water of a mission; in even water as in its own."""
+    """Return the vehicle in the water of a mission; in water of uniform density as in its own."""
     depths = [phase.depth for phase in mission.phases if phase.depth is not None]
     reach = max([mission.start_depth, *depths])
     found = medium_of(vehicle, column, reach=reach, bottom_depth=mission.bottom)

@@ -20,7 +20,12 @@ from swimbladder.physics.seawater import Cast
 from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.engine.rodas.records import OF_DRIVE, Account, Ice, Note, Stop
-from swimbladder.sim.mission.books import MissionBooks, battery_life, close_books, drawn_energy
+from swimbladder.sim.mission.balance import (
+    MissionBalance,
+    battery_life,
+    close_balance,
+    drawn_energy,
+)
 from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.flight import Flight, fly_mission
 from swimbladder.sim.mission.orders import law_facts
@@ -45,9 +50,9 @@ class MissionResult(Answer):
     reach: Reach
 
     @cached_property
-    def books(self) -> MissionBooks:
+    def balance(self) -> MissionBalance:
         """Volume and energy, and what does not add up."""
-        return close_books(self.flight)
+        return close_balance(self.flight)
 
     @property
     def completed(self) -> bool:
@@ -239,7 +244,7 @@ class MissionResult(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain values, SI."""
-        f, books = self.flight, self.books
+        f, balance = self.flight, self.balance
         a = f.accounts
         deepest = float(np.max(f.cycles["deepest"]))
         at = min(deepest, f.column.deepest)
@@ -276,14 +281,14 @@ class MissionResult(Answer):
             "valve_time_s": float(a[Account.VALVE_TIME]),
             "stalled_s": float(a[Account.STALLED]),
             "energy_unknown": f.plan.energy_known or None,
-            "battery_J": books.battery if self.energy_known else None,
-            "drawn_J": books.drawn if self.energy_known else None,
+            "battery_J": balance.battery if self.energy_known else None,
+            "drawn_J": balance.drawn if self.energy_known else None,
             "drive_per_cycle_J": self.drive_per_cycle if self.energy_known else None,
             "battery_cycles": self.battery_cycles,
             "battery_left": self._left,
-            "sinks_J": books.sinks if self.energy_known else None,
-            "energy_residue": books.relative_residue,
-            "volume_m3": books.volume,
+            "sinks_J": balance.sinks if self.energy_known else None,
+            "energy_residue": balance.relative_residue,
+            "volume_m3": balance.volume,
             "steps": int(f.whole["steps"]),
         }
 

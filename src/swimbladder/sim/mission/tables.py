@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.sim.engine.rodas.records import OF_LOADS, Account, Doing, Note
-from swimbladder.sim.mission import books as balance
+from swimbladder.sim.mission import balance
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.result import MissionResult
 

@@ -57,8 +57,8 @@ def timeout_words(flight: Flight, phase: int) -> str:
     k = int(np.argmax(short))
     z = late["z"][k]
     if stage["kind"] == Kind.SURFACE:
-        lacking = 1e6 * float(flight.plan.given["v_max"] - late["v"][k])
-        return f"it was at {z:.1f} m, {short[k]:.1f} m short, with {lacking:.3g} cm3 not out"
+        missing = 1e6 * float(flight.plan.given["v_max"] - late["v"][k])
+        return f"it was at {z:.1f} m, {short[k]:.1f} m short, with {missing:.3g} cm3 not out"
     return (
         f"it was at {z:.1f} m, {short[k]:.1f} m short of the {stage['tolerance']:g} m around "
         f"{stage['depth']:g} m"
@@ -66,7 +66,7 @@ def timeout_words(flight: Flight, phase: int) -> str:
 
 
 def battery_words(flight: Flight) -> str:
-    """Return where the battery ran empty, and what pressing all volume out there still takes."""
+    """Return where the battery ran empty, and what full buoyancy there still takes."""
     g, table, x = flight.plan.given, flight.plan.table, flight.end
     phase = flight.mission.titles[int(flight.whole["phase"])]
     z, inside = float(x["z"]), float(g["v_max"] - x["v"])

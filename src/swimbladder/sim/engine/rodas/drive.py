@@ -28,7 +28,7 @@ from swimbladder.sim.engine.rodas.step import (
     SURFACE,
     VALVE,
     VOLUME,
-    leap,
+    integrate,
     lift_volume,
     settle,
     stay,
@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 
 FULL = 1e-3  # share of the stroke that may be lacking where all volume counts as out
-STAYED = -2  # what `move` returns beside the guards of `leap` and -1: no step was needed
+STAYED = -2  # what `move` returns beside the guards of `integrate` and -1: no step was needed
 _FRESH = 2.0  # s, of the first step after the drive has started or stopped
 _PAST = 1e-6  # of a quantum, past the edge between two of its steps
 _FULL_LINE = 1e-9  # s; a line that lacks less is full
@@ -196,7 +196,7 @@ def _happen(lane: Lane, event: int) -> None:
         note(lane, Note.EMERGED if at.place == 1 else Note.SUBMERGED, x.w)
     elif event == BOTTOM:
         note(lane, Note.BOTTOM, x.w)
-        lane.accounts[Account.BLOWS] += 0.5 * p.mass * x.w * x.w
+        lane.accounts[Account.IMPACTS] += 0.5 * p.mass * x.w * x.w
         x.z, x.w = p.z_bottom, 0.0
         at.place = 2
     elif event == AIR:
@@ -252,9 +252,8 @@ def next_turn(lane: Lane, until: float) -> float:
 def move(lane: Lane, loads: float, level: float, until: float) -> Any:
     """Move the vehicle by a step, `until` [s] at most, with what happens in it.
 
-    loads [W]; level: depth of arrival [m], negative from below, 0 none.
-    Return the guard of `leap` that ended it, -1 where none did, `STAYED` where it rests or lies on
-    the bottom.
+    loads [W]; level: depth of arrival [m], negative from below, 0 none. Return the guard of
+    `integrate` that ended it, -1 where none did, `STAYED` where it rests or lies on the bottom.
     """
     x, at = lane.x, lane.at
     if at.rests == 1 or at.place == 2:
@@ -271,7 +270,7 @@ def move(lane: Lane, loads: float, level: float, until: float) -> Any:
             at.place = 0
             note(lane, Note.LEFT_BOTTOM, 0.0)
         return STAYED
-    event = leap(lane, loads, level, until)
+    event = integrate(lane, loads, level, until)
     if event >= 0:
         _happen(lane, event)
     else:

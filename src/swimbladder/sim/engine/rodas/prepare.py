@@ -235,6 +235,6 @@ def first_lane(
         at["place"] = 1 if z < g["z_surface"] else 0
     x["z"], x["v"], x["z_most"] = z, v, z
     x["v_least"], x["v_most"] = v, -math.inf
-    x["t_look"], x["t_move"], x["v_move"] = 0.0, math.inf, math.nan
+    x["t_sample"], x["t_move"], x["v_move"] = 0.0, math.inf, math.nan
     x["t_arrival"], x["t_afloat"] = math.nan, math.nan
     return x, at

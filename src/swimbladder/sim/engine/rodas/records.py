@@ -167,7 +167,7 @@ NOW = record(
     ("h", float),  # s, length that the next step may have
     ("t_phase", float),  # s, begin of the phase
     ("t_end", float),  # s, at which the phase is over, or out of time
-    ("t_look", float),  # s, of the next look
+    ("t_sample", float),  # s, of the next sample
     ("t_move", float),  # s, latest end of the run
     ("v_move", float),  # m3, at which the run ends; inf or -inf: at a time
     ("charge", float),  # J in the battery
@@ -179,7 +179,7 @@ NOW = record(
     ("t_afloat", float),  # s, of the cycle; nan: not yet
     ("v_begin", float),  # m3, at the begin of the run
     ("t_begin", float),  # s, of the run
-    ("z_look", float),  # m, depth seen last while about to dive
+    ("z_sample", float),  # m, depth seen last while about to dive
     ("t_primed", float),  # s, when a pump that has started begins to deliver
     ("t_inside", float),  # s within the tolerance since the phase arrived
     ("t_arrived", float),  # s, when it did
@@ -250,7 +250,7 @@ class Account(IntEnum):
     LET_IN_WORK = 10  # J got from the sea
     LEAK_WORK = 11  # J got from the sea
     DRAG = 12  # J
-    BLOWS = 13  # J, against the bottom
+    IMPACTS = 13  # J, against the bottom
     SETTLED = 14  # J of oscillations that were taken for rest
     FORCED = 15  # J that the moving water took
     PUMP_TIME = 16  # s
@@ -374,7 +374,7 @@ def balance(
         HOLDING: a[Account.HOLDING_ENERGY],
         "leakage": a[Account.LEAK_WORK],
         "drag": a[Account.DRAG],
-        "bottom": a[Account.BLOWS],
+        "bottom": a[Account.IMPACTS],
         "moving water": a[Account.FORCED],
         "heat of the hull": a[Account.HEAT],
         "oscillations at rest": a[Account.SETTLED],

@@ -270,7 +270,7 @@ def _fill(lane: Lane, level: float, t: float, z: float, w: float, v: float, foun
 
 
 @part
-def leap(lane: Lane, loads: float, level: float, until: float) -> int:
+def integrate(lane: Lane, loads: float, level: float, until: float) -> int:
     """Advance the state by one step, `until` [s] at most; return the guard that ended it, or -1.
 
     level: depth of arrival [m], negative from below, 0 none.

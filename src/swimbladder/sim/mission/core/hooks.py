@@ -1,7 +1,7 @@
 """The phases of a mission of pump and valve as hooks of the closed loop: see `closed_loop.lane`.
 
-A tick of the loop is whatever comes next that somebody has to decide: a look of the processor, the
-end of a phase, a full buffer. Between two ticks RODAS moves the vehicle in steps as long as its
+A tick of the loop is whatever comes next that somebody has to decide: a sample of the processor,
+the end of a phase, a full buffer. Between two ticks RODAS moves the vehicle in steps as long as its
 motion lets.
 
 The mission's own rule as a law of the loop: `rate` on the way, `control.hold` at a depth.
@@ -139,7 +139,7 @@ RULE = Law(
 
 DEAD = RateParameters._fields.index("dead")
 _ROOM = 8  # rows or notes that a step may add
-RESCUE = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
+RECOVERY = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
 _IDLE = 200  # ticks without time passing: a fault of the model
 MANY = np.broadcast_to(np.int64(0), (10**15,))  # ticks of one set-point: the hooks say which
 
@@ -198,7 +198,7 @@ def _begin(f: Phases, S: Array, k: int, built: Any) -> bool:  # noqa: ARG001
     x = f.lane.x
     if begin_tick(f, S):
         return True
-    if x.t == x.t_phase and x.t >= x.t_look:
+    if x.t == x.t_phase and x.t >= x.t_sample:
         settled(f)
     return False
 
@@ -208,14 +208,14 @@ def _sense(f: Phases, S: Array, k: int) -> None:  # noqa: ARG001
     """Measure where the processor looks; the law is called at no other tick."""
     p, x, at, up = f.lane.p, f.lane.x, f.lane.at, f.board
     S[Row.WAIT] = 1.0
-    if at.stop != 0 or x.t < x.t_look or x.t >= x.t_end:
+    if at.stop != 0 or x.t < x.t_sample or x.t >= x.t_end:
         return
     stage = f.stages[at.phase]
     if at.doing != Doing.NOTHING:
-        x.t_look = x.t_move if x.t_move < math.inf else x.t + stage.law[DEAD]
+        x.t_sample = x.t_move if x.t_move < math.inf else x.t + stage.law[DEAD]
     elif at.alarm == 1:
         press_out(f.lane)
-        x.t_look = x.t_move
+        x.t_sample = x.t_move
     else:
         at.calls += 1
         seen, surface = measured_depth(p, f.lane.waves, x, at), stage.kind == Kind.SURFACE
@@ -252,7 +252,7 @@ def _bound(f: Phases, until: float) -> float:  # noqa: ARG001
     x = f.lane.x
     if full(f, _ROOM) or x.charge <= f.lane.p.empty:
         return float(x.t)
-    return float(max(x.t, min(x.t_look, x.t_end)))
+    return float(max(x.t, min(x.t_sample, x.t_end)))
 
 
 @inlined
@@ -305,7 +305,7 @@ def raise_alarm(f: Phases, reason: float) -> None:
     else:
         note(f.lane, Note.ALARM, reason)
     f.lane.at.alarm = 1 if reason == 0.0 else 2
-    x.t_end = x.t + RESCUE
+    x.t_end = x.t + RECOVERY
 
 
 @part
@@ -315,7 +315,7 @@ def _alarm(f: Phases) -> None:
     if f.lane.at.doing != Doing.NOTHING:
         end_run(f.lane)
     press_out(f.lane)
-    f.lane.x.t_look = f.lane.x.t_move
+    f.lane.x.t_sample = f.lane.x.t_move
 
 
 @inlined
@@ -324,7 +324,7 @@ def settled(f: Phases) -> None:
     p, x = f.lane.p, f.lane.x
     if settle(f):
         comes = rate_of(p, f.lane.table, Doing.NOTHING, True, x.z, x.v, 0.0)[0]
-        x.t_look = math.inf if comes == 0.0 else x.t + f.stages[f.lane.at.phase].law[DEAD]
+        x.t_sample = math.inf if comes == 0.0 else x.t + f.stages[f.lane.at.phase].law[DEAD]
 
 
 hook_in(
@@ -374,7 +374,7 @@ def fly(
         depths=np.zeros((1, 1)),
         record=none,
         built=np.zeros((1, 1), np.uint8),
-        books=np.zeros((1, 0)),
+        accounts=np.zeros((1, 0)),
         log=none,
         noted=np.zeros((1, 1), np.int64),
     )

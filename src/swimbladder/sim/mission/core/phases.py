@@ -245,8 +245,8 @@ def begin_phase(f: Phases) -> None:
     at.arrived = 0
     at.captured = 0
     x.t_phase = x.t
-    x.t_look = x.t if at.doing == Doing.NOTHING else max(x.t, x.t_move)
-    x.z_look = x.z
+    x.t_sample = x.t if at.doing == Doing.NOTHING else max(x.t, x.t_move)
+    x.z_sample = x.z
     x.raised, x.t_measured, x.t_cold, at.ends = 0.0, 0.0, 0.0, 0
     if stage.kind == Kind.PARK:
         x.t_end = x.t + stage.duration
@@ -273,7 +273,7 @@ def awaited_level(f: Phases) -> float:
 
 @inlined
 def enter_hold(f: Phases, z: float, h: float) -> None:
-    """Enter h [s] that led from depth z [m] to here in what tells how the phase holds its depth.
+    """Enter h [s] that led from depth z [m] to here in what shows how the phase holds its depth.
 
     Between the two the depth counts as straight: exact at rest, and steps are short off it.
     """

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from swimbladder.sim.closed_loop.lane import Row, hook_in
 from swimbladder.sim.engine import modes
+from swimbladder.sim.engine.accounts import Account as Sums
 from swimbladder.sim.engine.advance import LEFT_WATER, TOO_DEEP
-from swimbladder.sim.engine.books import Account as Sums
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Note, Stop
@@ -260,7 +260,7 @@ def _enter(f: Sampled, S: Array, k: int) -> None:
     a[Account.LEAKED] += sums[Sums.LEAKED]
     a[Account.LEAK_WORK] += f.own.weight * sums[Sums.LEAK_Z]
     a[Account.DRAG] += g.lane.p.mass * sums[Sums.DRAG]
-    a[Account.BLOWS] += g.lane.p.mass * sums[Sums.BOTTOM_W]
+    a[Account.IMPACTS] += g.lane.p.mass * sums[Sums.BOTTOM_W]
     sums[:] = 0.0
     _note_passages(f, S[Row.PLANT + modes.Z_SURFACE])
     enter_energy(g.lane.p, x, a, energy, g.stages[at.phase].loads, h)

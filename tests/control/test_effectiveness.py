@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from swimbladder.control.law import Knobs
-from swimbladder.control.profile import learn_ability, own_drive, usable
+from swimbladder.control.law import TuningParameters
+from swimbladder.control.profile import estimate_effectiveness, own_drive, usable
 from swimbladder.control.registry import LAWS
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability.around import wrapped
@@ -15,26 +15,26 @@ from swimbladder.io.config import load_vehicle
 
 H = 0.3
 KNOBS = {
-    "planned": Knobs(0.18, 0.8, 1.0, sharpness=8.0, learning=0.01, share=0.8),
-    "sea-cascade": Knobs(0.35, 1.0, 1.6, sharpness=6.5, share=0.8),
-    "adrc": Knobs(0.2, 1.0, 1.6, sharpness=6.0, learning=0.25, share=0.8),
+    "planned": TuningParameters(0.18, 0.8, 1.0, sharpness=8.0, learning=0.01, share=0.8),
+    "sea-cascade": TuningParameters(0.35, 1.0, 1.6, sharpness=6.5, share=0.8),
+    "adrc": TuningParameters(0.2, 1.0, 1.6, sharpness=6.0, learning=0.25, share=0.8),
 }
 
 
 def test_it_comes_to_the_share_that_is_seen_and_only_where_the_drive_is_hard_and_steady():
-    ability = 1.0
+    effectiveness = 1.0
     for _ in range(30):
-        ability = learn_ability(ability, 10.0, 10.0, 6.0, 12.0)
-    assert ability == pytest.approx(0.6, abs=1e-4)
-    assert learn_ability(0.6, 5.0, 10.0, 0.0, 12.0) == 0.6  # not hard
-    assert learn_ability(0.6, 10.0, -10.0, 0.0, 12.0) == 0.6  # turned round
-    assert learn_ability(0.6, 12.0, 2.9, 0.0, 12.0) == 0.6  # just begun
-    assert learn_ability(0.6, 12.0, 3.1, 0.0, 12.0) < 0.6
-    assert learn_ability(0.6, -10.0, -10.0, -10.0, 12.0) == pytest.approx(0.72)
+        effectiveness = estimate_effectiveness(effectiveness, 10.0, 10.0, 6.0, 12.0)
+    assert effectiveness == pytest.approx(0.6, abs=1e-4)
+    assert estimate_effectiveness(0.6, 5.0, 10.0, 0.0, 12.0) == 0.6  # not hard
+    assert estimate_effectiveness(0.6, 10.0, -10.0, 0.0, 12.0) == 0.6  # turned round
+    assert estimate_effectiveness(0.6, 12.0, 2.9, 0.0, 12.0) == 0.6  # just begun
+    assert estimate_effectiveness(0.6, 12.0, 3.1, 0.0, 12.0) < 0.6
+    assert estimate_effectiveness(0.6, -10.0, -10.0, -10.0, 12.0) == pytest.approx(0.72)
     for moved in (-20.0, 20.0):  # nothing is believed beyond what a motor can be
         for _ in range(60):
-            ability = learn_ability(ability, 10.0, 10.0, moved, 12.0)
-        assert 0.1 <= ability <= 1.0
+            effectiveness = estimate_effectiveness(effectiveness, 10.0, 10.0, moved, 12.0)
+        assert 0.1 <= effectiveness <= 1.0
     assert usable(1.0) == 1.0
     assert usable(0.95) == 1.0
     assert usable(0.5) == pytest.approx(0.55)
@@ -42,10 +42,10 @@ def test_it_comes_to_the_share_that_is_seen_and_only_where_the_drive_is_hard_and
 
 def test_what_a_supervisor_pushed_the_other_way_says_nothing_of_the_motor():
     assert own_drive(-10.0, 9.0) == own_drive(10.0, -9.0) == 0.0
-    assert learn_ability(0.6, 0.0, -10.0, 9.0, 12.0) == 0.6
-    assert learn_ability(0.6, -10.0, 0.0, -4.0, 12.0) == 0.6  # the motor turns round
+    assert estimate_effectiveness(0.6, 0.0, -10.0, 9.0, 12.0) == 0.6
+    assert estimate_effectiveness(0.6, -10.0, 0.0, -4.0, 12.0) == 0.6  # the motor turns round
     assert own_drive(10.0, -0.5) == own_drive(10.0, 9.0) == 10.0  # blocked, and given way a little
-    blocked = learn_ability(0.6, 10.0, 10.0, -0.5, 12.0)
+    blocked = estimate_effectiveness(0.6, 10.0, 10.0, -0.5, 12.0)
     assert blocked == pytest.approx(0.6 + 0.3 * (0.1 - 0.6))
 
 

@@ -1,6 +1,7 @@
-"""The books of a mission: volume, electricity and energy, and what does not add up.
+"""The balance of a mission: volume, electricity and energy, and the imbalance.
 
-Electrical power by consumer over time is means between rows, so that integrals are the books'.
+Electrical power by consumer over time is means between rows, so that their integrals are those of
+the balance.
 
 How many cycles one battery lasts: flown to its end, or computed from the first cycles.
 """
@@ -35,7 +36,7 @@ STANDBY, SELF_DISCHARGE = "driver's standby", "self-discharge"
 
 
 @dataclass(frozen=True, kw_only=True)
-class MissionBooks:
+class MissionBalance:
     """Where volume and energy of a mission went.
 
     volume [m3]: pumped, let in, leaked, change. battery [J]: what left it, by consumer, the sum
@@ -84,8 +85,8 @@ def consumers(flight: Flight) -> dict[str, float]:
     return {name: value for name, value in energy.items() if value != 0.0}
 
 
-def close_books(flight: Flight) -> MissionBooks:
-    """Return the books of a flight."""
+def close_balance(flight: Flight) -> MissionBalance:
+    """Return the balance of a flight."""
     g, table, a = flight.plan.given, flight.plan.table, flight.accounts
     battery = consumers(flight)
     if (medium := flight.plan.water) is not None:
@@ -99,7 +100,7 @@ def close_books(flight: Flight) -> MissionBooks:
     lost = float(a[Account.SELF_DISCHARGED])
     drawn = sum(battery.values())
     sinks = {"loads": drawn - found.drive - lost, SELF_DISCHARGE: lost, **found.sinks}
-    return MissionBooks(
+    return MissionBalance(
         volume=found.volume,
         battery=battery,
         drawn=drawn,
@@ -127,7 +128,7 @@ def drawn_energy(rows: Records) -> Array:
 def consumer_energy(flight: Flight) -> dict[str, Array]:
     """Return what each consumer took so far, at each row [J] [n]; those that took nothing are out.
 
-    Names are those of `MissionBooks.battery`. What a load takes at each surfacing is spread over
+    Names are those of `MissionBalance.battery`. What a load takes at each surfacing is spread over
     the rest of that phase, as its power is not stated. Between two rows the phase is one: that of
     the first.
     """

@@ -49,11 +49,13 @@ def wave(n: int, amplitude: float, offset: float = 0.0) -> list[float]:
 
 def balanced(s: Solution) -> None:
     """Volume to the rounding of 1e5 steps, energy to 1e-3 of its throughput."""
-    books = s.books
-    moved = max(books.volume["travel"], abs(books.volume["pumped"]), s.vehicle.stroke.maximum)
-    assert abs(books.volume_residue) <= 1e-11 * moved
-    assert books.volume["change"] == pytest.approx(s.volume[-1] - s.volume[0], rel=1e-12, abs=1e-22)
-    assert books.relative_energy_residue <= 1e-3
+    balance = s.balance
+    moved = max(balance.volume["travel"], abs(balance.volume["pumped"]), s.vehicle.stroke.maximum)
+    assert abs(balance.volume_residue) <= 1e-11 * moved
+    assert balance.volume["change"] == pytest.approx(
+        s.volume[-1] - s.volume[0], rel=1e-12, abs=1e-22
+    )
+    assert balance.relative_energy_residue <= 1e-3
 
 
 @pytest.mark.parametrize("vehicle", [pump(), screw(friction=2e-3)], ids=["pump", "screw"])
@@ -61,8 +63,8 @@ def test_the_motor_is_on_as_long_as_it_has_a_voltage(vehicle):
     """10 s of 20, whether it turns under 6 V or is held by its friction under 0.01 V."""
     for volts in (6.0, 0.01):
         s = under(vehicle, [volts] * 20 + [0.0] * 21)
-        assert s.books.motor_on == pytest.approx(10.0, rel=1e-9)
-    assert under(vehicle, [0.0] * 21).books.motor_on == 0.0
+        assert s.balance.motor_on == pytest.approx(10.0, rel=1e-9)
+    assert under(vehicle, [0.0] * 21).balance.motor_on == 0.0
 
 
 CASES: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -84,7 +86,7 @@ def test_the_books_balance(case: str) -> None:
     s = under(vehicle, **run)
     assert s.finished
     balanced(s)
-    assert abs(s.books.energy_residue) < 1e-5 * s.books.throughput
+    assert abs(s.balance.energy_residue) < 1e-5 * s.balance.throughput
 
 
 def test_a_positioner_counts_its_work_on_the_water() -> None:
@@ -93,8 +95,8 @@ def test_a_positioner_counts_its_work_on_the_water() -> None:
     # rho g z dV summed along the way, from the samples
     z, V = s.depth, s.volume
     work = 9806.65 * np.sum(0.5 * (z[1:] + z[:-1]) * np.diff(V))
-    assert s.books.energy["source"] == pytest.approx(work, rel=2e-3)
-    assert "do" not in s.books.energy
+    assert s.balance.energy["source"] == pytest.approx(work, rel=2e-3)
+    assert "do" not in s.balance.energy
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -113,7 +115,7 @@ def test_source_drag_and_hydraulic_work_against_quadrature(case: str) -> None:
         volume=run.get("volume"),
         bottom=run.get("bottom", math.inf),
     )
-    energy = ours.books.energy
+    energy = ours.balance.energy
     assert energy["drag"] == pytest.approx(theirs.drag, rel=1e-3, abs=1e-9)
     if "copper" in energy:
         assert energy["source"] == pytest.approx(theirs.source, rel=1e-5)
@@ -130,14 +132,15 @@ def test_the_drag_of_a_hull_that_bobs_is_counted_in_steps_that_see_it() -> None:
     hull = paper().hull.model_copy(update={"waterplane_area": 3e-3, "height": 2.0})
     s = under(paper(motion=motion, hull=hull), [3.0] * 200, depth=0.4)
     assert s.depth[-1] < 0.0
-    assert s.books.relative_energy_residue < 1e-5
+    assert s.balance.relative_energy_residue < 1e-5
 
 
 def test_the_residue_falls_with_the_step_at_the_order_of_the_method() -> None:
     vehicle = pump(drag=BLENDED, leak=0.0, friction=0.0, efficiency=1.0)
     commands = [-2.0 - math.cos(0.4 * k) for k in range(15)]
     residues = [
-        abs(under(vehicle, commands, tick=2.0, parts=n).books.motion_residue) for n in (1, 2, 4, 8)
+        abs(under(vehicle, commands, tick=2.0, parts=n).balance.motion_residue)
+        for n in (1, 2, 4, 8)
     ]
     ratios = np.array(residues[:-1]) / residues[1:]
     assert residues[0] > 1e-9, "nothing to measure"
@@ -157,8 +160,8 @@ class TestNothingCreatesEnergy:
             s = under(vehicle, wave(60, 6.0, offset), depth=40.0)
             assert s.depth.min() > 1.0
             for name in LOSSES:
-                assert s.books.energy[name] >= -1e-9 * s.books.throughput, name
-            assert s.books.energy["bottom"] == 0.0
+                assert s.balance.energy[name] >= -1e-9 * s.balance.throughput, name
+            assert s.balance.energy["bottom"] == 0.0
 
     def test_the_literal_form_creates_energy_when_driven_back(self) -> None:
         """At 0 V the sea turns the motor; eq. (7) as printed gives 1/eta of the sea's work."""
@@ -168,18 +171,20 @@ class TestNothingCreatesEnergy:
             )
             for literal in (False, True)
         }
-        sea = {k: -9806.65 * 59.0 * s.books.volume["pumped"] for k, s in runs.items()}
+        sea = {k: -9806.65 * 59.0 * s.balance.volume["pumped"] for k, s in runs.items()}
         assert sea[True] > 2.0  # J that the sea puts in
-        assert runs[True].books.energy["transmission"] == pytest.approx(-sea[True], rel=0.05)
-        assert runs[False].books.energy["transmission"] == pytest.approx(0.5 * sea[False], rel=0.05)
+        assert runs[True].balance.energy["transmission"] == pytest.approx(-sea[True], rel=0.05)
+        assert runs[False].balance.energy["transmission"] == pytest.approx(
+            0.5 * sea[False], rel=0.05
+        )
         balanced(runs[True])
         balanced(runs[False])
 
     def test_back_driving_charges_the_supply_less_than_the_sea_gives(self) -> None:
         s = under(screw(efficiency=0.8), [-1.5] * 41, depth=80.0, volume=150e-6)
         assert np.all(s.motor_rate[1:] < 0.0)
-        assert s.books.energy["source"] < 0.0
-        assert abs(s.books.energy["source"]) < abs(s.books.energy["sea"])
+        assert s.balance.energy["source"] < 0.0
+        assert abs(s.balance.energy["source"]) < abs(s.balance.energy["sea"])
 
 
 def test_a_rotor_that_coasts_down() -> None:
@@ -197,8 +202,8 @@ def test_a_rotor_that_coasts_down() -> None:
     t = coast.time[1:] - 4.0
     np.testing.assert_allclose(coast.motor_rate[1:], q0 * np.exp(-t / 0.8), rtol=1e-11)
     heat = (
-        drive(vehicle, time=[0.0, 4.0, 14.0], voltage=[12.0, 0.0, 0.0], start_depth=10.0).books,
-        spin.books,
+        drive(vehicle, time=[0.0, 4.0, 14.0], voltage=[12.0, 0.0, 0.0], start_depth=10.0).balance,
+        spin.balance,
     )
     # with k_z/k_u = 0 the shaft's energy is not known, the volume is: q T1 more
     assert heat[0].volume["pumped"] - heat[1].volume["pumped"] == pytest.approx(0.8 * q0, rel=1e-5)
@@ -211,8 +216,10 @@ def test_energy_of_a_coasting_rotor_in_joules() -> None:
     both = drive(vehicle, time=[0.0, 2.0, 6.0], voltage=[12.0, 0.0, 0.0], start_depth=1.0)
     inertia, k_q = 5e-5, 60e-4 * 1e-4 / (2 * math.pi)
     stored = 0.5 * inertia * (spin.motor_rate[-1] / k_q) ** 2
-    assert spin.books.energy["rotor"] == pytest.approx(stored, rel=1e-9)
-    gained = {name: both.books.energy[name] - spin.books.energy[name] for name in both.books.energy}
+    assert spin.balance.energy["rotor"] == pytest.approx(stored, rel=1e-9)
+    gained = {
+        name: both.balance.energy[name] - spin.balance.energy[name] for name in both.balance.energy
+    }
     assert gained["rotor"] == pytest.approx(-stored, rel=1e-2)
     assert gained["source"] == 0.0  # at 0 V no power flows, the winding's heat is the rotor's
     assert gained["copper"] + gained["speed losses"] == pytest.approx(stored, rel=0.05)
@@ -227,7 +234,7 @@ def test_energy_of_a_coasting_rotor_in_joules() -> None:
     share=st.floats(0.0, 1.0),
     ground=st.sampled_from([math.inf, 0.0, 2.0]),
 )
-def test_books_of_random_vehicles(vehicle, commands, tick, depth, share, ground) -> None:  # type: ignore[no-untyped-def]
+def test_balance_of_random_vehicles(vehicle, commands, tick, depth, share, ground) -> None:  # type: ignore[no-untyped-def]
     low, high = vehicle.stroke.minimum, vehicle.stroke.maximum
     unit = 12.0 if vehicle.voltage_driven else high
     s = under(
@@ -242,7 +249,7 @@ def test_books_of_random_vehicles(vehicle, commands, tick, depth, share, ground)
     balanced(s)
     if getattr(vehicle.actuator, "efficiency", None) and s.depth.min() > 0.4:
         for name in LOSSES:
-            assert s.books.energy[name] >= -1e-6 * s.books.throughput, name
+            assert s.balance.energy[name] >= -1e-6 * s.balance.throughput, name
 
 
 def test_two_runs_in_a_row_add_up() -> None:
@@ -252,9 +259,9 @@ def test_two_runs_in_a_row_add_up() -> None:
     time = 0.5 * np.arange(41)
     whole = drive(vehicle, time=time, voltage=volts, start_depth=30.0)
     first = drive(vehicle, time=time[:21], voltage=volts[:21], start_depth=30.0)
-    assert whole.books.energy["source"] > first.books.energy["source"]
+    assert whole.balance.energy["source"] > first.balance.energy["source"]
     np.testing.assert_array_equal(whole.depth[:21], first.depth)
-    assert whole.books.volume["travel"] >= np.abs(np.diff(whole.volume)).sum() * (1 - 1e-12)
+    assert whole.balance.volume["travel"] >= np.abs(np.diff(whole.volume)).sum() * (1 - 1e-12)
 
 
 @pytest.mark.parametrize("leak", [0.0, 2e-11])
@@ -263,5 +270,5 @@ def test_the_throughput_counts_what_goes_out_and_comes_back(leak: float) -> None
     s = under(pump(leak=leak), wave(400, 12.0), tick=0.1)
     z, V = s.depth, s.volume
     passed = 9806.65 * np.sum(np.abs(0.5 * (z[1:] + z[:-1]) * np.diff(V)))
-    assert passed > 1.3 * abs(s.books.energy["sea"])
-    assert s.books.motion_throughput == pytest.approx(passed, rel=0.01)
+    assert passed > 1.3 * abs(s.balance.energy["sea"])
+    assert s.balance.motion_throughput == pytest.approx(passed, rel=0.01)

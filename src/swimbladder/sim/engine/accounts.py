@@ -37,8 +37,8 @@ class Account(IntEnum):
     Z_DV = 10  # m4, of z dV
     DRAG = 11  # m2/s2, of w F_d/m
     STOP_U = 12  # V m3, of the motor's work that an end stop made useless
-    STOP_Q = 13  # m6/s2, of the q q that blows against the end stops took
-    BOTTOM_W = 14  # m2/s2, of the w w/2 that blows against the bottom took
+    STOP_Q = 13  # m6/s2, of the q q that impacts on the end stops took
+    BOTTOM_W = 14  # m2/s2, of the w w/2 that impacts on the bottom took
     MOTOR_ON = 15  # s, with a voltage on the motor, or the positioner moving
     TO_AND_FRO = 16  # m4, of |z dV|, step by step
 
@@ -73,7 +73,7 @@ def decays(p: Array, mode: int, h: float, decay: Array) -> None:
 
 @shared
 def enter(
-    p: Array, mode: int, x: Array, y: Array, u: float, h: float, decay: Array, books: Array
+    p: Array, mode: int, x: Array, y: Array, u: float, h: float, decay: Array, accounts: Array
 ) -> None:
     """Add to the accounts what happened from x to y, h [s] later, in one mode at voltage u.
 
@@ -84,14 +84,16 @@ def enter(
     Iz = y[4] - x[4]
     zm = 0.5 * (z0 + z1) + 0.125 * h * (w0 - w1)
     wm = 1.5 * (z1 - z0) / h - 0.25 * (w0 + w1)
-    books[Account.DRAG] += _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
-    books[Account.TRAVEL] += abs(y[1] - x[1])
+    accounts[Account.DRAG] += _simpson(
+        _drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h
+    )
+    accounts[Account.TRAVEL] += abs(y[1] - x[1])
     if act in (modes.MOVING_OUT, modes.MOVING_IN, modes.PRESCRIBED):
-        books[Account.PUMPED] += x[0] * h
-        books[Account.Z_Q] += x[0] * Iz
-        books[Account.Z_DV] += x[0] * Iz
-        books[Account.TO_AND_FRO] += abs(x[0] * Iz)
-        books[Account.MOTOR_ON] += h if x[0] != 0.0 else 0.0
+        accounts[Account.PUMPED] += x[0] * h
+        accounts[Account.Z_Q] += x[0] * Iz
+        accounts[Account.Z_DV] += x[0] * Iz
+        accounts[Account.TO_AND_FRO] += abs(x[0] * Iz)
+        accounts[Account.MOTOR_ON] += h if x[0] != 0.0 else 0.0
         return
     if p[modes.GAIN] == 0.0:  # a positioner that holds
         return
@@ -103,14 +105,14 @@ def enter(
     elif act in (modes.STUCK, modes.LOWER) and p[modes.SAG] > 0.0:
         limit = p[modes.SUPPLY] / (1.0 + p[modes.SAG])
         alpha = max(-limit, min(limit, u))
-    books[Account.MOTOR_ON] += h if alpha != 0.0 else 0.0
+    accounts[Account.MOTOR_ON] += h if alpha != 0.0 else 0.0
     if act in (modes.STUCK, modes.LOWER):
-        books[Account.U_U] += alpha * alpha * h
+        accounts[Account.U_U] += alpha * alpha * h
         if act == modes.STUCK:
-            books[Account.LEAKED] += p[modes.K_L] * Iz
-            books[Account.LEAK_Z] += p[modes.K_L] * Izz
-            books[Account.Z_DV] -= p[modes.K_L] * Izz
-            books[Account.TO_AND_FRO] += abs(p[modes.K_L] * Izz)
+            accounts[Account.LEAKED] += p[modes.K_L] * Iz
+            accounts[Account.LEAK_Z] += p[modes.K_L] * Izz
+            accounts[Account.Z_DV] -= p[modes.K_L] * Izz
+            accounts[Account.TO_AND_FRO] += abs(p[modes.K_L] * Izz)
         return
     load = p[modes.LOAD_BACK] if act == modes.BACKWARD else p[modes.LOAD_DRIVE]
     friction = -p[modes.FRICTION] if act == modes.BACKWARD else p[modes.FRICTION]
@@ -134,38 +136,38 @@ def enter(
         transient = z0 * decay[1] + w0 * decay[2] + 0.5 * (w1 - w0) / h * decay[4]
         Izq = _simpson(z0 * s0, zm * sm, z1 * s1, h) + d * transient
     U_q = alpha * Iq + beta * Iqq
-    books[Account.PUMPED] += Iq
-    books[Account.U_Q] += U_q
-    books[Account.U_U] += alpha * alpha * h + 2.0 * alpha * beta * Iq + beta * beta * Iqq
-    books[Account.Q_Q] += Iqq
-    books[Account.LOAD_Q] += load * Izq
-    books[Account.FRICTION_Q] += friction * Iq
-    books[Account.Z_Q] += Izq
+    accounts[Account.PUMPED] += Iq
+    accounts[Account.U_Q] += U_q
+    accounts[Account.U_U] += alpha * alpha * h + 2.0 * alpha * beta * Iq + beta * beta * Iqq
+    accounts[Account.Q_Q] += Iqq
+    accounts[Account.LOAD_Q] += load * Izq
+    accounts[Account.FRICTION_Q] += friction * Iq
+    accounts[Account.Z_Q] += Izq
     if act == modes.LOWER_SPINNING:  # all that is pumped leaks back
-        books[Account.LEAKED] += Iq
-        books[Account.LEAK_Z] += Izq
+        accounts[Account.LEAKED] += Iq
+        accounts[Account.LEAK_Z] += Izq
     else:
-        books[Account.LEAKED] += p[modes.K_L] * Iz
-        books[Account.LEAK_Z] += p[modes.K_L] * Izz
+        accounts[Account.LEAKED] += p[modes.K_L] * Iz
+        accounts[Account.LEAK_Z] += p[modes.K_L] * Izz
     if act in (modes.FORWARD, modes.BACKWARD):
-        books[Account.Z_DV] += Izq - p[modes.K_L] * Izz
-        books[Account.TO_AND_FRO] += abs(Izq - p[modes.K_L] * Izz)
+        accounts[Account.Z_DV] += Izq - p[modes.K_L] * Izz
+        accounts[Account.TO_AND_FRO] += abs(Izq - p[modes.K_L] * Izz)
     elif act == modes.UPPER:
         rotor = 0.5 * p[modes.T1] / p[modes.GAIN] * (y[0] * y[0] - x[0] * x[0])
-        books[Account.STOP_U] += U_q - load * Izq - friction * Iq - Iqq / p[modes.GAIN] - rotor
+        accounts[Account.STOP_U] += U_q - load * Izq - friction * Iq - Iqq / p[modes.GAIN] - rotor
 
 
 @part
-def enter_blow(
-    q_before: float, q_after: float, w_before: float, w_after: float, books: Array
+def enter_impact(
+    q_before: float, q_after: float, w_before: float, w_after: float, accounts: Array
 ) -> None:
-    """Add to the accounts what a blow against an end stop or the bottom took."""
-    books[Account.STOP_Q] += (q_before - q_after) * (q_before + q_after)
-    books[Account.BOTTOM_W] += 0.5 * (w_before - w_after) * (w_before + w_after)
+    """Add to the accounts what an impact on an end stop or the bottom took."""
+    accounts[Account.STOP_Q] += (q_before - q_after) * (q_before + q_after)
+    accounts[Account.BOTTOM_W] += 0.5 * (w_before - w_after) * (w_before + w_after)
 
 
 @part
-def enter_bend(p: Array, layers: Any, x: Array, y: Array, h: float, books: Array) -> None:
+def enter_bend(p: Array, layers: Any, x: Array, y: Array, h: float, accounts: Array) -> None:
     """Correct the drag's work over a step from x to y in which its law bends or jumps.
 
     A vehicle can slide along the jump, its speed held at epsilon by a drag between the two values:
@@ -177,8 +179,10 @@ def enter_bend(p: Array, layers: Any, x: Array, y: Array, h: float, books: Array
     Vm = 0.5 * (x[1] + y[1]) + 0.125 * h * (x[0] - y[0] - p[modes.K_L] * (z0 - z1))
     pull, pull_next = _pull(p, layers, x[1], z0), _pull(p, layers, y[1], z1)
     work = _simpson(w0 * pull, wm * _pull(p, layers, Vm, zm), w1 * pull_next, h)
-    books[Account.DRAG] += work - 0.5 * (w1 - w0) * (w1 + w0)
-    books[Account.DRAG] -= _simpson(_drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h)
+    accounts[Account.DRAG] += work - 0.5 * (w1 - w0) * (w1 + w0)
+    accounts[Account.DRAG] -= _simpson(
+        _drag_power(p, w0), _drag_power(p, wm), _drag_power(p, w1), h
+    )
 
 
 @part
