@@ -1,5 +1,7 @@
 """Long records of an unstable vehicle: an error of the start grows a thousandfold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,37 @@ def test_a_model_that_holds_another_fits_a_closed_loop_log_no_worse(vehicle, div
     ]
     for freer, one in held:
         assert found[freer].log_likelihood > found[one].log_likelihood - 0.1, (freer, one)
+
+
+def noise_free(vehicle, setpoints, duration):
+    solution = swimbladder.simulate(
+        vehicle, setpoints=setpoints, duration=duration, start_depth=1.5
+    )
+    time, volume = solution.time, solution.volume
+    depth = trace(time, volume, z0=1.5, **FEUP)
+    return Log(source="dive", time=time, depth=depth, volume=volume, line=np.arange(len(time)))
+
+
+@pytest.mark.parametrize("mode", ["never", "auto"])
+@pytest.mark.parametrize("absolute", [False, True], ids=["relative", "absolute"])
+def test_a_closed_loop_log_without_noise_leads_to_the_truth(vehicle, mode, absolute):
+    """A search over the whole record ended 20 deviations away, where the profile has no end."""
+    log = replace(noise_free(vehicle, [(0.0, 3.0)], 400.0), volume_absolute=absolute)
+    quick, full = (
+        identify([log], vehicle, choices=False, profiles=profiles, process_noise=mode)
+        for profiles in (False, True)
+    )
+    assert quick.identified
+    for name, true in TRUTH.items():
+        e = quick.parameters[name]
+        assert e.value == pytest.approx(true, abs=0.1 * e.std)
+        half = 0.5 * (e.ci95[1] - e.ci95[0])
+        assert full.parameters[name].ci95 == pytest.approx(e.ci95, abs=0.1 * half)
+
+
+def test_a_curvature_that_nothing_bears_out_is_no_interval(vehicle):
+    """Over thirty e-folds of an error the curvature claims parts per billion."""
+    log = noise_free(vehicle, [(0.0, 3.0), (300.0, 1.0), (600.0, 4.0)], 900.0)
+    found = identify([log], vehicle, choices=False, profiles=False, process_noise="never")
+    assert not found.identified
+    assert any("has no end" in f.sentence for f in found.findings if f.severity == "no")

@@ -5,7 +5,8 @@ import pytest
 
 from swimbladder.estimation.motion import Prior, identify
 from swimbladder.io.config import load_vehicle
-from tests.estimation.motion.pool import campaign, pool_log
+from swimbladder.io.logs import Log
+from tests.estimation.motion.pool import campaign, pool_log, trace
 
 FEUP_EM = load_vehicle("feup-em")
 
@@ -20,6 +21,24 @@ def test_a_model_that_holds_another_is_never_less_likely(fixed):
     for psi in ("free", "zero"):
         assert found["blended", psi] > found["linear", psi] - 0.1
         assert found["blended", psi] > found["quadratic", psi] - 0.1
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_a_model_that_holds_another_is_never_less_likely_with_process_noise(seed):
+    """The truth has no laminar drag: a blended one has to find hardly any."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 200.0, 0.5)
+    volume = rng.normal(0.0, 30e-6, len(time) // 20 + 1).repeat(20)[: len(time)]
+    depth = trace(time, volume, z0=20.0, V0=4e-5, m=50.0, k_dt=20.0, psi=-2e-6)
+    depth += 2e-3 * rng.normal(size=len(time))
+    known = {"line": np.arange(len(time)), "volume_absolute": True}
+    log = Log(source="log", time=time, depth=depth, volume=volume, **known)
+    listed = identify([log], FEUP_EM, profiles=False, process_noise="always").choices
+    found = {(c.drag, c.psi): c.log_likelihood for c in listed}
+    for psi in ("free", "zero"):
+        assert found["blended", psi] > found["linear", psi] - 0.1
+        assert found["blended", psi] > found["quadratic", psi] - 0.1
+    for law in ("linear", "quadratic", "blended"):
+        assert found[law, "free"] > found[law, "zero"] - 0.1
 
 
 def test_what_the_data_do_not_tell_makes_no_vehicle_and_no_error():

@@ -6,9 +6,9 @@ information. Models differ by their drag law, and by whether psi belongs in them
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.stats import chi2, linregress
@@ -59,17 +59,39 @@ def choices(problem: Problem, fit: Fit, vehicle: Vehicle) -> tuple[Choice, ...]:
     # one for all logs: then the fit is also what is best by the criterion, and a model that holds
     # another is never less likely than it
     worth = float((each * counts).sum() / counts.sum())
-    found, solved = [], [(problem, fit)]
-    # those that others hold come first: a model with more freedom begins where they ended
+
+    def solved(other: Problem, begins: Begins[Fit]) -> Fit:
+        return solve(other, [_moved(other, one, result, held=held) for one, result, held in begins])
+
+    found = compared(problem, fit, vehicle, solved)
+    return with_probabilities(
+        [_choice(other, one, psi, worth, reported=other is problem) for other, psi, one in found]
+    )
+
+
+Solved = TypeVar("Solved")
+Begins = list[tuple[Problem, Solved, bool]]  # solved, and whether it is held in what begins there
+
+
+def compared(
+    problem: Problem,
+    own: Solved,
+    vehicle: Vehicle,
+    solve: Callable[[Problem, Begins[Solved]], Solved],
+) -> Iterator[tuple[Problem, Psi, Solved]]:
+    """Yield every model of the data and its solution; `own` is the problem's.
+
+    Those that others hold come first: a model with more freedom begins where they ended, and ends
+    no worse. solve: returns the solution of a model from those of others.
+    """
+    found = [(problem, own)]
     for other, psi in sorted(models_of(problem, vehicle), key=lambda each: len(each[0].names)):
-        result = fit
+        result = own
         if other is not problem:
-            held = [one for one in solved if _holds(other, one[0])]
-            starts = [_moved(other, one, held=True) for one in held]
-            result = solve(other, [_moved(other, (problem, fit)), *starts])
-            solved.append((other, result))
-        found.append(_choice(other, result, psi, worth, reported=other is problem))
-    return with_probabilities(found)
+            held = [(*one, True) for one in found if _holds(other, one[0])]
+            result = solve(other, [(problem, own, False), *held])
+            found.append((other, result))
+        yield other, psi, result
 
 
 def _holds(other: Problem, one: Problem) -> bool:
@@ -78,9 +100,8 @@ def _holds(other: Problem, one: Problem) -> bool:
     return same and len(other.names) > len(one.names)
 
 
-def _moved(other: Problem, solved: tuple[Problem, Fit], *, held: bool = False) -> Array:
+def _moved(other: Problem, problem: Problem, fit: Fit, *, held: bool) -> Array:
     """Return x of another model at what one was fitted to, in which it may be held."""
-    problem, fit = solved
     x = other.begin(begin_of(other, problem, problem.named(fit.x), held=held))
     x[other.shared :] = fit.x[problem.shared :]
     return x
@@ -188,7 +209,9 @@ def begin_of(
     laminar, turbulent = drag / speed, drag / speed**2
     if other.model.law == "blended":  # which holds the law that was fitted
         trace = _HARDLY if held else _TRACE
-        laminar, turbulent = own_l or trace * laminar, own_t or (not held) * _TRACE * turbulent
+        ends = m / NAMES["T2"].limits[1], other.model.specific_weight / NAMES["K2"].limits[1]
+        laminar = own_l or max(trace * laminar, *(2.0 * end for end in ends))
+        turbulent = own_t or (not held) * _TRACE * turbulent
     begin = {"mass": m, "K2": other.model.specific_weight / laminar, "T2": m / laminar}
     return begin | {"drag_quadratic": turbulent, "psi": values["psi"]}
 

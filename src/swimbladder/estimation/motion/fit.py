@@ -33,6 +33,7 @@ from swimbladder.estimation.motion.noise import (
     weights,
 )
 from swimbladder.estimation.motion.problem import (
+    DEPTH,
     VOLUME,
     Coordinates,
     Experiment,
@@ -160,6 +161,8 @@ Found = tuple[float, Array, Array]  # objective, x, noise [m] of each experiment
 
 _ROUNDS = 12  # of weights and noise
 _FEW_ROUNDS = 4  # that begin next to where they end
+_FEW_FOLDS, _MOST_FOLDS = 3, 40  # e-folds over a log, beyond which a motion is unstable in it
+_ASTRAY = 4.0  # times the noise, a residual of a model that does not follow
 _CLEAN = 1.0  # of the residuals, against the noise of neighbours: there is nothing better to find
 _OF_70 = 0.5565  # root mean square of a normal variable of deviation 1 without its largest 30 %
 _FINEST = 1e-4  # m, below which no sensor measures
@@ -204,7 +207,8 @@ def followed(problem: Problem, begin: Array, noise: float, height: float | None)
     begin: near which it is sought; noise [m]: of the depth. height: log likelihood with process
     noise that is significant, else None. None where the model does not follow, or that is likelier.
     """
-    objective, x, left = _solve(problem, begin, rounds=_FEW_ROUNDS)
+    found = (_solve(problem, x, rounds=_FEW_ROUNDS) for x in _begins(problem, [begin]))
+    objective, x, left = min(found, key=lambda one: one[0])
     behind = float((np.diff(problem.rows) * np.log(np.maximum(left, _FINEST) / noise)).sum())
     if behind > _BEHIND + _OF_EACH * len(left):
         return None
@@ -215,12 +219,75 @@ def followed(problem: Problem, begin: Array, noise: float, height: float | None)
 def _best_of(problem: Problem, starts: list[Array]) -> Found:
     """Return the best solution from the starts, the first that is clean."""
     found: list[Found] = []
-    for start in sorted(starts, key=lambda x: float(np.abs(problem.residual(x)).sum())):
+    for start in _begins(problem, starts):
         found.append(_solve(problem, start))
         best = min(found, key=lambda one: one[0])
         if _excess(problem, best[2]) < _CLEAN:
             break
     return best
+
+
+def _begins(problem: Problem, starts: list[Array]) -> Iterator[Array]:
+    """Yield the starts, likeliest first, with where those off an unstable motion grow to."""
+    found = list(starts)
+    for start in starts:
+        begun, x = 0, None if _follows(problem, start) else start
+        while x is not None and (folds := _folds(problem, x)) > max(begun, _FEW_FOLDS):
+            begun, x = folds, _grown(problem, x, 2 * folds)
+        if begun and x is not None:
+            found.append(x)
+    yield from sorted(found, key=lambda x: _begun(problem, x)[0])
+
+
+def _follows(problem: Problem, x: Array) -> bool:
+    """Return whether the residuals at x are no more than the noise that neighbours differ by."""
+    return _excess(problem, _robust_noise(problem, problem.residual(x))) < _CLEAN
+
+
+def _folds(problem: Problem, x: Array) -> int:
+    """Return how many times an error of a depth at a start grows e-fold until the last sample."""
+    depths = problem.slope(x)[:, problem.first_start : problem.first_drift : 2] / DEPTH
+    return min(math.ceil(math.log(max(float(np.abs(depths).max()), 1.0))), _MOST_FOLDS)
+
+
+def _grown(problem: Problem, x: Array, parts: int) -> Array | None:
+    """Return x from fits of ever longer beginnings of the stretches, of one of so many parts more.
+
+    Along an unstable motion each begins where the next is still nearly linear. Weights are of each
+    part by itself: the last may be off as a whole. None where the model follows no beginning.
+    """
+    low, high = problem.bounds()
+    x = np.clip(x, low, high)
+    stretches = [(e.record.time, s) for e in problem.experiments for s in e.segments]
+    since = np.concatenate([t[s.first : s.last + 1] - t[s.first] for t, s in stretches])
+    noise = float(_floors(problem).max())
+    window = (since * (parts / (1.001 * float(since.max())))).astype(int)
+    for n in range(parts):
+        residual = problem.residual(x)
+        root = np.zeros(len(residual))
+        for at in (window == k for k in range(n + 1)):
+            if at.any():
+                root[at] = np.sqrt(weights(residual[at] / robust_scale(residual[at])))
+        root /= robust_scale(residual[window <= n])
+        x = _least(problem, x, root, fine=1e-6, most=15)
+        if robust_scale(problem.residual(x)[window <= n]) > _ASTRAY * noise:
+            return None
+    return x
+
+
+def _least(problem: Problem, x: Array, root: Array, *, fine: float, most: int) -> Array:
+    """Return the x next to one at which the weighted residuals are least."""
+    coordinates = Coordinates(problem)
+
+    def rows(y: Array) -> Array:
+        return problem.weighted(coordinates.back(y), root)
+
+    def slopes(y: Array) -> Array:
+        return -coordinates.slope(y, problem.weighted_slope(coordinates.back(y), root))
+
+    limits, ends = coordinates.bounds(), (fine, fine, 1e-10)
+    _, y = bounded_fit(rows, slopes, coordinates.of(x), limits, ends=ends, most=most, edge=1e-9)
+    return np.clip(coordinates.back(y), *problem.bounds())
 
 
 def _starts(problem: Problem) -> list[Array]:
@@ -287,30 +354,17 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
     """
     low, high = problem.bounds()
     x = np.clip(x, low, high)
-    coordinates = Coordinates(problem)
-    limits = coordinates.bounds()
+    begun = _begun(problem, x)
     residual = problem.residual(x)
     noise = _robust_noise(problem, residual)
-    own = _final_noise(problem, residual, noise)
-    begun = _objective(problem, x, residual, own), x, own
     settled = False
     for n in range(rounds):
         weight = weights(residual / _each(problem, noise))
         if settled:  # no outlier is near any more: the efficient estimate of the noise
             noise = _noise(problem, residual, weight)
         root = np.sqrt(weight) / _each(problem, noise)
-
-        def rows(y: Array, root: Array = root) -> Array:
-            return problem.weighted(coordinates.back(y), root)
-
-        def slopes(y: Array, root: Array = root) -> Array:
-            return -coordinates.slope(y, problem.weighted_slope(coordinates.back(y), root))
-
         fine, most = 1e-8 if n > 1 else 1e-4, 40 if n == 0 else 12  # weights are not final at first
-        _, y = bounded_fit(
-            rows, slopes, coordinates.of(x), limits, ends=(fine, fine, 1e-10), most=most, edge=1e-9
-        )
-        before, x = x, np.clip(coordinates.back(y), low, high)
+        before, x = x, _least(problem, x, root, fine=fine, most=most)
         step = float(np.abs(x - before).max())
         residual = problem.residual(x)
         if settled and step < 1e-3:
@@ -321,6 +375,13 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
     noise = _final_noise(problem, residual, noise)
     ended = _objective(problem, x, residual, noise), x, noise
     return min(begun, ended, key=lambda one: one[0])
+
+
+def _begun(problem: Problem, x: Array) -> Found:
+    """Return (objective, x, noise) at x."""
+    residual = problem.residual(x)
+    noise = _final_noise(problem, residual, _robust_noise(problem, residual))
+    return _objective(problem, x, residual, noise), x, noise
 
 
 def _final_noise(problem: Problem, residual: Array, noise: Array) -> Array:

@@ -614,19 +614,27 @@ def described(at: Highest) -> ProcessNoiseFit:
     )
 
 
-def height_of(
-    problem: Problem, vehicle: Vehicle, begin: Mapping[str, float]
-) -> tuple[dict[str, float], float, list[Filtered]]:
-    """Return the values at which another model is most probable, its log posterior, and its runs.
+class Height(NamedTuple):
+    """Where a model is most probable: all values, its log posterior, and its innovations [m]."""
 
-    begin: values of parameters and noises near which to begin.
+    values: dict[str, float]
+    height: float
+    innovation: Array
+    deviation: Array  # m, that each should have
+
+
+def height_of(problem: Problem, vehicle: Vehicle, begins: Sequence[Mapping[str, float]]) -> Height:
+    """Return where another model is most probable.
+
+    begins: values of parameters and noises near which to begin.
     """
     quantities = [*(_quantity(name, problem) for name in problem.names), *NOISES]
     quantities += _nuisances(problem)
     full = Likelihood(problem, vehicle, quantities, problem.values)
-    near = full.within(full.begin(begin))
-    x, height = _highest(full, [near, *_begins(full, problem)])
-    return full.named(x), height, full.filtered(x)
+    near = [full.within(full.begin(values)) for values in begins]
+    x, height = _highest(full, [*near, *_begins(full, problem)])
+    parts = [(f.innovation, np.sqrt(f.variance)) for f in full.filtered(x)]
+    return Height(full.named(x), height, *np.concatenate(parts, axis=1))
 
 
 _TRACE = 3.0  # of a logarithm: a twentieth of a noise is as good as none
@@ -709,7 +717,7 @@ def _highest(
     Raises NoAnswerError where it cannot be found.
     """
     found: list[tuple[Array, float]] = []
-    for x in begins:
+    for x in sorted(begins, key=likelihood, reverse=True):  # so none ends below where one begins
         found.append(_climb(likelihood, x, rounds))
         heights = sorted(height for _, height in found)
         if len(found) > 1 and heights[-1] - heights[-2] < _AGREE:

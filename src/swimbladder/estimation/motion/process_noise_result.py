@@ -8,14 +8,15 @@ import numpy as np
 from swimbladder.estimation.estimates import Estimate, Finding, sentence
 from swimbladder.estimation.kalman.depth_filter import GATE
 from swimbladder.estimation.motion.diagnose import (
+    Begins,
     against_prior,
     begin_of,
+    compared,
     drifts,
     in_percent,
     judge,
     late,
     limit,
-    models_of,
     neutral_beyond_prior,
     not_determined,
     outliers,
@@ -26,6 +27,7 @@ from swimbladder.estimation.motion.diagnose import (
 from swimbladder.estimation.motion.problem import NAMES, Experiment, Problem
 from swimbladder.estimation.motion.process_noise import (
     SIGNIFICANT,
+    Height,
     ProcessNoiseFit,
     Track,
     height_of,
@@ -127,20 +129,22 @@ def with_process_noise(
 
 def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> tuple[Choice, ...]:
     """Return every drag law, with psi as it is and otherwise, each with process noise."""
+
+    def solved(other: Problem, begins: Begins[Height]) -> Height:
+        starts = [
+            {**one.values, **begin_of(other, its, one.values, held=held)}
+            for its, one, held in begins
+        ]
+        return height_of(other, vehicle, starts)
+
+    parts = [(t.innovation[t.used], t.deviation[t.used]) for t in fit.tracks]
+    own = Height(fit.values, fit.log_likelihood, *np.concatenate(parts, axis=1))
     found = []
-    for other, psi in models_of(problem, vehicle):
-        if other is problem:
-            values, height = fit.values, fit.log_likelihood
-            parts = [(t.innovation[t.used], t.deviation[t.used]) for t in fit.tracks]
-        else:
-            begin = {**fit.values, **begin_of(other, problem, fit.values)}
-            values, height, runs = height_of(other, vehicle, begin)
-            parts = [(f.innovation, np.sqrt(f.variance)) for f in runs]
-        innovations, deviations = np.concatenate(parts, axis=1)
-        kept = np.abs(innovations) < GATE * deviations
-        left = rms(innovations[kept]) if kept.any() else math.nan
-        more = {"rms": left, "log_likelihood": height, "reported": other is problem}
-        found.append(Choice.of(other, psi, values, len(innovations), **more))
+    for other, psi, at in compared(problem, own, vehicle, solved):
+        kept = np.abs(at.innovation) < GATE * at.deviation
+        left = rms(at.innovation[kept]) if kept.any() else math.nan
+        more = {"rms": left, "log_likelihood": at.height, "reported": other is problem}
+        found.append(Choice.of(other, psi, at.values, len(at.innovation), **more))
     return with_probabilities(found)
 
 

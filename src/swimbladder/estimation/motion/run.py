@@ -84,10 +84,8 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
     The weights and the noise stay those of the fit. The deviance is scaled by how much wider
     autocorrelated residuals make the interval (the vertical adjustment of Chandler and Bate 2007).
     """
-    spread = math.sqrt(fit.covariance[i, i])
-    plain = inverse_of(fit.information)[:, i]
+    spread, plain, ratio = _across(fit, i)
     naive = max(float(plain[i]), 1e-300)
-    ratio = naive / spread**2
     others = np.delete(np.arange(len(fit.x)), i)
     low, high = problem.bounds()
 
@@ -125,6 +123,30 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
     ends = _interval(u, D, fit.x[i])
     name, (low_end, high_end) = problem.names[i], problem.values_of(i, ends).tolist()
     return Profile(name, NAMES[name].unit, problem.values_of(i, u), D, (low_end, high_end))
+
+
+def _across(fit: Fit, i: int) -> tuple[float, Array, float]:
+    """Return the deviation of entry i, how all entries go with it, and the deviance's scale."""
+    spread, plain = math.sqrt(fit.covariance[i, i]), inverse_of(fit.information)[:, i]
+    return spread, plain, max(float(plain[i]), 1e-300) / spread**2
+
+
+_BENT = 0.15  # of the deviance at the ends of an interval
+
+
+def bent(problem: Problem, fit: Fit, i: int) -> bool:
+    """Return whether the deviance at the ends of the i-th interval is not as the curvature has it.
+
+    There the interval has to be that of the profile.
+    """
+    spread, plain, ratio = _across(fit, i)
+    best = problem.weighted(fit.x, fit.root)
+    for side in (-Z95, Z95):
+        x = np.clip(fit.x + side * spread * plain / max(plain[i], 1e-300), *problem.bounds())
+        rows = problem.weighted(x, fit.root)
+        if not abs(ratio * float(rows @ rows - best @ best) / Z95**2 - 1.0) < _BENT:
+            return True
+    return False
 
 
 def _interval(u: Array, deviance: Array, best: float) -> Array:
@@ -474,7 +496,7 @@ def _without_process_noise(
     findings: list[Finding] = [*not_identifiable(problem, found)]
     drawn: dict[str, Profile] = {}
     for i, name in enumerate(names):
-        if asked.profiles and not findings:
+        if not findings and (asked.profiles or bent(problem, found, i)):
             drawn[name] = profile(problem, found, i)
         report(0.3 / len(names) * asked.profiles)
     listed = list_choices(problem, found, vehicle) if asked.choices else ()
@@ -515,7 +537,7 @@ def _without_process_noise(
         experiments=each,
         findings=tuple(findings),
         choices=listed,
-        profiles=drawn,
+        profiles=drawn if asked.profiles else {},
         assumptions=assumptions(problem, vehicle),
         priors=dict(problem.priors),
         neutral_std=problem.neutral_std,
