@@ -163,7 +163,7 @@ PICTURES = {
 
 
 def _pictured(text: str, example: str) -> str:
-    """Return a page with the picture of an example below its first paragraph."""
+    """Return a page with the picture of an example below its first paragraph with a full stop."""
     group, _, name = example.partition("/")
     title = (HERE / "gallery" / f"{example}.py").read_text(encoding="utf-8").split("\n")[1]
     figure = (
@@ -171,8 +171,8 @@ def _pictured(text: str, example: str) -> str:
         f":alt: {title}\n:width: 75%\n\n"
         f"{{doc}}`{title} </auto_gallery/{example}>`, from the gallery.\n:::\n\n"
     )
-    head, first, rest = text.split("\n\n", 2)
-    return "\n\n".join([head, first, figure + rest])
+    first, end, rest = re.split(r"(?<=[.?])(\n\n)", text, maxsplit=1)
+    return first + end + figure + rest
 
 
 def _drawn(text: str) -> str:
