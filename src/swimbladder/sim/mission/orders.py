@@ -209,8 +209,8 @@ def source_of(vehicle: Vehicle, phase: Phase, made: Sequence[str] = ()) -> str:
     by = f"for {', '.join(made)}, made by the phase's kind, speed, tolerance and check_interval"
     if own is None or (phase.law not in (None, own.law)):
         return f"the phase, but {by}" if made else "the phase"
-    notes = [text for key, text in vehicle.provenance.items() if key.split(".")[0] == "controller"]
-    file = "the vehicle's [controller]" + (f" ({'; '.join(notes)})" if notes else "")
+    noted = any(key.split(".")[0] == "controller" for key in vehicle.provenance)
+    file = "the vehicle's [controller]" + (" (see its [provenance])" if noted else "")
     own_ones = [*phase.parameters, *(["sample_time"] if phase.sample_time else [])]
     given = [name for name in own_ones if name not in made]
     but = [f"for {', '.join(given)} of the phase"] if given else []
