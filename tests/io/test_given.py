@@ -59,6 +59,12 @@ def test_both_of_a_pair_may_be_texts():
     assert by_text.to_dict() == sb.stability(VEHICLE, depths=(0.5, 5.0), **how).to_dict()
 
 
+def test_set_points_may_be_texts_each_in_its_unit():
+    by_text = sb.simulate(VEHICLE, **{**STEP, "setpoints": [("0 s", "2 m"), ("0.1 min", "300 cm")]})
+    by_array = sb.simulate(VEHICLE, **{**STEP, "setpoints": np.array([[0.0, 2.0], [6.0, 3.0]])})
+    np.testing.assert_array_equal(by_text.depth, by_array.depth)
+
+
 def test_files_are_read_by_their_names(tmp_path):
     flown = sb.simulate(VEHICLE, **STEP)
     flown.save(tmp_path)
@@ -67,6 +73,13 @@ def test_files_are_read_by_their_names(tmp_path):
     by_name = sb.compare(path, tmp_path / "v.toml", drive="volume")
     by_log = sb.compare(sb.read_log(path), VEHICLE, drive="volume")
     assert by_name.to_dict() == by_log.to_dict()
+
+
+def test_one_log_need_not_be_a_list(tmp_path):
+    sb.simulate(VEHICLE, **STEP).save(tmp_path)
+    path = tmp_path / "trajectory.csv"
+    alone = sb.identify(path, VEHICLE, profiles=False)
+    assert alone.to_dict() == sb.identify([str(path)], VEHICLE, profiles=False).to_dict()
 
 
 @pytest.mark.parametrize(
@@ -91,7 +104,15 @@ def test_files_are_read_by_their_names(tmp_path):
         (lambda: floats(store=None), "store: no name of a folder"),
         (lambda: floats(seed=1.5), "seed: must be a whole number"),
         (lambda: sb.save_vehicle(UNKNOWN, "v.toml"), "controller.law: unknown control law"),
-        (lambda: sb.ballast("example-float", "c.csv"), "casts: not a list (got 'c.csv')"),
+        (lambda: sb.ballast("example-float", "c.csv"), "c.csv, file: there is no such file"),
+        (lambda: sb.ballast("example-float", 3), "casts: no Cast (got 3). Give what read_cast"),
+        (
+            lambda: sb.simulate(VEHICLE, **{**STEP, "setpoints": [("0 s", "3 V")]}),
+            "setpoints[0]: the unit 'V' is of another kind (got '3 V', expected unit m)",
+        ),
+        (lambda: sb.simulate(VEHICLE, **{**STEP, "setpoints": [3]}), "setpoints[0]: not two numb"),
+        (lambda: sb.simulate(VEHICLE, **{**STEP, "setpoints": 3}), "setpoints: not a list (got 3)"),
+        (lambda: sb.design_experiment(VEHICLE, pool_depth=4.5, against=["x"]), "against[0]"),
         (lambda: sb.ballast("example-float", ["c.csv"]), "c.csv, file: there is no such file"),
         (lambda: sb.ballast("example-float", [3]), "casts[0]: no Cast (got 3). Give what read_c"),
         (lambda: sb.mission("example-float", "m.toml"), "m.toml, file: there is no such file"),
@@ -120,5 +141,5 @@ def test_a_default_is_left_as_it_is_and_a_wrong_name_is_a_type_error():
     assert made() == ("as it is", None)
     assert made("2 km", b=None) == (2000.0, None)
     assert made(1, b=["3 cm", np.float64(4.0)]) == (1, (0.03, 4.0))
-    with pytest.raises(TypeError, match="unexpected keyword argument 'c'"):
+    with pytest.raises(TypeError, match=r"^made\(\): got an unexpected keyword argument 'c'"):
         made(c=1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache, wraps
 from importlib import import_module
 from pathlib import Path
@@ -41,7 +41,10 @@ def accepting(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
     @wraps(function)
     def called(*args: _P.args, **given: _P.kwargs) -> _T:
-        bound = taken.bind(*args, **given)
+        try:
+            bound = taken.bind(*args, **given)
+        except TypeError as error:
+            raise TypeError(f"{function.__name__}(): {error}") from None
         for name, take in _takers(function).items():
             default = taken.parameters[name].default
             if name in bound.arguments and bound.arguments[name] is not default:
@@ -51,11 +54,16 @@ def accepting(function: Callable[_P, _T]) -> Callable[_P, _T]:
     return called
 
 
-@cache
 def units_of(function: Callable[..., Any]) -> dict[str, str]:
     """Return the unit of each parameter by its docstring; none where it says none."""
+    return {name: units[0] for name, units in _units(function).items()}
+
+
+@cache
+def _units(function: Callable[..., Any]) -> dict[str, list[str]]:
+    """Return all units that the docstring says of each parameter, in their order."""
     section = _SECTION.search(inspect.getdoc(function) or "")
-    found: dict[str, str] = {}
+    found: dict[str, list[str]] = {}
     names: list[str] = []
     for line in section[1].splitlines() if section else ():
         if line and not line.startswith(" "):
@@ -63,7 +71,7 @@ def units_of(function: Callable[..., Any]) -> dict[str, str]:
             continue
         for unit in filter(_is_unit, _BRACKETS.findall(line)):
             for name in names:
-                found.setdefault(name, unit)
+                found.setdefault(name, []).append(unit)
     return found
 
 
@@ -77,17 +85,18 @@ def _is_unit(text: str) -> bool:
 @cache
 def _takers(function: Callable[..., Any]) -> dict[str, _Taker]:
     """Return what reads each parameter that can be given otherwise, by its annotation."""
-    units, found = units_of(function), dict[str, _Taker]()
+    found: dict[str, _Taker] = {}
     for name, parameter in inspect.signature(function).parameters.items():
         words = set(re.findall(r"\w+", str(parameter.annotation)))
         if {"Mapping", "Callable"} & words:
             continue
         if (type_name := next((word for word in _LOADED_BY if word in words), None)) is not None:
             reader = _reader(type_name)
-            found[name] = _each(reader) if "Sequence" in words else reader
-        elif "float" in words and not {"Sequence", "ArrayLike"} & words:
-            number = _number(units.get(name, ""))
-            found[name] = _pair(number) if "tuple" in words else number
+            found[name] = _several(reader) if "Sequence" in words else reader
+        elif "float" in words and not {"ArrayLike", "NDArray"} & words:
+            numbers = [_number(unit) for unit in _units(function).get(name, [""])]
+            one = _pair(numbers[0], numbers[-1]) if "tuple" in words else numbers[0]
+            found[name] = _each(one) if "Sequence" in words else one
     return found
 
 
@@ -108,7 +117,7 @@ def _number(unit: str) -> _Taker:
     return take
 
 
-def _pair(number: _Taker) -> _Taker:
+def _pair(first: _Taker, second: _Taker) -> _Taker:
     """Return what reads two numbers."""
 
     def take(value: Any, name: str) -> Any:
@@ -117,7 +126,18 @@ def _pair(number: _Taker) -> _Taker:
         if isinstance(value, str) or not hasattr(value, "__len__") or len(value) != 2:
             what, remedy = "not two numbers", "Give both in parentheses, like (0.0, 10.0)"
             raise InputError(what, field=name, value=value, remedy=remedy)
-        return tuple(number(one, name) for one in value)
+        return first(value[0], name), second(value[1], name)
+
+    return take
+
+
+def _several(read: _Taker) -> _Taker:
+    """Return what reads each of a list, or one alone."""
+
+    def take(value: Any, name: str) -> Any:
+        if value is None or isinstance(value, list | tuple):
+            return value and [read(one, f"{name}[{k}]") for k, one in enumerate(value)]
+        return [read(value, name)]
 
     return take
 
@@ -126,7 +146,9 @@ def _each(read: _Taker) -> _Taker:
     """Return what reads each of a list."""
 
     def take(value: Any, name: str) -> Any:
-        if isinstance(value, str | Path) or not isinstance(value, Sequence):
+        if value is None:
+            return value
+        if isinstance(value, str | Path) or not hasattr(value, "__len__"):
             what, remedy = "not a list", f"Give several, or one as {name}=[...]"
             raise InputError(what, field=name, value=value, remedy=remedy)
         return [read(one, f"{name}[{k}]") for k, one in enumerate(value)]
